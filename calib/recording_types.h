@@ -1,0 +1,53 @@
+// The plain data of a recording: samples, segments and what is known about unit and site. No model code.
+//
+// A recording is a contiguous stream of increments (what came in since the previous sample) and a contiguous list of
+// segments over the unit's own sample counter. Field meanings are those of the recording's text form (docs/formats.md).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace turncal {
+
+// One row: increments over the sample that ends at counter `counter`. Whole numbers when the unit counts pulses.
+struct ImuSample {
+  std::int64_t counter = 0;             // the unit's counter, unwrapped; a jump of more than 1 is a gap
+  std::array<double, 3> gyro{};         // pulses or rad, body axes x y z
+  std::array<double, 3> accel{};        // pulses or m/s
+  float temperature_c = std::numeric_limits<float>::quiet_NaN();  // NaN: not measured
+  std::uint32_t flags = 0;              // 0 good; bits below
+};
+inline constexpr std::uint32_t sample_flag_invalid = 1;  // the unit marked its data as bad
+
+enum class IncrementKind { pulses, physical };  // physical: rad for the gyros, m/s for the accelerometers
+
+struct RecordingInfo {
+  double sample_period_s = 0.005;
+  double latitude_deg = 0.0;
+  double gravity_mps2 = 0.0;
+  std::string unit_serial;
+  IncrementKind gyro_increment = IncrementKind::pulses;
+  IncrementKind accel_increment = IncrementKind::pulses;
+  double accel_pulse_mps = 0.0;  // nominal m/s per pulse; used when accel_increment is pulses
+  bool has_temperature = false;
+  bool simulated = false;        // made by the rig: never yields a production parameter file
+};
+
+// align and static: the unit is at rest. rotate: it may be moving (moves, settling, and dwells that were repeated).
+enum class SegmentKind { align, still, rotate };  // `still` is written "static" in files
+
+struct Segment {
+  int step = 0;
+  SegmentKind kind = SegmentKind::still;
+  std::int64_t start_sample = 0;  // in unwrapped counter values
+  std::int64_t end_sample = 0;    // exclusive
+  double heading_deg = 0.0;       // commanded at the end of the segment; cumulative, may exceed 360
+  double pitch_deg = 0.0;
+  double roll_deg = 0.0;
+};
+using Segments = std::vector<Segment>;
+
+}  // namespace turncal

@@ -1,0 +1,90 @@
+// Status and Result<T>: what every function at an I/O border returns.
+//
+// An Error carries its kind (which fixes the exit code of the program, see exit_code) and one line for the user that
+// says where, what was found and what was expected. A Result without a value never looks like success: both classes
+// are [[nodiscard]], and value() on an error is a programming mistake (assert).
+//
+// Not for our own mistakes: those are assert().
+#pragma once
+
+#include <cassert>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+
+namespace turncal {
+
+enum class ErrorKind {
+  input,        // usage, configuration or input data: exit code 1
+  unit_failed,  // the unit failed its limits, or a diagnosis is not clean: 20
+  aborted,      // by the operator: 30
+  device,       // device or link: 50
+  internal,     // 70
+  interrupted   // can be resumed: 75
+};
+
+constexpr int exit_code(ErrorKind kind) {
+  switch (kind) {
+    case ErrorKind::input: return 1;
+    case ErrorKind::unit_failed: return 20;
+    case ErrorKind::aborted: return 30;
+    case ErrorKind::device: return 50;
+    case ErrorKind::internal: return 70;
+    case ErrorKind::interrupted: return 75;
+  }
+  return 70;
+}
+
+struct Error {
+  ErrorKind kind = ErrorKind::internal;
+  std::string message;
+};
+
+inline Error input_error(std::string message) { return {ErrorKind::input, std::move(message)}; }
+inline Error device_error(std::string message) { return {ErrorKind::device, std::move(message)}; }
+
+class [[nodiscard]] Status {
+ public:
+  Status() = default;  // success
+  Status(Error error) : error_(std::move(error)) {}
+  bool ok() const { return !error_.has_value(); }
+  explicit operator bool() const { return ok(); }
+  const Error& error() const {
+    assert(error_);
+    return *error_;
+  }
+
+ private:
+  std::optional<Error> error_;
+};
+
+template <class T>
+class [[nodiscard]] Result {
+ public:
+  Result(T value) : content_(std::move(value)) {}
+  Result(Error error) : content_(std::move(error)) {}
+  bool ok() const { return std::holds_alternative<T>(content_); }
+  explicit operator bool() const { return ok(); }
+  T& value() {
+    assert(ok());
+    return *std::get_if<T>(&content_);
+  }
+  const T& value() const {
+    assert(ok());
+    return *std::get_if<T>(&content_);
+  }
+  T& operator*() { return value(); }
+  const T& operator*() const { return value(); }
+  T* operator->() { return &value(); }
+  const T* operator->() const { return &value(); }
+  const Error& error() const {
+    assert(!ok());
+    return *std::get_if<Error>(&content_);
+  }
+
+ private:
+  std::variant<T, Error> content_;
+};
+
+}  // namespace turncal

@@ -1,0 +1,57 @@
+// A calibration sequence as plain data: what the parser makes of a .seq file and what the state machine walks.
+//
+// A step begins by moving to its initial position (roll first, then pitch, then heading, only the axes that differ), then
+// does its items in order. Angles are absolute and cumulative in degrees: "roll +360" from 0 ends at 360. A dwell is
+// counted in IMU samples. The state machine knows no step by heart.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "calib/axis.h"
+#include "calib/recording_types.h"
+#include "calib/status.h"
+
+namespace turncal {
+
+struct Move {
+  Axis axis = Axis::heading;
+  double target_deg = 0.0;          // absolute, cumulative
+  double rate_degps = 0.0;
+  double acceleration_degps2 = 0.0;
+};
+
+struct Dwell {
+  SegmentKind kind = SegmentKind::still;  // align or still
+  std::int64_t samples = 0;
+};
+
+struct SequenceItem {
+  enum class Kind { move, dwell } kind = Kind::dwell;
+  Move move;
+  Dwell dwell;
+  int line = 0;  // in the file, for messages
+};
+
+struct Step {
+  int number = 0;
+  std::string title;
+  std::vector<std::string> determines;  // parameter keys
+  AxisTriple initial_deg;
+  std::vector<SequenceItem> items;      // the moves to the initial position are already in front
+  int line = 0;
+};
+
+struct Sequence {
+  std::string name;
+  std::string file;
+  AxisTriple start_deg;          // where the table must stand before step 1 (its initial position)
+  std::vector<Step> steps;
+  std::string text;              // the file's bytes, for the hash that goes into records
+};
+
+Result<Sequence> parse_sequence(const std::string& text, const std::string& file_name);
+Result<Sequence> read_sequence(const std::string& path);
+
+}  // namespace turncal
