@@ -1,0 +1,41 @@
+// The motion over one block of a CompressedRecording for given parameters, and its derivatives.
+//
+//   C_nb(end) = Exp(-w_ie dt) C_nb(start) Exp(rotation),   v_n(end) = v_n(start) + C_nb(start) velocity - g dt U
+// with, in the body frame at the start of the block (G, b, A, f0: SensorModel; T the block's length),
+//   rotation = G gyro - b T + 1/2 coning',        velocity = A accel - f0 T + sculling' + 1/6 r x (r x v)
+// coning' and sculling' are the sums of compression.h taken with calibrated increments: coning transforms with the cofactor
+// matrix of G because (G x) x (G y) = cof(G) (x x y), sculling as G S A', bias terms by first moments.
+// mean_velocity is the time average over the block of the velocity gained since its start (same frame), to first order in
+// rotation: exact enough for static seconds, where it is used.
+//
+// Valid for blocks that turn less than about 0.1 rad. Dropped: third-order coning (below 1e-9 rad a block at 0.012 rad).
+#pragma once
+
+#include <Eigen/Core>
+
+#include "calib/compression.h"
+#include "calib/parameters.h"
+
+namespace turncal {
+
+struct BlockMotion {
+  Eigen::Vector3d rotation;       // rad
+  Eigen::Vector3d velocity;       // m/s
+  Eigen::Vector3d mean_velocity;  // m/s
+};
+BlockMotion evaluate(const Block& block, const SensorModel& model, double period_s);
+
+// Derivatives in SI units of the SensorModel, by linearity in the sums (the second-order terms follow the block totals):
+// a change of the calibrated increments by (dtheta, dv), constant in time over the block, changes rotation and velocity by
+//   d rotation = dtheta,   d velocity = dv + 1/2 (dtheta x v + r x dv),   d mean_velocity = dv / 2
+// and dtheta = dG gyro - db T, dv = dA accel - df0 T. parameter_columns() writes these for the 24 parameters in file units.
+using Columns3 = Eigen::Matrix<double, 3, parameter_count>;
+struct BlockColumns {
+  Columns3 rotation;
+  Columns3 velocity;
+  Columns3 mean_velocity;
+};
+void parameter_columns(const Block& block, const BlockMotion& motion, const ParameterVector& si_per_unit,
+                       BlockColumns& columns);
+
+}  // namespace turncal
