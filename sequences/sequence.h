@@ -31,7 +31,8 @@ struct SequenceItem {
   enum class Kind { move, dwell } kind = Kind::dwell;
   Move move;
   Dwell dwell;
-  int line = 0;  // in the file, for messages
+  int line = 0;             // in the file, for messages; of a move to the initial position: that of `initial`
+  bool positioning = false; // a move to the step's initial position, put there by the parser
 };
 
 struct Step {
@@ -47,10 +48,14 @@ struct Sequence {
   std::string name;
   std::string file;
   AxisTriple start_deg;          // where the table must stand before step 1 (its initial position)
+  double rate_degps = 0.0;       // the file's defaults: for rotations that name none, for moves to initial positions,
+  double acceleration_degps2 = 0.0;  // and for going to start_deg
   std::vector<Step> steps;
   std::string text;              // the file's bytes, for the hash that goes into records
 };
 
+// Grammar, worked example and every refusal: docs/sequence-format.md. An error is one line
+// "file:line:column: found 'token', expected ...". The file name is used in messages only; nothing is read.
 Result<Sequence> parse_sequence(const std::string& text, const std::string& file_name);
 Result<Sequence> read_sequence(const std::string& path);
 

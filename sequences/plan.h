@@ -1,0 +1,96 @@
+// The plan of a run: what a sequence will do, when, and whether the table may do it. Pure arithmetic on plain data.
+//
+// A move of angle A at rate r with acceleration a (trapezoidal profile, the same acceleration for braking) takes
+//   A/r + r/a            when A >= r^2/a
+//   2 sqrt(A/a)          otherwise (the rate is never reached: triangular profile)
+// and then `settle_s` until it counts as arrived. Every duration is rounded up to whole IMU samples, since the recording
+// is a contiguous stream of samples; a dwell is counted in samples.
+//
+// Units: degrees, deg/s, deg/s^2, seconds; times and samples count from the first sample of the recording, when the
+// table already stands at the sequence's start position.
+//
+// Not modelled: the way to the start position, homing, repeated dwells, a table slower than it was told, operators.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "calib/axis.h"
+#include "calib/recording_types.h"
+#include "sequences/sequence.h"
+
+namespace turncal {
+
+// What one axis of the table may do. Positions are cumulative, as everywhere in this project.
+struct AxisLimits {
+  double soft_min_deg = -540.0;
+  double soft_max_deg = 540.0;
+  double max_rate_degps = 100.0;
+  double max_acceleration_degps2 = 100.0;
+  // The cable's total winding from end to end: the largest minus the smallest cumulative angle a run may use.
+  // 0: slip rings, no limit.
+  double wrap_deg = 720.0;
+};
+
+struct PlanLimits {
+  std::array<AxisLimits, 3> axis{};  // indexed by Axis
+  double settle_s = 1.0;
+  double sample_period_s = 0.005;
+  const AxisLimits& operator[](Axis which) const { return axis[static_cast<std::size_t>(which)]; }
+};
+
+// One item of the sequence with its place in time. Fields of the other kind are left at their defaults.
+struct PlannedItem {
+  SequenceItem::Kind kind = SequenceItem::Kind::dwell;
+  std::size_t step_index = 0;  // sequence.steps[step_index].items[item_index]
+  std::size_t item_index = 0;
+  int step = 0;                // the step's number
+  int line = 0;                // in the sequence file
+  // Move.
+  Axis axis = Axis::heading;
+  double from_deg = 0.0;
+  double to_deg = 0.0;
+  double rate_degps = 0.0;
+  double acceleration_degps2 = 0.0;
+  bool positioning = false;    // to the step's initial position
+  // Dwell.
+  SegmentKind dwell_kind = SegmentKind::still;
+  // Both.
+  AxisTriple commanded_deg;    // at the end of the item
+  std::int64_t start_sample = 0;
+  std::int64_t samples = 0;    // of a move: settling included
+  double start_s = 0.0;
+  double duration_s = 0.0;
+};
+
+struct Plan {
+  std::vector<PlannedItem> items;  // in order, contiguous in time
+  int moves = 0;
+  int align_dwells = 0;
+  int still_dwells = 0;
+  std::int64_t samples = 0;        // of the whole run
+  double station_s = 0.0;          // samples * sample_period_s
+  double moving_s = 0.0;           // of station_s, settling included
+  AxisTriple travel_min_deg;       // cumulative angles reached, start position included
+  AxisTriple travel_max_deg;
+  AxisTriple wrap_used_deg;        // travel_max - travel_min: what the cable winds
+  AxisTriple turned_deg;           // sum of |angle| over all moves
+  // Why the table must not run this: one line each, "file:line: step N: ...". Repetitions of one cause (the same axis and
+  // value) are counted on the first line. Empty: the run may start.
+  std::vector<std::string> violations;
+  bool ok() const { return violations.empty(); }
+};
+
+// Time of the motion alone, without settling. REQUIRES rate and acceleration > 0; the sign of the angle does not matter.
+double move_duration_s(double angle_deg, double rate_degps, double acceleration_degps2);
+
+// REQUIRES sample_period_s > 0. Always gives the full plan, also with violations.
+Plan make_plan(const Sequence& sequence, const PlanLimits& limits);
+
+// The segments a perfect run records: one a move (rotate, settling included), one a dwell.
+Segments planned_segments(const Plan& plan);
+
+}  // namespace turncal
