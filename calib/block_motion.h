@@ -25,17 +25,17 @@ struct BlockMotion {
 };
 BlockMotion evaluate(const Block& block, const SensorModel& model, double period_s);
 
-// Derivatives in SI units of the SensorModel, by linearity in the sums (the second-order terms follow the block totals):
-// a change of the calibrated increments by (dtheta, dv), constant in time over the block, changes rotation and velocity by
-//   d rotation = dtheta,   d velocity = dv + 1/2 (dtheta x v + r x dv),   d mean_velocity = dv / 2
-// and dtheta = dG gyro - db T, dv = dA accel - df0 T. parameter_columns() writes these for the 24 parameters in file units.
+// Derivatives with respect to the 24 parameters (columns in Table 1 order, per file unit), at the same model:
+//   d rotation / dG_ij = e_i gyro_j + 1/2 dcof(G)/dG_ij coning,    d rotation / db = -T I,
+//   d velocity / dG_ij = e_i x (A S' e_j) + d third-order,         d velocity / dA_kl = e_k accel_l + (G S e_l) x e_k + ...
+// Bias terms of second order (bias times moment) are taken to first order in the moment of the block totals.
 using Columns3 = Eigen::Matrix<double, 3, parameter_count>;
 struct BlockColumns {
   Columns3 rotation;
   Columns3 velocity;
   Columns3 mean_velocity;
 };
-void parameter_columns(const Block& block, const BlockMotion& motion, const ParameterVector& si_per_unit,
-                       BlockColumns& columns);
+void parameter_columns(const Block& block, const BlockMotion& motion, const SensorModel& model,
+                       const ParameterVector& si_per_unit, BlockColumns& columns);
 
 }  // namespace turncal

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "calib/recording_types.h"
 
@@ -83,7 +84,6 @@ class Compressor {
   CompressedRecording take();
 
  private:
-  struct GlitchGauge;  // running scale of second differences of one triad
   void close_block();
   void add_one(const ImuSample& sample);
   void look_for_glitch(const ImuSample& sample);
