@@ -1,0 +1,54 @@
+// Numbers as text and back, without locale: the shortest text that reads back as the same number, and strict parsing
+// (the whole token, finite, no leading `+` or blanks).
+#pragma once
+
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <concepts>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <system_error>
+
+namespace turncal {
+
+// Room for the longest shortest-form double or 64-bit integer.
+using NumberBuffer = std::array<char, 32>;
+
+// double, float and every integer type. -0.0 gives "-0".
+template <class T>
+  requires(std::integral<T> || std::floating_point<T>)
+std::string_view format_number(T value, NumberBuffer& buffer) {
+  const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  return {buffer.data(), static_cast<std::size_t>(result.ptr - buffer.data())};
+}
+
+template <class T>
+  requires(std::integral<T> || std::floating_point<T>)
+std::string format_number(T value) {
+  NumberBuffer buffer;
+  return std::string(format_number(value, buffer));
+}
+
+template <class T = double>
+  requires std::floating_point<T>
+std::optional<T> parse_number(std::string_view token) {
+  T value{};
+  const auto result = std::from_chars(token.data(), token.data() + token.size(), value);
+  if (result.ec != std::errc{} || result.ptr != token.data() + token.size() || !std::isfinite(value)) return {};
+  return value;
+}
+
+// Decimal; out of T's range is a failure.
+template <class T = std::int64_t>
+  requires std::integral<T>
+std::optional<T> parse_integer(std::string_view token) {
+  T value{};
+  const auto result = std::from_chars(token.data(), token.data() + token.size(), value);
+  if (result.ec != std::errc{} || result.ptr != token.data() + token.size()) return {};
+  return value;
+}
+
+}  // namespace turncal
