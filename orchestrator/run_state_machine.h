@@ -1,0 +1,228 @@
+// The station's state machine: one transition table, and a pure function that looks a transition up in it.
+//
+//   (state, event, guards)  ->  (next state, action)
+//
+// The table is constant data and knows no step of any sequence: which move or dwell comes next is found outside and
+// comes in as an event (move_next, dwell_next, step_complete, ...). Nothing here waits, logs, moves or reads a clock;
+// StationRun does, and carries the actions out. docs/state-machine.md draws the same table and a test compares them.
+//
+// Every pair of state and event has an outcome: a row of `transition_table`, a row of `ignored_events` (with the reason
+// why it may be ignored), or else it is unexpected: our own mistake, on which the table is stopped as on any error.
+//
+// Not here: pausing and resuming (rows to be added; a resumed run enters at `selecting` with another cursor).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <span>
+#include <string_view>
+
+namespace turncal {
+
+enum class RunState {
+  idle,         // nothing opened yet
+  connecting,   // table and IMU are being opened and identified
+  homing,       // drives enabled, axes search their zero
+  selecting,    // at rest between two items of the sequence: what comes next?
+  moving,       // one axis was commanded and has not arrived
+  settling,     // arrived; has to stay so for the settle time
+  dwelling,     // at rest, samples are counted
+  step_done,    // every item of a step is recorded
+  calibrating,  // the recording is complete, the table stopped
+  stopping,     // a stop went out to all axes and is being verified
+  done,
+  failed,
+  aborted
+};
+inline constexpr int run_state_count = 13;
+
+enum class RunEvent {
+  start,
+  connected,           // table and IMU answer, and are the ones expected
+  connect_failed,
+  homed,               // every axis says homed and not moving
+  move_next,           // next is a move: of the sequence, or back to where the table should stand
+  dwell_next,          // next is a dwell
+  step_complete,       // the step has no further item
+  step_next,           // there is a further step
+  sequence_complete,   // there is none
+  arrived,             // the arrival rule holds, but for the settle time
+  unsettled,           // it held and holds no longer
+  settled,             // it held for the settle time
+  dwell_complete,      // all samples of the dwell are there and good
+  dwell_bad,           // the table moved, samples were lost, or the unit flagged its data
+  calibration_ok,      // parameters estimated and durable on disk
+  calibration_failed,
+  stopped_verified,    // every axis reads at rest
+  stall,               // commanded and no progress
+  deadline,            // not finished in the time it may take
+  table_fault,         // fault, limit switch, refused command, drive switched off
+  e_stop,
+  link_lost,           // the table does not answer
+  imu_lost,            // the IMU is gone or silent
+  motion_data_lost,    // samples lost or flagged while the table turned: the angle turned is unknown
+  storage_failed,      // the recording cannot be written
+  operator_stop
+};
+inline constexpr int run_event_count = 26;
+
+enum class RunAction {
+  none,
+  connect,
+  enable_and_home,
+  select_next,       // look at cursor and table, say what comes next
+  issue_move,        // open a rotate segment, command the axis
+  watch_settling,
+  watch_moving,
+  close_move,        // close the rotate segment, select what comes next
+  begin_dwell,       // open the dwell's segment
+  close_dwell,       // close it as what it is, select what comes next
+  discard_dwell,     // close it as rotate, count the repeat, open a rotate segment to settle in
+  finish_step,       // sync the recording, look for a further step
+  calibrate,         // seal the recording, calibrate from it, write the results
+  stop_table,        // stop to all axes
+  abort_table,       // fastest stop, drives off
+  announce           // say how it ended
+};
+inline constexpr int run_action_count = 16;
+
+enum class RunGuard {
+  always,
+  repeats_left,      // the dwell may be repeated once more
+  no_repeats_left,
+  by_operator,       // the stop was asked for by the operator
+  by_error,
+  abort_sent,        // the fastest stop went out already
+  abort_not_sent
+};
+inline constexpr int run_guard_count = 7;
+
+// What the guards look at.
+struct RunGuards {
+  bool repeats_left = true;
+  bool by_operator = false;
+  bool abort_sent = false;
+};
+
+// A set of states or events as bits, so that one row can say "from any of these".
+template <class Enum>
+struct EnumSet {
+  std::uint32_t bits = 0;
+  constexpr EnumSet(std::initializer_list<Enum> members) {
+    for (Enum member : members) bits |= 1u << static_cast<unsigned>(member);
+  }
+  constexpr EnumSet(Enum member) : EnumSet({member}) {}
+  constexpr bool contains(Enum member) const { return (bits >> static_cast<unsigned>(member) & 1u) != 0; }
+};
+using StateSet = EnumSet<RunState>;
+using EventSet = EnumSet<RunEvent>;
+
+struct TransitionRow {
+  StateSet from;
+  RunEvent event;
+  RunGuard guard;
+  RunState to;
+  RunAction action;
+};
+struct IgnoredRow {
+  StateSet in;
+  EventSet events;
+  std::string_view why;
+};
+
+// States in which the drives are on, and so an error has to stop the table.
+inline constexpr StateSet live_states = {RunState::homing,   RunState::selecting, RunState::moving,
+                                         RunState::settling, RunState::dwelling,  RunState::step_done};
+
+namespace run_table {
+using enum RunState;
+using enum RunEvent;
+using enum RunAction;
+using enum RunGuard;
+
+// clang-format off
+inline constexpr TransitionRow rows[] = {
+  // from          event               guard            to           action
+  {idle,           start,              always,          connecting,  connect},
+  {connecting,     connected,          always,          homing,      enable_and_home},
+  {homing,         homed,              always,          selecting,   select_next},
+
+  {selecting,      move_next,          always,          moving,      issue_move},
+  {moving,         arrived,            always,          settling,    watch_settling},
+  {settling,       unsettled,          always,          moving,      watch_moving},
+  {settling,       settled,            always,          selecting,   close_move},
+
+  {selecting,      dwell_next,         always,          dwelling,    begin_dwell},
+  {dwelling,       dwell_complete,     always,          selecting,   close_dwell},
+  {dwelling,       dwell_bad,          repeats_left,    settling,    discard_dwell},
+  {dwelling,       dwell_bad,          no_repeats_left, stopping,    stop_table},
+
+  {selecting,      step_complete,      always,          step_done,   finish_step},
+  {step_done,      step_next,          always,          selecting,   select_next},
+  {step_done,      sequence_complete,  always,          calibrating, calibrate},
+  {calibrating,    calibration_ok,     always,          done,        announce},
+  {calibrating,    calibration_failed, always,          stopping,    stop_table},
+
+  {moving,         stall,              always,          stopping,    stop_table},
+  {{homing, moving, settling, dwelling},
+                   deadline,           always,          stopping,    stop_table},
+  {{moving, settling},
+                   motion_data_lost,   always,          stopping,    stop_table},
+  {live_states,    table_fault,        always,          stopping,    stop_table},
+  {live_states,    e_stop,             always,          stopping,    stop_table},
+  {live_states,    link_lost,          always,          stopping,    stop_table},
+  {live_states,    imu_lost,           always,          stopping,    stop_table},
+  {live_states,    storage_failed,     always,          stopping,    stop_table},
+  {live_states,    operator_stop,      always,          stopping,    stop_table},
+  {calibrating,    operator_stop,      always,          stopping,    stop_table},
+
+  {stopping,       stopped_verified,   by_error,        failed,      announce},
+  {stopping,       stopped_verified,   by_operator,     aborted,     announce},
+  {stopping,       operator_stop,      always,          stopping,    abort_table},
+  {stopping,       deadline,           abort_not_sent,  stopping,    abort_table},
+  {stopping,       deadline,           abort_sent,      failed,      announce},
+  {connecting,     connect_failed,     always,          failed,      announce},
+  {{idle, connecting},
+                   operator_stop,      always,          aborted,     announce},
+};
+
+inline constexpr IgnoredRow ignored[] = {
+  {stopping,    {table_fault, e_stop, link_lost, imu_lost, motion_data_lost, storage_failed},
+                "the first reason stands; the deadline judges the stop"},
+  {calibrating, {table_fault, e_stop, link_lost, imu_lost},
+                "the recording is complete and the table stopped"},
+  {{done, failed, aborted},
+                {start, connected, connect_failed, homed, move_next, dwell_next, step_complete, step_next,
+                 sequence_complete, arrived, unsettled, settled, dwell_complete, dwell_bad, calibration_ok,
+                 calibration_failed, stopped_verified, stall, deadline, table_fault, e_stop, link_lost, imu_lost,
+                 motion_data_lost, storage_failed, operator_stop},
+                "the run is over"},
+};
+// clang-format on
+}  // namespace run_table
+
+inline constexpr std::span<const TransitionRow> transition_table{run_table::rows};
+inline constexpr std::span<const IgnoredRow> ignored_events{run_table::ignored};
+
+struct Transition {
+  enum class Outcome { taken, ignored, unexpected } outcome = Outcome::unexpected;
+  RunState to = RunState::failed;
+  RunAction action = RunAction::none;
+};
+
+// Unexpected: to `stopping` with stop_table where the drives may be on, else to `failed`.
+Transition next(RunState state, RunEvent event, const RunGuards& guards);
+
+bool holds(RunGuard guard, const RunGuards& guards);
+constexpr bool is_final(RunState state) {
+  return state == RunState::done || state == RunState::failed || state == RunState::aborted;
+}
+
+std::string_view to_string(RunState state);
+std::string_view to_string(RunEvent event);
+std::string_view to_string(RunAction action);
+std::string_view to_string(RunGuard guard);
+
+}  // namespace turncal

@@ -1,0 +1,230 @@
+// The transition table is complete, unambiguous and the one that docs/state-machine.md draws.
+#include "orchestrator/run_state_machine.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace turncal {
+namespace {
+
+std::vector<RunState> all_states() {
+  std::vector<RunState> states;
+  for (int i = 0; i < run_state_count; ++i) states.push_back(static_cast<RunState>(i));
+  return states;
+}
+std::vector<RunEvent> all_events() {
+  std::vector<RunEvent> events;
+  for (int i = 0; i < run_event_count; ++i) events.push_back(static_cast<RunEvent>(i));
+  return events;
+}
+std::vector<RunGuards> all_guards() {
+  std::vector<RunGuards> all;
+  for (int bits = 0; bits < 8; ++bits) {
+    all.push_back({.repeats_left = (bits & 1) != 0, .by_operator = (bits & 2) != 0, .abort_sent = (bits & 4) != 0});
+  }
+  return all;
+}
+
+int taken_rows(RunState state, RunEvent event, const RunGuards& guards) {
+  int count = 0;
+  for (const TransitionRow& row : transition_table) {
+    if (row.from.contains(state) && row.event == event && holds(row.guard, guards)) ++count;
+  }
+  return count;
+}
+bool listed_ignored(RunState state, RunEvent event) {
+  for (const IgnoredRow& row : ignored_events) {
+    if (row.in.contains(state) && row.events.contains(event)) return true;
+  }
+  return false;
+}
+
+TEST(RunStateMachine, NamesAreCompleteAndDistinct) {
+  std::set<std::string_view> names;
+  for (RunState state : all_states()) names.insert(to_string(state));
+  EXPECT_EQ(names.size(), static_cast<std::size_t>(run_state_count));
+  names.clear();
+  for (RunEvent event : all_events()) names.insert(to_string(event));
+  EXPECT_EQ(names.size(), static_cast<std::size_t>(run_event_count));
+  names.clear();
+  for (int i = 0; i < run_action_count; ++i) names.insert(to_string(static_cast<RunAction>(i)));
+  EXPECT_EQ(names.size(), static_cast<std::size_t>(run_action_count));
+  EXPECT_EQ(to_string(RunState::aborted), "aborted");
+  EXPECT_EQ(to_string(RunEvent::operator_stop), "operator_stop");
+  EXPECT_EQ(to_string(RunAction::announce), "announce");
+  EXPECT_EQ(to_string(RunGuard::abort_not_sent), "abort_not_sent");
+}
+
+// For every pair and every combination of guards: exactly one row, or explicitly ignored, or unexpected; never two.
+TEST(RunStateMachine, EveryPairHasExactlyOneOutcome) {
+  for (RunState state : all_states()) {
+    for (RunEvent event : all_events()) {
+      for (const RunGuards& guards : all_guards()) {
+        const std::string where = std::string(to_string(state)) + " + " + std::string(to_string(event));
+        const int rows = taken_rows(state, event, guards);
+        const bool ignored = listed_ignored(state, event);
+        EXPECT_LE(rows + (ignored ? 1 : 0), 1) << where;
+        const Transition transition = next(state, event, guards);
+        if (rows == 1) {
+          EXPECT_EQ(transition.outcome, Transition::Outcome::taken) << where;
+        } else if (ignored) {
+          EXPECT_EQ(transition.outcome, Transition::Outcome::ignored) << where;
+          EXPECT_EQ(transition.to, state) << where;
+          EXPECT_EQ(transition.action, RunAction::none) << where;
+        } else {
+          EXPECT_EQ(transition.outcome, Transition::Outcome::unexpected) << where;
+          EXPECT_TRUE(transition.to == RunState::stopping || transition.to == RunState::failed) << where;
+        }
+      }
+    }
+  }
+}
+
+// A guarded pair must be decided for either value of its guard: a dwell_bad that matches nothing would be lost.
+TEST(RunStateMachine, GuardsOfAPairCoverBothCases) {
+  for (const TransitionRow& row : transition_table) {
+    for (RunState state : all_states()) {
+      if (!row.from.contains(state)) continue;
+      for (const RunGuards& guards : all_guards()) {
+        EXPECT_EQ(taken_rows(state, row.event, guards), 1) << to_string(state) << " + " << to_string(row.event);
+      }
+    }
+  }
+}
+
+// With the drives on, whatever goes wrong leads to a stop, and from a stop only to failed or aborted.
+TEST(RunStateMachine, EveryErrorStopsTheTable) {
+  const std::vector<RunEvent> errors = {RunEvent::table_fault, RunEvent::e_stop,         RunEvent::link_lost,
+                                        RunEvent::imu_lost,    RunEvent::storage_failed, RunEvent::operator_stop};
+  for (RunState state : all_states()) {
+    if (!live_states.contains(state)) continue;
+    for (RunEvent event : errors) {
+      for (const RunGuards& guards : all_guards()) {
+        const Transition transition = next(state, event, guards);
+        EXPECT_EQ(transition.to, RunState::stopping) << to_string(state) << " + " << to_string(event);
+        EXPECT_EQ(transition.action, RunAction::stop_table) << to_string(state) << " + " << to_string(event);
+      }
+    }
+    // An event nobody foresaw in this state is no exception.
+    EXPECT_EQ(next(state, RunEvent::calibration_ok, {}).to, RunState::stopping) << to_string(state);
+  }
+  for (RunEvent event : all_events()) {
+    for (const RunGuards& guards : all_guards()) {
+      const RunState to = next(RunState::stopping, event, guards).to;
+      EXPECT_TRUE(to == RunState::stopping || to == RunState::failed || to == RunState::aborted) << to_string(event);
+    }
+  }
+}
+
+TEST(RunStateMachine, FinalStatesAreFinal) {
+  for (RunState state : {RunState::done, RunState::failed, RunState::aborted}) {
+    EXPECT_TRUE(is_final(state));
+    for (RunEvent event : all_events()) EXPECT_EQ(next(state, event, {}).to, state) << to_string(event);
+  }
+}
+
+// Every state can be reached from idle, and a final one from every state.
+TEST(RunStateMachine, EveryStateIsReachable) {
+  std::set<RunState> reached = {RunState::idle};
+  for (int round = 0; round < run_state_count; ++round) {
+    for (const TransitionRow& row : transition_table) {
+      for (RunState state : all_states()) {
+        if (row.from.contains(state) && reached.count(state)) reached.insert(row.to);
+      }
+    }
+  }
+  EXPECT_EQ(reached.size(), static_cast<std::size_t>(run_state_count));
+}
+
+// The happy path of a step with one move and one dwell.
+TEST(RunStateMachine, HappyPath) {
+  const std::vector<std::pair<RunEvent, RunState>> path = {
+      {RunEvent::start, RunState::connecting},         {RunEvent::connected, RunState::homing},
+      {RunEvent::homed, RunState::selecting},          {RunEvent::move_next, RunState::moving},
+      {RunEvent::arrived, RunState::settling},         {RunEvent::settled, RunState::selecting},
+      {RunEvent::dwell_next, RunState::dwelling},      {RunEvent::dwell_bad, RunState::settling},
+      {RunEvent::settled, RunState::selecting},        {RunEvent::dwell_next, RunState::dwelling},
+      {RunEvent::dwell_complete, RunState::selecting}, {RunEvent::step_complete, RunState::step_done},
+      {RunEvent::sequence_complete, RunState::calibrating}, {RunEvent::calibration_ok, RunState::done}};
+  RunState state = RunState::idle;
+  for (const auto& [event, expected] : path) {
+    state = next(state, event, {}).to;
+    ASSERT_EQ(state, expected) << to_string(event);
+  }
+  EXPECT_EQ(next(RunState::dwelling, RunEvent::dwell_bad, {.repeats_left = false}).to, RunState::stopping);
+}
+
+// What docs/state-machine.md has to say, in the order of the table.
+std::string names_of(StateSet set) {
+  std::string text;
+  for (RunState state : all_states()) {
+    if (!set.contains(state)) continue;
+    if (!text.empty()) text += ", ";
+    text += to_string(state);
+  }
+  return text;
+}
+std::string names_of(EventSet set) {
+  std::string text;
+  int count = 0;
+  for (RunEvent event : all_events()) {
+    if (!set.contains(event)) continue;
+    if (!text.empty()) text += ", ";
+    text += to_string(event);
+    ++count;
+  }
+  return count == run_event_count ? "every event" : text;
+}
+
+std::vector<std::string> expected_document_lines() {
+  std::vector<std::string> lines;
+  for (const TransitionRow& row : transition_table) {
+    const std::string guard = row.guard == RunGuard::always ? "" : std::string(to_string(row.guard));
+    lines.push_back("| " + names_of(row.from) + " | " + std::string(to_string(row.event)) + " | " + guard + " | " +
+                    std::string(to_string(row.to)) + " | " + std::string(to_string(row.action)) + " |");
+  }
+  for (const IgnoredRow& row : ignored_events) {
+    lines.push_back("| " + names_of(row.in) + " | " + names_of(row.events) + " | " + std::string(row.why) + " |");
+  }
+  // The drawing has one arrow a row and state; errors of the live states are drawn from the frame around them.
+  for (const TransitionRow& row : transition_table) {
+    const std::string guard = row.guard == RunGuard::always ? "" : " [" + std::string(to_string(row.guard)) + "]";
+    const std::string label = std::string(to_string(row.event)) + guard;
+    if (row.from.bits == live_states.bits) {
+      lines.push_back("live --> " + std::string(to_string(row.to)) + ": " + label);
+      continue;
+    }
+    for (RunState state : all_states()) {
+      if (!row.from.contains(state)) continue;
+      lines.push_back(std::string(to_string(state)) + " --> " + std::string(to_string(row.to)) + ": " + label);
+    }
+  }
+  return lines;
+}
+
+TEST(RunStateMachine, DocumentListsExactlyTheTable) {
+  const std::string path = std::string(TURNCAL_SOURCE_DIR) + "/docs/state-machine.md";
+  std::ifstream file(path);
+  ASSERT_TRUE(file) << path;
+  std::multiset<std::string> found;
+  for (std::string line; std::getline(file, line);) {
+    line.erase(0, line.find_first_not_of(' ') == std::string::npos ? 0 : line.find_first_not_of(' '));
+    const bool row = line.starts_with("| ") && !line.starts_with("| from |") && !line.starts_with("| in |") &&
+                     !line.starts_with("|-");
+    const bool arrow = line.find(" --> ") != std::string::npos && !line.starts_with("[*]") &&
+                       line.find("--> [*]") == std::string::npos;
+    if (row || arrow) found.insert(line);
+  }
+  std::multiset<std::string> expected;
+  for (const std::string& line : expected_document_lines()) expected.insert(line);
+  for (const std::string& line : expected) EXPECT_EQ(found.count(line), expected.count(line)) << "missing: " << line;
+  for (const std::string& line : found) EXPECT_EQ(expected.count(line), found.count(line)) << "too many: " << line;
+}
+
+}  // namespace
+}  // namespace turncal
