@@ -1,0 +1,69 @@
+// Little-endian bytes of binary files: appending numbers, and reading them back with every access checked.
+#pragma once
+
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+namespace turncal {
+
+static_assert(std::endian::native == std::endian::little, "files are little-endian and written without swapping");
+
+template <class T>
+  requires std::is_arithmetic_v<T>
+void append_bytes(std::vector<std::byte>& out, T value) {
+  const std::size_t place = out.size();
+  out.resize(place + sizeof value);
+  std::memcpy(out.data() + place, &value, sizeof value);
+}
+
+inline void append_bytes(std::vector<std::byte>& out, std::string_view text) {
+  const std::size_t place = out.size();
+  out.resize(place + text.size());
+  if (!text.empty()) std::memcpy(out.data() + place, text.data(), text.size());
+}
+
+// REQUIRES: sizeof(T) bytes at `from`.
+template <class T>
+  requires std::is_arithmetic_v<T>
+T load_bytes(const std::byte* from) {
+  T value;
+  std::memcpy(&value, from, sizeof value);
+  return value;
+}
+
+// Reads from the front. Once something was missing, good() is false and everything reads as 0.
+class ByteReader {
+ public:
+  explicit ByteReader(std::span<const std::byte> data) : data_(data) {}
+
+  template <class T>
+    requires std::is_arithmetic_v<T>
+  T get() {
+    const auto bytes = take(sizeof(T));
+    return bytes.empty() ? T{} : load_bytes<T>(bytes.data());
+  }
+  // Empty when there are not as many.
+  std::span<const std::byte> take(std::uint64_t count) {
+    if (!good_ || count > data_.size()) {
+      good_ = false;
+      return {};
+    }
+    const auto result = data_.first(static_cast<std::size_t>(count));
+    data_ = data_.subspan(static_cast<std::size_t>(count));
+    return result;
+  }
+  bool good() const { return good_; }
+  bool at_end() const { return good_ && data_.empty(); }
+
+ private:
+  std::span<const std::byte> data_;
+  bool good_ = true;
+};
+
+}  // namespace turncal
