@@ -1,0 +1,143 @@
+// For tests: the rig walked through a sequence by a perfect station, straight into a CompressedRecording.
+//
+// No state machine: the table stands at the sequence's start position at the first sample, every move is its trapezoid and
+// settle_s of rest, every dwell counts at once. The samples stream through the Compressor (and a RecordingWriter, if
+// given); none are kept. The segments are those of planned_segments(): what an undisturbed run records.
+//
+//   const Sequence sequence = must_read_sequence("fourteen_step.seq");       // a file of sequences/
+//   const RigRecording made = record_on_rig(sequence, rig_config);          // about 1 s for 1.27 million samples
+//   made.recording, made.truth
+//
+// noise_free() takes away what is random in a RigConfig and leaves parameters, table errors and effects as they are.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "calib/compression.h"
+#include "calib/parameters.h"
+#include "imu_io/recording_writer.h"
+#include "sequences/plan.h"
+#include "sequences/sequence.h"
+#include "turntable_drivers/rig.h"
+#include "turntable_drivers/rig_imu.h"
+
+namespace turncal {
+
+struct RigRecording {
+  CompressedRecording recording;
+  Parameters truth;                                           // of Rig::truth()
+  std::vector<std::pair<std::string, double>> truth_effects;  // of Rig::truth_effects()
+};
+
+struct RigRecorderOptions {
+  double settle_s = 0.5;
+  CompressionOptions compression;
+  RecordingWriter* writer = nullptr;  // an ordinary recording beside it; finish() is left to the caller
+};
+
+// No noise, bias instability or walks, and real-valued pulses.
+inline RigConfig noise_free(RigConfig config) {
+  config.noise.gyro_random_walk_deg_per_rt_h = 0.0;
+  config.noise.accel_random_walk_ug_per_rt_hz = 0.0;
+  config.noise.gyro_bias_instability_degph = 0.0;
+  config.noise.accel_bias_instability_ug = 0.0;
+  config.noise.gyro_rate_random_walk_degph_per_rt_h = 0.0;
+  config.noise.accel_acceleration_random_walk_ug_per_rt_h = 0.0;
+  config.quantisation = RigQuantisation::off;
+  return config;
+}
+
+// No random table errors; those that are set stay.
+inline RigConfig perfect_table(RigConfig config) {
+  config.table_errors.random_arcmin = 0.0;
+  return config;
+}
+
+// An error is the test's own mistake (a wrong file, a full disk): it ends the test program with the message.
+template <class T>
+T must(Result<T> result) {
+  if (!result.ok()) {
+    std::fprintf(stderr, "%s\n", result.error().message.c_str());
+    std::abort();
+  }
+  return std::move(*result);
+}
+inline void must(const Status& status) {
+  if (status.ok()) return;
+  std::fprintf(stderr, "%s\n", status.error().message.c_str());
+  std::abort();
+}
+
+#ifdef TURNCAL_SOURCE_DIR
+inline Sequence must_read_sequence(const std::string& name) {
+  return must(read_sequence(std::string(TURNCAL_SOURCE_DIR "/sequences/") + name));
+}
+#endif
+
+inline Parameters rig_truth(const Rig& rig) {
+  ParameterVector v;
+  for (int i = 0; i < parameter_count; ++i) v[i] = rig.truth()[static_cast<std::size_t>(i)];
+  return from_vector(v);
+}
+
+// Site, unit and sample format of the rig.
+inline RecordingInfo rig_recording_info(Rig& rig) {
+  RecordingInfo info;
+  RigImu(rig).describe(info);
+  info.latitude_deg = rig.config().site.latitude_deg;
+  info.gravity_mps2 = rig.config().site.gravity_mps2;
+  info.unit_serial = rig.config().unit_serial;
+  return info;
+}
+
+inline RigRecording record_on_rig(const Sequence& sequence, RigConfig config, const RigRecorderOptions& options = {}) {
+  for (const Axis axis : all_axes) config.table.power_on_deg[static_cast<std::size_t>(axis)] = sequence.start_deg[axis];
+  Rig rig(config);
+  const RecordingInfo info = rig_recording_info(rig);
+
+  PlanLimits limits;
+  limits.settle_s = options.settle_s;
+  limits.sample_period_s = info.sample_period_s;
+  const Plan plan = make_plan(sequence, limits);  // soft limits do not matter here
+
+  Compressor compressor(info, options.compression);
+  std::vector<ImuSample> chunk(2048);
+  const auto advance = [&](std::int64_t samples) {
+    while (samples > 0) {
+      const std::int64_t now = std::min<std::int64_t>(samples, 1024);  // twice as many may come back: duplicates
+      const std::size_t count = rig.advance_time(now, chunk);
+      const std::span<const ImuSample> got(chunk.data(), count);
+      compressor.add(got);
+      if (options.writer != nullptr) must(options.writer->add(got));
+      samples -= now;
+    }
+  };
+  for (const PlannedItem& item : plan.items) {
+    const bool move = item.kind == SequenceItem::Kind::move;
+    Segment segment;
+    segment.step = item.step;
+    segment.kind = move ? SegmentKind::rotate : item.dwell_kind;
+    segment.start_sample = config.first_counter + item.start_sample;
+    segment.end_sample = segment.start_sample + item.samples;
+    segment.heading_deg = item.commanded_deg[Axis::heading];
+    segment.pitch_deg = item.commanded_deg[Axis::pitch];
+    segment.roll_deg = item.commanded_deg[Axis::roll];
+    compressor.begin_segment(segment);
+    if (options.writer != nullptr) must(options.writer->begin_segment(segment));
+    if (move) rig.command_move(item.axis, item.to_deg, item.rate_degps, item.acceleration_degps2);
+    advance(item.samples);
+    compressor.end_segment(segment.kind, segment.end_sample);
+    if (options.writer != nullptr)
+      must(options.writer->end_segment(segment.kind, segment.end_sample, item.commanded_deg));
+  }
+  return {compressor.take(), rig_truth(rig), rig.truth_effects()};
+}
+
+}  // namespace turncal
