@@ -40,6 +40,13 @@ std::string shown(std::string_view text) {
   return result;
 }
 
+std::string quoted(std::string_view text) {
+  std::string result = "'";
+  result += shown(text);
+  result += '\'';
+  return result;
+}
+
 std::vector<std::string_view> split_at_commas(std::string_view text) {
   std::vector<std::string_view> parts;
   if (trimmed(text).empty()) return parts;
@@ -114,14 +121,14 @@ Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file
     line = trimmed(line.substr(0, line.find('#')));
     if (line.empty()) continue;
     const std::size_t equals = line.find('=');
-    if (equals == std::string_view::npos) return defect("'" + shown(line) + "': expected key = value");
+    if (equals == std::string_view::npos) return defect(quoted(line) + ": expected key = value");
     const std::string key(trimmed(line.substr(0, equals)));
     if (!is_key(key)) {
-      return defect("key '" + shown(key) + "': expected letters, digits, '_' and '-', parts joined by '.'");
+      return defect("key " + quoted(key) + ": expected letters, digits, '_' and '-', parts joined by '.'");
     }
     const auto [place, is_new] = file.index_.emplace(key, file.entries_.size());
     if (!is_new) {
-      return defect("key '" + shown(key) + "' again: it is already in line " +
+      return defect("key " + quoted(key) + " again: it is already in line " +
                     std::to_string(file.entries_[place->second].line));
     }
     file.entries_.push_back({key, std::string(trimmed(line.substr(equals + 1))), line_number, false});
