@@ -3,8 +3,8 @@
 // A move of angle A at rate r with acceleration a (trapezoidal profile, the same acceleration for braking) takes
 //   A/r + r/a            when A >= r^2/a
 //   2 sqrt(A/a)          otherwise (the rate is never reached: triangular profile)
-// and then `settle_s` until it counts as arrived. Every duration is rounded up to whole IMU samples, since the recording
-// is a contiguous stream of samples; a dwell is counted in samples.
+// and then `settle_s` until it counts as arrived. Every duration is rounded up to whole IMU samples, since the
+// recording is a contiguous stream of samples; a dwell is counted in samples.
 //
 // Units: degrees, deg/s, deg/s^2, seconds; times and samples count from the first sample of the recording, when the
 // table already stands at the sequence's start position.
@@ -78,13 +78,14 @@ struct Plan {
   AxisTriple travel_max_deg;
   AxisTriple wrap_used_deg;        // travel_max - travel_min: what the cable winds
   AxisTriple turned_deg;           // sum of |angle| over all moves
-  // Why the table must not run this: one line each, "file:line: step N: ...". Repetitions of one cause (the same axis and
-  // value) are counted on the first line. Empty: the run may start.
+  // Why the table must not run this: one line each, "file:line: step N: ...". Repetitions of one cause (the same axis
+  // and value) are counted on the first line. Empty: the run may start.
   std::vector<std::string> violations;
   bool ok() const { return violations.empty(); }
 };
 
-// Time of the motion alone, without settling. REQUIRES rate and acceleration > 0; the sign of the angle does not matter.
+// Time of the motion alone, without settling. The sign of the angle does not matter.
+// REQUIRES rate and acceleration > 0.
 double move_duration_s(double angle_deg, double rate_degps, double acceleration_degps2);
 
 // REQUIRES sample_period_s > 0. Always gives the full plan, also with violations.

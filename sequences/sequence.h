@@ -1,8 +1,8 @@
 // A calibration sequence as plain data: what the parser makes of a .seq file and what the state machine walks.
 //
-// A step begins by moving to its initial position (roll first, then pitch, then heading, only the axes that differ), then
-// does its items in order. Angles are absolute and cumulative in degrees: "roll +360" from 0 ends at 360. A dwell is
-// counted in IMU samples. The state machine knows no step by heart.
+// A step begins by moving to its initial position (roll first, then pitch, then heading, only the axes that differ),
+// then does its items in order. Angles are absolute and cumulative in degrees: "roll +360" from 0 ends at 360. A dwell
+// is counted in IMU samples. The state machine knows no step by heart.
 #pragma once
 
 #include <cstdint>

@@ -1,0 +1,231 @@
+#include "sequences/plan.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "imu_io/format_number.h"
+
+namespace turncal {
+
+namespace {
+
+// A duration that is a whole number of samples but for rounding must not become one sample longer.
+constexpr double sample_slack = 1e-6;
+
+constexpr double shortest_dwell_s = 1.0;
+
+std::int64_t whole_samples(double duration_s, double period_s) {
+  return static_cast<std::int64_t>(std::ceil(duration_s / period_s - sample_slack));
+}
+
+// For messages: six decimals at most.
+std::string text_of(double value) {
+  return format_number(std::round(value * 1e6) / 1e6 + 0.0);
+}
+
+// Violations, one line a cause. The same axis going to the same place at forty moves is one cause.
+class Violations {
+ public:
+  explicit Violations(std::string file) : file_(std::move(file)) {}
+
+  void add(int line, int step, const std::string& what) {
+    const auto known = std::find_if(causes_.begin(), causes_.end(), [&](const Cause& c) { return c.what == what; });
+    if (known != causes_.end()) {
+      ++known->further;
+      return;
+    }
+    causes_.push_back({line, step, what, 0});
+  }
+
+  std::vector<std::string> lines() const {
+    std::vector<std::string> lines;
+    for (const Cause& cause : causes_) {
+      std::string text = file_ + ":" + std::to_string(cause.line) + ": step " + std::to_string(cause.step) + ": ";
+      text += cause.what;
+      if (cause.further > 0) {
+        text += " (and " + std::to_string(cause.further) + " more)";
+      }
+      lines.push_back(std::move(text));
+    }
+    return lines;
+  }
+
+ private:
+  struct Cause {
+    int line;
+    int step;
+    std::string what;
+    int further;
+  };
+  std::string file_;
+  std::vector<Cause> causes_;
+};
+
+// Walks the items in order, carrying commanded angles and the sample counter.
+class Planner {
+ public:
+  Planner(const Sequence& sequence, const PlanLimits& limits)
+      : sequence_(sequence), limits_(limits), violations_(sequence.file), commanded_deg_(sequence.start_deg) {}
+
+  Plan run() {
+    plan_.travel_min_deg = plan_.travel_max_deg = commanded_deg_;
+    if (!sequence_.steps.empty()) {
+      const Step& first = sequence_.steps.front();
+      for (const Axis axis : all_axes) {
+        check_position(first.line, first.number, axis, commanded_deg_[axis]);
+      }
+    }
+    for (std::size_t s = 0; s < sequence_.steps.size(); ++s) {
+      for (std::size_t i = 0; i < sequence_.steps[s].items.size(); ++i) {
+        add_item(s, i);
+      }
+    }
+    for (const Axis axis : all_axes) {
+      plan_.wrap_used_deg[axis] = plan_.travel_max_deg[axis] - plan_.travel_min_deg[axis];
+    }
+    plan_.station_s = seconds(plan_.samples);
+    plan_.moving_s = seconds(moving_samples_);
+    plan_.violations = violations_.lines();
+    return std::move(plan_);
+  }
+
+ private:
+  double seconds(std::int64_t samples) const { return static_cast<double>(samples) * limits_.sample_period_s; }
+
+  void add_item(std::size_t step_index, std::size_t item_index) {
+    const Step& step = sequence_.steps[step_index];
+    const SequenceItem& item = step.items[item_index];
+    PlannedItem planned;
+    planned.kind = item.kind;
+    planned.step_index = step_index;
+    planned.item_index = item_index;
+    planned.step = step.number;
+    planned.line = item.line;
+    planned.start_sample = plan_.samples;
+    if (item.kind == SequenceItem::Kind::move) {
+      plan_move(item, planned);
+    } else {
+      plan_dwell(item, planned);
+    }
+    planned.commanded_deg = commanded_deg_;
+    planned.start_s = seconds(planned.start_sample);
+    planned.duration_s = seconds(planned.samples);
+    plan_.samples += planned.samples;
+    plan_.items.push_back(planned);
+  }
+
+  void plan_move(const SequenceItem& item, PlannedItem& planned) {
+    const Move& move = item.move;
+    const Axis axis = move.axis;
+    planned.axis = axis;
+    planned.from_deg = commanded_deg_[axis];
+    planned.to_deg = move.target_deg;
+    planned.rate_degps = move.rate_degps;
+    planned.acceleration_degps2 = move.acceleration_degps2;
+    planned.positioning = item.positioning;
+    const double angle_deg = planned.to_deg - planned.from_deg;
+    planned.samples = whole_samples(
+        move_duration_s(angle_deg, move.rate_degps, move.acceleration_degps2) + limits_.settle_s,
+        limits_.sample_period_s);
+    moving_samples_ += planned.samples;
+    ++plan_.moves;
+    commanded_deg_[axis] = planned.to_deg;
+    plan_.travel_min_deg[axis] = std::min(plan_.travel_min_deg[axis], planned.to_deg);
+    plan_.travel_max_deg[axis] = std::max(plan_.travel_max_deg[axis], planned.to_deg);
+    plan_.turned_deg[axis] += std::abs(angle_deg);
+    check_position(planned.line, planned.step, axis, planned.to_deg);
+    check_dynamics(planned);
+    check_wrap(planned);
+  }
+
+  void plan_dwell(const SequenceItem& item, PlannedItem& planned) {
+    planned.dwell_kind = item.dwell.kind;
+    planned.samples = item.dwell.samples;
+    ++(item.dwell.kind == SegmentKind::align ? plan_.align_dwells : plan_.still_dwells);
+    if (seconds(item.dwell.samples) < shortest_dwell_s - sample_slack) {
+      violations_.add(planned.line, planned.step,
+                      "a dwell of " + std::to_string(item.dwell.samples) + " samples takes " +
+                          text_of(seconds(item.dwell.samples)) + " s, the shortest that counts is 1 s");
+    }
+  }
+
+  void check_position(int line, int step, Axis axis, double position_deg) {
+    const AxisLimits& limit = limits_[axis];
+    if (position_deg < limit.soft_min_deg || position_deg > limit.soft_max_deg) {
+      violations_.add(line, step,
+                      std::string(to_string(axis)) + " goes to " + text_of(position_deg) + " deg, soft travel is " +
+                          text_of(limit.soft_min_deg) + " to " + text_of(limit.soft_max_deg) + " deg");
+    }
+  }
+
+  void check_dynamics(const PlannedItem& move) {
+    const AxisLimits& limit = limits_[move.axis];
+    const std::string axis = to_string(move.axis);
+    if (move.rate_degps > limit.max_rate_degps) {
+      violations_.add(move.line, move.step,
+                      axis + " turns at " + text_of(move.rate_degps) + " deg/s, the most allowed is " +
+                          text_of(limit.max_rate_degps) + " deg/s");
+    }
+    if (move.acceleration_degps2 > limit.max_acceleration_degps2) {
+      violations_.add(move.line, move.step,
+                      axis + " accelerates with " + text_of(move.acceleration_degps2) +
+                          " deg/s^2, the most allowed is " + text_of(limit.max_acceleration_degps2) + " deg/s^2");
+    }
+  }
+
+  void check_wrap(const PlannedItem& move) {
+    const double allowed_deg = limits_[move.axis].wrap_deg;
+    const double wound_deg = plan_.travel_max_deg[move.axis] - plan_.travel_min_deg[move.axis];
+    bool& told = wrap_told_[static_cast<std::size_t>(move.axis)];
+    if (allowed_deg > 0.0 && wound_deg > allowed_deg && !told) {
+      told = true;
+      violations_.add(move.line, move.step,
+                      std::string(to_string(move.axis)) + " has wound its cable by " + text_of(wound_deg) +
+                          " deg, the most allowed is " + text_of(allowed_deg) + " deg");
+    }
+  }
+
+  const Sequence& sequence_;
+  const PlanLimits& limits_;
+  Plan plan_;
+  Violations violations_;
+  AxisTriple commanded_deg_;
+  std::int64_t moving_samples_ = 0;
+  std::array<bool, 3> wrap_told_{};
+};
+
+}  // namespace
+
+double move_duration_s(double angle_deg, double rate_degps, double acceleration_degps2) {
+  assert(rate_degps > 0.0 && acceleration_degps2 > 0.0);
+  const double angle = std::abs(angle_deg);
+  if (angle < rate_degps * rate_degps / acceleration_degps2) {
+    return 2.0 * std::sqrt(angle / acceleration_degps2);
+  }
+  return angle / rate_degps + rate_degps / acceleration_degps2;
+}
+
+Plan make_plan(const Sequence& sequence, const PlanLimits& limits) {
+  assert(limits.sample_period_s > 0.0);
+  return Planner(sequence, limits).run();
+}
+
+Segments planned_segments(const Plan& plan) {
+  Segments segments;
+  segments.reserve(plan.items.size());
+  for (const PlannedItem& item : plan.items) {
+    Segment segment;
+    segment.step = item.step;
+    segment.kind = item.kind == SequenceItem::Kind::move ? SegmentKind::rotate : item.dwell_kind;
+    segment.start_sample = item.start_sample;
+    segment.end_sample = item.start_sample + item.samples;
+    segment.heading_deg = item.commanded_deg[Axis::heading];
+    segment.pitch_deg = item.commanded_deg[Axis::pitch];
+    segment.roll_deg = item.commanded_deg[Axis::roll];
+    segments.push_back(segment);
+  }
+  return segments;
+}
+
+}  // namespace turncal

@@ -1,0 +1,214 @@
+// The plan: times by hand, the recording of an independent rig, and every reason to refuse.
+#include "sequences/plan.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+
+namespace turncal {
+namespace {
+
+const std::string header = "format = 1\nname = test\nrate_degps = 10\nacceleration_degps2 = 20\n";
+
+PlanLimits rig_limits() {
+  PlanLimits limits;
+  limits.settle_s = 0.5;
+  return limits;
+}
+
+Plan planned(const std::string& steps, const PlanLimits& limits = rig_limits()) {
+  const Result<Sequence> sequence = parse_sequence(header + steps, "test.seq");
+  EXPECT_TRUE(sequence.ok()) << sequence.error().message;
+  return sequence.ok() ? make_plan(*sequence, limits) : Plan();
+}
+
+Plan fourteen_step_plan() {
+  const Result<Sequence> sequence = read_sequence(std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq");
+  EXPECT_TRUE(sequence.ok()) << sequence.error().message;
+  return sequence.ok() ? make_plan(*sequence, rig_limits()) : Plan();
+}
+
+// 10 deg/s is reached after 0.5 s and 2.5 deg; both ends together cost 0.5 s beyond angle/rate.
+TEST(MoveDuration, TrapezoidAndTriangle) {
+  EXPECT_DOUBLE_EQ(move_duration_s(90.0, 10.0, 20.0), 9.5);
+  EXPECT_DOUBLE_EQ(move_duration_s(-180.0, 10.0, 20.0), 18.5);
+  EXPECT_DOUBLE_EQ(move_duration_s(5.0, 10.0, 20.0), 1.0);  // rate^2/acceleration: both forms give the same
+  // 1.25 deg: half the way at 20 deg/s^2 takes sqrt(1.25/20) = 0.25 s. The trapezoid's formula would give 0.625 s.
+  EXPECT_DOUBLE_EQ(move_duration_s(1.25, 10.0, 20.0), 0.5);
+}
+
+TEST(Plan, TimesByHand) {
+  const Plan plan = planned("step 1\ninitial H 0 P 0 R 0\nalign 12000\nrotate R +90\ndwell 20000\nrotate R +1.25\n"
+                            "step 2\ninitial H -90 P 0 R 0\nalign 400\n");
+  ASSERT_TRUE(plan.ok());
+  ASSERT_EQ(plan.items.size(), 7U);
+  EXPECT_EQ(plan.items[0].samples, 12000);
+  EXPECT_EQ(plan.items[1].start_sample, 12000);
+  EXPECT_DOUBLE_EQ(plan.items[1].start_s, 60.0);
+  EXPECT_EQ(plan.items[1].samples, 2000);  // 9 + 0.5 + 0.5 s
+  EXPECT_DOUBLE_EQ(plan.items[1].duration_s, 10.0);
+  EXPECT_EQ(plan.items[3].samples, 200);   // 0.5 + 0.5 s
+  EXPECT_EQ(plan.items[4].axis, Axis::roll);
+  EXPECT_EQ(plan.items[4].from_deg, 91.25);
+  EXPECT_EQ(plan.items[4].to_deg, 0.0);
+  EXPECT_EQ(plan.items[4].samples, 2025);  // 9.125 + 0.5 + 0.5 s
+  EXPECT_EQ(plan.items[5].axis, Axis::heading);
+  EXPECT_TRUE(plan.items[5].positioning);
+  EXPECT_EQ(plan.items[5].step, 2);
+  EXPECT_EQ(plan.items[6].step_index, 1U);
+  EXPECT_EQ(plan.items[6].item_index, 2U);
+  EXPECT_EQ(plan.items[6].commanded_deg, (AxisTriple{{-90.0, 0.0, 0.0}}));
+  EXPECT_EQ(plan.samples, 12000 + 2000 + 20000 + 200 + 2025 + 2000 + 400);
+  EXPECT_DOUBLE_EQ(plan.station_s, 38625 * 0.005);
+  EXPECT_DOUBLE_EQ(plan.moving_s, 6225 * 0.005);
+  EXPECT_EQ(plan.moves, 4);
+  EXPECT_EQ(plan.align_dwells, 2);
+  EXPECT_EQ(plan.still_dwells, 1);
+  EXPECT_EQ(plan.travel_max_deg, (AxisTriple{{0.0, 0.0, 91.25}}));
+  EXPECT_EQ(plan.travel_min_deg, (AxisTriple{{-90.0, 0.0, 0.0}}));
+  EXPECT_EQ(plan.wrap_used_deg, (AxisTriple{{90.0, 0.0, 91.25}}));
+  EXPECT_EQ(plan.turned_deg, (AxisTriple{{90.0, 0.0, 182.5}}));
+}
+
+TEST(Plan, RoundsUpToWholeSamples) {
+  // 7 deg: 0.7 + 0.5 + 0.5 = 1.7 s, exactly 340 samples although 1.7/0.005 is not exact in binary.
+  // 7.01 deg: 1.701 s, 340.2 samples, so 341.
+  const Plan plan = planned("step 1\ninitial H 0 P 0 R 0\nalign 200\nrotate R +7\nrotate R +7.01\ndwell 200\n");
+  EXPECT_EQ(plan.items[1].samples, 340);
+  EXPECT_EQ(plan.items[2].samples, 341);
+}
+
+TEST(Plan, FourteenStepsTakeExactly6342Seconds) {
+  const Plan plan = fourteen_step_plan();
+  EXPECT_TRUE(plan.ok());
+  EXPECT_EQ(plan.samples, 1268400);
+  EXPECT_DOUBLE_EQ(plan.station_s, 6342.0);
+  EXPECT_DOUBLE_EQ(plan.moving_s, 802.0);
+  EXPECT_EQ(plan.moves, 55);
+  EXPECT_EQ(plan.align_dwells, 14);
+  EXPECT_EQ(plan.still_dwells, 37);
+  EXPECT_EQ(plan.travel_min_deg, (AxisTriple{{-180.0, -180.0, -180.0}}));
+  EXPECT_EQ(plan.travel_max_deg, (AxisTriple{{0.0, 360.0, 360.0}}));
+}
+
+// The shared sample was recorded by an independent rig walking the same sequence.
+TEST(Plan, FourteenStepsRecordTheSegmentsOfTheSharedSample) {
+  const std::string path = std::string(TURNCAL_SOURCE_DIR) + "/../shared/data/recordings/clean/segments.csv";
+  if (!std::filesystem::exists(path)) {
+    GTEST_SKIP() << "the shared sample recording is not here: " << path;
+  }
+  std::ifstream stream(path);
+  std::string line;
+  std::getline(stream, line);
+  ASSERT_EQ(line, "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg");
+  std::ostringstream ours;
+  for (const Segment& s : planned_segments(fourteen_step_plan())) {
+    const char* kind = s.kind == SegmentKind::align ? "align" : s.kind == SegmentKind::still ? "static" : "rotate";
+    ours << s.step << ',' << kind << ',' << s.start_sample << ',' << s.end_sample << ',' << s.heading_deg << ',' << s.pitch_deg << ','
+         << s.roll_deg << '\n';
+  }
+  std::ostringstream theirs;
+  theirs << stream.rdbuf();
+  EXPECT_GT(theirs.str().size(), 1000U);
+  EXPECT_EQ(ours.str(), theirs.str());
+}
+
+// The example of docs/sequence-format.md with the times of its table.
+TEST(Plan, WorkedExampleOfTheDocument) {
+  std::ifstream stream(std::string(TURNCAL_SOURCE_DIR) + "/docs/sequence-format.md");
+  std::ostringstream document;
+  document << stream.rdbuf();
+  const std::string text = document.str();
+  const std::size_t begin = text.find("format = 1\nname = example");
+  ASSERT_NE(begin, std::string::npos);
+  const Result<Sequence> sequence = parse_sequence(text.substr(begin, text.find("```", begin) - begin), "example");
+  ASSERT_TRUE(sequence.ok()) << sequence.error().message;
+  const Plan plan = make_plan(*sequence, rig_limits());
+  const double starts_s[] = {0.0, 60.0, 97.0, 197.0, 269.75, 279.75, 339.75, 349.75};
+  ASSERT_EQ(plan.items.size(), std::size(starts_s));
+  for (std::size_t i = 0; i < plan.items.size(); ++i) {
+    EXPECT_DOUBLE_EQ(plan.items[i].start_s, starts_s[i]) << i;
+  }
+  EXPECT_EQ(plan.samples, 89950);
+  EXPECT_EQ(plan.wrap_used_deg, (AxisTriple{{90.0, 0.0, 360.0}}));
+}
+
+TEST(PlannedSegments, AreContiguous) {
+  std::int64_t at = 0;
+  const Plan plan = fourteen_step_plan();
+  for (const Segment& segment : planned_segments(plan)) {
+    EXPECT_EQ(segment.start_sample, at);
+    EXPECT_GT(segment.end_sample, segment.start_sample);
+    at = segment.end_sample;
+  }
+  EXPECT_EQ(at, plan.samples);
+}
+
+const std::string turning = "step 1\ninitial H 0 P 0 R 0\nalign 200\nrotate R +360\ndwell 200\nrotate R -540 rate 20\n";
+
+TEST(Violations, SoftTravelNamesTheLineOfTheMove) {
+  PlanLimits limits = rig_limits();
+  limits.axis[2].soft_min_deg = -170.0;
+  limits.axis[2].soft_max_deg = 350.0;
+  const Plan plan = planned(turning, limits);
+  EXPECT_FALSE(plan.ok());
+  EXPECT_EQ(plan.violations,
+            (std::vector<std::string>{
+                "test.seq:8: step 1: roll goes to 360 deg, soft travel is -170 to 350 deg",
+                "test.seq:10: step 1: roll goes to -180 deg, soft travel is -170 to 350 deg"}));
+  limits.axis[2].soft_min_deg = -180.0;  // the limit itself may be reached
+  limits.axis[2].soft_max_deg = 360.0;
+  EXPECT_TRUE(planned(turning, limits).ok());
+}
+
+TEST(Violations, TheStartPositionIsChecked) {
+  const Plan plan = planned("step 1\ninitial H 600 P 0 R 0\nalign 200\ndwell 200\n");
+  EXPECT_EQ(plan.violations, (std::vector<std::string>{
+                                 "test.seq:5: step 1: heading goes to 600 deg, soft travel is -540 to 540 deg"}));
+}
+
+TEST(Violations, RateAndAcceleration) {
+  PlanLimits limits = rig_limits();
+  limits.axis[2].max_rate_degps = 15.0;
+  limits.axis[2].max_acceleration_degps2 = 19.0;
+  EXPECT_EQ(planned(turning, limits).violations,
+            (std::vector<std::string>{
+                "test.seq:8: step 1: roll accelerates with 20 deg/s^2, the most allowed is 19 deg/s^2 (and 1 more)",
+                "test.seq:10: step 1: roll turns at 20 deg/s, the most allowed is 15 deg/s"}));
+  limits.axis[2].max_rate_degps = 20.0;
+  limits.axis[2].max_acceleration_degps2 = 20.0;
+  EXPECT_TRUE(planned(turning, limits).ok());
+}
+
+TEST(Violations, CableWrapIsTheRangeOfTheRun) {
+  PlanLimits limits = rig_limits();
+  limits.axis[2].wrap_deg = 500.0;
+  EXPECT_EQ(planned(turning, limits).violations,
+            (std::vector<std::string>{
+                "test.seq:10: step 1: roll has wound its cable by 540 deg, the most allowed is 500 deg"}));
+  limits.axis[2].wrap_deg = 540.0;
+  EXPECT_TRUE(planned(turning, limits).ok());
+  limits.axis[2].wrap_deg = 0.0;  // slip rings
+  EXPECT_TRUE(planned(turning, limits).ok());
+}
+
+TEST(Violations, OfOneAxisDoNotConcernAnother) {
+  PlanLimits limits = rig_limits();
+  limits.axis[0] = limits.axis[1] = {-1.0, 1.0, 1.0, 1.0, 1.0};
+  EXPECT_TRUE(planned(turning, limits).ok());
+}
+
+TEST(Violations, ADwellMustLastASecondAtTheUnitsRate) {
+  PlanLimits limits = rig_limits();
+  limits.sample_period_s = 0.0025;
+  EXPECT_EQ(planned("step 1\ninitial H 0 P 0 R 0\nalign 400\ndwell 399\n", limits).violations,
+            (std::vector<std::string>{
+                "test.seq:8: step 1: a dwell of 399 samples takes 0.9975 s, the shortest that counts is 1 s"}));
+}
+
+}  // namespace
+}  // namespace turncal
