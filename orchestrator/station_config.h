@@ -1,9 +1,9 @@
-// The station: site, table, IMU and the numbers that judge motion and dwells. Read from a text file (orchestrator/stations/
-// mock.station shows every key); the built-in rig station needs no file.
+// The station: site, table, IMU and the numbers that judge motion and dwells. Read from a text file
+// (orchestrator/stations/mock.station shows every key); the built-in rig station needs no file.
 //
-// Units as the suffix says: degrees, deg/s, deg/s^2, seconds, m/s^2. Every value has a default except those of the site.
-// An unknown key, a value out of range and options that contradict each other are errors of one line that name file, line
-// and key.
+// Units as the suffix says: degrees, deg/s, deg/s^2, seconds, m/s^2. Every value has a default except format, those of
+// the site and the two drivers. An unknown key, a value out of range and options that contradict each other are errors
+// of one line that name file, line and key.
 #pragma once
 
 #include <array>
@@ -28,8 +28,9 @@ struct MotionConfig {
   double deadline_margin_s = 10.0;       // deadline = angle/rate + 2 rate/acceleration + margin
 };
 
-// When a dwell counts. Stillness is judged on the means of the IMU's own rates and accelerations over consecutive windows
-// of stillness_window_s: their standard deviation over the dwell, and the largest distance of one from the dwell's mean.
+// When a dwell counts. Stillness is judged on the means of the IMU's own rates and accelerations over consecutive
+// windows of stillness_window_s: their standard deviation over the dwell, and the largest distance of one from the
+// dwell's mean.
 // (Means, since one pulse of a laser gyro in one 5 ms sample is already 0.05 deg/s.)
 struct DwellConfig {
   int max_repeats = 2;  // of one dwell, after the first attempt

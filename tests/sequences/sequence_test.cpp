@@ -220,6 +220,7 @@ TEST(Extended, AddsAnglesRatesAndAReturnToTheFourteenSteps) {
     // The station polls in tenths of a second; every move ends on one.
     EXPECT_EQ(item.samples % 20, 0) << "line " << item.line;
   }
+  EXPECT_EQ(plan.samples, 2608120);  // 13040.6 s, as the document says
   EXPECT_EQ(turns.size(), 3U * 2U * 3U);  // three gyros, two senses, three rates
   EXPECT_TRUE(at_45[0] && at_45[1] && at_45[2]);
   EXPECT_EQ(plan.items.back().commanded_deg, sequence.start_deg);
