@@ -60,14 +60,16 @@ class Rig {
   void release_emergency_stop();    // the operator pulls the button out; the latch stays until clear_faults()
   bool clear_faults();              // false: the emergency stop has not been released
   bool link_lost() const;
-  bool imu_unplugged() const;
+  bool imu_unplugged() const;       // until plug_imu()
+  void plug_imu();
 
   // --- Time and unit.
   // The next out.size() samples the unit delivers. Time passes by one period for each, plus one for every sample that
   // is lost by a fault and none for a duplicate.
+  // Does not return before that many were delivered: not for a unit that a fault has silenced for good.
   void advance(std::span<ImuSample> out);
-  // Time passes by `samples` periods; what the unit delivers is written to `out` (at most out.size(), which must be at
-  // least 2 * samples if duplicates are configured). Returns how many: this is how a silent unit looks.
+  // Time passes by `samples` periods, or fewer: it stops when `out` is full or the unit has been unplugged. Returns how many
+  // samples were delivered, fewer than time has passed when faults lose some.
   std::size_t advance_time(std::int64_t samples, std::span<ImuSample> out);
   std::int64_t samples_passed() const;  // since start, delivered or not
   double time_s() const;                // samples_passed * period

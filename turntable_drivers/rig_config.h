@@ -41,6 +41,9 @@ struct RigNoise {
   double accel_bias_instability_ug = 0.3;
   double gyro_rate_random_walk_degph_per_rt_h = 0.0;  // K: sigma of the bias change after t is K sqrt(t)
   double accel_acceleration_random_walk_ug_per_rt_h = 0.0;
+  // Flicker noise is a sum of stationary first-order Markov processes; this is the longest time constant. Beyond about half
+  // of it the Allan deviation falls below 0.664 B, and the mean over a long run is that of N0 and A0.
+  double flicker_longest_s = 1000.0;
 };
 
 struct RigTemperature {  // T = start + rise (1 - exp(-t/tau)), recorded to 0.001 C
@@ -61,14 +64,16 @@ struct RigTableErrors {
   std::optional<double> heading_pitch_arcmin;  // pitch axis not square to the heading axis
   std::optional<double> pitch_roll_arcmin;     // roll axis not square to the pitch axis
   std::array<std::optional<double>, 3> mounting_arcmin;  // unit in the fixture, about x y z
-  struct Encoder {  // true angle = e (1 + scale) + offset + harmonic sin(order e + phase), e the encoder's reading
-    double offset_arcsec = 0.0;
-    double scale_ppm = 0.0;
-    double harmonic_arcsec = 2.0;
+  // True angle = e (1 + scale) + offset + harmonic sin(order e + phase), e the encoder's reading. Drawn if not set: offset
+  // up to 5 arcsec, scale up to 1 ppm, harmonic up to 2 arcsec.
+  struct Encoder {
+    std::optional<double> offset_arcsec;
+    std::optional<double> scale_ppm;
+    std::optional<double> harmonic_arcsec;
+    std::optional<double> phase_deg;
     int order = 2;
-    double phase_deg = 0.0;
   };
-  std::array<Encoder, 3> encoder;      // by Axis; with random_arcmin = 0 the default harmonic is off as well
+  std::array<Encoder, 3> encoder;      // by Axis
   Triple creep_arcsec{};               // by Axis: after a motion the axis goes on in its direction by c (1 - exp(-t/tau))
   double creep_tau_s = 20.0;
 };
@@ -97,6 +102,7 @@ struct RigConfig {
   double start_utc_s = 1767225600.0;  // 2026-01-01T00:00:00Z
   double sample_period_s = 0.005;
   std::int64_t first_counter = 0;  // the unit's counter at the rig's first sample
+  int quadrature_substeps = 1;     // motion: each piece of a sample is cut into so many, for checks of the quadrature
   double gyro_pulse_arcsec = 0.932920;  // start value of the diagonal of n
   double accel_pulse_mps = 0.0005;
   RigQuantisation quantisation = RigQuantisation::floor;

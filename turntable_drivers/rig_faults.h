@@ -20,7 +20,7 @@ enum class RigFaultKind {
   velocity_knock,     // + size [m/s] in the accelerometer increment of that sample
   invalid_sample,     // `count` samples from there carry sample_flag_invalid, data as always
   imu_silent,         // from time_s for duration_s nothing is delivered (samples are lost, counter shows the gap)
-  imu_unplugged,      // from time_s read() returns a device error until it is opened again
+  imu_unplugged,      // from time_s read() is a device error until the unit is opened again, which succeeds
   // The table. `axis` is the table axis as Axis.
   table_moved,        // at time_s the axis turns by size [deg] at rate_degps by itself and stays there; the encoder shows
                       // it, unless `hidden` (the platform moved, the encoder did not)

@@ -29,18 +29,17 @@ class RigTable : public Turntable {
   Result<AxisStatus> status(Axis axis) override;
 
  private:
-  Status reachable() const;
+  Status reachable();   // connected and the link holds
+  Status ready(Axis axis);  // and no emergency stop, no fault, enabled
+  void update();        // notes what has happened in the rig since the last call
   bool in_position(Axis axis, const Rig::AxisState& state) const;
-  bool homing(Axis axis) const;
-  void update();  // notes what has happened in the rig since the last call
 
   Rig& rig_;
   bool connected_ = false;
-  bool enabled_ = false;
+  std::array<bool, 3> enabled_{};
   std::array<bool, 3> homed_{};
   std::array<bool, 3> homing_{};
   double homing_ends_s_ = 0.0;
-  std::array<bool, 3> stopped_short_{};
 };
 
 }  // namespace turncal
