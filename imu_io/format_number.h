@@ -1,4 +1,4 @@
-// Numbers as text and back, without locale: the shortest text that reads back as the same number, and strict parsing
+// Numbers as text and back, without locale: the fewest digits that read back as the same number, and strict parsing
 // (the whole token, finite, no leading `+` or blanks).
 #pragma once
 
@@ -17,11 +17,21 @@ namespace turncal {
 // Room for the longest shortest-form double or 64-bit integer.
 using NumberBuffer = std::array<char, 32>;
 
-// double, float and every integer type. -0.0 gives "-0".
+// double, float and every integer type. -0.0 gives "-0". From 1e-4 to 1e15 without an exponent, which people read more
+// easily ("0.0005", not "5e-04"); the digits are the same.
 template <class T>
   requires(std::integral<T> || std::floating_point<T>)
 std::string_view format_number(T value, NumberBuffer& buffer) {
-  const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  char* const begin = buffer.data();
+  char* const end = begin + buffer.size();
+  std::to_chars_result result{};
+  if constexpr (std::floating_point<T>) {
+    const T magnitude = std::abs(value);
+    const bool plain = magnitude >= T(1e-4) && magnitude < T(1e15);
+    result = plain ? std::to_chars(begin, end, value, std::chars_format::fixed) : std::to_chars(begin, end, value);
+  } else {
+    result = std::to_chars(begin, end, value);
+  }
   return {buffer.data(), static_cast<std::size_t>(result.ptr - buffer.data())};
 }
 

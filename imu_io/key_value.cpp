@@ -6,18 +6,12 @@
 
 #include "imu_io/format_number.h"
 #include "imu_io/posix_file.h"
+#include "imu_io/text_pieces.h"
 
 namespace turncal {
 namespace {
 
 constexpr std::size_t max_file_bytes = std::size_t{16} << 20;
-
-std::string_view trimmed(std::string_view text) {
-  const auto blank = [](char c) { return c == ' ' || c == '\t'; };
-  while (!text.empty() && blank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && blank(text.back())) text.remove_suffix(1);
-  return text;
-}
 
 bool is_key(std::string_view key) {
   bool part_is_empty = true;
@@ -29,33 +23,9 @@ bool is_key(std::string_view key) {
   return !part_is_empty;
 }
 
-// One line of bounded length, whatever stood in the file.
-std::string shown(std::string_view text) {
-  constexpr std::size_t longest = 60;
-  std::string result;
-  for (const char c : text.substr(0, longest)) {
-    result += static_cast<unsigned char>(c) < 0x20 || c == 0x7F ? '?' : c;
-  }
-  if (text.size() > longest) result += "...";
-  return result;
-}
-
-std::string quoted(std::string_view text) {
-  std::string result = "'";
-  result += shown(text);
-  result += '\'';
-  return result;
-}
-
 std::vector<std::string_view> split_at_commas(std::string_view text) {
-  std::vector<std::string_view> parts;
-  if (trimmed(text).empty()) return parts;
-  for (;;) {
-    const std::size_t comma = text.find(',');
-    parts.push_back(trimmed(text.substr(0, comma)));
-    if (comma == std::string_view::npos) return parts;
-    text.remove_prefix(comma + 1);
-  }
+  if (text.empty()) return {};
+  return split(text, ',');
 }
 
 std::string joined(std::initializer_list<std::string_view> choices) {
@@ -109,10 +79,7 @@ Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);  // byte order mark of some editors
   while (!text.empty()) {
     ++line_number;
-    const std::size_t end = text.find('\n');
-    std::string_view line = text.substr(0, end);
-    text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
-    if (line.ends_with('\r')) line.remove_suffix(1);
+    std::string_view line = take_line(text);
     for (const char c : line) {
       if ((static_cast<unsigned char>(c) < 0x20 && c != '\t') || c == 0x7F) {
         return defect("a control character: expected a text file");
@@ -180,8 +147,8 @@ Error KeyValueFile::error_at(std::string_view key, std::string_view expected) co
   if (entry == nullptr) {
     return input_error(file_name_ + ": key '" + std::string(key) + "' is missing: expected " + std::string(expected));
   }
-  return input_error(file_name_ + ":" + std::to_string(entry->line) + ": key '" + entry->key + "' = '" +
-                     shown(entry->value) + "': expected " + std::string(expected));
+  return input_error(file_name_ + ":" + std::to_string(entry->line) + ": key '" + entry->key + "' = " +
+                     quoted(entry->value) + ": expected " + std::string(expected));
 }
 
 void KeyValueFile::reject(std::string_view key, std::string_view expected) { remember(error_at(key, expected)); }
@@ -195,8 +162,8 @@ Status KeyValueFile::check_all_used() const {
   if (first_defect_) return *first_defect_;
   for (const Entry& entry : entries_) {
     if (!entry.used) {
-      return input_error(file_name_ + ":" + std::to_string(entry.line) + ": key '" + shown(entry.key) +
-                         "' is unknown");
+      return input_error(file_name_ + ":" + std::to_string(entry.line) + ": key " + quoted(entry.key) +
+                         " is unknown");
     }
   }
   return {};

@@ -7,6 +7,8 @@
 
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 namespace turncal {
@@ -154,6 +156,15 @@ Result<std::string> read_whole_file(const std::string& path, std::size_t max_byt
   if (!got) return got.error();
   text.resize(*got);
   return text;
+}
+
+bool path_exists(const std::string& path) { return ::access(path.c_str(), F_OK) == 0; }
+
+Status make_folder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (error) return input_error(path + ": cannot make folder: " + error.message());
+  return {};
 }
 
 std::string folder_of(const std::string& path) {

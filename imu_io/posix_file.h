@@ -48,6 +48,8 @@ class PosixFile {
 
 // The whole file; an error above max_bytes.
 Result<std::string> read_whole_file(const std::string& path, std::size_t max_bytes = std::size_t{64} << 20);
+bool path_exists(const std::string& path);
+Status make_folder(const std::string& path);  // with its parents; fine when it exists
 Status sync_folder(const std::string& folder);
 std::string folder_of(const std::string& path);  // "." when path names none
 

@@ -25,7 +25,7 @@ namespace turncal {
 struct RecordingDamage {
   std::uint64_t records_dropped = 0;  // records with a wrong checksum, or missing in the numbering
   std::uint64_t bytes_dropped = 0;    // of them that are still in the file
-  std::uint64_t samples_dropped = 0;  // exact when complete, else a lower bound
+  std::uint64_t samples_dropped = 0;  // as far as the end mark tells; 0 without one
   std::uint64_t torn_tail_bytes = 0;  // after the last good record; a normal end of an interrupted capture
   bool complete = true;               // the end mark is there
   bool lost_data() const { return records_dropped != 0; }

@@ -4,12 +4,19 @@
 
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "calib/recording_types.h"
 #include "calib/status.h"
 #include "imu_io/recording_source.h"
 
 namespace turncal {
+
+inline constexpr std::string_view segments_csv_header =
+    "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg";
+// Written only when the unit flagged samples; without it a flag would be lost on the way through text.
+inline constexpr const char* flags_csv_name = "flags.csv";
+inline constexpr std::string_view flags_csv_header = "sample,flags";
 
 // Opens the text form only; RecordingSource::open() decides between the forms.
 Result<std::unique_ptr<RecordingSource>> open_text_recording(const std::string& folder);
