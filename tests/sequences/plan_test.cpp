@@ -75,11 +75,11 @@ TEST(Plan, TimesByHand) {
 }
 
 TEST(Plan, RoundsUpToWholeSamples) {
-  // 7 deg: 0.7 + 0.5 + 0.5 = 1.7 s, exactly 340 samples although 1.7/0.005 is not exact in binary.
-  // 7.01 deg: 1.701 s, 340.2 samples, so 341.
-  const Plan plan = planned("step 1\ninitial H 0 P 0 R 0\nalign 200\nrotate R +7\nrotate R +7.01\ndwell 200\n");
-  EXPECT_EQ(plan.items[1].samples, 340);
-  EXPECT_EQ(plan.items[2].samples, 341);
+  // 10.3 deg: 1.03 + 0.5 + 0.5 = 2.03 s, exactly 406 samples although binary arithmetic gives 406.00000000000006.
+  // 10.31 deg: 2.031 s, 406.2 samples, so 407.
+  const Plan plan = planned("step 1\ninitial H 0 P 0 R 0\nalign 200\nrotate R +10.3\nrotate R -10.31\ndwell 200\n");
+  EXPECT_EQ(plan.items[1].samples, 406);
+  EXPECT_EQ(plan.items[2].samples, 407);
 }
 
 TEST(Plan, FourteenStepsTakeExactly6342Seconds) {
@@ -108,8 +108,8 @@ TEST(Plan, FourteenStepsRecordTheSegmentsOfTheSharedSample) {
   std::ostringstream ours;
   for (const Segment& s : planned_segments(fourteen_step_plan())) {
     const char* kind = s.kind == SegmentKind::align ? "align" : s.kind == SegmentKind::still ? "static" : "rotate";
-    ours << s.step << ',' << kind << ',' << s.start_sample << ',' << s.end_sample << ',' << s.heading_deg << ',' << s.pitch_deg << ','
-         << s.roll_deg << '\n';
+    ours << s.step << ',' << kind << ',' << s.start_sample << ',' << s.end_sample << ',' << s.heading_deg << ','
+         << s.pitch_deg << ',' << s.roll_deg << '\n';
   }
   std::ostringstream theirs;
   theirs << stream.rdbuf();
