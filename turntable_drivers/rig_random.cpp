@@ -37,6 +37,8 @@ RandomStream::RandomStream(std::uint64_t seed, std::uint64_t stream) : tables_(&
   }
 }
 
+RandomStream::RandomStream(const std::array<std::uint64_t, 4>& state) : state_(state), tables_(&shared_tables()) {}
+
 double RandomStream::normal_slow(std::size_t layer, double z) {
   for (;;) {
     const double size = z < 0.0 ? -z : z;

@@ -13,6 +13,7 @@ namespace turncal::rig_model {
 class RandomStream {
  public:
   RandomStream(std::uint64_t seed, std::uint64_t stream);
+  explicit RandomStream(const std::array<std::uint64_t, 4>& state);  // for the published check values; not all zero
 
   std::uint64_t next() {
     const std::uint64_t result = rotate(state_[0] + state_[3], 23) + state_[0];

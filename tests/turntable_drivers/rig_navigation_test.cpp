@@ -1,0 +1,270 @@
+// The rig against navigation: what it makes is consistent motion, its quadrature is exact, and each of the fourteen steps
+// shows its parameter with the size and sign derived by hand in docs/rig.md. The navigation here is written for this test
+// from the definitions alone.
+#include <cmath>
+#include <functional>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <gtest/gtest.h>
+
+#include "turntable_drivers/rig.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr double pi = 3.14159265358979323846;
+constexpr double arcsec = pi / 180.0 / 3600.0;
+constexpr double g = 9.7914, g0 = 9.80665, earth = 7.292115e-5;
+
+Matrix3d cross(const Vector3d& v) {
+  Matrix3d m;
+  m << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0;
+  return m;
+}
+
+// v_n = C v_b, by small steps: C <- exp(-w_ie dt) C exp(dtheta), and dV = C0 M^-1 dv - g dt with M the mean over the sample
+// of the body's rotation in n back to the start of the sample, so that a constant force in n is integrated exactly at a constant rate.
+struct Navigator {
+  Matrix3d c = Matrix3d::Identity();
+  Vector3d velocity = Vector3d::Zero();
+  double period_s = 0.005;
+
+  static Matrix3d exponential(const Vector3d& v) {
+    const double t2 = v.squaredNorm();
+    const Matrix3d k = cross(v);
+    return Matrix3d::Identity() + (1.0 - t2 / 6.0 + t2 * t2 / 120.0) * k + (0.5 - t2 / 24.0 + t2 * t2 / 720.0) * k * k;
+  }
+  void step(const Vector3d& gyro, const Vector3d& accel) {
+    const double latitude = 29.53 * pi / 180.0;
+    const Vector3d earth_n = earth * Vector3d(std::cos(latitude), std::sin(latitude), 0.0);
+    const Vector3d turn = gyro - c.transpose() * earth_n * period_s;  // of the body in n
+    const Matrix3d k = cross(turn);
+    const double t2 = turn.squaredNorm();
+    const Matrix3d mean_back = Matrix3d::Identity() - (0.5 - t2 / 24.0) * k + (1.0 / 6.0 - t2 / 120.0) * k * k;
+    velocity += c * mean_back.inverse() * accel - Vector3d(0.0, g, 0.0) * period_s;
+    c = exponential(-earth_n * period_s) * c * exponential(gyro);
+  }
+};
+
+// Calibrated with the paper's start values.
+void step(Navigator& navigator, const ImuSample& sample) {
+  navigator.step(Vector3d(sample.gyro[0], sample.gyro[1], sample.gyro[2]) * (0.932920 * arcsec),
+                 Vector3d(sample.accel[0], sample.accel[1], sample.accel[2]) * 0.0005);
+}
+
+void run(Rig& rig, Navigator& navigator, double seconds) {
+  const auto samples = static_cast<int>(std::lround(seconds / rig.config().sample_period_s));
+  for (int i = 0; i < samples; ++i) {
+    ImuSample sample;
+    rig.advance({&sample, 1});
+    step(navigator, sample);
+  }
+}
+
+Matrix3d attitude(const Rig& rig) {
+  const std::array<double, 9> rows = rig.attitude_nb();
+  Matrix3d c;
+  for (std::size_t i = 0; i < 9; ++i) c(static_cast<int>(i / 3), static_cast<int>(i % 3)) = rows[i];
+  return c;
+}
+
+// Table errors, encoder harmonics and creep are real motion: started with the true attitude, a perfect unit navigates to the
+// true attitude and to zero velocity. 1 ms samples keep the test's own error (rate not constant during a ramp) at 1e-7 m/s.
+TEST(RigNavigation, PerfectUnitComesBackToRest) {
+  RigConfig config = perfect_rig_config();
+  config.sample_period_s = 0.001;
+  config.table_errors.random_arcmin = 30.0;
+  config.table_errors.creep_arcsec = {5.0, -3.0, 4.0};
+  config.table_errors.encoder[1].harmonic_arcsec = 20.0;
+  Rig rig(config);
+  Navigator navigator;
+  navigator.period_s = 0.001;
+  navigator.c = attitude(rig);
+  const struct {
+    Axis axis;
+    double target_deg, seconds;
+  } moves[] = {{Axis::roll, 90, 12}, {Axis::pitch, -180, 21}, {Axis::heading, 45, 7.5}, {Axis::roll, -270, 40},
+               {Axis::pitch, 33.3, 30}};
+  for (const auto& move : moves) {
+    rig.command_move(move.axis, move.target_deg, 10.0, 10.0);
+    run(rig, navigator, move.seconds);
+    EXPECT_LT(navigator.velocity.norm(), 1e-6) << to_string(move.axis);
+    EXPECT_LT((navigator.c - attitude(rig)).norm(), 1e-9) << to_string(move.axis);
+  }
+}
+
+// Two axes at once: coning and sculling within a sample are now in the test's own error, 1e-5 m/s here.
+TEST(RigNavigation, TwoAxesAtOnce) {
+  RigConfig config = perfect_rig_config();
+  config.sample_period_s = 0.0005;
+  Rig rig(config);
+  Navigator navigator;
+  navigator.period_s = 0.0005;
+  rig.command_move(Axis::heading, 120.0, 20.0, 40.0);
+  rig.command_move(Axis::roll, -170.0, 25.0, 40.0);
+  run(rig, navigator, 10.0);
+  EXPECT_LT(navigator.velocity.norm(), 1e-5);
+  EXPECT_LT((navigator.c - attitude(rig)).norm(), 1e-6);
+}
+
+// The same commands with every piece of a sample cut in ten: sums of increments over the whole run agree.
+TEST(RigQuadrature, TenTimesFinerChangesNothing) {
+  RigConfig config = perfect_rig_config();
+  config.table_errors.random_arcmin = 3.0;
+  config.table_errors.creep_arcsec = {5.0, 5.0, 5.0};
+  for (const std::string& key : rig_effect_keys()) *find_effect(config.effects, key) = 3.0;
+  config.effects.gyro_magnetic.fill(0.01);
+  config.effects.gyro_g_sensitivity.fill(0.01);
+  RigConfig fine = config;
+  fine.quadrature_substeps = 10;
+  const auto sums = [](const RigConfig& c) {
+    Rig rig(c);
+    std::array<double, 6> sum{};
+    const auto pass = [&](int samples) {
+      for (int i = 0; i < samples; ++i) {
+        ImuSample sample;
+        rig.advance({&sample, 1});
+        for (std::size_t k = 0; k < 3; ++k) {
+          sum[k] += sample.gyro[k] * (0.932920 * arcsec);
+          sum[3 + k] += sample.accel[k] * 0.0005;
+        }
+      }
+    };
+    for (int round = 0; round < 4; ++round) {
+      const double way = round % 2 == 0 ? 1.0 : 0.0;
+      rig.command_move(Axis::pitch, 180.0 * way, 10.0, 10.0);
+      pass(5000);
+      rig.command_move(Axis::roll, 360.0 * way, 40.0, 50.0);
+      rig.command_move(Axis::heading, 77.7 * way, 13.0, 11.1);
+      pass(5003);
+      rig.command_move(Axis::heading, 300.0 * way, 100.0, 200.0);
+      pass(301);
+      rig.stop();
+      pass(2000);
+    }
+    return sum;
+  };
+  const auto coarse_sums = sums(config), fine_sums = sums(fine);
+  for (std::size_t k = 0; k < 3; ++k) {
+    EXPECT_NEAR(coarse_sums[k], fine_sums[k], 1e-10) << k;
+    EXPECT_NEAR(coarse_sums[3 + k], fine_sums[3 + k], 1e-9) << k;
+  }
+}
+
+// One worked number for each step, derived in docs/rig.md. The unit differs from the start values in one parameter; the
+// navigator is levelled by the accelerometers at the initial position with the heading given, turns, and gains an east velocity
+// in the dwell. Second-order terms (earth rate during the dwell, squares of the error) stay below 0.5 %.
+struct Worked {
+  const char* name;
+  std::size_t parameter;  // place in Table 1
+  double change;
+  double heading_deg, pitch_deg, roll_deg;
+  Axis axis;
+  double turn_deg;        // 0: no turn
+  double dwell_s;
+  double east_mps;
+};
+
+class RigWorkedNumber : public testing::TestWithParam<Worked> {};
+
+TEST_P(RigWorkedNumber, EastVelocityOfTheLeg) {
+  const Worked& w = GetParam();
+  RigConfig config = perfect_rig_config();
+  config.table.power_on_deg = {w.heading_deg, w.pitch_deg, w.roll_deg};
+  const double start = w.parameter == 6 || w.parameter == 10 || w.parameter == 14 ? 0.932920 : 0.0;
+  config.truth[w.parameter] = start + w.change;
+  Rig rig(config);
+
+  // Level: the mean force of ten seconds gives up in body axes; north from the true attitude, which has the given heading.
+  Vector3d force = Vector3d::Zero();
+  const Matrix3d true_c = attitude(rig);
+  for (int i = 0; i < 2000; ++i) {
+    ImuSample sample;
+    rig.advance({&sample, 1});
+    force += Vector3d(sample.accel[0], sample.accel[1], sample.accel[2]);
+  }
+  Navigator navigator;
+  const Vector3d up_b = force.normalized();
+  const Vector3d true_north_b = true_c.row(0).transpose();
+  const Vector3d north_b = (true_north_b - up_b * up_b.dot(true_north_b)).normalized();
+  navigator.c.row(0) = north_b.transpose();
+  navigator.c.row(1) = up_b.transpose();
+  navigator.c.row(2) = (cross(north_b) * up_b).transpose();
+
+  if (w.turn_deg != 0.0) {
+    const double start_deg = w.axis == Axis::heading ? w.heading_deg : w.axis == Axis::pitch ? w.pitch_deg : w.roll_deg;
+    rig.command_move(w.axis, start_deg + w.turn_deg, 10.0, 10.0);
+    run(rig, navigator, std::abs(w.turn_deg) / 10.0 + 1.0);
+  }
+  const double before = navigator.velocity[2];
+  run(rig, navigator, w.dwell_s);
+  EXPECT_NEAR(navigator.velocity[2] - before, w.east_mps, 0.005 * std::abs(w.east_mps));
+}
+
+// u: the unit of n, 0.932920; T = 100 s. Numbers of docs/rig.md, section "One number for each step".
+INSTANTIATE_TEST_SUITE_P(
+    FourteenSteps, RigWorkedNumber,
+    testing::Values(
+        Worked{"step2_n11", 6, 1e-5 * 0.932920, 0, 0, 0, Axis::roll, 360, 100, -0.0615212},      // -2 pi g T 1e-5
+        Worked{"step3_n33", 14, 1e-5 * 0.932920, -90, 0, 0, Axis::pitch, 360, 100, -0.0615212},
+        Worked{"step4_n22", 10, 1e-5 * 0.932920, -90, 0, -90, Axis::pitch, 360, 100, -0.0615212},
+        Worked{"step5_A03", 5, 1e-4, 0, 0, 0, Axis::roll, 180, 100, -0.1961330},                 // -2 g0 1e-4 T
+        Worked{"step6_A01", 3, 1e-4, -90, 0, 0, Axis::pitch, 180, 100, 0.1961330},               // +2 g0 1e-4 T
+        Worked{"step7_A02", 4, 1e-4, 0, 0, 0, Axis::roll, 90, 100, 0.0980665},                   // +g0 1e-4 T
+        Worked{"step7_a23", 20, 1e-4, 0, 0, 0, Axis::roll, 90, 100, 0.0979140},                  // +g 1e-4 T
+        Worked{"step8_a12", 16, 1e-4, -90, 0, 0, Axis::pitch, 90, 100, -0.0979140},              // -g 1e-4 T
+        Worked{"step9_a13", 17, 1e-4, -90, 0, -90, Axis::pitch, 90, 100, -0.0979140},            // -g 1e-4 T
+        Worked{"step10_n21", 9, 1e-4 * 0.932920, -90, 0, 0, Axis::roll, 90, 100, -0.0979140},    // -g 1e-4 T
+        Worked{"step10_n31", 12, 1e-4 * 0.932920, -90, 0, 0, Axis::roll, 90, 100, -0.0979140},
+        Worked{"step11_n12", 7, 1e-4 * 0.932920, -90, 0, 0, Axis::heading, 90, 100, 0.0979140},  // +g 1e-4 T
+        Worked{"step11_n32", 13, 1e-4 * 0.932920, -90, 0, 0, Axis::heading, 90, 100, 0.0979140},
+        Worked{"step12_n13", 8, 1e-4 * 0.932920, 0, 0, 0, Axis::pitch, 90, 100, -0.0979140},     // -g 1e-4 T
+        Worked{"step12_n23", 11, 1e-4 * 0.932920, 0, 0, 0, Axis::pitch, 90, 100, 0.0979140},     // +g 1e-4 T
+        Worked{"step13_N01", 0, 0.01, 0, 0, 0, Axis::heading, 0, 600, 0.0854461},                // +g 0.01 deg/h T^2/2
+        Worked{"step14_N03", 2, 0.01, -90, 0, 0, Axis::heading, 0, 600, 0.0854461}),
+    [](const auto& tested) { return std::string(tested.param.name); });
+
+// Step 1: a11 = 1.03 and A01 = 0.002 g. In one second the x accelerometer counts
+//   P = +90: (9.7914 + 0.002 * 9.80665) / (1.03 * 0.0005) = 19050.5113 pulses, P = -90: (-9.7914 + 0.0196133) / ... =
+//   -18974.3431; with the start values that is p = 9.5252557, m = -9.4871715: (p + m)/2 = 0.0190421 m/s^2, of which 1.03 is
+//   A01, and 2 g / (p - m) = 1.03 = a11.
+TEST(RigWorkedNumbers, StepOneBiasAndScale) {
+  RigConfig config = perfect_rig_config();
+  config.truth[15] = 1.03;
+  config.truth[3] = 0.002;
+  std::array<double, 2> counts{};
+  for (std::size_t i = 0; i < 2; ++i) {
+    config.table.power_on_deg[1] = i == 0 ? 90.0 : -90.0;
+    Rig rig(config);
+    std::vector<ImuSample> samples(200);
+    rig.advance(samples);
+    for (const ImuSample& sample : samples) counts[i] += sample.accel[0];
+  }
+  EXPECT_NEAR(counts[0], 19050.5113, 1e-3);
+  EXPECT_NEAR(counts[1], -18974.3431, 1e-3);
+  const double p = counts[0] * 0.0005, m = counts[1] * 0.0005;
+  EXPECT_NEAR(2.0 * g / (p - m), 1.03, 1e-12);
+  EXPECT_NEAR((p + m) / 2.0 * 1.03, 0.002 * g0, 1e-12);
+}
+
+// Step 14 also gives N02: 0.01 deg/h high, 600 s: the computed heading is too small by 0.01 * 600/3600 deg = 6 arcsec, since
+// a rotation about up takes x to the west.
+TEST(RigWorkedNumbers, StepFourteenHeading) {
+  RigConfig config = perfect_rig_config();
+  config.table.power_on_deg[0] = -90.0;
+  config.truth[1] = 0.01;
+  Rig rig(config);
+  Navigator navigator;
+  navigator.c = attitude(rig);
+  run(rig, navigator, 600.0);
+  const double heading = std::atan2(navigator.c(2, 0), navigator.c(0, 0));  // of x: east over north
+  EXPECT_NEAR((heading + pi / 2.0) / arcsec, -6.0, 0.02);
+}
+
+}  // namespace
+}  // namespace turncal
