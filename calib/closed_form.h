@@ -9,22 +9,24 @@
 // lengths of alignments and dwells, rates and the times between them are free. Further steps and segments are ignored.
 //
 //   parameter        step  from
-//   a_ii, A0i        1     mean specific force with each axis up and down (y down: step 5)
+//   a_ii, A0i        1     mean specific force with each axis up and down (y down: the dwell at roll 180 of step 5)
 //   n11 n33 n22      2 3 4   two legs of +360 and -360 deg
 //   A03 A01 A02 a23 a12 a13 (accelerometers), n21 n31 n12 n32 n23 n13 (gyros)   5-12  two legs of +180/-180 or +90/-90 deg
 //   N01 N02 N03      13 14   600 s at rest
 //
 // Bad input is an Error of kind input with one line: a step or leg that is missing, a static segment that is needed and
-// shorter than min_dwell_s, gravity or latitude out of range, an accelerometer axis that never stands vertical in step 1, data that
-// contradict the commanded angles by more than max_misfit_deg, samples lost in a rotation that is needed.
+// shorter than min_dwell_s, gravity or latitude out of range, an accelerometer axis that never stands vertical, data
+// that contradict the commanded angles by more than max_misfit_deg, samples lost in a rotation that is needed.
 // Not converged is not an error of the input: see `converged` and `message`.
 //
 // Not modelled: noise (no weights, no sigma: that is the joint estimator), anything beyond the 24 parameters.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
+#include "calib/closed_form_formulas.h"
 #include "calib/compression.h"
 #include "calib/parameters.h"
 #include "calib/status.h"
@@ -59,5 +61,10 @@ struct ClosedFormResult {
 // `start`: the paper's start values (start_parameters), or anything nearer. Pure: no state, no I/O.
 Result<ClosedFormResult> closed_form_calibrate(const CompressedRecording& recording, const Parameters& start,
                                                const ClosedFormOptions& options = {});
+
+// The same with other formulas in place of correct_parameters(): how a test shows what the printed ones give.
+using StepCorrection = std::function<void(const StepMeasurement&, Parameters&)>;
+Result<ClosedFormResult> closed_form_calibrate_with(const CompressedRecording& recording, const Parameters& start,
+                                                    const ClosedFormOptions& options, const StepCorrection& correct);
 
 }  // namespace turncal

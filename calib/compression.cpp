@@ -19,6 +19,23 @@ const char* to_string(DataEvent::Kind kind) {
   return "?";
 }
 
+Block merge(const Block& a, const Block& b) {
+  Block m = a;
+  const double total = static_cast<double>(a.samples + b.samples);
+  m.samples += b.samples;
+  m.missing += b.missing;
+  m.temperature_c = static_cast<float>((static_cast<double>(a.temperature_c) * a.samples +
+                                        static_cast<double>(b.temperature_c) * b.samples) / total);
+  m.duration_s += b.duration_s;
+  m.gyro += b.gyro;
+  m.accel += b.accel;
+  m.gyro_time += b.gyro_time + a.duration_s * b.gyro;
+  m.accel_time += b.accel_time + a.duration_s * b.accel;
+  m.coning += b.coning + a.gyro.cross(b.gyro);
+  m.sculling += b.sculling + a.gyro * b.accel.transpose();
+  return m;
+}
+
 Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& options) : options_(options) {
   recording_.info = info;
   static_block_samples_ = std::max(1, static_cast<int>(std::lround(options.static_block_s / info.sample_period_s)));

@@ -44,6 +44,9 @@ struct Block {
   Eigen::Matrix3d sculling = Eigen::Matrix3d::Zero();
 };
 
+// The block that two consecutive blocks make together (exact).
+Block merge(const Block& first, const Block& second);
+
 struct DataEvent {
   enum class Kind { gap, duplicate, invalid, gyro_glitch, accel_glitch } kind = Kind::gap;
   std::int64_t sample = 0;   // counter

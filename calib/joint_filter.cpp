@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 
 #include "calib/attitude.h"
+#include "calib/motion_step.h"
 
 namespace turncal {
 namespace {
@@ -14,41 +15,12 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Columns = Eigen::MatrixXd;  // one row a parameter, so that all of them move through a 3x3 product together
 
-// The motion over a block after everything the present model knows has been taken off.
-struct Step {
-  BlockMotion motion;
-  Vector3d gyro_correction = Vector3d::Zero();   // rad, what was taken off the rotation
-  Vector3d accel_correction = Vector3d::Zero();  // m/s
-};
 
+// Takes a turn (rad) and a push (m/s) that the sensors read but the unit did not make off the motion over a block.
 void take_off(const Vector3d& turn, const Vector3d& push, BlockMotion& m) {
   m.velocity -= push + 0.5 * (turn.cross(m.velocity) + m.rotation.cross(push));
   m.mean_velocity -= 0.5 * push + turn.cross(m.mean_velocity) / 3.0;
   m.rotation -= turn;
-}
-
-// Covariance of the noise that enters over a block of length t with specific force f_n (skew F), for the state at its end
-// (psi, v) and for the mean velocity z; W and V are the walks' covariance rates in n.
-struct BlockNoise {
-  Matrix3d psi_psi, psi_v, v_v, psi_z, v_z, z_z;
-};
-BlockNoise block_noise(const Matrix3d& W, const Matrix3d& V, const Matrix3d& F, double t) {
-  BlockNoise q;
-  const Matrix3d WF = W * F.transpose();  // cov(psi, -F psi) = -W F'
-  const Matrix3d FWF = F * WF;
-  q.psi_psi = W * t;
-  q.psi_v = -WF * (t * t / 2.0);
-  q.v_v = V * t + FWF * (t * t * t / 3.0);
-  q.psi_z = -WF * (t * t / 6.0);
-  q.v_z = V * (t / 2.0) + FWF * (t * t * t / 8.0);
-  q.z_z = V * (t / 3.0) + FWF * (t * t * t / 20.0);
-  return q;
-}
-
-// Quantisation noise of the mean velocity of a static second: a sawtooth of one pulse, averaged over the teeth it makes.
-double quantisation_variance(double counts, int samples, double pulse) {
-  const double teeth = std::abs(counts);
-  return pulse * pulse / 12.0 * (1.0 / (1.0 + teeth * teeth) + 1.0 / samples);
 }
 
 template <int NS>  // 6: psi, v;  12: psi, v, b_g, b_a
@@ -68,9 +40,9 @@ class Filter {
 
   void start();
   void apply_break(const Break& cut);
-  Step evaluate_step(std::size_t index);
-  void block_columns(const Block& block, const Step& step);
-  void advance(std::size_t index, const Step& step);
+  BlockMotion model_motion(std::size_t index);
+  void block_columns(const Block& block, const BlockMotion& motion);
+  void advance(std::size_t index, const BlockMotion& motion);
   void accumulate(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root);
   void flush();
 
@@ -117,16 +89,15 @@ FilterResult Filter<NS>::run() {
   for (std::size_t index = 0; index < recording_.blocks.size(); ++index) {
     for (; cut != setup_.breaks.end() && cut->block <= index; ++cut)
       if (cut->block == index) apply_break(*cut);
-    const Step step = evaluate_step(index);
-    if (setup_.with_columns) block_columns(recording_.blocks[index], step);
-    advance(index, step);
+    const BlockMotion motion = model_motion(index);
+    if (setup_.with_columns) block_columns(recording_.blocks[index], motion);
+    advance(index, motion);
   }
   flush();
   if (p_ > 0) {
     result_.information = moments_.topLeftCorner(p_, p_).template selfadjointView<Eigen::Lower>();
     result_.gradient = moments_.row(p_).head(p_).transpose();
   }
-  result_.final_C_nb = C_nb_;
   return result_;
 }
 
@@ -143,6 +114,7 @@ void Filter<NS>::start() {
   const Vector3d f_b = model_.accel_scale * level_on->accel / level_on->duration_s - model_.accel_bias_mps2;
   C_nb_ = level(attitude_from_angles(first.heading_deg * rad_per_deg, first.pitch_deg * rad_per_deg,
                                      first.roll_deg * rad_per_deg), f_b);
+  result_.initial_C_nb = C_nb_;
   P_.setZero();
   const double tilt = setup_.initial_tilt_sigma_rad * setup_.initial_tilt_sigma_rad;
   const double heading = setup_.initial_heading_sigma_rad * setup_.initial_heading_sigma_rad;
@@ -162,29 +134,24 @@ void Filter<NS>::apply_break(const Break& cut) {
 }
 
 template <int NS>
-Step Filter<NS>::evaluate_step(std::size_t index) {
+BlockMotion Filter<NS>::model_motion(std::size_t index) {
   const Block& block = recording_.blocks[index];
-  Step step;
-  step.motion = evaluate(block, model_, recording_.info.sample_period_s);
+  BlockMotion motion = evaluate(block, model_, recording_.info.sample_period_s);
   const double t = block.duration_s;
-  if constexpr (NS == 12) {
-    step.gyro_correction += b_g_ * t;
-    step.accel_correction += b_a_ * t;
-  }
   if (effects_.columns > 0) {
     const auto rate = [&](std::size_t k) -> Vector3d {
       const Block& b = recording_.blocks[k];
       return model_.gyro_scale * b.gyro / b.duration_s - model_.gyro_bias_radps;
     };
     BlockState s;
-    s.w_b = step.motion.rotation / t;
+    s.w_b = motion.rotation / t;
     s.f_b = model_.accel_scale * block.accel / t - model_.accel_bias_mps2;
     const std::size_t before = index > 0 ? index - 1 : index;
     const std::size_t after = index + 1 < recording_.blocks.size() ? index + 1 : index;
     const double span = 0.5 * recording_.blocks[before].duration_s + 0.5 * recording_.blocks[after].duration_s +
                         (before != index && after != index ? t : 0.0);
     s.w_dot_b = after == before || block.whole_second ? Vector3d::Zero().eval() : ((rate(after) - rate(before)) / span).eval();
-    s.C_nb = C_nb_ * rotation_exp(0.5 * step.motion.rotation);
+    s.C_nb = C_nb_ * rotation_exp(0.5 * motion.rotation);
     s.duration_s = t;
     s.time_s = static_cast<double>(block.start_sample - recording_.blocks.front().start_sample) *
                    recording_.info.sample_period_s + 0.5 * t;
@@ -193,16 +160,16 @@ Step Filter<NS>::evaluate_step(std::size_t index) {
     s.since_rotation_s = rotating ? 1e9 : s.time_s - last_rotation_end_s_;
     s.temperature_c = std::isnan(block.temperature_c) ? 0.0 : block.temperature_c - effects_.reference_temperature_c;
     effects_.regressors(s, regressors_);
-    step.gyro_correction += regressors_.gyro * effects_.values * t;
-    step.accel_correction += regressors_.accel * effects_.values * t;
+    take_off(regressors_.gyro * effects_.values * t, regressors_.accel * effects_.values * t, motion);
   }
-  take_off(step.gyro_correction, step.accel_correction, step.motion);
-  return step;
+  if (setup_.keep_motions) result_.motions.push_back(motion);
+  if constexpr (NS == 12) take_off(b_g_ * t, b_a_ * t, motion);
+  return motion;
 }
 
 template <int NS>
-void Filter<NS>::block_columns(const Block& block, const Step& step) {
-  parameter_columns(block, step.motion, model_, unit_, base_);
+void Filter<NS>::block_columns(const Block& block, const BlockMotion& motion) {
+  parameter_columns(block, motion, model_, unit_, base_);
   dr_.topRows<parameter_count>() = base_.rotation.transpose();
   dv_.topRows<parameter_count>() = base_.velocity.transpose();
   dm_.topRows<parameter_count>() = base_.mean_velocity.transpose();
@@ -211,8 +178,8 @@ void Filter<NS>::block_columns(const Block& block, const Step& step) {
   const Columns turn = regressors_.gyro.transpose() * t;  // rows: one component each
   const Columns push = regressors_.accel.transpose() * t;
   // a x b for rows a: a * skew(b);   b x a: -a * skew(b)
-  const Matrix3d v_skew = skew(step.motion.velocity);
-  const Matrix3d r_skew = skew(step.motion.rotation);
+  const Matrix3d v_skew = skew(motion.velocity);
+  const Matrix3d r_skew = skew(motion.rotation);
   dr_.bottomRows(effects_.columns).noalias() = -turn;
   dv_.bottomRows(effects_.columns) = -push;
   dv_.bottomRows(effects_.columns).noalias() -= 0.5 * turn * v_skew;
@@ -222,24 +189,18 @@ void Filter<NS>::block_columns(const Block& block, const Step& step) {
 }
 
 template <int NS>
-void Filter<NS>::advance(std::size_t index, const Step& step) {
+void Filter<NS>::advance(std::size_t index, const BlockMotion& motion) {
   const Block& block = recording_.blocks[index];
   const double t = block.duration_s;
   const double rho = NS == 12 ? std::exp(-t / setup_.noise.bias_correlation_s) : 1.0;
 
-  // Navigation: n turns with the earth, so what was gained is seen from a frame that has turned.
-  const Matrix3d turn_n = rotation_exp(-earth_ * t);
-  const Vector3d gained = C_nb_ * step.motion.velocity;
-  const Vector3d mean_gained = C_nb_ * step.motion.mean_velocity;
-  const Vector3d gravity(0.0, -recording_.info.gravity_mps2, 0.0);
-  const Vector3d dv_n = gained - 0.5 * t * earth_.cross(gained) + gravity * t;
-  const Vector3d v_mean = v_ + mean_gained - t / 3.0 * earth_.cross(mean_gained) + 0.5 * t * gravity;
-  const Matrix3d C_mid = C_nb_ * rotation_exp(0.5 * step.motion.rotation);
-  const Matrix3d F = skew(gained / t);
+  const MotionStep move = motion_step(C_nb_, motion, earth_, recording_.info.gravity_mps2, t);
+  const Matrix3d& C_mid = move.C_mid;
+  const Matrix3d& F = move.F;
 
   // Transition of (psi, v, b_g, b_a) and noise.
   Covariance Phi = Covariance::Identity();
-  Phi.template block<3, 3>(0, 0) = turn_n;
+  Phi.template block<3, 3>(0, 0) = move.turn_n;
   Phi.template block<3, 3>(3, 0) = -F * t;
   if constexpr (NS == 12) {
     Phi.template block<3, 3>(0, 6) = C_mid * t;
@@ -251,7 +212,7 @@ void Filter<NS>::advance(std::size_t index, const Step& step) {
   // b_g, b_a above are minus the error of the estimated bias: psi grows with what is taken off too little.
   const Matrix3d W = C_mid * setup_.noise.angle_random_walk.cwiseAbs2().asDiagonal() * C_mid.transpose();
   const Matrix3d V = C_mid * setup_.noise.velocity_random_walk.cwiseAbs2().asDiagonal() * C_mid.transpose();
-  const BlockNoise q = block_noise(W, V, F, t);
+  const StepNoise q = step_noise(W, V, F, t);
   Covariance Q = Covariance::Zero();
   Q.template block<3, 3>(0, 0) = q.psi_psi;
   Q.template block<3, 3>(0, 3) = q.psi_v;
@@ -296,10 +257,10 @@ void Filter<NS>::advance(std::size_t index, const Step& step) {
         N_.noalias() += X_.template middleCols<3>(9) * H.template block<3, 3>(0, 9).transpose();
       }
     }
-    const Matrix3d rotate = C_nb_ * left_jacobian(step.motion.rotation);
+    const Matrix3d rotate = C_nb_ * left_jacobian(motion.rotation);
     X_.template middleCols<3>(3).noalias() += X_.template leftCols<3>() * Phi.template block<3, 3>(3, 0).transpose();
     X_.template middleCols<3>(3).noalias() += dv_ * C_nb_.transpose();
-    dm_.noalias() = X_.template leftCols<3>() * turn_n.transpose();
+    dm_.noalias() = X_.template leftCols<3>() * move.turn_n.transpose();
     X_.template leftCols<3>() = dm_;
     X_.template leftCols<3>().noalias() += dr_ * rotate.transpose();
     if constexpr (NS == 12) {
@@ -310,8 +271,9 @@ void Filter<NS>::advance(std::size_t index, const Step& step) {
     }
   }
 
-  C_nb_ = turn_n * C_nb_ * rotation_exp(step.motion.rotation);
-  v_ += dv_n;
+  const Vector3d v_mean = v_ + move.mean_dv_n;
+  C_nb_ = move.C_end;
+  v_ += move.dv_n;
   b_g_ *= rho;
   b_a_ *= rho;
   P_ = (Phi * P_ * Phi.transpose() + Q).eval();

@@ -43,6 +43,7 @@ struct FilterSetup {
   double initial_velocity_sigma_mps = 1e-3;
   bool with_columns = true;           // false: only the likelihood (for the noise fit)
   bool keep_innovations = false;
+  bool keep_motions = false;          // for the noise fit
   std::vector<Break> breaks;          // in block order
   std::vector<char> unobserved;       // a block marked 1 is not observed though it is a static second (left-out dwells)
 };
@@ -62,7 +63,8 @@ struct FilterResult {
   double log_determinant = 0.0;       // sum log det S
   std::int64_t observations = 0;      // scalar ones: three a static second
   std::vector<Innovation> innovations;
-  Eigen::Matrix3d final_C_nb = Eigen::Matrix3d::Identity();
+  std::vector<BlockMotion> motions;   // of every block, with the values of the effects taken off
+  Eigen::Matrix3d initial_C_nb = Eigen::Matrix3d::Identity();
 };
 
 // `effects`: the candidate columns beside the 24 (may be empty) and the values that are already in the model.

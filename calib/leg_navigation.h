@@ -18,7 +18,7 @@
 #pragma once
 
 #include <cstddef>
-#include <string>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -39,7 +39,7 @@ struct LegMotion {
   Eigen::Vector3d velocity_mps;   // n frame, gained in the dwell: from its first sample to its last
   double dwell_s = 0.0;           // T
   double before_dwell_s = 0.0;    // from levelling to the start of the dwell
-  double heading_change_rad = 0.0;  // attitude at the end of the dwell against that at levelling, clockwise about up
+  double heading_change_rad = 0.0;  // since levelling, clockwise; for legs that do not turn
   Eigen::Matrix3d C_nb_start;     // levelled
   Eigen::Matrix3d C_nb_arrived;   // at the start of the dwell
   double turned_rad = 0.0;        // about axis_b, signed, on the way (0 when axis_b is zero)

@@ -1,0 +1,263 @@
+#include "calib/joint_estimate.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Dense>
+
+#include "calib/joint_faults.h"
+
+namespace turncal {
+namespace {
+
+// The noise to begin with: read off the static dwells, never below what a tenth of a pulse in a second would make.
+NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& allan, const SensorModel& model) {
+  NoiseModel noise;
+  const bool gyro_pulses = recording.info.gyro_increment == IncrementKind::pulses;
+  const bool accel_pulses = recording.info.accel_increment == IncrementKind::pulses;
+  if (gyro_pulses) noise.gyro_pulse_rad = model.gyro_scale(0, 0);
+  if (accel_pulses) noise.accel_pulse_mps = recording.info.accel_pulse_mps;
+  for (int k = 0; k < 3; ++k) {
+    const double gyro = allan.axes[static_cast<std::size_t>(k)].fit.random_walk;
+    const double accel = allan.axes[static_cast<std::size_t>(k) + 3].fit.random_walk;
+    noise.angle_random_walk[k] = std::max(gyro, gyro_pulses ? 0.02 * noise.gyro_pulse_rad : 1e-9);
+    noise.velocity_random_walk[k] = std::max(accel, accel_pulses ? 0.02 * noise.accel_pulse_mps : 1e-8);
+  }
+  return noise;
+}
+
+Eigen::VectorXd all_ranges(const CompressedRecording& recording, const std::vector<EffectColumn>& effects) {
+  const ParameterVector base = plausible_ranges(recording.info);
+  Eigen::VectorXd ranges(parameter_count + static_cast<Eigen::Index>(effects.size()));
+  ranges.head<parameter_count>() = base;
+  // An effect's range: what it would take to look like a bias or a scale error of the plausible size.
+  for (std::size_t k = 0; k < effects.size(); ++k) {
+    const EffectEntry& entry = *effects[k].entry;
+    const bool gyro = entry.name.starts_with("gyro") || entry.name == "earth_rate";
+    const bool arm = entry.name == "accel_size_effect";
+    const bool delay = entry.name == "accel_delay";
+    const double size = arm ? 1.0 : delay ? 0.1 : gyro ? base[0] * radps_per_degph : base[3] * standard_gravity_mps2;
+    ranges[parameter_count + static_cast<Eigen::Index>(k)] = 10.0 * size / entry.si;
+  }
+  return ranges;
+}
+
+class JointRun {
+ public:
+  JointRun(const CompressedRecording& recording, const JointOptions& options)
+      : recording_(recording), options_(options), ranges_(all_ranges(recording, options.effects)),
+        reference_temperature_c_(options.reference_temperature_c.value_or(
+            std::isnan(recording.mean_temperature_c) ? 0.0 : recording.mean_temperature_c)) {
+    effects_ = make_effect_model(options.effects, {recording.info.latitude_deg}, reference_temperature_c_);
+    for (int k = 0; k < parameter_count; ++k)
+      if (parameter_is_free[static_cast<std::size_t>(k)]) subset_.push_back(k);
+    for (int k = 0; k < effects_.columns; ++k) subset_.push_back(parameter_count + k);
+  }
+
+  JointResult run();
+
+ private:
+  bool iterate(double tolerance, int max_iterations);
+  void look_for_faults();
+  void finish();
+
+  const CompressedRecording& recording_;
+  const JointOptions& options_;
+  const Eigen::VectorXd ranges_;
+  const double reference_temperature_c_;
+  EffectModel effects_;
+  std::vector<int> subset_;
+  SubsetSolution solution_;
+  JointResult result_;
+};
+
+JointResult JointRun::run() {
+  JointResult& r = result_;
+  r.parameters = options_.start.value_or(start_parameters(recording_.info));
+  r.setup.initial_heading_sigma_rad = options_.heading_sigma_rad;
+  r.setup.unobserved = options_.unobserved;
+  if (recording_.blocks.empty()) {
+    r.message = "the recording holds no samples";
+    return r;
+  }
+  r.allan = allan_deviation(recording_, r.parameters);
+  r.setup.noise = options_.noise.value_or(start_noise(recording_, r.allan, sensor_model(r.parameters, recording_.info)));
+  r.faults = faults_from_events(recording_, r.setup.breaks);
+
+  if (!iterate(0.3, options_.max_iterations)) {
+    r.message = "the estimate does not settle: the recording contradicts the model (wrong segments, signs or units?)";
+    return r;
+  }
+  if (options_.look_for_faults) look_for_faults();
+  if (!options_.noise) {
+    NoiseFitOptions fit_options;
+    fit_options.bias_instability = options_.fit_bias_instability;
+    r.noise_fit = fit_noise(recording_, r.parameters, effects_, r.setup, fit_options);
+    r.setup.noise = r.noise_fit->noise;
+  }
+  r.converged = iterate(0.01, 5);
+  r.message = r.converged ? "converged" : "the last iterations still moved the parameters";
+  finish();
+  return r;
+}
+
+// Gauss-Newton until the largest step is below `tolerance` sigma.
+bool JointRun::iterate(double tolerance, int max_iterations) {
+  FilterSetup setup = result_.setup;
+  for (int k = 0; k < max_iterations; ++k) {
+    const FilterResult pass = run_filter(recording_, result_.parameters, effects_, setup);
+    ++result_.iterations;
+    solution_ = solve_subset(pass.information, pass.gradient, subset_, ranges_);
+    if (!solution_.step.allFinite()) return false;
+    ParameterVector values = to_vector(result_.parameters);
+    double largest = 0.0;
+    for (std::size_t i = 0; i < subset_.size(); ++i) {
+      const Eigen::Index row = static_cast<Eigen::Index>(i);
+      const double step = solution_.step[row];
+      (subset_[i] < parameter_count ? values[subset_[i]] : effects_.values[subset_[i] - parameter_count]) += step;
+      const double sigma = std::sqrt(std::max(solution_.covariance(row, row), 1e-300));
+      largest = std::max(largest, std::abs(step) / sigma);
+    }
+    result_.parameters = from_vector(values);
+    if (largest < tolerance) return true;
+  }
+  return false;
+}
+
+// One at a time, the worst first: a fault that is not cut out spoils the seconds around it.
+void JointRun::look_for_faults() {
+  for (int round = 0; round < 12; ++round) {
+    FilterSetup setup = result_.setup;
+    setup.with_columns = false;
+    setup.keep_innovations = true;
+    const FilterResult pass = run_filter(recording_, result_.parameters, effects_, setup);
+    if (!cut_worst_fault(recording_, pass.innovations, result_.faults, result_.setup.breaks)) return;
+    iterate(0.3, 4);
+  }
+}
+
+void JointRun::finish() {
+  JointResult& r = result_;
+  std::vector<EffectColumn> columns = options_.effects;
+  columns.insert(columns.end(), options_.candidates.begin(), options_.candidates.end());
+  EffectModel with_candidates = make_effect_model(columns, {recording_.info.latitude_deg}, reference_temperature_c_);
+  with_candidates.values.head(effects_.columns) = effects_.values;
+  r.setup.keep_innovations = true;
+  r.last = run_filter(recording_, r.parameters, with_candidates, r.setup);
+  r.setup.keep_innovations = false;
+  solution_ = solve_subset(r.last.information, r.last.gradient, subset_, ranges_);
+  r.free = subset_;
+  r.covariance = solution_.covariance;
+  r.noise = r.setup.noise;
+  r.normalised_rms = std::sqrt(r.last.chi_square / static_cast<double>(std::max<std::int64_t>(r.last.observations, 1)));
+  r.whiteness = test_whiteness(r.last.innovations);
+
+  std::vector<char> lost(subset_.size(), 0);
+  for (Eigen::Index d = 0; d < solution_.undetermined.cols(); ++d) {
+    const Eigen::VectorXd direction = solution_.undetermined.col(d);
+    Undetermined u;
+    for (std::size_t i = 0; i < subset_.size(); ++i) {
+      const double weight = direction[static_cast<Eigen::Index>(i)];
+      if (std::abs(weight) < 0.1) continue;
+      lost[i] = 1;
+      const std::string key = subset_[i] < parameter_count
+                                  ? std::string(parameter_keys[static_cast<std::size_t>(subset_[i])])
+                                  : options_.effects[static_cast<std::size_t>(subset_[i] - parameter_count)].key();
+      u.combination.emplace_back(key, weight);
+    }
+    std::sort(u.combination.begin(), u.combination.end(),
+              [](const auto& a, const auto& b) { return std::abs(a.second) > std::abs(b.second); });
+    r.undetermined.push_back(std::move(u));
+  }
+  for (std::size_t i = 0; i < subset_.size(); ++i) {
+    const double sigma = std::sqrt(r.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)));
+    if (subset_[i] < parameter_count) {
+      r.determined[static_cast<std::size_t>(subset_[i])] = !lost[i];
+      r.sigma[subset_[i]] = lost[i] ? 0.0 : sigma;
+    } else {
+      const int k = subset_[i] - parameter_count;
+      r.effects.push_back({options_.effects[static_cast<std::size_t>(k)], effects_.values[k], sigma});
+    }
+  }
+}
+
+}  // namespace
+
+ParameterVector plausible_ranges(const RecordingInfo& info) {
+  // A unit that counts pulses is of navigation grade; one that delivers rad and m/s may be a small one.
+  const bool pulses = info.gyro_increment == IncrementKind::pulses;
+  ParameterVector ranges;
+  ranges.segment<3>(0).setConstant(pulses ? 1.0 : 2e4);     // deg/h
+  ranges.segment<3>(3).setConstant(pulses ? 0.02 : 0.2);    // g
+  ranges.segment<9>(6).setConstant(pulses ? 0.01 : 0.1);    // of 0.93 or 1
+  ranges.segment<9>(15).setConstant(pulses ? 0.01 : 0.1);
+  return ranges;
+}
+
+SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::VectorXd& gradient,
+                            const std::vector<int>& subset, const Eigen::VectorXd& ranges) {
+  const Eigen::VectorXd scale = ranges(subset);
+  const Eigen::MatrixXd A = scale.asDiagonal() * Eigen::MatrixXd(information(subset, subset)) * scale.asDiagonal();
+  const Eigen::VectorXd c = scale.cwiseProduct(Eigen::VectorXd(gradient(subset)));
+  // Determined: the data shrink the range to a tenth and less. The scaled matrix is first balanced, so that the small
+  // eigenvalues are not lost in the rounding of the large ones.
+  const Eigen::VectorXd balance = (A.diagonal().array() + 1.0).sqrt().inverse();
+  const Eigen::MatrixXd B = balance.asDiagonal() * (A + Eigen::MatrixXd::Identity(A.rows(), A.cols())) * balance.asDiagonal();
+  const Eigen::MatrixXd with_prior = balance.asDiagonal() * B.ldlt().solve(Eigen::MatrixXd(balance.asDiagonal()));
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(with_prior);  // sigma^2 / (1 + sigma^2), in ranges
+  constexpr double limit = 0.01;                                           // sigma of a tenth of the range
+  Eigen::Index good = 0;
+  while (good < A.rows() && eigen.eigenvalues()[good] < limit) ++good;
+  SubsetSolution solution;
+  solution.undetermined = eigen.eigenvectors().rightCols(A.rows() - good);
+  if (good == A.rows()) {
+    const Eigen::VectorXd plain = A.diagonal().array().sqrt().inverse();
+    const Eigen::MatrixXd unit = plain.asDiagonal() * A * plain.asDiagonal();
+    const Eigen::VectorXd back = scale.cwiseProduct(plain);
+    solution.covariance =
+        back.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols())) * back.asDiagonal();
+  } else {
+    // sigma^2 without the prior, on the determined directions only
+    const Eigen::VectorXd variance = eigen.eigenvalues().head(good).array() / (1.0 - eigen.eigenvalues().head(good).array());
+    const Eigen::MatrixXd V = eigen.eigenvectors().leftCols(good);
+    solution.covariance = scale.asDiagonal() * V * variance.asDiagonal() * V.transpose() * scale.asDiagonal();
+  }
+  solution.covariance = (0.5 * (solution.covariance + solution.covariance.transpose())).eval();
+  solution.step = -solution.covariance * Eigen::VectorXd(gradient(subset));
+  return solution;
+}
+
+JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options) {
+  return JointRun(recording, options).run();
+}
+
+Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
+  constexpr int lags = 5;
+  Whiteness w;
+  w.autocorrelation = Eigen::VectorXd::Zero(lags);
+  if (innovations.size() < 100) {
+    w.message = "too few static seconds to judge";
+    return w;
+  }
+  // A second that stands out (a fault not worth cutting) is limited to 4 sigma: it must not decide alone.
+  const auto value = [&](std::size_t i) -> Eigen::Vector3d { return innovations[i].normalised.cwiseMax(-4.0).cwiseMin(4.0); };
+  double square = 0.0;
+  double raw = 0.0;
+  for (std::size_t i = 0; i < innovations.size(); ++i) {
+    square += value(i).squaredNorm();
+    raw += innovations[i].normalised.squaredNorm();
+    for (int lag = 1; lag <= lags && static_cast<std::size_t>(lag) <= i; ++lag)
+      if (innovations[i].block - innovations[i - static_cast<std::size_t>(lag)].block == static_cast<std::size_t>(lag))
+        w.autocorrelation[lag - 1] += value(i).dot(value(i - static_cast<std::size_t>(lag)));
+  }
+  w.autocorrelation /= square;
+  w.level = raw / (3.0 * static_cast<double>(innovations.size()));
+  const double worst = w.autocorrelation.cwiseAbs().maxCoeff();
+  w.white = worst < 0.1 && w.level > 0.8 && w.level < 1.25;
+  w.message = w.white ? "innovations are white at the noise model"
+              : worst >= 0.1 ? "innovations are correlated in time: the noise model does not fit"
+                             : "innovations are larger or smaller than the noise model says";
+  return w;
+}
+
+}  // namespace turncal
