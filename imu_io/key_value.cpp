@@ -207,8 +207,8 @@ std::vector<double> KeyValueFile::numbers_of(const Entry& entry, std::size_t cou
     values.push_back(value.value_or(std::numeric_limits<double>::quiet_NaN()));
   }
   if (good) return values;
-  const std::string how_many = count == 0 ? "a list" : std::to_string(count);
-  reject(entry.key, how_many + " of numbers separated by commas, each " + describe(range));
+  const std::string how_many = count == 0 ? "numbers" : std::to_string(count) + " numbers";
+  reject(entry.key, how_many + " separated by commas, each " + describe(range));
   // As many as were wanted, so that the caller may index before it checks.
   return std::vector<double>(count, std::numeric_limits<double>::quiet_NaN());
 }

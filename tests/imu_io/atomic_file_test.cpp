@@ -1,0 +1,143 @@
+#include "imu_io/atomic_file.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <csignal>
+
+#include "temporary_folder.h"
+
+namespace turncal {
+namespace {
+
+using test::read_file;
+using test::TemporaryFolder;
+using test::write_file;
+
+// A disk that is full, as far as a test can have one: no file may grow beyond `bytes`.
+class FileSizeLimit {
+ public:
+  explicit FileSizeLimit(rlim_t bytes) {
+    previous_handler_ = std::signal(SIGXFSZ, SIG_IGN);
+    getrlimit(RLIMIT_FSIZE, &previous_);
+    rlimit limit = previous_;
+    limit.rlim_cur = bytes;
+    setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  ~FileSizeLimit() {
+    setrlimit(RLIMIT_FSIZE, &previous_);
+    std::signal(SIGXFSZ, previous_handler_);
+  }
+
+ private:
+  rlimit previous_{};
+  void (*previous_handler_)(int) = nullptr;
+};
+
+TEST(AtomicFile, ReplacesTheOldContentAndLeavesNothingElse) {
+  TemporaryFolder folder;
+  const std::string path = folder / "a.conf";
+  write_file(path, "old");
+  ASSERT_OK(write_file_atomically(path, "new"));
+  EXPECT_EQ(read_file(path), "new");
+  EXPECT_EQ(folder.names(), (std::vector<std::string>{"a.conf"}));
+}
+
+TEST(AtomicFile, NothingIsVisibleBeforeCommit) {
+  TemporaryFolder folder;
+  const std::string path = folder / "a.csv";
+  auto file = AtomicFile::create(path);
+  ASSERT_OK(file);
+  ASSERT_OK(file->write(std::string(3 << 20, 'x')));  // more than is buffered
+  EXPECT_FALSE(path_exists(path));
+  ASSERT_OK(file->commit());
+  EXPECT_EQ(read_file(path).size(), std::size_t{3} << 20);
+}
+
+TEST(AtomicFile, WithoutCommitTheOldFileStaysAndTheTemporaryGoes) {
+  TemporaryFolder folder;
+  const std::string path = folder / "a.csv";
+  write_file(path, "old");
+  {
+    auto file = AtomicFile::create(path);
+    ASSERT_OK(file);
+    ASSERT_OK(file->write("half"));
+    EXPECT_EQ(folder.names().size(), 2U);
+  }
+  EXPECT_EQ(read_file(path), "old");
+  EXPECT_EQ(folder.names().size(), 1U);
+}
+
+TEST(AtomicFile, FullDiskKeepsTheOldFileAndIsADeviceError) {
+  TemporaryFolder folder;
+  const std::string path = folder / "a.csv";
+  write_file(path, "old");
+  {
+    const FileSizeLimit limit(1000);
+    const Status status = write_file_atomically(path, std::string(5000, 'x'));
+    ASSERT_FALSE(status.ok());
+    EXPECT_EQ(status.error().kind, ErrorKind::device);
+    EXPECT_NE(status.error().message.find("cannot write: File too large"), std::string::npos);
+  }
+  EXPECT_EQ(read_file(path), "old");
+  EXPECT_EQ(folder.names().size(), 1U);
+}
+
+TEST(AtomicFile, CommitAfterAFailedWriteFails) {
+  TemporaryFolder folder;
+  auto file = AtomicFile::create(folder / "a.csv");
+  ASSERT_OK(file);
+  {
+    const FileSizeLimit limit(1000);
+    EXPECT_FALSE(file->write(std::string(3 << 20, 'x')).ok());
+  }
+  EXPECT_ERROR(file->commit(), (folder / "a.csv") + ": not written, an earlier write failed");
+  EXPECT_FALSE(path_exists(folder / "a.csv"));
+}
+
+TEST(AtomicFile, MissingFolderAndFolderInTheWay) {
+  TemporaryFolder folder;
+  const Status missing = write_file_atomically(folder / "no/a.conf", "x");
+  ASSERT_FALSE(missing.ok());
+  EXPECT_EQ(missing.error().kind, ErrorKind::input);
+  ASSERT_OK(make_folder(folder / "taken/inside"));
+  const Status taken = write_file_atomically(folder / "taken", "x");
+  ASSERT_FALSE(taken.ok());
+  EXPECT_EQ(folder.names(), (std::vector<std::string>{"taken"}));
+}
+
+TEST(AtomicFile, TemporaryOfADeadProcessIsNoObstacle) {
+  TemporaryFolder folder;
+  for (int i = 0; i < 3; ++i) write_file(temporary_name(folder / "a"), "left behind");
+  ASSERT_OK(write_file_atomically(folder / "a", "new"));
+  EXPECT_EQ(read_file(folder / "a"), "new");
+}
+
+TEST(PosixFile, LockIsExclusive) {
+  TemporaryFolder folder;
+  write_file(folder / "a", "x");
+  auto first = PosixFile::open_to_change(folder / "a");
+  auto second = PosixFile::open_to_change(folder / "a");
+  ASSERT_OK(first->lock_exclusive());
+  EXPECT_ERROR(second->lock_exclusive(), (folder / "a") + ": in use by another process");
+  ASSERT_OK(first->close());
+  ASSERT_OK(second->lock_exclusive());
+}
+
+TEST(PosixFile, WholeFileAboveTheLimitIsRefused) {
+  TemporaryFolder folder;
+  write_file(folder / "a", "12345");
+  EXPECT_ERROR(read_whole_file(folder / "a", 4), (folder / "a") + ": 5 bytes: expected at most 4");
+  EXPECT_EQ(*read_whole_file(folder / "a", 5), "12345");
+}
+
+TEST(PosixFile, PipeInPlaceOfAFileDoesNotHang) {
+  TemporaryFolder folder;
+  ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0600), 0);
+  EXPECT_ERROR(read_whole_file(folder / "pipe"), (folder / "pipe") + ": not a regular file");
+}
+
+}  // namespace
+}  // namespace turncal

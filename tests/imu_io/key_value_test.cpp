@@ -1,0 +1,165 @@
+#include "imu_io/key_value.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "temporary_folder.h"
+
+namespace turncal {
+namespace {
+
+KeyValueFile parsed(const std::string& text) {
+  auto file = KeyValueFile::parse(text, "a.conf");
+  EXPECT_TRUE(file.ok()) << file.error().message;
+  return std::move(*file);
+}
+
+TEST(KeyValue, ReadsEveryType) {
+  auto file = parsed(
+      "# a comment\n"
+      "\n"
+      "name = north bench  # with a comment\n"
+      "  site.latitude_deg=29.53\r\n"
+      "table.turns = -3\n"
+      "manual = true\n"
+      "kind = serial\n"
+      "limits = -1, 2.5 ,3e2\n"
+      "effects = a, b\n"
+      "none =\n");
+  EXPECT_EQ(file.text("name"), "north bench");
+  EXPECT_EQ(file.number("site.latitude_deg", between(-90, 90)), 29.53);
+  EXPECT_EQ(file.integer("table.turns"), -3);
+  EXPECT_TRUE(file.boolean("manual"));
+  EXPECT_EQ(file.one_of("kind", {"serial", "modbus"}), "serial");
+  EXPECT_EQ(file.numbers("limits", 3), (std::vector<double>{-1, 2.5, 300}));
+  EXPECT_EQ(file.list("effects"), (std::vector<std::string>{"a", "b"}));
+  EXPECT_TRUE(file.list("none").empty());
+  ASSERT_OK(file.check_all_used());
+  EXPECT_EQ(file.line_of("manual"), 6);
+}
+
+TEST(KeyValue, OptionalKeysTakeTheirDefault) {
+  auto file = parsed("there = 5\n");
+  EXPECT_EQ(file.number_or("there", 1.0), 5.0);
+  EXPECT_EQ(file.number_or("missing", 1.0), 1.0);
+  EXPECT_FALSE(file.number_if("missing").has_value());
+  EXPECT_EQ(file.integer_or("missing", 7), 7);
+  EXPECT_TRUE(file.boolean_or("missing", true));
+  EXPECT_EQ(file.text_or("missing", "x"), "x");
+  EXPECT_EQ(file.one_of_or("missing", "a", {"a", "b"}), "a");
+  EXPECT_EQ(file.numbers_or("missing", {1, 2}).size(), 2U);
+  EXPECT_EQ(file.list_or("missing", {"q"}).size(), 1U);
+  ASSERT_OK(file.check_all_used());
+}
+
+TEST(KeyValue, PrefixListsKeysInFileOrder) {
+  auto file = parsed("effect.b.x = 1\nother = 2\neffect.a.y = 3\n");
+  EXPECT_EQ(file.keys_with_prefix("effect."), (std::vector<std::string>{"effect.b.x", "effect.a.y"}));
+  EXPECT_EQ(file.keys().size(), 3U);
+}
+
+// What a value of the wrong kind is answered with.
+struct BadValue {
+  const char* value;
+  void (*get)(KeyValueFile&);
+  const char* message;
+};
+class KeyValueBadValue : public testing::TestWithParam<BadValue> {};
+TEST_P(KeyValueBadValue, IsOneLineWithFileLineKeyAndExpectation) {
+  auto file = parsed(std::string("# top\nk = ") + GetParam().value + "\n");
+  GetParam().get(file);
+  EXPECT_ERROR(file.check_all_used(), GetParam().message);
+  EXPECT_ERROR(file.status(), GetParam().message);
+}
+INSTANTIATE_TEST_SUITE_P(
+    All, KeyValueBadValue,
+    testing::Values(
+        BadValue{"x1", [](KeyValueFile& f) { EXPECT_TRUE(std::isnan(f.number("k"))); },
+                 "a.conf:2: key 'k' = 'x1': expected a number"},
+        BadValue{"nan", [](KeyValueFile& f) { f.number("k"); }, "a.conf:2: key 'k' = 'nan': expected a number"},
+        BadValue{"0", [](KeyValueFile& f) { f.number("k", positive); }, "a.conf:2: key 'k' = '0': expected a number > 0"},
+        BadValue{"-1", [](KeyValueFile& f) { f.number_or("k", 3, not_negative); },
+                 "a.conf:2: key 'k' = '-1': expected a number >= 0"},
+        BadValue{"91", [](KeyValueFile& f) { f.number_if("k", between(-90, 90)); },
+                 "a.conf:2: key 'k' = '91': expected a number between -90 and 90"},
+        BadValue{"1.5", [](KeyValueFile& f) { f.integer("k"); }, "a.conf:2: key 'k' = '1.5': expected a whole number"},
+        BadValue{"0", [](KeyValueFile& f) { f.integer("k", 1, 9); },
+                 "a.conf:2: key 'k' = '0': expected a whole number between 1 and 9"},
+        BadValue{"0", [](KeyValueFile& f) { f.integer("k", 1); },
+                 "a.conf:2: key 'k' = '0': expected a whole number >= 1"},
+        BadValue{"yes", [](KeyValueFile& f) { f.boolean("k"); }, "a.conf:2: key 'k' = 'yes': expected true or false"},
+        BadValue{"tcp", [](KeyValueFile& f) { f.one_of("k", {"a", "b", "c"}); },
+                 "a.conf:2: key 'k' = 'tcp': expected a, b or c"},
+        BadValue{"1, 2", [](KeyValueFile& f) { EXPECT_EQ(f.numbers("k", 3).size(), 3U); },
+                 "a.conf:2: key 'k' = '1, 2': expected 3 numbers separated by commas, each a number"},
+        BadValue{"1, -2", [](KeyValueFile& f) { f.numbers("k", 0, positive); },
+                 "a.conf:2: key 'k' = '1, -2': expected numbers separated by commas, each a number > 0"},
+        BadValue{"a,,b", [](KeyValueFile& f) { f.list("k"); },
+                 "a.conf:2: key 'k' = 'a,,b': expected names separated by commas, none empty"},
+        BadValue{"", [](KeyValueFile& f) { f.text("k"); }, "a.conf:2: key 'k' = '': expected a text"},
+        BadValue{"q", [](KeyValueFile& f) { f.text("k"), f.reject("k", "a port"); },
+                 "a.conf:2: key 'k' = 'q': expected a port"}));
+
+TEST(KeyValue, MissingRequiredKeySaysWhatWasExpected) {
+  auto file = parsed("a = 1\n");
+  file.number("a");
+  file.number("table.rate_degps", positive);
+  EXPECT_ERROR(file.check_all_used(), "a.conf: key 'table.rate_degps' is missing: expected a number > 0");
+}
+
+TEST(KeyValue, FirstDefectWins) {
+  auto file = parsed("a = x\nb = y\nunknown = 1\n");
+  file.number("a");
+  file.number("b");
+  EXPECT_ERROR(file.check_all_used(), "a.conf:1: key 'a' = 'x': expected a number");
+}
+
+TEST(KeyValue, UnknownKeyIsAnErrorAlsoAfterLookingAtIt) {
+  auto file = parsed("a = 1\ntable.rat = 2\n");
+  file.number("a");
+  EXPECT_TRUE(file.has("table.rat"));
+  file.keys_with_prefix("table.");
+  EXPECT_ERROR(file.check_all_used(), "a.conf:2: key 'table.rat' is unknown");
+}
+
+TEST(KeyValue, DefectsOfTheTextItself) {
+  const auto parse = [](const std::string& text) { return KeyValueFile::parse(text, "a.conf"); };
+  EXPECT_ERROR(parse("a = 1\n\na = 2\n"), "a.conf:3: key 'a' again: it is already in line 1");
+  EXPECT_ERROR(parse("a = 1\nnonsense\n"), "a.conf:2: 'nonsense': expected key = value");
+  EXPECT_ERROR(parse("= 1\n"), "a.conf:1: key '': expected letters, digits, '_' and '-', parts joined by '.'");
+  EXPECT_ERROR(parse("a b = 1\n"), "a.conf:1: key 'a b': expected letters, digits, '_' and '-', parts joined by '.'");
+  EXPECT_ERROR(parse("a..b = 1\n"), "a.conf:1: key 'a..b': expected letters, digits, '_' and '-', parts joined by '.'");
+  EXPECT_ERROR(parse("a. = 1\n"), "a.conf:1: key 'a.': expected letters, digits, '_' and '-', parts joined by '.'");
+  EXPECT_ERROR(parse(std::string("a = \0\n", 6)), "a.conf:1: a control character: expected a text file");
+  EXPECT_ERROR(parse(""), "a.conf: empty file: expected key = value lines");
+  EXPECT_ERROR(parse("# only this\n"), "a.conf: empty file: expected key = value lines");
+}
+
+TEST(KeyValue, AcceptsByteOrderMarkAndMissingLastLineEnd) {
+  auto file = parsed("\xEF\xBB\xBF" "a = 1\nb = 2");
+  EXPECT_EQ(file.number("a") + file.number("b"), 3.0);
+  ASSERT_OK(file.check_all_used());
+}
+
+TEST(KeyValue, LongAndStrangeValuesAreShownShort) {
+  auto file = parsed("k = " + std::string(500, 'z') + "\n");
+  file.number("k");
+  EXPECT_ERROR(file.status(), "a.conf:1: key 'k' = '" + std::string(60, 'z') + "...': expected a number");
+}
+
+TEST(KeyValue, FilesThatCannotBeRead) {
+  test::TemporaryFolder folder;
+  const std::string missing = folder / "no.conf";
+  EXPECT_ERROR(KeyValueFile::read(missing), missing + ": cannot open: No such file or directory");
+  EXPECT_ERROR(KeyValueFile::read(folder.path()), folder.path() + ": not a regular file");
+  test::write_file(folder / "empty.conf", "");
+  EXPECT_ERROR(KeyValueFile::read(folder / "empty.conf"), (folder / "empty.conf") + ": empty file: expected key = value lines");
+  test::write_file(folder / "good.conf", "a = 1\n");
+  auto file = KeyValueFile::read(folder / "good.conf");
+  ASSERT_OK(file);
+  EXPECT_EQ(file->integer("a"), 1);
+}
+
+}  // namespace
+}  // namespace turncal

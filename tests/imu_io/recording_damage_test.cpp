@@ -1,0 +1,249 @@
+// Damage to a binary recording: cut at every byte, every bit flipped, blocks lost. The rule under test: what is handed
+// over was written, in order; a flipped bit costs one record; what is missing is reported.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+
+#include "imu_io/record_log.h"
+#include "imu_io/recording_source.h"
+#include "imu_io/recording_writer.h"
+#include "recording_samples.h"
+
+namespace turncal {
+namespace {
+
+using namespace test;  // NOLINT
+
+constexpr std::size_t chunk = 4;  // samples in a record here
+
+struct DamageTest : testing::Test {
+  TemporaryFolder folder;
+  std::string path = folder / "a.tcr";
+  RecordingInfo info = make_info();
+  std::vector<ImuSample> samples = make_samples(info, 32, 0);
+  Segments segments = {make_segment(1, SegmentKind::align, 0, 8, 0, 0, 0),
+                       make_segment(1, SegmentKind::rotate, 8, 16, 0, 90, 0),
+                       make_segment(1, SegmentKind::still, 16, 32, 0, 90, 0)};
+  std::string content;
+
+  void SetUp() override {
+    auto writer = RecordingWriter::create(path, info);
+    ASSERT_OK(writer);
+    for (const Segment& segment : segments) {
+      ASSERT_OK(writer->begin_segment(segment));
+      for (auto i = static_cast<std::size_t>(segment.start_sample); i < static_cast<std::size_t>(segment.end_sample);
+           i += chunk) {
+        ASSERT_OK(writer->add(std::span(samples).subspan(i, chunk)));
+        ASSERT_OK(writer->sync());
+      }
+      ASSERT_OK(writer->end_segment(segment.kind, segment.end_sample,
+                                    {{segment.heading_deg, segment.pitch_deg, segment.roll_deg}}));
+    }
+    ASSERT_OK(writer->finish());
+    content = read_file(path);
+  }
+
+  // Every sample read is one that was written, in order.
+  void expect_subset(const std::vector<ImuSample>& read) const {
+    std::size_t next = 0;
+    for (const ImuSample& sample : read) {
+      while (next < samples.size() && samples[next].counter != sample.counter) ++next;
+      ASSERT_LT(next, samples.size()) << "counter " << sample.counter;
+      ASSERT_TRUE(same(sample, samples[next])) << "counter " << sample.counter;
+    }
+  }
+
+  // Contiguous, inside the samples, and no dwell that was not one, nor one with other angles.
+  void expect_honest(const Segments& read, std::int64_t first, std::int64_t last) const {
+    for (std::size_t i = 0; i < read.size(); ++i) {
+      if (i > 0) { ASSERT_EQ(read[i].start_sample, read[i - 1].end_sample); }
+      ASSERT_LT(read[i].start_sample, read[i].end_sample);
+      ASSERT_GE(read[i].start_sample, first);
+      ASSERT_LE(read[i].end_sample, last + 1);
+      if (read[i].kind == SegmentKind::rotate) continue;
+      const auto original = std::find_if(segments.begin(), segments.end(), [&](const Segment& s) {
+        return s.kind == read[i].kind && s.start_sample <= read[i].start_sample && s.end_sample >= read[i].end_sample;
+      });
+      ASSERT_NE(original, segments.end());
+      ASSERT_EQ(original->pitch_deg, read[i].pitch_deg);
+    }
+  }
+};
+
+TEST_F(DamageTest, CutAtEveryByteIsANormalEnd) {
+  std::size_t most_samples = 0;
+  for (std::size_t length = 0; length < content.size(); ++length) {
+    SCOPED_TRACE(length);
+    write_file(path, content.substr(0, length));
+    auto source = RecordingSource::open(path);
+    if (!source) {
+      ASSERT_EQ(most_samples, 0U);  // only before the first samples
+      continue;
+    }
+    const auto read = read_all(**source);
+    ASSERT_GE(read.size(), most_samples);
+    most_samples = read.size();
+    expect_same(read, {samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(read.size())});
+    expect_honest((*source)->segments(), read.front().counter, read.back().counter);
+    const RecordingDamage& damage = (*source)->damage();
+    ASSERT_FALSE(damage.complete);
+    ASSERT_FALSE(damage.lost_data());
+    ASSERT_EQ(damage.bytes_dropped, 0U);
+    ASSERT_LE(damage.torn_tail_bytes, length);
+    source->reset();
+
+    // Reopened, the torn tail is gone and the rest can be written.
+    auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep);
+    ASSERT_OK(writer);
+    ASSERT_EQ(writer->sample_count(), read.size());
+    ASSERT_EQ(writer->cut_bytes(), damage.torn_tail_bytes);
+    ASSERT_OK(writer->add(std::span(samples).subspan(read.size())));
+    if (writer->open_segment()) ASSERT_OK(writer->end_segment(SegmentKind::rotate, samples.back().counter + 1, {}));
+    ASSERT_OK(writer->finish());
+    auto whole = RecordingSource::open(path);
+    ASSERT_OK(whole);
+    expect_same(read_all(**whole), samples);
+    ASSERT_EQ(describe((*whole)->damage()), "");
+  }
+  EXPECT_EQ(most_samples, samples.size());
+}
+
+TEST_F(DamageTest, DropAfterACutAtEveryByteEndsAtASegmentEnd) {
+  for (std::size_t length = 300; length < content.size(); ++length) {
+    SCOPED_TRACE(length);
+    write_file(path, content.substr(0, length));
+    auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop);
+    ASSERT_OK(writer);
+    const std::int64_t last = writer->segments().empty() ? 0 : writer->segments().back().end_sample;
+    ASSERT_FALSE(writer->open_segment().has_value());
+    ASSERT_EQ(writer->last_counter().value_or(-1) + 1, last);
+  }
+}
+
+TEST_F(DamageTest, EveryFlippedBitCostsAtMostOneRecord) {
+  for (std::size_t place = 0; place < content.size(); ++place) {
+    for (int bit = 0; bit < 8; ++bit) {
+      SCOPED_TRACE(testing::Message() << "byte " << place << " bit " << bit);
+      std::string damaged = content;
+      damaged[place] = static_cast<char>(damaged[place] ^ (1 << bit));
+      write_file(path, damaged);
+      auto source = RecordingSource::open(path);
+      ASSERT_OK(source);
+      const auto read = read_all(**source);
+      ASSERT_GE(read.size() + chunk, samples.size());
+      expect_subset(read);
+      expect_honest((*source)->segments(), read.front().counter, read.back().counter);
+      const RecordingDamage& damage = (*source)->damage();
+      if (damage.complete) {
+        ASSERT_EQ(damage.records_dropped, 1U);
+        ASSERT_GE(damage.bytes_dropped, record_overhead_bytes);
+        ASSERT_EQ(damage.samples_dropped, samples.size() - read.size());
+        ASSERT_EQ(damage.torn_tail_bytes, 0U);
+      } else {
+        // The end mark itself was hit: that looks like a capture that was interrupted.
+        ASSERT_EQ(damage.records_dropped, 0U);
+        ASSERT_EQ(read.size(), samples.size());
+        ASSERT_EQ(damage.torn_tail_bytes, record_overhead_bytes + 8);
+      }
+      ASSERT_NE(describe(damage), "");
+    }
+  }
+}
+
+TEST_F(DamageTest, LostBlockIsCountedByTheNumbersOfTheRecords) {
+  // Take out the last two samples records (there is one flag in them), leaving no byte of them.
+  const std::size_t two_records = 2 * (record_overhead_bytes + 20 + chunk * 28) + 8;
+  const std::size_t at = content.size() - (record_overhead_bytes + 8) - (record_overhead_bytes + 48) - two_records;
+  write_file(path, content.substr(0, at) + content.substr(at + two_records));
+  auto source = RecordingSource::open(path);
+  ASSERT_OK(source);
+  EXPECT_EQ(read_all(**source).size(), samples.size() - 2 * chunk);
+  EXPECT_EQ((*source)->damage().records_dropped, 2U);
+  EXPECT_EQ((*source)->damage().bytes_dropped, 0U);
+  EXPECT_EQ((*source)->damage().samples_dropped, 2 * chunk);
+  EXPECT_EQ(describe((*source)->damage()), "2 damaged records dropped (0 bytes, 8 samples)");
+  // The dwell is cut to what is left of it.
+  EXPECT_EQ((*source)->segments().back().end_sample, 24);
+}
+
+TEST_F(DamageTest, InsertedGarbageCostsNothing) {
+  const std::size_t at = 200;
+  std::string inserted = content.substr(0, at);
+  // At a record boundary or inside a record: here inside the spare copy of the first record.
+  inserted += std::string(5000, '\x89') + "\x89TCR" + content.substr(at);
+  write_file(path, inserted);
+  auto source = RecordingSource::open(path);
+  ASSERT_OK(source);
+  expect_same(read_all(**source), samples);
+  EXPECT_LE((*source)->damage().records_dropped, 1U);
+  EXPECT_GT((*source)->damage().bytes_dropped, 5000U);
+}
+
+// After a power loss a file can have its length but not its last blocks.
+TEST_F(DamageTest, TailOfZerosIsATornTail) {
+  const std::size_t keep = content.size() - 300;
+  write_file(path, content.substr(0, keep) + std::string(300 + 4096, '\0'));
+  auto source = RecordingSource::open(path);
+  ASSERT_OK(source);
+  const auto read = read_all(**source);
+  expect_same(read, {samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(read.size())});
+  EXPECT_FALSE((*source)->damage().lost_data());
+  EXPECT_GT((*source)->damage().torn_tail_bytes, 4096U);
+}
+
+TEST_F(DamageTest, BothFirstRecordsDestroyedIsAnError) {
+  std::string damaged = content;
+  damaged[30] = static_cast<char>(damaged[30] ^ 1);
+  damaged[130] = static_cast<char>(damaged[130] ^ 1);
+  write_file(path, damaged);
+  EXPECT_ERROR(RecordingSource::open(path),
+               path + ": not a recording of this program, or its first records are destroyed");
+}
+
+TEST_F(DamageTest, TextBehindTheEndMarkIsNotRead) {
+  write_file(path, content + content);
+  auto source = RecordingSource::open(path);
+  ASSERT_OK(source);
+  expect_same(read_all(**source), samples);
+  EXPECT_EQ((*source)->damage().torn_tail_bytes, content.size());
+}
+
+// Records that straddle the blocks in which a large file is read, damaged there.
+TEST(RecordingDamage, LargeFileWithManyFlips) {
+  TemporaryFolder folder;
+  const std::string path = folder / "a.tcr";
+  const RecordingInfo info = make_info();
+  const auto samples = make_samples(info, 293 * RecordingWriter::block_samples, 0);
+  auto writer = RecordingWriter::create(path, info);
+  ASSERT_OK(writer->add(samples));
+  ASSERT_OK(writer->finish());
+  const std::string content = read_file(path);
+  ASSERT_GT(content.size(), std::size_t{8} << 20);
+  std::mt19937_64 random(3);
+  for (int round = 0; round < 10; ++round) {
+    std::string damaged = content;
+    const int flips = 20;
+    for (int i = 0; i < flips; ++i) {
+      const std::size_t place = 1000 + random() % (content.size() - 2000);
+      damaged[place] = static_cast<char>(damaged[place] ^ (1 << (random() % 8)));
+    }
+    write_file(path, damaged);
+    auto source = RecordingSource::open(path);
+    ASSERT_OK(source);
+    const auto read = read_all(**source);
+    const auto lost = samples.size() - read.size();
+    EXPECT_EQ(lost % RecordingWriter::block_samples, 0U);
+    EXPECT_LE(lost, flips * RecordingWriter::block_samples);
+    EXPECT_EQ((*source)->damage().records_dropped, lost / RecordingWriter::block_samples);
+    EXPECT_EQ((*source)->damage().samples_dropped, lost);
+    std::size_t at = 0;
+    for (const ImuSample& sample : read) {
+      while (samples[at].counter != sample.counter) ++at;
+      ASSERT_TRUE(same(sample, samples[at]));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,110 @@
+// Recordings for the tests: every field in use, with gaps, flags and missing temperatures; and reading one whole.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "imu_io/recording_source.h"
+#include "imu_io/recording_writer.h"
+#include "temporary_folder.h"
+
+namespace turncal::test {
+
+inline RecordingInfo make_info(IncrementKind gyro = IncrementKind::pulses, IncrementKind accel = IncrementKind::pulses,
+                               bool has_temperature = true) {
+  RecordingInfo info;
+  info.sample_period_s = 0.005;
+  info.latitude_deg = 29.53;
+  info.gravity_mps2 = 9.7914;
+  info.unit_serial = "LG-7";
+  info.gyro_increment = gyro;
+  info.accel_increment = accel;
+  info.accel_pulse_mps = accel == IncrementKind::pulses ? 0.0005 : 0.0;
+  info.has_temperature = has_temperature;
+  return info;
+}
+
+// Every 97th sample is missing before, every 31st flagged, every 13th without temperature.
+inline std::vector<ImuSample> make_samples(const RecordingInfo& info, std::size_t count, std::int64_t first = -5,
+                                           unsigned seed = 1) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  std::vector<ImuSample> samples(count);
+  std::int64_t counter = first;
+  for (std::size_t i = 0; i < count; ++i) {
+    ImuSample& sample = samples[i];
+    if (i % 97 == 96) counter += 3;
+    sample.counter = counter++;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const auto pulses = [&] { return static_cast<double>(static_cast<std::int32_t>(random())); };
+      sample.gyro[axis] = info.gyro_increment == IncrementKind::pulses ? pulses() : 1e-5 * normal(random);
+      sample.accel[axis] = info.accel_increment == IncrementKind::pulses ? pulses() : 0.05 * normal(random);
+    }
+    if (info.gyro_increment == IncrementKind::physical && i % 7 == 0) sample.gyro[1] = -0.0;
+    if (info.has_temperature && i % 13 != 12) sample.temperature_c = static_cast<float>(24.0 + 3.0 * normal(random));
+    if (info.has_temperature && i % 13 == 5) sample.temperature_c = -0.0F;
+    if (i % 31 == 30) sample.flags = sample_flag_invalid + static_cast<std::uint32_t>(i);
+  }
+  return samples;
+}
+
+inline bool same(const ImuSample& a, const ImuSample& b) {
+  const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (bits(a.gyro[axis]) != bits(b.gyro[axis]) || bits(a.accel[axis]) != bits(b.accel[axis])) return false;
+  }
+  const bool same_temperature = std::isnan(a.temperature_c)
+                                    ? std::isnan(b.temperature_c)
+                                    : std::bit_cast<std::uint32_t>(a.temperature_c) ==
+                                          std::bit_cast<std::uint32_t>(b.temperature_c);
+  return a.counter == b.counter && a.flags == b.flags && same_temperature;
+}
+
+inline void expect_same(const std::vector<ImuSample>& a, const std::vector<ImuSample>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) ASSERT_TRUE(same(a[i], b[i])) << "sample " << i;
+}
+
+inline void expect_same(const Segments& a, const Segments& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].step, b[i].step) << i;
+    EXPECT_EQ(a[i].kind, b[i].kind) << i;
+    EXPECT_EQ(a[i].start_sample, b[i].start_sample) << i;
+    EXPECT_EQ(a[i].end_sample, b[i].end_sample) << i;
+    EXPECT_EQ(a[i].heading_deg, b[i].heading_deg) << i;
+    EXPECT_EQ(a[i].pitch_deg, b[i].pitch_deg) << i;
+    EXPECT_EQ(a[i].roll_deg, b[i].roll_deg) << i;
+  }
+}
+
+inline std::vector<ImuSample> read_all(RecordingSource& source) {
+  std::vector<ImuSample> all;
+  const Status status = source.read([&](std::span<const ImuSample> samples) {
+    EXPECT_FALSE(samples.empty());
+    all.insert(all.end(), samples.begin(), samples.end());
+    return Status();
+  });
+  EXPECT_TRUE(status.ok()) << status.error().message;
+  return all;
+}
+
+inline Segment make_segment(int step, SegmentKind kind, std::int64_t start, std::int64_t end, double heading = 0.0,
+                            double pitch = 0.0, double roll = 0.0) {
+  return {step, kind, start, end, heading, pitch, roll};
+}
+
+inline void write_segment(RecordingWriter& writer, const Segment& segment, std::span<const ImuSample> samples = {}) {
+  ASSERT_OK(writer.begin_segment(segment));
+  ASSERT_OK(writer.add(samples));
+  ASSERT_OK(writer.end_segment(segment.kind, segment.end_sample,
+                               {{segment.heading_deg, segment.pitch_deg, segment.roll_deg}}));
+}
+
+}  // namespace turncal::test

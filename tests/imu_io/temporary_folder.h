@@ -1,0 +1,74 @@
+// A folder of its own for a test, removed at the end, and short ways to put files into it. In memory where there is such a
+// file system: these tests sync thousands of times.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <system_error>
+#include <vector>
+
+namespace turncal::test {
+
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    const std::filesystem::path memory = "/dev/shm";
+    std::error_code ignored;
+    const bool in_memory = std::filesystem::is_directory(memory, ignored) && ::access(memory.c_str(), W_OK) == 0;
+    std::string pattern =
+        ((in_memory ? memory : std::filesystem::temp_directory_path()) / "turncal_test_XXXXXX").string();
+    if (::mkdtemp(pattern.data()) == nullptr) std::abort();
+    path_ = pattern;
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+
+  const std::string& path() const { return path_; }
+  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
+
+  std::vector<std::string> names() const {
+    std::vector<std::string> result;
+    for (const auto& entry : std::filesystem::directory_iterator(path_)) result.push_back(entry.path().filename());
+    return result;
+  }
+
+ private:
+  std::string path_;
+};
+
+inline void write_file(const std::string& path, const std::string& content) {
+  std::ofstream(path, std::ios::binary) << content;
+}
+
+inline std::string read_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+}  // namespace turncal::test
+
+// For a Status or a Result: the message in full when it is not what was hoped for.
+#define ASSERT_OK(expression)                                             \
+  do {                                                                    \
+    const auto& checked_ = (expression);                                  \
+    ASSERT_TRUE(checked_.ok()) << checked_.error().message;               \
+  } while (false)
+// The whole line, so that a change of wording is a decision.
+#define EXPECT_ERROR(expression, text)                                    \
+  do {                                                                    \
+    const auto& checked_ = (expression);                                  \
+    EXPECT_FALSE(checked_.ok()) << "expected the error: " << (text);      \
+    if (!checked_.ok()) {                                                 \
+      EXPECT_EQ(checked_.error().message, (text));                        \
+    }                                                                     \
+  } while (false)
