@@ -1,0 +1,253 @@
+#include "imu_io/parameter_file.h"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <limits>
+#include <random>
+
+#include "imu_io/crc32c.h"
+#include "recording_samples.h"
+#include "temporary_folder.h"
+
+namespace turncal {
+namespace {
+
+using test::make_info;
+using test::TemporaryFolder;
+
+ParameterFile make_file() {
+  ParameterFile file;
+  describe_recording(make_info(), file);
+  file.recording_hash = "c9a8024e345e5f3f127138fb58be5abe";
+  file.model = "extended";
+  file.method = "joint";
+  file.software_version = "0.1.0";
+  file.time_utc = "2026-01-31T12:00:00Z";
+  for (int i = 0; i < parameter_count; ++i) {
+    if (parameter_is_free[static_cast<std::size_t>(i)]) file.sigma[static_cast<std::size_t>(i)] = 1e-7 * (i + 1);
+  }
+  file.reference_temperature_c = 27.25;
+  file.effects = {{"accel_size_effect", "x_rx", 12.5, 0.25}, {"gyro_warm_up", "tau_s", 600.0, {}}};
+  file.add_further("noise.gyro_arw_deg_per_sqrt_h.x", 0.002);
+  file.add_further("record.operator", "A. Smith");
+  return file;
+}
+
+std::string formatted(const ParameterFile& file) {
+  const auto text = format_parameter_file(file);
+  EXPECT_TRUE(text.ok()) << text.error().message;
+  return *text;
+}
+
+// Puts a right checksum under an edited text, so that what stands above it is judged.
+std::string resealed(std::string text) {
+  text.resize(text.rfind("checksum = "));
+  char hex[9];
+  std::snprintf(hex, sizeof hex, "%08x", static_cast<unsigned>(crc32c(text)));
+  return text + "checksum = " + hex + "\n";
+}
+
+std::string replaced(std::string text, const std::string& what, const std::string& with) {
+  const std::size_t place = text.find(what);
+  EXPECT_NE(place, std::string::npos) << what;
+  return text.replace(place, what.size(), with);
+}
+
+TEST(ParameterFile, LooksLikeThis) {
+  ParameterFile file = make_file();
+  file.sigma = {};
+  file.sigma[0] = 0.0019;
+  EXPECT_EQ(formatted(file),
+            "# turncal parameter file: w = n * counts - N0 (deg/h), f = a * counts - A0 (g)\n"
+            "N01 = 0\nN02 = 0\nN03 = 0\nA01 = 0\nA02 = 0\nA03 = 0\n"
+            "n11 = 0.93292\nn12 = 0\nn13 = 0\nn21 = 0\nn22 = 0.93292\nn23 = 0\nn31 = 0\nn32 = 0\nn33 = 0.93292\n"
+            "a11 = 1\na12 = 0\na13 = 0\na21 = 0\na22 = 1\na23 = 0\na31 = 0\na32 = 0\na33 = 1\n"
+            "sigma.N01 = 0.0019\n"
+            "reference_temperature_c = 27.25\n"
+            "effect.accel_size_effect.x_rx = 12.5\n"
+            "sigma.effect.accel_size_effect.x_rx = 0.25\n"
+            "effect.gyro_warm_up.tau_s = 600\n"
+            "unit_serial = LG-7\n"
+            "recording_hash = c9a8024e345e5f3f127138fb58be5abe\n"
+            "model = extended\n"
+            "method = joint\n"
+            "latitude_deg = 29.53\n"
+            "gravity_mps2 = 9.7914\n"
+            "sample_period_s = 0.005\n"
+            "gyro_increment = pulses\n"
+            "accel_increment = pulses\n"
+            "accel_pulse_mps = 0.0005\n"
+            "software_version = 0.1.0\n"
+            "time_utc = 2026-01-31T12:00:00Z\n"
+            "noise.gyro_arw_deg_per_sqrt_h.x = 0.002\n"
+            "record.operator = A. Smith\n"
+            "checksum = fc03ae51\n");
+}
+
+TEST(ParameterFile, EverythingComesBack) {
+  const ParameterFile file = make_file();
+  const auto read = parse_parameter_file(formatted(file), "p.conf");
+  ASSERT_OK(read);
+  EXPECT_EQ(read->parameters, file.parameters);
+  EXPECT_EQ(read->sigma, file.sigma);
+  EXPECT_EQ(read->effects, file.effects);
+  EXPECT_EQ(read->reference_temperature_c, file.reference_temperature_c);
+  EXPECT_EQ(read->unit_serial, file.unit_serial);
+  EXPECT_EQ(read->recording_hash, file.recording_hash);
+  EXPECT_EQ(read->model, file.model);
+  EXPECT_EQ(read->method, file.method);
+  EXPECT_EQ(read->software_version, file.software_version);
+  EXPECT_EQ(read->time_utc, file.time_utc);
+  EXPECT_EQ(read->latitude_deg, file.latitude_deg);
+  EXPECT_EQ(read->gravity_mps2, file.gravity_mps2);
+  EXPECT_EQ(read->sample_period_s, file.sample_period_s);
+  EXPECT_EQ(read->accel_pulse_mps, file.accel_pulse_mps);
+  EXPECT_EQ(read->further, file.further);
+  EXPECT_FALSE(read->simulated);
+}
+
+// Doubles of every exponent, denormals and negative zero among them.
+TEST(ParameterFile, ReadingAndWritingAgainGivesTheSameBytes) {
+  std::mt19937_64 random(11);
+  const auto any_double = [&] {
+    for (;;) {
+      switch (random() % 8) {
+        case 0: return -0.0;
+        case 1: return std::bit_cast<double>(random() >> 12);  // denormal
+        default: break;
+      }
+      const double x = std::bit_cast<double>(random());
+      if (std::isfinite(x)) return x;
+    }
+  };
+  for (int round = 0; round < 2000; ++round) {
+    ParameterFile file = make_file();
+    for (int i = 0; i < parameter_count; ++i) file.parameters[i] = any_double();
+    for (auto& sigma : file.sigma) {
+      sigma.reset();
+      if (random() % 2 == 0) sigma = std::abs(any_double());
+    }
+    file.effects.clear();
+    for (int i = 0; i < static_cast<int>(random() % 5); ++i) {
+      file.effects.push_back({"effect_" + std::to_string(i), "x_rx", any_double(), {}});
+      if (random() % 2 == 0) file.effects.back().sigma = std::abs(any_double());
+    }
+    file.simulated = random() % 2 == 0;
+    if (random() % 2 == 0) file.reference_temperature_c.reset();
+    file.add_further("noise.x", any_double());
+    const std::string text = formatted(file);
+    const auto read = parse_parameter_file(text, "p.conf");
+    ASSERT_OK(read);
+    ASSERT_EQ(formatted(*read), text);
+    for (int i = 0; i < parameter_count; ++i) {
+      ASSERT_EQ(std::bit_cast<std::uint64_t>(read->parameters[i]), std::bit_cast<std::uint64_t>(file.parameters[i]));
+    }
+  }
+}
+
+TEST(ParameterFile, EveryFlippedBitIsRefused) {
+  const std::string text = formatted(make_file());
+  for (std::size_t place = 0; place < text.size(); ++place) {
+    for (int bit = 0; bit < 8; ++bit) {
+      std::string damaged = text;
+      damaged[place] = static_cast<char>(damaged[place] ^ (1 << bit));
+      ASSERT_FALSE(parse_parameter_file(damaged, "p.conf").ok()) << place << " " << bit;
+    }
+  }
+}
+
+TEST(ParameterFile, CutAtEveryByteIsRefused) {
+  const std::string text = formatted(make_file());
+  for (std::size_t length = 0; length < text.size(); ++length) {
+    ASSERT_FALSE(parse_parameter_file(text.substr(0, length), "p.conf").ok()) << length;
+  }
+}
+
+TEST(ParameterFile, Refusals) {
+  const std::string text = formatted(make_file());
+  const auto parse = [](const std::string& t) { return parse_parameter_file(t, "p.conf"); };
+  const std::string wrong = "p.conf: wrong checksum: the file was damaged or edited after it was written";
+  EXPECT_ERROR(parse(replaced(text, "n12 = 0", "n12 = 1")), wrong);
+  EXPECT_ERROR(parse(text.substr(0, text.size() - 1)), wrong);  // the last line end is gone
+  EXPECT_ERROR(parse(replaced(text, "N01 = 0\n", "N01 = 0\r\n")), wrong);
+  EXPECT_ERROR(parse(text + "n12 = 1\n"), "p.conf: text after the checksum: expected it to be the last line");
+  EXPECT_ERROR(parse(text.substr(0, text.rfind("checksum"))),
+               "p.conf: no checksum: expected 'checksum = ' and 8 hex digits in the last line");
+  EXPECT_ERROR(parse(""), "p.conf: no checksum: expected 'checksum = ' and 8 hex digits in the last line");
+  EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", ""))), "p.conf: key 'n23' is missing: expected a number");
+  EXPECT_ERROR(parse(resealed(replaced(text, "unit_serial = LG-7\n", ""))),
+               "p.conf: key 'unit_serial' is missing: expected a text");
+  EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", "n23 = 0\nn23 = 0\n"))),
+               "p.conf:14: key 'n23' again: it is already in line 13");
+  EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", "n23 = 0\nn24 = 0\n"))), "p.conf:14: key 'n24' is unknown");
+  EXPECT_ERROR(parse(resealed(replaced(text, "sigma.N01", "sigma.N09"))), "p.conf:26: key 'sigma.N09' is unknown");
+  EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", "n23 = nan\n"))),
+               "p.conf:13: key 'n23' = 'nan': expected a number");
+  EXPECT_ERROR(parse(resealed(replaced(text, "sigma.N01 = 1e-07", "sigma.N01 = -1"))),
+               "p.conf:26: key 'sigma.N01' = '-1': expected a number >= 0");
+  EXPECT_ERROR(parse(resealed(replaced(text, "effect.gyro_warm_up.tau_s", "effect.gyro_warm_up"))),
+               "p.conf:50: key 'effect.gyro_warm_up' = '600': expected a key effect.<name>.<component>");
+  EXPECT_ERROR(parse(resealed(replaced(text, "sigma.effect.accel_size_effect.x_rx", "sigma.effect.accel_size_effect.x_ry"))),
+               "p.conf:49: key 'sigma.effect.accel_size_effect.x_ry' is unknown");
+}
+
+TEST(ParameterFile, WhatCannotBeWrittenIsRefusedBeforeTheFileIsTouched) {
+  TemporaryFolder folder;
+  const auto refused = [&](auto change, const std::string& message) {
+    ParameterFile file = make_file();
+    change(file);
+    const Status status = write_parameter_file(file, folder / "p.conf");
+    EXPECT_ERROR(status, "parameter file: key " + message);
+    EXPECT_TRUE(folder.names().empty());
+  };
+  refused([](ParameterFile& f) { f.parameters[6] = std::nan(""); }, "'n11' is not finite");
+  refused([](ParameterFile& f) { f.sigma[0] = -1.0; }, "'sigma.N01' expected a number >= 0");
+  refused([](ParameterFile& f) { f.unit_serial = "a\nb"; },
+          "'unit_serial' = 'a\nb': expected printable text without '#', not empty");
+  refused([](ParameterFile& f) { f.method.clear(); }, "'method' = '': expected printable text without '#', not empty");
+  refused([](ParameterFile& f) { f.effects.push_back(f.effects[0]); }, "'effect.accel_size_effect.x_rx' is there twice");
+  refused([](ParameterFile& f) { f.effects[0].component = "x.y"; },
+          "'effect.accel_size_effect.x.y' expected effect.<name>.<component>");
+  refused([](ParameterFile& f) { f.add_further("colour", "red"); },
+          "'colour' expected one that begins with noise., quality., record. or verdict.");
+  refused([](ParameterFile& f) { f.add_further("noise..x", "1"); },
+          "'noise..x' expected one that begins with noise., quality., record. or verdict.");
+}
+
+TEST(ParameterFile, FileIsWrittenAndRead) {
+  TemporaryFolder folder;
+  const std::string path = folder / "parameters.conf";
+  ASSERT_OK(write_parameter_file(make_file(), path));
+  const auto read = read_parameter_file(path);
+  ASSERT_OK(read);
+  EXPECT_EQ(test::read_file(path), formatted(*read));
+  test::write_file(path, "");
+  EXPECT_ERROR(read_parameter_file(path), path + ": empty file: expected a parameter file");
+}
+
+TEST(ParameterFile, AppliesOnlyToItsUnit) {
+  const ParameterFile file = make_file();
+  ASSERT_OK(check_applicable(file, "p.conf", make_info()));
+  const auto refused = [&](auto change, const std::string& message) {
+    RecordingInfo other = make_info();
+    change(other);
+    EXPECT_ERROR(check_applicable(file, "p.conf", other), "p.conf: key " + message + ", as in the recording");
+  };
+  refused([](RecordingInfo& i) { i.unit_serial = "LG-8"; }, "'unit_serial' = 'LG-7': expected 'LG-8'");
+  refused([](RecordingInfo& i) { i.gyro_increment = IncrementKind::physical; },
+          "'gyro_increment' = 'pulses': expected rad");
+  refused([](RecordingInfo& i) { i.accel_increment = IncrementKind::physical; },
+          "'accel_increment' = 'pulses': expected mps");
+  refused([](RecordingInfo& i) { i.accel_pulse_mps = 0.001; }, "'accel_pulse_mps' = '0.0005': expected 0.001");
+  ParameterFile simulated = file;
+  simulated.simulated = true;
+  EXPECT_ERROR(check_applicable(simulated, "p.conf", make_info()),
+               "p.conf: simulated parameters: expected those of a real calibration for this recording");
+  RecordingInfo rig = make_info();
+  rig.simulated = true;
+  ASSERT_OK(check_applicable(simulated, "p.conf", rig));
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,459 @@
+// The text form: both ways, the same content hash as binary, and one clear line for every defect.
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <tuple>
+
+#include "imu_io/imu_csv.h"
+#include "imu_io/recording_source.h"
+#include "imu_io/recording_text.h"
+#include "imu_io/recording_writer.h"
+#include "recording_samples.h"
+
+namespace turncal {
+namespace {
+
+using namespace test;  // NOLINT
+
+constexpr const char* conf =
+    "format = 1\n"
+    "sample_period_s = 0.005\n"
+    "latitude_deg = 29.53\n"
+    "gravity_mps2 = 9.7914\n"
+    "unit_serial = LG-7\n"
+    "gyro_increment = pulses\n"
+    "accel_increment = pulses\n"
+    "accel_pulse_mps = 0.0005\n";
+constexpr const char* csv =
+    "sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z,temperature_c\n"
+    "0,0,1,-2,3,96,0,24.000\n"
+    "1,0,1,-2,3,96,0,24.001\n"
+    "4,2147483647,-2147483648,0,0,96,0,\n"
+    "5,0,0,0,0,96,0,-24.5004\n";
+constexpr const char* segments_csv =
+    "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg\n"
+    "1,align,0,2,-90,0,0\n"
+    "1,rotate,2,4,-90,12.5,0\n"
+    "2,static,4,6,-90,12.5,360\n";
+
+struct TextTest : testing::Test {
+  TemporaryFolder folder;
+  std::string csv_path = folder / "imu.csv";
+  std::string conf_path = folder / "recording.conf";
+  std::string segments_path = folder / "segments.csv";
+  TextTest() {
+    write_file(conf_path, conf);
+    write_file(csv_path, csv);
+    write_file(segments_path, segments_csv);
+  }
+  static std::string replaced(std::string text, const std::string& what, const std::string& with) {
+    const std::size_t place = text.find(what);
+    EXPECT_NE(place, std::string::npos) << what;
+    return text.replace(place, what.size(), with);
+  }
+  // The error of opening or else of reading.
+  std::string defect() const {
+    auto source = RecordingSource::open(folder.path());
+    if (!source) return source.error().message;
+    const Status status = (*source)->read([](std::span<const ImuSample>) { return Status(); });
+    return status ? "" : status.error().message;
+  }
+  std::string conf_defect(const std::string& what, const std::string& with) const {
+    write_file(conf_path, replaced(conf, what, with));
+    return defect();
+  }
+  std::string csv_defect(const std::string& what, const std::string& with) const {
+    write_file(csv_path, replaced(csv, what, with));
+    return defect();
+  }
+  std::string segments_defect(const std::string& what, const std::string& with) const {
+    write_file(segments_path, replaced(segments_csv, what, with));
+    return defect();
+  }
+};
+
+TEST_F(TextTest, ReadsWhatIsThere) {
+  auto source = RecordingSource::open(folder.path());
+  ASSERT_OK(source);
+  EXPECT_TRUE((*source)->info().has_temperature);
+  EXPECT_FALSE((*source)->info().simulated);
+  EXPECT_EQ((*source)->info().unit_serial, "LG-7");
+  const auto samples = read_all(**source);
+  ASSERT_EQ(samples.size(), 4U);
+  EXPECT_EQ(samples[0].gyro, (std::array<double, 3>{0, 1, -2}));
+  EXPECT_EQ(samples[1].temperature_c, 24.001F);
+  EXPECT_EQ(samples[2].counter, 4);  // the gap is kept
+  EXPECT_EQ(samples[2].gyro, (std::array<double, 3>{2147483647, -2147483648.0, 0}));
+  EXPECT_TRUE(std::isnan(samples[2].temperature_c));
+  EXPECT_EQ(samples[3].temperature_c, -24.5004F);
+  expect_same((*source)->segments(), {make_segment(1, SegmentKind::align, 0, 2, -90, 0, 0),
+                                      make_segment(1, SegmentKind::rotate, 2, 4, -90, 12.5, 0),
+                                      make_segment(2, SegmentKind::still, 4, 6, -90, 12.5, 360)});
+  EXPECT_TRUE((*source)->damage().complete);
+}
+
+TEST_F(TextTest, LineEndsBlanksAndOtherWaysToWriteTheSameNumbersMakeNoDifference) {
+  auto plain = RecordingSource::open(folder.path());
+  ASSERT_OK(plain);
+  const auto samples = read_all(**plain);
+  const auto crlf = [](const std::string& text) {
+    std::string result;
+    for (const char c : text) result += c == '\n' ? std::string("\r\n") : std::string(1, c);
+    return result;
+  };
+  write_file(conf_path, crlf(conf));
+  write_file(csv_path, crlf(replaced(replaced(csv, "0,0,1,-2,3,96", "0, -0 ,1.0,-2e0,3,96"), "24.000", "24")));
+  write_file(segments_path, crlf(segments_csv));
+  auto other = RecordingSource::open(folder.path());
+  ASSERT_OK(other);
+  expect_same(read_all(**other), samples);
+  EXPECT_EQ(*(*other)->content_hash(), *(*plain)->content_hash());
+}
+
+TEST_F(TextTest, ExportOfAnImportGivesTheSameBytes) {
+  auto text = RecordingSource::open(folder.path());
+  ASSERT_OK(import_binary(**text, folder / "a.tcr"));
+  auto binary = RecordingSource::open(folder / "a.tcr");
+  ASSERT_OK(binary);
+  ASSERT_OK(export_text(**binary, folder / "out/deep"));
+  EXPECT_EQ(read_file(folder / "out/deep/imu.csv"), csv);
+  EXPECT_EQ(read_file(folder / "out/deep/segments.csv"), segments_csv);
+  EXPECT_EQ(read_file(folder / "out/deep/recording.conf"), conf);
+  EXPECT_FALSE(path_exists(folder / "out/deep/flags.csv"));
+}
+
+// ---- defects of recording.conf ----
+
+TEST_F(TextTest, ConfDefects) {
+  EXPECT_EQ(conf_defect("format = 1", "format = 2"), conf_path + ":1: key 'format' = '2': expected 1");
+  EXPECT_EQ(conf_defect("0.005", "0"), conf_path + ":2: key 'sample_period_s' = '0': expected a number > 0");
+  EXPECT_EQ(conf_defect("0.005", "-0.005"), conf_path + ":2: key 'sample_period_s' = '-0.005': expected a number > 0");
+  EXPECT_EQ(conf_defect("29.53", "129"), conf_path + ":3: key 'latitude_deg' = '129': expected a number between -90 and 90");
+  EXPECT_EQ(conf_defect("9.7914", "0"), conf_path + ":4: key 'gravity_mps2' = '0': expected a number between 9 and 11");
+  EXPECT_EQ(conf_defect("9.7914", "nan"), conf_path + ":4: key 'gravity_mps2' = 'nan': expected a number between 9 and 11");
+  EXPECT_EQ(conf_defect("LG-7", ""), conf_path + ":5: key 'unit_serial' = '': expected a text");
+  EXPECT_EQ(conf_defect("gyro_increment = pulses", "gyro_increment = mps"),
+            conf_path + ":6: key 'gyro_increment' = 'mps': expected pulses or rad");
+  EXPECT_EQ(conf_defect("accel_increment = pulses", "accel_increment = rad"),
+            conf_path + ":7: key 'accel_increment' = 'rad': expected pulses or mps");
+  EXPECT_EQ(conf_defect("accel_pulse_mps = 0.0005", ""),
+            conf_path + ": key 'accel_pulse_mps' is missing: expected a number > 0");
+  EXPECT_EQ(conf_defect("gravity_mps2 = 9.7914\n", ""),
+            conf_path + ": key 'gravity_mps2' is missing: expected a number between 9 and 11");
+  EXPECT_EQ(conf_defect("accel_pulse_mps", "accel_puls_mps"),
+            conf_path + ": key 'accel_pulse_mps' is missing: expected a number > 0");
+  EXPECT_EQ(conf_defect("format", "colour = red\nformat"), conf_path + ":1: key 'colour' is unknown");
+  EXPECT_EQ(conf_defect("format", "simulated = maybe\nformat"),
+            conf_path + ":1: key 'simulated' = 'maybe': expected true or false");
+  write_file(conf_path, "");
+  EXPECT_EQ(defect(), conf_path + ": empty file: expected key = value lines");
+}
+
+// ---- defects of imu.csv ----
+
+TEST_F(TextTest, CsvHeaderDefects) {
+  const std::string expected =
+      ": expected sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z and optionally ,temperature_c";
+  EXPECT_EQ(csv_defect("gyro_y,gyro_z", "gyro_z,gyro_y"),
+            csv_path + ":1: header 'sample,gyro_x,gyro_z,gyro_y,accel_x,accel_y,accel_z,temperat...'" + expected);
+  EXPECT_EQ(csv_defect("sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z,temperature_c\n", ""),
+            csv_path + ":1: header '0,0,1,-2,3,96,0,24.000'" + expected);
+  write_file(csv_path, "");
+  EXPECT_EQ(defect(), csv_path + ": empty file: expected the header " + expected.substr(11));
+  write_file(csv_path, "sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n");
+  EXPECT_EQ(defect(), csv_path + ": no samples in it");
+  write_file(csv_path, "sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z");
+  EXPECT_EQ(defect(), csv_path + ": no samples in it");
+  std::filesystem::remove(csv_path);
+  EXPECT_EQ(defect(), csv_path + ": cannot open: No such file or directory");
+}
+
+TEST_F(TextTest, CsvValueDefects) {
+  const std::string pulses = "expected a whole number of pulses within 32 bits";
+  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,0,1.5,-2,3,96,0,24.001"),
+            csv_path + ":3: column gyro_y = '1.5': " + pulses);
+  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,nan,0,24.001"),
+            csv_path + ":3: column accel_y = 'nan': " + pulses);
+  EXPECT_EQ(csv_defect("2147483647", "2147483648"), csv_path + ":4: column gyro_x = '2147483648': " + pulses);
+  EXPECT_EQ(csv_defect("2147483647", "99999999999999999999999"),
+            csv_path + ":4: column gyro_x = '99999999999999999999999': " + pulses);
+  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,,1,-2,3,96,0,24.001"),
+            csv_path + ":3: column gyro_x = '': " + pulses);
+  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "x,0,1,-2,3,96,0,24.001"),
+            csv_path + ":3: column sample = 'x': expected a whole number, the unit's counter");
+  EXPECT_EQ(csv_defect("24.001", "warm"),
+            csv_path + ":3: column temperature_c = 'warm': expected a number in degrees Celsius, or nothing when it was "
+                       "not measured");
+  EXPECT_EQ(csv_defect("24.001", "NaN"),
+            csv_path + ":3: column temperature_c = 'NaN': expected a number in degrees Celsius, or nothing when it was "
+                       "not measured");
+  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,0"), csv_path + ":3: 7 columns: expected 8");
+  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,0,24.001,9"), csv_path + ":3: 9 columns: expected 8");
+  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", ""), csv_path + ":3: 1 columns: expected 8");
+  EXPECT_EQ(csv_defect("0,0,1,-2,3,96,0,24.000", "0,0,1,-2,3,96,0"), csv_path + ":2: 7 columns: expected 8");
+  EXPECT_EQ(csv_defect("5,0,0,0,0,96,0,-24.5004", "5,0,0,0,0,96"), csv_path + ":5: 6 columns: expected 8");
+}
+
+TEST_F(TextTest, PhysicalIncrementsMustBeFinite) {
+  write_file(conf_path, replaced(replaced(conf, "gyro_increment = pulses", "gyro_increment = rad"),
+                                 "accel_increment = pulses", "accel_increment = mps"));
+  EXPECT_EQ(csv_defect("1,0,1,-2", "1,inf,1,-2"), csv_path + ":3: column gyro_x = 'inf': expected a number, rad");
+  EXPECT_EQ(csv_defect("1,0,1,-2,3,96", "1,0,1,-2,3,nan"), csv_path + ":3: column accel_y = 'nan': expected a number, m/s");
+  EXPECT_EQ(csv_defect("1,0,1,-2", "1,0.5e-3,1e400,-2"), csv_path + ":3: column gyro_y = '1e400': expected a number, rad");
+  EXPECT_EQ(csv_defect("1,0,1,-2", "1,0.5e-3,1.25,-2"), "");
+}
+
+TEST_F(TextTest, CounterMustIncrease) {
+  EXPECT_EQ(csv_defect("\n1,0,", "\n0,0,"),
+            csv_path + ":3: column sample = '0': expected more than 0 in the line before");
+  EXPECT_EQ(csv_defect("\n4,", "\n-4,"),
+            csv_path + ":4: column sample = '-4': expected more than 1 in the line before");
+}
+
+TEST_F(TextTest, LastLineCutOffAtAnyByte) {
+  const std::string whole = csv;
+  const std::size_t last = whole.rfind("5,0,0");
+  for (std::size_t length = last + 1; length < whole.size(); ++length) {
+    write_file(csv_path, whole.substr(0, length));
+    ASSERT_EQ(defect(), csv_path + ":5: the last line is cut off: expected a line end") << length;
+  }
+}
+
+TEST_F(TextTest, LineWithoutEndIsNotReadIntoMemory) {
+  write_file(csv_path, csv + std::string(3 << 20, '1') + "\n");
+  EXPECT_EQ(defect(), csv_path + ":6: line longer than 4096 bytes");
+  write_file(csv_path, replaced(csv, "\n1,0,1", "\n" + std::string(3 << 20, '1')));
+  EXPECT_EQ(defect(), csv_path + ":3: line longer than 4096 bytes");
+}
+
+// ---- defects of segments.csv ----
+
+TEST_F(TextTest, SegmentDefects) {
+  EXPECT_EQ(segments_defect("start_sample,end_sample", "end_sample,start_sample"),
+            segments_path + ":1: header 'step,kind,end_sample,start_sample,heading_deg,pitch_deg,roll...': expected "
+                            "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg");
+  EXPECT_EQ(segments_defect("rotate", "moving"),
+            segments_path + ":3: column kind = 'moving': expected align, static or rotate");
+  EXPECT_EQ(segments_defect("1,align", "x,align"), segments_path + ":2: column step = 'x': expected a whole number >= 0");
+  EXPECT_EQ(segments_defect("1,align", "-1,align"),
+            segments_path + ":2: column step = '-1': expected a whole number >= 0");
+  EXPECT_EQ(segments_defect("0,2,-90", "0.5,2,-90"),
+            segments_path + ":2: column start_sample = '0.5': expected a whole number");
+  EXPECT_EQ(segments_defect("12.5,0", "nan,0"), segments_path + ":3: column pitch_deg = 'nan': expected a number, degrees");
+  EXPECT_EQ(segments_defect("rotate,2,4", "rotate,1,4"),
+            segments_path + ":3: start_sample = '1': expected 2, where the segment before ends");
+  EXPECT_EQ(segments_defect("rotate,2,4", "rotate,3,4"),
+            segments_path + ":3: start_sample = '3': expected 2, where the segment before ends");
+  EXPECT_EQ(segments_defect("align,0,2", "align,0,0"),
+            segments_path + ":2: end_sample = '0': expected more than start_sample, 0");
+  EXPECT_EQ(segments_defect("align,0,2", "align,-1,2"),
+            segments_path + ":2: start_sample = '-1': expected at least the first sample, 0");
+  EXPECT_EQ(segments_defect("static,4,6", "static,4,7"),
+            segments_path + ":4: end_sample = '7': expected at most one more than the last sample, 5");
+  EXPECT_EQ(segments_defect("static,4,6", "static,4,9223372036854775807"),
+            segments_path + ":4: column end_sample = '9223372036854775807': expected a whole number");
+  EXPECT_EQ(segments_defect("12.5,360\n", "12.5,360"),
+            segments_path + ":4: the last line is cut off: expected a line end");
+  EXPECT_EQ(segments_defect("1,align,0,2,-90,0,0", "1,align,0,2,-90,0"), segments_path + ":2: 6 columns: expected 7");
+  write_file(segments_path, "");
+  EXPECT_EQ(defect(), segments_path + ": empty file: expected the header step,kind,start_sample,end_sample,heading_deg,"
+                                      "pitch_deg,roll_deg");
+  std::filesystem::remove(segments_path);
+  EXPECT_EQ(defect(), segments_path + ": cannot open: No such file or directory");
+}
+
+TEST_F(TextTest, NoSegmentYetIsAccepted) {
+  write_file(segments_path, std::string(segments_csv_header) + "\n");
+  auto source = RecordingSource::open(folder.path());
+  ASSERT_OK(source);
+  EXPECT_TRUE((*source)->segments().empty());
+  ASSERT_OK(import_binary(**source, folder / "a.tcr"));
+  EXPECT_TRUE((*RecordingSource::open(folder / "a.tcr"))->segments().empty());
+}
+
+TEST_F(TextTest, FlagDefects) {
+  const std::string path = folder / "flags.csv";
+  write_file(path, "sample,flags\n4,1\n");
+  auto source = RecordingSource::open(folder.path());
+  ASSERT_OK(source);
+  EXPECT_EQ(read_all(**source)[2].flags, 1U);
+  const std::string expected = ": expected sample,flags with increasing sample and flags > 0";
+  write_file(path, "sample,flags\n4,0\n");
+  EXPECT_EQ(defect(), path + ":2: '4,0'" + expected);
+  write_file(path, "sample,flags\n4,1\n1,1\n");
+  EXPECT_EQ(defect(), path + ":3: '1,1'" + expected);
+  for (const char* counter : {"-3", "2", "9"}) {
+    write_file(path, std::string("sample,flags\n") + counter + ",1\n");
+    EXPECT_EQ(defect(), path + ": sample " + counter + " is not in imu.csv");
+  }
+}
+
+// ---- import and export ----
+
+TEST_F(TextTest, FailedImportLeavesNothingAndKeepsWhatWasThere) {
+  write_file(csv_path, replaced(csv, "1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,bad,24.001"));
+  write_file(folder / "out.tcr", "before");
+  const auto names = folder.names();
+  auto source = RecordingSource::open(folder.path());
+  ASSERT_OK(source);
+  EXPECT_ERROR(import_binary(**source, folder / "out.tcr"),
+               csv_path + ":3: column accel_z = 'bad': expected a whole number of pulses within 32 bits");
+  EXPECT_EQ(read_file(folder / "out.tcr"), "before");
+  EXPECT_EQ(folder.names().size(), names.size());
+  EXPECT_FALSE(export_text(**source, folder / "out").ok());
+  EXPECT_TRUE(std::filesystem::is_empty(folder / "out"));
+}
+
+TEST_F(TextTest, ImportWithOtherSegmentsNamesTheFileTheUserKnows) {
+  auto source = RecordingSource::open(folder.path());
+  EXPECT_ERROR(import_binary(**source, {make_segment(1, SegmentKind::still, 0, 60)}, folder / "out.tcr"),
+               (folder / "out.tcr") + ": segment 1: end_sample = '60': expected at most one more than the last sample, 5");
+  ASSERT_OK(import_binary(**source, {make_segment(7, SegmentKind::still, 0, 5)}, folder / "out.tcr"));
+  expect_same((*RecordingSource::open(folder / "out.tcr"))->segments(), {make_segment(7, SegmentKind::still, 0, 5)});
+}
+
+class TextRoundTrip : public testing::TestWithParam<std::tuple<IncrementKind, IncrementKind, bool>> {};
+
+// Binary to text and back: the same samples bit for bit, the same hash in all three.
+TEST_P(TextRoundTrip, KeepsEveryBitAndTheHash) {
+  TemporaryFolder folder;
+  const auto [gyro, accel, temperature] = GetParam();
+  RecordingInfo info = make_info(gyro, accel, temperature);
+  info.simulated = temperature;
+  const auto samples = make_samples(info, 30000, std::int64_t{1} << 40);
+  auto writer = RecordingWriter::create(folder / "a.tcr", info);
+  write_segment(*writer, make_segment(1, SegmentKind::align, samples[10].counter, samples[900].counter, 1e-9, -0.0, 1.0 / 3.0),
+                samples);
+  ASSERT_OK(writer->finish());
+  auto binary = RecordingSource::open(folder / "a.tcr");
+  ASSERT_OK(binary);
+  ASSERT_OK(export_text(**binary, folder / "text"));
+  auto text = RecordingSource::open(folder / "text");
+  ASSERT_OK(text);
+  EXPECT_EQ((*text)->info().simulated, info.simulated);
+  expect_same(read_all(**text), samples);
+  ASSERT_OK(import_binary(**text, folder / "b.tcr"));
+  auto again = RecordingSource::open(folder / "b.tcr");
+  ASSERT_OK(again);
+  expect_same(read_all(**again), samples);
+  const std::string hash = *(*binary)->content_hash();
+  EXPECT_EQ(hash.size(), 32U);
+  EXPECT_EQ(*(*text)->content_hash(), hash);
+  EXPECT_EQ(*(*again)->content_hash(), hash);
+}
+INSTANTIATE_TEST_SUITE_P(All, TextRoundTrip,
+                         testing::Combine(testing::Values(IncrementKind::pulses, IncrementKind::physical),
+                                          testing::Values(IncrementKind::pulses, IncrementKind::physical),
+                                          testing::Bool()));
+
+// The layout of what is hashed is a promise to files that hold the hash: this value must never change.
+TEST_F(TextTest, ContentHashIsPinned) {
+  auto source = RecordingSource::open(folder.path());
+  EXPECT_EQ(*(*source)->content_hash(), "283625a399b5868f4ca7438ff451180d");
+}
+
+TEST_F(TextTest, EveryChangeOfContentChangesTheHash) {
+  const auto hash = [&] {
+    auto source = RecordingSource::open(folder.path());
+    EXPECT_TRUE(source.ok()) << source.error().message;
+    return *(*source)->content_hash();
+  };
+  std::vector<std::string> hashes = {hash()};
+  const auto change = [&](const std::string& path, const char* original, const std::string& what, const std::string& with) {
+    write_file(path, replaced(original, what, with));
+    hashes.push_back(hash());
+    write_file(path, original);
+  };
+  change(conf_path, conf, "0.005\n", "0.0050000001\n");
+  change(conf_path, conf, "29.53", "29.54");
+  change(conf_path, conf, "9.7914", "9.7915");
+  change(conf_path, conf, "LG-7", "LG-8");
+  change(conf_path, conf, "0.0005", "0.0006");
+  change(conf_path, conf, "gyro_increment = pulses", "gyro_increment = rad");
+  change(conf_path, conf, "format = 1", "format = 1\nsimulated = true");
+  change(segments_path, segments_csv, "rotate", "static");
+  change(segments_path, segments_csv, "12.5,360", "12.5,361");
+  change(csv_path, csv, "4,2147483647", "3,2147483647");
+  change(csv_path, csv, "2147483647", "2147483646");
+  change(csv_path, csv, "24.001", "24.002");
+  change(csv_path, csv, "24.001", "");
+  write_file(folder / "flags.csv", "sample,flags\n4,1\n");
+  hashes.push_back(hash());
+  std::sort(hashes.begin(), hashes.end());
+  EXPECT_EQ(std::adjacent_find(hashes.begin(), hashes.end()), hashes.end());
+}
+
+// The fast row parser against the slow one on text that is nearly a row.
+TEST(ImuCsvRow, FastAndSlowParserAgree) {
+  std::mt19937 random(5);
+  const auto parsers = [](IncrementKind gyro, bool temperature) {
+    return ImuCsvParser("x", make_info(gyro, IncrementKind::pulses, temperature));
+  };
+  const std::string alphabet = "0123456789-+.e, \r,,,000111";
+  int accepted = 0;
+  for (int round = 0; round < 300000; ++round) {
+    const bool temperature = random() % 2 == 0;
+    const auto gyro = random() % 2 == 0 ? IncrementKind::pulses : IncrementKind::physical;
+    const ImuCsvParser parser = parsers(gyro, temperature);
+    std::string row = "12,0,-3,450,2147483647,96,-1";
+    if (temperature) row += ",24.125";
+    for (unsigned change = random() % 4; change > 0; --change) {
+      row[random() % row.size()] = alphabet[random() % alphabet.size()];
+    }
+    std::string padded = row + "\n" + std::string(64, '7');
+    const char* at = padded.data();
+    ImuSample fast;
+    ImuSample slow;
+    if (!parser.parse_plain(at, fast)) continue;
+    ++accepted;
+    ASSERT_EQ(at, padded.data() + row.size() + 1);
+    if (row.ends_with('\r')) row.pop_back();
+    const Status status = parser.parse(row, 1, slow);
+    ASSERT_TRUE(status.ok()) << row << ": " << status.error().message;
+    ASSERT_TRUE(same(fast, slow)) << row;
+  }
+  EXPECT_GT(accepted, 50000);
+}
+
+TEST(ImuCsvRow, TemperaturesComeBackBitForBit) {
+  const RecordingInfo info = make_info();
+  const ImuCsvParser parser("x", info);
+  std::mt19937 random(6);
+  for (int round = 0; round < 200000; ++round) {
+    ImuSample sample;
+    sample.temperature_c = round % 2 == 0 ? std::bit_cast<float>(static_cast<std::uint32_t>(random()))
+                                          : static_cast<float>(static_cast<int>(random() % 200000) - 50000) / 1000.0F;
+    if (!std::isfinite(sample.temperature_c)) continue;
+    std::string row;
+    append_imu_row(row, sample, info);
+    const std::string_view text(row.data(), row.size() - 1);
+    ImuSample slow;
+    ASSERT_OK(parser.parse(text, 1, slow));
+    ASSERT_TRUE(same(slow, sample)) << row;
+    row.append(64, '7');
+    const char* at = row.data();
+    ImuSample fast;
+    if (parser.parse_plain(at, fast)) { ASSERT_TRUE(same(fast, sample)) << row; }
+  }
+}
+
+// ---- the recording that everybody measures with ----
+
+TEST(SharedRecording, ImportAndExportGiveTheSameBytes) {
+  const std::string clean = std::string(TURNCAL_SOURCE_DIR) + "/../shared/data/recordings/clean";
+  if (!path_exists(clean)) GTEST_SKIP() << clean << " is not there";
+  TemporaryFolder folder;
+  auto text = RecordingSource::open(clean);
+  ASSERT_OK(text);
+  ASSERT_OK(import_binary(**text, folder / binary_recording_name));
+  auto binary = RecordingSource::open(folder.path());
+  ASSERT_OK(binary);
+  ASSERT_OK(export_text(**binary, folder / "out"));
+  for (const char* name : {"/imu.csv", "/segments.csv", "/recording.conf"}) {
+    EXPECT_TRUE(read_file(folder / "out" + name) == read_file(clean + name)) << name;
+  }
+  EXPECT_EQ(*(*text)->content_hash(), *(*binary)->content_hash());
+}
+
+}  // namespace
+}  // namespace turncal
