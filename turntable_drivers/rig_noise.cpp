@@ -16,7 +16,7 @@ TriadNoise::TriadNoise(const NoiseSize& size, double period_s, std::uint64_t see
       walk_stream_(seed, 3 * triad + 3) {
   constexpr double ratio = 4.0;
   std::vector<double> constants_s;
-  for (double tau_s = size.flicker_longest_s; tau_s > 0.5; tau_s /= ratio) constants_s.push_back(tau_s);
+  for (double tau_s = size.flicker_longest_s; tau_s > 0.125; tau_s /= ratio) constants_s.push_back(tau_s);
   if (size.flicker > 0.0 && !constants_s.empty()) {
     grid_ = std::max<std::int64_t>(1, static_cast<std::int64_t>(constants_s.back() / 16.0 / period_s));
     const double sigma = size.flicker * std::sqrt(log_of(ratio) / pi);

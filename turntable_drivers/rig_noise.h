@@ -1,7 +1,7 @@
 // Noise of one triad: what is added to the three true increments of a sample.
 //
 //   white       N sqrt(dt) * normal                                        random walk of angle or velocity
-//   flicker     sum over j of Markov processes, tau_j = longest / 4^j down to about 1 s, each with variance
+//   flicker     sum over j of Markov processes, tau_j = longest / 4^j down to a quarter second or so, each with variance
 //               B^2 ln 4 / pi: their spectra add up to B^2 / (2 pi f), whose Allan deviation is B sqrt(2 ln 2 / pi) =
 //               0.664 B (IEEE 952 annex C). Stationary from the first sample.
 //   rate walk   K sqrt(t): random walk of the bias, from 0
