@@ -1,17 +1,18 @@
 // Closed-form calibration: the paper's fourteen steps, with the formulas of docs/closed-form.md.
 //
-// Each step looks at one or two legs (calib/leg_navigation.h) with the parameters that the steps before it have corrected,
-// turns velocity gained in the dwell into the parameter that made it, and corrects that parameter. The fourteen steps are
-// repeated over the same recording until a whole pass changes nothing: the formulas are first order, and each pass
-// leaves about 1e-2 of what was wrong before.
+// Each step looks at one or two legs (calib/leg_navigation.h) with the parameters that the steps before it have
+// corrected, turns the velocity gained in the dwell into the parameter that made it, and corrects that parameter. The
+// fourteen steps are repeated over the same recording until a whole pass changes nothing: the formulas are first order,
+// and each pass leaves about 1e-2 of what was wrong before.
 //
-// Where things are is found in the segment list, by step number and commanded angles (initial angles up to whole turns);
-// lengths of alignments and dwells, rates and the times between them are free. Further steps and segments are ignored.
+// Where things are is found in the segment list, by step number and commanded angles (initial angles up to whole
+// turns); lengths of alignments and dwells, rates and the times between them are free. Further steps and segments are
+// ignored.
 //
 //   parameter        step  from
 //   a_ii, A0i        1     mean specific force with each axis up and down (y down: the dwell at roll 180 of step 5)
 //   n11 n33 n22      2 3 4   two legs of +360 and -360 deg
-//   A03 A01 A02 a23 a12 a13 (accelerometers), n21 n31 n12 n32 n23 n13 (gyros)   5-12  two legs of +180/-180 or +90/-90 deg
+//   A03 A01 A02 a23 a12 a13, n21 n31 n12 n32 n23 n13   5-12   two legs of +180/-180 or +90/-90 deg
 //   N01 N02 N03      13 14   600 s at rest
 //
 // Bad input is an Error of kind input with one line: a step or leg that is missing, a static segment that is needed and

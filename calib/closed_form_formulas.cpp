@@ -86,8 +86,8 @@ void correct_parameters(const StepMeasurement& m, Parameters& p) {
     return;
   }
 
-  // East velocities only: -g phi_N. An error psi of the given heading lets earth rate leak in as psi w_N about east, seen in
-  // the north velocity; about north it enters only as psi^2.
+  // East velocities only: -g phi_N. An error psi of the given heading lets earth rate leak in as psi w_N about east,
+  // seen in the north velocity; about north it enters only as psi^2.
   const double slope2_east = m.leg2.velocity_mps.z() / m.leg2.dwell_s;
   const double sum = (slope1.z() + slope2_east) / (2.0 * g);         // (V1 + V2) / (2 g T)
   const double difference = (slope1.z() - slope2_east) / (2.0 * g);  // (V1 - V2) / (2 g T)

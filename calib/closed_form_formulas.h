@@ -1,10 +1,11 @@
-// What each of the fourteen steps measures, and the formula that turns it into parameters. Derived in docs/closed-form.md
-// from the error equations of a unit at rest (n = north, up, east; phi the attitude error, C_computed = (I - [phi x]) C):
+// What each of the fourteen steps measures, and the formula that turns it into parameters. Derived in
+// docs/closed-form.md from the error equations of a unit at rest (n = north, up, east; phi the attitude error,
+// C_computed = (I - [phi x]) C):
 //
 //   phi' = -w_ie x phi - C_nb dw_b,     dV_N' = +g phi_E,     dV_E' = -g phi_N
 //
-// with dw_b what the calibrated gyro reads too much. Formulas are given for dwells of one length T; the code takes each leg's
-// own, V/T instead of V.
+// with dw_b what the calibrated gyro reads too much. The document's formulas are for dwells of one length T; the code
+// takes each leg's own, V/T instead of V.
 #pragma once
 
 #include <array>
