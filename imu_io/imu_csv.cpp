@@ -25,9 +25,8 @@ inline bool plain_integer(const char*& at, std::int64_t& value) {
   if (negative) ++p;
   const char* first = p;
   std::int64_t magnitude = 0;
-  while (is_digit(*p) && p - first < 19) magnitude = magnitude * 10 + (*p++ - '0');
-  const auto digits = p - first;
-  if (digits == 0 || digits > 18) return false;
+  while (is_digit(*p) && p - first < 18) magnitude = magnitude * 10 + (*p++ - '0');
+  if (p == first || is_digit(*p)) return false;
   value = negative ? -magnitude : magnitude;
   at = p;
   return true;
