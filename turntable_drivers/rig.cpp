@@ -22,8 +22,8 @@ namespace {
 
 constexpr double arcsec = pi / 180.0 / 3600.0;
 
-// Gauss-Legendre on (0, 1), exact for polynomials to degree 5. At 100 deg/s a sample turns half a degree, and the error of
-// a sample is below 1e-19 of its increment.
+// Gauss-Legendre on (0, 1), exact for polynomials to degree 5. At 100 deg/s a sample turns half a degree, and the error
+// of a sample is below 1e-19 of its increment.
 constexpr std::array<double, 3> node = {0.11270166537925831148, 0.5, 0.88729833462074168852};
 constexpr std::array<double, 3> weight = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
 
@@ -52,8 +52,9 @@ bool is_table_event(RigFaultKind kind) {
 }
 
 NoiseSize gyro_noise(const RigNoise& noise) {
-  return {noise.gyro_random_walk_deg_per_rt_h * (pi / 180.0) / 60.0, noise.gyro_bias_instability_degph * radps_per_degph,
-          noise.flicker_longest_s, noise.gyro_rate_random_walk_degph_per_rt_h * radps_per_degph / 60.0};
+  return {noise.gyro_random_walk_deg_per_rt_h * (pi / 180.0) / 60.0,
+          noise.gyro_bias_instability_degph * radps_per_degph, noise.flicker_longest_s,
+          noise.gyro_rate_random_walk_degph_per_rt_h * radps_per_degph / 60.0};
 }
 
 NoiseSize accel_noise(const RigNoise& noise) {
@@ -237,7 +238,9 @@ void Rig::State::integrate_motion(std::array<double, 3>& gyro, std::array<double
       }
     }
   }
-  if (sensor_effects.has_hysteresis()) hysteresis_state = sensor_effects.next_hysteresis_state(motion, hysteresis_state);
+  if (sensor_effects.has_hysteresis()) {
+    hysteresis_state = sensor_effects.next_hysteresis_state(motion, hysteresis_state);
+  }
   for (std::size_t i = 0; i < 3; ++i) {
     gyro[i] = gyro_sum[static_cast<int>(i)];
     accel[i] = accel_sum[static_cast<int>(i)];
@@ -427,7 +430,9 @@ std::array<double, 24> Rig::truth_at_reference(double reference_c) const {
   return moved;
 }
 
-std::vector<std::pair<std::string, double>> Rig::truth_effects() const { return nonzero_effects(state_->config.effects); }
+std::vector<std::pair<std::string, double>> Rig::truth_effects() const {
+  return nonzero_effects(state_->config.effects);
+}
 
 std::array<double, 9> Rig::attitude_nb() const {
   state_->apply_events();

@@ -6,8 +6,8 @@
 // Increments are integrals over the sample: closed form while every axis stands, Gauss-Legendre in motion, split where
 // an axis changes its acceleration. Time is counted in samples; nothing but advance() makes it pass.
 //
-// Not modelled: the arm from the table's centre to the unit (never visible), Schuler motion, deflection of the vertical,
-// flexible structure, vibration, and the unit's bandwidth (but for accel_delay).
+// Not modelled: the arm from the table's centre to the unit (never visible), Schuler motion, deflection of the
+// vertical, flexible structure, vibration, and the unit's bandwidth (but for accel_delay).
 //
 // Not thread-safe: one thread uses Rig, RigTable, RigImu and RigClock of one rig.
 #pragma once
@@ -37,8 +37,8 @@ class Rig {
   const RigConfig& config() const;
 
   // --- Table: raw axes without manners. Limits, enabling and homing are RigTable's.
-  // Goes to `target_deg` (encoder angle, cumulative) on a trapezoid of rate, from whatever the axis is doing: an axis in
-  // motion brakes first. Takes effect now, at a sample boundary. A stuck axis takes the command and does nothing.
+  // Goes to `target_deg` (encoder angle, cumulative) on a trapezoid of rate, from whatever the axis is doing: an axis
+  // in motion brakes first. Takes effect now, at a sample boundary. A stuck axis takes the command and does nothing.
   // REQUIRES: rate and acceleration > 0
   void command_move(Axis axis, double target_deg, double rate_degps, double acceleration_degps2);
   void stop();   // every axis brakes at its last commanded acceleration
@@ -68,8 +68,8 @@ class Rig {
   // is lost by a fault and none for a duplicate.
   // Does not return before that many were delivered: not for a unit that a fault has silenced for good.
   void advance(std::span<ImuSample> out);
-  // Time passes by `samples` periods, or fewer: it stops when `out` is full or the unit has been unplugged. Returns how many
-  // samples were delivered, fewer than time has passed when faults lose some.
+  // Time passes by `samples` periods, or fewer: it stops when `out` is full or the unit has been unplugged. Returns how
+  // many samples were delivered, fewer than time has passed when faults lose some.
   std::size_t advance_time(std::int64_t samples, std::span<ImuSample> out);
   std::int64_t samples_passed() const;  // since start, delivered or not
   double time_s() const;                // samples_passed * period
@@ -78,7 +78,8 @@ class Rig {
   // The 24 parameters in Table 1 order, units of the parameter file; temperature effects are referred to
   // config().temperature.reference_c (start_c if that is not set).
   const std::array<double, 24>& truth() const;
-  // The same for effects referred to another temperature: N0, A0 and the rows of n and a take up the difference (exact).
+  // The same for effects referred to another temperature: N0, A0 and the rows of n and a take up the difference
+  // (exact).
   std::array<double, 24> truth_at_reference(double reference_c) const;
   // Catalogue effects that are switched on: "accel_second_order.x" and value, units of docs/effect-components.md.
   std::vector<std::pair<std::string, double>> truth_effects() const;

@@ -65,8 +65,9 @@ void RigAxis::halt(std::int64_t k) {
 void RigAxis::slip(std::int64_t k, double angle_deg, double rate_degps, bool hidden) {
   Leg& leg = hidden ? hidden_slip_ : seen_slip_;
   const AxisPoint now = leg.profile.at(elapsed_s(leg, k));
-  leg = {AxisProfile::move(now.position_deg, now.rate_degps, now.position_deg + angle_deg, rate_degps, 10.0 * rate_degps),
-         k};
+  leg = {
+      AxisProfile::move(now.position_deg, now.rate_degps, now.position_deg + angle_deg, rate_degps, 10.0 * rate_degps),
+      k};
   note_end(leg);
 }
 

@@ -130,7 +130,8 @@ Status check(const RigConfig& config) {
     if (axis < 0 || axis > 2) return bad("outside: axis", axis, "0, 1 or 2");
   }
   if (outside.gyro_angle_periodic.order < 0 || outside.gyro_angle_periodic.order > 1000) {
-    return bad("outside.gyro_angle_periodic.order", outside.gyro_angle_periodic.order, "a whole number between 0 and 1000");
+    return bad("outside.gyro_angle_periodic.order", outside.gyro_angle_periodic.order,
+               "a whole number between 0 and 1000");
   }
   for (std::size_t i = 0; i < config.faults.size(); ++i) {
     if (Status status = check_fault(config.faults[i], i + 1); !status) return status;

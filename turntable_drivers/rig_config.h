@@ -41,8 +41,8 @@ struct RigNoise {
   double accel_bias_instability_ug = 0.3;
   double gyro_rate_random_walk_degph_per_rt_h = 0.0;  // K: sigma of the bias change after t is K sqrt(t)
   double accel_acceleration_random_walk_ug_per_rt_h = 0.0;
-  // Flicker noise is a sum of stationary first-order Markov processes; this is the longest time constant. Beyond about half
-  // of it the Allan deviation falls below 0.664 B, and the mean over a long run is that of N0 and A0.
+  // Flicker noise is a sum of stationary first-order Markov processes; this is the longest time constant. Beyond about
+  // half of it the Allan deviation falls below 0.664 B, and the mean over a long run is that of N0 and A0.
   double flicker_longest_s = 1000.0;
 };
 
@@ -64,8 +64,8 @@ struct RigTableErrors {
   std::optional<double> heading_pitch_arcmin;  // pitch axis not square to the heading axis
   std::optional<double> pitch_roll_arcmin;     // roll axis not square to the pitch axis
   std::array<std::optional<double>, 3> mounting_arcmin;  // unit in the fixture, about x y z
-  // True angle = e (1 + scale) + offset + harmonic sin(order e + phase), e the encoder's reading. Drawn if not set: offset
-  // up to 5 arcsec, scale up to 1 ppm, harmonic up to 2 arcsec.
+  // True angle = e (1 + scale) + offset + harmonic sin(order e + phase), e the encoder's reading. Drawn if not set:
+  // offset up to 5 arcsec, scale up to 1 ppm, harmonic up to 2 arcsec.
   struct Encoder {
     std::optional<double> offset_arcsec;
     std::optional<double> scale_ppm;
@@ -74,7 +74,7 @@ struct RigTableErrors {
     int order = 2;
   };
   std::array<Encoder, 3> encoder;      // by Axis
-  Triple creep_arcsec{};               // by Axis: after a motion the axis goes on in its direction by c (1 - exp(-t/tau))
+  Triple creep_arcsec{};  // by Axis: after a motion the axis goes on in its direction by c (1 - exp(-t/tau))
   double creep_tau_s = 20.0;
 };
 
@@ -122,7 +122,8 @@ struct RigConfig {
 extern const std::array<const char*, 24> rig_truth_keys;
 
 RigConfig default_rig_config();
-// A rig without noise, table errors, parameter errors or quantisation: what is left is geometry, gravity and earth rate.
+// A rig without noise, table errors, parameter errors or quantisation: what is left is geometry, gravity and earth
+// rate.
 RigConfig perfect_rig_config();
 // Errors (kind input) name file, line, key, value and what was expected; an unknown key is an error.
 Result<RigConfig> read_rig_config(const std::string& path);

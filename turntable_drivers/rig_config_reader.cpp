@@ -24,9 +24,8 @@ class Reader {
     value = static_cast<int>(file_.integer_or(key, value, min, max));
   }
   void sensor_axis(const std::string& key, int& axis) {
-    const std::string names = "xyz";
-    const std::string name(1, names[static_cast<std::size_t>(axis)]);
-    axis = static_cast<int>(names.find(file_.one_of_or(key, name, {"x", "y", "z"})));
+    const std::string name = file_.one_of_or(key, axis == 0 ? "x" : axis == 1 ? "y" : "z", {"x", "y", "z"});
+    axis = name == "x" ? 0 : name == "y" ? 1 : 2;
   }
   void table_axis(const std::string& key, int& axis) {
     const std::string name = file_.one_of_or(key, to_string(static_cast<Axis>(axis)), {"heading", "pitch", "roll"});
@@ -58,7 +57,9 @@ void Reader::general(RigConfig& config) {
                         : quantisation == "round" ? RigQuantisation::round
                                                   : RigQuantisation::off;
   config.random_truth = file_.boolean_or("random_truth", config.random_truth);
-  for (std::size_t i = 0; i < config.truth.size(); ++i) number(std::string("truth.") + rig_truth_keys[i], config.truth[i]);
+  for (std::size_t i = 0; i < config.truth.size(); ++i) {
+    number(std::string("truth.") + rig_truth_keys[i], config.truth[i]);
+  }
 
   number("site.latitude_deg", config.site.latitude_deg, between(-90.0, 90.0));
   number("site.gravity_mps2", config.site.gravity_mps2, positive);
@@ -73,7 +74,8 @@ void Reader::general(RigConfig& config) {
   number("noise.gyro_bias_instability_degph", noise.gyro_bias_instability_degph, not_negative);
   number("noise.accel_bias_instability_ug", noise.accel_bias_instability_ug, not_negative);
   number("noise.gyro_rate_random_walk_degph_per_rt_h", noise.gyro_rate_random_walk_degph_per_rt_h, not_negative);
-  number("noise.accel_acceleration_random_walk_ug_per_rt_h", noise.accel_acceleration_random_walk_ug_per_rt_h, not_negative);
+  number("noise.accel_acceleration_random_walk_ug_per_rt_h", noise.accel_acceleration_random_walk_ug_per_rt_h,
+         not_negative);
   number("noise.flicker_longest_s", noise.flicker_longest_s, positive);
 
   number("temperature.start_c", config.temperature.start_c);

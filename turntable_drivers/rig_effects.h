@@ -25,9 +25,9 @@
 //   gyro_bias_drift c          + c t                                deg/h/h  t [h] from the rig's first sample
 //   gyro_warm_up c             + c exp(-t/tau_s)                    deg/h
 //   gyro_magnetic M            + M B_b                              deg/h/G  B_b the site's field in body axes
-//   earth_rate                 + C_bn (north, up, 0)                deg/h    the gyros sense more earth rate than stated
-//   post_rotation_relaxation c + c 1e-6 exp(-t/tau_s) f_i           ug/g     t from the true end of the last table motion;
-//                                                                            zero before the first one and while moving
+//   earth_rate                 + C_bn (north, up, 0)                deg/h    more earth rate than stated
+//   post_rotation_relaxation c + c 1e-6 exp(-t/tau_s) f_i           ug/g     t from the true end of the last motion;
+//                                                                            zero before the first, and moving
 //   gyro_accel_flexure E       + (E f) x w                          arcsec/g row: component of the rotation vector E f
 //
 // g0 = 9.80665 m/s^2. T is the true temperature, T_ref is RigConfig::temperature.reference_c.

@@ -40,7 +40,8 @@ TableGeometry::TableGeometry(const GeometryAngles& angles, const SiteVectors& si
       pitch_roll_(rotation_by_vector({0.0, angles.pitch_roll, 0.0})),
       mounting_(rotation_by_vector(angles.mounting)) {
   const Matrix3d to_base = base_.transpose();
-  in_base_ = {to_base * site.earth_rate, to_base * site.specific_force, to_base * site.field, to_base * site.earth_error};
+  in_base_ = {to_base * site.earth_rate, to_base * site.specific_force, to_base * site.field,
+              to_base * site.earth_error};
   has_field_ = !site.field.isZero(0.0);
   has_earth_error_ = !site.earth_error.isZero(0.0);
 }

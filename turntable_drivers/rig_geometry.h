@@ -2,10 +2,11 @@
 //
 //   C_nb = R(base) Ry(-H) Rx(heading_pitch) Rz(P) Ry(pitch_roll) Rx(R) R(mounting),   v_n = C_nb v_b
 //
-// Rx, Ry, Rz: rotation by a positive (right-handed) angle about that axis, as matrices that take coordinates of the rotated
-// frame to the frame before. R(v): Rodrigues' rotation by the vector v. n = north, up, east; H clockwise from above.
-// Rates add up along the chain, the heading axis turning with -H' about y:
-//   u1 = -H' y        u2 = P' z + Rz' Rx(heading_pitch)' u1        u3 = R' x + Rx' Ry(pitch_roll)' u2        w_nb_b = R(m)' u3
+// Rx, Ry, Rz: rotation by a positive (right-handed) angle about that axis, as matrices that take coordinates of the
+// rotated frame to the frame before. R(v): Rodrigues' rotation by the vector v. n = north, up, east; H clockwise from
+// above. Rates add up along the chain, the heading axis turning with -H' about y:
+//   u1 = -H' y                                 u2 = P' z + Rz(P)' Rx(heading_pitch)' u1
+//   u3 = R' x + Rx(R)' Ry(pitch_roll)' u2      w_nb_b = R(mounting)' u3
 // (a prime on a matrix: transposed), and their time derivatives follow with d/dt (Rz(P)' v) = Rz' v' - P' z x (Rz' v).
 // w_ib_b = w_nb_b + C_bn w_ie_n, and since w_ie_n is constant w_ib_b' = w_nb_b' - w_nb_b x C_bn w_ie_n.
 #pragma once

@@ -1,8 +1,8 @@
 // Elementary functions that give the same bits on every machine.
 //
 // The C library picks another sin, exp or log by the processor (with or without fused multiply-add), and one last bit
-// decides now and then on which side of a pulse a sum falls. These use only + - * / and exact operations. Errors are below
-// 2 units in the last place in the ranges the rig needs (tests hold them against the library).
+// decides now and then on which side of a pulse a sum falls. These use only + - * / and exact operations. Errors are
+// below 2 units in the last place in the ranges the rig needs (tests hold them against the library).
 #pragma once
 
 namespace turncal::rig_model {

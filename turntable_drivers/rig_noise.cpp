@@ -33,7 +33,8 @@ TriadNoise::TriadNoise(const NoiseSize& size, double period_s, std::uint64_t see
   } else {
     grid_ = std::max<std::int64_t>(1, static_cast<std::int64_t>(0.1 / period_s));
   }
-  walk_every_ = grid_ * std::max<std::int64_t>(1, static_cast<std::int64_t>(0.1 / (static_cast<double>(grid_) * period_s)));
+  walk_every_ =
+      grid_ * std::max<std::int64_t>(1, static_cast<std::int64_t>(0.1 / (static_cast<double>(grid_) * period_s)));
   walk_kick_ = size.rate_walk * std::sqrt(static_cast<double>(walk_every_) * period_s);
 }
 

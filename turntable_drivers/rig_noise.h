@@ -1,13 +1,14 @@
 // Noise of one triad: what is added to the three true increments of a sample.
 //
 //   white       N sqrt(dt) * normal                                        random walk of angle or velocity
-//   flicker     sum over j of Markov processes, tau_j = longest / 4^j down to a quarter second or so, each with variance
-//               B^2 ln 4 / pi: their spectra add up to B^2 / (2 pi f), whose Allan deviation is B sqrt(2 ln 2 / pi) =
-//               0.664 B (IEEE 952 annex C). Stationary from the first sample.
+//   flicker     sum over j of Markov processes, tau_j = longest / 4^j down to a quarter second or so, each with
+//               variance B^2 ln 4 / pi: their spectra add up to B^2 / (2 pi f), whose Allan deviation is
+//               B sqrt(2 ln 2 / pi) = 0.664 B (IEEE 952 annex C). Stationary from the first sample.
 //   rate walk   K sqrt(t): random walk of the bias, from 0
 //
-// Flicker and rate walk are held constant over tau/16 and 0.1 s: their steps are far below the white noise, and a sample
-// costs three normal numbers. SI units: N in rad/sqrt(s) or m/s/sqrt(s), B in rad/s or m/s^2, K in that per sqrt(s).
+// Flicker and rate walk are held constant over tau/16 and 0.1 s: their steps are far below the white noise, and a
+// sample costs three normal numbers. SI units: N in rad/sqrt(s) or m/s/sqrt(s), B in rad/s or m/s^2, K in that per
+// sqrt(s).
 #pragma once
 
 #include <array>

@@ -1,8 +1,8 @@
 // The rig's random numbers: the same on every machine for the same seed.
 //
-// xoshiro256++ (Blackman and Vigna 2019) seeded through splitmix64; normal numbers by the ziggurat method (Marsaglia and
-// Tsang 2000) with 256 layers whose tables come from rig_math. Each source of noise has its own stream of the seed, so that
-// switching one off leaves the others as they were.
+// xoshiro256++ (Blackman and Vigna 2019) seeded through splitmix64; normal numbers by the ziggurat method (Marsaglia
+// and Tsang 2000) with 256 layers whose tables come from rig_math. Each source of noise has its own stream of the seed,
+// so that switching one off leaves the others as they were.
 #pragma once
 
 #include <array>

@@ -103,9 +103,9 @@ void SensorEffects::add_running(const BodyMotion& motion, const RigMoment& momen
                                 : 0.0;
   for (int i = 0; i < 3; ++i) {
     const std::size_t k = static_cast<std::size_t>(i);
-    reading.accel[i] +=
-        mps2_per_ug * (e.accel_bias_temperature[k] * warmer_c + e.accel_bias_drift[k] * time_h) +
-        1e-6 * motion.force_b[i] * (e.accel_scale_temperature[k] * warmer_c + e.post_rotation_relaxation[k] * relaxation);
+    reading.accel[i] += mps2_per_ug * (e.accel_bias_temperature[k] * warmer_c + e.accel_bias_drift[k] * time_h) +
+                        1e-6 * motion.force_b[i] *
+                            (e.accel_scale_temperature[k] * warmer_c + e.post_rotation_relaxation[k] * relaxation);
     reading.gyro[i] += radps_per_degph * (e.gyro_bias_temperature[k] * warmer_c + e.gyro_bias_drift[k] * time_h +
                                           e.gyro_warm_up[k] * warm_up) +
                        1e-6 * motion.rate_ib_b[i] * e.gyro_scale_temperature[k] * warmer_c;

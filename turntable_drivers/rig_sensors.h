@@ -57,9 +57,10 @@ class PulseCounter {
  public:
   PulseCounter() = default;
   // scale: SI per pulse (rad or m/s), bias: SI rate. REQUIRES: scale invertible
-  PulseCounter(const Eigen::Matrix3d& scale, const Eigen::Vector3d& bias, double period_s, RigQuantisation quantisation);
-  // The pulses of this sample. With quantisation the running sum of pulses never differs from that of the real-valued ones
-  // by one pulse or more (floor) or more than half a pulse (round).
+  PulseCounter(const Eigen::Matrix3d& scale, const Eigen::Vector3d& bias, double period_s,
+               RigQuantisation quantisation);
+  // The pulses of this sample. With quantisation the running sum of pulses never differs from that of the real-valued
+  // ones by one pulse or more (floor) or more than half a pulse (round).
   std::array<double, 3> count(const std::array<double, 3>& increment);
 
  private:

@@ -1,8 +1,9 @@
 // Draws what the configuration leaves open: the unit's 24 parameters and the table's errors.
 //
-// Every number is drawn whether it is used or not, so that setting one key leaves the others of the same seed as they were.
-// Magnitudes: N0 0.08 deg/h, A0 4e-3 g, n off the diagonal 2e-3 arcsec/pulse, n diagonal 3e-4 of its nominal value, a diagonal
-// 3 % (8 % at most), a off the diagonal 7e-4; normal, cut at 2.5 sigma. a21 = a31 = a32 = 0 always unless set.
+// Every number is drawn whether it is used or not, so that setting one key leaves the others of the same seed as they
+// were. Magnitudes: N0 0.08 deg/h, A0 4e-3 g, n off the diagonal 2e-3 arcsec/pulse, n diagonal 3e-4 of its nominal
+// value, a diagonal 3 % (8 % at most), a off the diagonal 7e-4; normal, cut at 2.5 sigma. a21 = a31 = a32 = 0 always
+// unless set.
 #pragma once
 
 #include <array>

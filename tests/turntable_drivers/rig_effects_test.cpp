@@ -1,7 +1,7 @@
 // Size and sign of every effect on one sample, by hand.
 //
-// At rest: g = 9.80665 m/s^2 so that f is in g; P = 30 deg unless said otherwise: f = (0.5, 0.8660254, 0) g, earth rate in
-// body axes (cos 30 * 13.0871984 + sin 30 * 7.4134292, -sin 30 * 13.0871984 + cos 30 * 7.4134292, 0) =
+// At rest: g = 9.80665 m/s^2 so that f is in g; P = 30 deg unless said otherwise: f = (0.5, 0.8660254, 0) g, earth rate
+// in body axes (cos 30 * 13.0871984 + sin 30 * 7.4134292, -sin 30 * 13.0871984 + cos 30 * 7.4134292, 0) =
 // (15.0405610, -0.1233812, 0) deg/h; field (cos 30 * 0.34 - sin 30 * 0.36, -sin 30 * 0.34 - cos 30 * 0.36, -0.015) =
 // (0.1144486, -0.4817691, -0.015) gauss. Effects of temperature: T - T_ref = 5 C. Sample 72 000 has its middle at
 // 360.0025 s = 0.1000007 h.
@@ -118,7 +118,8 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"gyro_magnetic.zz", 0.01, 30, {0, 0, -0.00015}, {}},
         Case{"earth_rate.north", 0.02, 30, {0.0173205, -0.01, 0}, {}},
         Case{"earth_rate.up", 0.02, 30, {0.01, 0.0173205, 0}, {}},
-        // E f = (0, 0, 3600 arcsec/g * 0.5 g = 8.7266463e-3 rad); (E f) x w = (-8.7266e-3 * -0.1233812, 8.7266e-3 * 15.0405610, 0)
+        // E f = (0, 0, 3600 arcsec/g * 0.5 g = 8.7266463e-3 rad); (E f) x w = (-8.7266e-3 * -0.1233812, 8.7266e-3 *
+        // 15.0405610, 0)
         Case{"gyro_accel_flexure.zx", 3600, 30, {0.0010767, 0.1312537, 0}, {}}),
     [](const auto& tested) {
       std::string name = tested.param.key;
@@ -136,8 +137,8 @@ TEST(RigEffects, EveryKeyOfTheCatalogueExists) {
   EXPECT_EQ(find_effect(effects, "accel_second_order"), nullptr);
 }
 
-// In motion. The pitch axis starts at -5 deg (or +5) and passes 0 after 1 s at +10 deg/s (-10), where w = (0, 0, +-0.1745329)
-// rad/s and f = (0, 1, 0) g; during the first second its acceleration is 0.1745329 rad/s^2.
+// In motion. The pitch axis starts at -5 deg (or +5) and passes 0 after 1 s at +10 deg/s (-10), where w = (0, 0,
+// +-0.1745329) rad/s and f = (0, 1, 0) g; during the first second its acceleration is 0.1745329 rad/s^2.
 Reading turning(const char* key, double value, bool forward, std::size_t sample) {
   const RigConfig without = base_config(forward ? -5.0 : 5.0);
   RigConfig with = without;
@@ -150,16 +151,18 @@ Reading turning(const char* key, double value, bool forward, std::size_t sample)
 
 TEST(RigEffects, DelayIsTauTimesRateCrossForce) {
   // tau (w x f) = 1e-3 * 0.1745329 z x (1 g) y = -1e-3 * 0.1745329 g x = -174.5329 ug. In the mean over the sample P is
-  // 0.025 deg and f_x = 4.3633e-4 g: w_z f_x = 0.07615 ug on y; the earth's rate gives w_x f_y = 6.34485e-5 * 1e-3 g on z.
+  // 0.025 deg and f_x = 4.3633e-4 g: w_z f_x = 0.07615 ug on y; the earth's rate gives w_x f_y = 6.34485e-5 * 1e-3 g on
+  // z.
   expect_near(turning("accel_delay.tau", 1.0, true, 200), {}, {-174.5329, 0.0761544, 0.0634485}, 1e-5);
   expect_near(turning("accel_delay.tau", 1.0, false, 200), {}, {174.5329, 0.0761544, 0.0634485}, 1e-5);
 }
 
 TEST(RigEffects, SizeEffectPullsInwardsAndForwards) {
-  // On the circle: -w^2 r = -0.0304617 * 0.1 m = -3.046174e-3 m/s^2 = -310.6234 ug; earth rate adds 2 w_z W_z = 0 at H = 0.
+  // On the circle: -w^2 r = -0.0304617 * 0.1 m = -3.046174e-3 m/s^2 = -310.6234 ug; earth rate adds 2 w_z W_z = 0 at H
+  // = 0.
   expect_near(turning("accel_size_effect.x_rx", 100.0, true, 200), {}, {-310.6234, 0, 0}, 1e-5);
-  // y accelerometer 0.1 m ahead: w' x r = 0.1745329 z x 0.1 x = +0.01745329 m/s^2 y = 1779.7406 ug; and the cross products of
-  // w_z with the earth rate, 2e-5 of it.
+  // y accelerometer 0.1 m ahead: w' x r = 0.1745329 z x 0.1 x = +0.01745329 m/s^2 y = 1779.7406 ug; and the cross
+  // products of w_z with the earth rate, 2e-5 of it.
   expect_near(turning("accel_size_effect.y_rx", 100.0, true, 50), {}, {0, 1779.7406, 0}, 1e-4);
   // The unit's own acceleration has the sign of the motion.
   expect_near(turning("accel_size_effect.y_rx", 100.0, false, 50), {}, {0, -1779.7406, 0}, 1e-4);
@@ -174,8 +177,9 @@ TEST(RigEffects, GyroScaleErrorsKnowTheSense) {
   expect_near(turning("gyro_rate_nonlinearity.z", 50.0, false, 200), {0, 0, -0.3141593}, {}, 1e-6);
 }
 
-// 10 ug/g on y with f_y = 1 g: nothing before the first motion and during it, then 10 exp(-t/5). The move of 10 deg lasts 2 s:
-// sample 400 begins where it ends, its middle is 2.5 ms later: 10 exp(-0.0005) = 9.995 ug; 5 s later 3.677 ug.
+// 10 ug/g on y with f_y = 1 g: nothing before the first motion and during it, then 10 exp(-t/5). The move of 10 deg
+// lasts 2 s: sample 400 begins where it ends, its middle is 2.5 ms later: 10 exp(-0.0005) = 9.995 ug; 5 s later 3.677
+// ug.
 TEST(RigEffects, RelaxationFollowsTheEndOfAMotion) {
   const RigConfig without = base_config(-10.0);
   RigConfig with = without;

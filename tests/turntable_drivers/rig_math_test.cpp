@@ -54,8 +54,8 @@ TEST(RigRandom, GeneratorGivesThePublishedNumbers) {
   EXPECT_EQ(random.next(), 9228616714210784205u);
 }
 
-// 4 million numbers: mean within 4 sigma = 0.002, variance 4 sqrt(2/n) = 0.0028, kurtosis 4 sqrt(24/n) = 0.0098, and the
-// counts of 24 classes and both tails by chi-square (25 degrees of freedom: 99.99 % below 60).
+// 4 million numbers: mean within 4 sigma = 0.002, variance 4 sqrt(2/n) = 0.0028, kurtosis 4 sqrt(24/n) = 0.0098, and
+// the counts of 24 classes and both tails by chi-square (25 degrees of freedom: 99.99 % below 60).
 TEST(RigRandom, NormalNumbersAreNormal) {
   constexpr int count = 4000000;
   RandomStream random(7, 1);

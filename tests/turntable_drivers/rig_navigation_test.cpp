@@ -1,6 +1,6 @@
-// The rig against navigation: what it makes is consistent motion, its quadrature is exact, and each of the fourteen steps
-// shows its parameter with the size and sign derived by hand in docs/rig.md. The navigation here is written for this test
-// from the definitions alone.
+// The rig against navigation: what it makes is consistent motion, its quadrature is exact, and each of the fourteen
+// steps shows its parameter with the size and sign derived by hand in docs/rig.md. The navigation here is written for
+// this test from the definitions alone.
 #include <cmath>
 #include <functional>
 #include <vector>
@@ -27,8 +27,9 @@ Matrix3d cross(const Vector3d& v) {
   return m;
 }
 
-// v_n = C v_b, by small steps: C <- exp(-w_ie dt) C exp(dtheta), and dV = C0 M^-1 dv - g dt with M the mean over the sample
-// of the body's rotation in n back to the start of the sample, so that a constant force in n is integrated exactly at a constant rate.
+// v_n = C v_b, by small steps: C <- exp(-w_ie dt) C exp(dtheta), and dV = C0 M^-1 dv - g dt with M the mean over the
+// sample of the body's rotation in n back to the start of the sample, so that a constant force in n is integrated
+// exactly at a constant rate.
 struct Navigator {
   Matrix3d c = Matrix3d::Identity();
   Vector3d velocity = Vector3d::Zero();
@@ -73,8 +74,9 @@ Matrix3d attitude(const Rig& rig) {
   return c;
 }
 
-// Table errors, encoder harmonics and creep are real motion: started with the true attitude, a perfect unit navigates to the
-// true attitude and to zero velocity. 1 ms samples keep the test's own error (rate not constant during a ramp) at 1e-7 m/s.
+// Table errors, encoder harmonics and creep are real motion: started with the true attitude, a perfect unit navigates
+// to the true attitude and to zero velocity. 1 ms samples keep the test's own error (rate not constant during a ramp)
+// at 1e-7 m/s.
 TEST(RigNavigation, PerfectUnitComesBackToRest) {
   RigConfig config = perfect_rig_config();
   config.sample_period_s = 0.001;
@@ -157,8 +159,8 @@ TEST(RigQuadrature, TenTimesFinerChangesNothing) {
 }
 
 // One worked number for each step, derived in docs/rig.md. The unit differs from the start values in one parameter; the
-// navigator is levelled by the accelerometers at the initial position with the heading given, turns, and gains an east velocity
-// in the dwell. Second-order terms (earth rate during the dwell, squares of the error) stay below 0.5 %.
+// navigator is levelled by the accelerometers at the initial position with the heading given, turns, and gains an east
+// velocity in the dwell. Second-order terms (earth rate during the dwell, squares of the error) stay below 0.5 %.
 struct Worked {
   const char* name;
   std::size_t parameter;  // place in Table 1
@@ -180,7 +182,8 @@ TEST_P(RigWorkedNumber, EastVelocityOfTheLeg) {
   config.truth[w.parameter] = start + w.change;
   Rig rig(config);
 
-  // Level: the mean force of ten seconds gives up in body axes; north from the true attitude, which has the given heading.
+  // Level: the mean force of ten seconds gives up in body axes; north from the true attitude, which has the given
+  // heading.
   Vector3d force = Vector3d::Zero();
   const Matrix3d true_c = attitude(rig);
   for (int i = 0; i < 2000; ++i) {
@@ -231,8 +234,8 @@ INSTANTIATE_TEST_SUITE_P(
 
 // Step 1: a11 = 1.03 and A01 = 0.002 g. In one second the x accelerometer counts
 //   P = +90: (9.7914 + 0.002 * 9.80665) / (1.03 * 0.0005) = 19050.5113 pulses, P = -90: (-9.7914 + 0.0196133) / ... =
-//   -18974.3431; with the start values that is p = 9.5252557, m = -9.4871715: (p + m)/2 = 0.0190421 m/s^2, of which 1.03 is
-//   A01, and 2 g / (p - m) = 1.03 = a11.
+//   -18974.3431; with the start values that is p = 9.5252556, m = -9.4871716: (p + m)/2 = 0.0190420 m/s^2, which times
+//   1.03 is A01, and 2 g / (p - m) = 1.03 = a11.
 TEST(RigWorkedNumbers, StepOneBiasAndScale) {
   RigConfig config = perfect_rig_config();
   config.truth[15] = 1.03;
@@ -252,8 +255,8 @@ TEST(RigWorkedNumbers, StepOneBiasAndScale) {
   EXPECT_NEAR((p + m) / 2.0 * 1.03, 0.002 * g0, 1e-12);
 }
 
-// Step 14 also gives N02: 0.01 deg/h high, 600 s: the computed heading is too small by 0.01 * 600/3600 deg = 6 arcsec, since
-// a rotation about up takes x to the west.
+// Step 14 also gives N02: 0.01 deg/h high, 600 s: the computed heading is too small by 0.01 * 600/3600 deg = 6 arcsec,
+// since a rotation about up takes x to the west.
 TEST(RigWorkedNumbers, StepFourteenHeading) {
   RigConfig config = perfect_rig_config();
   config.table.power_on_deg[0] = -90.0;

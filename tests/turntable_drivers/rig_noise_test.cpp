@@ -62,8 +62,8 @@ TEST(RigNoise, RandomWalk) {
 }
 
 // Flicker: Allan deviation 0.664 B well inside the time constants (0.24 s to 1000 s).
-// 120 channels of 8000 s: the spread is 1 % at 4 s and about 4 % at 256 s; the sum of Markov processes ripples by 1 % and is 2.5
-// % low at either end, for want of shorter and longer processes.
+// 120 channels of 8000 s: the spread is 1 % at 4 s and about 4 % at 256 s; the sum of Markov processes ripples by 1 %
+// and is 2.5 % low at either end, for want of shorter and longer processes.
 TEST(RigNoise, FlickerHasTheFloorOfBiasInstability) {
   NoiseSize size;
   size.flicker = 3.0;
@@ -179,8 +179,8 @@ std::uint64_t digest(const RigConfig& config) {
   return hash;
 }
 
-// The same bytes on every machine and with every optimisation: real-valued pulses show the last bit of every sum. If the model
-// is changed on purpose, put the new number here.
+// The same bytes on every machine and with every optimisation: real-valued pulses show the last bit of every sum. If
+// the model is changed on purpose, put the new number here.
 TEST(RigDeterminism, SameSeedSameBytes) {
   RigConfig config = default_rig_config();
   for (const std::string& key : rig_effect_keys()) *find_effect(config.effects, key) = 0.01;

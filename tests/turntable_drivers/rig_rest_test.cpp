@@ -1,9 +1,9 @@
 // What the unit reads at rest, by hand, and how pulses are counted.
 //
-// Site of every number here: latitude 29.53 deg, g = 9.7914 m/s^2. Earth rate: north 7.292115e-5 cos L = 6.3448528e-5 rad/s =
-// 13.0871984 deg/h, up 7.292115e-5 sin L = 3.5941319e-5 rad/s = 7.4134292 deg/h. 1 deg/h = 1 arcsec/s.
-// A sample lasts 5 ms; nominal pulses are 0.932920 arcsec and 0.0005 m/s, so that 1 deg/h is 0.005/0.93292 pulses a sample
-// (north 0.0701411, up 0.0397324) and g is 9.7914 * 0.005 / 0.0005 = 97.914 pulses a sample.
+// Site of every number here: latitude 29.53 deg, g = 9.7914 m/s^2. Earth rate: north 7.292115e-5 cos L = 6.3448528e-5
+// rad/s = 13.0871984 deg/h, up 7.292115e-5 sin L = 3.5941319e-5 rad/s = 7.4134292 deg/h. 1 deg/h = 1 arcsec/s.
+// A sample lasts 5 ms; nominal pulses are 0.932920 arcsec and 0.0005 m/s, so that 1 deg/h is 0.005/0.93292 pulses a
+// sample (north 0.0701411, up 0.0397324) and g is 9.7914 * 0.005 / 0.0005 = 97.914 pulses a sample.
 #include <cmath>
 #include <vector>
 
@@ -48,7 +48,8 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"right_side_down", 0, 0, 90, {north, 0, -up}, {0, 0, -g}},   // z down, y east
         Case{"upside_down", 0, 0, 180, {north, -up, 0}, {0, -g, 0}},
         Case{"west_left_down", -90, 0, -90, {0, -north, up}, {0, 0, g}},  // z up, y south: step 4 and 9
-        // P = 30: x is 30 deg above north: earth rate on x cos 30 * north + sin 30 * up, on y -sin 30 north + cos 30 up.
+        // P = 30: x is 30 deg above north: earth rate on x cos 30 * north + sin 30 * up, on y -sin 30 north + cos 30
+        // up.
         Case{"thirty", 0, 30, 0, {0.0806101317, -0.0006612636, 0}, {48.957, 84.7960113861, 0}},
         Case{"turned_once_more", 360, 0, -360, {north, up, 0}, {0, g, 0}}),
     [](const auto& tested) { return std::string(tested.param.name); });
@@ -169,8 +170,8 @@ TEST(RigTruth, DrawnNumbersHaveTheirMagnitudes) {
   for (std::size_t i : {16, 17, 20}) EXPECT_NEAR(std::sqrt(squares[i]), 0.955 * 7e-4, 1.05e-4);
 }
 
-// c = 2 ug/C and 100 ppm/C referred to 24 C, moved to 27 C: A02 takes up 6 ug and the row 300 ppm; the two rigs' units are
-// the same unit, so the counts must be the same.
+// c = 2 ug/C and 100 ppm/C referred to 24 C, moved to 27 C: A02 takes up 6 ug and the row 300 ppm; the two rigs' units
+// are the same unit, so the counts must be the same.
 TEST(RigTruth, TruthAtAnotherReferenceTemperatureIsTheSameUnit) {
   RigConfig config = default_rig_config();
   config.noise = perfect_rig_config().noise;

@@ -106,8 +106,9 @@ TEST(RigTable, RefusesWhatItsLimitsForbid) {
     EXPECT_EQ(status.error().kind, ErrorKind::device);
     EXPECT_NE(status.error().message.find("pitch"), std::string::npos);
   }
-  EXPECT_NE(s.table.move_absolute(Axis::pitch, -3600.1, 10.0, 10.0).error().message.find("-3600.1 deg: expected -3600 to"),
-            std::string::npos);
+  EXPECT_NE(
+      s.table.move_absolute(Axis::pitch, -3600.1, 10.0, 10.0).error().message.find("-3600.1 deg: expected -3600 to"),
+      std::string::npos);
   s.go(Axis::pitch, 10.0);
   EXPECT_FALSE(s.table.move_absolute(Axis::pitch, 20.0, 10.0, 10.0).ok()) << "one move at a time";
 }

@@ -193,8 +193,8 @@ TYPED_TEST_P(TableContract, StatusHasTimeThatNeverGoesBack) {
   }
 }
 
-REGISTER_TYPED_TEST_SUITE_P(TableContract, NothingWorksBeforeConnect, ConnectIsNotEnableAndNotHome, MoveIsSeenAndArrives,
-                            PositionsAreCumulative, BadArgumentsAreRefusedAndNothingMoves,
+REGISTER_TYPED_TEST_SUITE_P(TableContract, NothingWorksBeforeConnect, ConnectIsNotEnableAndNotHome,
+                            MoveIsSeenAndArrives, PositionsAreCumulative, BadArgumentsAreRefusedAndNothingMoves,
                             StopEndsEveryMotionShortOfTheTarget, AbortEndsEveryMotionAndNeedsEnable,
                             StatusHasTimeThatNeverGoesBack);
 

@@ -1,0 +1,209 @@
+// The rig's text configuration: defaults, every kind of key, every kind of mistake, and docs/rig.md.
+#include "turntable_drivers/rig_config.h"
+
+#include <fstream>
+#include <iterator>
+#include <regex>
+#include <set>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "turntable_drivers/rig.h"
+
+namespace turncal {
+namespace {
+
+std::string error_of(const std::string& text) {
+  const Result<RigConfig> config = parse_rig_config(text, "bench.rig");
+  EXPECT_FALSE(config.ok()) << text;
+  return config.ok() ? "" : config.error().message;
+}
+
+TEST(RigConfig, DefaultsAndPerfectAreValid) {
+  EXPECT_TRUE(check(default_rig_config()).ok());
+  EXPECT_TRUE(check(perfect_rig_config()).ok());
+  const Rig perfect(perfect_rig_config());
+  for (const auto& [name, value] : perfect.table_errors()) EXPECT_EQ(value, 0.0) << name;
+}
+
+TEST(RigConfig, ReadsEveryPartOfAFile) {
+  const Result<RigConfig> config = parse_rig_config(R"(
+# a unit with one effect and three faults
+seed = 17
+noise.seed = 18
+unit_serial = RLG-0042
+random_truth = false
+truth.N01 = -0.05
+truth.a33 = 1.02
+quantisation = round
+site.latitude_deg = 45
+site.magnetic_up_gauss = -0.4
+noise.gyro_random_walk_deg_per_rt_h = 0
+temperature.reference_c = 27
+table_error.random_arcmin = 0
+table_error.north_arcmin = 2.5
+table_error.roll.encoder_order = 5
+table_error.roll.encoder_harmonic_arcsec = 3
+table.pitch.limit_max_deg = 400
+table.in_position = late
+effect.accel_second_order.y = 12.5
+effect.gyro_warm_up.tau_s = 600
+outside.gyro_angle_periodic.axis = z
+outside.gyro_angle_periodic.table_axis = roll
+outside.gyro_angle_periodic.size_degph = 0.02
+fault.1.kind = lost_sample
+fault.1.sample = 120000
+fault.1.hidden = true
+fault.2.kind = velocity_knock
+fault.2.sample = 5
+fault.2.axis = y
+fault.2.size_mps = 0.05
+fault.3.kind = table_moved
+fault.3.time_s = 350.5
+fault.3.axis = pitch
+fault.3.size_deg = 0.01
+)", "bench.rig");
+  ASSERT_TRUE(config.ok()) << config.error().message;
+  EXPECT_EQ(config->seed, 17u);
+  EXPECT_EQ(config->noise_seed, 18u);
+  EXPECT_EQ(config->unit_serial, "RLG-0042");
+  EXPECT_FALSE(config->random_truth);
+  EXPECT_EQ(config->truth[0], -0.05);
+  EXPECT_EQ(config->truth[23], 1.02);
+  EXPECT_FALSE(config->truth[1].has_value());
+  EXPECT_EQ(config->quantisation, RigQuantisation::round);
+  EXPECT_EQ(config->site.latitude_deg, 45.0);
+  EXPECT_EQ(config->site.magnetic_field_gauss[1], -0.4);
+  EXPECT_EQ(config->noise.gyro_random_walk_deg_per_rt_h, 0.0);
+  EXPECT_EQ(config->noise.accel_random_walk_ug_per_rt_hz, 8.0);
+  EXPECT_EQ(config->temperature.reference_c, 27.0);
+  EXPECT_EQ(config->table_errors.north_arcmin, 2.5);
+  EXPECT_EQ(config->table_errors.encoder[2].order, 5);
+  EXPECT_EQ(config->table.limit_max_deg[1], 400.0);
+  EXPECT_EQ(config->table.in_position, InPositionFlag::late);
+  EXPECT_EQ(config->effects.accel_second_order[1], 12.5);
+  EXPECT_EQ(config->effects.gyro_warm_up_tau_s, 600.0);
+  EXPECT_EQ(config->outside.gyro_angle_periodic.axis, 2);
+  EXPECT_EQ(config->outside.gyro_angle_periodic.table_axis, Axis::roll);
+  ASSERT_EQ(config->faults.size(), 3u);
+  EXPECT_EQ(config->faults[0].kind, RigFaultKind::lost_sample);
+  EXPECT_EQ(config->faults[0].sample, 120000);
+  EXPECT_TRUE(config->faults[0].hidden);
+  EXPECT_EQ(config->faults[1].axis, 1);
+  EXPECT_EQ(config->faults[1].size, 0.05);
+  EXPECT_EQ(config->faults[2].axis, static_cast<int>(Axis::pitch));
+  EXPECT_EQ(config->faults[2].time_s, 350.5);
+}
+
+TEST(RigConfig, ErrorsNameFileLineKeyAndValue) {
+  EXPECT_NE(error_of("seed = 1\nnoise.gyro_random_walk_deg_per_rt_h = -1\n").find("bench.rig:2"), std::string::npos);
+  EXPECT_NE(error_of("noise.gyro_random_walk_deg_per_rt_h = -1\n").find("'-1'"), std::string::npos);
+  EXPECT_NE(error_of("effect.accel_second_order.w = 1\n").find("effect.accel_second_order.w"), std::string::npos);
+  EXPECT_NE(error_of("effect.accel_second_order.x = nan\n").find("a number"), std::string::npos);
+  EXPECT_NE(error_of("sample_period_s = 0\n").find("sample_period_s"), std::string::npos);
+  EXPECT_NE(error_of("site.gravity_mps2 = 0\n").find("site.gravity_mps2"), std::string::npos);
+  EXPECT_NE(error_of("quantisation = some\n").find("floor, round or off"), std::string::npos);
+  EXPECT_NE(error_of("truth.n44 = 1\n").find("truth.n44"), std::string::npos);
+  EXPECT_NE(error_of("truth.n11 = 0\n").find("singular"), std::string::npos);
+  EXPECT_NE(error_of("table.roll.limit_min_deg = 5000\n").find("limit_max_deg = 3600"), std::string::npos);
+  EXPECT_NE(error_of("fault.1.kind = gremlins\n").find("lost_sample"), std::string::npos);
+  EXPECT_NE(error_of("fault.1.kind = lost_sample\n").find("fault.1.sample"), std::string::npos);
+  EXPECT_NE(error_of("fault.1.sample = 3\n").find("fault.1.kind"), std::string::npos);
+  EXPECT_NE(error_of("fault.2.kind = lost_sample\nfault.2.sample = 1\n").find("fault.2"), std::string::npos)
+      << "numbers begin at 1";
+  EXPECT_NE(error_of("fault.1.kind = lost_sample\nfault.1.sample = 1\nfault.1.size_mrad = 1\n").find("size_mrad"),
+            std::string::npos)
+      << "a key that this kind does not have";
+  for (const std::string& text : {std::string("seed = 1\nseed = 2\n"), std::string(""), std::string("seed\n")}) {
+    EXPECT_EQ(error_of(text).find('\n'), std::string::npos);
+  }
+  EXPECT_FALSE(read_rig_config("/nonexistent/rig.conf").ok());
+  EXPECT_EQ(read_rig_config("/nonexistent/rig.conf").error().kind, ErrorKind::input);
+}
+
+TEST(RigConfig, EveryFaultKindHasAName) {
+  for (int i = 0; i <= static_cast<int>(RigFaultKind::link_lost); ++i) {
+    const auto kind = static_cast<RigFaultKind>(i);
+    RigFaultKind back{};
+    ASSERT_TRUE(parse_rig_fault_kind(to_string(kind), back));
+    EXPECT_EQ(back, kind);
+  }
+}
+
+std::string replace_all(std::string text, const std::string& from, const std::string& to) {
+  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size())) {
+    text.replace(at, from.size(), to);
+  }
+  return text;
+}
+
+// docs/rig.md lists `key = default` lines; all of them, read as one file, are the default configuration. AXIS and B
+// stand for the three table axes and x y z.
+TEST(RigConfig, TheDocumentListsTheDefaults) {
+  std::ifstream document(TURNCAL_SOURCE_DIR "/docs/rig.md");
+  ASSERT_TRUE(document.is_open());
+  std::set<std::string> lines;
+  std::string line;
+  bool inside = false;
+  while (std::getline(document, line)) {
+    if (line.rfind("```", 0) == 0) {
+      inside = line == "```rig";
+    } else if (inside && line.find('=') != std::string::npos) {
+      for (const char* axis : {"heading", "pitch", "roll"}) {
+        for (const char* b : {"x", "y", "z"}) {
+          lines.insert(replace_all(replace_all(line, "AXIS", axis), "(B)", b));
+        }
+      }
+    }
+  }
+  EXPECT_GT(lines.size(), 90u);
+  std::string text;
+  for (const std::string& each : lines) text += each + "\n";
+  const Result<RigConfig> config = parse_rig_config(text, "docs/rig.md");
+  ASSERT_TRUE(config.ok()) << config.error().message;
+  // The same unit, table, time and noise as without any key, so every default is the one in force.
+  Rig a(*config), b(default_rig_config());
+  EXPECT_EQ(a.truth(), b.truth());
+  EXPECT_EQ(a.table_errors(), b.table_errors());
+  EXPECT_EQ(config->start_utc_s, default_rig_config().start_utc_s);
+  EXPECT_EQ(config->table.limit_min_deg, default_rig_config().table.limit_min_deg);
+  EXPECT_EQ(config->table.max_rate_degps, default_rig_config().table.max_rate_degps);
+  EXPECT_EQ(config->table.home_time_s, default_rig_config().table.home_time_s);
+  EXPECT_EQ(config->table.in_position_time_s, default_rig_config().table.in_position_time_s);
+  EXPECT_EQ(config->site.magnetic_field_gauss, default_rig_config().site.magnetic_field_gauss);
+  a.command_move(Axis::pitch, 20.0, 10.0, 10.0);
+  b.command_move(Axis::pitch, 20.0, 10.0, 10.0);
+  for (int i = 0; i < 1000; ++i) {
+    ImuSample x, y;
+    a.advance({&x, 1});
+    b.advance({&y, 1});
+    ASSERT_EQ(x.gyro, y.gyro);
+    ASSERT_EQ(x.accel, y.accel);
+    ASSERT_EQ(x.temperature_c, y.temperature_c);
+  }
+}
+
+// Every piece of a key that the reader asks for stands in the document.
+TEST(RigConfig, TheDocumentHasEveryKeyOfTheReader) {
+  const auto content = [](const std::string& path) {
+    std::ifstream file(TURNCAL_SOURCE_DIR + path);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  const std::string document = content("/docs/rig.md"), reader = content("/turntable_drivers/rig_config_reader.cpp");
+  const std::regex literal("\"([a-z_][a-z_0-9.]*)\"");
+  int found = 0;
+  for (auto at = std::sregex_iterator(reader.begin(), reader.end(), literal); at != std::sregex_iterator(); ++at) {
+    std::string piece = (*at)[1];
+    while (!piece.empty() && (piece.back() == '.' || piece.back() == '_')) piece.pop_back();
+    EXPECT_NE(document.find(piece), std::string::npos) << piece;
+    ++found;
+  }
+  EXPECT_GT(found, 100);
+  for (const std::string& key : rig_effect_keys()) {
+    EXPECT_NE(document.find("effect." + key.substr(0, key.find('.')) + "."), std::string::npos) << key;
+  }
+}
+
+}  // namespace
+}  // namespace turncal
