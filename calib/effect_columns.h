@@ -22,6 +22,8 @@ struct BlockState {
   double time_s = 0.0;            // middle of the block, from the first sample
   double since_rotation_s = 0.0;  // from the end of the last rotation; large before the first
   double temperature_c = 0.0;     // minus the reference; 0 when not measured
+  Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded heading, pitch, roll (half way in a rotation)
+  Eigen::Vector3d last_up = Eigen::Vector3d::Zero();    // sign of each f_i when it was last above half a g
 };
 
 // Writes the regressors of all components: column k of gyro (rad/s) and accel (m/s^2) is one unit of component k.

@@ -81,7 +81,10 @@ JointResult JointRun::run() {
     return r;
   }
   r.allan = allan_deviation(recording_, r.parameters);
-  r.setup.noise = options_.noise.value_or(start_noise(recording_, r.allan, sensor_model(r.parameters, recording_.info)));
+  r.reference_temperature_c = reference_temperature_c_;
+  if (options_.noise) r.setup.noise = *options_.noise;
+  else if (options_.start_noise) r.setup.noise = *options_.start_noise;
+  else r.setup.noise = start_noise(recording_, r.allan, sensor_model(r.parameters, recording_.info));
   r.faults = faults_from_events(recording_, r.setup.breaks);
 
   if (!iterate(0.3, options_.max_iterations)) {

@@ -25,6 +25,7 @@ namespace turncal {
 struct JointOptions {
   std::optional<Parameters> start;          // default: the paper's start values
   std::optional<NoiseModel> noise;          // given: not fitted
+  std::optional<NoiseModel> start_noise;    // where the fit begins; default: read off the Allan deviation
   bool fit_bias_instability = true;
   std::vector<EffectColumn> effects;        // estimated together with the 21
   std::vector<EffectColumn> candidates;     // columns of the last pass only
@@ -69,6 +70,7 @@ struct JointResult {
   std::vector<EstimatedEffect> effects;
   std::vector<int> free;                                // indices into [24 parameters, effects] of the covariance's rows
   Eigen::MatrixXd covariance;
+  double reference_temperature_c = 0.0;                 // of temperature effects
   NoiseModel noise;
   std::optional<NoiseFit> noise_fit;
   AllanResult allan;

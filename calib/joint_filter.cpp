@@ -43,6 +43,12 @@ class Filter {
   BlockMotion model_motion(std::size_t index);
   void block_columns(const Block& block, const BlockMotion& motion);
   void advance(std::size_t index, const BlockMotion& motion);
+  Innovation innovation(std::size_t index, const Vector3d& nu, const Eigen::LLT<Matrix3d>& root,
+                        const Vector3d& free_mean) const {
+    const Block& block = recording_.blocks[index];
+    const double before = static_cast<double>(block.start_sample - recording_.blocks.front().start_sample);
+    return {index, (before + 0.5 * block.samples) * recording_.info.sample_period_s, nu, root.matrixL().solve(nu), free_mean};
+  }
   void accumulate(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root);
   void flush();
 
@@ -68,6 +74,11 @@ class Filter {
   int buffered_ = 0;
   Eigen::MatrixXd moments_;  // (p + 1)^2: [N nu]' [N nu], lower triangle
   double last_rotation_end_s_ = -1e9;
+  Vector3d last_up_ = Vector3d::Zero();
+  // Navigated beside the filter from the beginning of the last rotation on, without its corrections; for the reports.
+  Matrix3d free_C_nb_ = Matrix3d::Identity();
+  Vector3d free_v_ = Vector3d::Zero();
+  bool was_static_ = false;
   FilterResult result_;
 };
 
@@ -115,6 +126,7 @@ void Filter<NS>::start() {
   C_nb_ = level(attitude_from_angles(first.heading_deg * rad_per_deg, first.pitch_deg * rad_per_deg,
                                      first.roll_deg * rad_per_deg), f_b);
   result_.initial_C_nb = C_nb_;
+  free_C_nb_ = C_nb_;
   P_.setZero();
   const double tilt = setup_.initial_tilt_sigma_rad * setup_.initial_tilt_sigma_rad;
   const double heading = setup_.initial_heading_sigma_rad * setup_.initial_heading_sigma_rad;
@@ -159,6 +171,13 @@ BlockMotion Filter<NS>::model_motion(std::size_t index) {
     if (rotating) last_rotation_end_s_ = s.time_s + 0.5 * t;
     s.since_rotation_s = rotating ? 1e9 : s.time_s - last_rotation_end_s_;
     s.temperature_c = std::isnan(block.temperature_c) ? 0.0 : block.temperature_c - effects_.reference_temperature_c;
+    const Segment& segment = recording_.segments[block.segment];
+    const Segment& from = recording_.segments[rotating && block.segment > 0 ? block.segment - 1 : block.segment];
+    s.table_rad = 0.5 * rad_per_deg * Vector3d(segment.heading_deg + from.heading_deg, segment.pitch_deg + from.pitch_deg,
+                                               segment.roll_deg + from.roll_deg);
+    for (int axis = 0; axis < 3; ++axis)
+      if (std::abs(s.f_b[axis]) > 0.5 * standard_gravity_mps2) last_up_[axis] = s.f_b[axis] > 0.0 ? 1.0 : -1.0;
+    s.last_up = last_up_;
     effects_.regressors(s, regressors_);
     take_off(regressors_.gyro * effects_.values * t, regressors_.accel * effects_.values * t, motion);
   }
@@ -225,10 +244,11 @@ void Filter<NS>::advance(std::size_t index, const BlockMotion& motion) {
   }
 
   const bool observed = block.whole_second && (setup_.unobserved.empty() || !setup_.unobserved[index]);
+  const bool predicted = observed || (block.whole_second && setup_.keep_innovations);  // left out, but looked at
   Eigen::Matrix<double, 3, NS> H = Eigen::Matrix<double, 3, NS>::Zero();
   Matrix3d S = Matrix3d::Identity();
   Cross M = Cross::Zero();  // cov(state at the end, nu)
-  if (observed) {
+  if (predicted) {
     H.template block<3, 3>(0, 0) = -F * (0.5 * t);
     H.template block<3, 3>(0, 3).setIdentity();
     if constexpr (NS == 12) {
@@ -272,20 +292,32 @@ void Filter<NS>::advance(std::size_t index, const BlockMotion& motion) {
   }
 
   const Vector3d v_mean = v_ + move.mean_dv_n;
+  Vector3d free_mean = v_mean;
+  if (setup_.keep_innovations) {
+    if (was_static_ && !block.whole_second) {  // a rotation begins: what is known now is all that is used
+      free_C_nb_ = C_nb_;
+      free_v_.setZero();
+    }
+    was_static_ = block.whole_second;
+    const MotionStep free_move = motion_step(free_C_nb_, motion, earth_, recording_.info.gravity_mps2, t);
+    free_mean = free_v_ + free_move.mean_dv_n;
+    free_C_nb_ = free_move.C_end;
+    free_v_ += free_move.dv_n;
+  }
   C_nb_ = move.C_end;
   v_ += move.dv_n;
   b_g_ *= rho;
   b_a_ *= rho;
   P_ = (Phi * P_ * Phi.transpose() + Q).eval();
 
+  if (predicted && !observed) {
+    const Eigen::LLT<Matrix3d> root(S);
+    result_.left_out.push_back(innovation(index, v_mean, root, free_mean));
+  }
   if (observed) {
     const Vector3d nu = v_mean;
     const Eigen::LLT<Matrix3d> root(S);
-    if (setup_.keep_innovations)
-      result_.innovations.push_back({index,
-                                     (static_cast<double>(block.start_sample - recording_.blocks.front().start_sample) +
-                                      0.5 * block.samples) * recording_.info.sample_period_s,
-                                     nu, root.matrixL().solve(nu)});
+    if (setup_.keep_innovations) result_.innovations.push_back(innovation(index, nu, root, free_mean));
     result_.chi_square += nu.dot(root.solve(nu));
     result_.log_determinant += 2.0 * root.matrixLLT().diagonal().array().log().sum();
     result_.observations += 3;

@@ -54,6 +54,7 @@ struct Innovation {
   double time_s = 0.0;                // middle of the second, from the first sample
   Eigen::Vector3d velocity_mps;       // predicted mean velocity, n frame: what should have been zero
   Eigen::Vector3d normalised;         // L^-1 nu with S = L L': three unit-variance numbers when the model is right
+  Eigen::Vector3d free_velocity_mps;  // mean velocity navigated freely since the last rotation began, n frame
 };
 
 struct FilterResult {
@@ -63,6 +64,7 @@ struct FilterResult {
   double log_determinant = 0.0;       // sum log det S
   std::int64_t observations = 0;      // scalar ones: three a static second
   std::vector<Innovation> innovations;
+  std::vector<Innovation> left_out;   // of unobserved static seconds: predicted, not used (with keep_innovations)
   std::vector<BlockMotion> motions;   // of every block, with the values of the effects taken off
   Eigen::Matrix3d initial_C_nb = Eigen::Matrix3d::Identity();
 };
