@@ -54,6 +54,13 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
   const Eigen::Matrix3d r_skew = skew(r);
   const Eigen::Matrix3d accel_sum = m.accel_scale * block.sculling.transpose();  // A S'
   const Eigen::Matrix3d gyro_sum = m.gyro_scale * block.sculling;                // G S
+  // First moments, through which a bias meets the increments of the other triad (see evaluate).
+  const Eigen::Vector3d& b = m.gyro_bias_radps;
+  const Eigen::Vector3d& f0 = m.accel_bias_mps2;
+  const Eigen::Vector3d gyro_middle = block.gyro * t - block.gyro_time;
+  const Eigen::Vector3d middle = m.gyro_scale * gyro_middle;
+  const Eigen::Vector3d speed_time = m.accel_scale * block.accel_time - 0.5 * t * t * f0;
+  const Eigen::Vector3d lag = m.gyro_scale * (2.0 * block.gyro_time - t * block.gyro);  // before - prefix of evaluate
   columns.rotation.setZero();
   columns.velocity.setZero();
   columns.mean_velocity.setZero();
@@ -65,12 +72,12 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
     const Eigen::Vector3d e = Eigen::Vector3d::Unit(axis);
     // gyro bias: turns by -t about the axis, evenly over the block
     const Eigen::Vector3d turn = -t * e;
-    columns.rotation.col(axis) = unit[axis] * turn;
-    columns.velocity.col(axis) = unit[axis] * (0.5 * turn.cross(dv) + third_order(turn));
+    columns.rotation.col(axis) = unit[axis] * (turn + 0.5 * lag.cross(e));
+    columns.velocity.col(axis) = unit[axis] * (third_order(turn) - e.cross(speed_time));
     columns.mean_velocity.col(axis) = unit[axis] * turn.cross(dv) / 6.0;
     // accelerometer bias
     const Eigen::Vector3d push = -t * e;
-    columns.velocity.col(3 + axis) = unit[3 + axis] * (push + 0.5 * r.cross(push) + r_skew * (r_skew * push) / 6.0);
+    columns.velocity.col(3 + axis) = unit[3 + axis] * (push + (0.5 * t * t * b - middle).cross(e) + r_skew * (r_skew * push) / 6.0);
     columns.mean_velocity.col(3 + axis) = unit[3 + axis] * (0.5 * push + r.cross(push) / 6.0);
   }
   for (int i = 0; i < 3; ++i) {
@@ -87,12 +94,13 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
       turn[k] += 0.5 * row_l.cross(e_j).dot(block.coning);
       turn[l] += 0.5 * e_j.cross(row_k).dot(block.coning);
       columns.rotation.col(g) = unit[g] * turn;
-      columns.velocity.col(g) = unit[g] * (e_i.cross(accel_sum.col(j)) + third_order(turn));
+      columns.velocity.col(g) = unit[g] * (e_i.cross(accel_sum.col(j) - gyro_middle[j] * f0) + third_order(turn));
       columns.mean_velocity.col(g) = unit[g] * turn.cross(dv) / 6.0;
       // accelerometer scale and installation
       const int a = 15 + 3 * i + j;
       const Eigen::Vector3d push = e_i * block.accel[j];
-      columns.velocity.col(a) = unit[a] * (push + gyro_sum.col(j).cross(e_i) + r_skew * (r_skew * push) / 6.0);
+      columns.velocity.col(a) = unit[a] * (push + (gyro_sum.col(j) - block.accel_time[j] * b).cross(e_i) +
+                                           r_skew * (r_skew * push) / 6.0);
       const Eigen::Vector3d mean_push = e_i * (block.accel[j] - block.accel_time[j] / t);
       columns.mean_velocity.col(a) = unit[a] * (mean_push + r.cross(mean_push) / 3.0);
     }

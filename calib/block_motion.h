@@ -30,7 +30,7 @@ BlockMotion evaluate(const Block& block, const SensorModel& model, double period
 // Derivatives with respect to the 24 parameters (columns in Table 1 order, per file unit), at the same model:
 //   d rotation / dG_ij = e_i gyro_j + 1/2 dcof(G)/dG_ij coning,    d rotation / db = -T I,
 //   d velocity / dG_ij = e_i x (A S' e_j) + d third-order,         d velocity / dA_kl = e_k accel_l + (G S e_l) x e_k + ...
-// Bias terms of second order (bias times moment) are taken to first order in the moment of the block totals.
+// and the bias terms of evaluate() likewise. mean_velocity is good at rest only.
 using Columns3 = Eigen::Matrix<double, 3, parameter_count>;
 struct BlockColumns {
   Columns3 rotation;

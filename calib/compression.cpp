@@ -40,7 +40,8 @@ Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& opti
   recording_.info = info;
   static_block_samples_ = std::max(1, static_cast<int>(std::lround(options.static_block_s / info.sample_period_s)));
   const double nominal_rad = info.gyro_increment == IncrementKind::pulses ? 0.93 * rad_per_arcsec : 1.0;
-  counts_per_angle_ = options.block_angle_rad / nominal_rad;
+  static_counts_ = options.static_angle_rad / nominal_rad;
+  rotation_counts_ = options.block_angle_rad / nominal_rad;
 }
 
 void Compressor::begin_segment(const Segment& segment) {
@@ -118,8 +119,9 @@ void Compressor::add_one(const ImuSample& sample) {
 
   const bool still = recording_.segments.back().kind != SegmentKind::rotate;
   const int length = b.samples + b.missing;
-  if (still ? length >= static_block_samples_
-            : length >= options_.block_samples || b.gyro.squaredNorm() > counts_per_angle_ * counts_per_angle_)
+  const double most_counts = still ? static_counts_ : rotation_counts_;
+  if (length >= (still ? static_block_samples_ : options_.block_samples) ||
+      b.gyro.squaredNorm() > most_counts * most_counts)
     close_block();
 }
 

@@ -1,10 +1,10 @@
 // Sufficient statistics of a recording: what the estimators iterate on instead of raw samples.
 //
-// The stream of samples is cut into blocks that never cross a segment border: one second each in static segments, and in
-// rotations as many samples as turn the unit by about block_angle_rad (at most block_samples). For each block the sums
-// below are kept in raw counts, so that the motion over the block can be evaluated exactly for any parameters
-// (calib/block_motion.h). One pass, 8 ns a sample and less, no allocation but the growth of the block list; about
-// 0.25 kB a block, 7 MB for the fourteen steps.
+// The stream of samples is cut into blocks that never cross a segment border: one second each in static segments (less
+// if the unit was moved in it by more than static_angle_rad), and in rotations as many samples as turn the unit by about
+// block_angle_rad (at most block_samples). For each block the sums below are kept in raw counts, so that the motion over
+// the block can be evaluated exactly for any parameters (calib/block_motion.h). One pass, no allocation but the growth of
+// the block list; about 0.25 kB a block, 4 MB for the fourteen steps. Speed: tests/calib/bench_closed_form.cpp.
 //
 // With alpha_i, beta_i the increments of sample i (gyro, accelerometer), theta_i = sum of alpha_j, j < i, and
 // s_i the time of the middle of sample i from the start of the block:
@@ -67,6 +67,7 @@ struct CompressedRecording {
 
 struct CompressionOptions {
   double static_block_s = 1.0;
+  double static_angle_rad = 0.1;
   double block_angle_rad = 0.012;
   int block_samples = 20;
   // A sample is a glitch when it stands this many typical second differences (rms, and counts) away from its neighbours.
@@ -96,7 +97,8 @@ class Compressor {
   Block block_;
   bool in_segment_ = false;
   int static_block_samples_ = 200;
-  double counts_per_angle_ = 0.0;       // |sum alpha| at which a rotation block is closed, in counts
+  double static_counts_ = 0.0;          // |sum alpha| at which a static block is closed early, in counts
+  double rotation_counts_ = 0.0;        // the same for a rotation block
   std::int64_t next_counter_ = 0;
   bool have_previous_ = false;
   Eigen::Vector3d previous_gyro_ = Eigen::Vector3d::Zero();

@@ -1,0 +1,318 @@
+// evaluate() against integration of the motion in steps of 50 us, and parameter_columns() against central differences
+// of evaluate(). The integration and the checker of derivatives share nothing with the code they check.
+#include "calib/block_motion.h"
+
+#include <cmath>
+#include <functional>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "calib/attitude.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using VectorFunction = std::function<Vector3d(double)>;
+
+constexpr double dt = 0.005;
+
+RecordingInfo pulses_info() {
+  RecordingInfo info;
+  info.sample_period_s = dt;
+  info.gravity_mps2 = 9.7914;
+  info.accel_pulse_mps = 0.0005;
+  return info;
+}
+
+// A unit as wrong as the paper's Table 1: biases, scale factors off by per cents, installation errors of arc-minutes.
+Parameters wrong_unit() {
+  Parameters p;
+  p.N0_degph << -0.078921, 0.025013, 0.084675;
+  p.A0_g << 0.003576, -0.0016021, -0.0059875;
+  p.n << 0.932978, 0.001801, -0.000801, -0.001657, 0.932801, 0.000914, 0.000510, -0.004321, 0.932801;
+  p.a << 0.980101, 0.000801, -0.000330, 0.0, 1.080798, 0.000986, 0.0, 0.0, 0.953105;
+  return p;
+}
+
+// ---- motion from functions of time
+
+struct Motion {
+  Matrix3d C = Matrix3d::Identity();  // body at t to body at the start
+  Vector3d v = Vector3d::Zero();      // integral of C f, frame of the start
+  Vector3d v_integral = Vector3d::Zero();
+};
+
+Matrix3d turn_by(const Vector3d& s) {
+  const double angle = s.norm();
+  return angle > 0.0 ? Eigen::AngleAxisd(angle, s / angle).toRotationMatrix() : Matrix3d::Identity();
+}
+
+// Midpoint rule with exact rotations: error of a step h is (h w)^2 of its increment over 24, below 1e-10 here.
+Motion integrate(const VectorFunction& w, const VectorFunction& f, double duration_s) {
+  const double h = 5e-5;
+  const int steps = static_cast<int>(std::lround(duration_s / h));
+  Motion m;
+  for (int i = 0; i < steps; ++i) {
+    const double t = (i + 0.5) * h;
+    const Vector3d half = 0.5 * h * w(t);
+    const Vector3d push = h * (m.C * turn_by(half) * f(t));
+    m.v_integral += h * (m.v + 0.5 * push);
+    m.v += push;
+    m.C = m.C * turn_by(2.0 * half);
+  }
+  return m;
+}
+
+// Counts of a unit with real-valued pulses: five-point Gauss-Legendre a sample.
+std::vector<ImuSample> counts(const VectorFunction& w, const VectorFunction& f, int samples, const SensorModel& model) {
+  constexpr double node[5] = {0.0, 0.5384693101056831, -0.5384693101056831, 0.9061798459386640, -0.9061798459386640};
+  constexpr double weight[5] = {0.5688888888888889, 0.4786286704993665, 0.4786286704993665, 0.2369268850561891,
+                                0.2369268850561891};
+  const Matrix3d gyro_inverse = model.gyro_scale.inverse(), accel_inverse = model.accel_scale.inverse();
+  std::vector<ImuSample> out(static_cast<std::size_t>(samples));
+  for (int i = 0; i < samples; ++i) {
+    Vector3d angle = model.gyro_bias_radps * dt, speed = model.accel_bias_mps2 * dt;
+    for (int k = 0; k < 5; ++k) {
+      const double t = (i + 0.5 + 0.5 * node[k]) * dt;
+      angle += 0.5 * dt * weight[k] * w(t);
+      speed += 0.5 * dt * weight[k] * f(t);
+    }
+    ImuSample& s = out[static_cast<std::size_t>(i)];
+    s.counter = i;
+    Vector3d::Map(s.gyro.data()) = gyro_inverse * angle;
+    Vector3d::Map(s.accel.data()) = accel_inverse * speed;
+  }
+  return out;
+}
+
+CompressedRecording compress_as(SegmentKind kind, const std::vector<ImuSample>& samples,
+                                const CompressionOptions& options = {}) {
+  Segment segment;
+  segment.kind = kind;
+  segment.end_sample = static_cast<std::int64_t>(samples.size());
+  return compress(pulses_info(), {segment}, samples, options);
+}
+
+// One block over all samples.
+Block one_block(const std::vector<ImuSample>& samples) {
+  CompressionOptions options;
+  options.block_samples = static_cast<int>(samples.size());
+  options.block_angle_rad = 10.0;
+  const CompressedRecording r = compress_as(SegmentKind::rotate, samples, options);
+  EXPECT_EQ(r.blocks.size(), 1u);
+  return r.blocks.front();
+}
+
+double angle_between(const Matrix3d& a, const Matrix3d& b) {
+  const Matrix3d d = a.transpose() * b;
+  return 0.5 * Vector3d(d(2, 1) - d(1, 2), d(0, 2) - d(2, 0), d(1, 0) - d(0, 1)).norm();
+}
+
+struct Case {
+  const char* name;
+  VectorFunction w, f;
+  int samples;
+  double angle_tolerance_rad;
+  double velocity_tolerance_mps;
+};
+
+// A unit turning about body axis `axis` under gravity, at rate(t) with angle(t) since the start.
+VectorFunction gravity_seen_turning(const Vector3d& axis, const std::function<double(double)>& angle) {
+  return [=](double t) -> Vector3d { return Eigen::AngleAxisd(-angle(t), axis) * Vector3d(2.0, 9.4, 1.5); };
+}
+
+std::vector<Case> cases() {
+  const Vector3d skew_axis = Vector3d(0.6, -0.64, 0.48);
+  const double rate = 10.0 * rad_per_deg;
+  std::vector<Case> list;
+  // A static second. What is left: the bias times the first moments, exact; rotation^3.
+  list.push_back({"rest", [](double) -> Vector3d { return {4e-5, 5e-5, 3e-5}; },
+                  [](double) -> Vector3d { return {0.3, 9.7, -0.2}; }, 200, 1e-12, 1e-12});
+  // Even turn of 0.012 rad. Angle: exact. Velocity: r^3 / 24 of the 0.67 m/s gained.
+  list.push_back({"even turn", [=](double) -> Vector3d { return rate * skew_axis; },
+                  gravity_seen_turning(skew_axis, [=](double t) { return rate * t; }), 14, 1e-12, 6e-8});
+  // Getting up to speed, 20 deg/s^2. r x (r x dv)/6 is for even turns: it should be /10 here, r = 1.7 mrad.
+  list.push_back({"run-up", [=](double t) -> Vector3d { return 20.0 * rad_per_deg * t * skew_axis; },
+                  gravity_seen_turning(skew_axis, [](double t) { return 10.0 * rad_per_deg * t * t; }), 20, 1e-12,
+                  3e-7});
+  // Coning: the axis goes round at 5 Hz, a = 0.2 mrad. Angle gained about z in 0.2 s: 0.5 a^2 2 pi 5 * 0.2 = 1.3e-7
+  // rad. What is left: the sample before the block's first one, which is not known here, and a^2 of the velocity.
+  const double a = 2e-4, nu = 2.0 * pi * 5.0;
+  list.push_back(
+      {"coning", [=](double t) -> Vector3d { return a * nu * Vector3d(-std::sin(nu * t), std::cos(nu * t), 0.0); },
+       [](double) -> Vector3d { return {0.0, 9.8, 0.0}; }, 40, 1e-9, 3e-7});
+  // Sculling: rocking about x in step with a push along y makes a steady push along z.
+  list.push_back({"sculling", [=](double t) -> Vector3d { return {a * nu * std::cos(nu * t), 0.0, 0.0}; },
+                  [=](double t) -> Vector3d { return {0.0, 9.8 + 2.0 * std::sin(nu * t), 0.0}; }, 40, 1e-9, 1e-7});
+  return list;
+}
+
+TEST(Evaluate, IsTheMotionOfManyFineSteps) {
+  const SensorModel model = sensor_model(wrong_unit(), pulses_info());
+  for (const Case& c : cases()) {
+    const Block block = one_block(counts(c.w, c.f, c.samples, model));
+    const BlockMotion motion = evaluate(block, model, dt);
+    const Motion truth = integrate(c.w, c.f, c.samples * dt);
+    EXPECT_LT(angle_between(rotation_exp(motion.rotation), truth.C), c.angle_tolerance_rad) << c.name;
+    EXPECT_LT((motion.velocity - truth.v).norm(), c.velocity_tolerance_mps) << c.name;
+  }
+}
+
+// The sums matter: without coning and sculling terms these cases are wrong by fifty tolerances.
+TEST(Evaluate, NeedsItsConingAndScullingSums) {
+  const SensorModel model = sensor_model(wrong_unit(), pulses_info());
+  for (const Case& c : cases()) {
+    const bool coning = std::string(c.name) == "coning", sculling = std::string(c.name) == "sculling";
+    if (!coning && !sculling) continue;
+    Block block = one_block(counts(c.w, c.f, c.samples, model));
+    if (coning) block.coning.setZero();
+    if (sculling) block.sculling.setZero();
+    const BlockMotion motion = evaluate(block, model, dt);
+    const Motion truth = integrate(c.w, c.f, c.samples * dt);
+    if (coning) {
+      EXPECT_GT(angle_between(rotation_exp(motion.rotation), truth.C), 50.0 * c.angle_tolerance_rad);
+    }
+    if (sculling) {
+      EXPECT_GT((motion.velocity - truth.v).norm(), 50.0 * c.velocity_tolerance_mps);
+    }
+  }
+}
+
+TEST(Evaluate, MeanVelocityOfAStaticSecond) {
+  const SensorModel model = sensor_model(wrong_unit(), pulses_info());
+  const Case rest = cases().front();
+  const BlockMotion motion = evaluate(one_block(counts(rest.w, rest.f, 200, model)), model, dt);
+  const Motion truth = integrate(rest.w, rest.f, 1.0);
+  // first order in rotation: 8e-5^2 of 4.9 m/s
+  EXPECT_LT((motion.mean_velocity - truth.v_integral).norm(), 5e-8);
+}
+
+// Block by block through a turn of 360 deg: 520 blocks add up.
+TEST(Evaluate, BlocksOfAWholeTurnAddUp) {
+  const SensorModel model = sensor_model(wrong_unit(), pulses_info());
+  const Vector3d axis = Vector3d(0.999, 0.03, -0.02).normalized();
+  const double rate = 10.0 * rad_per_deg, accel = 20.0 * rad_per_deg, total_s = 37.0, up_s = 0.5;
+  const auto angle = [=](double t) {
+    const double turning = std::min(t, 36.5);  // half a second of rest at the end
+    const double up = std::min(turning, up_s), even = std::clamp(turning - up_s, 0.0, 35.5),
+                 down = std::max(turning - 36.0, 0.0);
+    return 0.5 * accel * up * up + rate * even + rate * down - 0.5 * accel * down * down;
+  };
+  const auto speed = [=](double t) {
+    return t < up_s ? accel * t : t < 36.0 ? rate : t < 36.5 ? rate - accel * (t - 36.0) : 0.0;
+  };
+  const VectorFunction w = [=](double t) -> Vector3d { return speed(t) * axis; };
+  const VectorFunction f = gravity_seen_turning(axis, angle);
+  const CompressedRecording r =
+      compress_as(SegmentKind::rotate, counts(w, f, static_cast<int>(std::lround(total_s / dt)), model));
+  Matrix3d C = Matrix3d::Identity();
+  Vector3d v = Vector3d::Zero();
+  for (const Block& block : r.blocks) {
+    const BlockMotion motion = evaluate(block, model, dt);
+    v += C * motion.velocity;
+    C = C * rotation_exp(motion.rotation);
+  }
+  EXPECT_LT(angle_between(C, Matrix3d::Identity()), 2e-10);  // a whole turn, 6.28 rad
+  // Seen from the start gravity does not turn: 9.7 m/s^2 for 37 s. Each block leaves r^3 / 24 of its share, along one
+  // horizontal direction: 9.7 * 37 * 0.012^3 / 24 = 2.6e-5 m/s, a twentieth of an accelerometer pulse.
+  EXPECT_LT((v - Vector3d(2.0, 9.4, 1.5) * total_s).norm(), 3e-5);
+}
+
+// ---- derivatives
+
+struct Worst {
+  double difference = 0.0;  // of any column, over the size of the largest column of its sensor
+  int column = -1;
+  const char* what = "";
+};
+
+// Columns against central differences of evaluate(), each column in its own unit.
+Worst check_columns(const Block& block, const Parameters& parameters, const BlockColumns& columns, bool with_mean) {
+  const RecordingInfo info = pulses_info();
+  const ParameterVector base = to_vector(parameters);
+  Worst worst;
+  const auto compare = [&](const Columns3& analytic, const Columns3& numeric, int first, int last, const char* what) {
+    const double size = numeric.middleCols(first, last - first).colwise().norm().maxCoeff();
+    if (size == 0.0) return;
+    for (int k = first; k < last; ++k) {
+      const double difference = (analytic.col(k) - numeric.col(k)).norm() / size;
+      if (difference > worst.difference) worst = {difference, k, what};
+    }
+  };
+  Columns3 rotation, velocity, mean;
+  for (int k = 0; k < parameter_count; ++k) {
+    const double h = k < 3 ? 100.0 : 1e-3;  // deg/h; g, arcsec a pulse, m/s a pulse: evaluate() is nearly linear in all
+    ParameterVector above = base, below = base;
+    above[k] += h;
+    below[k] -= h;
+    const BlockMotion high = evaluate(block, sensor_model(from_vector(above), info), dt);
+    const BlockMotion low = evaluate(block, sensor_model(from_vector(below), info), dt);
+    rotation.col(k) = (high.rotation - low.rotation) / (2.0 * h);
+    velocity.col(k) = (high.velocity - low.velocity) / (2.0 * h);
+    mean.col(k) = (high.mean_velocity - low.mean_velocity) / (2.0 * h);
+  }
+  // N0, A0, n, a apart: their units have nothing to do with one another
+  for (const auto& [first, last] : {std::pair{0, 3}, {3, 6}, {6, 15}, {15, 24}}) {
+    compare(columns.rotation, rotation, first, last, "rotation");
+    compare(columns.velocity, velocity, first, last, "velocity");
+    if (with_mean) compare(columns.mean_velocity, mean, first, last, "mean velocity");
+  }
+  return worst;
+}
+
+BlockColumns columns_of(const Block& block, const Parameters& parameters) {
+  const SensorModel model = sensor_model(parameters, pulses_info());
+  BlockColumns columns;
+  parameter_columns(block, evaluate(block, model, dt), model, si_per_unit(pulses_info()), columns);
+  return columns;
+}
+
+TEST(ParameterColumns, AgreeWithCentralDifferences) {
+  for (const Case& c : cases()) {
+    // Dropped: what a parameter does to the first-order terms inside the third-order one. (The gyro increments of whole
+    // coning turns add up to nothing, so there is little to compare with.)
+    const double tolerance = std::string(c.name) == "coning" ? 3e-4 : 1e-6;
+    const bool rest = std::string(c.name) == "rest";
+    const Block block = one_block(counts(c.w, c.f, c.samples, sensor_model(wrong_unit(), pulses_info())));
+    const Worst worst = check_columns(block, wrong_unit(), columns_of(block, wrong_unit()), rest);
+    EXPECT_LT(worst.difference, tolerance)
+        << c.name << ": column " << parameter_keys[static_cast<std::size_t>(std::max(worst.column, 0))] << " of "
+        << worst.what;
+  }
+}
+
+TEST(ParameterColumns, FixedParametersHaveColumnsToo) {  // the caller leaves them out, not this function
+  const Case turn = cases()[1];
+  const Block block = one_block(counts(turn.w, turn.f, turn.samples, sensor_model(wrong_unit(), pulses_info())));
+  const BlockColumns columns = columns_of(block, wrong_unit());
+  EXPECT_GT(columns.velocity.col(18).norm(), 0.1);  // a21: y hears the 0.13 m/s that x gained
+}
+
+// The checker must see a wrong column, or it proves nothing.
+TEST(ParameterColumns, AWrongColumnIsCaught) {
+  const Case turn = cases()[1];
+  const Block block = one_block(counts(turn.w, turn.f, turn.samples, sensor_model(wrong_unit(), pulses_info())));
+  const BlockColumns good = columns_of(block, wrong_unit());
+  for (int k = 0; k < parameter_count; ++k) {
+    BlockColumns bad = good;
+    bad.velocity.col(k) *= -1.0;
+    const Worst flipped = check_columns(block, wrong_unit(), bad, false);
+    EXPECT_GT(flipped.difference, 1e-3) << "sign of velocity column " << parameter_keys[static_cast<std::size_t>(k)];
+    EXPECT_EQ(flipped.column, k);
+  }
+  for (int k = 6; k < 15; ++k) {
+    BlockColumns bad = good;
+    bad.rotation.col(k) *= 1.01;
+    EXPECT_GT(check_columns(block, wrong_unit(), bad, false).difference, 1e-3)
+        << "size of rotation column " << parameter_keys[static_cast<std::size_t>(k)];
+  }
+  BlockColumns transposed = good;  // n12 for n21
+  transposed.rotation.col(7).swap(transposed.rotation.col(9));
+  EXPECT_GT(check_columns(block, wrong_unit(), transposed, false).difference, 0.1);
+}
+
+}  // namespace
+}  // namespace turncal
