@@ -72,8 +72,11 @@ JointOptions Diagnoser::estimate_options(const std::vector<EffectColumn>& effect
   return o;
 }
 
+// A trial beside a finished fit: its faults are known, and its noise is a good start.
 JointResult Diagnoser::fit(const std::vector<EffectColumn>& effects, const JointResult& from) const {
-  return joint_estimate(recording_, estimate_options(effects, &from));
+  JointOptions o = estimate_options(effects, &from);
+  o.faults_of = &from;
+  return joint_estimate(recording_, o);
 }
 
 // One filter pass at a fitted model with all candidates behind its effects.
@@ -102,13 +105,6 @@ Scores Diagnoser::scores(const FilterResult& information, int effects) const {
 // A column of which the model already imitates all but a billionth says nothing.
 bool visible(const Scores& s, int k) { return s.kept[k] > 1e-9 && s.Q(k, k) > 0.0; }
 
-// A magnitude no sensor has; what would have to be larger to be caught is not seen.
-double absurd(const EffectEntry& entry) {
-  if (entry.unit == "mm") return 1000.0;
-  if (entry.unit == "ms") return 100.0;
-  return entry.unit.starts_with("deg") || entry.unit.starts_with("arcsec") ? 1e4 : 1e5;
-}
-
 Nominee Diagnoser::best(const Scores& s, bool patterns, std::int64_t n) const {
   Nominee top;
   for (int k = 0; k < static_cast<int>(columns_.size()); ++k) {
@@ -132,7 +128,7 @@ void Diagnoser::list_candidates(const Scores& s) {
       c.sigma = 1.0 / std::sqrt(s.Q(k, k));
       c.z = c.value / c.sigma;
       c.detectable = 5.0 * c.sigma;
-      if (c.detectable > absurd(*c.column.entry)) c.visible = false;
+      if (c.detectable > absurd_magnitude(*c.column.entry)) c.visible = false;
     }
     // Of variants with different time constants the best one stands for the component.
     const auto same = std::find_if(d_.candidates.begin(), d_.candidates.end(),
@@ -227,6 +223,8 @@ bool Diagnoser::stage() {
     for (const Scores* s : {&fitted, &bare}) {
       const Nominee nominee = best(*s, patterns, n);
       if (nominee.candidate < 0 || nominee.z_square < threshold_) continue;
+      // A pattern matters only where it beats the best effect.
+      if (patterns && nominee.z_square < best(*s, false, n).z_square) continue;
       if (std::none_of(trials.begin(), trials.end(), [&](const Trial& t) { return t.nominee.candidate == nominee.candidate; }))
         trials.push_back({nominee, s, {}, 0.0});
       if (s == &bare || &fitted == &bare) break;
@@ -280,7 +278,7 @@ void Diagnoser::gate() {
     JointOptions o = estimate_options(effects, &from);
     o.unobserved = unobserved;
     o.noise = current_.noise;
-    o.look_for_faults = false;
+    o.faults_of = &from;
     return joint_estimate(recording_, o);
   });
   d_.holdout_source = check.source();
@@ -379,6 +377,7 @@ Diagnosis Diagnoser::run() {
   d_.verdict = Verdict::clean;
   while (stage()) {
   }
+  if (!chosen_.empty()) current_ = joint_estimate(recording_, estimate_options(chosen_, &current_));
   gate();
   judge();
   collect_residuals();
@@ -404,6 +403,12 @@ const char* to_string(Verdict verdict) {
     case Verdict::noise_model: return "noise_model";
   }
   return "?";
+}
+
+double absurd_magnitude(const EffectEntry& entry) {
+  if (entry.unit == "mm") return 1000.0;
+  if (entry.unit == "ms") return 100.0;
+  return entry.unit.starts_with("deg") || entry.unit.starts_with("arcsec") ? 1e4 : 1e5;
 }
 
 Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions& options) {

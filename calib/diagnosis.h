@@ -43,6 +43,9 @@ struct CandidateScore {                    // of one component, beside the base 
   bool visible = true;                     // false: this recording cannot see it
 };
 
+// The largest magnitude a sensor could have, in the effect's unit: what would have to be larger to be caught is not seen.
+double absurd_magnitude(const EffectEntry& entry);
+
 struct GroupScore {                        // of one effect with all its components (best time constant)
   std::string name;
   double chi_square = 0.0;                 // s' Q^-1 s on the visible directions

@@ -85,16 +85,22 @@ JointResult JointRun::run() {
   if (options_.noise) r.setup.noise = *options_.noise;
   else if (options_.start_noise) r.setup.noise = *options_.start_noise;
   else r.setup.noise = start_noise(recording_, r.allan, sensor_model(r.parameters, recording_.info));
-  r.faults = faults_from_events(recording_, r.setup.breaks);
+  if (options_.faults_of) {
+    r.faults = options_.faults_of->faults;
+    r.setup.breaks = options_.faults_of->setup.breaks;
+  } else {
+    r.faults = faults_from_events(recording_, r.setup.breaks);
+  }
 
   if (!iterate(0.3, options_.max_iterations)) {
     r.message = "the estimate does not settle: the recording contradicts the model (wrong segments, signs or units?)";
     return r;
   }
-  if (options_.look_for_faults) look_for_faults();
+  if (options_.look_for_faults && !options_.faults_of) look_for_faults();
   if (!options_.noise) {
     NoiseFitOptions fit_options;
     fit_options.bias_instability = options_.fit_bias_instability;
+    fit_options.axes_apart = options_.faults_of == nullptr;  // a trial beside a finished fit: its triads stay as they are
     r.noise_fit = fit_noise(recording_, r.parameters, effects_, r.setup, fit_options);
     r.setup.noise = r.noise_fit->noise;
   }
@@ -155,9 +161,13 @@ void JointRun::finish() {
   r.normalised_rms = std::sqrt(r.last.chi_square / static_cast<double>(std::max<std::int64_t>(r.last.observations, 1)));
   r.whiteness = test_whiteness(r.last.innovations);
 
+  // Lost is a parameter that takes part in an undetermined direction, and one that a small part in it could move by more
+  // than half the sigma it has from the determined ones.
   std::vector<char> lost(subset_.size(), 0);
+  Eigen::VectorXd moved = Eigen::VectorXd::Zero(r.covariance.rows());
   for (Eigen::Index d = 0; d < solution_.undetermined.cols(); ++d) {
     const Eigen::VectorXd direction = solution_.undetermined.col(d);
+    moved += (solution_.undetermined_sigma[d] * direction.cwiseProduct(Eigen::VectorXd(ranges_(subset_)))).cwiseAbs2();
     Undetermined u;
     for (std::size_t i = 0; i < subset_.size(); ++i) {
       const double weight = direction[static_cast<Eigen::Index>(i)];
@@ -174,6 +184,7 @@ void JointRun::finish() {
   }
   for (std::size_t i = 0; i < subset_.size(); ++i) {
     const double sigma = std::sqrt(r.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)));
+    if (moved[static_cast<Eigen::Index>(i)] > 0.25 * sigma * sigma) lost[i] = 1;
     if (subset_[i] < parameter_count) {
       r.determined[static_cast<std::size_t>(subset_[i])] = !lost[i];
       r.sigma[subset_[i]] = lost[i] ? 0.0 : sigma;
@@ -213,6 +224,7 @@ SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::Vec
   while (good < A.rows() && eigen.eigenvalues()[good] < limit) ++good;
   SubsetSolution solution;
   solution.undetermined = eigen.eigenvectors().rightCols(A.rows() - good);
+  solution.undetermined_sigma = eigen.eigenvalues().tail(A.rows() - good).cwiseSqrt();
   if (good == A.rows()) {
     const Eigen::VectorXd plain = A.diagonal().array().sqrt().inverse();
     const Eigen::MatrixXd unit = plain.asDiagonal() * A * plain.asDiagonal();

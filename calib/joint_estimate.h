@@ -22,6 +22,8 @@
 
 namespace turncal {
 
+struct JointResult;
+
 struct JointOptions {
   std::optional<Parameters> start;          // default: the paper's start values
   std::optional<NoiseModel> noise;          // given: not fitted
@@ -33,6 +35,7 @@ struct JointOptions {
   std::vector<char> unobserved;             // blocks left out (hold-out), see FilterSetup
   double heading_sigma_rad = 0.02;          // of the heading given at the first sample
   bool look_for_faults = true;
+  const JointResult* faults_of = nullptr;   // given: its faults and breaks are taken over, none are looked for
   int max_iterations = 15;
 };
 
@@ -91,6 +94,7 @@ struct SubsetSolution {
   Eigen::VectorXd step;            // of the subset, zero along undetermined directions
   Eigen::MatrixXd covariance;
   Eigen::MatrixXd undetermined;    // columns: directions in units of the ranges
+  Eigen::VectorXd undetermined_sigma;  // along each, in ranges, the plausible range being all that is known besides the data
 };
 SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::VectorXd& gradient,
                             const std::vector<int>& subset, const Eigen::VectorXd& ranges);

@@ -341,7 +341,12 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
 
   // One value a triad first: three sensors of a kind. Axes get values of their own where they demonstrably differ.
   std::vector<Group> groups;
-  if (options.random_walks) {
+  const std::vector<Group> axes = {{0}, {1}, {2}, {3}, {4}, {5}};
+  const bool apart_already = !options.axes_apart && (s.segment<3>(0).maxCoeff() > s.segment<3>(0).minCoeff() ||
+                                                     s.segment<3>(3).maxCoeff() > s.segment<3>(3).minCoeff());
+  if (options.random_walks && apart_already) {
+    groups = axes;
+  } else if (options.random_walks) {
     s.segment<3>(0).setConstant(s.segment<3>(0).mean());
     s.segment<3>(3).setConstant(s.segment<3>(3).mean());
     groups = {{0, 1, 2}, {3, 4, 5}};
@@ -349,14 +354,13 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   if (options.bias_instability) groups.insert(groups.end(), {{6}, {7}});
   Scoring scoring = score(likelihood, groups, tau, options.max_iterations, s);
   fit.evaluations = 1 + scoring.evaluations;
-  if (options.random_walks) {
+  if (options.random_walks && options.axes_apart) {
     const Eigen::Vector2d variance(s[0], s[3]);
     const Eigen::Vector2d relative = scoring.information.topLeftCorner<2, 2>().inverse().diagonal().cwiseSqrt();
     fit.sigma_angle_random_walk.setConstant(0.5 * relative[0] / std::sqrt(variance[0]));
     fit.sigma_velocity_random_walk.setConstant(0.5 * relative[1] / std::sqrt(variance[1]));
     // One scoring step with six values shows whether that would say more than chance (4 more degrees of freedom).
     Eigen::Matrix<double, sources, 1> apart = s;
-    const std::vector<Group> axes = {{0}, {1}, {2}, {3}, {4}, {5}};
     const Scoring six = score(likelihood, axes, tau, 1, apart);
     fit.evaluations += six.evaluations;
     constexpr double chi_square_4_one_in_1e4 = 23.5;
