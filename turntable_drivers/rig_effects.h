@@ -19,7 +19,7 @@
 //   accel_bias_drift c         + c 1e-6 g0 t                        ug/h     t [h] from the rig's first sample
 //   gyro_g_sensitivity G       + G f                                deg/h/g  row: gyro, column: component of f
 //   gyro_scale_asymmetry c     + c 1e-6 abs(w_i)                    ppm
-//   gyro_rate_nonlinearity c   + c 1e-6 abs(w_i) w_i                ppm/(rad/s)
+//   gyro_rate_nonlinearity c   + c 1e-6 abs(w_i) w_i / (10 deg/s)   ppm at 10 deg/s
 //   gyro_bias_temperature c    + c (T - T_ref)                      deg/h/C
 //   gyro_scale_temperature c   + c 1e-6 (T - T_ref) w_i             ppm/C
 //   gyro_bias_drift c          + c t                                deg/h/h  t [h] from the rig's first sample

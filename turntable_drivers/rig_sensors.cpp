@@ -73,7 +73,9 @@ Reading SensorEffects::standing(const BodyMotion& motion, const std::array<TrueA
   if (has_standing_gyro_) {
     for (int i = 0; i < 3; ++i) {
       const std::size_t k = static_cast<std::size_t>(i);
-      reading.gyro[i] += 1e-6 * std::abs(w[i]) * (e.gyro_scale_asymmetry[k] + e.gyro_rate_nonlinearity[k] * w[i]);
+      constexpr double reference_rate_radps = 10.0 * pi / 180.0;
+      reading.gyro[i] += 1e-6 * std::abs(w[i]) *
+                         (e.gyro_scale_asymmetry[k] + e.gyro_rate_nonlinearity[k] * w[i] / reference_rate_radps);
     }
   }
   if (has_matrix_gyro_) {

@@ -172,9 +172,9 @@ TEST(RigEffects, GyroScaleErrorsKnowTheSense) {
   // 5e-6 * 0.1745329 rad/s = 8.726646e-7 rad/s = 0.18 deg/h both ways
   expect_near(turning("gyro_scale_asymmetry.z", 5.0, true, 200), {0, 0, 0.18}, {}, 1e-6);
   expect_near(turning("gyro_scale_asymmetry.z", 5.0, false, 200), {0, 0, 0.18}, {}, 1e-6);
-  // 50e-6 * 0.1745329^2 = 1.523087e-6 rad/s = 0.3141593 deg/h with the sign of the rate
-  expect_near(turning("gyro_rate_nonlinearity.z", 50.0, true, 200), {0, 0, 0.3141593}, {}, 1e-6);
-  expect_near(turning("gyro_rate_nonlinearity.z", 50.0, false, 200), {0, 0, -0.3141593}, {}, 1e-6);
+  // 50e-6 * 0.1745329 rad/s at 10 deg/s = 8.726646e-6 rad/s = 1.8 deg/h with the sign of the rate
+  expect_near(turning("gyro_rate_nonlinearity.z", 50.0, true, 200), {0, 0, 1.8}, {}, 1e-6);
+  expect_near(turning("gyro_rate_nonlinearity.z", 50.0, false, 200), {0, 0, -1.8}, {}, 1e-6);
 }
 
 // 10 ug/g on y with f_y = 1 g: nothing before the first motion and during it, then 10 exp(-t/5). The move of 10 deg
