@@ -62,7 +62,7 @@ enum class RunEvent {
   e_stop,
   link_lost,           // the table does not answer
   imu_lost,            // the IMU is gone or silent
-  motion_data_lost,    // samples lost or flagged while the table turned: the angle turned is unknown
+  motion_data_lost,    // samples lost or flagged while the table turned: the estimator cuts the chain there
   storage_failed,      // the recording cannot be written
   operator_stop
 };
@@ -153,6 +153,8 @@ inline constexpr TransitionRow rows[] = {
   {moving,         arrived,            always,          settling,    watch_settling},
   {settling,       unsettled,          always,          moving,      watch_moving},
   {settling,       settled,            always,          selecting,   close_move},
+  {moving,         motion_data_lost,   always,          moving,      none},
+  {settling,       motion_data_lost,   always,          settling,    none},
 
   {selecting,      dwell_next,         always,          dwelling,    begin_dwell},
   {dwelling,       dwell_complete,     always,          selecting,   close_dwell},
@@ -168,8 +170,6 @@ inline constexpr TransitionRow rows[] = {
   {moving,         stall,              always,          stopping,    stop_table},
   {{homing, moving, settling, dwelling},
                    deadline,           always,          stopping,    stop_table},
-  {{moving, settling},
-                   motion_data_lost,   always,          stopping,    stop_table},
   {live_states,    table_fault,        always,          stopping,    stop_table},
   {live_states,    e_stop,             always,          stopping,    stop_table},
   {live_states,    link_lost,          always,          stopping,    stop_table},

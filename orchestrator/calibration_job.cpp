@@ -1,0 +1,115 @@
+#include "orchestrator/calibration_job.h"
+
+#include <cmath>
+#include <cstdio>
+#include <map>
+
+#include "calib/closed_form.h"
+#include "calib/compression.h"
+#include "calib/joint_estimate.h"
+#include "orchestrator/command_line.h"
+
+namespace turncal {
+
+namespace {
+
+Result<CompressedRecording> compress_source(RecordingSource& source) {
+  if (source.segments().empty()) {
+    return input_error(source.path() + ": the recording has no segments, so nothing says when the unit was at rest");
+  }
+  Compressor compressor(source.info());
+  SegmentedFeed feed(compressor, source.segments());
+  const Status status = source.read([&feed](std::span<const ImuSample> samples) {
+    feed.add(samples);
+    return Status{};
+  });
+  if (!status) return status.error();
+  feed.finish();
+  return compressor.take();
+}
+
+void note_data(const RecordingSource& source, const CompressedRecording& recording, std::vector<std::string>& notes) {
+  if (const std::string damage = describe(source.damage()); !damage.empty()) notes.push_back(damage);
+  std::map<DataEvent::Kind, std::int64_t> counts;
+  for (const DataEvent& event : recording.events) counts[event.kind] += event.count;
+  for (const auto& [kind, count] : counts) {
+    notes.push_back("data: " + std::to_string(count) + " x " + to_string(kind));
+  }
+}
+
+Status closed_form(const CompressedRecording& recording, CalibrationOutput& output) {
+  const Result<ClosedFormResult> result = closed_form_calibrate(recording, start_parameters(recording.info));
+  if (!result) return result.error();
+  if (!result->converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result->message};
+  output.file.parameters = to_vector(result->parameters);
+  output.file.model = "base";
+  char text[120];
+  std::snprintf(text, sizeof text, "closed form: settled after %d passes over %lld samples", result->passes,
+                static_cast<long long>(recording.samples));
+  output.notes.push_back(text);
+  return {};
+}
+
+void note_joint(const JointResult& result, std::vector<std::string>& notes) {
+  char text[200];
+  std::snprintf(text, sizeof text, "joint estimate: settled after %d iterations; normalised residual %.4f%s",
+                result.iterations, result.normalised_rms,
+                result.whiteness.white ? "" : ", NOT WHITE: the noise model does not explain the residual");
+  notes.push_back(text);
+  for (const Fault& fault : result.faults) {
+    notes.push_back("fault: " + fault.what + " at sample " + std::to_string(fault.first_sample) + ": " + fault.action);
+  }
+  for (const Undetermined& direction : result.undetermined) {
+    std::string line = "not determined by this recording:";
+    for (const auto& [key, weight] : direction.combination) line += " " + key;
+    notes.push_back(line);
+  }
+}
+
+Status joint(const CompressedRecording& recording, CalibrationOutput& output) {
+  const JointResult result = joint_estimate(recording);
+  if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result.message};
+  output.file.parameters = to_vector(result.parameters);
+  for (std::size_t i = 0; i < output.file.sigma.size(); ++i) {
+    const double sigma = result.sigma[static_cast<Eigen::Index>(i)];
+    if (result.determined[i] && sigma > 0.0) output.file.sigma[i] = sigma;
+  }
+  output.file.model = "base";
+  const NoiseModel& noise = result.noise;
+  const auto axes = [&output](const char* name, const Eigen::Vector3d& value, double si) {
+    for (int i = 0; i < 3; ++i) output.file.add_further(std::string(name) + "." + "xyz"[i], value[i] / si);
+  };
+  axes("noise.angle_random_walk_deg_per_rt_h", noise.angle_random_walk, radprs_per_degprh);
+  axes("noise.velocity_random_walk_ug_per_rt_hz", noise.velocity_random_walk, mpsprs_per_ugprHz);
+  output.file.add_further("noise.gyro_bias_instability_degph", noise.gyro_bias_instability_radps / radps_per_degph);
+  output.file.add_further("noise.accel_bias_instability_ug",
+                          noise.accel_bias_instability_mps2 / standard_gravity_mps2 * 1e6);
+  output.file.add_further("quality.normalised_rms", result.normalised_rms);
+  output.file.add_further("quality.white", result.whiteness.white ? "true" : "false");
+  note_joint(result, output.notes);
+  return {};
+}
+
+}  // namespace
+
+Result<CalibrationOutput> calibrate_recording(RecordingSource& source, const CalibrationRequest& request) {
+  const Result<CompressedRecording> recording = compress_source(source);
+  if (!recording) return recording.error();
+  CalibrationOutput output;
+  if (std::isfinite(recording->mean_temperature_c)) output.mean_temperature_c = recording->mean_temperature_c;
+  note_data(source, *recording, output.notes);
+  const bool closed = request.method == "closed-form";
+  if (Status status = closed ? closed_form(*recording, output) : joint(*recording, output); !status) {
+    return Error{status.error().kind, source.path() + ": " + status.error().message};
+  }
+  Result<std::string> hash = source.content_hash();
+  if (!hash) return hash.error();
+  describe_recording(source.info(), output.file);
+  output.file.recording_hash = *hash;
+  output.file.method = request.method;
+  output.file.software_version = software_version();
+  output.file.time_utc = request.time_utc;
+  return output;
+}
+
+}  // namespace turncal

@@ -1,0 +1,28 @@
+#include <unistd.h>
+
+#include <iostream>
+
+#include "orchestrator/command_apply.h"
+#include "orchestrator/command_calibrate.h"
+#include "orchestrator/command_check_line.h"
+#include "orchestrator/command_diagnose.h"
+#include "orchestrator/command_line.h"
+#include "orchestrator/command_predict.h"
+#include "orchestrator/command_run.h"
+#include "orchestrator/command_text.h"
+
+int main(int argc, char** argv) {
+  turncal::CommandContext context{.out = std::cout, .err = std::cerr, .out_is_terminal = isatty(STDOUT_FILENO) == 1};
+  return turncal::run_command_line(argc, argv,
+                                   {
+                                       turncal::add_run_command,
+                                       turncal::add_check_command,
+                                       turncal::add_predict_command,
+                                       turncal::add_import_command,
+                                       turncal::add_export_command,
+                                       turncal::add_calibrate_command,
+                                       turncal::add_diagnose_command,
+                                       turncal::add_apply_command,
+                                   },
+                                   context);
+}

@@ -1,0 +1,74 @@
+#include "orchestrator/progress.h"
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+
+#include "orchestrator/run_log.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr double redraw_interval_s = 0.1;
+
+std::string phase_text(const RunSnapshot& s) {
+  if (s.state == RunState::dwelling && s.dwell_kind) {
+    std::string text = *s.dwell_kind == SegmentKind::align ? "align" : "dwell";
+    if (s.repeats > 0) text += " (repeat " + std::to_string(s.repeats) + ")";
+    return text;
+  }
+  return std::string(to_string(s.state));
+}
+
+}  // namespace
+
+std::string format_duration(double seconds) {
+  const long long whole = std::llround(std::max(0.0, seconds));
+  char text[40];
+  std::snprintf(text, sizeof text, "%lld:%02lld:%02lld", whole / 3600, whole / 60 % 60, whole % 60);
+  return text;
+}
+
+std::string format_progress(const RunSnapshot& s) {
+  char angles[100];
+  if (s.axis) {
+    std::snprintf(angles, sizeof angles, "%s %.3f -> %.3f deg", to_string(*s.axis), s.position_deg[*s.axis], s.target_deg);
+  } else {
+    std::snprintf(angles, sizeof angles, "H %.3f P %.3f R %.3f deg", s.position_deg[Axis::heading],
+                  s.position_deg[Axis::pitch], s.position_deg[Axis::roll]);
+  }
+  char text[240];
+  std::snprintf(text, sizeof text, "step %zu/%zu  %s  %s %3.0f %%  run %3.0f %%  ETA %s", s.step_place, s.step_count,
+                phase_text(s).c_str(), angles, 100.0 * s.phase_fraction, 100.0 * s.run_fraction,
+                format_duration(s.eta_s).c_str());
+  return text;
+}
+
+double steady_wall_s() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+ProgressView::ProgressView(std::ostream& out, bool terminal, std::string tag, std::function<double()> wall_s)
+    : out_(out), terminal_(terminal), tag_(std::move(tag)), wall_s_(std::move(wall_s)) {}
+
+void ProgressView::on_transition(const TransitionRecord& record) {
+  if (!terminal_) out_ << format_transition(record, tag_) << std::endl;
+}
+
+void ProgressView::on_progress(const RunSnapshot& snapshot) {
+  if (!terminal_) return;
+  const double now_s = wall_s_();
+  if (now_s - drawn_s_ < redraw_interval_s) return;
+  drawn_s_ = now_s;
+  line_shown_ = true;
+  out_ << '\r' << tag_ << format_progress(snapshot) << "\x1b[K" << std::flush;
+}
+
+void ProgressView::clear() {
+  if (!line_shown_) return;
+  line_shown_ = false;
+  out_ << "\r\x1b[K" << std::flush;
+}
+
+}  // namespace turncal

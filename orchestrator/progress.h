@@ -1,0 +1,38 @@
+// What the operator sees of a run.
+//
+// On a terminal: one line, redrawn in place at most ten times a second of wall time,
+//   step 3/14  moving  pitch 123.456 -> 360.000 deg   34 %  11 % of the run  ETA 1:23:45
+// Elsewhere: one timestamped line a transition (run_log.h), no animation. ETA is station time that the plan says is left.
+#pragma once
+
+#include <functional>
+#include <ostream>
+#include <string>
+
+#include "orchestrator/run_observer.h"
+
+namespace turncal {
+
+class ProgressView : public RunObserver {
+ public:
+  // wall_s: seconds on any steady clock; only used to limit redrawing.
+  ProgressView(std::ostream& out, bool terminal, std::string tag, std::function<double()> wall_s);
+  ~ProgressView() override { clear(); }
+  void on_transition(const TransitionRecord& record) override;
+  void on_progress(const RunSnapshot& snapshot) override;
+  void clear();  // takes the live line away before something else is printed
+
+ private:
+  std::ostream& out_;
+  bool terminal_;
+  bool line_shown_ = false;
+  std::string tag_;
+  std::function<double()> wall_s_;
+  double drawn_s_ = -1e9;
+};
+
+std::string format_progress(const RunSnapshot& snapshot);
+std::string format_duration(double seconds);  // 1:23:45
+double steady_wall_s();
+
+}  // namespace turncal

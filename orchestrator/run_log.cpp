@@ -1,0 +1,49 @@
+#include "orchestrator/run_log.h"
+
+#include <cstdio>
+
+#include "imu_io/clock.h"
+
+namespace turncal {
+
+std::string format_transition(const TransitionRecord& record, std::string_view tag) {
+  const RunSnapshot& at = record.at;
+  char head[120];
+  std::snprintf(head, sizeof head, "%s %11.3f s  step %zu/%zu  ", format_utc(at.utc_s).c_str(), at.time_s, at.step_place,
+                at.step_count);
+  std::string text = std::string(tag) + head;
+  text += to_string(record.from);
+  if (record.to != record.from) {
+    text += " -> ";
+    text += to_string(record.to);
+  }
+  text += "  ";
+  text += to_string(record.event);
+  if (record.unexpected) text += " (unexpected)";
+  if (!record.detail.empty()) {
+    text += ": " + record.detail;
+  } else if (at.axis) {
+    char angle[80];
+    std::snprintf(angle, sizeof angle, ": %s at %.4f deg", to_string(*at.axis), at.position_deg[*at.axis]);
+    text += angle;
+  }
+  return text;
+}
+
+Result<RunLog> RunLog::create(const std::string& path, std::string tag) {
+  Result<PosixFile> file = PosixFile::create_new(path);
+  if (!file) return file.error();
+  return RunLog(std::move(*file), std::move(tag));
+}
+
+void RunLog::line(const std::string& text) {
+  if (!status_) return;
+  status_ = file_.write_all(std::string_view(tag_ + text + "\n"));
+}
+
+void RunLog::on_transition(const TransitionRecord& record) {
+  if (!status_) return;
+  status_ = file_.write_all(std::string_view(format_transition(record, tag_) + "\n"));
+}
+
+}  // namespace turncal

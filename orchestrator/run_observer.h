@@ -1,0 +1,52 @@
+// What a run tells the outside while it goes on: every transition, and a snapshot whenever something has moved on.
+// The progress line and the run's log listen here. Observers look; they cannot change anything.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "calib/axis.h"
+#include "calib/recording_types.h"
+#include "orchestrator/run_state_machine.h"
+
+namespace turncal {
+
+// Degrees, seconds of the station's clock.
+struct RunSnapshot {
+  double time_s = 0.0;   // since the run began
+  double utc_s = 0.0;
+  RunState state = RunState::idle;
+  int step = 0;          // number of the step; 0 before the first
+  std::size_t step_place = 0;  // 1-based place in the sequence
+  std::size_t step_count = 0;
+  std::optional<SegmentKind> dwell_kind;  // while dwelling
+  std::optional<Axis> axis;               // the one commanded
+  double target_deg = 0.0;                // of that axis
+  AxisTriple position_deg;
+  double phase_fraction = 0.0;  // of the move or dwell that is going on
+  double run_fraction = 0.0;    // of the plan's time
+  double eta_s = 0.0;           // what the plan says is left
+  int repeats = 0;              // of the present dwell
+  std::uint64_t lost_samples = 0;
+};
+
+struct TransitionRecord {
+  RunSnapshot at;        // as it was when the event came
+  RunState from = RunState::idle;
+  RunEvent event = RunEvent::start;
+  RunState to = RunState::idle;
+  RunAction action = RunAction::none;
+  bool unexpected = false;
+  std::string detail;    // what there is to say about the event; may be empty
+};
+
+class RunObserver {
+ public:
+  virtual ~RunObserver() = default;
+  virtual void on_transition(const TransitionRecord& record) = 0;
+  virtual void on_progress(const RunSnapshot& snapshot) = 0;
+};
+
+}  // namespace turncal

@@ -1,0 +1,28 @@
+// Where a run puts what it captures: the recording on disk, or a test's memory.
+//
+// Calls come in this order: start, then begin_segment / add... / end_segment over and over, sync after every step, and finish.
+// Counters count from 0 at the first sample of the recording. Any error ends the run.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "calib/axis.h"
+#include "calib/recording_types.h"
+#include "calib/status.h"
+
+namespace turncal {
+
+class RunSink {
+ public:
+  virtual ~RunSink() = default;
+  virtual Status start(const RecordingInfo& info) = 0;
+  virtual Status begin_segment(const Segment& segment) = 0;  // end_sample is not yet known
+  virtual Status add(std::span<const ImuSample> samples) = 0;
+  // The final kind: a dwell that does not count is closed as rotate.
+  virtual Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) = 0;
+  virtual Status sync() = 0;
+  virtual Status finish() = 0;  // complete and durable
+};
+
+}  // namespace turncal

@@ -1,0 +1,367 @@
+// The loop and the actions of a run. What is read from the devices and judged is in station_watch.cpp.
+#include "orchestrator/station_run.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <cstdio>
+
+#include "imu_io/format_number.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr std::size_t buffer_samples = 1024;
+constexpr double homing_deadline_s = 300.0;
+
+// Moves back to where the table should stand, where the sequence gives no rate.
+constexpr double return_rate_degps = 10.0;
+constexpr double return_acceleration_degps2 = 20.0;
+
+}  // namespace
+
+StationRun::StationRun(StationDevices devices, StationJob job, RunSink& sink, StationHooks hooks)
+    : devices_(std::move(devices)),
+      job_(std::move(job)),
+      sink_(sink),
+      hooks_(std::move(hooks)),
+      commanded_deg_(job_.sequence.start_deg),
+      arrival_(job_.station.motion),
+      buffer_(buffer_samples) {}
+
+RunOutcome StationRun::run() {
+  started_s_ = devices_.clock.now_s();
+  handle(RunEvent::start);
+  while (!is_final(state_)) {
+    if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) {
+      ++stops_seen_;
+      handle(raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator"));
+      continue;
+    }
+    if (const MaybeEvent event = pump()) {
+      handle(*event);
+    } else if (devices_.clock.now_s() >= next_poll_s_ - time_slack_s) {
+      if (const MaybeEvent judged = poll()) handle(*judged);
+    }
+    tell_progress();
+  }
+  outcome_.state = state_;
+  if (first_error_) outcome_.error = *first_error_;
+  devices_.imu.close();
+  return outcome_;
+}
+
+void StationRun::handle(RunEvent event) {
+  MaybeEvent pending = event;
+  while (pending) {
+    const RunEvent now = *pending;
+    const RunGuards guards{.repeats_left = repeats_ < job_.station.dwell.max_repeats,
+                           .by_operator = by_operator_,
+                           .abort_sent = abort_sent_};
+    const Transition transition = next(state_, now, guards);
+    if (transition.outcome == Transition::Outcome::ignored) return;
+    const bool unexpected = transition.outcome == Transition::Outcome::unexpected;
+    if (unexpected) {
+      raise(now, ErrorKind::internal,
+            "event " + std::string(to_string(now)) + " was not expected in state " + std::string(to_string(state_)));
+    }
+    TransitionRecord record{snapshot(), state_, now, transition.to, transition.action, unexpected, detail_};
+    detail_.clear();
+    // Whatever ends in a stop has an error to report, once; later reasons are consequences.
+    if (transition.to == RunState::stopping || transition.to == RunState::failed || transition.to == RunState::aborted) {
+      if (!first_error_) {
+        const std::string reason = record.detail.empty() ? std::string(to_string(now)) : record.detail;
+        first_error_ = Error{raised_kind_, place() + ": " + reason};
+        by_operator_ = now == RunEvent::operator_stop;
+      } else if (transition.to == RunState::failed && now == RunEvent::deadline) {
+        first_error_->message += "; THE STOP COULD NOT BE VERIFIED, the table may still move";
+        first_error_->kind = ErrorKind::device;
+      }
+    }
+    if (hooks_.observer) hooks_.observer->on_transition(record);
+    // Where nothing changes, the poll that is due stays due.
+    const bool changed = transition.to != state_;
+    state_ = transition.to;
+    pending = perform(transition.action, now);
+    if (changed) schedule_poll(devices_.clock.now_s());
+  }
+}
+
+RunEvent StationRun::raise(RunEvent event, ErrorKind kind, const std::string& reason) {
+  raised_kind_ = kind;
+  detail_ = reason;
+  return event;
+}
+
+StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
+  switch (action) {
+    case RunAction::none:
+    case RunAction::watch_settling:
+    case RunAction::watch_moving:
+    case RunAction::announce: return std::nullopt;
+    case RunAction::connect: return connect();
+    case RunAction::enable_and_home: return enable_and_home();
+    case RunAction::select_next:
+      if (cause == RunEvent::step_next) ++step_;
+      return select_next();
+    case RunAction::issue_move: return issue_move();
+    case RunAction::close_move: return close_move();
+    case RunAction::begin_dwell: return begin_dwell();
+    case RunAction::close_dwell: return close_dwell();
+    case RunAction::discard_dwell: return discard_dwell();
+    case RunAction::finish_step: return finish_step();
+    case RunAction::calibrate: return calibrate();
+    case RunAction::stop_table: return stop_table();
+    case RunAction::abort_table: return abort_table();
+  }
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::connect() {
+  const auto failed = [this](const Error& error) {
+    return raise(RunEvent::connect_failed, error.kind, error.message);
+  };
+  if (Status status = devices_.table.connect(); !status) return failed(status.error());
+  const Result<TableIdentity> table = devices_.table.identify();
+  if (!table) return failed(table.error());
+  if (Status status = devices_.imu.open(); !status) return failed(status.error());
+  imu_open_ = true;
+  const Result<ImuIdentity> imu = devices_.imu.identify();
+  if (!imu) return failed(imu.error());
+  if (!imu->unit_serial.empty() && imu->unit_serial != job_.unit_serial) {
+    return failed(input_error("the unit on the table says it is '" + imu->unit_serial + "', asked for was '" +
+                              job_.unit_serial + "'"));
+  }
+  devices_.imu.describe(info_);
+  info_.latitude_deg = job_.station.latitude_deg;
+  info_.gravity_mps2 = job_.station.gravity_mps2;
+  info_.unit_serial = job_.unit_serial;
+  info_.simulated = info_.simulated || table->simulated;
+  dwell_.emplace(job_.station.dwell, info_);
+  if (Status status = sink_.start(info_); !status) return failed(status.error());
+  last_sample_s_ = devices_.clock.now_s();
+  detail_ = table->description + "; " + imu->description;
+  return RunEvent::connected;
+}
+
+StationRun::MaybeEvent StationRun::enable_and_home() {
+  enabled_ = true;
+  phase_deadline_s_ = devices_.clock.now_s() + homing_deadline_s;
+  if (Status status = devices_.table.enable(); !status) {
+    return raise(RunEvent::table_fault, status.error().kind, "enabling: " + status.error().message);
+  }
+  if (Status status = devices_.table.home(); !status) {
+    return raise(RunEvent::table_fault, status.error().kind, "homing: " + status.error().message);
+  }
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::select_next() {
+  if (const MaybeEvent event = read_table()) return event;
+  const std::vector<PlannedItem>& items = job_.plan.items;
+  const bool item_left = item_ < items.size() && items[item_].step_index == step_;
+  if (const std::optional<Axis> axis = displaced_axis()) {
+    const AxisLimits& limits = job_.station.axis[static_cast<std::size_t>(*axis)];
+    pending_move_ = Move{*axis, commanded_deg_[*axis], std::min(return_rate_degps, limits.max_rate_degps),
+                         std::min(return_acceleration_degps2, limits.max_acceleration_degps2)};
+    item_running_ = false;
+    char text[120];
+    std::snprintf(text, sizeof text, "%s stands at %.4f deg, should be at %.4f deg: moved there", to_string(*axis),
+                  status_[static_cast<std::size_t>(*axis)].position_deg, commanded_deg_[*axis]);
+    detail_ = text;
+    return RunEvent::move_next;
+  }
+  if (!item_left) return RunEvent::step_complete;
+  item_running_ = true;
+  const PlannedItem& item = items[item_];
+  if (item.kind == SequenceItem::Kind::dwell) {
+    detail_ = (item.dwell_kind == SegmentKind::align ? "align, " : "dwell, ") + std::to_string(item.samples) + " samples";
+    return RunEvent::dwell_next;
+  }
+  pending_move_ = Move{item.axis, item.to_deg, item.rate_degps, item.acceleration_degps2};
+  detail_ = std::string(to_string(item.axis)) + " from " + format_number(item.from_deg) + " to " +
+            format_number(item.to_deg) + " deg at " + format_number(item.rate_degps) + " deg/s";
+  return RunEvent::move_next;
+}
+
+StationRun::MaybeEvent StationRun::issue_move() {
+  assert(pending_move_);
+  const Move move = *pending_move_;
+  if (item_running_) {
+    recording_ = true;
+    commanded_deg_ = job_.plan.items[item_].commanded_deg;
+  }
+  motion_loss_told_ = false;
+  if (const MaybeEvent event = begin_segment(SegmentKind::rotate)) return event;
+  const double from_deg = status_[static_cast<std::size_t>(move.axis)].position_deg;
+  arrival_.start_move(move, from_deg, devices_.clock.now_s());
+  if (Status status =
+          devices_.table.move_absolute(move.axis, move.target_deg, move.rate_degps, move.acceleration_degps2);
+      !status) {
+    return raise(RunEvent::table_fault, status.error().kind, "move refused: " + status.error().message);
+  }
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::close_move() {
+  if (const MaybeEvent event = end_segment(SegmentKind::rotate)) return event;
+  pending_move_.reset();
+  if (item_running_) ++item_;
+  item_running_ = false;
+  return select_next();
+}
+
+StationRun::MaybeEvent StationRun::begin_dwell() {
+  const PlannedItem& item = job_.plan.items[item_];
+  recording_ = true;
+  if (const MaybeEvent event = begin_segment(item.dwell_kind)) return event;
+  dwell_->start(next_sample_, item.samples);
+  for (Axis axis : all_axes) dwell_start_deg_[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
+  const double dwell_s = static_cast<double>(item.samples) * info_.sample_period_s;
+  phase_deadline_s_ = devices_.clock.now_s() + 1.1 * dwell_s + job_.station.motion.deadline_margin_s;
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::close_dwell() {
+  if (const MaybeEvent event = end_segment(job_.plan.items[item_].dwell_kind)) return event;
+  repeats_ = 0;
+  ++item_;
+  item_running_ = false;
+  return select_next();
+}
+
+StationRun::MaybeEvent StationRun::discard_dwell() {
+  if (const MaybeEvent event = end_segment(SegmentKind::rotate)) return event;
+  ++repeats_;
+  ++outcome_.repeated_dwells;
+  item_running_ = false;
+  arrival_.settle_only(devices_.clock.now_s());
+  return begin_segment(SegmentKind::rotate);
+}
+
+StationRun::MaybeEvent StationRun::finish_step() {
+  if (Status status = sink_.sync(); !status) {
+    return raise(RunEvent::storage_failed, status.error().kind, status.error().message);
+  }
+  return step_ + 1 < job_.sequence.steps.size() ? RunEvent::step_next : RunEvent::sequence_complete;
+}
+
+StationRun::MaybeEvent StationRun::calibrate() {
+  const auto failed = [this](const Error& error) {
+    return raise(RunEvent::calibration_failed, error.kind, error.message);
+  };
+  recording_ = false;
+  if (Status status = devices_.table.stop_all(); !status) return failed(status.error());
+  if (Status status = sink_.finish(); !status) return failed(status.error());
+  tell_progress();
+  if (hooks_.calibrate) {
+    if (Status status = hooks_.calibrate(); !status) return failed(status.error());
+  }
+  return RunEvent::calibration_ok;
+}
+
+StationRun::MaybeEvent StationRun::stop_table() {
+  recording_ = false;
+  double brake_s = 0.0;
+  for (const PlannedItem& item : job_.plan.items) {
+    if (item.kind == SequenceItem::Kind::move) brake_s = std::max(brake_s, item.rate_degps / item.acceleration_degps2);
+  }
+  phase_deadline_s_ = devices_.clock.now_s() + 2.0 * brake_s + job_.station.motion.deadline_margin_s;
+  if (Status status = devices_.table.stop_all(); !status) return abort_table();
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::abort_table() {
+  abort_sent_ = true;
+  phase_deadline_s_ = devices_.clock.now_s() + job_.station.motion.deadline_margin_s;
+  // Whether it was taken is judged by what the axes do until the deadline.
+  if (Status status = devices_.table.abort_all(); !status) link_down_ = true;
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::begin_segment(SegmentKind kind) {
+  if (!recording_) return std::nullopt;
+  const Segment segment{.step = job_.sequence.steps[step_].number,
+                        .kind = kind,
+                        .start_sample = next_sample_,
+                        .end_sample = next_sample_,
+                        .heading_deg = commanded_deg_[Axis::heading],
+                        .pitch_deg = commanded_deg_[Axis::pitch],
+                        .roll_deg = commanded_deg_[Axis::roll]};
+  segment_open_ = true;
+  if (Status status = sink_.begin_segment(segment); !status) {
+    return raise(RunEvent::storage_failed, status.error().kind, status.error().message);
+  }
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::end_segment(SegmentKind kind) {
+  if (!segment_open_) return std::nullopt;
+  segment_open_ = false;
+  if (Status status = sink_.end_segment(kind, next_sample_, commanded_deg_); !status) {
+    return raise(RunEvent::storage_failed, status.error().kind, status.error().message);
+  }
+  return std::nullopt;
+}
+
+std::string StationRun::place() const {
+  std::string text;
+  if (enabled_) {
+    text = "step " + std::to_string(job_.sequence.steps[step_].number) + " (" + std::to_string(step_ + 1) + "/" +
+           std::to_string(job_.sequence.steps.size()) + ") ";
+  }
+  text += to_string(state_);
+  if (!enabled_) return text;
+  char angles[200];
+  if ((state_ == RunState::moving || state_ == RunState::settling) && arrival_.move()) {
+    const Move& move = *arrival_.move();
+    std::snprintf(angles, sizeof angles, ", %s at %.4f deg, target %.4f deg", to_string(move.axis),
+                  status_[static_cast<std::size_t>(move.axis)].position_deg, move.target_deg);
+  } else {
+    std::snprintf(angles, sizeof angles, " at heading %.4f pitch %.4f roll %.4f deg", status_[0].position_deg,
+                  status_[1].position_deg, status_[2].position_deg);
+  }
+  return text + angles;
+}
+
+RunSnapshot StationRun::snapshot() const {
+  RunSnapshot s;
+  s.time_s = devices_.clock.now_s() - started_s_;
+  s.utc_s = devices_.clock.utc_s();
+  s.state = state_;
+  s.step_count = job_.sequence.steps.size();
+  if (enabled_) {
+    s.step = job_.sequence.steps[step_].number;
+    s.step_place = step_ + 1;
+  }
+  for (Axis axis : all_axes) s.position_deg[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
+  if ((state_ == RunState::moving || state_ == RunState::settling) && arrival_.move()) {
+    s.axis = arrival_.move()->axis;
+    s.target_deg = arrival_.move()->target_deg;
+  }
+  s.repeats = repeats_;
+  s.lost_samples = outcome_.lost_samples;
+  double planned_s = job_.plan.station_s;
+  if (item_ < job_.plan.items.size()) {
+    const PlannedItem& item = job_.plan.items[item_];
+    planned_s = item.start_s;
+    if (state_ == RunState::dwelling) {
+      s.dwell_kind = item.dwell_kind;
+      s.phase_fraction = 1.0 - static_cast<double>(dwell_->remaining()) / static_cast<double>(item.samples);
+    } else if (item_running_ && (state_ == RunState::moving || state_ == RunState::settling)) {
+      s.phase_fraction = std::clamp(
+          (s.position_deg[item.axis] - item.from_deg) / (item.to_deg - item.from_deg), 0.0, 1.0);
+    }
+    planned_s += s.phase_fraction * item.duration_s;
+  }
+  s.run_fraction = job_.plan.station_s > 0.0 ? planned_s / job_.plan.station_s : 0.0;
+  s.eta_s = std::max(0.0, job_.plan.station_s - planned_s);
+  return s;
+}
+
+void StationRun::tell_progress() {
+  if (hooks_.observer) hooks_.observer->on_progress(snapshot());
+}
+
+}  // namespace turncal

@@ -1,0 +1,166 @@
+// One run of the station: walks a sequence, moves the table, captures the IMU, and calibrates.
+//
+// The loop pumps the IMU (reading it is what makes time pass), polls the table, turns what it sees into events, looks the
+// transition up in run_state_machine, and carries the action out. It never blocks for a motion. Every decision is in the
+// transition table, the arrival rule in arrival_monitor, the rule for a dwell in dwell_monitor.
+//
+// - The recording begins with the first item of the sequence; connecting, homing and the way to the start position are not
+//   in it, and its counter starts at 0.
+// - The table is polled every poll_moving_s (poll_idle_s in a dwell), and at the very sample at which a motion or settle time
+//   can be over, so that a table that keeps to its profile gives the segments of planned_segments() to the sample.
+// - Before any item every axis must stand where the plan says; one that does not is moved there first (roll, pitch, heading).
+//   That serves the start, a table that drifted, and a run that goes on after an interruption.
+// - Samples lost or flagged while the table turns stay as they are in the recording and are said in the log; the estimators
+//   see the gap by the counter and deal with it (or refuse).
+// - On any error: stop to all axes, verified by their status; fastest stop when that fails; a lost link is tried again, for
+//   the stop only. The outcome names reason and place in one line.
+//
+// Not here: pausing, resuming, several units on one table. One thread; only `stop_requests` may be touched by others.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/recording_types.h"
+#include "calib/status.h"
+#include "imu_io/clock.h"
+#include "imu_io/imu_source.h"
+#include "orchestrator/arrival_monitor.h"
+#include "orchestrator/dwell_monitor.h"
+#include "orchestrator/run_observer.h"
+#include "orchestrator/run_sink.h"
+#include "orchestrator/run_state_machine.h"
+#include "orchestrator/station_config.h"
+#include "sequences/plan.h"
+#include "sequences/sequence.h"
+#include "turntable_drivers/turntable.h"
+
+namespace turncal {
+
+struct StationDevices {
+  Turntable& table;
+  ImuSource& imu;
+  const Clock& clock;
+  std::function<void(double seconds)> wait;  // lets time pass while the IMU cannot be read
+};
+
+// REQUIRES: plan == make_plan(sequence, plan_limits(station, period of the IMU)) and plan.ok().
+struct StationJob {
+  const Sequence& sequence;
+  const Plan& plan;
+  const StationConfig& station;
+  std::string unit_serial;  // as asked for; a unit that tells another one is refused
+};
+
+struct StationHooks {
+  RunObserver* observer = nullptr;
+  const std::atomic<int>* stop_requests = nullptr;  // counts the operator's requests to stop
+  std::function<Status()> calibrate;                // after the recording is sealed; results must be durable on success
+};
+
+struct RunOutcome {
+  RunState state = RunState::failed;
+  Error error{ErrorKind::internal, "the run did not end"};  // meaningful unless done
+  std::int64_t recorded_samples = 0;    // periods, lost ones included
+  int repeated_dwells = 0;
+  std::uint64_t lost_samples = 0;       // by the unit's counter, from the first recorded sample on
+  std::uint64_t duplicate_samples = 0;  // dropped
+};
+
+class StationRun {
+ public:
+  StationRun(StationDevices devices, StationJob job, RunSink& sink, StationHooks hooks);
+  RunOutcome run();
+
+ private:
+  using MaybeEvent = std::optional<RunEvent>;
+
+  // One event, and those that its action raises.
+  void handle(RunEvent event);
+  MaybeEvent perform(RunAction action, RunEvent cause);
+  // An event together with why: the first reason of a failing run is the one reported.
+  RunEvent raise(RunEvent event, ErrorKind kind, const std::string& reason);
+
+  MaybeEvent connect();
+  MaybeEvent enable_and_home();
+  MaybeEvent select_next();
+  MaybeEvent issue_move();
+  MaybeEvent close_move();
+  MaybeEvent begin_dwell();
+  MaybeEvent close_dwell();
+  MaybeEvent discard_dwell();
+  MaybeEvent finish_step();
+  MaybeEvent calibrate();
+  MaybeEvent stop_table();
+  MaybeEvent abort_table();
+
+  MaybeEvent pump();                                    // reads the IMU until the next poll is due
+  MaybeEvent take(std::span<ImuSample> samples);        // new samples, counters not yet rebased
+  MaybeEvent check_motion_data(std::span<const ImuSample> samples, bool gap);
+  MaybeEvent poll();                                    // reads the table and judges
+  MaybeEvent read_table();                              // three tries; e-stop, faults and limits while live
+  MaybeEvent judge(double now_s);
+  MaybeEvent judge_dwell();
+  MaybeEvent judge_homing(double now_s);
+  MaybeEvent judge_stop(double now_s);
+  void try_to_reconnect(double now_s);
+  void schedule_poll(double now_s);
+
+  MaybeEvent begin_segment(SegmentKind kind);
+  MaybeEvent end_segment(SegmentKind kind);
+  std::optional<Axis> displaced_axis() const;           // first of roll, pitch, heading that is not where it should be
+  bool out_of_tolerance(Axis axis, double from_deg) const;
+  std::string place() const;
+  RunSnapshot snapshot() const;
+  void tell_progress();
+
+  StationDevices devices_;
+  StationJob job_;
+  RunSink& sink_;
+  StationHooks hooks_;
+
+  RunState state_ = RunState::idle;
+  RunOutcome outcome_;
+  std::optional<Error> first_error_;
+  std::string detail_;             // of the event to be handled next
+  ErrorKind raised_kind_ = ErrorKind::internal;
+  bool by_operator_ = false;
+  bool abort_sent_ = false;
+  bool enabled_ = false;
+  int stops_seen_ = 0;
+
+  std::size_t item_ = 0;           // the next item of the plan, or the one going on
+  std::size_t step_ = 0;           // index into sequence.steps
+  bool item_running_ = false;      // plan.items[item_] is going on (not: a move back to where the table should stand)
+  std::optional<Move> pending_move_;
+  AxisTriple commanded_deg_;
+  ArrivalMonitor arrival_;
+  std::optional<DwellMonitor> dwell_;
+  AxisTriple dwell_start_deg_;
+  int repeats_ = 0;
+
+  RecordingInfo info_;
+  std::vector<ImuSample> buffer_;
+  bool imu_open_ = false;
+  bool recording_ = false;
+  bool segment_open_ = false;
+  bool motion_loss_told_ = false;              // once a move is enough
+  std::optional<std::int64_t> last_counter_;   // the unit's own
+  std::optional<std::int64_t> first_counter_;  // the unit's own, of the recording's first sample
+  std::int64_t next_sample_ = 0;               // in the recording
+  double last_sample_s_ = 0.0;
+
+  TableStatus status_{};
+  double started_s_ = 0.0;
+  double next_poll_s_ = 0.0;
+  double phase_deadline_s_ = 0.0;
+  double reconnect_at_s_ = 0.0;
+  double reconnect_wait_s_ = 0.5;
+  bool link_down_ = false;
+};
+
+}  // namespace turncal

@@ -1,0 +1,136 @@
+// For tests: a whole station on the rig, with the recording in memory.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "orchestrator/dry_run_devices.h"
+#include "orchestrator/run_log.h"
+#include "orchestrator/station_run.h"
+
+namespace turncal {
+
+// Counts what comes, keeps the segments; fails on demand.
+class MemorySink : public RunSink {
+ public:
+  Status start(const RecordingInfo& info_in) override {
+    info = info_in;
+    return step();
+  }
+  Status begin_segment(const Segment& segment) override {
+    EXPECT_FALSE(open) << "a segment was begun inside another";
+    EXPECT_EQ(segment.start_sample, segments.empty() ? 0 : segments.back().end_sample);
+    open = true;
+    segments.push_back(segment);
+    return step();
+  }
+  Status add(std::span<const ImuSample> samples) override {
+    EXPECT_TRUE(open) << "samples outside a segment";
+    for (const ImuSample& sample : samples) {
+      EXPECT_GT(sample.counter, last_counter);
+      last_counter = sample.counter;
+    }
+    sample_count += static_cast<std::int64_t>(samples.size());
+    return step();
+  }
+  Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
+    EXPECT_TRUE(open);
+    open = false;
+    segments.back().kind = kind;
+    segments.back().end_sample = end_sample;
+    EXPECT_EQ(segments.back().heading_deg, angles_deg[Axis::heading]);
+    EXPECT_EQ(end_sample, last_counter + 1);
+    return step();
+  }
+  Status sync() override {
+    ++syncs;
+    return step();
+  }
+  Status finish() override {
+    EXPECT_FALSE(open);
+    finished = true;
+    return step();
+  }
+  Status step() {
+    if (++calls == fail_at_call) return device_error("disk full (on demand)");
+    return {};
+  }
+
+  RecordingInfo info;
+  Segments segments;
+  std::int64_t sample_count = 0;
+  std::int64_t last_counter = -1;
+  int syncs = 0;
+  bool open = false;
+  bool finished = false;
+  int calls = 0;
+  int fail_at_call = -1;
+};
+
+// Keeps every transition, and may act on the rig in the middle of a run.
+class Watcher : public RunObserver {
+ public:
+  void on_transition(const TransitionRecord& record) override {
+    transitions.push_back(record);
+    text.push_back(format_transition(record, ""));
+  }
+  void on_progress(const RunSnapshot& snapshot) override {
+    ++progress_calls;
+    last = snapshot;
+    if (on_tick) on_tick(snapshot);
+  }
+  bool saw(RunEvent event) const { return count(event) > 0; }
+  int count(RunEvent event) const {
+    int n = 0;
+    for (const TransitionRecord& record : transitions) n += record.event == event ? 1 : 0;
+    return n;
+  }
+  std::vector<TransitionRecord> transitions;
+  std::vector<std::string> text;
+  RunSnapshot last;
+  int progress_calls = 0;
+  std::function<void(const RunSnapshot&)> on_tick;
+};
+
+struct RigStation {
+  explicit RigStation(const std::string& sequence_text, RigConfig rig_config = default_rig_config())
+      : devices(rig_config), rig(devices.rig), clock(devices.clock), station(default_station_config()) {
+    Result<Sequence> parsed = parse_sequence(sequence_text, "test.seq");
+    EXPECT_TRUE(parsed.ok()) << (parsed.ok() ? "" : parsed.error().message);
+    if (parsed) sequence = std::move(*parsed);
+  }
+
+  RunOutcome run() {
+    devices.imu.describe(info);
+    plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
+    EXPECT_TRUE(plan.ok()) << plan.violations.front();
+    StationRun station_run(devices.devices(), {sequence, plan, station, "SN1"}, sink,
+                           {&watcher, &stop_requests, calibrate});
+    return station_run.run();
+  }
+  // Every axis of the rig itself, not of what the table says.
+  bool at_rest() const {
+    for (Axis axis : all_axes) {
+      if (rig.axis(axis).rate_degps != 0.0 || rig.axis(axis).moving) return false;
+    }
+    return true;
+  }
+
+  DryRunDevices devices;
+  Rig& rig;
+  RigClock& clock;
+  StationConfig station;
+  Sequence sequence;
+  RecordingInfo info;
+  Plan plan;
+  MemorySink sink;
+  Watcher watcher;
+  std::atomic<int> stop_requests{0};
+  std::function<Status()> calibrate;
+};
+
+}  // namespace turncal
