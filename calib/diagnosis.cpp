@@ -40,8 +40,9 @@ class Diagnoser {
  private:
   JointOptions estimate_options(const std::vector<EffectColumn>& effects, const JointResult* from) const;
   JointResult fit(const std::vector<EffectColumn>& effects, const JointResult& from) const;
-  FilterResult pass(const JointResult& at, bool without_bias_instability) const;
-  Scores scores(const FilterResult& information, int effects) const;
+  FilterResult pass(const JointResult& at, const std::vector<EffectColumn>& candidates, bool without_bias_instability) const;
+  EffectColumn refine(const EffectColumn& pattern, bool without_bias_instability) const;
+  Scores scores(const FilterResult& information, int effects, int candidates) const;
   Nominee best(const Scores& s, bool patterns, std::int64_t n) const;
   void list_candidates(const Scores& s);
   bool stage();
@@ -80,10 +81,11 @@ JointResult Diagnoser::fit(const std::vector<EffectColumn>& effects, const Joint
 }
 
 // One filter pass at a fitted model with all candidates behind its effects.
-FilterResult Diagnoser::pass(const JointResult& at, bool without_bias_instability) const {
+FilterResult Diagnoser::pass(const JointResult& at, const std::vector<EffectColumn>& candidates,
+                             bool without_bias_instability) const {
   std::vector<EffectColumn> all;
   for (const EstimatedEffect& e : at.effects) all.push_back(e.column);
-  all.insert(all.end(), columns_.begin(), columns_.end());
+  all.insert(all.end(), candidates.begin(), candidates.end());
   EffectModel model = make_effect_model(all, {recording_.info.latitude_deg}, at.reference_temperature_c);
   for (std::size_t k = 0; k < at.effects.size(); ++k) model.values[static_cast<Eigen::Index>(k)] = at.effects[k].value;
   FilterSetup setup = at.setup;
@@ -92,13 +94,13 @@ FilterResult Diagnoser::pass(const JointResult& at, bool without_bias_instabilit
   return run_filter(recording_, at.parameters, model, setup);
 }
 
-Scores Diagnoser::scores(const FilterResult& information, int effects) const {
+Scores Diagnoser::scores(const FilterResult& information, int effects, int count) const {
   std::vector<int> base;
   for (int k = 0; k < parameter_count; ++k)
     if (parameter_is_free[static_cast<std::size_t>(k)]) base.push_back(k);
   for (int k = 0; k < effects; ++k) base.push_back(parameter_count + k);
   std::vector<int> candidates;
-  for (int k = 0; k < static_cast<int>(columns_.size()); ++k) candidates.push_back(parameter_count + effects + k);
+  for (int k = 0; k < count; ++k) candidates.push_back(parameter_count + effects + k);
   return eliminate(information.information, information.gradient, base, candidates);
 }
 
@@ -203,18 +205,38 @@ void Diagnoser::stop_unexplained(const EffectColumn& pattern, const JointResult&
   }
 }
 
+// The time of a step or the period of a wave that fits best, on a finer grid.
+EffectColumn Diagnoser::refine(const EffectColumn& pattern, bool without_bias_instability) const {
+  const std::vector<EffectColumn> finer = refined(pattern, recording_);
+  if (finer.empty()) return pattern;
+  const Scores s = scores(pass(current_, finer, without_bias_instability), static_cast<int>(chosen_.size()),
+                          static_cast<int>(finer.size()));
+  EffectColumn top = pattern;
+  double best_square = 0.0;
+  for (int k = 0; k < static_cast<int>(finer.size()); ++k) {
+    const double z_square = visible(s, k) ? s.s[k] * s.s[k] / s.Q(k, k) : 0.0;
+    if (z_square > best_square) {
+      best_square = z_square;
+      top = finer[static_cast<std::size_t>(k)];
+    }
+  }
+  return top;
+}
+
 // One stage of the forward selection; false when nothing more is to be added.
 bool Diagnoser::stage() {
   const int effects = static_cast<int>(chosen_.size());
   const bool has_instability = current_.noise.gyro_bias_instability_radps > 0.0 || current_.noise.accel_bias_instability_mps2 > 0.0;
-  const Scores fitted = scores(pass(current_, false), effects);
+  const int count = static_cast<int>(columns_.size());
+  const Scores fitted = scores(pass(current_, columns_, false), effects, count);
   if (d_.stages.empty() && d_.candidates.empty()) list_candidates(fitted);
   // Slow effects hide in the fitted bias instability: they are looked for without it, and judged with the noise fitted again.
-  const Scores bare = has_instability && !options_.estimate.noise ? scores(pass(current_, true), effects) : fitted;
+  const Scores bare = has_instability && !options_.estimate.noise ? scores(pass(current_, columns_, true), effects, count) : fitted;
   const std::int64_t n = current_.last.observations;
   struct Trial {
     Nominee nominee;
     const Scores* scores;
+    EffectColumn column;
     JointResult fit;
     double gain = 0.0;
   };
@@ -223,16 +245,18 @@ bool Diagnoser::stage() {
     for (const Scores* s : {&fitted, &bare}) {
       const Nominee nominee = best(*s, patterns, n);
       if (nominee.candidate < 0 || nominee.z_square < threshold_) continue;
-      // A pattern matters only where it beats the best effect.
-      if (patterns && nominee.z_square < best(*s, false, n).z_square) continue;
+      // A pattern matters only where it may beat the best effect; its time or period is not yet the right one.
+      if (patterns && nominee.z_square < 0.6 * best(*s, false, n).z_square) continue;
       if (std::none_of(trials.begin(), trials.end(), [&](const Trial& t) { return t.nominee.candidate == nominee.candidate; }))
-        trials.push_back({nominee, s, {}, 0.0});
+        trials.push_back({nominee, s, {}, {}, 0.0});
       if (s == &bare || &fitted == &bare) break;
     }
   Trial* best_effect = nullptr;
   Trial* best_pattern = nullptr;
   for (Trial& trial : trials) {
-    const EffectColumn& column = columns_[static_cast<std::size_t>(trial.nominee.candidate)];
+    EffectColumn& column = trial.column;
+    column = columns_[static_cast<std::size_t>(trial.nominee.candidate)];
+    if (is_pattern(column)) column = refine(column, trial.scores == &bare);
     std::vector<EffectColumn> model = chosen_;
     model.push_back(column);
     trial.fit = fit(model, current_);
@@ -243,14 +267,14 @@ bool Diagnoser::stage() {
   if (!best_effect && !best_pattern) return false;
   Trial& winner = best_effect ? *best_effect : *best_pattern;
   SelectionStage stage;
-  stage.chosen = columns_[static_cast<std::size_t>(winner.nominee.candidate)];
+  stage.chosen = winner.column;
   const int k = winner.nominee.candidate;
   stage.z = winner.scores->s[k] / std::sqrt(winner.scores->Q(k, k));
   stage.gain = winner.gain;
   stage.threshold = threshold_;
   const double effect_gain = best_effect ? best_effect->gain : 0.0;
   if (best_pattern && best_pattern->gain > threshold_ && best_pattern->gain > effect_gain + bic_margin) {
-    stage.chosen = columns_[static_cast<std::size_t>(best_pattern->nominee.candidate)];
+    stage.chosen = best_pattern->column;
     stage.gain = best_pattern->gain;
     stage.note = "a pattern without a name in the catalogue explains the residual better: " + describe_pattern(stage.chosen);
     d_.stages.push_back(stage);

@@ -67,19 +67,37 @@ const std::vector<EffectEntry>& patterns() {
   return entries;
 }
 
+constexpr int steps_in_run = 12;
+
+double length_s(const CompressedRecording& recording) {
+  if (recording.blocks.empty()) return 0.0;
+  const Block& last = recording.blocks.back();
+  return static_cast<double>(last.start_sample - recording.blocks.front().start_sample) * recording.info.sample_period_s +
+         last.duration_s;
+}
+
 }  // namespace
+
+std::vector<EffectColumn> refined(const EffectColumn& column, const CompressedRecording& recording) {
+  std::vector<EffectColumn> columns;
+  const bool step = column.entry->name.starts_with("bias step");
+  if (!step && !column.entry->name.starts_with("periodic")) return columns;
+  const double spacing = length_s(recording) / steps_in_run;
+  for (int k = -5; k <= 5; ++k) {
+    const double tau = step ? column.tau_s + k * spacing / 8.0 : column.tau_s * std::pow(1.06, k);
+    columns.push_back({column.entry, column.component, tau});
+  }
+  return columns;
+}
 
 std::vector<EffectColumn> pattern_columns(const CompressedRecording& recording) {
   std::vector<EffectColumn> columns;
   if (recording.blocks.empty()) return columns;
-  const Block& last = recording.blocks.back();
-  const double length =
-      static_cast<double>(last.start_sample - recording.blocks.front().start_sample) * recording.info.sample_period_s +
-      last.duration_s;
+  const double length = length_s(recording);
   for (const EffectEntry& entry : patterns()) {
     std::vector<double> values;
     if (entry.name.starts_with("bias step"))
-      for (int k = 1; k < 12; ++k) values.push_back(length * k / 12.0);
+      for (int k = 1; k < steps_in_run; ++k) values.push_back(length * k / steps_in_run);
     else if (entry.name.starts_with("periodic"))
       for (const double cycles : {1.0, 1.7, 3.0, 5.0}) values.push_back(length / cycles);
     else if (entry.name.starts_with("bias with"))

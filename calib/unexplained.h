@@ -15,6 +15,8 @@ namespace turncal {
 
 // Columns for make_effect_model(), through the same machinery as the catalogue's.
 std::vector<EffectColumn> pattern_columns(const CompressedRecording& recording);
+// The same pattern at finer steps of its time or period around the present one; empty where there is nothing to refine.
+std::vector<EffectColumn> refined(const EffectColumn& column, const CompressedRecording& recording);
 bool is_pattern(const EffectColumn& column);
 // "bias step of gyro z at 3200 s"
 std::string describe_pattern(const EffectColumn& column);
