@@ -223,7 +223,8 @@ void decode_samples(const SampleChunk& chunk, const RecordingInfo& info, std::ve
     const auto index = load_bytes<std::uint32_t>(chunk.gaps.data() + place);
     counter = load_bytes<std::int64_t>(chunk.gaps.data() + place + 4);
     const bool is_last = place + gap_bytes == chunk.gaps.size();
-    const std::uint32_t until = is_last ? chunk.count : load_bytes<std::uint32_t>(chunk.gaps.data() + place + gap_bytes);
+    const std::uint32_t until =
+        is_last ? chunk.count : load_bytes<std::uint32_t>(chunk.gaps.data() + place + gap_bytes);
     for (std::uint32_t i = index; i < until; ++i) out[i].counter = counter++;
   }
   for (std::size_t place = 0; place < chunk.flags.size(); place += flag_bytes) {

@@ -1,5 +1,5 @@
-// The payloads of a binary recording's records, and what a scan over a whole file finds. Internal to imu_io; the grammar
-// is in docs/recording-format.md.
+// The payloads of a binary recording's records, and what a scan over a whole file finds. Internal to imu_io; the
+// grammar is in docs/recording-format.md.
 #pragma once
 
 #include <cstddef>

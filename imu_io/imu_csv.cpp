@@ -170,7 +170,8 @@ void append_imu_row(std::string& out, const ImuSample& sample, const RecordingIn
         out += format_number(magnitude / 1000, buffer);
         const auto rest = static_cast<int>(magnitude % 1000);
         const std::array<char, 4> decimals = {'.', static_cast<char>('0' + rest / 100),
-                                              static_cast<char>('0' + rest / 10 % 10), static_cast<char>('0' + rest % 10)};
+                                              static_cast<char>('0' + rest / 10 % 10),
+                                              static_cast<char>('0' + rest % 10)};
         out.append(decimals.data(), decimals.size());
       } else {
         out += format_number(t, buffer);

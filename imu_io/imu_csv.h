@@ -1,7 +1,8 @@
 // One row of imu.csv to one sample and back. Internal to imu_io; the grammar is in docs/recording-format.md.
 //
-// The fast path takes plain whole numbers and short decimals straight from the bytes; whatever it does not take (blanks, "96.0",
-// exponents, defects) goes through the slow path, which gives the same values and finds the words for defects.
+// The fast path takes plain whole numbers and short decimals straight from the bytes; whatever it does not take
+// (blanks, "96.0", exponents, defects) goes through the slow path, which gives the same values and finds the words for
+// defects.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +20,8 @@ class ImuCsvParser {
  public:
   ImuCsvParser(std::string file_name, const RecordingInfo& info) : file_name_(std::move(file_name)), info_(info) {}
 
-  // `at` is the start of a row; it is moved to the start of the next one. False, and `at` unmoved, when the row is not a plain
-  // one. REQUIRES: a '\n' somewhere at or after `at`. Does not touch sample.flags.
+  // `at` is the start of a row; it is moved to the start of the next one. False, and `at` unmoved, when the row is not
+  // a plain one. REQUIRES: a '\n' somewhere at or after `at`. Does not touch sample.flags.
   bool parse_plain(const char*& at, ImuSample& sample) const;
 
   // `row` without its line end.

@@ -120,7 +120,8 @@ KeyValueFile::Entry* KeyValueFile::use(std::string_view key) {
 KeyValueFile::Entry* KeyValueFile::require(std::string_view key, std::string_view expected) {
   Entry* entry = use(key);
   if (entry == nullptr) {
-    remember(input_error(file_name_ + ": key '" + std::string(key) + "' is missing: expected " + std::string(expected)));
+    remember(
+        input_error(file_name_ + ": key '" + std::string(key) + "' is missing: expected " + std::string(expected)));
   }
   return entry;
 }

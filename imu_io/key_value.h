@@ -10,9 +10,9 @@
 // Until it has returned success the values mean nothing. Every error is one line:
 // `file:line: key 'x' = 'y': expected ...`.
 //
-// Keys: letters, digits, `_`, `-` and `.`; no empty part between dots. A key twice is an error. Values cannot hold `#` or a
-// line break; blanks around them are dropped; a list is separated by commas. LF and CRLF. Not modelled: quoting, sections,
-// includes.
+// Keys: letters, digits, `_`, `-` and `.`; no empty part between dots. A key twice is an error. Values cannot hold `#`
+// or a line break; blanks around them are dropped; a list is separated by commas. LF and CRLF. Not modelled: quoting,
+// sections, includes.
 #pragma once
 
 #include <cstdint>

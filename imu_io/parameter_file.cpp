@@ -211,7 +211,8 @@ Status check_applicable(const ParameterFile& file, const std::string& file_name,
     return input_error(file_name + ": key '" + key + "' = '" + value + "': expected " + expected +
                        ", as in the recording");
   };
-  if (file.unit_serial != info.unit_serial) return refuse("unit_serial", file.unit_serial, "'" + info.unit_serial + "'");
+  if (file.unit_serial != info.unit_serial)
+    return refuse("unit_serial", file.unit_serial, "'" + info.unit_serial + "'");
   if (file.gyro_increment != info.gyro_increment) {
     return refuse("gyro_increment", gyro_increment_name(file.gyro_increment), gyro_increment_name(info.gyro_increment));
   }

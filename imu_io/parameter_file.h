@@ -1,8 +1,8 @@
-// The result of a calibration as a file: the 24 parameters, their standard deviations, added effects, and what is needed
-// to know what they belong to. Format: docs/recording-format.md.
+// The result of a calibration as a file: the 24 parameters, their standard deviations, added effects, and what is
+// needed to know what they belong to. Format: docs/recording-format.md.
 //
-// Writing what was read gives the same bytes: numbers are written in their shortest round-trip form, in fixed order; the
-// last line is the CRC-32C of all bytes above it. The checksum tells damage and careless editing, not forgery.
+// Writing what was read gives the same bytes: numbers are written in their shortest round-trip form, in fixed order;
+// the last line is the CRC-32C of all bytes above it. The checksum tells damage and careless editing, not forgery.
 #pragma once
 
 #include <array>
@@ -66,8 +66,8 @@ Status write_parameter_file(const ParameterFile& file, const std::string& path);
 Result<ParameterFile> parse_parameter_file(std::string_view text, const std::string& file_name);
 Result<ParameterFile> read_parameter_file(const std::string& path);
 
-// Whether the parameters may be applied to this recording: same unit, same increments and pulse weight, and not simulated
-// parameters on a real unit. `file_name` is for the message.
+// Whether the parameters may be applied to this recording: same unit, same increments and pulse weight, and not
+// simulated parameters on a real unit. `file_name` is for the message.
 Status check_applicable(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info);
 
 }  // namespace turncal

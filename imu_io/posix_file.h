@@ -1,7 +1,8 @@
-// A file descriptor that closes itself, with errors that name path and reason. All reading, writing, syncing and renaming
-// of this folder's formats goes through here.
+// A file descriptor that closes itself, with errors that name path and reason. All reading, writing, syncing and
+// renaming of this folder's formats goes through here.
 //
-// Interrupted calls are repeated; a short write is completed or reported. Movable, not copyable; not for concurrent use.
+// Interrupted calls are repeated; a short write is completed or reported. Movable, not copyable; not for concurrent
+// use.
 #pragma once
 
 #include <cstddef>

@@ -59,7 +59,8 @@ Status check_segments(const Segments& segments, std::int64_t first_counter, std:
     }
     // Not last_counter + 1, which can overflow.
     if (segment.end_sample - 1 > last_counter) {
-      return defect(where(i), "end_sample", end, "at most one more than the last sample, " + std::to_string(last_counter));
+      return defect(where(i), "end_sample", end,
+                    "at most one more than the last sample, " + std::to_string(last_counter));
     }
     if (!std::isfinite(segment.heading_deg) || !std::isfinite(segment.pitch_deg) || !std::isfinite(segment.roll_deg)) {
       return input_error(where(i) + ": an angle is not finite");

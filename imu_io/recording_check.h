@@ -1,4 +1,5 @@
-// What every recording must fulfil, whoever writes or reads it. Messages name the field; the caller puts the file in front.
+// What every recording must fulfil, whoever writes or reads it. Messages name the field; the caller puts the file in
+// front.
 #pragma once
 
 #include <cstddef>
@@ -25,7 +26,8 @@ Status check_info(const RecordingInfo& info, const std::string& where);
 Status check_segments(const Segments& segments, std::int64_t first_counter, std::int64_t last_counter,
                       const std::function<std::string(std::size_t)>& where);
 
-// A serial or other short text that can stand as a value in a text file: not empty, printable, no '#', no blank at an end.
+// A serial or other short text that can stand as a value in a text file: not empty, printable, no '#', no blank at an
+// end.
 bool is_plain_text(const std::string& text);
 
 }  // namespace turncal

@@ -6,8 +6,8 @@
 namespace turncal {
 namespace {
 
-// Builds the contiguous list of segments out of begin and end records, some of which may have been lost. A segment whose
-// end was lost is not known to have been good (its dwell may have been repeated): it counts as rotate.
+// Builds the contiguous list of segments out of begin and end records, some of which may have been lost. A segment
+// whose end was lost is not known to have been good (its dwell may have been repeated): it counts as rotate.
 class SegmentCollector {
  public:
   explicit SegmentCollector(RecordingScan& scan) : scan_(scan) {}

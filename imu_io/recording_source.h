@@ -1,9 +1,9 @@
 // A recording to read, whatever its form: a folder with recording.tcr, a .tcr file, or a folder in text form
 // (recording.conf, imu.csv, segments.csv). Formats: docs/recording-format.md.
 //
-// What is known before streaming: info and the final list of segments. read() hands the samples over in blocks, in counter
-// order, from the start, as often as wanted, in memory that does not grow with the recording. A sample's fields are those
-// of calib/recording_types.h: whole numbers for pulses; a counter gap is kept.
+// What is known before streaming: info and the final list of segments. read() hands the samples over in blocks, in
+// counter order, from the start, as often as wanted, in memory that does not grow with the recording. A sample's fields
+// are those of calib/recording_types.h: whole numbers for pulses; a counter gap is kept.
 //
 // A binary recording that was damaged or cut off is read as far as it goes: damage() says what is missing, and segments
 // are cut to the samples that are left. Text has no checksums: there every defect is an error.

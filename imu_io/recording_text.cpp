@@ -117,7 +117,8 @@ Status export_text(RecordingSource& source, const std::string& folder) {
   } else if (status = write_file_atomically(flags_path, std::string(flags_csv_header) + "\n" + flags); !status) {
     return status;
   }
-  if (status = write_file_atomically(folder + "/segments.csv", segments_text(source.segments())); !status) return status;
+  if (status = write_file_atomically(folder + "/segments.csv", segments_text(source.segments())); !status)
+    return status;
   return write_file_atomically(conf_path, conf_text(info));
 }
 

@@ -21,8 +21,8 @@ inline constexpr std::string_view flags_csv_header = "sample,flags";
 // Opens the text form only; RecordingSource::open() decides between the forms.
 Result<std::unique_ptr<RecordingSource>> open_text_recording(const std::string& folder);
 
-// Writes the text form into `folder`, which is made when it is missing. recording.conf comes last, so that a folder with
-// one is a whole recording. Reading it gives the same content hash.
+// Writes the text form into `folder`, which is made when it is missing. recording.conf comes last, so that a folder
+// with one is a whole recording. Reading it gives the same content hash.
 Status export_text(RecordingSource& source, const std::string& folder);
 
 // Writes the binary form of `source` to `path` (a .tcr file), whole or not at all; an existing file is replaced.

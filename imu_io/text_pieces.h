@@ -1,4 +1,5 @@
-// Small pieces that every text reader needs: trimming, splitting, and showing a stretch of somebody's file in a message.
+// Small pieces that every text reader needs: trimming, splitting, and showing a stretch of somebody's file in a
+// message.
 #pragma once
 
 #include <string>

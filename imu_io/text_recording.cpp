@@ -54,7 +54,8 @@ Result<std::vector<std::string_view>> table_rows(const std::string& path, std::s
   bool had_end = false;
   std::string_view first = take_line(text, &had_end);
   if (first.starts_with("\xEF\xBB\xBF")) first.remove_prefix(3);
-  if (first != header) return input_error(at_line(path, 1) + ": header " + quoted(first) + ": expected " + std::string(header));
+  if (first != header)
+    return input_error(at_line(path, 1) + ": header " + quoted(first) + ": expected " + std::string(header));
   std::vector<std::string_view> rows;
   while (had_end && !text.empty()) rows.push_back(take_line(text, &had_end));
   if (!had_end) {

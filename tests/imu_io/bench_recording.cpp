@@ -1,7 +1,7 @@
 // What reading and writing a recording costs: text read, import, export, binary open and read, also a sample.
 //
-// The recording is made here (1 268 400 samples, as many as the fourteen steps take; pulses and temperature), in a temporary
-// folder. The disk's sync is part of import and export, as it is for the user.
+// The recording is made here (1 268 400 samples, as many as the fourteen steps take; pulses and temperature), in a
+// temporary folder. The disk's sync is part of import and export, as it is for the user.
 #include <benchmark/benchmark.h>
 
 #include <cstdio>

@@ -4,9 +4,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <bit>
 #include <csignal>
+#include <cstring>
 #include <tuple>
 
+#include "imu_io/binary_layout.h"
 #include "imu_io/recording_source.h"
 #include "imu_io/recording_text.h"
 #include "imu_io/recording_writer.h"
@@ -109,6 +112,57 @@ TEST(BinaryRecording, ErrorOfTheSinkStopsTheReading) {
   EXPECT_EQ(calls, 1);
 }
 
+// There are many NaNs; the content hash must not see which one a decoder made.
+TEST(BinaryRecording, EveryNaNMeansNotMeasured) {
+  TemporaryFolder folder;
+  const RecordingInfo info = make_info();
+  std::vector<std::string> hashes;
+  for (const std::uint32_t bits : {0x7FC00000U, 0xFFC00000U, 0x7FC00123U}) {
+    ImuSample sample;
+    sample.temperature_c = std::bit_cast<float>(bits);
+    const std::string path = folder / std::to_string(bits);
+    auto writer = RecordingWriter::create(path, info);
+    ASSERT_OK(writer->add(std::span(&sample, 1)));
+    ASSERT_OK(writer->finish());
+    hashes.push_back(*(*RecordingSource::open(path))->content_hash());
+  }
+  EXPECT_EQ(hashes[0], hashes[1]);
+  EXPECT_EQ(hashes[0], hashes[2]);
+}
+
+// A records payload that contradicts itself is refused whole.
+TEST(BinaryRecording, SamplesPayloadIsCheckedInItself) {
+  const RecordingInfo info = make_info();
+  std::vector<ImuSample> samples(10);
+  for (int i = 0; i < 10; ++i) samples[static_cast<std::size_t>(i)].counter = i < 4 ? i : i < 7 ? i + 10 : i + 20;
+  samples[5].flags = 3;
+  std::vector<std::byte> good;
+  append_samples(good, samples, info);
+  ASSERT_TRUE(parse_samples(good, info).has_value());
+  // first counter (8), count (4), gaps (4), flags (4), two gaps of (index 4, counter 8), one flag of (index 4, flags 4)
+  const auto refused = [&](std::size_t place, auto value) {
+    std::vector<std::byte> bad = good;
+    std::memcpy(bad.data() + place, &value, sizeof value);
+    EXPECT_FALSE(parse_samples(bad, info).has_value()) << place;
+  };
+  refused(0, std::int64_t{20});                  // the first gap would go back
+  refused(0, std::numeric_limits<std::int64_t>::min());
+  refused(8, std::uint32_t{9});                  // size and count disagree
+  refused(8, std::uint32_t{0xFFFFFFFF});
+  refused(12, std::uint32_t{0xFFFFFFFF});
+  refused(20, std::uint32_t{0});                 // gap before the first sample
+  refused(24, std::int64_t{3});                  // no gap but a step back
+  refused(24, std::int64_t{4});                  // no gap at all
+  refused(24, std::int64_t{25});                 // beyond the next one
+  refused(32, std::uint32_t{4});                 // indices do not increase
+  refused(32, std::uint32_t{10});                // beyond the last sample
+  refused(36, std::numeric_limits<std::int64_t>::max());
+  refused(44, std::uint32_t{10});                // flag beyond the last sample
+  good.push_back(std::byte{0});
+  EXPECT_FALSE(parse_samples(good, info).has_value());
+  EXPECT_FALSE(parse_samples({}, info).has_value());
+}
+
 // ---- what is not a recording ----
 
 TEST(BinaryRecording, OpeningWhatIsNotOne) {
@@ -148,7 +202,8 @@ TEST_F(WriterTest, RefusesSenselessInfo) {
   refused([](RecordingInfo& i) { i.gravity_mps2 = 0; }, "gravity_mps2 = '0': expected a number between 9 and 11");
   refused([](RecordingInfo& i) { i.sample_period_s = 0; }, "sample_period_s = '0': expected a number > 0");
   refused([](RecordingInfo& i) { i.sample_period_s = -1; }, "sample_period_s = '-1': expected a number > 0");
-  refused([](RecordingInfo& i) { i.latitude_deg = 90.5; }, "latitude_deg = '90.5': expected a number between -90 and 90");
+  refused([](RecordingInfo& i) { i.latitude_deg = 90.5; },
+          "latitude_deg = '90.5': expected a number between -90 and 90");
   refused([](RecordingInfo& i) { i.accel_pulse_mps = 0; }, "accel_pulse_mps = '0': expected a number > 0");
   refused([](RecordingInfo& i) { i.unit_serial = ""; },
           "unit_serial: expected 1 to 200 printable characters without '#'");
@@ -166,13 +221,15 @@ TEST_F(WriterTest, RefusesBadSamples) {
   };
   refused([](ImuSample& s) { s.gyro[1] = 0.5; }, "sample 1000: gyro: expected whole pulses that fit into 32 bits");
   refused([](ImuSample& s) { s.accel[2] = 3e9; }, "sample 1000: accel: expected whole pulses that fit into 32 bits");
-  refused([](ImuSample& s) { s.gyro[0] = std::nan(""); }, "sample 1000: gyro: expected whole pulses that fit into 32 bits");
+  refused([](ImuSample& s) { s.gyro[0] = std::nan(""); },
+          "sample 1000: gyro: expected whole pulses that fit into 32 bits");
   refused([](ImuSample& s) { s.temperature_c = INFINITY; }, "sample 1000: temperature_c: expected a finite number");
   refused([](ImuSample& s) { s.counter = std::int64_t{1} << 63; }, "sample -9223372036854775808: counter out of range");
   ImuSample good;
   good.counter = 7;
   ASSERT_OK(writer->add(std::span(&good, 1)));
-  EXPECT_ERROR(writer->add(std::span(&good, 1)), path + ": sample counter = '7': expected more than 7 of the sample before");
+  EXPECT_ERROR(writer->add(std::span(&good, 1)),
+               path + ": sample counter = '7': expected more than 7 of the sample before");
 }
 
 TEST_F(WriterTest, RefusesBadSegments) {

@@ -51,7 +51,8 @@ TEST(FormatNumber, ExtremesComeBack) {
 TEST(ParseNumber, WholeTokenAndFinite) {
   EXPECT_EQ(parse_number("1e3"), 1000.0);
   EXPECT_EQ(parse_number("-.5"), -0.5);
-  for (const char* text : {"", " 1", "1 ", "+1", "1,0", "1.0x", "0x10", "nan", "inf", "-inf", "infinity", "1e999", "e5", "-"}) {
+  for (const char* text :
+       {"", " 1", "1 ", "+1", "1,0", "1.0x", "0x10", "nan", "inf", "-inf", "infinity", "1e999", "e5", "-"}) {
     EXPECT_FALSE(parse_number(text).has_value()) << text;
   }
 }

@@ -78,7 +78,8 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"x1", [](KeyValueFile& f) { EXPECT_TRUE(std::isnan(f.number("k"))); },
                  "a.conf:2: key 'k' = 'x1': expected a number"},
         BadValue{"nan", [](KeyValueFile& f) { f.number("k"); }, "a.conf:2: key 'k' = 'nan': expected a number"},
-        BadValue{"0", [](KeyValueFile& f) { f.number("k", positive); }, "a.conf:2: key 'k' = '0': expected a number > 0"},
+        BadValue{"0", [](KeyValueFile& f) { f.number("k", positive); },
+                 "a.conf:2: key 'k' = '0': expected a number > 0"},
         BadValue{"-1", [](KeyValueFile& f) { f.number_or("k", 3, not_negative); },
                  "a.conf:2: key 'k' = '-1': expected a number >= 0"},
         BadValue{"91", [](KeyValueFile& f) { f.number_if("k", between(-90, 90)); },
@@ -89,7 +90,10 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"0", [](KeyValueFile& f) { f.integer("k", 1); },
                  "a.conf:2: key 'k' = '0': expected a whole number >= 1"},
         BadValue{"yes", [](KeyValueFile& f) { f.boolean("k"); }, "a.conf:2: key 'k' = 'yes': expected true or false"},
-        BadValue{"tcp", [](KeyValueFile& f) { f.one_of("k", {"a", "b", "c"}); },
+        BadValue{"tcp",
+                 [](KeyValueFile& f) {
+                   f.one_of("k", {"a", "b", "c"});
+                 },
                  "a.conf:2: key 'k' = 'tcp': expected a, b or c"},
         BadValue{"1, 2", [](KeyValueFile& f) { EXPECT_EQ(f.numbers("k", 3).size(), 3U); },
                  "a.conf:2: key 'k' = '1, 2': expected 3 numbers separated by commas, each a number"},
@@ -154,7 +158,8 @@ TEST(KeyValue, FilesThatCannotBeRead) {
   EXPECT_ERROR(KeyValueFile::read(missing), missing + ": cannot open: No such file or directory");
   EXPECT_ERROR(KeyValueFile::read(folder.path()), folder.path() + ": not a regular file");
   test::write_file(folder / "empty.conf", "");
-  EXPECT_ERROR(KeyValueFile::read(folder / "empty.conf"), (folder / "empty.conf") + ": empty file: expected key = value lines");
+  EXPECT_ERROR(KeyValueFile::read(folder / "empty.conf"),
+               (folder / "empty.conf") + ": empty file: expected key = value lines");
   test::write_file(folder / "good.conf", "a = 1\n");
   auto file = KeyValueFile::read(folder / "good.conf");
   ASSERT_OK(file);

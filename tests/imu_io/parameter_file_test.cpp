@@ -188,8 +188,9 @@ TEST(ParameterFile, Refusals) {
                "p.conf:26: key 'sigma.N01' = '-1': expected a number >= 0");
   EXPECT_ERROR(parse(resealed(replaced(text, "effect.gyro_warm_up.tau_s", "effect.gyro_warm_up"))),
                "p.conf:50: key 'effect.gyro_warm_up' = '600': expected a key effect.<name>.<component>");
-  EXPECT_ERROR(parse(resealed(replaced(text, "sigma.effect.accel_size_effect.x_rx", "sigma.effect.accel_size_effect.x_ry"))),
-               "p.conf:49: key 'sigma.effect.accel_size_effect.x_ry' is unknown");
+  EXPECT_ERROR(
+      parse(resealed(replaced(text, "sigma.effect.accel_size_effect.x_rx", "sigma.effect.accel_size_effect.x_ry"))),
+      "p.conf:49: key 'sigma.effect.accel_size_effect.x_ry' is unknown");
 }
 
 TEST(ParameterFile, WhatCannotBeWrittenIsRefusedBeforeTheFileIsTouched) {
@@ -206,7 +207,8 @@ TEST(ParameterFile, WhatCannotBeWrittenIsRefusedBeforeTheFileIsTouched) {
   refused([](ParameterFile& f) { f.unit_serial = "a\nb"; },
           "'unit_serial' = 'a\nb': expected printable text without '#', not empty");
   refused([](ParameterFile& f) { f.method.clear(); }, "'method' = '': expected printable text without '#', not empty");
-  refused([](ParameterFile& f) { f.effects.push_back(f.effects[0]); }, "'effect.accel_size_effect.x_rx' is there twice");
+  refused([](ParameterFile& f) { f.effects.push_back(f.effects[0]); },
+          "'effect.accel_size_effect.x_rx' is there twice");
   refused([](ParameterFile& f) { f.effects[0].component = "x.y"; },
           "'effect.accel_size_effect.x.y' expected effect.<name>.<component>");
   refused([](ParameterFile& f) { f.add_further("colour", "red"); },

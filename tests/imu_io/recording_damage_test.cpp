@@ -33,7 +33,10 @@ struct DamageTest : testing::Test {
     auto writer = RecordingWriter::create(path, info);
     ASSERT_OK(writer);
     for (const Segment& segment : segments) {
-      ASSERT_OK(writer->begin_segment(segment));
+      // The moves are planned as dwells that then had to be repeated.
+      Segment planned = segment;
+      if (planned.kind == SegmentKind::rotate) planned.kind = SegmentKind::still;
+      ASSERT_OK(writer->begin_segment(planned));
       for (auto i = static_cast<std::size_t>(segment.start_sample); i < static_cast<std::size_t>(segment.end_sample);
            i += chunk) {
         ASSERT_OK(writer->add(std::span(samples).subspan(i, chunk)));
@@ -44,6 +47,33 @@ struct DamageTest : testing::Test {
     }
     ASSERT_OK(writer->finish());
     content = read_file(path);
+  }
+
+  struct Part {
+    std::uint32_t type = 0;
+    std::uint32_t number = 0;
+    std::vector<std::byte> payload;
+  };
+  // 2 info, then for each segment its begin, its samples records and its end, then the end mark.
+  std::vector<Part> parts() const {
+    std::vector<Part> result;
+    auto file = PosixFile::open_to_read(path);
+    RecordScanner scanner(*file, content.size(), recording_magic);
+    Record record;
+    for (auto more = scanner.next(record); more && *more; more = scanner.next(record)) {
+      result.push_back({record.type, record.number, {record.payload.begin(), record.payload.end()}});
+    }
+    EXPECT_EQ(result.size(), 17U);
+    return result;
+  }
+  void write_parts(const std::vector<Part>& parts) const {
+    std::vector<std::byte> bytes;
+    for (const Part& part : parts) {
+      const std::size_t begun = begin_record(bytes, recording_magic, part.type, part.number);
+      bytes.insert(bytes.end(), part.payload.begin(), part.payload.end());
+      end_record(bytes, begun);
+    }
+    write_file(path, std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
   }
 
   // Every sample read is one that was written, in order.
@@ -194,6 +224,59 @@ TEST_F(DamageTest, TailOfZerosIsATornTail) {
   EXPECT_GT((*source)->damage().torn_tail_bytes, 4096U);
 }
 
+TEST_F(DamageTest, ReopeningCutsTheTornTailAtOnce) {
+  write_file(path, content.substr(0, content.size() - 40) + std::string(4096, '\0'));
+  auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep);
+  ASSERT_OK(writer);
+  EXPECT_EQ(read_file(path).size() + writer->cut_bytes(), content.size() - 40 + 4096);
+  EXPECT_LT(read_file(path).size(), content.size());
+}
+
+// The dwell may have been one that had to be repeated: only its end record could have told.
+TEST_F(DamageTest, SegmentWithoutItsEndIsRotate) {
+  auto told = parts();
+  told.erase(told.begin() + 9);  // the end of the second segment, which was begun as a dwell
+  write_parts(told);
+  auto source = RecordingSource::open(path);
+  ASSERT_OK(source);
+  expect_same((*source)->segments(), segments);
+  EXPECT_EQ((*source)->damage().records_dropped, 1U);
+}
+
+TEST_F(DamageTest, SegmentWithoutBeginAndEndIsRotate) {
+  auto told = parts();
+  told.erase(told.begin() + 9);
+  told.erase(told.begin() + 6);
+  write_parts(told);
+  auto source = RecordingSource::open(path);
+  ASSERT_OK(source);
+  // Nobody knows its angles any more: those of the segment before stand in.
+  expect_same((*source)->segments(), {segments[0], make_segment(1, SegmentKind::rotate, 8, 16, 0, 0, 0), segments[2]});
+  expect_same(read_all(**source), samples);
+}
+
+TEST_F(DamageTest, SegmentWithoutItsBeginIsWhole) {
+  auto told = parts();
+  told.erase(told.begin() + 10);
+  write_parts(told);
+  auto source = RecordingSource::open(path);
+  ASSERT_OK(source);
+  expect_same((*source)->segments(), segments);
+}
+
+TEST_F(DamageTest, RecordBehindTheEndMarkIsNotRead) {
+  auto told = parts();
+  told.push_back(told[2]);
+  told.back().number = told.back().number + 100;
+  told.push_back({static_cast<std::uint32_t>(RecordType::samples), 200, {}});
+  append_samples(told.back().payload, make_samples(info, 5, 5000), info);
+  write_parts(told);
+  auto source = RecordingSource::open(path);
+  ASSERT_OK(source);
+  expect_same(read_all(**source), samples);
+  EXPECT_GT((*source)->damage().torn_tail_bytes, 0U);
+}
+
 TEST_F(DamageTest, BothFirstRecordsDestroyedIsAnError) {
   std::string damaged = content;
   damaged[30] = static_cast<char>(damaged[30] ^ 1);
@@ -213,37 +296,18 @@ TEST_F(DamageTest, TextBehindTheEndMarkIsNotRead) {
 
 // Records whose checksums are right but whose content is not: a writer gone wrong, or somebody's intent.
 TEST_F(DamageTest, RecordsThatLieAboutThemselves) {
-  struct Part {
-    std::uint32_t type;
-    std::vector<std::byte> payload;
-  };
-  std::vector<Part> parts;
-  auto file = PosixFile::open_to_read(path);
-  RecordScanner scanner(*file, content.size(), recording_magic);
-  Record record;
-  for (auto more = scanner.next(record); more && *more; more = scanner.next(record)) {
-    parts.push_back({record.type, {record.payload.begin(), record.payload.end()}});
-  }
-  ASSERT_EQ(parts.size(), 17U);  // 2 info, 3 begins, 8 samples, 3 ends, 1 end mark
+  const std::vector<Part> truth = parts();
   std::mt19937 random(9);
   int readable = 0;
   for (int round = 0; round < 20000; ++round) {
-    std::vector<std::byte> bytes;
-    const std::size_t liar = random() % parts.size();
-    for (std::size_t i = 0; i < parts.size(); ++i) {
-      const std::size_t begun = begin_record(bytes, recording_magic, parts[i].type, static_cast<std::uint32_t>(i));
-      std::vector<std::byte> payload = parts[i].payload;
-      if (i == liar) {
-        for (auto changes = 1 + random() % 3; changes > 0; --changes) {
-          const std::size_t place = random() % std::min<std::size_t>(payload.size(), 48);
-          payload[place] = random() % 2 == 0 ? static_cast<std::byte>(random()) : std::byte{0xFF};
-        }
-        if (random() % 8 == 0) payload.resize(random() % (payload.size() + 20));
-      }
-      bytes.insert(bytes.end(), payload.begin(), payload.end());
-      end_record(bytes, begun);
+    std::vector<Part> told = truth;
+    std::vector<std::byte>& payload = told[random() % told.size()].payload;
+    for (auto changes = 1 + random() % 3; changes > 0; --changes) {
+      const std::size_t place = random() % std::min<std::size_t>(payload.size(), 48);
+      payload[place] = random() % 2 == 0 ? static_cast<std::byte>(random()) : std::byte{0xFF};
     }
-    write_file(path, std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+    if (random() % 8 == 0) payload.resize(random() % (payload.size() + 20));
+    write_parts(told);
     auto source = RecordingSource::open(path);
     if (!source) continue;
     std::int64_t last = std::numeric_limits<std::int64_t>::min();

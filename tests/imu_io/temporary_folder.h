@@ -1,5 +1,5 @@
-// A folder of its own for a test, removed at the end, and short ways to put files into it. In memory where there is such a
-// file system: these tests sync thousands of times.
+// A folder of its own for a test, removed at the end, and short ways to put files into it. In memory where there is
+// such a file system: these tests sync thousands of times.
 #pragma once
 
 #include <gtest/gtest.h>

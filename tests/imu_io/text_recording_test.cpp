@@ -128,9 +128,11 @@ TEST_F(TextTest, ConfDefects) {
   EXPECT_EQ(conf_defect("format = 1", "format = 2"), conf_path + ":1: key 'format' = '2': expected 1");
   EXPECT_EQ(conf_defect("0.005", "0"), conf_path + ":2: key 'sample_period_s' = '0': expected a number > 0");
   EXPECT_EQ(conf_defect("0.005", "-0.005"), conf_path + ":2: key 'sample_period_s' = '-0.005': expected a number > 0");
-  EXPECT_EQ(conf_defect("29.53", "129"), conf_path + ":3: key 'latitude_deg' = '129': expected a number between -90 and 90");
+  EXPECT_EQ(conf_defect("29.53", "129"),
+            conf_path + ":3: key 'latitude_deg' = '129': expected a number between -90 and 90");
   EXPECT_EQ(conf_defect("9.7914", "0"), conf_path + ":4: key 'gravity_mps2' = '0': expected a number between 9 and 11");
-  EXPECT_EQ(conf_defect("9.7914", "nan"), conf_path + ":4: key 'gravity_mps2' = 'nan': expected a number between 9 and 11");
+  EXPECT_EQ(conf_defect("9.7914", "nan"),
+            conf_path + ":4: key 'gravity_mps2' = 'nan': expected a number between 9 and 11");
   EXPECT_EQ(conf_defect("LG-7", ""), conf_path + ":5: key 'unit_serial' = '': expected a text");
   EXPECT_EQ(conf_defect("gyro_increment = pulses", "gyro_increment = mps"),
             conf_path + ":6: key 'gyro_increment' = 'mps': expected pulses or rad");
@@ -182,8 +184,9 @@ TEST_F(TextTest, CsvValueDefects) {
   EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "x,0,1,-2,3,96,0,24.001"),
             csv_path + ":3: column sample = 'x': expected a whole number, the unit's counter");
   EXPECT_EQ(csv_defect("24.001", "warm"),
-            csv_path + ":3: column temperature_c = 'warm': expected a number in degrees Celsius, or nothing when it was "
-                       "not measured");
+            csv_path +
+                ":3: column temperature_c = 'warm': expected a number in degrees Celsius, or nothing when it was "
+                "not measured");
   EXPECT_EQ(csv_defect("24.001", "NaN"),
             csv_path + ":3: column temperature_c = 'NaN': expected a number in degrees Celsius, or nothing when it was "
                        "not measured");
@@ -198,8 +201,10 @@ TEST_F(TextTest, PhysicalIncrementsMustBeFinite) {
   write_file(conf_path, replaced(replaced(conf, "gyro_increment = pulses", "gyro_increment = rad"),
                                  "accel_increment = pulses", "accel_increment = mps"));
   EXPECT_EQ(csv_defect("1,0,1,-2", "1,inf,1,-2"), csv_path + ":3: column gyro_x = 'inf': expected a number, rad");
-  EXPECT_EQ(csv_defect("1,0,1,-2,3,96", "1,0,1,-2,3,nan"), csv_path + ":3: column accel_y = 'nan': expected a number, m/s");
-  EXPECT_EQ(csv_defect("1,0,1,-2", "1,0.5e-3,1e400,-2"), csv_path + ":3: column gyro_y = '1e400': expected a number, rad");
+  EXPECT_EQ(csv_defect("1,0,1,-2,3,96", "1,0,1,-2,3,nan"),
+            csv_path + ":3: column accel_y = 'nan': expected a number, m/s");
+  EXPECT_EQ(csv_defect("1,0,1,-2", "1,0.5e-3,1e400,-2"),
+            csv_path + ":3: column gyro_y = '1e400': expected a number, rad");
   EXPECT_EQ(csv_defect("1,0,1,-2", "1,0.5e-3,1.25,-2"), "");
 }
 
@@ -234,12 +239,14 @@ TEST_F(TextTest, SegmentDefects) {
                             "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg");
   EXPECT_EQ(segments_defect("rotate", "moving"),
             segments_path + ":3: column kind = 'moving': expected align, static or rotate");
-  EXPECT_EQ(segments_defect("1,align", "x,align"), segments_path + ":2: column step = 'x': expected a whole number >= 0");
+  EXPECT_EQ(segments_defect("1,align", "x,align"),
+            segments_path + ":2: column step = 'x': expected a whole number >= 0");
   EXPECT_EQ(segments_defect("1,align", "-1,align"),
             segments_path + ":2: column step = '-1': expected a whole number >= 0");
   EXPECT_EQ(segments_defect("0,2,-90", "0.5,2,-90"),
             segments_path + ":2: column start_sample = '0.5': expected a whole number");
-  EXPECT_EQ(segments_defect("12.5,0", "nan,0"), segments_path + ":3: column pitch_deg = 'nan': expected a number, degrees");
+  EXPECT_EQ(segments_defect("12.5,0", "nan,0"),
+            segments_path + ":3: column pitch_deg = 'nan': expected a number, degrees");
   EXPECT_EQ(segments_defect("rotate,2,4", "rotate,1,4"),
             segments_path + ":3: start_sample = '1': expected 2, where the segment before ends");
   EXPECT_EQ(segments_defect("rotate,2,4", "rotate,3,4"),
@@ -306,8 +313,9 @@ TEST_F(TextTest, FailedImportLeavesNothingAndKeepsWhatWasThere) {
 
 TEST_F(TextTest, ImportWithOtherSegmentsNamesTheFileTheUserKnows) {
   auto source = RecordingSource::open(folder.path());
-  EXPECT_ERROR(import_binary(**source, {make_segment(1, SegmentKind::still, 0, 60)}, folder / "out.tcr"),
-               (folder / "out.tcr") + ": segment 1: end_sample = '60': expected at most one more than the last sample, 5");
+  EXPECT_ERROR(
+      import_binary(**source, {make_segment(1, SegmentKind::still, 0, 60)}, folder / "out.tcr"),
+      (folder / "out.tcr") + ": segment 1: end_sample = '60': expected at most one more than the last sample, 5");
   ASSERT_OK(import_binary(**source, {make_segment(7, SegmentKind::still, 0, 5)}, folder / "out.tcr"));
   expect_same((*RecordingSource::open(folder / "out.tcr"))->segments(), {make_segment(7, SegmentKind::still, 0, 5)});
 }
@@ -322,7 +330,8 @@ TEST_P(TextRoundTrip, KeepsEveryBitAndTheHash) {
   info.simulated = temperature;
   const auto samples = make_samples(info, 30000, std::int64_t{1} << 40);
   auto writer = RecordingWriter::create(folder / "a.tcr", info);
-  write_segment(*writer, make_segment(1, SegmentKind::align, samples[10].counter, samples[900].counter, 1e-9, -0.0, 1.0 / 3.0),
+  write_segment(*writer,
+                make_segment(1, SegmentKind::align, samples[10].counter, samples[900].counter, 1e-9, -0.0, 1.0 / 3.0),
                 samples);
   ASSERT_OK(writer->finish());
   auto binary = RecordingSource::open(folder / "a.tcr");
@@ -359,7 +368,8 @@ TEST_F(TextTest, EveryChangeOfContentChangesTheHash) {
     return *(*source)->content_hash();
   };
   std::vector<std::string> hashes = {hash()};
-  const auto change = [&](const std::string& path, const char* original, const std::string& what, const std::string& with) {
+  const auto change = [&](const std::string& path, const char* original, const std::string& what,
+                          const std::string& with) {
     write_file(path, replaced(original, what, with));
     hashes.push_back(hash());
     write_file(path, original);
