@@ -54,6 +54,7 @@ outside.gyro_angle_periodic.table_axis = roll
 outside.gyro_angle_periodic.size_degph = 0.02
 fault.1.kind = lost_sample
 fault.1.sample = 120000
+fault.1.count = 3
 fault.1.hidden = true
 fault.2.kind = velocity_knock
 fault.2.sample = 5
@@ -63,6 +64,10 @@ fault.3.kind = table_moved
 fault.3.time_s = 350.5
 fault.3.axis = pitch
 fault.3.size_deg = 0.01
+fault.3.rate_degps = 0.2
+fault.4.kind = emergency_stop
+fault.4.time_s = 12
+fault.4.duration_s = 34
 )", "bench.rig");
   ASSERT_TRUE(config.ok()) << config.error().message;
   EXPECT_EQ(config->seed, 17u);
@@ -86,14 +91,17 @@ fault.3.size_deg = 0.01
   EXPECT_EQ(config->effects.gyro_warm_up_tau_s, 600.0);
   EXPECT_EQ(config->outside.gyro_angle_periodic.axis, 2);
   EXPECT_EQ(config->outside.gyro_angle_periodic.table_axis, Axis::roll);
-  ASSERT_EQ(config->faults.size(), 3u);
+  ASSERT_EQ(config->faults.size(), 4u);
   EXPECT_EQ(config->faults[0].kind, RigFaultKind::lost_sample);
   EXPECT_EQ(config->faults[0].sample, 120000);
+  EXPECT_EQ(config->faults[0].count, 3);
   EXPECT_TRUE(config->faults[0].hidden);
   EXPECT_EQ(config->faults[1].axis, 1);
   EXPECT_EQ(config->faults[1].size, 0.05);
   EXPECT_EQ(config->faults[2].axis, static_cast<int>(Axis::pitch));
   EXPECT_EQ(config->faults[2].time_s, 350.5);
+  EXPECT_EQ(config->faults[2].rate_degps, 0.2);
+  EXPECT_EQ(config->faults[3].duration_s, 34.0);
 }
 
 TEST(RigConfig, ErrorsNameFileLineKeyAndValue) {
