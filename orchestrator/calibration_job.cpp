@@ -66,9 +66,21 @@ void note_joint(const JointResult& result, std::vector<std::string>& notes) {
   }
 }
 
-Status joint(const CompressedRecording& recording, CalibrationOutput& output) {
+std::string undetermined_keys(const JointResult& result) {
+  std::string keys;
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
+    if (parameter_is_free[i] && !result.determined[i]) keys += " " + std::string(parameter_keys[i]);
+  }
+  return keys;
+}
+
+Status joint(const CompressedRecording& recording, bool partial, CalibrationOutput& output) {
   const JointResult result = joint_estimate(recording);
   if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result.message};
+  if (const std::string keys = undetermined_keys(result); !keys.empty() && !partial) {
+    return input_error("this recording does not determine" + keys +
+                       ": expected the steps that do (--partial writes what there is)");
+  }
   output.file.parameters = to_vector(result.parameters);
   for (std::size_t i = 0; i < output.file.sigma.size(); ++i) {
     const double sigma = result.sigma[static_cast<Eigen::Index>(i)];
@@ -99,7 +111,7 @@ Result<CalibrationOutput> calibrate_recording(RecordingSource& source, const Cal
   if (std::isfinite(recording->mean_temperature_c)) output.mean_temperature_c = recording->mean_temperature_c;
   note_data(source, *recording, output.notes);
   const bool closed = request.method == "closed-form";
-  if (Status status = closed ? closed_form(*recording, output) : joint(*recording, output); !status) {
+  if (Status status = closed ? closed_form(*recording, output) : joint(*recording, request.partial, output); !status) {
     return Error{status.error().kind, source.path() + ": " + status.error().message};
   }
   Result<std::string> hash = source.content_hash();

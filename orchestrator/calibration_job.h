@@ -18,6 +18,7 @@ inline constexpr const char* calibration_methods[] = {"joint", "closed-form"};
 struct CalibrationRequest {
   std::string method = calibration_methods[0];
   std::string time_utc;  // for the record
+  bool partial = false;  // accept parameters that the recording does not determine; they stay at their start values
 };
 
 struct CalibrationOutput {

@@ -20,6 +20,7 @@ struct CalibrateOptions {
   std::string recording;
   std::string out;
   std::string method = calibration_methods[0];
+  bool partial = false;
 };
 
 std::optional<ParameterVector> truth_beside(const std::string& recording) {
@@ -36,6 +37,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   if (!source) return source.error();
   CalibrationRequest request;
   request.method = options.method;
+  request.partial = options.partial;
   request.time_utc =
       format_utc(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count());
   const Result<CalibrationOutput> output = calibrate_recording(**source, request);
@@ -63,6 +65,7 @@ void add_calibrate_command(CLI::App& app, CommandContext& context) {
   command->add_option("--method", options->method, "how to estimate")
       ->check(CLI::IsMember(std::vector<std::string>(std::begin(calibration_methods), std::end(calibration_methods))))
       ->capture_default_str();
+  command->add_flag("--partial", options->partial, "write a result even if some parameters are not determined");
   command->callback([options, &context] {
     if (Status status = calibrate(*options, context); !status) context.fail(status.error());
   });

@@ -35,7 +35,10 @@ int run_command_line(int argc, const char* const* argv, const std::vector<AddCom
       app.exit(success, context.out, context.err);
       return 0;
     } catch (const CLI::ParseError& error) {
-      context.fail(input_error(std::string(error.what()) + " (see turncal --help)"));
+      // A word that is not understood is said before what is missing because of it.
+      const std::vector<std::string> unknown = app.remaining(true);
+      const std::string what = unknown.empty() ? error.what() : "'" + unknown.front() + "' is not understood";
+      context.fail(input_error(what + " (see turncal --help)"));
     }
   } catch (const std::exception& error) {
     context.fail({ErrorKind::internal, std::string("internal error: ") + error.what()});

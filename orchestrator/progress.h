@@ -1,7 +1,7 @@
 // What the operator sees of a run.
 //
 // On a terminal: one line, redrawn in place at most ten times a second of wall time,
-//   step 3/14  moving  pitch 123.456 -> 360.000 deg   34 %  11 % of the run  ETA 1:23:45
+//   step 3/14  moving  pitch 123.456 -> 360.000 deg  34 %  run  11 %  ETA 1:23:45
 // Elsewhere: one timestamped line a transition (run_log.h), no animation. ETA is station time that the plan says is left.
 #pragma once
 

@@ -1,0 +1,190 @@
+// Every command as a black box: help and version, refusals with one line and exit code 1, nothing left behind.
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+namespace {
+
+const char* const header = "sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n";
+const char* const conf =
+    "format = 1\nsample_period_s = 0.005\nlatitude_deg = 29.53\ngravity_mps2 = 9.7914\nunit_serial = SN1\n"
+    "gyro_increment = pulses\naccel_increment = pulses\naccel_pulse_mps = 0.0005\n";
+
+class CommandLine : public Program {
+ protected:
+  // A text recording of `samples` rows at rest, one static segment.
+  std::string text_recording(const std::string& name, int samples = 4000, const std::string& settings = conf) const {
+    std::string csv = header;
+    for (int i = 0; i < samples; ++i) csv += std::to_string(i) + ",0,0,0,0,98,0\n";
+    write(name + "/recording.conf", settings);
+    write(name + "/imu.csv", csv);
+    write(name + "/segments.csv", "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg\n1,static,0," +
+                                      std::to_string(samples) + ",0,0,0\n");
+    return path(name);
+  }
+  std::string demo_run(const std::string& name) const {
+    const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
+    const ProgramResult result = run({"run", "--dry-run", "--unit", "SN1", "--out", name, "--sequence", demo});
+    EXPECT_EQ(result.code, 0) << result.err;
+    return path(name);
+  }
+};
+
+TEST_F(CommandLine, HelpAndVersionAreNoErrors) {
+  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+           {"--help"}, {"--version"}, {"run", "--help"}, {"check", "--help"}, {"import", "--help"}, {"export", "--help"},
+           {"calibrate", "--help"}, {"apply", "--help"}}) {
+    const ProgramResult result = run(arguments);
+    EXPECT_EQ(result.code, 0) << arguments.front();
+    EXPECT_EQ(result.err, "");
+    EXPECT_FALSE(result.out.empty());
+  }
+}
+
+TEST_F(CommandLine, UsageErrors) {
+  expect_refused({}, "turncal --help");
+  expect_refused({"nonsense"}, "nonsense");
+  expect_refused({"--nonsense"}, "nonsense");
+  expect_refused({"run", "--nonsense"}, "nonsense");
+  expect_refused({"calibrate"}, "recording");
+  expect_refused({"calibrate", "x", "--out", "y", "--method", "guess"}, "guess");
+  expect_refused({"check", "--sequence", "missing.seq"}, "missing.seq");
+  expect_refused({"import", "missing", "--out", "out"}, "missing");
+  expect_refused({"export", "missing", "--out", "out"}, "missing");
+  expect_refused({"calibrate", "missing", "--out", "out"}, "missing");
+  expect_refused({"apply", "missing", "--parameters", "nowhere.conf", "--out", "out.csv"}, "nowhere.conf");
+}
+
+TEST_F(CommandLine, ImportThenExportGivesTheSameRows) {
+  const std::string text = text_recording("text");
+  ASSERT_EQ(run({"import", text, "--out", "binary"}).code, 0);
+  ASSERT_EQ(run({"export", "binary", "--out", "again"}).code, 0);
+  EXPECT_EQ(file_text(folder_ / "again/imu.csv"), file_text(folder_ / "text/imu.csv"));
+  EXPECT_EQ(file_text(folder_ / "again/segments.csv"), file_text(folder_ / "text/segments.csv"));
+  expect_refused({"import", text, "--out", "binary"}, "already holds recording.tcr");
+  expect_refused({"export", "binary", "--out", "again"}, "already holds");
+}
+
+TEST_F(CommandLine, BadRecordingsAreRefusedByEveryCommand) {
+  struct Case {
+    std::string name, file, text, message;
+  };
+  const std::string settings = conf;
+  const auto without = [&](const std::string& line) {
+    std::string text = settings;
+    const std::size_t at = text.find(line);
+    return text.erase(at, text.find('\n', at) - at + 1);
+  };
+  const auto with = [&](const std::string& line) { return without(line.substr(0, line.find(" ="))) + line + "\n"; };
+  std::string rows = header;
+  for (int i = 0; i < 4000; ++i) rows += std::to_string(i) + (i == 100 ? ",0,nan,0,0,98,0\n" : ",0,0,0,0,98,0\n");
+  const std::string segments = "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg\n";
+  const std::vector<Case> cases = {
+      {"empty_csv", "imu.csv", "", "imu.csv"},
+      {"header_only", "imu.csv", header, "imu.csv"},
+      {"wrong_header", "imu.csv", "sample,gx,gy,gz,ax,ay,az\n0,0,0,0,0,98,0\n", "imu.csv:1"},
+      {"nan", "imu.csv", rows, "imu.csv:102"},
+      {"empty_conf", "recording.conf", "", "recording.conf"},
+      {"zero_gravity", "recording.conf", with("gravity_mps2 = 0"), "gravity_mps2"},
+      {"no_period", "recording.conf", without("sample_period_s"), "sample_period_s"},
+      {"negative_period", "recording.conf", with("sample_period_s = -0.005"), "sample_period_s"},
+      {"unknown_key", "recording.conf", settings + "colour = red\n", "colour"},
+      {"empty_segments", "segments.csv", "", "segments.csv"},
+      {"outside", "segments.csv", segments + "1,static,0,4001,0,0,0\n", "segments.csv"},
+      {"overlap", "segments.csv", segments + "1,static,0,3000,0,0,0\n1,static,2999,4000,0,0,0\n", "segments.csv"},
+      {"kind", "segments.csv", segments + "1,resting,0,4000,0,0,0\n", "segments.csv:2"},
+  };
+  for (const Case& c : cases) {
+    const std::string recording = text_recording(c.name);
+    write(c.name + "/" + c.file, c.text);
+    expect_refused({"import", recording, "--out", "out"}, c.message);
+    expect_refused({"calibrate", recording, "--out", "out"}, c.message);
+    expect_refused({"calibrate", recording, "--out", "out/deep/down", "--method", "closed-form"}, c.message);
+  }
+  const std::string unreadable = text_recording("cut");
+  std::filesystem::remove(folder_ / "cut/imu.csv");
+  expect_refused({"import", unreadable, "--out", "out"}, "imu.csv");
+}
+
+TEST_F(CommandLine, RecordingThatCannotBeCalibratedIsRefused) {
+  const std::string one_position = text_recording("one");
+  expect_refused({"calibrate", one_position, "--out", "out"}, "");
+  expect_refused({"calibrate", one_position, "--out", "out", "--method", "closed-form"}, "step");
+  // Short dwells: the demo's 5 s are below what the closed form accepts, the joint estimate takes them.
+  const std::string demo = demo_run("demo");
+  expect_refused({"calibrate", demo, "--out", "out", "--method", "closed-form"}, "");
+  EXPECT_EQ(run({"calibrate", demo, "--out", "out"}).code, 0);
+}
+
+TEST_F(CommandLine, CalibrateGivesWhatTheRunGave) {
+  const std::string demo = demo_run("demo");
+  ASSERT_EQ(run({"calibrate", demo, "--out", "again"}).code, 0);
+  const auto values = [&](const std::string& name) {
+    std::istringstream text(file_text(folder_ / name / "parameters.conf"));
+    std::string kept;
+    for (std::string line; std::getline(text, line);) {
+      if (!line.starts_with("time_utc") && !line.starts_with("checksum")) kept += line + "\n";
+    }
+    return kept;
+  };
+  EXPECT_EQ(values("again"), values("demo"));
+}
+
+TEST_F(CommandLine, ApplyWritesCalibratedIncrements) {
+  const std::string demo = demo_run("demo");
+  ASSERT_EQ(run({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", "calibrated.csv"}).code, 0);
+  std::istringstream csv(file_text(folder_ / "calibrated.csv"));
+  std::string line;
+  std::getline(csv, line);
+  EXPECT_EQ(line, "sample,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps,dv_y_mps,dv_z_mps");
+  // The first 1000 samples are level and at rest: 5 s of gravity on y within the table's 3' (9.7914 m/s^2 * 5 s).
+  double velocity_y = 0.0;
+  for (int i = 0; i < 1000; ++i) {
+    ASSERT_TRUE(std::getline(csv, line));
+    std::vector<double> fields;
+    std::istringstream cells(line);
+    for (std::string cell; std::getline(cells, cell, ',');) fields.push_back(std::stod(cell));
+    ASSERT_EQ(fields.size(), 7U);
+    EXPECT_EQ(fields[0], i);
+    velocity_y += fields[5];
+  }
+  EXPECT_NEAR(velocity_y, 9.7914 * 5.0, 2e-3);
+}
+
+TEST_F(CommandLine, ApplyRefusesWhatDoesNotBelong) {
+  const std::string demo = demo_run("demo");
+  const std::string good = file_text(folder_ / "demo/parameters.conf");
+  const auto apply = [&](const std::string& file) {
+    return std::vector<std::string>{"apply", demo, "--parameters", file, "--out", "out.csv"};
+  };
+  std::string digit = good;
+  digit[digit.find("N01 = ") + 9] ^= 1;
+  expect_refused(apply(write("digit.conf", digit)), "checksum");
+  std::string missing = good;
+  const std::size_t at = missing.find("a22 = ");
+  missing.erase(at, missing.find('\n', at) - at + 1);
+  expect_refused(apply(write("missing.conf", missing)), "");
+  expect_refused(apply(write("empty.conf", "")), "empty.conf");
+  expect_refused(apply("nowhere.conf"), "nowhere.conf");
+  // Another unit's recording.
+  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN2", "--out", "other", "--capture-only", "--sequence",
+                 std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq"})
+                .code,
+            0);
+  expect_refused({"apply", path("other"), "--parameters", demo + "/parameters.conf", "--out", "out.csv"}, "SN2");
+  // Nowhere to write to.
+  expect_refused({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", "no/such/folder/out.csv"}, "folder");
+  expect_refused({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", demo}, "folder");
+}
+
+TEST_F(CommandLine, CleanRecordingOfAnIndependentRig) {
+  const std::string clean = std::string(TURNCAL_SOURCE_DIR) + "/../shared/data/recordings/clean";
+  if (!std::filesystem::exists(clean)) GTEST_SKIP() << clean << " is not here";
+  const ProgramResult joint = run({"calibrate", clean, "--out", "joint"});
+  EXPECT_EQ(joint.code, 0) << joint.err;
+  const ProgramResult closed = run({"calibrate", clean, "--out", "closed", "--method", "closed-form"});
+  EXPECT_EQ(closed.code, 0) << closed.err;
+  EXPECT_NE(joint.out.find("error/sigma"), std::string::npos) << "truth.conf beside the recording is compared";
+}
+
+}  // namespace
+}  // namespace turncal

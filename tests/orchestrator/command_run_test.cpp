@@ -1,0 +1,156 @@
+// `turncal run --dry-run` as a black box: results, reproducibility, faults, refusals, signals.
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+namespace {
+
+const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
+
+class Run : public Program {
+ protected:
+  std::vector<std::string> dry_run(const std::string& out, std::vector<std::string> more = {}) const {
+    std::vector<std::string> arguments = {"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence", demo};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  }
+};
+
+TEST_F(Run, LeavesRecordingParametersTruthAndLog) {
+  const ProgramResult result = run(dry_run("out/a/b"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_EQ(result.err, "");
+  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/a", "out/a/b", "out/a/b/parameters.conf",
+                                                 "out/a/b/recording.tcr", "out/a/b/run.log", "out/a/b/truth.conf"}));
+  // Not on a terminal: no animation; every line of the run says that it is a dry run.
+  EXPECT_EQ(result.out.find('\r'), std::string::npos);
+  EXPECT_EQ(result.out.find('\x1b'), std::string::npos);
+  std::istringstream log(file_text(folder_ / "out/a/b/run.log"));
+  int lines = 0;
+  for (std::string line; std::getline(log, line); ++lines) EXPECT_TRUE(line.starts_with("[dry run] ")) << line;
+  EXPECT_GT(lines, 100);
+  // 24 rows, the paths, and the closing line.
+  for (const char* text : {"N01   deg/h", "a33   -", "error/sigma", "out/a/b/parameters.conf", "out/a/b/recording.tcr",
+                           "Dry run complete: 0:10:09 recorded"}) {
+    EXPECT_NE(result.out.find(text), std::string::npos) << text << '\n' << result.out;
+  }
+  EXPECT_NE(file_text(folder_ / "out/a/b/parameters.conf").find("simulated = true"), std::string::npos);
+}
+
+TEST_F(Run, SameSeedSameBytes) {
+  const std::string rig = write("seed.rig", "seed = 7\n");
+  const ProgramResult one = run(dry_run("one", {"--rig", rig}));
+  const ProgramResult two = run(dry_run("two", {"--rig", rig}));
+  const ProgramResult other = run(dry_run("other", {"--rig", write("other.rig", "seed = 8\n")}));
+  ASSERT_EQ(one.code, 0) << one.err;
+  ASSERT_EQ(two.code, 0) << two.err;
+  ASSERT_EQ(other.code, 0) << other.err;
+  for (const char* name : {"recording.tcr", "parameters.conf", "truth.conf", "run.log"}) {
+    const std::string bytes = file_text(folder_ / "one" / name);
+    EXPECT_FALSE(bytes.empty()) << name;
+    EXPECT_EQ(bytes, file_text(folder_ / "two" / name)) << name;
+    EXPECT_NE(bytes, file_text(folder_ / "other" / name)) << name << ": the seed does nothing";
+  }
+}
+
+// The whole job: 6342 s, no --sequence given, the program found alone in a folder.
+TEST_F(Run, FourteenStepsAreBuiltIn) {
+  const ProgramResult result = run({"run", "--dry-run", "--unit", "SN1", "--out", "full"});
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.out.find("1:45:42 recorded (6342 s of station time)"), std::string::npos) << result.out.substr(0, 500);
+}
+
+TEST_F(Run, TruthOfAnEffectIsWritten) {
+  const ProgramResult result = run(dry_run("out", {"--rig", write("k2.rig", "effect.accel_second_order.x = 40\n")}));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(file_text(folder_ / "out/truth.conf").find("effect.accel_second_order.x = 40"), std::string::npos);
+}
+
+TEST_F(Run, RepeatedDwellIsSaid) {
+  const std::string rig = write("lost.rig", "fault.1.kind = lost_sample\nfault.1.sample = 1700\nfault.1.count = 2\n");
+  const ProgramResult result = run(dry_run("out", {"--rig", rig}));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.out.find("1 dwells repeated, 2 samples lost"), std::string::npos) << result.out;
+}
+
+TEST_F(Run, DeviceFaultIsExit50WithReasonAndPlace) {
+  const std::string rig = write("stuck.rig", "fault.1.kind = stuck_axis\nfault.1.axis = pitch\nfault.1.time_s = 14\n");
+  const ProgramResult result = run(dry_run("out", {"--rig", rig}));
+  EXPECT_EQ(result.code, 50);
+  EXPECT_EQ(result.err_lines(), 1) << result.err;
+  EXPECT_NE(result.err.find("step 1 (1/14) moving, pitch at"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("stall"), std::string::npos) << result.err;
+  // What was captured stays, under a name that nothing takes for a recording; no result.
+  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/recording.partial.tcr", "out/run.log", "stuck.rig"}));
+  // And the folder is not used again.
+  expect_refused(dry_run("out"), "already holds recording.partial.tcr");
+}
+
+TEST_F(Run, FaultBeforeTheFirstSampleLeavesNothing) {
+  const std::string rig = write("estop.rig", "fault.1.kind = emergency_stop\nfault.1.time_s = 1\n");
+  expect_refused(dry_run("out", {"--rig", rig}), "emergency stop", 50);
+  expect_refused(dry_run("out", {"--rig", write("unit.rig", "unit_serial = SN2\n")}), "'SN2'");
+}
+
+TEST_F(Run, InterruptIsExit30AndStopsTheTable) {
+  // Long enough that the signal comes in the middle: 50 repetitions of a ten-minute dwell.
+  std::string text = "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 0 R 0\n  align 1000\n";
+  for (int i = 0; i < 1000; ++i) text += "  dwell 2000000\n";
+  const pid_t pid = start({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence", write("long.seq", text)});
+  for (int i = 0; i < 500 && !std::filesystem::exists(folder_ / "out/recording.partial.tcr"); ++i) ::usleep(10'000);
+  ::usleep(50'000);
+  ::kill(pid, SIGINT);
+  const ProgramResult result = finish(pid);
+  EXPECT_EQ(result.code, 30) << result.err;
+  EXPECT_EQ(result.err_lines(), 1) << result.err;
+  EXPECT_NE(result.err.find("stopped by the operator"), std::string::npos) << result.err;
+  EXPECT_NE(result.out.find("stopped_verified"), std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out/parameters.conf"));
+}
+
+TEST_F(Run, Refusals) {
+  expect_refused({"run", "--unit", "SN1", "--out", "out"}, "--dry-run");
+  expect_refused({"run", "--unit", "SN1", "--out", "out", "--rig", write("r.rig", "seed = 1\n")}, "--rig");
+  expect_refused({"run", "--dry-run", "--out", "out"}, "--unit");
+  expect_refused({"run", "--dry-run", "--unit", "SN1"}, "--out");
+  expect_refused({"run", "--dry-run", "--unit", "", "--out", "out"}, "--unit");
+  expect_refused({"run", "--dry-run", "--unit", "a#b", "--out", "out"}, "--unit");
+  expect_refused(dry_run("out", {"--rig", "missing.rig"}), "missing.rig");
+  expect_refused(dry_run("out", {"--rig", write("empty.rig", "")}), "empty.rig");
+  expect_refused(dry_run("out", {"--rig", write("typo.rig", "sede = 1\n")}), "typo.rig:1: key 'sede'");
+  expect_refused(dry_run("out", {"--rig", write("nan.rig", "site.gravity_mps2 = nan\n")}), "nan.rig:1");
+  expect_refused(dry_run("out", {"--station", "missing.station"}), "missing.station");
+  expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence", "missing.seq"}, "missing.seq");
+  expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence", write("e.seq", "")}, "e.seq");
+  expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence",
+                  write("nodwell.seq", "format = 1\nname = x\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
+                                       "  initial H 0 P 0 R 0\n  rotate P +90\n")},
+                 "nodwell.seq");
+  // More than the axis may turn.
+  expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence",
+                  write("far.seq", "format = 1\nname = x\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
+                                   "  initial H 0 P 0 R 0\n  align 1000\n  rotate P +3000\n  dwell 1000\n")},
+                 "far.seq:8");
+  expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", write("file", "x")}, "expected a folder");
+  expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", write("file", "x") + "/sub"}, "file");
+}
+
+TEST_F(Run, ARunIsNeverOverwritten) {
+  for (const char* name : {"recording.tcr", "parameters.conf", "run.log", "truth.conf", "recording.partial.tcr"}) {
+    const std::string folder = "old_" + std::string(name);
+    write(folder + "/" + name, "precious");
+    expect_refused(dry_run(folder), name);
+    EXPECT_EQ(file_text(folder_ / folder / name), "precious");
+  }
+  // A folder that holds something else is fine.
+  write("notes/readme.txt", "x");
+  EXPECT_EQ(run(dry_run("notes", {"--capture-only"})).code, 0);
+}
+
+TEST_F(Run, CaptureOnlyRecordsWithoutAResult) {
+  const ProgramResult result = run(dry_run("out", {"--capture-only"}));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/recording.tcr", "out/run.log", "out/truth.conf"}));
+}
+
+}  // namespace
+}  // namespace turncal

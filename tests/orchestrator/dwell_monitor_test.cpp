@@ -1,0 +1,116 @@
+// Which dwells count: by the unit's counter, its flags, and its own account of standing still.
+#include "orchestrator/dwell_monitor.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace turncal {
+namespace {
+
+RecordingInfo info() {
+  RecordingInfo i;
+  i.accel_pulse_mps = 0.0005;
+  return i;
+}
+
+// 10 s at rest: 15 deg/h on x (0.0224 pulses of 0.93292" a sample), +9.79 m/s^2 on y (97.9 pulses).
+std::vector<ImuSample> at_rest(std::int64_t first, std::int64_t count) {
+  std::vector<ImuSample> samples(static_cast<std::size_t>(count));
+  for (std::int64_t i = 0; i < count; ++i) {
+    ImuSample& s = samples[static_cast<std::size_t>(i)];
+    s.counter = first + i;
+    s.gyro = {std::floor(0.0224 * static_cast<double>(i + 1)) - std::floor(0.0224 * static_cast<double>(i)), 0.0, 0.0};
+    s.accel = {0.0, 97.9, 0.0};
+  }
+  return samples;
+}
+
+std::string verdict(const std::vector<ImuSample>& samples, const DwellConfig& config = {}) {
+  DwellMonitor monitor(config, info());
+  monitor.start(500, 2000);
+  const auto& defect = monitor.add(samples);
+  if (defect) return defect->reason;
+  return monitor.complete() ? "complete" : "incomplete";
+}
+
+TEST(DwellMonitor, CountsByTheCounter) {
+  EXPECT_EQ(verdict(at_rest(500, 2000)), "complete");
+  EXPECT_EQ(verdict(at_rest(500, 1999)), "incomplete");
+  DwellMonitor monitor({}, info());
+  monitor.start(500, 2000);
+  EXPECT_EQ(monitor.remaining(), 2000);
+  EXPECT_FALSE(monitor.add(at_rest(500, 1500)));
+  EXPECT_EQ(monitor.remaining(), 500);
+}
+
+TEST(DwellMonitor, EveryLostSampleIsSeen) {
+  for (const std::size_t lost : {0U, 1U, 777U, 1998U}) {
+    std::vector<ImuSample> samples = at_rest(500, 2000);
+    samples.erase(samples.begin() + static_cast<std::ptrdiff_t>(lost));
+    EXPECT_EQ(verdict(samples), "1 samples lost at sample " + std::to_string(500 + lost));
+  }
+}
+
+TEST(DwellMonitor, FlaggedDataIsTheUnitsFailure) {
+  std::vector<ImuSample> samples = at_rest(500, 2000);
+  samples[1999].flags = sample_flag_invalid;
+  DwellMonitor monitor({}, info());
+  monitor.start(500, 2000);
+  const auto& defect = monitor.add(samples);
+  ASSERT_TRUE(defect);
+  EXPECT_EQ(defect->kind, ErrorKind::unit_failed);
+}
+
+// A turn of 0.02 deg within the sixth second is 0.02 deg/s in its mean: 77.2 pulses of 0.93292" more. It stands off the
+// mean of six by 5/6 of that, 0.01667 deg/s. Limit 0.01 deg/s.
+TEST(DwellMonitor, JumpOfTheGyroMean) {
+  std::vector<ImuSample> samples = at_rest(500, 2000);
+  samples[1100].gyro[1] += 77.2;
+  EXPECT_EQ(verdict(samples).rfind("not still: gyro y mean jumps by 0.01667 deg/s", 0), 0U) << verdict(samples);
+  // Limits apart the same data are fine.
+  DwellConfig loose;
+  loose.max_gyro_peak_degps = 0.03;
+  loose.max_gyro_std_degps = 0.03;
+  EXPECT_EQ(verdict(samples, loose), "complete");
+}
+
+// A knock of 0.03 m/s in one sample: 60 pulses, 0.03 m/s^2 in one second's mean. Limit 0.02 m/s^2.
+TEST(DwellMonitor, KnockOnTheAccelerometer) {
+  std::vector<ImuSample> samples = at_rest(500, 2000);
+  samples[900].accel[2] += 60.0;
+  EXPECT_NE(verdict(samples).find("accelerometer z"), std::string::npos) << verdict(samples);
+}
+
+// Slow swaying stays below the peak limit but scatters: 0.004 deg/s amplitude has a standard deviation of 0.0028 > 0.002.
+TEST(DwellMonitor, ScatterOfTheMeans) {
+  std::vector<ImuSample> samples = at_rest(500, 2000);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    // 0.004 deg/s = 14.4 "/s = 0.0772 pulses a 5 ms sample
+    samples[i].gyro[2] += 0.0772 * (i / 400 % 2 == 0 ? 1.0 : -1.0);
+  }
+  EXPECT_NE(verdict(samples).find("gyro z means scatter"), std::string::npos) << verdict(samples);
+}
+
+TEST(DwellMonitor, NotANumberIsNotStill) {
+  std::vector<ImuSample> samples = at_rest(500, 2000);
+  samples[10].accel[0] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_NE(verdict(samples), "complete");
+}
+
+TEST(DwellMonitor, StartsAfresh) {
+  DwellMonitor monitor({}, info());
+  monitor.start(0, 2000);
+  std::vector<ImuSample> bad = at_rest(0, 400);
+  bad.back().flags = sample_flag_invalid;
+  EXPECT_TRUE(monitor.add(bad));
+  monitor.start(400, 2000);
+  EXPECT_FALSE(monitor.add(at_rest(400, 2000)));
+  EXPECT_TRUE(monitor.complete());
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,103 @@
+// For tests: the built program as a black box, in a folder of its own.
+#pragma once
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace turncal {
+
+inline std::string file_text(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+struct ProgramResult {
+  int code = -1;
+  std::string out;
+  std::string err;
+  long err_lines() const { return std::count(err.begin(), err.end(), '\n'); }
+};
+
+class Program : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() /
+              ("turncal_program_" + std::to_string(::getpid()) + "_" +
+               testing::UnitTest::GetInstance()->current_test_info()->name());
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  std::string write(const std::string& name, const std::string& text) const {
+    std::filesystem::create_directories((folder_ / name).parent_path());
+    std::ofstream(folder_ / name, std::ios::binary) << text;
+    return path(name);
+  }
+  // Every file and folder there is, relative to the test's own.
+  std::set<std::string> everything() const {
+    std::set<std::string> names;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_)) {
+      names.insert(std::filesystem::relative(entry.path(), folder_).string());
+    }
+    return names;
+  }
+
+  // Starts the program in the test's folder; its output goes to files outside of it.
+  pid_t start(const std::vector<std::string>& arguments) const {
+    const pid_t pid = ::fork();
+    if (pid != 0) return pid;
+    for (const auto& [descriptor, name] : {std::pair{1, ".out"}, std::pair{2, ".err"}}) {
+      const int fd = ::open((folder_.string() + name).c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+      ::dup2(fd, descriptor);
+    }
+    if (::chdir(folder_.c_str()) != 0) ::_exit(99);
+    std::vector<char*> argv = {const_cast<char*>(TURNCAL_BINARY)};
+    for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
+    argv.push_back(nullptr);
+    ::execv(TURNCAL_BINARY, argv.data());
+    ::_exit(98);
+  }
+  ProgramResult finish(pid_t pid) const {
+    int status = 0;
+    ::waitpid(pid, &status, 0);
+    ProgramResult result;
+    result.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1000 - WTERMSIG(status);
+    result.out = file_text(folder_.string() + ".out");
+    result.err = file_text(folder_.string() + ".err");
+    std::filesystem::remove(folder_.string() + ".out");
+    std::filesystem::remove(folder_.string() + ".err");
+    return result;
+  }
+  ProgramResult run(const std::vector<std::string>& arguments) const { return finish(start(arguments)); }
+
+  // Exit code, exactly one line on stderr that holds `text`, and not a file more than before.
+  void expect_refused(const std::vector<std::string>& arguments, const std::string& text, int code = 1) const {
+    const std::set<std::string> before = everything();
+    const ProgramResult result = run(arguments);
+    std::string command = "turncal";
+    for (const std::string& argument : arguments) command += " " + argument;
+    EXPECT_EQ(result.code, code) << command << '\n' << result.err;
+    EXPECT_EQ(result.err_lines(), 1) << command << '\n' << result.err;
+    EXPECT_NE(result.err.find(text), std::string::npos) << command << '\n' << result.err;
+    EXPECT_EQ(everything(), before) << command << ": left something behind";
+  }
+
+  std::filesystem::path folder_;
+};
+
+}  // namespace turncal

@@ -1,0 +1,88 @@
+// What the operator sees: the live line's content and rate, and plain lines where there is no terminal.
+#include "orchestrator/progress.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <sstream>
+
+#include "orchestrator/run_log.h"
+
+namespace turncal {
+namespace {
+
+RunSnapshot moving() {
+  RunSnapshot s;
+  s.time_s = 754.5;
+  s.utc_s = 1767225600.0 + 754.5;
+  s.state = RunState::moving;
+  s.step = 2;
+  s.step_place = 2;
+  s.step_count = 14;
+  s.axis = Axis::roll;
+  s.target_deg = 360.0;
+  s.position_deg[Axis::roll] = 123.4567;
+  s.phase_fraction = 0.343;
+  s.run_fraction = 0.11;
+  s.eta_s = 5025.0;
+  return s;
+}
+
+TEST(Progress, LineSaysStepPhaseAngleTargetAndEta) {
+  EXPECT_EQ(format_progress(moving()), "step 2/14  moving  roll 123.457 -> 360.000 deg  34 %  run  11 %  ETA 1:23:45");
+}
+
+TEST(Progress, DwellSaysItsKindAndRepeat) {
+  RunSnapshot s = moving();
+  s.state = RunState::dwelling;
+  s.dwell_kind = SegmentKind::align;
+  s.axis.reset();
+  EXPECT_EQ(format_progress(s), "step 2/14  align  H 0.000 P 0.000 R 123.457 deg  34 %  run  11 %  ETA 1:23:45");
+  s.dwell_kind = SegmentKind::still;
+  s.repeats = 1;
+  EXPECT_NE(format_progress(s).find("dwell (repeat 1)"), std::string::npos);
+}
+
+TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
+  std::ostringstream out;
+  double wall_s = 50.0;
+  ProgressView view(out, true, "", [&] { return wall_s; });
+  TransitionRecord record;
+  record.at = moving();
+  int calls = 0;
+  for (; wall_s < 52.0; wall_s += 0.001, ++calls) {
+    view.on_progress(moving());
+    view.on_transition(record);
+  }
+  const std::string text = out.str();
+  const auto redraws = std::count(text.begin(), text.end(), '\r');
+  EXPECT_GE(redraws, 18);
+  EXPECT_LE(redraws, 20);
+  EXPECT_EQ(text.find('\n'), std::string::npos) << "the live line never scrolls";
+  view.clear();
+  EXPECT_TRUE(out.str().ends_with("\r\x1b[K"));
+}
+
+TEST(Progress, ElsewhereOnePlainLineATransition) {
+  std::ostringstream out;
+  ProgressView view(out, false, "[dry run] ", [] { return 0.0; });
+  TransitionRecord record;
+  record.at = moving();
+  record.from = RunState::moving;
+  record.to = RunState::settling;
+  record.event = RunEvent::arrived;
+  for (int i = 0; i < 100; ++i) view.on_progress(moving());
+  view.on_transition(record);
+  EXPECT_EQ(out.str(),
+            "[dry run] 2026-01-01T00:12:34Z     754.500 s  step 2/14  moving -> settling  arrived: roll at 123.4567 deg\n");
+}
+
+TEST(Progress, Durations) {
+  EXPECT_EQ(format_duration(0.0), "0:00:00");
+  EXPECT_EQ(format_duration(59.6), "0:01:00");
+  EXPECT_EQ(format_duration(6342.0), "1:45:42");
+  EXPECT_EQ(format_duration(-3.0), "0:00:00");
+}
+
+}  // namespace
+}  // namespace turncal
