@@ -143,23 +143,29 @@ void Compressor::look_for_glitch(const ImuSample& sample) {
   now << sample.gyro[0], sample.gyro[1], sample.gyro[2], sample.accel[0], sample.accel[1], sample.accel[2];
   if (history_ >= 2) {
     const Eigen::Matrix<double, 6, 1> second_difference = last_ - 0.5 * (now + before_last_);
+    const Eigen::Matrix<double, 6, 1> square = second_difference.cwiseAbs2();
+    const Eigen::Matrix<double, 6, 1> limit = (options_.glitch_ratio * options_.glitch_ratio * mean_square_)
+                                                  .cwiseMax(options_.glitch_counts_min * options_.glitch_counts_min);
+    const bool suspect = history_ > 50 && (square.array() > limit.array()).any();
     // mean square with a memory of about 100 samples; a suspect does not spoil the scale it is measured against
-    for (int channel = 0; channel < 6; ++channel) {
+    if (!suspect) mean_square_ += (square - mean_square_) * 0.01;
+    for (int channel = 0; suspect && channel < 6; ++channel) {
       const double value = second_difference[channel];
-      const double limit = std::max(options_.glitch_ratio * std::sqrt(mean_square_[channel]), options_.glitch_counts_min);
-      if (history_ > 50 && std::abs(value) > limit) {
+      if (square[channel] > limit[channel]) {
         // The sample in the middle stands out; its two neighbours see half of it with the other sign.
-        const bool same_event = !recording_.events.empty() && recording_.events.back().axis == channel % 3 &&
-                                recording_.events.back().sample >= sample.counter - 3;
-        if (!same_event)
-          recording_.events.push_back({channel < 3 ? DataEvent::Kind::gyro_glitch : DataEvent::Kind::accel_glitch,
-                                       sample.counter - 1, 1, channel % 3, value});
-        else if (std::abs(value) > std::abs(recording_.events.back().size)) {
-          recording_.events.back().sample = sample.counter - 1;
-          recording_.events.back().size = value;
+        const auto kind = channel < 3 ? DataEvent::Kind::gyro_glitch : DataEvent::Kind::accel_glitch;
+        auto known = recording_.events.rbegin();
+        while (known != recording_.events.rend() && known->sample >= sample.counter - 3 &&
+               !(known->kind == kind && known->axis == channel % 3))
+          ++known;
+        if (known == recording_.events.rend() || known->sample < sample.counter - 3) {
+          recording_.events.push_back({kind, sample.counter - 1, 1, channel % 3, value});
+        } else if (std::abs(value) > std::abs(known->size)) {
+          known->sample = sample.counter - 1;
+          known->size = value;
         }
       } else {
-        mean_square_[channel] += (value * value - mean_square_[channel]) * 0.01;
+        mean_square_[channel] += (square[channel] - mean_square_[channel]) * 0.01;
       }
     }
   }

@@ -40,6 +40,9 @@ struct RigRecorderOptions {
   double settle_s = 0.5;
   CompressionOptions compression;
   RecordingWriter* writer = nullptr;  // an ordinary recording beside it; finish() is left to the caller
+  // This dwell (0: the first of the sequence, alignments count) is recorded, found bad and repeated, as a station does
+  // it: closed as rotate, settled, and recorded again.
+  int repeated_dwell = -1;
 };
 
 // No noise, bias instability or walks, and real-valued pulses.
@@ -109,7 +112,12 @@ inline RigRecording record_on_rig(const Sequence& sequence, RigConfig config, co
 
   Compressor compressor(info, options.compression);
   std::vector<ImuSample> chunk(2048);
-  const auto advance = [&](std::int64_t samples) {
+  std::int64_t counter = config.first_counter;
+  const auto record = [&](Segment segment, std::int64_t samples, SegmentKind final_kind) {
+    segment.start_sample = counter;
+    segment.end_sample = counter += samples;
+    compressor.begin_segment(segment);
+    if (options.writer != nullptr) must(options.writer->begin_segment(segment));
     while (samples > 0) {
       const std::int64_t now = std::min<std::int64_t>(samples, 1024);  // twice as many may come back: duplicates
       const std::size_t count = rig.advance_time(now, chunk);
@@ -118,24 +126,27 @@ inline RigRecording record_on_rig(const Sequence& sequence, RigConfig config, co
       if (options.writer != nullptr) must(options.writer->add(got));
       samples -= now;
     }
+    compressor.end_segment(final_kind, segment.end_sample);
+    const AxisTriple angles = {{segment.heading_deg, segment.pitch_deg, segment.roll_deg}};
+    if (options.writer != nullptr) must(options.writer->end_segment(final_kind, segment.end_sample, angles));
   };
+  int dwell = 0;
   for (const PlannedItem& item : plan.items) {
     const bool move = item.kind == SequenceItem::Kind::move;
     Segment segment;
     segment.step = item.step;
     segment.kind = move ? SegmentKind::rotate : item.dwell_kind;
-    segment.start_sample = config.first_counter + item.start_sample;
-    segment.end_sample = segment.start_sample + item.samples;
     segment.heading_deg = item.commanded_deg[Axis::heading];
     segment.pitch_deg = item.commanded_deg[Axis::pitch];
     segment.roll_deg = item.commanded_deg[Axis::roll];
-    compressor.begin_segment(segment);
-    if (options.writer != nullptr) must(options.writer->begin_segment(segment));
     if (move) rig.command_move(item.axis, item.to_deg, item.rate_degps, item.acceleration_degps2);
-    advance(item.samples);
-    compressor.end_segment(segment.kind, segment.end_sample);
-    if (options.writer != nullptr)
-      must(options.writer->end_segment(segment.kind, segment.end_sample, item.commanded_deg));
+    if (!move && dwell++ == options.repeated_dwell) {
+      record(segment, item.samples / 2, SegmentKind::rotate);
+      Segment settle = segment;
+      settle.kind = SegmentKind::rotate;
+      record(settle, 100, SegmentKind::rotate);
+    }
+    record(segment, item.samples, segment.kind);
   }
   return {compressor.take(), rig_truth(rig), rig.truth_effects()};
 }

@@ -311,6 +311,16 @@ TEST(CompressionEvents, AGlitchIsListedOnceWithPlaceAxisAndSize) {
   EXPECT_NEAR(r.events[1].size, 100.0, 3.0);
 }
 
+TEST(CompressionEvents, GlitchesOfSeveralSensorsAtOnceAreSeveral) {
+  std::vector<ImuSample> samples = quiet_samples(1000);
+  samples[500].gyro[2] += 221.0;
+  samples[500].gyro[0] -= 150.0;
+  samples[500].accel[2] += 100.0;
+  const CompressedRecording r = compress(pulses_info(), {segment(SegmentKind::still, 0, 1000)}, samples);
+  ASSERT_EQ(r.events.size(), 3u);
+  for (const DataEvent& event : r.events) EXPECT_EQ(event.sample, 500);
+}
+
 TEST(CompressionEvents, AGlitchInMidTurnIsSeenAndTheTurnItselfIsNot) {
   std::vector<ImuSample> samples = turning_samples(4000);
   samples[1800].gyro[1] -= 221.0;

@@ -1,0 +1,74 @@
+// What the tests of the closed form share: the paper's unit on the rig, and the fourteen steps in long and in short.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "calib/closed_form.h"
+#include "tests/rig_recorder.h"
+
+namespace turncal {
+
+// What the issue asks of noise-free data after three passes.
+inline constexpr ParameterDistance demanded = {0.0005, 1e-7, 1.5e-7, 1.5e-7};
+
+inline void expect_within(const ParameterDistance& found, const ParameterDistance& limit, const std::string& what) {
+  EXPECT_LT(found.gyro_bias_degph, limit.gyro_bias_degph) << what;
+  EXPECT_LT(found.accel_bias_g, limit.accel_bias_g) << what;
+  EXPECT_LT(found.gyro_matrix, limit.gyro_matrix) << what;
+  EXPECT_LT(found.accel_matrix, limit.accel_matrix) << what;
+}
+
+// The paper's unit (its Table 1; scale factors of the accelerometers up to 8 % off) on a table that is 3 arc-minutes
+// off level and north, without noise.
+inline RigConfig paper_unit() {
+  RigConfig config = noise_free(perfect_table(default_rig_config()));
+  constexpr std::array<double, 24> table1 = {
+      -0.078921, 0.025013, 0.084675, 0.003576,  -0.0016021, -0.0059875,                                   // N0, A0
+      0.932978,  0.001801, -0.000801, -0.001657, 0.932801,  0.000914,   0.000510, -0.004321, 0.932801,  // n
+      0.980101,  0.000801, -0.000330, 0.0,       1.080798,  0.000986,   0.0,      0.0,       0.953105}; // a
+  for (std::size_t i = 0; i < table1.size(); ++i) config.truth[i] = table1[i];
+  config.table_errors.tilt_north_arcmin = 3.0;
+  config.table_errors.tilt_east_arcmin = -3.0;
+  config.table_errors.north_arcmin = 3.0;
+  return config;
+}
+
+inline const Sequence& fourteen_steps() {
+  static const Sequence sequence = must_read_sequence("fourteen_step.seq");
+  return sequence;
+}
+
+// The fourteen steps at four times the rate with dwells of 15 s (some of 20 s: V1 and V2 over different lengths), 60 s
+// in 13 and 14: for what does not depend on lengths.
+inline Sequence short_steps() {
+  std::string text = fourteen_steps().text;
+  const auto replace = [&](const std::string& from, const std::string& to) {
+    for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
+      text.replace(at, from.size(), to);
+  };
+  replace("align 12000", "align 2400");
+  replace("dwell 120000", "dwell 12000");
+  replace("dwell 20000", "dwell 3000");
+  replace("rate_degps = 10", "rate_degps = 40");
+  replace("rotate R -180\n  dwell 3000", "rotate R -180\n  dwell 4000");
+  replace("rotate P -360\n  dwell 3000", "rotate P -360\n  dwell 4000");
+  return must(parse_sequence(text, "short_steps"));
+}
+
+inline const CompressedRecording& short_recording() {
+  static const CompressedRecording recording = record_on_rig(short_steps(), paper_unit()).recording;
+  return recording;
+}
+
+inline ClosedFormOptions passes(int count) {
+  ClosedFormOptions options;
+  options.max_passes = count;
+  options.tolerance = {};  // never enough
+  return options;
+}
+
+}  // namespace turncal
