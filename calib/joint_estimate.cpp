@@ -17,12 +17,16 @@ NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& 
   const bool accel_pulses = recording.info.accel_increment == IncrementKind::pulses;
   if (gyro_pulses) noise.gyro_pulse_rad = model.gyro_scale(0, 0);
   if (accel_pulses) noise.accel_pulse_mps = recording.info.accel_pulse_mps;
-  for (int k = 0; k < 3; ++k) {
-    const double gyro = allan.axes[static_cast<std::size_t>(k)].fit.random_walk;
-    const double accel = allan.axes[static_cast<std::size_t>(k) + 3].fit.random_walk;
-    noise.angle_random_walk[k] = std::max(gyro, gyro_pulses ? 0.02 * noise.gyro_pulse_rad : 1e-9);
-    noise.velocity_random_walk[k] = std::max(accel, accel_pulses ? 0.02 * noise.accel_pulse_mps : 1e-8);
+  // Of the axes of a triad the noisiest stands for all three: in dwells of 100 s an axis that counts close to a whole number
+  // of pulses a sample can look three times too quiet, and what follows would be taken for faults.
+  double gyro = gyro_pulses ? 0.02 * noise.gyro_pulse_rad : 1e-9;
+  double accel = accel_pulses ? 0.02 * noise.accel_pulse_mps : 1e-8;
+  for (std::size_t k = 0; k < 3; ++k) {
+    gyro = std::max(gyro, allan.axes[k].fit.random_walk);
+    accel = std::max(accel, allan.axes[k + 3].fit.random_walk);
   }
+  noise.angle_random_walk.setConstant(gyro);
+  noise.velocity_random_walk.setConstant(accel);
   return noise;
 }
 
