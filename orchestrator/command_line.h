@@ -18,6 +18,7 @@ struct CommandContext {
   std::ostream& out;
   std::ostream& err;
   bool out_is_terminal = false;
+  int terminal_columns = 80;  // meaningful when out is a terminal
   int exit_code = 0;  // what the command that ran has to say
 
   // One line on err; sets the exit code.

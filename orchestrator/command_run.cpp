@@ -196,7 +196,7 @@ Status execute(const RunOptions& options, CommandContext& context) {
             prepared->station.name + ", sequence " + prepared->sequence.name + ", rig seed " +
             format_number(prepared->rig.seed));
 
-  ProgressView view(context.out, context.out_is_terminal, tag, steady_wall_s);
+  ProgressView view(context.out, context.out_is_terminal ? context.terminal_columns : 0, tag, steady_wall_s);
   Fanout observers(*log, view);
   RecordingSink sink(folder->path());
   std::optional<CalibrationOutput> output;

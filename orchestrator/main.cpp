@@ -1,3 +1,4 @@
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <iostream>
@@ -11,8 +12,18 @@
 #include "orchestrator/command_run.h"
 #include "orchestrator/command_text.h"
 
+namespace {
+
+int terminal_columns() {
+  winsize size{};
+  return ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
-  turncal::CommandContext context{.out = std::cout, .err = std::cerr, .out_is_terminal = isatty(STDOUT_FILENO) == 1};
+  turncal::CommandContext context{.out = std::cout, .err = std::cerr, .out_is_terminal = isatty(STDOUT_FILENO) == 1,
+                                  .terminal_columns = terminal_columns()};
   return turncal::run_command_line(argc, argv,
                                    {
                                        turncal::add_run_command,

@@ -1,5 +1,6 @@
 #include "orchestrator/progress.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -33,13 +34,13 @@ std::string format_duration(double seconds) {
 std::string format_progress(const RunSnapshot& s) {
   char angles[100];
   if (s.axis) {
-    std::snprintf(angles, sizeof angles, "%s %.3f -> %.3f deg", to_string(*s.axis), s.position_deg[*s.axis], s.target_deg);
+    std::snprintf(angles, sizeof angles, "%s %.2f -> %.2f deg", to_string(*s.axis), s.position_deg[*s.axis], s.target_deg);
   } else {
-    std::snprintf(angles, sizeof angles, "H %.3f P %.3f R %.3f deg", s.position_deg[Axis::heading],
+    std::snprintf(angles, sizeof angles, "H %.2f P %.2f R %.2f deg", s.position_deg[Axis::heading],
                   s.position_deg[Axis::pitch], s.position_deg[Axis::roll]);
   }
   char text[240];
-  std::snprintf(text, sizeof text, "step %zu/%zu  %s  %s %3.0f %%  run %3.0f %%  ETA %s", s.step_place, s.step_count,
+  std::snprintf(text, sizeof text, "step %zu/%zu  %s  %s %3.0f%%  run %3.0f%%  ETA %s", s.step_place, s.step_count,
                 phase_text(s).c_str(), angles, 100.0 * s.phase_fraction, 100.0 * s.run_fraction,
                 format_duration(s.eta_s).c_str());
   return text;
@@ -49,20 +50,23 @@ double steady_wall_s() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-ProgressView::ProgressView(std::ostream& out, bool terminal, std::string tag, std::function<double()> wall_s)
-    : out_(out), terminal_(terminal), tag_(std::move(tag)), wall_s_(std::move(wall_s)) {}
+ProgressView::ProgressView(std::ostream& out, int columns, std::string tag, std::function<double()> wall_s)
+    : out_(out), columns_(columns), tag_(std::move(tag)), wall_s_(std::move(wall_s)) {}
 
 void ProgressView::on_transition(const TransitionRecord& record) {
-  if (!terminal_) out_ << format_transition(record, tag_) << std::endl;
+  if (columns_ == 0) out_ << format_transition(record, tag_) << std::endl;
 }
 
 void ProgressView::on_progress(const RunSnapshot& snapshot) {
-  if (!terminal_) return;
+  if (columns_ == 0) return;
   const double now_s = wall_s_();
   if (now_s - drawn_s_ < redraw_interval_s) return;
   drawn_s_ = now_s;
   line_shown_ = true;
-  out_ << '\r' << tag_ << format_progress(snapshot) << "\x1b[K" << std::flush;
+  // A line that wraps could not be redrawn in place.
+  std::string line = tag_ + format_progress(snapshot);
+  line.resize(std::min(line.size(), static_cast<std::size_t>(columns_ - 1)));
+  out_ << '\r' << line << "\x1b[K" << std::flush;
 }
 
 void ProgressView::clear() {

@@ -1,7 +1,7 @@
 // What the operator sees of a run.
 //
 // On a terminal: one line, redrawn in place at most ten times a second of wall time,
-//   step 3/14  moving  pitch 123.456 -> 360.000 deg  34 %  run  11 %  ETA 1:23:45
+//   step 3/14  moving  pitch 123.45 -> 360.00 deg  34%  run  11%  ETA 1:23:45
 // Elsewhere: one timestamped line a transition (run_log.h), no animation. ETA is station time that the plan says is left.
 #pragma once
 
@@ -15,8 +15,9 @@ namespace turncal {
 
 class ProgressView : public RunObserver {
  public:
+  // columns: width of the terminal, 0 when it is none.
   // wall_s: seconds on any steady clock; only used to limit redrawing.
-  ProgressView(std::ostream& out, bool terminal, std::string tag, std::function<double()> wall_s);
+  ProgressView(std::ostream& out, int columns, std::string tag, std::function<double()> wall_s);
   ~ProgressView() override { clear(); }
   void on_transition(const TransitionRecord& record) override;
   void on_progress(const RunSnapshot& snapshot) override;
@@ -24,7 +25,7 @@ class ProgressView : public RunObserver {
 
  private:
   std::ostream& out_;
-  bool terminal_;
+  int columns_;
   bool line_shown_ = false;
   std::string tag_;
   std::function<double()> wall_s_;

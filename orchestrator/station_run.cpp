@@ -351,7 +351,7 @@ RunSnapshot StationRun::snapshot() const {
       s.phase_fraction = 1.0 - static_cast<double>(dwell_->remaining()) / static_cast<double>(item.samples);
     } else if (item_running_ && (state_ == RunState::moving || state_ == RunState::settling)) {
       s.phase_fraction = std::clamp(
-          (s.position_deg[item.axis] - item.from_deg) / (item.to_deg - item.from_deg), 0.0, 1.0);
+          (s.position_deg[item.axis] - item.from_deg) / (item.to_deg - item.from_deg) + 0.0, 0.0, 1.0);
     }
     planned_s += s.phase_fraction * item.duration_s;
   }

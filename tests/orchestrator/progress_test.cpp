@@ -29,7 +29,7 @@ RunSnapshot moving() {
 }
 
 TEST(Progress, LineSaysStepPhaseAngleTargetAndEta) {
-  EXPECT_EQ(format_progress(moving()), "step 2/14  moving  roll 123.457 -> 360.000 deg  34 %  run  11 %  ETA 1:23:45");
+  EXPECT_EQ(format_progress(moving()), "step 2/14  moving  roll 123.46 -> 360.00 deg  34%  run  11%  ETA 1:23:45");
 }
 
 TEST(Progress, DwellSaysItsKindAndRepeat) {
@@ -37,7 +37,7 @@ TEST(Progress, DwellSaysItsKindAndRepeat) {
   s.state = RunState::dwelling;
   s.dwell_kind = SegmentKind::align;
   s.axis.reset();
-  EXPECT_EQ(format_progress(s), "step 2/14  align  H 0.000 P 0.000 R 123.457 deg  34 %  run  11 %  ETA 1:23:45");
+  EXPECT_EQ(format_progress(s), "step 2/14  align  H 0.00 P 0.00 R 123.46 deg  34%  run  11%  ETA 1:23:45");
   s.dwell_kind = SegmentKind::still;
   s.repeats = 1;
   EXPECT_NE(format_progress(s).find("dwell (repeat 1)"), std::string::npos);
@@ -46,7 +46,7 @@ TEST(Progress, DwellSaysItsKindAndRepeat) {
 TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
   std::ostringstream out;
   double wall_s = 50.0;
-  ProgressView view(out, true, "", [&] { return wall_s; });
+  ProgressView view(out, 41, "", [&] { return wall_s; });
   TransitionRecord record;
   record.at = moving();
   int calls = 0;
@@ -58,6 +58,7 @@ TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
   const auto redraws = std::count(text.begin(), text.end(), '\r');
   EXPECT_GE(redraws, 18);
   EXPECT_LE(redraws, 20);
+  EXPECT_NE(text.find("\rstep 2/14  moving  roll 123.46 -> 360.00\x1b[K"), std::string::npos) << "cut to 40 columns";
   EXPECT_EQ(text.find('\n'), std::string::npos) << "the live line never scrolls";
   view.clear();
   EXPECT_TRUE(out.str().ends_with("\r\x1b[K"));
@@ -65,7 +66,7 @@ TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
 
 TEST(Progress, ElsewhereOnePlainLineATransition) {
   std::ostringstream out;
-  ProgressView view(out, false, "[dry run] ", [] { return 0.0; });
+  ProgressView view(out, 0, "[dry run] ", [] { return 0.0; });
   TransitionRecord record;
   record.at = moving();
   record.from = RunState::moving;
