@@ -14,6 +14,7 @@ namespace {
 // What a nominee has to be better by than one with fewer assumptions, and what counts as "as good" (effects.md).
 constexpr double bic_margin = 10.0;
 constexpr double alias_correlation = 0.97;
+constexpr std::size_t most_rivals = 3;
 
 double minus_two_log_likelihood(const JointResult& r) { return r.last.chi_square + r.last.log_determinant; }
 
@@ -44,10 +45,13 @@ class Diagnoser {
   EffectColumn refine(const EffectColumn& pattern, bool without_bias_instability) const;
   Scores scores(const FilterResult& information, int effects, int candidates) const;
   Nominee best(const Scores& s, bool patterns, std::int64_t n) const;
+  std::vector<Nominee> rivals_of(const Nominee& top, const Scores& s, std::int64_t n) const;
   void list_candidates(const Scores& s);
   bool stage();
   void name_aliases(const Scores& s, const EffectColumn& chosen, double z_square, SelectionStage& stage);
   void stop_unexplained(const EffectColumn& pattern, const JointResult& with_pattern);
+  bool take_rival(const std::string& name, const std::vector<EffectColumn>& without, double error_without,
+                  const HoldoutGate& check);
   void gate();
   void judge();
   void collect_residuals();
@@ -120,6 +124,25 @@ Nominee Diagnoser::best(const Scores& s, bool patterns, std::int64_t n) const {
   return top;
 }
 
+// The best component of each other effect that comes within 10 of the best: the likelihood decides between them.
+std::vector<Nominee> Diagnoser::rivals_of(const Nominee& top, const Scores& s, std::int64_t n) const {
+  std::vector<Nominee> rivals;
+  const EffectEntry* winner = columns_[static_cast<std::size_t>(top.candidate)].entry;
+  for (const EffectEntry& entry : effect_catalogue()) {
+    Nominee rival;
+    for (int k = 0; k < static_cast<int>(catalogue_.size()) && &entry != winner; ++k) {
+      const EffectColumn& column = catalogue_[static_cast<std::size_t>(k)];
+      if (column.entry != &entry || !visible(s, k)) continue;
+      const double z_square = s.s[k] * s.s[k] / s.Q(k, k) - penalty(column, n);
+      if (z_square > rival.z_square) rival = {k, z_square};
+    }
+    if (rival.candidate >= 0 && rival.z_square > top.z_square - bic_margin) rivals.push_back(rival);
+  }
+  std::sort(rivals.begin(), rivals.end(), [](const Nominee& a, const Nominee& b) { return a.z_square > b.z_square; });
+  if (rivals.size() > most_rivals) rivals.resize(most_rivals);
+  return rivals;
+}
+
 void Diagnoser::list_candidates(const Scores& s) {
   for (int k = 0; k < static_cast<int>(catalogue_.size()); ++k) {
     CandidateScore c;
@@ -162,7 +185,7 @@ void Diagnoser::list_candidates(const Scores& s) {
 }
 
 // Effects that would have done as well, or that can imitate what was chosen.
-void Diagnoser::name_aliases(const Scores& s, const EffectColumn& chosen, double z_square, SelectionStage& stage) {
+void Diagnoser::name_aliases(const Scores& s, const EffectColumn& chosen, double chosen_z_square, SelectionStage& stage) {
   int chosen_index = 0;
   for (int k = 0; k < static_cast<int>(catalogue_.size()); ++k)
     if (catalogue_[static_cast<std::size_t>(k)].key() == chosen.key() && catalogue_[static_cast<std::size_t>(k)].tau_s == chosen.tau_s)
@@ -171,6 +194,7 @@ void Diagnoser::name_aliases(const Scores& s, const EffectColumn& chosen, double
   for (const EffectEntry& entry : effect_catalogue()) {
     if (&entry == chosen.entry) continue;
     double rival = 0.0;
+    EffectColumn rival_column;
     bool imitates = false;
     const std::vector<double> taus = entry.taus_s.empty() ? std::vector<double>{0.0} : entry.taus_s;
     for (const double tau : taus) {
@@ -179,12 +203,19 @@ void Diagnoser::name_aliases(const Scores& s, const EffectColumn& chosen, double
         if (catalogue_[static_cast<std::size_t>(k)].entry == &entry && catalogue_[static_cast<std::size_t>(k)].tau_s == tau &&
             visible(s, k)) {
           members.push_back(k);
-          rival = std::max(rival, s.s[k] * s.s[k] / s.Q(k, k));
+          const double z_square = s.s[k] * s.s[k] / s.Q(k, k);
+          if (z_square > rival) {
+            rival = z_square;
+            rival_column = catalogue_[static_cast<std::size_t>(k)];
+          }
         }
       if (!members.empty() && multiple_correlation(s, chosen_index, members) > alias_correlation) imitates = true;
     }
-    if (rival > z_square - bic_margin) stage.rivals.emplace_back(std::string(entry.name), rival);
-    if ((rival > z_square - bic_margin || imitates) && std::find(names.begin(), names.end(), entry.name) == names.end()) {
+    if (rival > chosen_z_square - bic_margin) {
+      stage.rivals.emplace_back(std::string(entry.name), rival);
+      stage.rival_columns.push_back(rival_column);
+    }
+    if ((rival > chosen_z_square - bic_margin || imitates) && std::find(names.begin(), names.end(), entry.name) == names.end()) {
       names.emplace_back(entry.name);
       std::string& how = d_.separate_by[std::string(chosen.entry->name)];
       how += (how.empty() ? "" : "; ") + std::string(entry.name) + ": " + std::string(entry.seen_by);
@@ -247,8 +278,14 @@ bool Diagnoser::stage() {
       if (nominee.candidate < 0 || nominee.z_square < threshold_) continue;
       // A pattern matters only where it may beat the best effect; its time or period is not yet the right one.
       if (patterns && nominee.z_square < 0.6 * best(*s, false, n).z_square) continue;
-      if (std::none_of(trials.begin(), trials.end(), [&](const Trial& t) { return t.nominee.candidate == nominee.candidate; }))
-        trials.push_back({nominee, s, {}, {}, 0.0});
+      std::vector<Nominee> nominees = {nominee};
+      if (!patterns) {
+        const std::vector<Nominee> rivals = rivals_of(nominee, *s, n);
+        nominees.insert(nominees.end(), rivals.begin(), rivals.end());
+      }
+      for (const Nominee& one : nominees)
+        if (std::none_of(trials.begin(), trials.end(), [&](const Trial& t) { return t.nominee.candidate == one.candidate; }))
+          trials.push_back({one, s, {}, {}, 0.0});
       if (s == &bare || &fitted == &bare) break;
     }
   Trial* best_effect = nullptr;
@@ -295,6 +332,34 @@ bool Diagnoser::stage() {
   return static_cast<int>(chosen_.size()) < options_.max_components;
 }
 
+// The effect of `name` did not help on held-out data; does another of its alias class, in its place?
+bool Diagnoser::take_rival(const std::string& name, const std::vector<EffectColumn>& without, double error_without,
+                           const HoldoutGate& check) {
+  for (SelectionStage& stage : d_.stages) {
+    if (!stage.accepted || stage.chosen.entry->name != name) continue;
+    for (const EffectColumn& rival : stage.rival_columns) {
+      const std::string rival_name(rival.entry->name);
+      if (std::find(d_.gated_out.begin(), d_.gated_out.end(), rival_name) != d_.gated_out.end()) continue;
+      std::vector<EffectColumn> model = without;
+      model.push_back(rival);
+      JointResult other = fit(model, current_);
+      if (check.error(other, current_.noise).chi_square >= error_without) continue;
+      std::vector<std::string> names = d_.aliases[name];
+      std::replace(names.begin(), names.end(), rival_name, name);
+      d_.aliases.erase(name);
+      d_.aliases[rival_name] = names;
+      d_.separate_by[rival_name] = d_.separate_by[name];
+      d_.separate_by.erase(name);
+      stage.note += "; held-out data prefer " + rival.key() + " of the same alias class";
+      d_.gated_out.push_back(name);
+      chosen_ = model;
+      current_ = std::move(other);
+      return true;
+    }
+  }
+  return false;
+}
+
 // An effect stays only if the error of data not used in the fit is lower with it than without it.
 void Diagnoser::gate() {
   const HoldoutGate check(recording_, options_.holdout, [this](const std::vector<EffectColumn>& effects, const JointResult& from,
@@ -317,7 +382,12 @@ void Diagnoser::gate() {
       for (const EffectColumn& c : chosen_)
         if (c.entry->name != name) without.push_back(c);
       const JointResult reduced = without.empty() ? d_.base : fit(without, current_);
-      if (check.error(reduced, current_.noise).chi_square > with.chi_square) continue;
+      const double error_without = check.error(reduced, current_.noise).chi_square;
+      if (error_without > with.chi_square) continue;
+      if (take_rival(name, without, error_without, check)) {
+        removed = true;
+        break;
+      }
       d_.gated_out.push_back(name);
       d_.aliases.erase(name);
       d_.separate_by.erase(name);
@@ -427,12 +497,6 @@ const char* to_string(Verdict verdict) {
     case Verdict::noise_model: return "noise_model";
   }
   return "?";
-}
-
-double absurd_magnitude(const EffectEntry& entry) {
-  if (entry.unit == "mm") return 1000.0;
-  if (entry.unit == "ms") return 100.0;
-  return entry.unit.starts_with("deg") || entry.unit.starts_with("arcsec") ? 1e4 : 1e5;
 }
 
 Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions& options) {

@@ -8,7 +8,8 @@
 // 3. Beside the catalogue stand patterns without a physical name (unexplained.h: bias steps, periodic ones, table angle,
 //    approach direction). Where such a pattern explains the residual better by more than 10, no name is given: unexplained.
 // 4. Gate: an effect stays only if it lowers the error of data that was not used to fit it: a holdout recording, else dwells
-//    left out in turn.
+//    left out in turn. Where the chosen member of an alias class does not, the others of the class are tried: held-out data
+//    decide between names that the fitted data cannot tell apart.
 // 5. Aliases: effects within 10 of the best when it was chosen, or whose columns explain the chosen one's to more than 0.97.
 //
 // Pure mathematics on compressed recordings. Sources: Cox and Hinkley, Theoretical Statistics (score tests); Schwarz (1978)
@@ -43,9 +44,6 @@ struct CandidateScore {                    // of one component, beside the base 
   bool visible = true;                     // false: this recording cannot see it
 };
 
-// The largest magnitude a sensor could have, in the effect's unit: what would have to be larger to be caught is not seen.
-double absurd_magnitude(const EffectEntry& entry);
-
 struct GroupScore {                        // of one effect with all its components (best time constant)
   std::string name;
   double chi_square = 0.0;                 // s' Q^-1 s on the visible directions
@@ -62,6 +60,7 @@ struct SelectionStage {
   bool accepted = false;
   std::string note;
   std::vector<std::pair<std::string, double>> rivals;  // other effects' best z^2 at this stage, within 10 of the chosen
+  std::vector<EffectColumn> rival_columns;             // the components that made them so
 };
 
 // One static second, for plots: what remains, and what it may depend on.

@@ -153,6 +153,12 @@ const EffectEntry* find_effect(std::string_view name) {
   return nullptr;
 }
 
+double absurd_magnitude(const EffectEntry& entry) {
+  if (entry.unit == "mm") return 1000.0;
+  if (entry.unit == "ms") return 100.0;
+  return entry.unit.starts_with("deg") || entry.unit.starts_with("arcsec") ? 1e4 : 1e5;
+}
+
 std::span<const std::string_view> unobservable_quantities() {
   static constexpr std::array<std::string_view, 4> names = {
       "error of the local gravity entered for the site (it is the common accelerometer scale factor)",

@@ -34,15 +34,8 @@ Eigen::VectorXd all_ranges(const CompressedRecording& recording, const std::vect
   const ParameterVector base = plausible_ranges(recording.info);
   Eigen::VectorXd ranges(parameter_count + static_cast<Eigen::Index>(effects.size()));
   ranges.head<parameter_count>() = base;
-  // An effect's range: what it would take to look like a bias or a scale error of the plausible size.
-  for (std::size_t k = 0; k < effects.size(); ++k) {
-    const EffectEntry& entry = *effects[k].entry;
-    const bool gyro = entry.name.starts_with("gyro") || entry.name == "earth_rate";
-    const bool arm = entry.name == "accel_size_effect";
-    const bool delay = entry.name == "accel_delay";
-    const double size = arm ? 1.0 : delay ? 0.1 : gyro ? base[0] * radps_per_degph : base[3] * standard_gravity_mps2;
-    ranges[parameter_count + static_cast<Eigen::Index>(k)] = 10.0 * size / entry.si;
-  }
+  for (std::size_t k = 0; k < effects.size(); ++k)
+    ranges[parameter_count + static_cast<Eigen::Index>(k)] = absurd_magnitude(*effects[k].entry);
   return ranges;
 }
 

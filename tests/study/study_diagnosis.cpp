@@ -1,6 +1,6 @@
 // The acceptance study of the diagnosis (docs/diagnosis-study.md): seeded rig recordings, the estimator is never told.
 //
-//   study_diagnosis CASE SEED_FIRST SEED_COUNT [--times M]
+//   study_diagnosis CASE SEED_FIRST SEED_COUNT [--times M] [--stages]
 // CASE: none | none_drift | table_only | noise3_given | noise3 | EFFECT.COMPONENT | two | outside_NAME
 // One line a run: case seed verdict names named_right class_right detectable truth value sigma error_before error_after
 // holdout_before holdout_after worst_parameter_sigmas. scripts/study runs the whole table and counts.
@@ -12,6 +12,7 @@
 #include <string>
 
 #include "calib/diagnosis.h"
+#include "calib/unexplained.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
@@ -60,7 +61,24 @@ bool in_class(const Diagnosis& d, const std::string& name) {
 struct Case {
   std::string name;
   double times = 2.0;  // effect magnitude in units of what the recording says it can detect
+  bool stages = false; // also how the selection went, on stderr
 };
+
+void print_stages(const Diagnosis& d) {
+  for (const SelectionStage& s : d.stages)
+    std::fprintf(stderr, "  stage %s tau %g z %.2f gain %.1f of %.1f: %s\n",
+                 is_pattern(s.chosen) ? describe_pattern(s.chosen).c_str() : s.chosen.key().c_str(), s.chosen.tau_s, s.z,
+                 s.gain, s.threshold, s.note.c_str());
+  for (const std::string& name : d.gated_out) std::fprintf(stderr, "  not confirmed on held-out data: %s\n", name.c_str());
+  for (const Fault& f : d.extended.faults)
+    std::fprintf(stderr, "  fault %lld-%lld: %s, %s\n", static_cast<long long>(f.first_sample),
+                 static_cast<long long>(f.last_sample), f.what.c_str(), f.action.c_str());
+  const NoiseModel& n = d.base.noise;
+  std::fprintf(stderr, "  base noise: %.5f deg/sqrt(h), %.3f ug/sqrt(Hz), bias instability %.5f deg/h, %.3f ug; %s, %s\n",
+               n.angle_random_walk[0] / radprs_per_degprh, n.velocity_random_walk[0] / mpsprs_per_ugprHz,
+               n.gyro_bias_instability_radps / radps_per_degph, n.accel_bias_instability_mps2 / mpsprs_per_ugprHz,
+               d.base.message.c_str(), d.extended.whiteness.message.c_str());
+}
 
 void run_case(const Case& what, std::uint64_t seed, const Sequence& sequence, const Sequence& holdout_sequence) {
   RigConfig config = unit(seed);
@@ -71,6 +89,8 @@ void run_case(const Case& what, std::uint64_t seed, const Sequence& sequence, co
     RigConfig clean = config;
     clean.effects = RigEffects{};
     const RigRecording reference = record_on_rig(sequence, clean);
+    // Biases are compared at the temperature the estimator refers them to.
+    config.temperature.reference_c = reference.recording.mean_temperature_c;
     DiagnosisOptions scores_only;
     scores_only.max_components = 0;
     detectable = detectable_of(diagnose(reference.recording, scores_only), key);
@@ -127,6 +147,7 @@ void run_case(const Case& what, std::uint64_t seed, const Sequence& sequence, co
   const RigRecording held = record_on_rig(holdout_sequence, second);
   options.holdout = &held.recording;
   const Diagnosis d = diagnose(made.recording, options);
+  if (what.stages) print_stages(d);
 
   bool named = !truth.empty();
   bool classed = !truth.empty();
@@ -157,12 +178,14 @@ void run_case(const Case& what, std::uint64_t seed, const Sequence& sequence, co
 
 int main(int argc, char** argv) {
   if (argc < 4) {
-    std::fprintf(stderr, "usage: study_diagnosis CASE SEED_FIRST SEED_COUNT [--times M]\n");
+    std::fprintf(stderr, "usage: study_diagnosis CASE SEED_FIRST SEED_COUNT [--times M] [--stages]\n");
     return 1;
   }
   turncal::Case what{argv[1]};
-  for (int k = 4; k + 1 < argc; ++k)
-    if (std::strcmp(argv[k], "--times") == 0) what.times = std::atof(argv[k + 1]);
+  for (int k = 4; k < argc; ++k) {
+    if (std::strcmp(argv[k], "--times") == 0 && k + 1 < argc) what.times = std::atof(argv[k + 1]);
+    if (std::strcmp(argv[k], "--stages") == 0) what.stages = true;
+  }
   const turncal::Sequence sequence = turncal::must_read_sequence("fourteen_step.seq");
   const turncal::Sequence holdout = turncal::must_read_sequence("holdout.seq");
   const unsigned long first = std::strtoul(argv[2], nullptr, 10);
