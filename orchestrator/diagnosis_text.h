@@ -1,0 +1,40 @@
+// A diagnosis in words: the verdict in one sentence, and the table for the terminal (at most 30 lines of 100 columns).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/diagnosis.h"
+#include "orchestrator/diagnosis_context.h"
+#include "orchestrator/report_format.h"
+
+namespace turncal {
+
+inline constexpr std::size_t table_lines = 30;
+inline constexpr std::size_t table_columns = 100;
+
+std::string verdict_title(Verdict verdict);
+// One sentence with numbers.
+std::string verdict_sentence(const Diagnosis& diagnosis, const DiagnosisContext& context, Alphabet alphabet);
+
+// One line of the table "error before and after". NaN: not known.
+struct ErrorRow {
+  std::string what;
+  double before = 0.0, after = 0.0;
+  std::string unit;   // plain alphabet, empty for the normalised ones
+  bool normalised = false;
+};
+std::vector<ErrorRow> error_rows(const Diagnosis& diagnosis);
+std::string error_text(const ErrorRow& row, double value);
+// Share of the energy beyond noise: (chi-square - observations) / observations, not below 0.
+double excess_energy(const HoldoutError& error);
+
+// Change that the effects made to each parameter, in sigma of the extended model; NaN where it is not determined.
+ParameterVector changes_in_sigma(const Diagnosis& diagnosis);
+
+// The strongest of the scores.
+const CandidateScore* strongest_candidate(const Diagnosis& diagnosis);
+
+std::vector<std::string> terminal_table(const Diagnosis& diagnosis, const DiagnosisContext& context);
+
+}  // namespace turncal

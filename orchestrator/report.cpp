@@ -1,0 +1,257 @@
+#include "orchestrator/report.h"
+
+#include <algorithm>
+#include <map>
+#include <vector>
+
+#include "orchestrator/command_line.h"
+#include "orchestrator/diagnosis_text.h"
+#include "orchestrator/report_data.h"
+#include "orchestrator/report_dwells.h"
+#include "orchestrator/report_format.h"
+#include "orchestrator/report_plots.h"
+#include "orchestrator/report_tables.h"
+#include "orchestrator/report_views.h"
+
+namespace turncal {
+namespace {
+
+constexpr const char* style_sheet = R"(
+:root { --ink:#222; --soft:#5c5c5c; --line:#d9d9d9; --paper:#fff; --before:#D55E00; --after:#0072B2; }
+* { box-sizing:border-box; }
+body { margin:0; background:#f3f3f1; color:var(--ink); font:15px/1.45 "Helvetica Neue",Helvetica,Arial,"Liberation Sans","DejaVu Sans",sans-serif; }
+main { max-width:1040px; margin:0 auto; padding:28px 40px 48px; background:var(--paper); }
+h1 { font-size:24px; margin:0 0 4px; }
+h2 { font-size:18px; margin:34px 0 8px; padding-top:10px; border-top:1px solid var(--line); }
+h3 { font-size:15px; margin:20px 0 6px; }
+p { margin:6px 0; max-width:78ch; }
+.soft, figcaption { color:var(--soft); font-size:13px; }
+p.soft { max-width:none; }
+.verdict { margin:18px 0 8px; padding:14px 18px; border-left:8px solid; background:#f6f6f4; font-size:17px; }
+.verdict p { max-width:none; margin:0; }
+.clean { border-color:#009E73; } .extended { border-color:#0072B2; } .unexplained { border-color:#D55E00; } .noise_model { border-color:#E69F00; }
+table { border-collapse:collapse; font-size:13.5px; margin:8px 0; font-variant-numeric:tabular-nums; }
+th, td { padding:3px 12px 3px 0; text-align:left; vertical-align:baseline; border-bottom:1px solid #ececec; white-space:nowrap; }
+td.w { white-space:normal; }
+thead th { border-bottom:1.5px solid #999; color:var(--soft); font-weight:600; }
+td.n, th.n { text-align:right; }
+td.name { font-family:ui-monospace,"DejaVu Sans Mono",Menlo,Consolas,monospace; font-size:12.5px; }
+tr.hit td { font-weight:600; }
+tr.dim td { color:#8a8a8a; }
+.big { font-size:20px; font-weight:600; }
+.bar { display:inline-block; height:9px; background:var(--after); vertical-align:middle; }
+td.half { width:110px; padding:3px 0; border-bottom:1px solid #ececec; }
+td.half.left { text-align:right; border-right:1px solid #777; }
+figure { margin:10px 0 4px; }
+figure svg { display:block; height:auto; }
+.legend { font-size:13px; margin:8px 0 0; }
+.legend span { margin-right:22px; white-space:nowrap; }
+.legend i { display:inline-block; width:14px; font-style:normal; text-align:center; }
+.missing { border:1px dashed #aaa; padding:10px 14px; color:var(--soft); }
+ul { margin:6px 0; padding-left:20px; }
+li { margin:2px 0; }
+.columns { columns:2; column-gap:36px; }
+@media print {
+  body { background:#fff; font-size:9.5pt; }
+  table { font-size:8pt; } td.name { font-size:7.5pt; } .soft, figcaption, .legend { font-size:8pt; } .verdict { font-size:11pt; } .big { font-size:12pt; }
+  th, td { padding-right:8px; } .bar { height:7px; }
+  main { max-width:none; padding:0; }
+  h2 { break-after:avoid; } h3 { break-after:avoid; }
+  figure, tr, .verdict { break-inside:avoid; }
+  thead { display:table-header-group; }
+  * { -webkit-print-color-adjust:exact; print-color-adjust:exact; }
+  @page { size:A4; margin:16mm 14mm; }
+}
+)";
+
+class Page {
+ public:
+  explicit Page(const std::string& title) {
+    html_ = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+            "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
+            html_escape(title) + "</title>\n<style>" + style_sheet + "</style>\n</head>\n<body>\n<main>\n";
+  }
+  void section(const std::string& id, const std::string& title) {
+    html_ += "<h2 id=\"" + id + "\">" + html_escape(title) + "</h2>\n";
+  }
+  void subsection(const std::string& title) { html_ += "<h3>" + html_escape(title) + "</h3>\n"; }
+  void text(const std::string& plain) { html_ += "<p>" + html_escape(plain) + "</p>\n"; }
+  void raw(const std::string& html) { html_ += html; }
+  std::string finish() { return std::move(html_) + "</main>\n</body>\n</html>\n"; }
+
+ private:
+  std::string html_;
+};
+
+const char* glyph(Series::Style style) {
+  switch (style) {
+    case Series::Style::line: return "—";
+    case Series::Style::dashed: return "┄";
+    case Series::Style::open_circle: return "○";
+    case Series::Style::dot: return "●";
+    case Series::Style::triangle: return "▲";
+    case Series::Style::square: return "■";
+  }
+  return "";
+}
+
+std::string legend(const Figure& figure) {
+  std::string html;
+  std::vector<std::string> seen;
+  for (const Panel& panel : figure.panels)
+    for (const Series& series : panel.series) {
+      if (series.label.empty() || std::find(seen.begin(), seen.end(), series.label) != seen.end()) continue;
+      seen.push_back(series.label);
+      html += "<span><i style=\"color:" + std::string(html_colour(series.colour)) + "\">" + glyph(series.style) + "</i> " +
+              html_escape(series.label) + "</span>";
+    }
+  return html.empty() ? "" : "<p class=\"legend\">" + html + "</p>\n";
+}
+
+// Figures by the place they have in the report; what gnuplot made of them comes in later.
+struct Plots {
+  std::vector<Drawing> drawings;
+  std::map<std::string, std::string> svg;  // by id
+  std::string problem;
+
+  void render_all(const GnuplotOptions& options) {
+    if (drawings.empty()) return;
+    Result<std::vector<std::string>> made = render(drawings, options);
+    if (!made) {
+      problem = made.error().message;
+      return;
+    }
+    for (std::size_t k = 0; k < drawings.size(); ++k) svg[drawings[k].id] = (*made)[k];
+  }
+  std::string html(const std::string& id, const std::string& legend_html, const std::string& caption) const {
+    const auto found = svg.find(id);
+    if (found == svg.end()) return "<p class=\"missing\">This plot is missing: " + html_escape(problem) + ".</p>\n";
+    return "<figure>\n" + legend_html + found->second + "\n" +
+           (caption.empty() ? "" : "<figcaption>" + html_escape(caption) + "</figcaption>\n") + "</figure>\n";
+  }
+  std::string html(const Figure& figure) const { return html(figure.id, legend(figure), figure.caption); }
+};
+
+std::string score_legend() {
+  const auto item = [](const char* colour, const char* text) {
+    return "<span><i style=\"color:" + std::string(colour) + "\">■</i> " + text + "</span>";
+  };
+  return "<p class=\"legend\">" + item("#0072B2", "added to the model") + item("#E69F00", "above the threshold, not added") +
+         item("#B8B8B8", "below the threshold") + "</p>\n";
+}
+
+void how_to_read(Page& page) {
+  page.section("reading", "How to read this");
+  page.raw(
+      "<ul class=\"soft\">\n"
+      "<li><b>Residual velocity.</b> The unit stands on the table. Navigating its calibrated data must give velocity zero; what it "
+      "gives instead is the error that matters in use.</li>\n"
+      "<li><b>Normalised residual.</b> The same, second by second, divided by what the sensors' noise explains. 1 is perfect; "
+      "noise alone gives 1.</li>\n"
+      "<li><b>Score.</b> Each effect of the catalogue is offered to the data beside the 24 parameters. z is the value it would get, "
+      "in standard deviations. The threshold holds for all of them together: chance alone crosses it in the stated share of "
+      "recordings.</li>\n"
+      "<li><b>Held-out data.</b> Data that was not used in the fit. An effect that does not lower the error there is not added.</li>\n"
+      "<li><b>Detectable.</b> Five standard deviations: what this recording would have found.</li>\n"
+      "</ul>\n");
+}
+
+}  // namespace
+
+Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  constexpr std::size_t most_effect_figures = 4;
+  const double threshold_z = family_threshold_z(diagnosis, context.false_alarm);
+  const std::vector<DwellResidual> dwells = dwell_residuals(diagnosis, context.recording);
+  const bool nameless = diagnosis.verdict == Verdict::unexplained || diagnosis.verdict == Verdict::noise_model;
+
+  Plots plots;
+  const auto add = [&plots](Figure figure) {
+    if (!figure.panels.empty()) plots.drawings.push_back(draw(figure));
+    return figure;
+  };
+  const Figure time = diagnosis.residuals.empty() ? Figure{} : add(time_figure(diagnosis));
+  std::vector<Figure> effects;
+  for (std::size_t k = 0; k < std::min(diagnosis.effect_names.size(), most_effect_figures); ++k)
+    effects.push_back(add(effect_figure(diagnosis, dwells, diagnosis.effect_names[k], k)));
+  std::vector<Figure> unexplained;
+  if (nameless)
+    for (Figure& figure : unexplained_figures(dwells)) unexplained.push_back(add(std::move(figure)));
+  const std::vector<ScoreBar> bars = score_bars(diagnosis, threshold_z);
+  if (!diagnosis.candidates.empty()) plots.drawings.push_back(draw_scores(bars, threshold_z));
+  const Figure allan = add(allan_figure(diagnosis.base.allan));
+  plots.render_all(context.gnuplot);
+
+  Page page("turncal diagnosis, unit " + context.recording.info.unit_serial);
+  page.raw(html_identity(context));
+  page.raw(html_verdict(diagnosis, context));
+
+  page.section("error", has_after(diagnosis) ? "Error before and after" : "Error");
+  page.raw(html_errors(diagnosis));
+  if (has_after(diagnosis)) {
+    page.subsection("What was added");
+    page.raw(html_added_effects(diagnosis));
+  }
+
+  page.section("time", "Residual velocity against time");
+  if (time.panels.empty()) page.text("There are no static seconds to show.");
+  else page.raw(plots.html(time));
+
+  if (!effects.empty()) {
+    page.section("effects", "Residual against what the effect depends on");
+    for (std::size_t k = 0; k < effects.size(); ++k) {
+      page.subsection(diagnosis.effect_names[k]);
+      if (effects[k].panels.empty()) page.text("No dwell of this recording shows it by itself.");
+      else page.raw(plots.html(effects[k]));
+    }
+    if (diagnosis.effect_names.size() > effects.size())
+      page.text("Not drawn: " + join({diagnosis.effect_names.begin() + static_cast<std::ptrdiff_t>(effects.size()),
+                                      diagnosis.effect_names.end()}) + ".");
+  }
+  if (nameless) {
+    page.section("residual", "Where the residual lies");
+    page.text("No effect is named for this residual. What it depends on, dwell by dwell, is for the eye to judge:");
+    if (unexplained.empty()) page.text("There are no dwells after a rotation to show.");
+    for (const Figure& figure : unexplained) {
+      page.subsection(figure.id == "asAccel" ? "as an accelerometer error" : "as a gyro error");
+      page.raw(plots.html(figure));
+    }
+  }
+
+  page.section("scores", "Every candidate of the catalogue");
+  if (diagnosis.candidates.empty()) {
+    page.text("No scores were computed.");
+  } else {
+    page.raw(plots.html("scores", score_legend(),
+                        "Scores beside the 24 parameters alone. A strong effect lifts the scores of those that resemble it; the "
+                        "selection below takes them one at a time."));
+    page.raw(html_scores(diagnosis, threshold_z));
+  }
+
+  page.section("parameters", "The 24 parameters");
+  page.raw(html_parameters(diagnosis, context));
+
+  page.section("allan", "Noise");
+  page.raw(html_noise(diagnosis, context));
+  page.subsection("Allan deviation");
+  if (allan.panels.empty()) page.text("No dwell is long enough for it.");
+  else page.raw(plots.html(allan));
+
+  page.section("limits", "What this recording cannot tell");
+  page.raw(html_limits(diagnosis));
+
+  page.section("faults", "Faults in the data");
+  page.raw(html_faults(diagnosis, context));
+
+  page.section("selection", "How the effects were chosen");
+  page.raw(html_selection(diagnosis));
+
+  how_to_read(page);
+  if (!diagnosis.candidates.empty()) {
+    page.section("components", "Appendix: every component");
+    page.raw(html_components(diagnosis, threshold_z));
+  }
+  page.raw("<p class=\"soft\">turncal " + html_escape(software_version()) + ", " + html_escape(context.time_utc) + "</p>\n");
+  return {page.finish(), plots.problem};
+}
+
+}  // namespace turncal
