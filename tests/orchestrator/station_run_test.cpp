@@ -224,6 +224,32 @@ TEST(StationRun, TooManyRepeatsEndTheRun) {
   EXPECT_TRUE(s.at_rest());
 }
 
+// max_repeats is for one dwell: two dwells that need two repeats each are no failure.
+TEST(StationRun, RepeatsAreCountedADwell) {
+  std::vector<RigFault> faults;
+  // The dwell begins at 3000; every try ends at the poll after its loss, then 100 samples of settling.
+  for (std::int64_t sample : {3010, 3410, 8010, 8410}) faults.push_back(unit_fault(RigFaultKind::lost_sample, sample));
+  RigStation s(short_text, rig_with(faults));
+  const RunOutcome outcome = s.run();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.repeated_dwells, 4);
+}
+
+// From +0.006 to -0.006 deg: never out of the tolerance of 0.01 deg around the target, and yet the table moved by more.
+TEST(StationRun, MotionFromOneSideOfTheTargetToTheOther) {
+  RigFault before = table_fault(RigFaultKind::table_moved, 16.7);  // while settling
+  before.size = 0.006;
+  RigFault within = table_fault(RigFaultKind::table_moved, 21.001);
+  within.size = -0.012;
+  RigConfig config = rig_with({before, within});
+  config.table.in_position_tolerance_deg = 0.02;
+  RigStation s(short_text, config);
+  s.station.dwell.max_gyro_peak_degps = s.station.dwell.max_gyro_std_degps = 1.0;  // the unit itself is not asked
+  const RunOutcome outcome = s.run();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.repeated_dwells, 1);
+}
+
 TEST(StationRun, UnitThatKeepsFlaggingItsDataFailed) {
   RigStation s(short_text, rig_with({unit_fault(RigFaultKind::invalid_sample, 3500, 1'000'000)}));
   const RunOutcome outcome = s.run();
@@ -234,8 +260,8 @@ TEST(StationRun, UnitThatKeepsFlaggingItsDataFailed) {
 // --- Data lost while the table turns.
 
 TEST(StationRun, SampleLostInAMoveIsSaidAndKeptVisible) {
-  // Samples 1800 and 1900 lie in the move 1000..3000.
-  RigStation s(short_text, rig_with({unit_fault(RigFaultKind::lost_sample, 1800), unit_fault(RigFaultKind::invalid_sample, 1900)}));
+  // Samples 1000..3000 are the move; the motion itself ends with 2899, so that the loss comes up together with the arrival.
+  RigStation s(short_text, rig_with({unit_fault(RigFaultKind::lost_sample, 2895), unit_fault(RigFaultKind::invalid_sample, 2900)}));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(s.watcher.count(RunEvent::motion_data_lost), 1) << "said once a move";
