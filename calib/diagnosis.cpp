@@ -404,13 +404,16 @@ void Diagnoser::gate() {
 void Diagnoser::judge() {
   char text[256];
   const bool noise_given = options_.estimate.noise.has_value();
-  if (!current_.whiteness.white && d_.verdict != Verdict::unexplained) {
+  // Where even the noise does not fit, neither names nor patterns mean anything.
+  if (!current_.whiteness.white) {
     d_.verdict = Verdict::noise_model;
     d_.reason = current_.whiteness.message + (noise_given ? " (the noise was given, not measured)" : "") + ": no claim on effects";
     chosen_.clear();
     d_.aliases.clear();
     d_.separate_by.clear();
+    d_.unexplained_pattern.clear();
     current_ = d_.base;
+    d_.holdout_after = d_.holdout_before;
     return;
   }
   if (d_.verdict == Verdict::unexplained) {

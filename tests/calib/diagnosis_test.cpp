@@ -1,0 +1,182 @@
+// The diagnosis on rig recordings whose effect it is not told, and on the recordings of another simulator. The whole
+// acceptance table is a study (scripts/study, docs/diagnosis-study.md); these are the fast cases.
+#include "calib/diagnosis.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "imu_io/recording_source.h"
+#include "tests/rig_recorder.h"
+
+namespace turncal {
+namespace {
+
+struct Made {
+  CompressedRecording recording;
+  CompressedRecording holdout;
+  Parameters truth;
+};
+
+Made make(RigConfig config) {
+  static const Sequence sequence = must_read_sequence("fourteen_step.seq");
+  static const Sequence second = must_read_sequence("holdout.seq");
+  RigRecording first = record_on_rig(sequence, config);
+  config.noise_seed = config.noise_seed.value_or(config.seed) + 1000000;
+  return {std::move(first.recording), record_on_rig(second, config).recording, first.truth};
+}
+
+RigConfig unit(std::uint64_t seed) {
+  RigConfig config = default_rig_config();
+  config.seed = seed;
+  config.noise_seed = 40 + seed;
+  return config;
+}
+
+Diagnosis diagnose_with_holdout(const Made& made, const DiagnosisOptions& given = {}) {
+  DiagnosisOptions options = given;
+  options.holdout = &made.holdout;
+  return diagnose(made.recording, options);
+}
+
+const EstimatedEffect* find(const Diagnosis& d, const std::string& key) {
+  for (const EstimatedEffect& e : d.extended.effects)
+    if (e.column.key() == key) return &e;
+  return nullptr;
+}
+
+TEST(Diagnosis, NothingIsFoundWhereNothingIs) {
+  const Diagnosis d = diagnose_with_holdout(make(unit(11)));
+  EXPECT_EQ(d.verdict, Verdict::clean);
+  EXPECT_TRUE(d.effect_names.empty());
+  EXPECT_EQ(d.error_before, d.error_after);
+  EXPECT_EQ(d.holdout_source, "second recording");
+  // It says what it would have caught: the second-order term near the 5 x 0.9 ug/g^2 of the independent check values.
+  const auto k2 = std::find_if(d.candidates.begin(), d.candidates.end(),
+                               [](const CandidateScore& c) { return c.column.key() == "accel_second_order.x"; });
+  ASSERT_NE(k2, d.candidates.end());
+  EXPECT_NEAR(k2->detectable, 5.0 * 0.97, 5.0 * 0.97 * 0.25);
+}
+
+// 0.06 ms is 20 sigma of the independent check value 0.0034 ms.
+TEST(Diagnosis, DelayIsFoundNamedAddedAndConfirmed) {
+  RigConfig config = unit(12);
+  config.effects.accel_delay = 0.06;
+  const Made made = make(config);
+  const Diagnosis d = diagnose_with_holdout(made);
+  EXPECT_EQ(d.verdict, Verdict::extended);
+  ASSERT_EQ(d.effect_names, std::vector<std::string>{"accel_delay"});
+  const EstimatedEffect* tau = find(d, "accel_delay.tau");
+  ASSERT_NE(tau, nullptr);
+  EXPECT_NEAR(tau->value, 0.06, 3.5 * tau->sigma);
+  EXPECT_LT(tau->sigma, 0.006);
+  EXPECT_LT(d.holdout_after.normalised_rms, d.holdout_before.normalised_rms);
+  // What the missing effect did to the 24 parameters is gone.
+  const ParameterVector error = to_vector(d.extended.parameters) - to_vector(made.truth);
+  for (int k = 0; k < parameter_count; ++k) {
+    if (d.extended.sigma[k] > 0.0) {
+      EXPECT_LT(std::abs(error[k]), 4.5 * d.extended.sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
+    }
+  }
+}
+
+// At 1 g on the axes, K2 and the scale asymmetry are one class: either name is right, and the other must be named beside it.
+TEST(Diagnosis, AliasClassIsNamed) {
+  RigConfig config = unit(13);
+  config.effects.accel_second_order = {0.0, 15.0, 0.0};
+  const Diagnosis d = diagnose_with_holdout(make(config));
+  ASSERT_EQ(d.verdict, Verdict::extended);
+  ASSERT_EQ(d.effect_names.size(), 1u);
+  std::vector<std::string> names = d.aliases.at(d.effect_names[0]);
+  names.push_back(d.effect_names[0]);
+  EXPECT_NE(std::find(names.begin(), names.end(), "accel_second_order"), names.end());
+  EXPECT_NE(std::find(names.begin(), names.end(), "accel_scale_asymmetry"), names.end());
+  EXPECT_FALSE(d.separate_by.at(d.effect_names[0]).empty());
+}
+
+TEST(Diagnosis, BiasStepGetsNoName) {
+  RigConfig config = unit(14);
+  config.outside.gyro_bias_step = {2, 2900.0, 0.06};
+  const Diagnosis d = diagnose_with_holdout(make(config));
+  EXPECT_EQ(d.verdict, Verdict::unexplained);
+  EXPECT_TRUE(d.effect_names.empty());
+  EXPECT_NE(d.unexplained_pattern.find("bias step of gyro z"), std::string::npos) << d.unexplained_pattern;
+}
+
+TEST(Diagnosis, NoiseGivenThreeTimesTooSmallIsANoiseModelVerdict) {
+  RigConfig config = unit(15);
+  config.noise.gyro_random_walk_deg_per_rt_h *= 3.0;
+  config.noise.accel_random_walk_ug_per_rt_hz *= 3.0;
+  DiagnosisOptions options;
+  NoiseModel given;
+  given.angle_random_walk.setConstant(0.002 * radprs_per_degprh);
+  given.velocity_random_walk.setConstant(8.0 * mpsprs_per_ugprHz);
+  given.accel_pulse_mps = config.accel_pulse_mps;
+  options.estimate.noise = given;
+  const Diagnosis d = diagnose_with_holdout(make(config), options);
+  EXPECT_EQ(d.verdict, Verdict::noise_model);
+  EXPECT_TRUE(d.effect_names.empty());
+}
+
+// Left-out dwells do the holdout's work when there is no second recording.
+TEST(Diagnosis, LeftOutDwellsConfirmToo) {
+  RigConfig config = unit(16);
+  config.effects.accel_delay = 0.06;
+  const Diagnosis d = diagnose(make(config).recording);
+  EXPECT_EQ(d.holdout_source, "dwells left out in turn");
+  EXPECT_EQ(d.effect_names, std::vector<std::string>{"accel_delay"});
+  EXPECT_LT(d.holdout_after.chi_square, d.holdout_before.chi_square);
+}
+
+CompressedRecording read(const std::string& path) {
+  const std::unique_ptr<RecordingSource> source = must(RecordingSource::open(path));
+  Compressor compressor(source->info());
+  SegmentedFeed feed(compressor, source->segments());
+  must(source->read([&](std::span<const ImuSample> samples) {
+    feed.add(samples);
+    return Status{};
+  }));
+  feed.finish();
+  return compressor.take();
+}
+
+struct Case {
+  const char* folder;
+  Verdict verdict;
+  std::vector<std::string> names;  // each found, or in the class of one found
+};
+
+class OtherSimulator : public ::testing::TestWithParam<Case> {};
+
+TEST_P(OtherSimulator, IsDiagnosed) {
+  const std::string folder = std::string(TURNCAL_SOURCE_DIR "/../shared/data/recordings/") + GetParam().folder;
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no shared recordings beside the project";
+  const CompressedRecording recording = read(folder);
+  const CompressedRecording holdout = read(folder + "/holdout");
+  DiagnosisOptions options;
+  options.holdout = &holdout;
+  const Diagnosis d = diagnose(recording, options);
+  EXPECT_EQ(d.verdict, GetParam().verdict) << d.reason;
+  EXPECT_EQ(d.effect_names.size(), GetParam().names.size());
+  for (const std::string& name : GetParam().names) {
+    bool found = false;
+    for (const std::string& given : d.effect_names) {
+      const std::vector<std::string>& aliases = d.aliases.at(given);
+      found = found || given == name || std::find(aliases.begin(), aliases.end(), name) != aliases.end();
+    }
+    EXPECT_TRUE(found) << name;
+  }
+  if (!GetParam().names.empty()) {
+    EXPECT_LT(d.holdout_after.normalised_rms, d.holdout_before.normalised_rms);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Recordings, OtherSimulator,
+                         ::testing::Values(Case{"clean", Verdict::clean, {}},
+                                           Case{"undeclared-1", Verdict::extended, {"accel_delay"}},
+                                           Case{"undeclared-2", Verdict::extended,
+                                                {"accel_second_order", "accel_bias_temperature"}}));
+
+}  // namespace
+}  // namespace turncal
