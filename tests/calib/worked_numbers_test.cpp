@@ -1,6 +1,8 @@
 // The worked numbers of docs/worked-numbers.md, one for each step: the rig with a single parameter that is wrong,
 // navigated with nominal parameters, must show the velocity that was computed by hand there, with its sign. The numbers
 // are literals from the document: neither the rig nor the estimator had a part in them.
+#include <ostream>
+
 #include <gtest/gtest.h>
 
 #include "calib/attitude.h"
@@ -71,6 +73,8 @@ struct Worked {
   double V1_mps;    // east
   double V2_mps;
 };
+
+void PrintTo(const Worked& worked, std::ostream* out) { *out << "step " << worked.step << ", " << worked.key; }
 
 class WorkedNumbers : public ::testing::TestWithParam<Worked> {};
 
