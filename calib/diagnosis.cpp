@@ -15,6 +15,7 @@ namespace {
 constexpr double bic_margin = 10.0;
 constexpr double alias_correlation = 0.97;
 constexpr std::size_t most_rivals = 3;
+constexpr double hiding_gain = 8.0;  // 2 ln L that bias instability must bring before an effect can be hiding in it
 
 double minus_two_log_likelihood(const JointResult& r) { return r.last.chi_square + r.last.log_determinant; }
 
@@ -95,6 +96,8 @@ FilterResult Diagnoser::pass(const JointResult& at, const std::vector<EffectColu
   FilterSetup setup = at.setup;
   if (without_bias_instability)
     setup.noise.gyro_bias_instability_radps = setup.noise.accel_bias_instability_mps2 = 0.0;
+  setup.narrow_columns = static_cast<int>(std::count_if(candidates.begin(), candidates.end(), is_pattern));
+  setup.narrow_against = parameter_count + static_cast<int>(at.effects.size());
   return run_filter(recording_, at.parameters, model, setup);
 }
 
@@ -257,12 +260,12 @@ EffectColumn Diagnoser::refine(const EffectColumn& pattern, bool without_bias_in
 // One stage of the forward selection; false when nothing more is to be added.
 bool Diagnoser::stage() {
   const int effects = static_cast<int>(chosen_.size());
-  const bool has_instability = current_.noise.gyro_bias_instability_radps > 0.0 || current_.noise.accel_bias_instability_mps2 > 0.0;
+  const bool has_instability = current_.noise_fit && current_.noise_fit->bias_instability_gain > hiding_gain;
   const int count = static_cast<int>(columns_.size());
   const Scores fitted = scores(pass(current_, columns_, false), effects, count);
   if (d_.stages.empty() && d_.candidates.empty()) list_candidates(fitted);
   // Slow effects hide in the fitted bias instability: they are looked for without it, and judged with the noise fitted again.
-  const Scores bare = has_instability && !options_.estimate.noise ? scores(pass(current_, columns_, true), effects, count) : fitted;
+  const Scores bare = has_instability ? scores(pass(current_, columns_, true), effects, count) : fitted;
   const std::int64_t n = current_.last.observations;
   struct Trial {
     Nominee nominee;

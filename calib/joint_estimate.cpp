@@ -55,6 +55,10 @@ class JointRun {
 
  private:
   bool iterate(double tolerance, int max_iterations);
+  double& value_of(int column, ParameterVector& parameters) {
+    return column < parameter_count ? parameters[column] : effects_.values[column - parameter_count];
+  }
+  void step_within_ranges(const FilterResult& pass, Eigen::VectorXd& step, Eigen::VectorXd& sigma);
   void look_for_faults();
   void finish();
 
@@ -64,6 +68,7 @@ class JointRun {
   const double reference_temperature_c_;
   EffectModel effects_;
   std::vector<int> subset_;
+  Eigen::VectorXd start_;   // where the parameters of the subset began
   SubsetSolution solution_;
   JointResult result_;
 };
@@ -71,7 +76,12 @@ class JointRun {
 JointResult JointRun::run() {
   JointResult& r = result_;
   r.parameters = options_.start.value_or(start_parameters(recording_.info));
+  start_.resize(static_cast<Eigen::Index>(subset_.size()));
+  ParameterVector begin = to_vector(r.parameters);
+  for (std::size_t i = 0; i < subset_.size(); ++i) start_[static_cast<Eigen::Index>(i)] = value_of(subset_[i], begin);
   r.setup.initial_heading_sigma_rad = options_.heading_sigma_rad;
+  // The filter levels anew with every set of parameters, so its tilt must be far looser than what the biases may be.
+  r.setup.initial_tilt_sigma_rad = 0.2;
   r.setup.unobserved = options_.unobserved;
   if (recording_.blocks.empty()) {
     r.message = "the recording holds no samples";
@@ -89,7 +99,9 @@ JointResult JointRun::run() {
     r.faults = faults_from_events(recording_, r.setup.breaks);
   }
 
-  if (!iterate(0.3, options_.max_iterations)) {
+  if (options_.faults_of) {
+    iterate(0.3, 1);  // beside a finished fit one step is most of the way
+  } else if (!iterate(0.3, options_.max_iterations)) {
     r.message = "the estimate does not settle: the recording contradicts the model (wrong segments, signs or units?)";
     return r;
   }
@@ -101,7 +113,7 @@ JointResult JointRun::run() {
     r.noise_fit = fit_noise(recording_, r.parameters, effects_, r.setup, fit_options);
     r.setup.noise = r.noise_fit->noise;
   }
-  r.converged = iterate(0.01, 5);
+  r.converged = iterate(options_.faults_of ? 0.05 : 0.01, 5);
   r.message = r.converged ? "converged" : "the last iterations still moved the parameters";
   finish();
   return r;
@@ -115,19 +127,36 @@ bool JointRun::iterate(double tolerance, int max_iterations) {
     ++result_.iterations;
     solution_ = solve_subset(pass.information, pass.gradient, subset_, ranges_);
     if (!solution_.step.allFinite()) return false;
+    Eigen::VectorXd step = solution_.step;
+    Eigen::VectorXd sigma = solution_.covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
+    if (solution_.undetermined.cols() > 0) step_within_ranges(pass, step, sigma);
     ParameterVector values = to_vector(result_.parameters);
-    double largest = 0.0;
-    for (std::size_t i = 0; i < subset_.size(); ++i) {
-      const Eigen::Index row = static_cast<Eigen::Index>(i);
-      const double step = solution_.step[row];
-      (subset_[i] < parameter_count ? values[subset_[i]] : effects_.values[subset_[i] - parameter_count]) += step;
-      const double sigma = std::sqrt(std::max(solution_.covariance(row, row), 1e-300));
-      largest = std::max(largest, std::abs(step) / sigma);
-    }
+    for (std::size_t i = 0; i < subset_.size(); ++i) value_of(subset_[i], values) += step[static_cast<Eigen::Index>(i)];
     result_.parameters = from_vector(values);
-    if (largest < tolerance) return true;
+    if (step.cwiseAbs().cwiseQuotient(sigma).maxCoeff() < tolerance) return true;
   }
   return false;
+}
+
+// Gauss-Newton in the determined directions alone would creep, since which ones those are turns with every linearisation.
+// So where some are open, the plausible ranges about the start are taken for observations; what is determined does not
+// notice them.
+void JointRun::step_within_ranges(const FilterResult& pass, Eigen::VectorXd& step, Eigen::VectorXd& sigma) {
+  const Eigen::VectorXd weight = Eigen::VectorXd(ranges_(subset_)).cwiseAbs2().cwiseInverse();
+  ParameterVector values = to_vector(result_.parameters);
+  Eigen::VectorXd gradient = pass.gradient(subset_);
+  for (std::size_t i = 0; i < subset_.size(); ++i) {
+    const Eigen::Index row = static_cast<Eigen::Index>(i);
+    gradient[row] += weight[row] * (value_of(subset_[i], values) - start_[row]);
+  }
+  Eigen::MatrixXd information = pass.information(subset_, subset_);
+  information.diagonal() += weight;
+  const Eigen::VectorXd balance = information.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd unit = balance.asDiagonal() * information * balance.asDiagonal();
+  const Eigen::MatrixXd covariance =
+      balance.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd(balance.asDiagonal()));
+  step = -covariance * gradient;
+  sigma = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
 }
 
 // One at a time, the worst first: a fault that is not cut out spoils the seconds around it.

@@ -352,7 +352,17 @@ void Filter<NS>::accumulate(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root
 template <int NS>
 void Filter<NS>::flush() {
   if (buffered_ == 0) return;
-  moments_.selfadjointView<Eigen::Lower>().rankUpdate(buffer_.leftCols(buffered_));
+  const auto rows = buffer_.leftCols(buffered_);
+  const int narrow = std::min(setup_.narrow_columns, effects_.columns);
+  const int wide = p_ - narrow;
+  moments_.topLeftCorner(wide, wide).template selfadjointView<Eigen::Lower>().rankUpdate(rows.topRows(wide));
+  moments_.row(p_).head(p_).noalias() += rows.row(p_) * rows.topRows(p_).transpose();
+  if (narrow > 0) {
+    const auto one_at_a_time = rows.middleRows(wide, narrow);
+    moments_.block(wide, 0, narrow, setup_.narrow_against).noalias() +=
+        one_at_a_time * rows.topRows(setup_.narrow_against).transpose();
+    moments_.diagonal().segment(wide, narrow) += one_at_a_time.rowwise().squaredNorm();
+  }
   buffered_ = 0;
 }
 

@@ -44,6 +44,10 @@ struct FilterSetup {
   bool with_columns = true;           // false: only the likelihood (for the noise fit)
   bool keep_innovations = false;
   bool keep_motions = false;          // for the noise fit
+  // The last narrow_columns of the effect columns are scored one at a time: of the information among them only the
+  // diagonal is kept, and their products with the first narrow_against columns (of [24 parameters, effects]).
+  int narrow_columns = 0;
+  int narrow_against = 0;
   std::vector<Break> breaks;          // in block order
   std::vector<char> unobserved;       // a block marked 1 is not observed though it is a static second (left-out dwells)
 };
