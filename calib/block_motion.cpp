@@ -32,8 +32,8 @@ BlockMotion evaluate(const Block& block, const SensorModel& m, double period_s) 
 
   const Eigen::Vector3d middle = angle * t - angle_time;  // sum x_i dt, x_i the angle at the middle of sample i
   const Eigen::Vector3d sculling =
-      cross_of_outer(m.gyro_scale * block.sculling * m.accel_scale.transpose()) - middle.cross(f0) - b.cross(speed_time) +
-      0.5 * t * t * b.cross(f0);
+      cross_of_outer(m.gyro_scale * block.sculling * m.accel_scale.transpose()) - middle.cross(f0) -
+      b.cross(speed_time) + 0.5 * t * t * b.cross(f0);
 
   BlockMotion motion;
   motion.rotation = angle - b * t + 0.5 * coning;
@@ -77,7 +77,8 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
     columns.mean_velocity.col(axis) = unit[axis] * turn.cross(dv) / 6.0;
     // accelerometer bias
     const Eigen::Vector3d push = -t * e;
-    columns.velocity.col(3 + axis) = unit[3 + axis] * (push + (0.5 * t * t * b - middle).cross(e) + r_skew * (r_skew * push) / 6.0);
+    columns.velocity.col(3 + axis) =
+        unit[3 + axis] * (push + (0.5 * t * t * b - middle).cross(e) + r_skew * (r_skew * push) / 6.0);
     columns.mean_velocity.col(3 + axis) = unit[3 + axis] * (0.5 * push + r.cross(push) / 6.0);
   }
   for (int i = 0; i < 3; ++i) {
