@@ -10,7 +10,7 @@
 // mean_velocity is the time average over the block of the velocity gained since its start (same frame), to first order
 // in rotation: exact enough for static seconds, where it is used.
 //
-// Valid for blocks that turn less than about 0.1 rad. Dropped: third-order coning (under 1e-9 rad a block of 0.012 rad),
+// Valid for blocks that turn less than about 0.1 rad. Dropped: third-order coning (1e-9 rad a block at 0.012 rad),
 // and r^3 / 24 of the velocity (5e-8 m/s a block, 3e-5 m/s in a turn of 360 deg).
 #pragma once
 
