@@ -90,6 +90,9 @@ class RestFinder {
 Segmentation find_rests(const RecordingInfo& info, std::span<const ImuSample> samples,
                         const SegmentationOptions& options = {});
 
+// No segment has a commanded angle: nothing is known of the attitudes but what the sensors say (rest_model.h).
+bool without_table_angles(const Segments& segments);
+
 // How far two lists of segments agree on what is at rest.
 struct Agreement {
   int rests_a = 0;

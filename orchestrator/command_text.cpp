@@ -4,6 +4,7 @@
 
 #include "imu_io/recording_text.h"
 #include "imu_io/recording_writer.h"
+#include "orchestrator/command_segment.h"
 #include "orchestrator/output_folder.h"
 
 namespace turncal {
@@ -13,6 +14,7 @@ namespace {
 struct TextOptions {
   std::string source;
   std::string out;
+  std::string map;  // import: of a CSV that is not ours
 };
 
 Status finish(RecordingSource& source, OutputFolder& folder, const char* what, CommandContext& context) {
@@ -26,6 +28,7 @@ Status finish(RecordingSource& source, OutputFolder& folder, const char* what, C
 }
 
 Status import_text(const TextOptions& options, CommandContext& context) {
+  if (!options.map.empty()) return import_mapped_csv(options.map, options.source, options.out, context);
   Result<std::unique_ptr<RecordingSource>> source = open_text_recording(options.source);
   if (!source) return source.error();
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {binary_recording_name});
@@ -43,8 +46,8 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
   return finish(**source, *folder, "exported to", context);
 }
 
-void add(CLI::App& app, CommandContext& context, const char* name, const char* help, const char* source_help,
-         Status (*command)(const TextOptions&, CommandContext&)) {
+std::shared_ptr<TextOptions> add(CLI::App& app, CommandContext& context, const char* name, const char* help,
+                                 const char* source_help, Status (*command)(const TextOptions&, CommandContext&)) {
   const auto options = std::make_shared<TextOptions>();
   CLI::App* sub = app.add_subcommand(name, help);
   sub->add_option("source", options->source, source_help)->required();
@@ -52,13 +55,15 @@ void add(CLI::App& app, CommandContext& context, const char* name, const char* h
   sub->callback([options, command, &context] {
     if (Status status = command(*options, context); !status) context.fail(status.error());
   });
+  return options;
 }
 
 }  // namespace
 
 void add_import_command(CLI::App& app, CommandContext& context) {
-  add(app, context, "import", "read the text form of a recording, write the binary one",
-      "folder with recording.conf, imu.csv, segments.csv", import_text);
+  const auto options = add(app, context, "import", "read the text form of a recording or any CSV, write the binary one",
+                           "folder with recording.conf, imu.csv, segments.csv; with --map a CSV file", import_text);
+  app.get_subcommand("import")->add_option("--map", options->map, "file on the columns of the CSV, docs/hand-data.md");
 }
 
 void add_export_command(CLI::App& app, CommandContext& context) {

@@ -10,6 +10,7 @@
 #include "orchestrator/command_line.h"
 #include "orchestrator/command_predict.h"
 #include "orchestrator/command_run.h"
+#include "orchestrator/command_segment.h"
 #include "orchestrator/command_text.h"
 
 namespace {
@@ -31,6 +32,7 @@ int main(int argc, char** argv) {
                                        turncal::add_predict_command,
                                        turncal::add_import_command,
                                        turncal::add_export_command,
+                                       turncal::add_segment_command,
                                        turncal::add_calibrate_command,
                                        turncal::add_diagnose_command,
                                        turncal::add_apply_command,
