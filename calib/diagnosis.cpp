@@ -15,6 +15,8 @@ namespace {
 constexpr double bic_margin = 10.0;
 constexpr double alias_correlation = 0.97;
 constexpr std::size_t most_rivals = 3;
+constexpr double slow_correlation_s = 2400.0;
+constexpr double surely = 150.0;     // 2 ln L beyond which no choice of noise matters
 constexpr double hiding_gain = 8.0;  // 2 ln L that bias instability must bring before an effect can be hiding in it
 
 double minus_two_log_likelihood(const JointResult& r) { return r.last.chi_square + r.last.log_determinant; }
@@ -42,6 +44,7 @@ class Diagnoser {
  private:
   JointOptions estimate_options(const std::vector<EffectColumn>& effects, const JointResult* from) const;
   JointResult fit(const std::vector<EffectColumn>& effects, const JointResult& from) const;
+  double gain_beside_slow_noise(const std::vector<EffectColumn>& model, const JointResult& with) const;
   FilterResult pass(const JointResult& at, const std::vector<EffectColumn>& candidates, bool without_bias_instability) const;
   EffectColumn refine(const EffectColumn& pattern, bool without_bias_instability) const;
   Scores scores(const FilterResult& information, int effects, int candidates) const;
@@ -83,6 +86,19 @@ JointResult Diagnoser::fit(const std::vector<EffectColumn>& effects, const Joint
   JointOptions o = estimate_options(effects, &from);
   o.faults_of = &from;
   return joint_estimate(recording_, o);
+}
+
+// What the likelihood gains when the bias instability is as slow as a third of a run. Flicker noise wanders on every
+// time scale, and what a process of ten minutes cannot follow must not be taken for a drift.
+double Diagnoser::gain_beside_slow_noise(const std::vector<EffectColumn>& model, const JointResult& with) const {
+  const auto slow = [&](const std::vector<EffectColumn>& effects, const JointResult& from) {
+    JointOptions o = estimate_options(effects, &from);
+    o.faults_of = &from;
+    o.start_noise = current_.noise;
+    o.start_noise->bias_correlation_s = slow_correlation_s;
+    return minus_two_log_likelihood(joint_estimate(recording_, o));
+  };
+  return slow(chosen_, current_) - slow(model, with);
 }
 
 // One filter pass at a fitted model with all candidates behind its effects.
@@ -272,7 +288,8 @@ bool Diagnoser::stage() {
     const Scores* scores;
     EffectColumn column;
     JointResult fit;
-    double gain = 0.0;
+    double gain = 0.0;        // the smaller one where the noise may be slow: what is accepted or not
+    double plain_gain = 0.0;  // at the fitted noise: what decides between an effect and a pattern
   };
   std::vector<Trial> trials;
   for (const bool patterns : {false, true})
@@ -288,7 +305,7 @@ bool Diagnoser::stage() {
       }
       for (const Nominee& one : nominees)
         if (std::none_of(trials.begin(), trials.end(), [&](const Trial& t) { return t.nominee.candidate == one.candidate; }))
-          trials.push_back({one, s, {}, {}, 0.0});
+          trials.push_back({one, s, {}, {}, 0.0, 0.0});
       if (s == &bare || &fitted == &bare) break;
     }
   Trial* best_effect = nullptr;
@@ -301,8 +318,11 @@ bool Diagnoser::stage() {
     model.push_back(column);
     trial.fit = fit(model, current_);
     trial.gain = minus_two_log_likelihood(current_) - minus_two_log_likelihood(trial.fit) - penalty(column, n);
+    trial.plain_gain = trial.gain;
+    if (has_instability && trial.gain > threshold_ && trial.gain < surely)
+      trial.gain = std::min(trial.gain, gain_beside_slow_noise(model, trial.fit) - penalty(column, n));
     Trial*& top = is_pattern(column) ? best_pattern : best_effect;
-    if (!top || trial.gain > top->gain) top = &trial;
+    if (!top || trial.plain_gain > top->plain_gain) top = &trial;
   }
   if (!best_effect && !best_pattern) return false;
   Trial& winner = best_effect ? *best_effect : *best_pattern;
@@ -313,7 +333,9 @@ bool Diagnoser::stage() {
   stage.gain = winner.gain;
   stage.threshold = threshold_;
   const double effect_gain = best_effect ? best_effect->gain : 0.0;
-  if (best_pattern && best_pattern->gain > threshold_ && best_pattern->gain > effect_gain + bic_margin) {
+  if (best_pattern && best_pattern->gain > threshold_ &&
+      best_pattern->plain_gain > (best_effect ? best_effect->plain_gain : 0.0) +
+                                     (depends_on_time_only(best_pattern->column) ? 0.0 : bic_margin)) {
     stage.chosen = best_pattern->column;
     stage.gain = best_pattern->gain;
     stage.note = "a pattern without a name in the catalogue explains the residual better: " + describe_pattern(stage.chosen);

@@ -5,8 +5,10 @@
 //    the likelihood, with parameters and noise fitted again, gains more than a family-wise threshold over all candidates
 //    (Bonferroni, 0.5 % a stage). Likelihood and not the score alone, because a missing effect first hides in the fitted noise.
 //    Effects with a free time constant pay for it (BIC, ln n). Repeat until nothing is accepted: forward selection.
+//    Where bias instability matters, the gain must also hold beside a slower one (flicker noise wanders on every scale).
 // 3. Beside the catalogue stand patterns without a physical name (unexplained.h: bias steps, periodic ones, table angle,
-//    approach direction). Where such a pattern explains the residual better by more than 10, no name is given: unexplained.
+//    approach direction). Where such a pattern explains the residual better (one with angle or direction: by more than 10),
+//    no name is given: unexplained.
 // 4. Gate: an effect stays only if it lowers the error of data that was not used to fit it: a holdout recording, else dwells
 //    left out in turn. Where the chosen member of an alias class does not, the others of the class are tried: held-out data
 //    decide between names that the fitted data cannot tell apart.

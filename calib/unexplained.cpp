@@ -81,7 +81,7 @@ double length_s(const CompressedRecording& recording) {
 std::vector<EffectColumn> refined(const EffectColumn& column, const CompressedRecording& recording) {
   std::vector<EffectColumn> columns;
   const bool step = column.entry->name.starts_with("bias step");
-  if (!step && !column.entry->name.starts_with("periodic")) return columns;
+  if (!depends_on_time_only(column)) return columns;
   const double spacing = length_s(recording) / steps_in_run;
   for (int k = -5; k <= 5; ++k) {
     const double tau = step ? column.tau_s + k * spacing / 8.0 : column.tau_s * std::pow(1.06, k);
@@ -108,6 +108,10 @@ std::vector<EffectColumn> pattern_columns(const CompressedRecording& recording) 
       for (int k = 0; k < static_cast<int>(entry.components.size()); ++k) columns.push_back({&entry, k, value});
   }
   return columns;
+}
+
+bool depends_on_time_only(const EffectColumn& pattern) {
+  return pattern.entry->name.starts_with("bias step") || pattern.entry->name.starts_with("periodic");
 }
 
 bool is_pattern(const EffectColumn& column) {

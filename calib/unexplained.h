@@ -17,6 +17,8 @@ namespace turncal {
 std::vector<EffectColumn> pattern_columns(const CompressedRecording& recording);
 // The same pattern at finer steps of its time or period around the present one; empty where there is nothing to refine.
 std::vector<EffectColumn> refined(const EffectColumn& column, const CompressedRecording& recording);
+// A step or a wave in time: a drift or a temperature effect must do at least as well to be named.
+bool depends_on_time_only(const EffectColumn& pattern);
 bool is_pattern(const EffectColumn& column);
 // "bias step of gyro z at 3200 s"
 std::string describe_pattern(const EffectColumn& column);
