@@ -1,5 +1,6 @@
 #include "orchestrator/command_run.h"
 
+#include <array>
 #include <csignal>
 #include <memory>
 
@@ -46,26 +47,27 @@ struct PreparedRun {
 std::atomic<int> stop_requests{0};
 static_assert(std::atomic<int>::is_always_lock_free);
 
-// SIGINT and SIGTERM ask the run to stop while this object lives.
+// While this object lives, SIGINT, SIGTERM and SIGHUP ask the run to stop, and a reader of our output that goes away does
+// not end the program: whatever happens to the terminal, the table is never left moving.
 class StopSignals {
  public:
   StopSignals() {
     stop_requests = 0;
-    struct sigaction action {};
-    action.sa_handler = [](int) { stop_requests.fetch_add(1); };
-    sigaction(SIGINT, &action, &old_int_);
-    sigaction(SIGTERM, &action, &old_term_);
+    for (std::size_t i = 0; i < signals.size(); ++i) {
+      struct sigaction action {};
+      action.sa_handler = signals[i] == SIGPIPE ? SIG_IGN : [](int) { stop_requests.fetch_add(1); };
+      sigaction(signals[i], &action, &old_[i]);
+    }
   }
   ~StopSignals() {
-    sigaction(SIGINT, &old_int_, nullptr);
-    sigaction(SIGTERM, &old_term_, nullptr);
+    for (std::size_t i = 0; i < signals.size(); ++i) sigaction(signals[i], &old_[i], nullptr);
   }
   StopSignals(const StopSignals&) = delete;
   StopSignals& operator=(const StopSignals&) = delete;
 
  private:
-  struct sigaction old_int_ {};
-  struct sigaction old_term_ {};
+  static constexpr std::array<int, 4> signals = {SIGINT, SIGTERM, SIGHUP, SIGPIPE};
+  std::array<struct sigaction, 4> old_{};
 };
 
 // The run's log and what the operator sees, fed from the same events.

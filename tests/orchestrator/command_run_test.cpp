@@ -1,4 +1,6 @@
 // `turncal run --dry-run` as a black box: results, reproducibility, faults, refusals, signals.
+#include <cstdlib>
+
 #include "tests/orchestrator/program.h"
 
 namespace turncal {
@@ -91,20 +93,33 @@ TEST_F(Run, FaultBeforeTheFirstSampleLeavesNothing) {
   expect_refused(dry_run("out", {"--rig", write("unit.rig", "unit_serial = SN2\n")}), "'SN2'");
 }
 
-TEST_F(Run, InterruptIsExit30AndStopsTheTable) {
-  // Long enough that the signal comes in the middle: 50 repetitions of a ten-minute dwell.
+TEST_F(Run, SignalsAreExit30AndStopTheTable) {
+  // Long enough that the signal comes in the middle.
   std::string text = "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 0 R 0\n  align 1000\n";
   for (int i = 0; i < 1000; ++i) text += "  dwell 2000000\n";
-  const pid_t pid = start({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence", write("long.seq", text)});
-  for (int i = 0; i < 500 && !std::filesystem::exists(folder_ / "out/recording.partial.tcr"); ++i) ::usleep(10'000);
-  ::usleep(50'000);
-  ::kill(pid, SIGINT);
-  const ProgramResult result = finish(pid);
-  EXPECT_EQ(result.code, 30) << result.err;
-  EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_NE(result.err.find("stopped by the operator"), std::string::npos) << result.err;
-  EXPECT_NE(result.out.find("stopped_verified"), std::string::npos);
-  EXPECT_FALSE(std::filesystem::exists(folder_ / "out/parameters.conf"));
+  const std::string sequence = write("long.seq", text);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    const std::string out = "out" + std::to_string(signal);
+    const pid_t pid = start({"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence", sequence});
+    for (int i = 0; i < 500 && !std::filesystem::exists(folder_ / out / "recording.partial.tcr"); ++i) ::usleep(10'000);
+    ::usleep(20'000);
+    ::kill(pid, signal);
+    const ProgramResult result = finish(pid);
+    EXPECT_EQ(result.code, 30) << result.err;
+    EXPECT_EQ(result.err_lines(), 1) << result.err;
+    EXPECT_NE(result.err.find("stopped by the operator"), std::string::npos) << result.err;
+    EXPECT_NE(result.out.find("stopped_verified"), std::string::npos);
+    EXPECT_FALSE(std::filesystem::exists(folder_ / out / "parameters.conf"));
+  }
+}
+
+// `turncal run ... | head -1` and a terminal that is closed: the first goes on, the second stops the table and ends.
+TEST_F(Run, OutputThatNobodyReadsDoesNotKillIt) {
+  const std::string command = "cd " + folder_.string() + " && { " + TURNCAL_BINARY + " run --dry-run --unit SN1 --out out --sequence " +
+                              demo + "; echo $? > code; } | head -1 > /dev/null";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  EXPECT_EQ(file_text(folder_ / "code"), "0\n");
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "out/parameters.conf"));
 }
 
 TEST_F(Run, Refusals) {
