@@ -106,22 +106,30 @@ double chi_square(const RestSystem& system, const VectorXd& weights) {
   return weights.cwiseProduct(system.residual).squaredNorm();
 }
 
-void describe_unseen(const Whitened& w, RestFit& fit) {
+// A parameter is not determined when it lies in a direction that is not seen, or is known so badly that it calibrates
+// nothing: 5 % of scale, 0.1 g, 1 deg/s. (The noise of a gyro that does not turn looks like a little turning.)
+void describe_unseen(const Whitened& w, const RecordingInfo& info, RestFit& fit) {
   const MatrixXd& V = w.svd.matrixV();
   VectorXd share = VectorXd::Zero(V.rows());
   for (Index k = w.rank; k < V.cols(); ++k) share += V.col(k).cwiseAbs2();
+  const Parameters nominal = start_parameters(info);
   const auto& indices = rest_parameter_indices();
   for (Index c = 0; c < V.rows(); ++c) {
-    if (share[c] < 1e-3) continue;
     const bool parameter = c < rest_parameter_count;
     const Index where = parameter ? indices[static_cast<std::size_t>(c)] : parameter_count + c - rest_parameter_count;
+    const double absurd = !parameter   ? std::numeric_limits<double>::infinity()
+                          : where < 3  ? 3600.0
+                          : where < 6  ? 0.1
+                          : where < 15 ? 0.05 * nominal.n(0, 0)
+                                       : 0.05 * nominal.a(0, 0);
+    if (share[c] < 1e-3 && fit.sigma[where] < absurd) continue;
     fit.sigma[where] = std::numeric_limits<double>::quiet_NaN();
     fit.undetermined.push_back(parameter ? std::string(parameter_keys[static_cast<std::size_t>(where)])
                                          : "effect column " + std::to_string(c - rest_parameter_count));
   }
 }
 
-void finish(const RestSystem& system, RestFit& fit) {
+void finish(const RestSystem& system, const RecordingInfo& info, RestFit& fit) {
   const VectorXd weights = rest_weights(system, fit.floors);
   const Whitened w = whiten(system, weights);
   fit.redundancy = redundancy(system, w.basis());
@@ -153,7 +161,7 @@ void finish(const RestSystem& system, RestFit& fit) {
   const auto& indices = rest_parameter_indices();
   for (int c = 0; c < rest_parameter_count; ++c) fit.sigma[indices[static_cast<std::size_t>(c)]] = sigma[c];
   fit.sigma.tail(fit.effect_values.size()) = sigma.tail(fit.effect_values.size());
-  describe_unseen(w, fit);
+  describe_unseen(w, info, fit);
 }
 
 }  // namespace
@@ -266,7 +274,7 @@ RestFit refine_rests(const RestData& data, const Parameters& start, const Effect
     }
     fit.message = "no convergence in " + std::to_string(options.max_iterations) + " iterations";
   }
-  finish(system, fit);
+  finish(system, data.recording->info, fit);
   return fit;
 }
 

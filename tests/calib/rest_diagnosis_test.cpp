@@ -1,0 +1,91 @@
+#include "calib/rest_diagnosis.h"
+
+#include <gtest/gtest.h>
+
+#include "calib/rest_selection.h"
+#include "calib/segmentation.h"
+#include "tests/calib/hand_rotations.h"
+
+namespace turncal {
+namespace {
+
+RestDiagnosis diagnose_hand(const HandPlan& plan) {
+  const HandData hand = make_hand_data(plan);
+  const CompressedRecording recording = compress(hand.info, hand.segments, hand.samples, rest_compression_options());
+  const RestData data = make_rest_data(recording);
+  Result<RestDiagnosis> result = diagnose_rests(data);
+  EXPECT_TRUE(result.ok());
+  return *result;
+}
+
+TEST(RestSelection, FTail) {
+  // Tables: F(1, 10) at 0.05 is 4.9646, F(3, 20) at 0.01 is 4.9382.
+  EXPECT_NEAR(f_tail(4.9646, 1.0, 10.0), 0.05, 1e-5);
+  EXPECT_NEAR(f_tail(4.9382, 3.0, 20.0), 0.01, 1e-5);
+  EXPECT_EQ(f_tail(0.0, 3.0, 20.0), 1.0);
+}
+
+TEST(RestDiagnosis, NothingIsFoundWhereNothingIs) {
+  int alarms = 0;
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    const RestDiagnosis d = diagnose_hand({.seed = seed});
+    alarms += d.effects.empty() ? 0 : 1;
+    EXPECT_TRUE(!d.effects.empty() || d.verdict == RestDiagnosis::Verdict::clean);
+  }
+  EXPECT_LE(alarms, 1);  // of 20 at 1 %: two or more have probability 0.017
+}
+
+TEST(RestDiagnosis, GSensitivityIsFoundNamedAndMeasured) {
+  HandPlan plan;
+  plan.seed = 7;
+  Eigen::Matrix3d G;
+  G << 0.0, 150.0, 300.0, -500.0, 0.0, 350.0, -300.0, -300.0, 0.0;  // deg/h/g
+  plan.effect = [G](const Eigen::Vector3d&, const Eigen::Vector3d& f, double, Eigen::Vector3d& w, Eigen::Vector3d&) {
+    w += G * f / standard_gravity_mps2 * radps_per_degph;
+  };
+  const RestDiagnosis d = diagnose_hand(plan);
+  EXPECT_EQ(d.verdict, RestDiagnosis::Verdict::extended);
+  ASSERT_GE(d.effects.size(), 5u);
+  for (const RestEffect& e : d.effects) {
+    ASSERT_EQ(e.column.entry->name, "gyro_g_sensitivity");
+    EXPECT_NEAR(e.value, G(e.column.component / 3, e.column.component % 3), 4.0 * e.sigma);
+  }
+  EXPECT_LT(d.final.left_out.direction_rms_rad, 0.5 * d.base.left_out.direction_rms_rad);
+  EXPECT_LT(d.left_out_after, 0.6 * d.left_out_before);
+}
+
+TEST(RestDiagnosis, DriftIsNotTakenForGSensitivity) {
+  HandPlan plan;
+  plan.seed = 9;
+  plan.effect = [](const Eigen::Vector3d&, const Eigen::Vector3d&, double t, Eigen::Vector3d& w, Eigen::Vector3d& f) {
+    w += Eigen::Vector3d(40000.0, 0.0, -25000.0) * radps_per_degph * t / 3600.0;  // deg/h/h
+    f += Eigen::Vector3d(0.0, 0.0, 0.25) * t / 3600.0 * standard_gravity_mps2;
+  };
+  const RestDiagnosis d = diagnose_hand(plan);
+  ASSERT_FALSE(d.effects.empty());
+  bool accel = false;
+  for (const RestEffect& e : d.effects) {
+    EXPECT_TRUE(e.column.entry->name == "gyro_bias_drift" || e.column.entry->name == "accel_bias_drift")
+        << e.column.key();
+    accel = accel || e.column.entry->name == "accel_bias_drift";
+    if (e.column.key() == "gyro_bias_drift.x") {
+      EXPECT_NEAR(e.value, 40000.0, 4.0 * e.sigma);
+    }
+  }
+  EXPECT_TRUE(accel);
+}
+
+TEST(RestDiagnosis, SaysWhatRestsCannotShow) {
+  const RestDiagnosis d = diagnose_hand({});
+  int heading = 0, trace = 0;
+  for (const RestCandidate& c : d.candidates) {
+    if (c.effect == "gyro_magnetic" || c.effect == "earth_rate") heading += c.remark == "needs the heading" ? 1 : 0;
+    if (c.effect == "accel_delay" || c.effect == "accel_size_effect")
+      trace += c.remark.starts_with("leaves no trace") ? 1 : 0;
+  }
+  EXPECT_EQ(heading, 2);
+  EXPECT_EQ(trace, 2);
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,159 @@
+#include "calib/rest_model.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "calib/effects.h"
+#include "tests/calib/hand_rotations.h"
+
+namespace turncal {
+namespace {
+
+EffectModel model_of(const char* name) {
+  std::vector<EffectColumn> columns;
+  const EffectEntry* entry = find_effect(name);
+  for (int k = 0; k < static_cast<int>(entry->components.size()); ++k) columns.push_back({entry, k, 0.0});
+  return make_effect_model(columns, Site{}, 0.0);
+}
+
+struct Prepared {
+  HandData hand;
+  CompressedRecording recording;
+  RestData data;
+};
+std::unique_ptr<Prepared> prepare(const HandPlan& plan) {
+  auto p = std::make_unique<Prepared>();
+  p->hand = make_hand_data(plan);
+  p->recording = compress(p->hand.info, p->hand.segments, p->hand.samples, rest_compression_options());
+  p->data = make_rest_data(p->recording);
+  return p;
+}
+
+TEST(RestSystem, JacobianAgreesWithDifferences) {
+  const auto p = prepare({.rests = 6, .rest_s = 3.0});
+  EffectModel effects = model_of("gyro_g_sensitivity");
+  for (int k = 0; k < effects.columns; ++k) effects.values[k] = 40.0 * (k - 4);
+  const Parameters at = p->hand.truth;
+  const RestSystem system = make_rest_system(p->data, at, effects, true);
+  for (int c = 0; c < rest_parameter_count + effects.columns; ++c) {
+    const bool parameter = c < rest_parameter_count;
+    ParameterVector low = to_vector(at), high = low;
+    EffectModel effects_low = effects, effects_high = effects;
+    const int index = parameter ? rest_parameter_indices()[static_cast<std::size_t>(c)] : 0;
+    const double h = parameter ? (index < 3 ? 1.0 : 1e-5) : 1.0;
+    if (parameter) {
+      low[index] -= h;
+      high[index] += h;
+    } else {
+      effects_low.values[c - rest_parameter_count] -= h;
+      effects_high.values[c - rest_parameter_count] += h;
+    }
+    const Eigen::VectorXd difference = (make_rest_system(p->data, from_vector(high), effects_high, false).residual -
+                                        make_rest_system(p->data, from_vector(low), effects_low, false).residual) /
+                                       (2.0 * h);
+    // The residuals are white noise here: the terms held fixed (basis across gravity, creep) are worth a part in 10^3
+    // of the column, and a g-sensitivity moves with the scale of the accelerometer it multiplies.
+    EXPECT_LT((difference - system.jacobian.col(c)).norm(), 6e-3 * difference.norm()) << "column " << c;
+  }
+}
+
+TEST(RestModel, FindsTheTruthWithinItsSigmas) {
+  double sum = 0.0;
+  int count = 0;
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    const auto p = prepare({.seed = seed});
+    const Result<RestFit> fit = fit_rests(p->data, EffectModel{});
+    ASSERT_TRUE(fit.ok());
+    ASSERT_TRUE(fit->converged) << fit->message;
+    EXPECT_TRUE(fit->undetermined.empty());
+    const ParameterVector error = to_vector(fit->parameters) - to_vector(p->hand.truth);
+    for (const int k : rest_parameter_indices()) {
+      EXPECT_LT(std::abs(error[k]), 5.0 * fit->sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
+      sum += std::pow(error[k] / fit->sigma[k], 2);
+      ++count;
+    }
+  }
+  // 210 squares with mean 1: sigma of the mean sqrt(2/210) = 0.1; the floors of ten small samples widen it to 0.15.
+  EXPECT_NEAR(sum / count, 1.0, 0.45);
+}
+
+TEST(RestModel, StartsFarFromTheTruth) {
+  // 30 % off in the gyros' scale, 15 % in the accelerometers': as if the counts had been taken for another unit.
+  HandData hand = make_hand_data({});
+  for (ImuSample& s : hand.samples)
+    for (std::size_t k = 0; k < 3; ++k) {
+      s.gyro[k] *= 1.3;
+      s.accel[k] /= 1.15;
+    }
+  const CompressedRecording recording = compress(hand.info, hand.segments, hand.samples, rest_compression_options());
+  const RestData data = make_rest_data(recording);
+  const Result<RestFit> fit = fit_rests(data, EffectModel{});
+  ASSERT_TRUE(fit.ok());
+  ASSERT_TRUE(fit->converged) << fit->message;
+  EXPECT_NEAR(fit->parameters.n(0, 0) * 1.3, hand.truth.n(0, 0), 2e-3);
+  EXPECT_NEAR(fit->parameters.a(2, 2) / 1.15, hand.truth.a(2, 2), 1e-3);
+  EXPECT_LT(fit->errors.direction_rms_rad, 2e-3);
+}
+
+TEST(RestModel, LeftOutErrorIsThatOfARefitWithoutTheRows) {
+  const auto p = prepare({.rests = 12});
+  const Result<RestFit> fit = fit_rests(p->data, EffectModel{});
+  ASSERT_TRUE(fit.ok());
+  const RestSystem system = make_rest_system(p->data, fit->parameters, EffectModel{}, true);
+  const Eigen::VectorXd weights = rest_weights(system, fit->floors);
+  const Eigen::VectorXd predicted = left_out_residual(system, weights);
+  // Leave leg 4 out by hand: one Gauss-Newton step without its two rows.
+  std::vector<Eigen::Index> kept, left;
+  for (Eigen::Index k = 0; k < system.residual.size(); ++k) {
+    const auto row = static_cast<std::size_t>(k);
+    (system.kind[row] == RestKind::direction && system.owner[row] == 4 ? left : kept).push_back(k);
+  }
+  ASSERT_EQ(left.size(), 2u);
+  const Eigen::MatrixXd J = (weights.asDiagonal() * system.jacobian)(kept, Eigen::all);
+  const Eigen::VectorXd r = weights.cwiseProduct(system.residual)(kept);
+  const Eigen::VectorXd scale = J.colwise().norm().cwiseInverse();
+  const Eigen::VectorXd step = scale.cwiseProduct((J * scale.asDiagonal()).colPivHouseholderQr().solve(-r));
+  for (const Eigen::Index k : left)
+    EXPECT_NEAR(predicted[k], system.residual[k] + system.jacobian.row(k).dot(step), 1e-6);
+}
+
+TEST(RestModel, NamesWhatIsNotDetermined) {
+  // Turned about x alone, gravity stays in the y-z plane: the x accelerometer's scale and bias are not seen, nor what
+  // the other two gyros, which do not turn, put into x. The x gyro's own scale is.
+  HandPlan plan;
+  plan.fixed_axis = Eigen::Vector3d::UnitX();
+  const auto p = prepare(plan);
+  const Result<RestFit> fit = fit_rests(p->data, EffectModel{});
+  ASSERT_TRUE(fit.ok());
+  const auto named = [&](const char* key) {
+    return std::find(fit->undetermined.begin(), fit->undetermined.end(), key) != fit->undetermined.end();
+  };
+  for (const char* key : {"n12", "n13", "a11", "A01"}) EXPECT_TRUE(named(key)) << key;
+  for (const char* key : {"n11", "a23", "A02", "N02"}) EXPECT_FALSE(named(key)) << key;
+  for (const int k : rest_parameter_indices())
+    EXPECT_EQ(std::isnan(fit->sigma[k]), named(std::string(parameter_keys[static_cast<std::size_t>(k)]).c_str()));
+  const auto few = prepare({.rests = 3});
+  const Result<RestFit> none = fit_rests(few->data, EffectModel{});
+  ASSERT_FALSE(none.ok());
+  EXPECT_NE(none.error().message.find("at least 4 rests"), std::string::npos);
+}
+
+TEST(RestModel, LegWithALostSampleIsSetAside) {
+  HandData hand = make_hand_data({});
+  const Segment& leg = hand.segments[5];
+  ASSERT_EQ(leg.kind, SegmentKind::rotate);
+  hand.samples.erase(hand.samples.begin() + (leg.start_sample + leg.end_sample) / 2);
+  const CompressedRecording recording = compress(hand.info, hand.segments, hand.samples, rest_compression_options());
+  const RestData data = make_rest_data(recording);
+  EXPECT_NE(data.legs[2].fault.find("gap of 1 sample"), std::string::npos) << data.legs[2].fault;
+  EXPECT_TRUE(data.legs[1].fault.empty());
+  const Result<RestFit> fit = fit_rests(data, EffectModel{});
+  ASSERT_TRUE(fit.ok());
+  const ParameterVector error = to_vector(fit->parameters) - to_vector(hand.truth);
+  for (const int k : rest_parameter_indices()) EXPECT_LT(std::abs(error[k]), 5.0 * fit->sigma[k]);
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,131 @@
+#include "imu_io/csv_map_import.h"
+
+#include <gtest/gtest.h>
+
+#include "calib/parameters.h"
+
+namespace turncal {
+namespace {
+
+const std::string base_map =
+    "gravity_mps2 = 9.81\nunit_serial = s1\n"
+    "gyro.columns = gx, gy, gz\ngyro.unit = deg/s\ngyro.scale = 0.5\ngyro.offset = 100\n"
+    "accel.columns = ax, ay, az\naccel.unit = g\n";
+
+std::string rows(int count, double step = 0.01) {
+  std::string text = "t,gx,gy,gz,ax,ay,az,temp\n";
+  for (int k = 0; k < count; ++k) text += std::to_string(5.0 + k * step) + ",102,100,96,0.5,0,1,300\n";
+  return text;
+}
+CsvImport must(const std::string& map_text, const std::string& csv) {
+  const Result<CsvMap> map = parse_csv_map(map_text, "m.map");
+  EXPECT_TRUE(map.ok()) << (map.ok() ? "" : map.error().message);
+  Result<CsvImport> result = parse_csv(*map, csv, "d.csv");
+  EXPECT_TRUE(result.ok()) << (result.ok() ? "" : result.error().message);
+  return result.ok() ? *result : CsvImport{};
+}
+std::string refusal(const std::string& map_text, const std::string& csv) {
+  const Result<CsvMap> map = parse_csv_map(map_text, "m.map");
+  if (!map) return map.error().message;
+  const Result<CsvImport> result = parse_csv(*map, csv, "d.csv");
+  return result.ok() ? "" : result.error().message;
+}
+
+TEST(CsvMapImport, UnitsOffsetsScalesAxes) {
+  const CsvImport c = must(base_map +
+                               "gyro.axes = +x, -z, +y\nrate_hz = 100\ntemperature.column = temp\n"
+                               "temperature.offset = 280\ntemperature.scale = 0.1\n",
+                           rows(12));
+  ASSERT_EQ(c.samples.size(), 12u);
+  const ImuSample& s = c.samples[3];
+  EXPECT_EQ(s.counter, 3);
+  // (102 - 100) * 0.5 deg/s over 10 ms; y is minus the third column, z the second.
+  EXPECT_NEAR(s.gyro[0], 1.0 * rad_per_deg * 0.01, 1e-15);
+  EXPECT_NEAR(s.gyro[1], 2.0 * rad_per_deg * 0.01, 1e-15);
+  EXPECT_NEAR(s.gyro[2], 0.0, 1e-15);
+  EXPECT_NEAR(s.accel[2], 9.80665 * 0.01, 1e-15);
+  EXPECT_FLOAT_EQ(s.temperature_c, 2.0F);
+  EXPECT_EQ(c.info.gyro_increment, IncrementKind::physical);
+  EXPECT_TRUE(c.info.has_temperature);
+}
+
+TEST(CsvMapImport, MeasuredIntervalsOrTheMeanOne) {
+  std::string csv = "t,gx,gy,gz,ax,ay,az\n";
+  double t = 0.0;
+  for (int k = 0; k < 20; ++k) {
+    csv += std::to_string(t) + ",102,100,100,0,0,1\n";
+    t += k % 2 == 0 ? 9.0 : 11.0;  // ms; sums to the mean of 10 over an even number of intervals
+  }
+  const std::string timed = base_map + "time.column = t\ntime.unit = ms\n";
+  const CsvImport measured = must(timed, csv);
+  EXPECT_NEAR(measured.info.sample_period_s, (9.0 * 10 + 11.0 * 9) / 19.0 * 1e-3, 1e-12);
+  EXPECT_NEAR(measured.samples[1].gyro[0], rad_per_deg * 0.009, 1e-15);
+  EXPECT_NEAR(measured.samples[2].gyro[0], rad_per_deg * 0.011, 1e-15);
+  EXPECT_NEAR(measured.jitter_s, 1e-3, 1e-5);
+  const CsvImport mean = must(timed + "time.increments = period\n", csv);
+  EXPECT_NEAR(mean.samples[1].gyro[0], rad_per_deg * mean.info.sample_period_s, 1e-15);
+  EXPECT_NEAR(mean.samples[2].gyro[0], rad_per_deg * mean.info.sample_period_s, 1e-15);
+}
+
+TEST(CsvMapImport, GapsAndSaturatedRowsShowInTheCounter) {
+  std::string csv = "t,gx,gy,gz,ax,ay,az\n";
+  for (int k = 0; k < 30; ++k) {
+    if (k == 10 || k == 11) continue;  // two rows lost
+    csv += std::to_string(0.01 * k) + (k == 20 ? ",32767,100,100,0,0,1\n" : ",102,100,100,0,0,1\n");
+  }
+  const CsvImport c = must(base_map + "time.column = t\ngyro.range = -32767, 32767\n", csv);
+  EXPECT_EQ(c.gaps, 1);
+  EXPECT_EQ(c.saturated, 1);
+  ASSERT_EQ(c.samples.size(), 27u);
+  EXPECT_EQ(c.samples[9].counter, 9);
+  EXPECT_EQ(c.samples[10].counter, 12);
+  EXPECT_EQ(c.samples.back().counter, 29);
+  EXPECT_EQ(c.samples[18].counter, 21);  // 20 is the saturated one
+}
+
+TEST(CsvMapImport, IncrementsAreTakenAsTheyAre) {
+  std::string map = base_map + "rate_hz = 50\n";
+  map.replace(map.find("deg/s"), 5, "arcsec");
+  EXPECT_NEAR(must(map, rows(12)).samples[0].gyro[0], rad_per_arcsec, 1e-18);
+}
+
+TEST(CsvMapImport, ColumnsByNumberAndOtherDelimiters) {
+  const std::string map =
+      "gravity_mps2 = 9.81\nunit_serial = s1\nrate_hz = 100\ncsv.delimiter = space\ncsv.header_lines = 0\n"
+      "gyro.columns = 4, 5, 6\ngyro.unit = rad/s\naccel.columns = 1, 2, 3\naccel.unit = m/s^2\n";
+  std::string csv;
+  for (int k = 0; k < 10; ++k) csv += "  1 2   3  4 5 6\n";
+  EXPECT_NEAR(must(map, csv).samples[5].gyro[2], 0.06, 1e-15);
+}
+
+TEST(CsvMapImport, DefectsNameFileLineAndColumn) {
+  const std::string map = base_map + "rate_hz = 100\n";
+  std::string csv = rows(12);
+  csv.replace(csv.find("0.5", 60), 3, "abc");
+  EXPECT_NE(refusal(map, csv).find("d.csv:"), std::string::npos);
+  EXPECT_NE(refusal(map, csv).find("column 'ax' = 'abc': expected a number"), std::string::npos) << refusal(map, csv);
+  EXPECT_NE(refusal(map, rows(12) + "7,1,2\n").find("d.csv:14: column 'ax' is missing"), std::string::npos)
+      << refusal(map, rows(12) + "7,1,2\n");
+  EXPECT_NE(refusal(map, "t,gx\n1,2\n").find("d.csv:1: no column 'ax'"), std::string::npos)
+      << refusal(map, "t,gx\n1,2\n");
+  EXPECT_NE(refusal(map, rows(3)).find("at least 10 rows"), std::string::npos);
+  const std::string timed = base_map + "time.column = t\n";
+  EXPECT_NE(
+      refusal(timed, rows(12) + "1.0,1,1,1,1,1,1,1\n").find("d.csv:14: column 't' = '1.0': expected a time after"),
+      std::string::npos);
+}
+
+TEST(CsvMapImport, DefectsOfTheMap) {
+  const auto with = [](const std::string& more) { return refusal(base_map + more, ""); };
+  EXPECT_NE(with("").find("rate_hz"), std::string::npos);
+  EXPECT_NE(with("rate_hz = 100\ntime.column = t\n").find("rate_hz"), std::string::npos);
+  EXPECT_NE(with("rate_hz = 100\ngyro.axes = +x, +x, +z\n").find("m.map:10: key 'gyro.axes'"), std::string::npos)
+      << with("rate_hz = 100\ngyro.axes = +x, +x, +z\n");
+  EXPECT_NE(with("rate_hz = 100\ncolour = red\n").find("colour"), std::string::npos);
+  std::string unit = base_map + "rate_hz = 100\n";
+  unit.replace(unit.find("deg/s"), 5, "rpm");
+  EXPECT_NE(refusal(unit, "").find("expected one of rad/s"), std::string::npos) << refusal(unit, "");
+}
+
+}  // namespace
+}  // namespace turncal
