@@ -34,7 +34,7 @@ std::string describe_effect(const Diagnosis& diagnosis, const std::string& name,
     texts.push_back(component_name(e.column) + " " + quantity(e.value, e.sigma, e.column.entry->unit, alphabet) + " (" +
                     significant(z_of(e), 2) + " sigma)");
   }
-  if (parts.size() > most) texts.push_back(std::to_string(parts.size() - most) + " more");
+  if (parts.size() > most) texts.push_back("and " + std::to_string(parts.size() - most) + " more");
   const EffectEntry* entry = with_term ? find_effect(name) : nullptr;
   return name + (entry != nullptr ? ", " + std::string(entry->term) : "") + (texts.empty() ? "" : ", " + join(texts));
 }
@@ -213,7 +213,7 @@ std::string largest_changes(const Diagnosis& d) {
   });
   std::vector<std::string> parts;
   for (const int k : order) {
-    if (parts.size() == 6 || !std::isfinite(change[k])) break;
+    if (parts.size() == 6 || !std::isfinite(change[k]) || (!parts.empty() && std::abs(change[k]) < 0.05)) break;
     parts.push_back(std::string(parameter_keys[static_cast<std::size_t>(k)]) + " " + signed_number(change[k], 1));
   }
   return join(parts) + " sigma";

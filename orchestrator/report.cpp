@@ -30,7 +30,7 @@ p.soft { max-width:none; }
 .verdict { margin:18px 0 8px; padding:14px 18px; border-left:8px solid; background:#f6f6f4; font-size:17px; }
 .verdict p { max-width:none; margin:0; }
 .clean { border-color:#009E73; } .extended { border-color:#0072B2; } .unexplained { border-color:#D55E00; } .noise_model { border-color:#E69F00; }
-table { border-collapse:collapse; font-size:13.5px; margin:8px 0; font-variant-numeric:tabular-nums; }
+table { border-collapse:collapse; max-width:100%; font-size:13.5px; margin:8px 0; font-variant-numeric:tabular-nums; }
 th, td { padding:3px 12px 3px 0; text-align:left; vertical-align:baseline; border-bottom:1px solid #ececec; white-space:nowrap; }
 td.w { white-space:normal; }
 thead th { border-bottom:1.5px solid #999; color:var(--soft); font-weight:600; }
@@ -40,7 +40,7 @@ tr.hit td { font-weight:600; }
 tr.dim td { color:#8a8a8a; }
 .big { font-size:20px; font-weight:600; }
 .bar { display:inline-block; height:9px; background:var(--after); vertical-align:middle; }
-td.half { width:110px; padding:3px 0; border-bottom:1px solid #ececec; }
+td.half { width:74px; min-width:74px; padding:3px 0; border-bottom:1px solid #ececec; }
 td.half.left { text-align:right; border-right:1px solid #777; }
 figure { margin:10px 0 4px; }
 figure svg { display:block; height:auto; }
@@ -193,7 +193,7 @@ Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) 
   }
 
   page.section("time", "Residual velocity against time");
-  if (time.panels.empty()) page.text("There are no static seconds to show.");
+  if (time.panels.empty()) page.text("There are no static seconds after a rotation to show.");
   else page.raw(plots.html(time));
 
   if (!effects.empty()) {

@@ -86,6 +86,7 @@ Figure time_figure(const Diagnosis& diagnosis) {
     panel.y_limit = frame_limit(panel, cut);
     figure.panels.push_back(std::move(panel));
   }
+  if (figure.panels.front().empty()) figure.panels.clear();
   if (cut) figure.caption += " Single branches, as after a fault in the data, leave the frame.";
   return figure;
 }

@@ -99,7 +99,7 @@ std::string handy_sigma(std::size_t k, double sigma, const ParameterVector& valu
 
 Cell bar(double value, double largest, bool left) {
   const bool here = left ? value < 0.0 : value > 0.0;
-  const double width = here ? 104.0 * std::abs(value) / std::max(largest, 1e-9) : 0.0;
+  const double width = here ? 70.0 * std::abs(value) / std::max(largest, 1e-9) : 0.0;
   const std::string kind = left ? "half left" : "half";
   if (width < 0.5) return {"", kind};
   return {"<span class=\"bar\" style=\"width:" + significant(width, 3) + "px\"></span>", kind};
@@ -184,6 +184,10 @@ std::string html_errors(const Diagnosis& diagnosis) {
                         ". Before: the 24 parameters alone" + (both ? "; after: with the effects added" : "") +
                         "; the noise is the same in both.",
                     "soft");
+  if (diagnosis.verdict == Verdict::unexplained && diagnosis.extended.noise_fit)
+    html += paragraph("The noise was measured on the same data and may have taken up a part of the residual: a normalised residual near 1 "
+                      "does not clear it.",
+                      "soft");
   return html;
 }
 
@@ -258,9 +262,9 @@ std::string html_parameters(const Diagnosis& diagnosis, const DiagnosisContext& 
     if (std::isfinite(c)) largest = std::max(largest, std::abs(c));
   std::vector<Cell> head = {text("parameter"), text("")};
   if (both) head.push_back(number("before"));
-  for (const Cell& cell : {number(both ? "after" : "value"), number("σ"), text("unit"), number("σ, relative")}) head.push_back(cell);
+  for (const Cell& cell : {number(both ? "after" : "value"), number("σ"), text("unit"), number("σ, rel.")}) head.push_back(cell);
   if (both)
-    for (const Cell& cell : {number("change in σ"), Cell{"", "half"}, Cell{"", "half"}}) head.push_back(cell);
+    for (const Cell& cell : {number("change, σ"), Cell{"", "half"}, Cell{"", "half"}}) head.push_back(cell);
   HtmlTable table(head);
   for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
     const auto row = static_cast<Eigen::Index>(k);
@@ -309,8 +313,7 @@ std::string html_noise(const Diagnosis& diagnosis, const DiagnosisContext& conte
   const JointResult& r = diagnosis.extended;
   const NoiseModel& noise = r.noise;
   constexpr double micro_g = 1e-6 * standard_gravity_mps2;
-  HtmlTable table({text("sensor"), number("random walk used"), text(""), number("Allan fit: random walk N"), number("quantisation Q"),
-                   number("bias instability B"), number("rate random walk K")});
+  HtmlTable table({text("sensor"), number("random walk used"), text(""), number("Allan: N"), number("Q"), number("B"), number("K")});
   for (std::size_t k = 0; k < 6; ++k) {
     const bool gyro = k < 3;
     const auto axis = static_cast<Eigen::Index>(k % 3);
@@ -330,6 +333,7 @@ std::string html_noise(const Diagnosis& diagnosis, const DiagnosisContext& conte
                number(or_dash(f.rate_random_walk * 60.0 / bias, gyro ? "°/h/√h" : "µg/√h"))});
   }
   std::string html = table.finish();
+  html += paragraph("Allan fit: N random walk, Q quantisation, B bias instability, K rate random walk; - where the dwells show none.", "soft");
   std::string line = context.noise_given ? "The noise was given in the configuration, not measured. "
                                          : "The noise was measured on this recording (maximum likelihood, started from the Allan "
                                            "deviation). ";

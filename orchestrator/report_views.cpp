@@ -21,6 +21,7 @@ struct View {
   std::string_view effect;
   Abscissa x;
   Ordinate y;
+  bool all_axes = false;  // whatever the component: it acts across the axes
 };
 
 // What the eye needs to see each effect. One that is not here is shown against time.
@@ -30,8 +31,8 @@ constexpr View views[] = {
     {"accel_odd_quadratic", Abscissa::specific_force, Ordinate::accel},
     {"accel_third_order", Abscissa::specific_force, Ordinate::accel},
     {"accel_cross_coupling", Abscissa::force_product, Ordinate::accel},
-    {"accel_size_effect", Abscissa::turned, Ordinate::velocity},
-    {"accel_delay", Abscissa::turned, Ordinate::velocity},
+    {"accel_size_effect", Abscissa::turned, Ordinate::velocity, true},
+    {"accel_delay", Abscissa::turned, Ordinate::velocity, true},
     {"accel_bias_temperature", Abscissa::temperature, Ordinate::accel},
     {"accel_scale_temperature", Abscissa::temperature, Ordinate::accel_per_g},
     {"accel_bias_drift", Abscissa::time, Ordinate::accel},
@@ -44,9 +45,9 @@ constexpr View views[] = {
     {"gyro_bias_drift", Abscissa::time, Ordinate::gyro},
     {"gyro_warm_up", Abscissa::time, Ordinate::gyro},
     {"gyro_magnetic", Abscissa::heading, Ordinate::gyro},
-    {"earth_rate", Abscissa::heading, Ordinate::gyro},
+    {"earth_rate", Abscissa::heading, Ordinate::gyro, true},
     {"post_rotation_relaxation", Abscissa::since_rotation, Ordinate::velocity},
-    {"gyro_accel_flexure", Abscissa::turned, Ordinate::tilt},
+    {"gyro_accel_flexure", Abscissa::turned, Ordinate::tilt, true},
 };
 
 View view_of(const std::string& effect) {
@@ -87,6 +88,7 @@ Limits limits_of(const std::vector<DwellResidual>& dwells) {
   return l;
 }
 
+constexpr std::size_t markers_a_series = 300;  // more would make the page heavy, not clearer
 constexpr double horizontal = 0.5;        // level_share above which an axis shows its tilt and its gyro
 constexpr double real_turn_rad = 0.2;     // smaller ones are table errors
 constexpr double loaded_g = 0.3;          // specific force that shows a scale factor
@@ -213,6 +215,7 @@ Panel dwell_panel(const std::vector<DwellResidual>& dwells, const View& view, co
       const double y = ordinate_of(d, s == 0 ? d.before : d.after, view.y, axis, limits);
       if (std::isfinite(x) && std::isfinite(y)) panel.series[s].points.emplace_back(x, y);
     }
+    panel.series[s].points = outline(panel.series[s].points, markers_a_series);
   }
   return panel;
 }
@@ -222,6 +225,21 @@ void arrange(Figure& figure) {
   figure.columns = static_cast<int>(std::max<std::size_t>(1, figure.panels.size()));
   figure.panel_width = figure.columns < 3 ? 480 : 320;
   figure.panel_height = 270;
+}
+
+const char* caption_of(Ordinate y) {
+  switch (y) {
+    case Ordinate::accel:
+    case Ordinate::accel_per_g: return "One point a dwell: the slope of the residual velocity along the axis of the sensor.";
+    case Ordinate::tilt:
+    case Ordinate::tilt_per_turn:
+      return "One point a dwell in which the axis lay horizontal: the tilt error that the rotation before it left behind.";
+    case Ordinate::gyro:
+      return "One point a dwell in which the axis lay horizontal: the curvature of the residual velocity, as an error of the gyro "
+             "along it.";
+    case Ordinate::velocity: return "One point a dwell: the velocity that the rotation before it left behind.";
+  }
+  return "";
 }
 
 }  // namespace
@@ -240,38 +258,22 @@ Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual
     figure.caption = "Root mean square over all dwells, second by second after the rotation.";
     return figure;
   }
-  if (view.y == Ordinate::velocity) {
+  if (view.all_axes) {
     for (int axis = 0; axis < 3; ++axis)
       figure.panels.push_back(dwell_panel(dwells, view, {}, axis, has_after(diagnosis), limits));
-    arrange(figure);
-    figure.caption = "One point a dwell: the velocity that the rotation before it left behind.";
-    return figure;
-  }
-  std::vector<std::pair<std::string, ComponentAxes>> wanted;
-  for (const EstimatedEffect* e : components_of(diagnosis, effect)) {
-    const std::string component(e->column.entry->components[static_cast<std::size_t>(e->column.component)]);
-    if (wanted.size() < most_panels) wanted.emplace_back(component, axes_of(component));
-  }
-  for (const auto& [component, axes] : wanted) {
-    if (axes.sensor >= 0) {
-      figure.panels.push_back(dwell_panel(dwells, view, axes, axes.sensor, has_after(diagnosis), limits));
-      figure.panels.back().title = "component " + component;
-      continue;
+  } else {
+    for (const EstimatedEffect* e : components_of(diagnosis, effect)) {
+      const std::string component(e->column.entry->components[static_cast<std::size_t>(e->column.component)]);
+      const ComponentAxes axes = axes_of(component);
+      if (axes.sensor < 0) continue;
+      Panel panel = dwell_panel(dwells, view, axes, axes.sensor, has_after(diagnosis), limits);
+      panel.title = "component " + component;
+      if (!panel.empty() && figure.panels.size() < most_panels) figure.panels.push_back(std::move(panel));
     }
-    if (!figure.panels.empty()) break;  // a component without an axis (earth rate): all three axes, once
-    for (int axis = 0; axis < 3; ++axis)
-      figure.panels.push_back(dwell_panel(dwells, view, axes, axis, has_after(diagnosis), limits));
   }
-  figure.panels.erase(std::remove_if(figure.panels.begin(), figure.panels.end(), [](const Panel& p) { return p.empty(); }),
-                      figure.panels.end());
+  std::erase_if(figure.panels, [](const Panel& panel) { return panel.empty(); });
   arrange(figure);
-  figure.caption = view.y == Ordinate::accel || view.y == Ordinate::accel_per_g
-                       ? "One point a dwell: the slope of the residual velocity along the axis of the sensor."
-                   : view.y == Ordinate::gyro
-                       ? "One point a dwell in which the axis lay horizontal: the curvature of the residual velocity, as "
-                         "error of the gyro along the axis."
-                       : "One point a dwell in which the axis lay horizontal: the tilt error that the rotation before it left "
-                         "behind.";
+  figure.caption = caption_of(view.y);
   return figure;
 }
 
@@ -326,6 +328,7 @@ std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells
           const double x = a.value(d, axis);
           if (std::isfinite(x) && std::isfinite(value)) series.points.emplace_back(x, value);
         }
+        series.points = outline(series.points, markers_a_series);
         panel.series.push_back(std::move(series));
       }
       if (!panel.empty()) figure.panels.push_back(std::move(panel));

@@ -1,0 +1,196 @@
+// `turncal diagnose` as a black box: what it writes, exit codes, refusals; on the rig's recordings and on those of another simulator.
+#include <cstdlib>
+#include <map>
+
+#include "imu_io/key_value.h"
+#include "imu_io/parameter_file.h"
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+namespace {
+
+const std::string recordings = std::string(TURNCAL_SOURCE_DIR) + "/../shared/data/recordings/";
+
+// Key = value lines; a diagnosis has empty values, which are kept.
+std::map<std::string, std::string> entries(const std::string& text) {
+  std::map<std::string, std::string> result;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t equals = line.find(" =");
+    if (line.starts_with("#") || equals == std::string::npos) continue;
+    result[line.substr(0, equals)] = line.size() > equals + 3 ? line.substr(equals + 3) : "";
+  }
+  return result;
+}
+
+class Diagnose : public Program {
+ protected:
+  // A run on the rig, recorded only. An empty sequence: the fourteen steps.
+  std::string rig_recording(const std::string& name, const std::string& rig, const std::string& sequence = "",
+                            const std::string& unit = "SN1") const {
+    std::vector<std::string> arguments = {"run", "--dry-run", "--capture-only", "--unit", unit, "--out", name,
+                                          "--rig", write(name + ".rig", rig)};
+    if (!sequence.empty()) {
+      arguments.push_back("--sequence");
+      arguments.push_back(std::string(TURNCAL_SOURCE_DIR) + "/sequences/" + sequence);
+    }
+    const ProgramResult result = run(arguments);
+    EXPECT_EQ(result.code, 0) << result.err;
+    return path(name);
+  }
+};
+
+TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
+  rig_recording("rec", "seed = 7\neffect.accel_delay.tau = 0.3\n");
+  const ProgramResult result = run({"diagnose", "rec", "--out", "out"});
+  EXPECT_EQ(result.code, 20) << result.err;
+  EXPECT_EQ(result.err, "");
+  const auto conf = entries(file_text(path("out/diagnosis.conf")));
+  ASSERT_EQ(conf.at("verdict"), "extended");
+  EXPECT_EQ(conf.at("effects"), "accel_delay");
+  const double value = std::stod(conf.at("effect.accel_delay.tau"));
+  const double sigma = std::stod(conf.at("sigma.effect.accel_delay.tau"));
+  EXPECT_NEAR(value, 0.3, 3.5 * sigma);
+  EXPECT_LT(sigma, 0.01);
+  EXPECT_EQ(conf.count("alias.accel_delay"), 1u);
+  EXPECT_EQ(conf.at("holdout.source"), "dwells left out in turn");
+  EXPECT_LT(std::stod(conf.at("holdout.after")), std::stod(conf.at("holdout.before")));
+  EXPECT_LT(std::stod(conf.at("error.after")), std::stod(conf.at("error.before")));
+  // The effect is in the parameter file, to the digit, which is marked as simulated.
+  const auto parameters = read_parameter_file(path("out/parameters.conf"));
+  ASSERT_TRUE(parameters.ok()) << parameters.error().message;
+  ASSERT_EQ(parameters->effects.size(), 1u);
+  EXPECT_EQ(parameters->effects[0].name, "accel_delay");
+  EXPECT_EQ(parameters->effects[0].component, "tau");
+  EXPECT_EQ(parameters->effects[0].value, value);
+  EXPECT_EQ(parameters->model, "extended");
+  EXPECT_TRUE(parameters->simulated);
+  EXPECT_TRUE(parameters->reference_temperature_c);
+  const std::string html = file_text(path("out/report.html"));
+  EXPECT_NE(html.find("accel_delay, time delay of the accelerometers"), std::string::npos);
+  EXPECT_NE(html.find("Simulated data"), std::string::npos);
+  EXPECT_LT(html.size(), 3u << 20);
+  // The terminal gets the same, short.
+  EXPECT_NE(result.out.find("verdict         Extended: one effect beyond the 24 parameters"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("out/report.html"), std::string::npos);
+  EXPECT_LE(std::count(result.out.begin(), result.out.end(), '\n'), 30 + 10);
+
+  // Again, without gnuplot: another report, the same answer, the same exit code.
+  const char* const old_path = std::getenv("PATH");
+  const std::string kept = old_path != nullptr ? old_path : "";
+  ::setenv("PATH", path("nowhere").c_str(), 1);
+  const ProgramResult without = run({"diagnose", "rec", "--out", "out"});
+  ::setenv("PATH", kept.c_str(), 1);
+  EXPECT_EQ(without.code, 20);
+  EXPECT_EQ(without.err, "");
+  EXPECT_NE(without.out.find("report without plots: no plots: gnuplot is not installed"), std::string::npos) << without.out;
+  EXPECT_EQ(entries(file_text(path("out/diagnosis.conf"))), conf);
+  EXPECT_EQ(file_text(path("out/report.html")).find("<svg"), std::string::npos);
+}
+
+TEST_F(Diagnose, IsCleanOnACleanRigAndRepeatsItselfToTheByte) {
+  rig_recording("rec", "seed = 11\n");
+  const ProgramResult first = run({"diagnose", "rec", "--out", "one"});
+  EXPECT_EQ(first.code, 0) << first.out << first.err;
+  ASSERT_EQ(run({"diagnose", "rec", "--out", "two"}).code, 0);
+  const std::string conf = file_text(path("one/diagnosis.conf"));
+  EXPECT_EQ(conf, file_text(path("two/diagnosis.conf")));
+  EXPECT_EQ(entries(conf).at("verdict"), "clean");
+  EXPECT_EQ(entries(conf).at("effects"), "");
+  auto one = entries(file_text(path("one/parameters.conf")));
+  auto two = entries(file_text(path("two/parameters.conf")));
+  for (auto* file : {&one, &two}) {
+    file->erase("time_utc");
+    file->erase("checksum");
+  }
+  EXPECT_EQ(one, two);
+  EXPECT_EQ(one.at("model"), "base");
+  EXPECT_EQ(one.at("verdict.diagnosis"), "clean");
+}
+
+TEST_F(Diagnose, RefusesInOneLine) {
+  rig_recording("rec", "seed = 1\n", "short_demo.seq");
+  rig_recording("other", "seed = 2\n", "short_demo.seq", "SN2");
+  write("file", "not a folder");
+  expect_refused({"diagnose"}, "recording");
+  expect_refused({"diagnose", "rec"}, "--out");
+  expect_refused({"diagnose", "missing", "--out", "out"}, "missing");
+  expect_refused({"diagnose", "rec", "--out", "rec"}, "--out rec: is the folder of the recording rec");
+  expect_refused({"diagnose", "rec/recording.tcr", "--out", "./rec/"}, "is the folder of the recording rec/recording.tcr");
+  expect_refused({"diagnose", "rec", "--holdout", "other", "--out", "other"}, "is the folder of the recording other");
+  expect_refused({"diagnose", "rec", "--holdout", "missing", "--out", "out"}, "missing");
+  expect_refused({"diagnose", "rec", "--holdout", "rec", "--out", "out"}, "rec: is the recording to be fitted itself");
+  expect_refused({"diagnose", "rec", "--holdout", "other", "--out", "out"},
+                 "other: unit_serial = 'SN2': expected 'SN1', as in the recording to be fitted");
+  expect_refused({"diagnose", "rec", "--out", "file"}, "file");
+  expect_refused({"diagnose", "rec", "--out", "out", "--arw", "0.002"}, "--arw and --vrw fix the noise together");
+  expect_refused({"diagnose", "rec", "--out", "out", "--vrw", "8"}, "--arw and --vrw fix the noise together");
+  expect_refused({"diagnose", "rec", "--out", "out", "--arw", "-1", "--vrw", "8"}, "--arw");
+  expect_refused({"diagnose", "rec", "--out", "out", "--gyro-bias-instability", "0.001"}, "expected --arw and --vrw with them");
+}
+
+TEST_F(Diagnose, RefusesARecordingWithoutRest) {
+  const std::string conf =
+      "format = 1\nsample_period_s = 0.005\nlatitude_deg = 29.53\ngravity_mps2 = 9.7914\nunit_serial = SN1\n"
+      "gyro_increment = pulses\naccel_increment = pulses\naccel_pulse_mps = 0.0005\n";
+  std::string csv = "sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n";
+  for (int i = 0; i < 1000; ++i) csv += std::to_string(i) + ",0,0,0,0,98,0\n";
+  write("rec/recording.conf", conf);
+  write("rec/imu.csv", csv);
+  write("rec/segments.csv",
+        "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg\n1,rotate,0,1000,0,0,0\n");
+  expect_refused({"diagnose", "rec", "--out", "out"}, "rec: not one whole second at rest");
+}
+
+TEST_F(Diagnose, GivenNoiseIsUsedAndSaidToBeGiven) {
+  rig_recording("rec", "seed = 11\n");
+  const ProgramResult result = run({"diagnose", "rec", "--out", "out", "--arw", "0.002", "--vrw", "8"});
+  EXPECT_TRUE(result.code == 0 || result.code == 20) << result.err;
+  const auto parameters = entries(file_text(path("out/parameters.conf")));
+  EXPECT_EQ(parameters.at("noise.source"), "given");
+  EXPECT_NEAR(std::stod(parameters.at("noise.angle_random_walk.x_deg_per_rt_h")), 0.002, 1e-12);
+  EXPECT_NEAR(std::stod(parameters.at("noise.velocity_random_walk.z_ug_per_rt_hz")), 8.0, 1e-9);
+  EXPECT_NE(result.out.find("configured: ARW 0.00200"), std::string::npos) << result.out;
+  // A noise three times too small explains nothing: no effect may be named for it.
+  const ProgramResult small = run({"diagnose", "rec", "--out", "small", "--arw", "0.0007", "--vrw", "2.7"});
+  EXPECT_EQ(small.code, 20) << small.out;
+  const auto conf = entries(file_text(path("small/diagnosis.conf")));
+  EXPECT_EQ(conf.at("verdict"), "noise_model");
+  EXPECT_EQ(conf.at("effects"), "");
+}
+
+class DiagnoseShared : public Diagnose {
+ protected:
+  void SetUp() override {
+    if (!std::filesystem::exists(recordings + "clean/imu.csv"))
+      GTEST_SKIP() << "the recordings of the independent simulator are not here: " << recordings;
+    Diagnose::SetUp();
+  }
+  std::map<std::string, std::string> diagnose_shared(const std::string& name, int code) const {
+    const ProgramResult result =
+        run({"diagnose", recordings + name, "--holdout", recordings + name + "/holdout", "--out", name});
+    EXPECT_EQ(result.code, code) << result.out << result.err;
+    return entries(file_text(path(name + "/diagnosis.conf")));
+  }
+};
+
+TEST_F(DiagnoseShared, CleanIsClean) {
+  const auto conf = diagnose_shared("clean", 0);
+  EXPECT_EQ(conf.at("verdict"), "clean");
+  EXPECT_EQ(conf.at("effects"), "");
+  EXPECT_EQ(conf.at("holdout.source"), "second recording");
+  EXPECT_EQ(conf.at("error.before"), conf.at("error.after"));
+}
+
+TEST_F(DiagnoseShared, UndeclaredEffectsLowerTheErrorOnTheHoldout) {
+  for (const char* name : {"undeclared-1", "undeclared-2"}) {
+    const auto conf = diagnose_shared(name, 20);
+    EXPECT_EQ(conf.at("verdict"), "extended") << name;
+    EXPECT_NE(conf.at("effects"), "") << name;
+    EXPECT_LT(std::stod(conf.at("holdout.after")), std::stod(conf.at("holdout.before"))) << name;
+    EXPECT_LT(std::stod(conf.at("holdout.velocity_rms_after_mps")), std::stod(conf.at("holdout.velocity_rms_before_mps"))) << name;
+  }
+}
+
+}  // namespace
+}  // namespace turncal
