@@ -276,7 +276,8 @@ EffectColumn Diagnoser::refine(const EffectColumn& pattern, bool without_bias_in
 // One stage of the forward selection; false when nothing more is to be added.
 bool Diagnoser::stage() {
   const int effects = static_cast<int>(chosen_.size());
-  const bool has_instability = current_.noise_fit && current_.noise_fit->bias_instability_gain > hiding_gain;
+  const bool has_instability =
+      current_.noise_fit && current_.noise_fit->gyro_bias_instability_gain + current_.noise_fit->accel_bias_instability_gain > hiding_gain;
   const int count = static_cast<int>(columns_.size());
   const Scores fitted = scores(pass(current_, columns_, false), effects, count);
   if (d_.stages.empty() && d_.candidates.empty()) list_candidates(fitted);

@@ -10,6 +10,8 @@
 namespace turncal {
 namespace {
 
+constexpr double smallest_part = 0.1;  // of a parameter in an undetermined direction that is worth naming
+
 // The noise to begin with: read off the static dwells, never below what a tenth of a pulse in a second would make.
 NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& allan, const SensorModel& model) {
   NoiseModel noise;
@@ -119,7 +121,7 @@ JointResult JointRun::run() {
   return r;
 }
 
-// Gauss-Newton until the largest step is below `tolerance` sigma.
+// Gauss-Newton until the largest step of a determined parameter is below `tolerance` sigma.
 bool JointRun::iterate(double tolerance, int max_iterations) {
   FilterSetup setup = result_.setup;
   for (int k = 0; k < max_iterations; ++k) {
@@ -133,7 +135,10 @@ bool JointRun::iterate(double tolerance, int max_iterations) {
     ParameterVector values = to_vector(result_.parameters);
     for (std::size_t i = 0; i < subset_.size(); ++i) value_of(subset_[i], values) += step[static_cast<Eigen::Index>(i)];
     result_.parameters = from_vector(values);
-    if (step.cwiseAbs().cwiseQuotient(sigma).maxCoeff() < tolerance) return true;
+    double largest = 0.0;  // of the determined ones
+    for (Eigen::Index i = 0; i < step.size(); ++i)
+      if (!solution_.lost[static_cast<std::size_t>(i)]) largest = std::max(largest, std::abs(step[i]) / sigma[i]);
+    if (largest < tolerance) return true;
   }
   return false;
 }
@@ -187,18 +192,12 @@ void JointRun::finish() {
   r.normalised_rms = std::sqrt(r.last.chi_square / static_cast<double>(std::max<std::int64_t>(r.last.observations, 1)));
   r.whiteness = test_whiteness(r.last.innovations);
 
-  // Lost is a parameter that takes part in an undetermined direction, and one that a small part in it could move by more
-  // than half the sigma it has from the determined ones.
-  std::vector<char> lost(subset_.size(), 0);
-  Eigen::VectorXd moved = Eigen::VectorXd::Zero(r.covariance.rows());
   for (Eigen::Index d = 0; d < solution_.undetermined.cols(); ++d) {
     const Eigen::VectorXd direction = solution_.undetermined.col(d);
-    moved += (solution_.undetermined_sigma[d] * direction.cwiseProduct(Eigen::VectorXd(ranges_(subset_)))).cwiseAbs2();
     Undetermined u;
     for (std::size_t i = 0; i < subset_.size(); ++i) {
       const double weight = direction[static_cast<Eigen::Index>(i)];
-      if (std::abs(weight) < 0.1) continue;
-      lost[i] = 1;
+      if (std::abs(weight) < smallest_part) continue;
       const std::string key = subset_[i] < parameter_count
                                   ? std::string(parameter_keys[static_cast<std::size_t>(subset_[i])])
                                   : options_.effects[static_cast<std::size_t>(subset_[i] - parameter_count)].key();
@@ -210,10 +209,9 @@ void JointRun::finish() {
   }
   for (std::size_t i = 0; i < subset_.size(); ++i) {
     const double sigma = std::sqrt(r.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)));
-    if (moved[static_cast<Eigen::Index>(i)] > 0.25 * sigma * sigma) lost[i] = 1;
     if (subset_[i] < parameter_count) {
-      r.determined[static_cast<std::size_t>(subset_[i])] = !lost[i];
-      r.sigma[subset_[i]] = lost[i] ? 0.0 : sigma;
+      r.determined[static_cast<std::size_t>(subset_[i])] = !solution_.lost[i];
+      r.sigma[subset_[i]] = solution_.lost[i] ? 0.0 : sigma;
     } else {
       const int k = subset_[i] - parameter_count;
       r.effects.push_back({options_.effects[static_cast<std::size_t>(k)], effects_.values[k], sigma});
@@ -250,7 +248,6 @@ SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::Vec
   while (good < A.rows() && eigen.eigenvalues()[good] < limit) ++good;
   SubsetSolution solution;
   solution.undetermined = eigen.eigenvectors().rightCols(A.rows() - good);
-  solution.undetermined_sigma = eigen.eigenvalues().tail(A.rows() - good).cwiseSqrt();
   if (good == A.rows()) {
     const Eigen::VectorXd plain = A.diagonal().array().sqrt().inverse();
     const Eigen::MatrixXd unit = plain.asDiagonal() * A * plain.asDiagonal();
@@ -265,6 +262,15 @@ SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::Vec
   }
   solution.covariance = (0.5 * (solution.covariance + solution.covariance.transpose())).eval();
   solution.step = -solution.covariance * Eigen::VectorXd(gradient(subset));
+  solution.lost.assign(subset.size(), 0);
+  Eigen::VectorXd moved = Eigen::VectorXd::Zero(A.rows());  // variance from the undetermined directions, ranges as prior
+  for (Eigen::Index d = 0; d < solution.undetermined.cols(); ++d)
+    moved += eigen.eigenvalues()[good + d] * solution.undetermined.col(d).cwiseProduct(scale).cwiseAbs2();
+  for (Eigen::Index i = 0; i < A.rows(); ++i) {
+    const bool takes_part =
+        solution.undetermined.cols() > 0 && solution.undetermined.row(i).cwiseAbs().maxCoeff() >= smallest_part;
+    if (takes_part || moved[i] > 0.25 * solution.covariance(i, i)) solution.lost[static_cast<std::size_t>(i)] = 1;
+  }
   return solution;
 }
 

@@ -94,7 +94,9 @@ struct SubsetSolution {
   Eigen::VectorXd step;            // of the subset, zero along undetermined directions
   Eigen::MatrixXd covariance;
   Eigen::MatrixXd undetermined;    // columns: directions in units of the ranges
-  Eigen::VectorXd undetermined_sigma;  // along each, in ranges, the plausible range being all that is known besides the data
+  // Of the subset, 1: takes part in an undetermined direction by a tenth and more, or by so little and yet enough to be
+  // moved by more than half the sigma it has from the determined ones. Its step and covariance say nothing.
+  std::vector<char> lost;
 };
 SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::VectorXd& gradient,
                             const std::vector<int>& subset, const Eigen::VectorXd& ranges);

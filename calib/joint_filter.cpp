@@ -13,6 +13,8 @@ namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
+// Further from the best attitude nothing is linearised. The first heading, known to 0.02 rad, is nearer.
+constexpr double max_linear_rad = 0.06;
 using Columns = Eigen::MatrixXd;  // one row a parameter, so that all of them move through a 3x3 product together
 
 
@@ -60,6 +62,10 @@ class Filter {
   const Vector3d earth_;
 
   Matrix3d C_nb_;
+  // Where transitions and sensitivities are evaluated: the attitude navigated without corrections, so that it turns with the
+  // unit only. Evaluated at the corrected attitude they would see a turn with every correction of the heading, and an
+  // accelerometer bias that nothing determines would seem to be determined by it.
+  Matrix3d linear_C_nb_;
   Vector3d v_ = Vector3d::Zero();
   Vector3d b_g_ = Vector3d::Zero();
   Vector3d b_a_ = Vector3d::Zero();
@@ -126,6 +132,7 @@ void Filter<NS>::start() {
   C_nb_ = level(attitude_from_angles(first.heading_deg * rad_per_deg, first.pitch_deg * rad_per_deg,
                                      first.roll_deg * rad_per_deg), f_b);
   result_.initial_C_nb = C_nb_;
+  linear_C_nb_ = C_nb_;
   free_C_nb_ = C_nb_;
   P_.setZero();
   const double tilt = setup_.initial_tilt_sigma_rad * setup_.initial_tilt_sigma_rad;
@@ -214,8 +221,12 @@ void Filter<NS>::advance(std::size_t index, const BlockMotion& motion) {
   const double rho = NS == 12 ? std::exp(-t / setup_.noise.bias_correlation_s) : 1.0;
 
   const MotionStep move = motion_step(C_nb_, motion, earth_, recording_.info.gravity_mps2, t);
-  const Matrix3d& C_mid = move.C_mid;
-  const Matrix3d& F = move.F;
+  if ((linear_C_nb_ - C_nb_).squaredNorm() > 2.0 * max_linear_rad * max_linear_rad) linear_C_nb_ = C_nb_;
+  const MotionStep linear = motion_step(linear_C_nb_, motion, earth_, recording_.info.gravity_mps2, t);
+  const Matrix3d& C_mid = linear.C_mid;
+  // At rest the specific force is known; as measured it would bring its noise into what is taken for certain.
+  const Matrix3d F =
+      block.whole_second ? skew(Vector3d(0.0, recording_.info.gravity_mps2, 0.0)) : linear.F;
 
   // Transition of (psi, v, b_g, b_a) and noise.
   Covariance Phi = Covariance::Identity();
@@ -271,15 +282,15 @@ void Filter<NS>::advance(std::size_t index, const BlockMotion& motion) {
     if (observed) {
       N_ = X_.template middleCols<3>(3);
       N_.noalias() += X_.template leftCols<3>() * H.template block<3, 3>(0, 0).transpose();
-      N_.noalias() += dm_ * C_nb_.transpose();
+      N_.noalias() += dm_ * linear_C_nb_.transpose();
       if constexpr (NS == 12) {
         N_.noalias() += X_.template middleCols<3>(6) * H.template block<3, 3>(0, 6).transpose();
         N_.noalias() += X_.template middleCols<3>(9) * H.template block<3, 3>(0, 9).transpose();
       }
     }
-    const Matrix3d rotate = C_nb_ * left_jacobian(motion.rotation);
+    const Matrix3d rotate = linear_C_nb_ * left_jacobian(motion.rotation);
     X_.template middleCols<3>(3).noalias() += X_.template leftCols<3>() * Phi.template block<3, 3>(3, 0).transpose();
-    X_.template middleCols<3>(3).noalias() += dv_ * C_nb_.transpose();
+    X_.template middleCols<3>(3).noalias() += dv_ * linear_C_nb_.transpose();
     dm_.noalias() = X_.template leftCols<3>() * move.turn_n.transpose();
     X_.template leftCols<3>() = dm_;
     X_.template leftCols<3>().noalias() += dr_ * rotate.transpose();
@@ -305,6 +316,7 @@ void Filter<NS>::advance(std::size_t index, const BlockMotion& motion) {
     free_v_ += free_move.dv_n;
   }
   C_nb_ = move.C_end;
+  linear_C_nb_ = linear.C_end;
   v_ += move.dv_n;
   b_g_ *= rho;
   b_a_ *= rho;

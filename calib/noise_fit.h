@@ -1,12 +1,10 @@
 // Noise measured, not assumed: maximum likelihood of the random walks and bias instability from the velocities at rest.
 //
-// At the converged parameters the recording is navigated once, open loop, and cut into intervals of a few static seconds
-// and one interval for everything between two dwells. Over these the error state is linear, so the likelihood of a noise
-// model is one pass of a small Kalman filter (about 2000 intervals), and its parameters
+// The restricted likelihood of velocity_likelihood.h is maximised over
 //   variances of the angle and of the velocity random walk (one a triad, or one an axis where the axes demonstrably
 //   differ), of the gyro and of the accelerometer bias instability
-// follow by Fisher scoring (variances are linear in the covariance; projected to non-negative values):
-//   -2 log L = sum log det S + nu' S^-1 nu,  information_ij = sum 1/2 tr(S^-1 S_i S^-1 S_j) + nu_i' S^-1 nu_j
+// by Fisher scoring (variances are linear in the covariance; projected to non-negative values):
+//   information_ij = sum 1/2 tr(S^-1 S_i S^-1 S_j) + nu_i' S^-1 nu_j
 // Source: Harvey, Forecasting, Structural Time Series Models and the Kalman Filter (1989), 3.4 and 4.3.
 // Quantisation is not fitted: the pulse is known. What is slower than the recording is not noise here but drift.
 #pragma once
@@ -35,8 +33,8 @@ struct NoiseFit {
   // one sigma of the fitted values, in the same order and units as in NoiseModel
   Eigen::Vector3d sigma_angle_random_walk = Eigen::Vector3d::Zero();
   Eigen::Vector3d sigma_velocity_random_walk = Eigen::Vector3d::Zero();
-  double gain = 0.0;               // 2 (log L - log L at the start)
-  double bias_instability_gain = 0.0;  // 2 (log L - log L without bias instability)
+  double gyro_bias_instability_gain = 0.0;   // 2 (log L - log L without it)
+  double accel_bias_instability_gain = 0.0;
   int evaluations = 0;
 };
 

@@ -1,0 +1,189 @@
+// The planned recording against numbers worked by hand and against the rig, which shares no model code with it.
+#include "calib/planned_motion.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "calib/block_motion.h"
+#include "calib/joint_estimate.h"
+#include "orchestrator/command_predict.h"
+#include "tests/rig_recorder.h"
+
+namespace turncal {
+namespace {
+
+constexpr double dt = 0.005;
+constexpr double pulse_arcsec = 0.932920;
+
+RecordingInfo site() {
+  RecordingInfo info;
+  info.latitude_deg = 29.53;
+  info.gravity_mps2 = 9.7914;
+  info.accel_pulse_mps = 0.0005;
+  return info;
+}
+
+PlannedMotionItem dwell(std::int64_t samples, SegmentKind kind = SegmentKind::still) {
+  PlannedMotionItem item;
+  item.samples = samples;
+  item.dwell_kind = kind;
+  return item;
+}
+
+PlannedMotionItem turn(Axis axis, double from_deg, double to_deg, std::int64_t samples) {
+  PlannedMotionItem item;
+  item.kind = PlannedMotionItem::Kind::move;
+  item.samples = samples;
+  item.axis = axis;
+  item.from_deg = from_deg;
+  item.to_deg = to_deg;
+  item.rate_degps = 10.0;
+  item.acceleration_degps2 = 20.0;
+  return item;
+}
+
+PlannedMotion plan_of(const Sequence& sequence, double settle_s = 0.5) {
+  PlanLimits limits;
+  limits.settle_s = settle_s;
+  return planned_motion(sequence, make_plan(sequence, limits));
+}
+
+Eigen::Vector3d gyro_of(const CompressedRecording& recording, int segment) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Block& block : recording.blocks)
+    if (block.segment == segment) sum += block.gyro;
+  return sum;
+}
+
+TEST(PlannedMotion, AtRestTheUnitFeelsGravityAndTheEarth) {
+  const RecordingInfo info = site();
+  const double north = earth_rate_radps * std::cos(29.53 * rad_per_deg) / (pulse_arcsec * rad_per_arcsec);  // pulses/s
+  const double up = earth_rate_radps * std::sin(29.53 * rad_per_deg) / (pulse_arcsec * rad_per_arcsec);
+  const double g = 9.7914 / 0.0005;
+
+  // Level, nose north: x reads the earth's north rate, y up and gravity.
+  PlannedMotion motion;
+  motion.items = {dwell(400, SegmentKind::align)};
+  CompressedRecording recording = planned_recording(info, motion, start_parameters(info));
+  ASSERT_EQ(recording.blocks.size(), 2u);
+  EXPECT_EQ(recording.segments.front().kind, SegmentKind::align);
+  EXPECT_TRUE(recording.blocks.back().whole_second);
+  EXPECT_LT((recording.blocks[1].gyro - Eigen::Vector3d(north, up, 0.0)).norm(), 1e-9);
+  EXPECT_LT((recording.blocks[1].accel - Eigen::Vector3d(0.0, g, 0.0)).norm(), 1e-9);
+
+  // Heading -90: x west, z north. Roll +90 on top of it: right side down, so z points down and y north.
+  motion.start_deg[Axis::heading] = -90.0;
+  recording = planned_recording(info, motion, start_parameters(info));
+  EXPECT_LT((recording.blocks[0].gyro - Eigen::Vector3d(0.0, up, north)).norm(), 1e-9);
+  motion.start_deg[Axis::roll] = 90.0;
+  recording = planned_recording(info, motion, start_parameters(info));
+  EXPECT_LT((recording.blocks[0].gyro - Eigen::Vector3d(0.0, north, -up)).norm(), 1e-9);
+  EXPECT_LT((recording.blocks[0].accel - Eigen::Vector3d(0.0, 0.0, -g)).norm(), 1e-9);
+}
+
+TEST(PlannedMotion, ATurnIsTheAngleAndTheEarthMeanwhile) {
+  const RecordingInfo info = site();
+  PlannedMotion motion;
+  motion.items = {dwell(200), turn(Axis::roll, 0.0, 90.0, 2000), dwell(200)};
+  const CompressedRecording recording = planned_recording(info, motion, start_parameters(info));
+  // Nose north and level: the roll axis is north all the time, so x gets 90 deg and 10 s of the north rate.
+  const double expected = (90.0 * 3600.0 + 10.0 * earth_rate_radps * std::cos(29.53 * rad_per_deg) / rad_per_arcsec) / pulse_arcsec;
+  EXPECT_NEAR(gyro_of(recording, 1).x(), expected, 1e-7);
+  EXPECT_EQ(recording.samples, 2400);
+  EXPECT_EQ(recording.segments[1].kind, SegmentKind::rotate);
+  EXPECT_EQ(recording.segments[1].roll_deg, 90.0);
+  EXPECT_TRUE(recording.events.empty());
+}
+
+TEST(PlannedMotion, TrapezoidAndTriangle) {
+  // 90 deg at 10 deg/s and 20 deg/s^2: 0.5 s ramps of 2.5 deg each, 8.5 s of cruise, 9.5 s in all.
+  EXPECT_DOUBLE_EQ(trapezoid_duration_s(-90.0, 10.0, 20.0), 9.5);
+  EXPECT_DOUBLE_EQ(trapezoid_angle_deg(90.0, 10.0, 20.0, 0.25), 0.625);
+  EXPECT_DOUBLE_EQ(trapezoid_angle_deg(90.0, 10.0, 20.0, 1.5), 12.5);
+  EXPECT_DOUBLE_EQ(trapezoid_angle_deg(-90.0, 10.0, 20.0, 4.75), -45.0);
+  EXPECT_DOUBLE_EQ(trapezoid_angle_deg(-90.0, 10.0, 20.0, 9.25), -(90.0 - 0.625));
+  // 2 deg: 2 sqrt(2/20) s, the rate is never reached; half way after half the time.
+  EXPECT_DOUBLE_EQ(trapezoid_duration_s(2.0, 10.0, 20.0), 2.0 * std::sqrt(0.1));
+  EXPECT_DOUBLE_EQ(trapezoid_angle_deg(2.0, 10.0, 20.0, std::sqrt(0.1)), 1.0);
+  EXPECT_EQ(trapezoid_angle_deg(2.0, 10.0, 20.0, -1.0), 0.0);
+  EXPECT_EQ(trapezoid_angle_deg(2.0, 10.0, 20.0, 1.0), 2.0);
+}
+
+// Block for block what an errorless rig delivers, on all axes, out of plane, with triangular moves and fast ones.
+TEST(PlannedMotion, IsWhatAnErrorlessRigDelivers) {
+  const Result<Sequence> crooked = parse_sequence(
+      "format = 1\nname = crooked\nrate_degps = 30\nacceleration_degps2 = 60\n"
+      "step 1\n  initial H 45 P 35 R -20\n  align 400\n  rotate H +90\n  rotate P -2\n  dwell 250\n  rotate R +200 rate 50\n"
+      "  rotate H -3.3 acceleration 7\n  dwell 250\n  rotate P +180\n  dwell 250\n",
+      "crooked.seq");
+  ASSERT_TRUE(crooked.ok()) << crooked.error().message;
+  const RigConfig config = noise_free(perfect_rig_config());
+  Rig rig(config);
+  const RecordingInfo info = rig_recording_info(rig);
+  for (const Sequence& sequence : {must_read_sequence("short_demo.seq"), *crooked}) {
+    const CompressedRecording made = record_on_rig(sequence, config).recording;
+    const CompressedRecording planned = planned_recording(info, plan_of(sequence), start_parameters(info));
+    ASSERT_EQ(planned.blocks.size(), made.blocks.size()) << sequence.name;
+    EXPECT_EQ(planned.samples, made.samples);
+    for (std::size_t k = 0; k < planned.blocks.size(); ++k) {
+      const Block& p = planned.blocks[k];
+      const Block& m = made.blocks[k];
+      ASSERT_EQ(p.samples, m.samples) << sequence.name << " block " << k;
+      ASSERT_EQ(p.segment, m.segment);
+      // Counts: 1e-6 of a gyro pulse is 5e-12 rad, 4e-6 of an accelerometer's 2e-9 m/s (samples in which the acceleration
+      // changes).
+      ASSERT_LT((p.gyro - m.gyro).norm(), 1e-6) << sequence.name << " block " << k;
+      ASSERT_LT((p.accel - m.accel).norm(), 4e-6) << sequence.name << " block " << k;
+      ASSERT_LT((p.gyro_time - m.gyro_time).norm(), 1e-6);
+      ASSERT_LT((p.accel_time - m.accel_time).norm(), 1e-6);
+      ASSERT_LT((p.coning - m.coning).norm(), 1e-3);      // pulses squared, of sums up to 1e7
+      // A sum of products: what 2e-7 of an accelerometer pulse does beside the gyros' 2e4 pulses of a fast block.
+      ASSERT_LT((p.sculling - m.sculling).norm(), 1e-3 + 2e-7 * p.gyro.norm());
+    }
+  }
+}
+
+TEST(PlannedMotion, ParametersOfTheUnitAreFoundAgain) {
+  const RecordingInfo info = site();
+  Parameters unit = start_parameters(info);
+  unit.N0_degph = {0.05, -0.08, 0.11};
+  unit.A0_g = {0.002, -0.003, 0.004};
+  unit.n(0, 1) = 1.3e-3;
+  unit.n(2, 0) = -0.7e-3;
+  unit.n(1, 1) += 2e-4;
+  unit.a(0, 0) = 1.03;
+  unit.a(1, 2) = 6e-4;
+  const PlannedMotion motion = plan_of(must_read_sequence("short_demo.seq"));
+  JointOptions options;
+  options.noise = NoiseModel{};
+  options.look_for_faults = false;
+  const JointResult result = joint_estimate(planned_recording(info, motion, unit), options);
+  ASSERT_TRUE(result.converged) << result.message;
+  const ParameterVector error = to_vector(result.parameters) - to_vector(unit);
+  for (const int k : result.free)
+    EXPECT_LT(std::abs(error[k]), 0.02 * result.sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
+}
+
+TEST(PlannedMotion, HardAccelerationIsNoGlitch) {
+  PlannedMotion motion;
+  motion.items = {dwell(400), turn(Axis::pitch, 0.0, 90.0, 2000), dwell(400)};
+  motion.items[1].rate_degps = 400.0;
+  motion.items[1].acceleration_degps2 = 4000.0;
+  EXPECT_TRUE(planned_recording(site(), motion, start_parameters(site())).events.empty());
+}
+
+TEST(PlannedMotion, TemperatureRisesAsTold) {
+  PlannedMotion motion;
+  motion.items = {dwell(200000)};
+  CompressedRecording recording = planned_recording(site(), motion, start_parameters(site()));
+  EXPECT_FALSE(recording.info.has_temperature);
+  EXPECT_TRUE(std::isnan(recording.mean_temperature_c));
+  recording = planned_recording(site(), motion, start_parameters(site()), TemperatureProfile{20.0, 6.0, 400.0});
+  EXPECT_TRUE(recording.info.has_temperature);
+  // The second that ends at 400 s: 20 + 6 (1 - exp(-399.5/400)).
+  EXPECT_NEAR(recording.blocks[399].temperature_c, 20.0 + 6.0 * (1.0 - std::exp(-399.4975 / 400.0)), 1e-4);
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,320 @@
+// The prediction against what the estimator says of a measured recording, against the errors it makes on the rig, and on
+// sequences that leave parameters undetermined.
+#include "calib/predict.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <string>
+
+#include "calib/score_algebra.h"
+#include "imu_io/recording_source.h"
+#include "orchestrator/command_predict.h"
+#include "orchestrator/truth.h"
+#include "tests/rig_recorder.h"
+
+namespace turncal {
+namespace {
+
+const std::string clean_folder = TURNCAL_SOURCE_DIR "/../shared/data/recordings/clean";
+
+PlannedMotion plan_of(const Sequence& sequence) {
+  PlanLimits limits;
+  limits.settle_s = 0.5;
+  return planned_motion(sequence, make_plan(sequence, limits));
+}
+
+RecordingInfo rig_info() {
+  Rig rig(perfect_rig_config());
+  return rig_recording_info(rig);
+}
+
+Prediction predict_rig(const Sequence& sequence, PredictOptions options = {}) {
+  return predict(rig_info(), plan_of(sequence), options);
+}
+
+// Steps `first` to `last` of the method.
+Sequence steps_of_the_method(std::size_t first, std::size_t last) {
+  Sequence sequence = must_read_sequence("fourteen_step.seq");
+  sequence.steps = {sequence.steps.begin() + static_cast<std::ptrdiff_t>(first - 1),
+                    sequence.steps.begin() + static_cast<std::ptrdiff_t>(last)};
+  sequence.start_deg = sequence.steps.front().initial_deg;
+  std::erase_if(sequence.steps.front().items, [](const SequenceItem& item) { return item.positioning; });
+  return sequence;
+}
+
+// All fourteen steps with dwells of a tenth of their length and turns three times as fast: 14 minutes.
+Sequence shortened_method() {
+  Sequence sequence = must_read_sequence("fourteen_step.seq");
+  for (Step& step : sequence.steps)
+    for (SequenceItem& item : step.items) {
+      item.dwell.samples /= 10;
+      item.move.rate_degps *= 3.0;
+      item.move.acceleration_degps2 *= 3.0;
+    }
+  return sequence;
+}
+
+NoiseModel noise_of_rig() {  // the defaults of both: 0.002 deg/sqrt(h), 8 ug/sqrt(Hz)
+  NoiseModel noise;
+  noise.accel_pulse_mps = 0.0005;
+  return noise;
+}
+
+RigConfig rig_with_walks_only(std::uint64_t seed) {
+  RigConfig config = default_rig_config();  // random parameters, 3' table errors, quantised pulses
+  config.seed = seed;
+  config.noise.gyro_bias_instability_degph = 0.0;
+  config.noise.accel_bias_instability_ug = 0.0;
+  return config;
+}
+
+CompressedRecording read_clean(int last_step) {
+  const auto source = must(RecordingSource::open(clean_folder));
+  Segments segments = source->segments();
+  std::erase_if(segments, [&](const Segment& s) { return s.step > last_step; });
+  Compressor compressor(source->info());
+  SegmentedFeed feed(compressor, segments);
+  must(source->read([&](std::span<const ImuSample> samples) {
+    feed.add(samples);
+    return Status{};
+  }));
+  feed.finish();
+  return compressor.take();
+}
+
+std::vector<std::string> undetermined_keys(const std::vector<bool>& determined) {
+  std::vector<std::string> keys;
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k)
+    if (parameter_is_free[k] && !determined[k]) keys.emplace_back(parameter_keys[k]);
+  return keys;
+}
+
+TEST(Predict, AgreesWithTheEstimateOnARecordingOfAnotherSimulator) {
+  if (!std::filesystem::exists(clean_folder)) GTEST_SKIP() << clean_folder << " is not there";
+  const Prediction prediction = predict_rig(must_read_sequence("fourteen_step.seq"));
+  const JointResult estimate = joint_estimate(read_clean(14));  // noise fitted to the data
+  ASSERT_TRUE(estimate.converged) << estimate.message;
+  for (const int k : estimate.free)
+    EXPECT_NEAR(prediction.sigma[k] / estimate.sigma[k], 1.0, 0.10) << parameter_keys[static_cast<std::size_t>(k)];
+}
+
+// What issue and method promise of the fourteen steps. a_ij: per unit of a, which on that unit is 3 % off 1.
+TEST(Predict, FourteenStepsKeepTheirPromise) {
+  const Prediction p = predict_rig(must_read_sequence("fourteen_step.seq"));
+  ASSERT_TRUE(p.valid);
+  ParameterVector limit;
+  limit << 0.0021, 0.0030, 0.0021, 3.0e-7, 2.3e-7, 2.9e-7, 3.6e-7, 1.1e-6, 1.0e-6, 1.2e-6, 5.2e-7, 7.5e-7, 1.9e-6, 8.2e-7, 3.7e-7,
+      3.1e-7, 1.1e-6, 1.9e-6, 0.0, 2.3e-7, 9.7e-7, 0.0, 0.0, 2.9e-7;
+  for (const int k : p.free) {
+    EXPECT_LT(p.sigma[k], limit[k]) << parameter_keys[static_cast<std::size_t>(k)];
+    EXPECT_GT(p.sigma[k], 0.7 * limit[k]) << parameter_keys[static_cast<std::size_t>(k)];
+  }
+  EXPECT_TRUE(undetermined_keys(p.determined).empty());
+}
+
+// Errors over seeded rig runs in predicted sigmas. The errors of a run are correlated, so the sum of normalised squares
+// over 21 parameters and N runs has variance 2 N sum rho_ij^2 instead of 42 N; e' P^-1 e over all runs is chi-square with
+// 21 N degrees of freedom. Both must lie in their 99.9 % band: at N = 60 that is 1 +- 0.13 for e' P^-1 e / 21 (6.5 % in
+// sigma) and about 1 +- 0.15 for the squares, so that sigmas 10 % too small or too large fail.
+TEST(Predict, IsTheErrorThatRunsOnTheRigMake) {
+  constexpr int runs = 60;
+  const Sequence sequence = shortened_method();
+  const Prediction p = predict_rig(sequence);
+  ASSERT_EQ(p.free.size(), 21u);
+  ASSERT_TRUE(undetermined_keys(p.determined).empty());
+  const Eigen::VectorXd inverse_sigma = p.covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd correlation = inverse_sigma.asDiagonal() * p.covariance * inverse_sigma.asDiagonal();
+  const Eigen::LDLT<Eigen::MatrixXd> root(correlation);
+  double squares = 0.0;
+  double nees = 0.0;
+  for (int run = 0; run < runs; ++run) {
+    const RigRecording made = record_on_rig(sequence, rig_with_walks_only(1000 + static_cast<std::uint64_t>(run)));
+    JointOptions options;
+    options.noise = noise_of_rig();
+    const JointResult estimate = joint_estimate(made.recording, options);
+    ASSERT_TRUE(estimate.converged) << "run " << run << ": " << estimate.message;
+    EXPECT_TRUE(estimate.faults.empty()) << "run " << run;
+    const ParameterVector error = to_vector(estimate.parameters) - to_vector(made.truth);
+    const Eigen::VectorXd normalised = inverse_sigma.cwiseProduct(Eigen::VectorXd(error(p.free)));
+    squares += normalised.squaredNorm();
+    nees += normalised.dot(root.solve(normalised));
+  }
+  const double count = 21.0 * runs;
+  constexpr double gauss_999 = 3.29;  // two-sided 99.9 %
+  const double band = gauss_999 * std::sqrt(2.0 * runs * correlation.squaredNorm()) / count;
+  RecordProperty("rms_over_sigma", std::to_string(std::sqrt(squares / count)));
+  RecordProperty("nees_over_21", std::to_string(nees / count));
+  EXPECT_NEAR(squares / count, 1.0, band);
+  EXPECT_NEAR(std::sqrt(squares / count), 1.0, 0.10);
+  EXPECT_LT(band, 0.20);  // else the test could not see 10 % in sigma
+  EXPECT_GT(chi_square_tail(nees, 21 * runs), 0.0005) << "errors larger than predicted: " << nees / count;
+  EXPECT_LT(chi_square_tail(nees, 21 * runs), 0.9995) << "errors smaller than predicted: " << nees / count;
+}
+
+TEST(Predict, SigmaGoesWithTheNoise) {
+  const Sequence sequence = shortened_method();
+  RecordingInfo info = rig_info();
+  info.accel_increment = IncrementKind::physical;  // no quantisation: every noise can be doubled
+  PredictOptions options;
+  const Prediction once = predict(info, plan_of(sequence), options);
+  options.noise.angle_random_walk *= 2.0;
+  options.noise.velocity_random_walk *= 2.0;
+  const Prediction twice = predict(info, plan_of(sequence), options);
+  for (const int k : once.free) EXPECT_NEAR(twice.sigma[k] / once.sigma[k], 2.0, 0.01) << k;
+  options.noise.gyro_bias_instability_radps = 0.01 * radps_per_degph;
+  const Prediction wandering = predict(info, plan_of(sequence), options);
+  EXPECT_GT(wandering.sigma[0], 1.05 * twice.sigma[0]);
+}
+
+// One turn there and back about the north axis sees neither heading changes nor the other axes.
+TEST(Predict, NamesWhatOneStepLeavesUndetermined) {
+  const Sequence step_2 = steps_of_the_method(2, 2);
+  const Prediction p = predict_rig(step_2);
+  ASSERT_TRUE(p.valid);
+  const std::vector<std::string> keys = undetermined_keys(p.determined);
+  EXPECT_TRUE(p.determined[6]);                            // n11: what the step is for
+  for (const char* key : {"n22", "n33", "a11", "a13", "A01"})  // nothing turned about y or z, x never left the horizontal
+    EXPECT_NE(std::find(keys.begin(), keys.end(), key), keys.end()) << key;
+  EXPECT_GE(p.undetermined.size(), 8u);
+  for (const std::string& key : keys)
+    EXPECT_EQ(p.sigma[std::find(parameter_keys.begin(), parameter_keys.end(), key) - parameter_keys.begin()], 0.0) << key;
+
+  // A recording of it says the same.
+  const RigRecording made = record_on_rig(step_2, rig_with_walks_only(5));
+  JointOptions options;
+  options.noise = noise_of_rig();
+  const JointResult estimate = joint_estimate(made.recording, options);
+  const std::vector<std::string> lost = undetermined_keys(estimate.determined);
+  EXPECT_TRUE(estimate.determined[6]);
+  EXPECT_LT(std::abs(estimate.parameters.n(0, 0) - made.truth.n(0, 0)), 3.5 * estimate.sigma[6]);
+  for (const char* key : {"n22", "n33", "a11", "a13", "A01"})
+    EXPECT_NE(std::find(lost.begin(), lost.end(), key), lost.end()) << key;
+  EXPECT_FALSE(estimate.undetermined.empty());
+}
+
+// Without steps 2 to 14 nothing turns about the vertical: n12 stays open, and what it could still move by more than its own
+// sigma is not printed as known (A01 through a part of a thousandth, say).
+TEST(Predict, ASigmaThatIsPrintedHoldsWhateverTheUndeterminedIs) {
+  const RecordingInfo info = rig_info();
+  for (const std::size_t last : {1u, 2u, 3u}) {
+    const Parameters unit = typical_unit(info);
+    JointOptions options;
+    options.start = unit;
+    options.noise = noise_of_rig();
+    options.look_for_faults = false;
+    const JointResult r = joint_estimate(planned_recording(info, plan_of(steps_of_the_method(1, last)), unit), options);
+    // The same information with nothing known beforehand but the plausible ranges.
+    const ParameterVector range = plausible_ranges(info);
+    const Eigen::VectorXd ranges = range(r.free);
+    Eigen::MatrixXd A = r.last.information(r.free, r.free);
+    A.diagonal() += ranges.cwiseAbs2().cwiseInverse();
+    const Eigen::VectorXd balance = A.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd inverse = (balance.asDiagonal() * A * balance.asDiagonal()).inverse();
+    for (std::size_t i = 0; i < r.free.size(); ++i) {
+      const auto row = static_cast<Eigen::Index>(i);
+      const auto k = static_cast<std::size_t>(r.free[i]);
+      const double whole = std::sqrt(inverse(row, row)) * balance[row];
+      if (r.determined[k]) {
+        EXPECT_LT(whole, 1.13 * r.sigma[r.free[i]]) << parameter_keys[k] << " after step " << last;
+      }
+    }
+    if (last < 3) {
+      EXPECT_FALSE(r.determined[7]) << "n12 after step " << last;
+    } else {
+      EXPECT_TRUE(undetermined_keys(r.determined).empty());
+    }
+  }
+}
+
+// The first four steps suffice for all 21, at two to three times the sigma: the turns between the positions and the velocity
+// carried through them tell what the closed form needs steps 5 to 14 for. The estimate from them alone holds.
+TEST(Predict, FourStepsDetermineAllAndTheEstimateAgrees) {
+  const Sequence four = steps_of_the_method(1, 4);
+  const Prediction p = predict_rig(four);
+  EXPECT_TRUE(undetermined_keys(p.determined).empty());
+  const Prediction all = predict_rig(must_read_sequence("fourteen_step.seq"));
+  for (const int k : p.free) {
+    EXPECT_GT(p.sigma[k], 1.05 * all.sigma[k]);
+    EXPECT_LT(p.sigma[k], 6.0 * all.sigma[k]);
+  }
+  const auto holds = [](const JointResult& estimate, const ParameterVector& truth) {
+    ASSERT_TRUE(estimate.converged);
+    EXPECT_TRUE(undetermined_keys(estimate.determined).empty());
+    EXPECT_TRUE(estimate.faults.empty());
+    const ParameterVector error = to_vector(estimate.parameters) - truth;
+    for (const int k : estimate.free)
+      EXPECT_LT(std::abs(error[k]), 3.5 * estimate.sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
+  };
+  const RigRecording made = record_on_rig(four, rig_with_walks_only(7));
+  holds(joint_estimate(made.recording), to_vector(made.truth));
+  if (!std::filesystem::exists(clean_folder)) GTEST_SKIP() << clean_folder << " is not there";
+  holds(joint_estimate(read_clean(4)), must(read_truth(clean_folder + "/truth.conf")));
+}
+
+// Check values from an independent estimator (one sigma, x y z), temperature rising 6 C with 40 min; 15 % for its grid of
+// dwells. Aliases are those the physics has: at 1 g the square is the absolute value.
+TEST(Predict, EffectsAreSeenAsSharplyAsAnIndependentEstimatorSays) {
+  PredictOptions options;
+  options.effects = true;
+  options.temperature = TemperatureProfile{.rise_c = 6.0, .tau_s = 2400.0};
+  const Prediction p = predict_rig(must_read_sequence("fourteen_step.seq"), options);
+  const auto find = [&](const std::string& key) {
+    const auto effect = std::find_if(p.effects.begin(), p.effects.end(), [&](const auto& e) { return e.column.key() == key; });
+    EXPECT_NE(effect, p.effects.end()) << key;
+    return *effect;
+  };
+  for (const auto& [key, sigma] : std::vector<std::pair<std::string, double>>{{"accel_second_order.x", 0.97},
+                                                                              {"accel_second_order.y", 0.82},
+                                                                              {"accel_second_order.z", 0.91},
+                                                                              {"accel_scale_asymmetry.x", 0.95},
+                                                                              {"accel_bias_temperature.x", 0.15},
+                                                                              {"accel_bias_temperature.y", 0.09},
+                                                                              {"accel_scale_temperature.z", 0.18},
+                                                                              {"accel_bias_drift.x", 0.55},
+                                                                              {"accel_bias_drift.y", 0.25},
+                                                                              {"gyro_scale_asymmetry.x", 0.38},
+                                                                              {"gyro_scale_asymmetry.y", 0.54},
+                                                                              {"gyro_bias_temperature.x", 0.0012},
+                                                                              {"gyro_bias_drift.y", 0.0067},
+                                                                              {"earth_rate.north", 0.002},
+                                                                              {"earth_rate.up", 0.013}}) {
+    EXPECT_NEAR(find(key).sigma / sigma, 1.0, 0.15) << key;
+    EXPECT_NEAR(find(key).detectable, 5.0 * find(key).sigma, 1e-12);
+    EXPECT_TRUE(find(key).visible) << key;
+  }
+  EXPECT_EQ(find("accel_second_order.y").aliases, std::vector<std::string>{"accel_scale_asymmetry"});
+  EXPECT_EQ(find("accel_third_order.x").aliases, std::vector<std::string>{"accel_odd_quadratic"});
+  EXPECT_TRUE(find("accel_delay.tau").aliases.empty());
+
+  // Dwells at 45 degrees tell square and absolute value apart; other rates show the gyros' nonlinearity.
+  const Prediction extended = predict_rig(must_read_sequence("extended.seq"), options);
+  for (std::size_t k = 0; k < p.effects.size(); ++k) {
+    const std::string key = extended.effects[k].column.key();
+    if (key == "accel_second_order.x") {
+      EXPECT_TRUE(extended.effects[k].aliases.empty());
+    }
+    if (key == "gyro_rate_nonlinearity.y") {
+      EXPECT_LT(extended.effects[k].sigma, 0.01 * p.effects[k].sigma);
+    }
+  }
+}
+
+TEST(Predict, AnEffectThatNothingExcitesIsNotVisible) {
+  PredictOptions options;
+  options.effects = true;
+  const Prediction p = predict_rig(steps_of_the_method(13, 13), options);  // one long dwell
+  for (const PredictedEffect& e : p.effects) {
+    if (e.column.entry->name == "gyro_scale_asymmetry" || e.column.entry->name == "accel_delay") {
+      EXPECT_FALSE(e.visible) << e.column.key() << " " << e.detectable;
+      EXPECT_TRUE(e.aliases.empty());
+    }
+    EXPECT_FALSE(e.column.entry->needs_temperature) << e.column.key();
+  }
+}
+
+}  // namespace
+}  // namespace turncal
