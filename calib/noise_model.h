@@ -3,7 +3,7 @@
 // Angle random walk N_g: white noise of the rate, variance N_g^2 dt of the angle over dt. Velocity random walk N_a likewise.
 // Bias instability: a first-order Gauss-Markov process on each axis with standard deviation sigma_b and correlation time
 // tau_b, the usual state-space stand-in for flicker noise. With tau_b = 300 s a run of two hours that holds 1/f noise gets
-// biases whose sigma is their spread (docs/accuracy.md: 100 s gives 0.6 of it, 600 s 1.5 times).
+// biases whose sigma is their spread (docs/accuracy.md: 100 s gives 0.6 of it, 600 s 1.4 times).
 // Quantisation: the cumulative count is short of the true angle or velocity by an error of up to one pulse, variance q^2/12.
 // Not modelled: rate ramps (they are effects: drift, warm-up), noise that depends on rate or specific force.
 #pragma once

@@ -1,0 +1,129 @@
+// Bad data in a run of the rig: found, named with its sample, cut out, and the parameters stay within their sigma.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "calib/joint_estimate.h"
+#include "tests/rig_recorder.h"
+
+namespace turncal {
+namespace {
+
+constexpr double chi_square_21_one_in_1000 = 46.8;
+
+double nees(const JointResult& r, const Parameters& truth) {
+  const ParameterVector difference = to_vector(r.parameters) - to_vector(truth);
+  const Eigen::VectorXd error = difference(r.free);
+  const Eigen::VectorXd scale = r.covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd correlation = scale.asDiagonal() * r.covariance * scale.asDiagonal();
+  const Eigen::VectorXd normalised = scale.cwiseProduct(error);
+  return normalised.dot(correlation.ldlt().solve(normalised));
+}
+
+RigConfig unit() {
+  RigConfig config = default_rig_config();
+  config.seed = 11;
+  config.noise_seed = 311;
+  return config;
+}
+
+const Sequence& fourteen_steps() {
+  static const Sequence sequence = must_read_sequence("fourteen_step.seq");
+  return sequence;
+}
+
+// The middle of the n-th segment of a kind.
+std::int64_t middle_of(SegmentKind kind, int n) {
+  static const RigRecording clean = record_on_rig(fourteen_steps(), unit());
+  for (const Segment& s : clean.recording.segments)
+    if (s.kind == kind && n-- == 0) return (s.start_sample + s.end_sample) / 2;
+  ADD_FAILURE() << "no such segment";
+  return 0;
+}
+
+RigFault fault(RigFaultKind kind, std::int64_t sample, double size = 0.0, int axis = 0, bool hidden = false) {
+  RigFault f;
+  f.kind = kind;
+  f.sample = sample;
+  f.size = size;
+  f.axis = axis;
+  f.hidden = hidden;
+  return f;
+}
+
+struct Bad {
+  const char* name;
+  RigFaultKind kind;
+  SegmentKind where;
+  double size;
+  int axis;
+  bool hidden;
+  double least_without;  // NEES at least, when nobody looks for it: what the fault would have cost
+};
+
+class BadData : public testing::TestWithParam<Bad> {};
+
+TEST_P(BadData, IsFoundNamedAndCostsNothing) {
+  const Bad& bad = GetParam();
+  for (const int which : {6, 17, 31}) {
+    const std::int64_t sample = middle_of(bad.where, which);
+    RigConfig config = unit();
+    config.faults.push_back(fault(bad.kind, sample, bad.size, bad.axis, bad.hidden));
+    const RigRecording made = record_on_rig(fourteen_steps(), config);
+    const JointResult r = joint_estimate(made.recording);
+    ASSERT_TRUE(r.converged) << r.message;
+    ASSERT_EQ(r.faults.size(), 1u) << "segment " << which << ", sample " << sample;
+    const Fault& found = r.faults.front();
+    EXPECT_LE(found.first_sample, sample + 1) << found.what;
+    EXPECT_GE(found.last_sample, sample - 1) << found.what;
+    EXPECT_LT(found.last_sample - found.first_sample, 9000) << found.what;  // the turn or the second, not the whole run
+    EXPECT_FALSE(found.what.empty());
+    EXPECT_FALSE(found.action.empty());
+    EXPECT_LT(nees(r, made.truth), chi_square_21_one_in_1000) << found.what << " in segment " << which;
+
+    JointOptions blind;
+    blind.look_for_faults = false;
+    const JointResult fooled = joint_estimate(made.recording, blind);
+    if (bad.least_without > 0.0) {
+      EXPECT_GT(nees(fooled, made.truth), bad.least_without) << which;
+    }
+  }
+}
+
+// Faults that the raw samples show need no look at innovations: nothing to compare with.
+INSTANTIATE_TEST_SUITE_P(
+    Faults, BadData,
+    testing::Values(
+        Bad{"GapInATurn", RigFaultKind::lost_sample, SegmentKind::rotate, 0.0, 0, false, 0.0},
+        Bad{"GapInATurnWithoutCounter", RigFaultKind::lost_sample, SegmentKind::rotate, 0.0, 0, true, 60.0},
+        Bad{"GapInADwellWithoutCounter", RigFaultKind::lost_sample, SegmentKind::still, 0.0, 0, true, 60.0},
+        Bad{"DuplicateInATurn", RigFaultKind::duplicated_sample, SegmentKind::rotate, 0.0, 0, true, 60.0},
+        Bad{"GlitchOfAMilliradianInADwell", RigFaultKind::gyro_glitch, SegmentKind::still, 1.0, 2, false, 0.0},
+        Bad{"GlitchOfAMilliradianInATurn", RigFaultKind::gyro_glitch, SegmentKind::rotate, 1.0, 1, false, 0.0},
+        Bad{"KnockInADwell", RigFaultKind::velocity_knock, SegmentKind::still, 0.05, 0, false, 0.0},
+        Bad{"KnockInATurn", RigFaultKind::velocity_knock, SegmentKind::rotate, 0.05, 1, false, 0.0}),
+    [](const auto& bad) { return std::string(bad.param.name); });
+
+TEST(BadDataNone, CleanRunsHaveNoFaults) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    RigConfig config = default_rig_config();
+    config.seed = 40 + seed;
+    config.noise_seed = 70 + seed;
+    const JointResult r = joint_estimate(record_on_rig(fourteen_steps(), config).recording);
+    EXPECT_TRUE(r.faults.empty()) << "seed " << seed << ": " << r.faults.front().what;
+  }
+}
+
+// A duplicate that carries its counter is dropped by the counter: nothing is cut, and the estimate is the undisturbed one.
+TEST(BadDataNone, ADuplicateWithItsCounterIsDropped) {
+  RigConfig config = unit();
+  const RigRecording clean = record_on_rig(fourteen_steps(), config);
+  config.faults.push_back(fault(RigFaultKind::duplicated_sample, middle_of(SegmentKind::rotate, 9)));
+  const RigRecording made = record_on_rig(fourteen_steps(), config);
+  const JointResult r = joint_estimate(made.recording);
+  const JointResult expected = joint_estimate(clean.recording);
+  EXPECT_EQ(to_vector(r.parameters), to_vector(expected.parameters));
+}
+
+}  // namespace
+}  // namespace turncal
