@@ -1,5 +1,6 @@
 #include "calib/effects.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -153,10 +154,11 @@ const EffectEntry* find_effect(std::string_view name) {
   return nullptr;
 }
 
-double absurd_magnitude(const EffectEntry& entry) {
+double absurd_magnitude(const EffectEntry& entry, double duration_s) {
   if (entry.unit == "mm") return 1000.0;
   if (entry.unit == "ms") return 100.0;
-  return entry.unit.starts_with("deg") || entry.unit.starts_with("arcsec") ? 1e4 : 1e5;
+  const double largest = entry.unit.starts_with("deg") || entry.unit.starts_with("arcsec") ? 1e4 : 1e5;
+  return entry.name.ends_with("_drift") && duration_s > 0.0 ? largest * std::max(1.0, 3600.0 / duration_s) : largest;
 }
 
 std::span<const std::string_view> unobservable_quantities() {

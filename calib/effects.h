@@ -40,7 +40,8 @@ struct EffectEntry {
 const std::vector<EffectEntry>& effect_catalogue();
 const EffectEntry* find_effect(std::string_view name);
 // A magnitude of one component (in its unit) that no sensor has: what would have to be larger to be caught is not seen.
-double absurd_magnitude(const EffectEntry& entry);
+// A drift is judged by what it adds up to over `duration_s`, where that is less than an hour.
+double absurd_magnitude(const EffectEntry& entry, double duration_s = 3600.0);
 // Quantities no recording of this kind can show, whatever the sequence.
 std::span<const std::string_view> unobservable_quantities();
 

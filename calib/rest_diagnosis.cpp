@@ -1,6 +1,7 @@
 #include "calib/rest_diagnosis.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <set>
@@ -64,7 +65,12 @@ class RestDiagnoser {
       : data_(data),
         options_(options),
         site_{data.recording->info.latitude_deg},
-        reference_c_(std::isnan(data.recording->mean_temperature_c) ? 0.0 : data.recording->mean_temperature_c) {}
+        reference_c_(rest_reference_temperature_c(data)) {
+    const std::vector<Block>& blocks = data.recording->blocks;
+    if (!blocks.empty())
+      duration_s_ = static_cast<double>(blocks.back().start_sample + blocks.back().samples - blocks.front().start_sample) *
+                    data.recording->info.sample_period_s;
+  }
   Result<RestDiagnosis> run();
 
  private:
@@ -93,12 +99,17 @@ class RestDiagnoser {
   bool passes_gate(const Model& before, const Model& after, bool first) const;
   std::vector<int> members(const EffectEntry& entry, double tau_s) const;
   bool in_model(const EffectEntry* entry) const;
+  std::string why_not_tested() const;
+  void strike_invisible(const RestScores& scores);
+  double holdout_gain(const Model& before, const Model& after) const;
+  RestHoldout on_holdout(const RestFit& fit, const std::vector<RestEffect>& effects) const;
   void conclude();
 
   const RestData& data_;
   const RestDiagnosisOptions options_;
   const Site site_;
   const double reference_c_;
+  double duration_s_ = 0.0;
   std::vector<EffectColumn> testable_;  // what is still in question
   std::set<std::string> struck_;        // effects the gate refused
   Model model_;
@@ -202,9 +213,15 @@ void RestDiagnoser::fill_table(const RestScores& scores) {
       candidate.p_value = test.p_value;
       candidate.best_statistic = -1.0;
       candidate.detectable.clear();
+      candidate.values.clear();
+      candidate.sigmas.clear();
       for (const int k : group) {
         const ColumnScore& score = scores.of(k);
-        candidate.detectable.push_back(score.visible ? 5.0 * score.sigma : INFINITY);
+        const bool absurd = 5.0 * score.sigma > absurd_magnitude(entry, duration_s_);
+        candidate.detectable.push_back(score.visible && !absurd ? 5.0 * score.sigma : INFINITY);
+        candidate.values.push_back(score.value);
+        candidate.sigmas.push_back(score.sigma);
+        if (absurd) continue;
         if (score.visible && score.statistic > candidate.best_statistic) {
           candidate.best_statistic = score.statistic;
           candidate.best_component =
@@ -215,7 +232,39 @@ void RestDiagnoser::fill_table(const RestScores& scores) {
     }
     candidate.p_value = std::min(1.0, candidate.p_value * tests);
     if (candidate.rank == 0) candidate.remark = "leaves no trace in rests and in gravity's direction after rotations";
+    else if (candidate.best_component.empty())
+      candidate.remark = "would have to be larger than any sensor has it to be caught";
   }
+}
+
+// A component of which only an absurdly large value would be caught is out of question.
+void RestDiagnoser::strike_invisible(const RestScores& scores) {
+  std::vector<EffectColumn> kept;
+  for (std::size_t k = 0; k < testable_.size(); ++k) {
+    const ColumnScore& score = scores.of(static_cast<int>(k));
+    if (score.visible && 5.0 * score.sigma <= absurd_magnitude(*testable_[k].entry, duration_s_))
+      kept.push_back(testable_[k]);
+  }
+  testable_ = std::move(kept);
+}
+
+// Rows that are left over after the base fit are all that can speak for a name.
+std::string RestDiagnoser::why_not_tested() const {
+  const RestFit& base = result_.base;
+  double redundancy = 0.0;
+  for (const double r : base.redundancy) redundancy += r;
+  if (!base.converged) return "the 21 parameters could not be fitted: " + base.message;
+  std::string why;
+  if (redundancy < options_.least_redundancy)
+    why = std::to_string(data_.rests.size()) + " rests and " + std::to_string(data_.legs.size()) +
+          " rotations leave " + std::to_string(static_cast<int>(std::lround(redundancy))) +
+          " observations beyond the 21 parameters, where " +
+          std::to_string(static_cast<int>(std::lround(options_.least_redundancy))) + " are wanted";
+  if (!base.undetermined.empty()) {
+    why += (why.empty() ? "" : "; ") + std::string("not determined:");
+    for (const std::string& key : base.undetermined) why += " " + key;
+  }
+  return why;
 }
 
 // Once a triad is known to change with time, its slow changes of any shape are held against every other effect: poses
@@ -337,7 +386,40 @@ bool RestDiagnoser::passes_gate(const Model& before, const Model& after, bool fi
     rows += count;
   }
   // gain / rows: logarithm of the mean square over all kinds
-  return gain > (first ? 2.0 * options_.gate_gain * rows : 0.0);
+  if (!(gain > (first ? 2.0 * options_.gate_gain * rows : 0.0))) return false;
+  return options_.holdout == nullptr || !first || holdout_gain(before, after) > 0.0;
+}
+
+// The same on the second recording: positive when its error falls.
+double RestDiagnoser::holdout_gain(const Model& before, const Model& after) const {
+  const auto system = [&](const Model& m) {
+    return make_rest_system(*options_.holdout, m.fit.parameters, effect_model(m.columns, m.fit.effect_values), false);
+  };
+  const RestSystem a = system(before);
+  const RestSystem b = system(after);
+  const VectorXd weights = rest_weights(a, before.fit.floors);
+  std::array<double, rest_kind_count> was{}, is{}, rows{};
+  for (Eigen::Index k = 0; k < a.residual.size(); ++k) {
+    const auto kind = static_cast<std::size_t>(a.kind[static_cast<std::size_t>(k)]);
+    was[kind] += std::pow(a.residual[k] * weights[k], 2);
+    is[kind] += std::pow(b.residual[k] * weights[k], 2);
+    rows[kind] += 1.0;
+  }
+  double gain = 0.0;
+  for (std::size_t k = 0; k < rest_kind_count; ++k)
+    if (was[k] > 0.0 && is[k] > 0.0) gain += rows[k] * std::log(was[k] / is[k]);
+  return gain;
+}
+
+RestHoldout RestDiagnoser::on_holdout(const RestFit& fit, const std::vector<RestEffect>& effects) const {
+  RestHoldout result;
+  if (options_.holdout == nullptr) return result;
+  const RestSystem system = rest_system_at(*options_.holdout, fit, effects, reference_c_);
+  result.errors = rest_errors(system, system.residual);
+  result.chi_square = rest_weights(system, result_.final.floors).cwiseProduct(system.residual).squaredNorm();
+  result.observations = static_cast<int>(system.residual.size());
+  result.normalised_rms = std::sqrt(result.chi_square / std::max(1, result.observations));
+  return result;
 }
 
 void RestDiagnoser::conclude() {
@@ -355,6 +437,8 @@ void RestDiagnoser::conclude() {
   result_.left_out_before =
       std::sqrt(mean_square(left_out_residual(before, rest_weights(before, result_.base.floors)), weights));
   result_.left_out_after = std::sqrt(mean_square(left_out_residual(after, weights), weights));
+  result_.holdout_before = on_holdout(result_.base, {});
+  result_.holdout_after = on_holdout(result_.final, result_.effects);
   double worst = 0.0;
   for (const RestKind kind : {RestKind::norm, RestKind::direction, RestKind::gyro}) {
     const double ratio = model_.fit.white_ratio[static_cast<std::size_t>(kind)];
@@ -375,14 +459,26 @@ Result<RestDiagnosis> RestDiagnoser::run() {
   if (!base) return base.error();
   result_.base = *base;
   model_.fit = *base;
+  result_.not_tested = why_not_tested();
+  if (!result_.not_tested.empty()) {
+    for (RestCandidate& candidate : result_.candidates)
+      if (candidate.remark.empty()) candidate.remark = "not tested: too few observations";
+    conclude();
+    return std::move(result_);
+  }
   bool first_pass = true;
   while (static_cast<int>(model_.columns.size()) < options_.max_components) {
     const std::vector<EffectColumn> slow = slow_columns();
     const RestSystem system = system_with_candidates(slow);
     const int in_model_columns = rest_parameter_count + static_cast<int>(model_.columns.size());
     const RestScores scores(system, model_.fit, in_model_columns);
-    if (first_pass) fill_table(scores);
-    first_pass = false;
+    if (first_pass) {
+      fill_table(scores);
+      first_pass = false;
+      const std::size_t all = testable_.size();
+      strike_invisible(scores);
+      if (testable_.size() != all) continue;  // the scores are numbered anew
+    }
     std::optional<RestScores> guarded;
     if (!slow.empty()) {
       std::vector<int> nuisance;
@@ -395,10 +491,21 @@ Result<RestDiagnosis> RestDiagnoser::run() {
     const EffectColumn column = testable_[static_cast<std::size_t>(choice.candidate)];
     const bool first = !in_model(column.entry);
     const Model extended = refit(model_, column);
-    if (!extended.fit.converged || !passes_gate(model_, extended, first)) {
+    const ColumnScore& score = scores.of(choice.candidate);
+    RestStage stage{column, score.statistic,
+                    std::min(1.0, score.p_value * 2.0 * static_cast<double>(testable_.size())), false, "accepted"};
+    const double value = extended.fit.effect_values[extended.fit.effect_values.size() - 1];
+    if (!extended.fit.converged) stage.note = "the fit with it does not settle";
+    else if (std::abs(value) > absurd_magnitude(*column.entry, duration_s_))
+      stage.note = "it would come to " + std::to_string(value) + " " + std::string(column.entry->unit) + ", which no sensor has";
+    else if (!passes_gate(model_, extended, first))
+      stage.note = "the error on data left out of the fit does not fall";
+    else stage.accepted = true;
+    result_.stages.push_back(stage);
+    if (!stage.accepted) {
       if (first) {
         struck_.emplace(column.entry->name);
-        result_.struck_out.push_back(column.key());
+        result_.struck_out.push_back(column.key() + ": " + stage.note);
       }
       std::erase_if(testable_,
                     [&](const EffectColumn& c) { return c.entry == column.entry && c.component == column.component; });
@@ -428,6 +535,20 @@ const char* to_string(RestDiagnosis::Verdict verdict) {
       return "unexplained";
   }
   return "?";
+}
+
+double rest_reference_temperature_c(const RestData& data) {
+  const double mean = data.recording->mean_temperature_c;
+  return std::isnan(mean) ? 0.0 : mean;
+}
+
+RestSystem rest_system_at(const RestData& data, const RestFit& fit, const std::vector<RestEffect>& effects,
+                          double reference_temperature_c) {
+  std::vector<EffectColumn> columns;
+  for (const RestEffect& effect : effects) columns.push_back(effect.column);
+  EffectModel model = make_effect_model(columns, {data.recording->info.latitude_deg}, reference_temperature_c);
+  model.values = fit.effect_values.head(model.columns);
+  return make_rest_system(data, fit.parameters, model, false);
 }
 
 Result<RestDiagnosis> diagnose_rests(const RestData& data, const RestDiagnosisOptions& options) {

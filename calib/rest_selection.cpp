@@ -104,7 +104,9 @@ RestScores::RestScores(const RestSystem& system, const RestFit& fit, int model_c
     columns_.col(k) /= length;
     score.visible = true;
     score.sigma = 1.0 / length;
-    const VectorXd after = residual_ - columns_.col(k) * columns_.col(k).dot(residual_);
+    const double along = columns_.col(k).dot(residual_);
+    score.value = -along / length;
+    const VectorXd after = residual_ - columns_.col(k) * along;
     score.statistic = gain(after, {static_cast<int>(k)}, 1, score.p_value);
   }
 }

@@ -20,7 +20,8 @@ struct ColumnScore {
   bool visible = false;
   double statistic = 0.0;  // T
   double p_value = 1.0;
-  double sigma = 0.0;  // of the value it would come to alone, candidate's unit
+  double value = 0.0;  // that it would come to alone, candidate's unit
+  double sigma = 0.0;
 };
 
 class RestScores {

@@ -14,16 +14,6 @@ using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 using Matrix23 = Eigen::Matrix<double, 2, 3>;
 
-// Two axes across the unit vector v.
-Matrix23 across(const Vector3d& v) {
-  Eigen::Index smallest = 0;
-  v.cwiseAbs().minCoeff(&smallest);
-  Matrix23 basis;
-  basis.row(0) = v.cross(Vector3d::Unit(smallest)).normalized();
-  basis.row(1) = v.cross(basis.row(0).transpose());
-  return basis;
-}
-
 // A unit vector of specific force and its derivatives.
 struct Direction {
   Vector3d u;
@@ -245,7 +235,7 @@ void Builder::add_leg(std::size_t index, const RestState& from, const RestState&
   const RestLeg& leg = data_.legs[index];
   const Vector3d& u = from.last_edge.u;
   const Vector3d& v = to.first_edge.u;
-  const Matrix23 basis = across(v);
+  const Matrix23 basis = axes_across(v);
   const Vector3d predicted = C.transpose() * u;
   const Eigen::Vector2d residual = basis * (predicted - v);
   Eigen::Matrix<double, 2, Eigen::Dynamic> columns;
@@ -304,6 +294,15 @@ const std::array<int, rest_parameter_count>& rest_parameter_indices() {
     return result;
   }();
   return indices;
+}
+
+Eigen::Matrix<double, 2, 3> axes_across(const Vector3d& v) {
+  Eigen::Index smallest = 0;
+  v.cwiseAbs().minCoeff(&smallest);
+  Eigen::Matrix<double, 2, 3> basis;
+  basis.row(0) = v.cross(Vector3d::Unit(smallest)).normalized();
+  basis.row(1) = v.cross(basis.row(0).transpose());
+  return basis;
 }
 
 const char* to_string(RestKind kind) {

@@ -40,6 +40,9 @@ struct RestSystem {
   std::vector<int> owner;          // rest or leg of each row
 };
 
+// Two axes across the unit vector v, in which direction rows are stated: B above.
+Eigen::Matrix<double, 2, 3> axes_across(const Eigen::Vector3d& v);
+
 // Legs with a fault have no rows. Effect regressors are evaluated block by block (BlockState; w and w_dot are zero at
 // rest, the heading of C_nb runs on from an arbitrary start).
 RestSystem make_rest_system(const RestData& data, const Parameters& parameters, const EffectModel& effects,

@@ -7,7 +7,10 @@
 #include "calib/closed_form.h"
 #include "calib/compression.h"
 #include "calib/joint_estimate.h"
+#include "calib/rest_model.h"
+#include "calib/segmentation.h"
 #include "orchestrator/command_line.h"
+#include "orchestrator/rest_view.h"
 
 namespace turncal {
 
@@ -15,9 +18,10 @@ namespace {
 
 Result<CompressedRecording> compress_source(RecordingSource& source) {
   if (source.segments().empty()) {
-    return input_error(source.path() + ": the recording has no segments, so nothing says when the unit was at rest");
+    return input_error(source.path() + ": the recording has no segments, so nothing says when the unit was at rest: expected segments, "
+                                        "as `turncal segment` finds them");
   }
-  Compressor compressor(source.info());
+  Compressor compressor(source.info(), without_table_angles(source.segments()) ? rest_compression_options() : CompressionOptions{});
   SegmentedFeed feed(compressor, source.segments());
   const Status status = source.read([&feed](std::span<const ImuSample> samples) {
     feed.add(samples);
@@ -102,6 +106,29 @@ Status joint(const CompressedRecording& recording, bool partial, CalibrationOutp
   return {};
 }
 
+Status rests_by_hand(const CompressedRecording& recording, bool partial, CalibrationOutput& output) {
+  const RestData data = make_rest_data(recording);
+  const Result<RestFit> fit = fit_rests(data, EffectModel{});
+  if (!fit) return fit.error();
+  if (!fit->converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + fit->message};
+  if (!fit->undetermined.empty() && !partial) {
+    std::string keys;
+    for (const std::string& key : fit->undetermined) keys += " " + key;
+    return input_error("these rests and rotations do not determine" + keys +
+                       ": expected more of them, about other axes (--partial writes what there is)");
+  }
+  describe_rest_fit(*fit, {}, data, output.file);
+  output.notes.push_back("no table angles: " + std::to_string(data.rests.size()) + " rests and " + std::to_string(data.legs.size()) +
+                         " rotations by hand, settled after " + std::to_string(fit->iterations) + " iterations");
+  output.notes.push_back("errors: " + error_text(fit->errors));
+  output.notes.push_back("left out in turn: " + error_text(fit->left_out));
+  for (std::size_t k = 0; k < data.legs.size(); ++k)
+    if (!data.legs[k].fault.empty())
+      output.notes.push_back("rotation " + std::to_string(k + 1) + " set aside: " + data.legs[k].fault);
+  for (const std::string& key : fit->undetermined) output.notes.push_back("not determined by this recording: " + key);
+  return {};
+}
+
 }  // namespace
 
 Result<CalibrationOutput> calibrate_recording(RecordingSource& source, const CalibrationRequest& request) {
@@ -111,14 +138,18 @@ Result<CalibrationOutput> calibrate_recording(RecordingSource& source, const Cal
   if (std::isfinite(recording->mean_temperature_c)) output.mean_temperature_c = recording->mean_temperature_c;
   note_data(source, *recording, output.notes);
   const bool closed = request.method == "closed-form";
-  if (Status status = closed ? closed_form(*recording, output) : joint(*recording, request.partial, output); !status) {
+  const bool by_hand = without_table_angles(source.segments());
+  if (closed && by_hand)
+    return input_error(source.path() + ": has no table angles: expected the fourteen steps of a table for --method closed-form");
+  if (Status status = by_hand ? rests_by_hand(*recording, request.partial, output)
+                      : closed ? closed_form(*recording, output) : joint(*recording, request.partial, output); !status) {
     return Error{status.error().kind, source.path() + ": " + status.error().message};
   }
   Result<std::string> hash = source.content_hash();
   if (!hash) return hash.error();
   describe_recording(source.info(), output.file);
   output.file.recording_hash = *hash;
-  output.file.method = request.method;
+  output.file.method = by_hand ? rest_method : request.method;
   output.file.software_version = software_version();
   output.file.time_utc = request.time_utc;
   return output;

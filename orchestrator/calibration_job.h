@@ -15,6 +15,9 @@ namespace turncal {
 // standard deviations. closed-form: the paper's fourteen steps and formulas.
 inline constexpr const char* calibration_methods[] = {"joint", "closed-form"};
 
+// What a recording without table angles is calibrated by, whatever joint asks for: its rests (calib/rest_model.h).
+inline constexpr const char* rest_method = "rests";
+
 struct CalibrationRequest {
   std::string method = calibration_methods[0];
   std::string time_utc;  // for the record

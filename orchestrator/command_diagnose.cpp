@@ -7,12 +7,17 @@
 #include <optional>
 
 #include "calib/diagnosis.h"
+#include "calib/rest_diagnosis.h"
+#include "calib/segmentation.h"
 #include "imu_io/clock.h"
 #include "imu_io/format_number.h"
+#include "orchestrator/calibration_job.h"
 #include "orchestrator/diagnosis_file.h"
 #include "orchestrator/diagnosis_text.h"
 #include "orchestrator/output_folder.h"
 #include "orchestrator/progress.h"
+#include "orchestrator/rest_report.h"
+#include "orchestrator/rest_view.h"
 
 namespace turncal {
 namespace {
@@ -64,6 +69,7 @@ class Phases {
 
 struct LoadedRecording {
   CompressedRecording recording;
+  bool by_hand = false;  // no table angles
   std::string hash;
   std::vector<std::string> notes;
 };
@@ -72,10 +78,12 @@ Result<LoadedRecording> load(const std::string& path, Phases& phases) {
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path);
   if (!source) return source.error();
   if ((*source)->segments().empty()) {
-    return input_error(path + ": the recording has no segments, so nothing says when the unit was at rest");
+    return input_error(path + ": the recording has no segments, so nothing says when the unit was at rest: expected segments, "
+                              "as `turncal segment` finds them");
   }
   phases.begin("reading " + path);
-  Compressor compressor((*source)->info());
+  const bool by_hand = without_table_angles((*source)->segments());
+  Compressor compressor((*source)->info(), by_hand ? rest_compression_options() : CompressionOptions{});
   SegmentedFeed feed(compressor, (*source)->segments());
   std::int64_t count = 0;
   const Status status = (*source)->read([&](std::span<const ImuSample> samples) {
@@ -87,6 +95,7 @@ Result<LoadedRecording> load(const std::string& path, Phases& phases) {
   feed.finish();
   LoadedRecording loaded;
   loaded.recording = compressor.take();
+  loaded.by_hand = by_hand;
   Result<std::string> hash = (*source)->content_hash();
   if (!hash) return hash.error();
   loaded.hash = *hash;
@@ -146,6 +155,61 @@ Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, co
   return std::optional(noise);
 }
 
+// Verdict, report and files of one recording.
+struct Outcome {
+  Verdict verdict = Verdict::unexplained;
+  std::vector<std::string> table;
+  WrittenDiagnosis written;
+};
+
+Result<Outcome> diagnose_table(const DiagnoseOptions& options, const LoadedRecording& fitted, const LoadedRecording* holdout,
+                               const OutputFolder& folder, DiagnosisContext& report, Phases& phases) {
+  const Result<std::optional<NoiseModel>> noise = noise_given(options, fitted.recording);
+  if (!noise) return noise.error();
+  DiagnosisOptions settings;
+  settings.estimate.noise = *noise;
+  if (holdout != nullptr) settings.holdout = &holdout->recording;
+  phases.begin("diagnosing: fit, scores of the catalogue, selection, held-out data");
+  const Diagnosis diagnosis = diagnose(fitted.recording, settings);
+  if (!diagnosis.base.converged) return Error{ErrorKind::unit_failed, options.recording + ": " + diagnosis.reason};
+  report.false_alarm = settings.false_alarm;
+  report.noise_given = noise->has_value();
+  phases.begin("writing the report");
+  const Result<WrittenDiagnosis> written = write_diagnosis(folder.path(), diagnosis, report);
+  if (!written) return written.error();
+  return Outcome{diagnosis.verdict, terminal_table(diagnosis, report), *written};
+}
+
+Result<Outcome> diagnose_hand_turned(const DiagnoseOptions& options, const LoadedRecording& fitted, const LoadedRecording* holdout,
+                                     const OutputFolder& folder, DiagnosisContext& report, Phases& phases) {
+  if (options.arw_deg_per_rt_h || options.vrw_ug_per_rt_hz || options.gyro_bias_instability_degph > 0.0 ||
+      options.accel_bias_instability_ug > 0.0)
+    return input_error(options.recording + ": has no table angles: expected no --arw, --vrw or bias instability, the noise is "
+                                           "measured in the rests");
+  const RestData data = make_rest_data(fitted.recording);
+  std::optional<RestData> other;
+  RestDiagnosisOptions settings;
+  if (holdout != nullptr) {
+    other = make_rest_data(holdout->recording);
+    if (other->legs.empty()) return input_error(options.holdout + ": holds no rotation between two rests");
+    settings.holdout = &*other;
+  }
+  phases.begin("diagnosing: fit, scores of the catalogue, selection, rests left out");
+  const Result<RestDiagnosis> result = diagnose_rests(data, settings);
+  if (!result) return Error{result.error().kind, options.recording + ": " + result.error().message};
+  if (!result->base.converged)
+    return Error{ErrorKind::unit_failed, options.recording + ": the base model could not be fitted: " + result->base.message};
+  report.false_alarm = settings.false_alarm;
+  report.method = rest_method;
+  report.hand_turned = true;
+  const Diagnosis diagnosis = as_diagnosis(*result, data);
+  phases.begin("writing the report");
+  const Result<WrittenDiagnosis> written = write_rest_diagnosis(folder.path(), *result, data, diagnosis, report);
+  if (!written) return written.error();
+  return Outcome{diagnosis.verdict,
+                 terminal_table(diagnosis, report, rest_words(*result, data, diagnosis, Alphabet::plain)), *written};
+}
+
 Result<Verdict> diagnose_recording(const DiagnoseOptions& options, CommandContext& context) {
   const double began_s = steady_wall_s();
   if (Status status = check_out(options); !status) return status.error();
@@ -160,18 +224,10 @@ Result<Verdict> diagnose_recording(const DiagnoseOptions& options, CommandContex
     if (loaded->hash == fitted->hash) {
       return input_error(options.holdout + ": is the recording to be fitted itself: expected data that is not used in the fit");
     }
+    if (loaded->by_hand != fitted->by_hand)
+      return input_error(options.holdout + ": expected a recording " + (fitted->by_hand ? "without" : "with") +
+                         " table angles, as the one to be fitted");
     holdout = std::move(*loaded);
-  }
-  const Result<std::optional<NoiseModel>> noise = noise_given(options, fitted->recording);
-  if (!noise) return noise.error();
-
-  DiagnosisOptions settings;
-  settings.estimate.noise = *noise;
-  if (holdout) settings.holdout = &holdout->recording;
-  phases.begin("diagnosing: fit, scores of the catalogue, selection, held-out data");
-  const Diagnosis diagnosis = diagnose(fitted->recording, settings);
-  if (!diagnosis.base.converged) {
-    return Error{ErrorKind::unit_failed, options.recording + ": " + diagnosis.reason};
   }
 
   DiagnosisContext report(fitted->recording);
@@ -179,28 +235,26 @@ Result<Verdict> diagnose_recording(const DiagnoseOptions& options, CommandContex
   report.recording_hash = fitted->hash;
   report.holdout_path = options.holdout;
   report.time_utc = format_utc(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count());
-  report.false_alarm = settings.false_alarm;
-  report.noise_given = noise->has_value();
   report.notes = fitted->notes;
   if (holdout) report.notes.insert(report.notes.end(), holdout->notes.begin(), holdout->notes.end());
 
   // An earlier result in the folder is replaced, file by file, each one whole.
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {});
   if (!folder) return folder.error();
-  phases.begin("writing the report");
-  const Result<WrittenDiagnosis> written = write_diagnosis(folder->path(), diagnosis, report);
-  if (!written) return written.error();
+  const Result<Outcome> outcome = (fitted->by_hand ? diagnose_hand_turned : diagnose_table)(
+      options, *fitted, holdout ? &*holdout : nullptr, *folder, report, phases);
+  if (!outcome) return outcome.error();
   folder->keep();
   phases.clear();
   for (const std::string& note : report.notes) context.out << note << '\n';
   context.out << '\n';
-  for (const std::string& line : terminal_table(diagnosis, report)) context.out << line << '\n';
+  for (const std::string& line : outcome->table) context.out << line << '\n';
   context.out << '\n';
-  if (!written->plot_problem.empty()) context.out << "report without plots: " << written->plot_problem << '\n';
+  if (!outcome->written.plot_problem.empty()) context.out << "report without plots: " << outcome->written.plot_problem << '\n';
   context.out << "report      " << folder->file(report_name) << "\ndiagnosis   " << folder->file(diagnosis_name)
               << "\nparameters  " << folder->file("parameters.conf") << "\n"
               << significant(steady_wall_s() - began_s, 2) << " s" << std::endl;
-  return diagnosis.verdict;
+  return outcome->verdict;
 }
 
 }  // namespace

@@ -105,7 +105,7 @@ std::string format_diagnosis(const Diagnosis& d) {
   return lines.take();
 }
 
-void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given, ParameterFile& file) {
+void describe_model(const JointResult& result, const CompressedRecording& recording, ParameterFile& file) {
   file.parameters = to_vector(result.parameters);
   for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
     const double sigma = result.sigma[static_cast<Eigen::Index>(k)];
@@ -121,6 +121,10 @@ void describe_estimate(const JointResult& result, const CompressedRecording& rec
     if (parts.front()->column.tau_s > 0.0) file.effects.push_back({name, "tau_s", parts.front()->column.tau_s, std::nullopt});
   }
   file.model = result.effects.empty() ? "base" : "extended";
+}
+
+void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given, ParameterFile& file) {
+  describe_model(result, recording, file);
   add_noise(result, noise_given, file);
   file.add_further("quality.normalised_rms", result.normalised_rms);
   file.add_further("quality.innovation_level", result.whiteness.level);
@@ -134,22 +138,30 @@ ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisCo
   ParameterFile file;
   describe_recording(context.recording.info, file);
   describe_estimate(diagnosis.extended, context.recording, context.noise_given, file);
+  complete_parameters(diagnosis, context, file);
+  return file;
+}
+
+void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context, ParameterFile& file) {
   file.recording_hash = context.recording_hash;
   file.method = context.method;
   file.software_version = software_version();
   file.time_utc = context.time_utc;
   file.add_further("verdict.diagnosis", std::string(to_string(diagnosis.verdict)));
-  return file;
 }
 
 Result<WrittenDiagnosis> write_diagnosis(const std::string& folder, const Diagnosis& diagnosis, const DiagnosisContext& context) {
   // Everything is made before anything is written, so that a failure leaves the folder as it was.
   const Result<std::string> parameters = format_parameter_file(diagnosis_parameters(diagnosis, context));
   if (!parameters) return parameters.error();
-  const Report report = make_report(diagnosis, context);
+  return write_diagnosis_files(folder, make_report(diagnosis, context), format_diagnosis(diagnosis), *parameters);
+}
+
+Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report, const std::string& diagnosis,
+                                               const std::string& parameters) {
   if (Status s = write_file_atomically(folder + "/" + report_name, report.html); !s) return s.error();
-  if (Status s = write_file_atomically(folder + "/" + diagnosis_name, format_diagnosis(diagnosis)); !s) return s.error();
-  if (Status s = write_file_atomically(folder + "/" + parameters_name_of_diagnosis, *parameters); !s) return s.error();
+  if (Status s = write_file_atomically(folder + "/" + diagnosis_name, diagnosis); !s) return s.error();
+  if (Status s = write_file_atomically(folder + "/" + parameters_name_of_diagnosis, parameters); !s) return s.error();
   return WrittenDiagnosis{report.plot_problem};
 }
 

@@ -24,12 +24,20 @@ std::string format_diagnosis(const Diagnosis& diagnosis);
 // estimate. What belongs to the recording (describe_recording, hash) and method, time and version is the caller's.
 void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given, ParameterFile& file);
 
+// The part of it that is not about noise or quality.
+void describe_model(const JointResult& result, const CompressedRecording& recording, ParameterFile& file);
+// What belongs to the work: hash, method, version, time, verdict.
+void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context, ParameterFile& file);
+
 ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context);
 
 struct WrittenDiagnosis {
   std::string plot_problem;  // one line when the report has no plots, else empty
 };
 // All three into `folder`, which exists; parameters.conf last.
+struct Report;
+Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report, const std::string& diagnosis,
+                                               const std::string& parameters);
 Result<WrittenDiagnosis> write_diagnosis(const std::string& folder, const Diagnosis& diagnosis, const DiagnosisContext& context);
 
 }  // namespace turncal

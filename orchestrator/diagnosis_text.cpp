@@ -60,13 +60,6 @@ std::string error_clause(const Diagnosis& d) {
          ratio(d.holdout_before.normalised_rms) + " to " + ratio(d.holdout_after.normalised_rms);
 }
 
-std::string alias_clause(const Diagnosis& d) {
-  std::vector<std::string> parts;
-  for (const auto& [name, others] : d.aliases)
-    if (!others.empty()) parts.push_back(name + " from " + join(others, ", "));
-  return parts.empty() ? "" : "; this recording cannot tell " + join(parts, "; nor ");
-}
-
 std::string clean_sentence(const Diagnosis& d, const DiagnosisContext& context) {
   std::string text = "the 24 parameters explain the data to the noise";
   if (const CandidateScore* best = strongest_candidate(d)) {
@@ -91,16 +84,6 @@ std::string remaining_clause(const Diagnosis& d) {
             in_mm(d.holdout_after.velocity_rms_mps) + " mm/s";
   }
   return text;
-}
-
-std::string effects_clause(const Diagnosis& d, Alphabet alphabet) {
-  // The more there are, the less is said of each.
-  const std::size_t n = d.effect_names.size();
-  std::vector<std::string> effects;
-  for (const std::string& name : d.effect_names) effects.push_back(describe_effect(d, name, n == 1 ? 3 : 1, n < 3, alphabet));
-  static constexpr const char* words[] = {"no", "one", "two", "three", "four", "five", "six"};
-  return (n < std::size(words) ? words[n] : std::to_string(n)) + (n == 1 ? " effect" : " effects") + " beyond the 24 parameters " + (n == 1 ? "was" : "were") +
-         " found and added: " + join(effects, "; ");
 }
 
 // A reason as one clause: no full stop at its end.
@@ -150,13 +133,13 @@ class Table {
   std::vector<std::string> lines_;
 };
 
-void add_errors(const Diagnosis& d, Table& table) {
+void add_errors(const Diagnosis& d, const std::vector<ErrorRow>& rows, Table& table) {
   char text[160];
   std::snprintf(text, sizeof text, "%-16s%-48s %10s %10s %9s", "error", "", has_after(d) ? "before" : "", has_after(d) ? "after" : "",
                 has_after(d) ? "change" : "");
   table.line(clause(text));
-  for (const ErrorRow& row : error_rows(d)) {
-    const std::string what = row.what + (row.unit.empty() ? "" : ", " + row.unit);
+  for (const ErrorRow& row : rows) {
+    const std::string what = row.what + (row.unit.empty() || row.normalised ? "" : ", " + row.unit);
     if (has_after(d)) {
       std::snprintf(text, sizeof text, "  %-62s %10s %10s %9s", what.c_str(), error_text(row, row.before).c_str(),
                     error_text(row, row.after).c_str(), percent_change(row.before, row.after).c_str());
@@ -219,14 +202,14 @@ std::string largest_changes(const Diagnosis& d) {
   return join(parts) + " sigma";
 }
 
-void add_limits(const Diagnosis& d, Table& table) {
+void add_limits(const Diagnosis& d, const DiagnosisContext& context, Table& table) {
   for (const auto& [name, others] : d.aliases) {
     if (others.empty()) continue;
     const auto by = d.separate_by.find(name);
     table.row("not told apart", name + " | " + join(others, " | ") +
                                     (by != d.separate_by.end() && !by->second.empty() ? "; separated by " + by->second : ""), 2);
   }
-  if (!d.gated_out.empty()) table.row("not confirmed", join(d.gated_out) + " (no better on held-out data)", 2);
+  if (!d.gated_out.empty()) table.row("not confirmed", join(d.gated_out) + (context.hand_turned ? "" : " (no better on held-out data)"), 2);
   if (!d.undetectable.empty()) table.row("not visible", join(d.undetectable), 2);
   std::vector<std::string> undetermined;
   for (const Undetermined& u : d.extended.undetermined) {
@@ -238,6 +221,23 @@ void add_limits(const Diagnosis& d, Table& table) {
 }
 
 }  // namespace
+
+std::string alias_clause(const Diagnosis& d) {
+  std::vector<std::string> parts;
+  for (const auto& [name, others] : d.aliases)
+    if (!others.empty()) parts.push_back(name + " from " + join(others, ", "));
+  return parts.empty() ? "" : "; this recording cannot tell " + join(parts, "; nor ");
+}
+
+std::string effects_clause(const Diagnosis& d, Alphabet alphabet) {
+  // The more there are, the less is said of each.
+  const std::size_t n = d.effect_names.size();
+  std::vector<std::string> effects;
+  for (const std::string& name : d.effect_names) effects.push_back(describe_effect(d, name, n == 1 ? 3 : 1, n < 3, alphabet));
+  static constexpr const char* words[] = {"no", "one", "two", "three", "four", "five", "six"};
+  return (n < std::size(words) ? words[n] : std::to_string(n)) + (n == 1 ? " effect" : " effects") + " beyond the 24 parameters " + (n == 1 ? "was" : "were") +
+         " found and added: " + join(effects, "; ");
+}
 
 std::string verdict_title(Verdict verdict) {
   switch (verdict) {
@@ -311,19 +311,24 @@ ParameterVector changes_in_sigma(const Diagnosis& d) {
 }
 
 std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisContext& context) {
+  return terminal_table(d, context,
+                        {verdict_sentence(d, context, Alphabet::plain), error_rows(d), noise_line(d.extended, context.noise_given)});
+}
+
+std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisContext& context, const DiagnosisWords& words) {
   Table table;
-  table.row("verdict", verdict_sentence(d, context, Alphabet::plain), 7);
-  add_errors(d, table);
+  table.row("verdict", words.sentence, 7);
+  add_errors(d, words.errors, table);
   add_effects(d, table);
-  table.row("scores", strongest_scores(d, family_threshold_z(d, context.false_alarm)), 2);
+  if (!d.candidates.empty()) table.row("scores", strongest_scores(d, family_threshold_z(d, context.false_alarm)), 2);
   if (has_after(d)) table.row("moved most", largest_changes(d));
-  table.row("noise", noise_line(d.extended, context.noise_given), 2);
+  table.row("noise", words.noise, 2);
   if (!d.base.faults.empty()) {
     const Fault& fault = d.base.faults.front();
     table.row("faults", std::to_string(d.base.faults.size()) + ": sample " + std::to_string(fault.first_sample) + ", " + fault.what +
                             ", " + fault.action + (d.base.faults.size() > 1 ? "; more in the report" : ""));
   }
-  add_limits(d, table);
+  add_limits(d, context, table);
   return table.take();
 }
 

@@ -21,7 +21,7 @@ std::string verdict_sentence(const Diagnosis& diagnosis, const DiagnosisContext&
 struct ErrorRow {
   std::string what;
   double before = 0.0, after = 0.0;
-  std::string unit;   // plain alphabet, empty for the normalised ones
+  std::string unit;   // plain alphabet; of the normalised ones what 1 is
   bool normalised = false;
 };
 std::vector<ErrorRow> error_rows(const Diagnosis& diagnosis);
@@ -35,6 +35,17 @@ ParameterVector changes_in_sigma(const Diagnosis& diagnosis);
 // The strongest of the scores.
 const CandidateScore* strongest_candidate(const Diagnosis& diagnosis);
 
+// What is said differently of a table's recording and of a hand-turned one (rest_view.h).
+struct DiagnosisWords {
+  std::string sentence;  // the verdict
+  std::vector<ErrorRow> errors;
+  std::string noise;
+};
 std::vector<std::string> terminal_table(const Diagnosis& diagnosis, const DiagnosisContext& context);
+std::vector<std::string> terminal_table(const Diagnosis& diagnosis, const DiagnosisContext& context, const DiagnosisWords& words);
+
+// "one effect beyond the 24 parameters was found and added: ..." and "; this recording cannot tell ... from ...".
+std::string effects_clause(const Diagnosis& diagnosis, Alphabet alphabet);
+std::string alias_clause(const Diagnosis& diagnosis);
 
 }  // namespace turncal

@@ -141,7 +141,9 @@ std::string html_identity(const DiagnosisContext& context) {
   if (low <= high) line += "; " + significant(low, 3) + " to " + significant(high, 3) + " °C";
   html += paragraph(line + ".", "soft");
   html += paragraph("Held-out data: " +
-                        (context.holdout_path.empty() ? "dwells of the same recording, left out in turn" : context.holdout_path) + ".",
+                        (!context.holdout_path.empty() ? context.holdout_path
+                         : context.hand_turned        ? "rests and rotations of the same recording, left out in turn"
+                                                      : "dwells of the same recording, left out in turn") + ".",
                     "soft");
   if (r.info.simulated) html += "<p><b>Simulated data: these are not the parameters of a real unit.</b></p>\n";
   for (const std::string& note : context.notes) html += paragraph("Note: " + note + ".", "soft");
@@ -149,15 +151,21 @@ std::string html_identity(const DiagnosisContext& context) {
 }
 
 std::string html_verdict(const Diagnosis& diagnosis, const DiagnosisContext& context) {
-  const std::string sentence = verdict_sentence(diagnosis, context, typo);
+  return html_verdict(diagnosis, verdict_sentence(diagnosis, context, typo),
+                      diagnosis.verdict == Verdict::extended ? "" : diagnosis.reason);
+}
+
+std::string html_verdict(const Diagnosis& diagnosis, const std::string& sentence, const std::string& reason) {
   const std::size_t colon = sentence.find(':');
   return "<div class=\"verdict " + std::string(to_string(diagnosis.verdict)) + "\"><p><b>" +
          html_escape(sentence.substr(0, colon + 1)) + "</b>" + unbroken_percent(html_escape(sentence.substr(colon + 1))) +
          "</p></div>\n" +
-         (diagnosis.reason.empty() || diagnosis.verdict == Verdict::extended ? "" : paragraph("Reason: " + diagnosis.reason + ".", "soft"));
+         (reason.empty() ? "" : paragraph("Reason: " + reason + ".", "soft"));
 }
 
-std::string html_errors(const Diagnosis& diagnosis) {
+std::string html_errors(const Diagnosis& diagnosis) { return html_errors(diagnosis, error_rows(diagnosis)); }
+
+std::string html_errors(const Diagnosis& diagnosis, const std::vector<ErrorRow>& rows) {
   const bool both = has_after(diagnosis);
   std::vector<Cell> head = {text(""), number(both ? "before" : "value")};
   if (both) {
@@ -166,8 +174,8 @@ std::string html_errors(const Diagnosis& diagnosis) {
   }
   head.insert(head.begin() + 1, text(""));
   HtmlTable table(head);
-  for (const ErrorRow& row : error_rows(diagnosis)) {
-    const Cell unit = {"<span class=\"soft\">" + html_escape(row.normalised ? "1 is what the noise explains" : row.unit) + "</span>", ""};
+  for (const ErrorRow& row : rows) {
+    const Cell unit = {"<span class=\"soft\">" + html_escape(row.normalised && row.unit.empty() ? "1 is what the noise explains" : unit_text(row.unit, typo)) + "</span>", ""};
     std::vector<Cell> cells = {text(row.what), unit};
     const auto value = [&](double v) {
       return Cell{"<span class=\"big\">" + html_escape(error_text(row, v)) + "</span>", "n"};
@@ -352,7 +360,7 @@ std::string html_noise(const Diagnosis& diagnosis, const DiagnosisContext& conte
   return html;
 }
 
-std::string html_limits(const Diagnosis& diagnosis) {
+std::string html_limits(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   std::string html;
   bool any_alias = false;
   for (const auto& [wanted, others] : diagnosis.aliases) {
@@ -365,11 +373,13 @@ std::string html_limits(const Diagnosis& diagnosis) {
       line += " Positions or rates that would separate them: " + html_escape(by->second) + ".";
     html += item(line);
   }
-  if (any_alias) html += "</ul>\n" + paragraph("The sequence sequences/extended.seq holds such positions and rates; turncal predict shows by how much "
+  if (any_alias) html += "</ul>\n";
+  if (any_alias && !context.hand_turned) html += paragraph("The sequence sequences/extended.seq holds such positions and rates; turncal predict shows by how much "
                                            "they help.", "soft");
   if (!diagnosis.gated_out.empty())
     html += heading("Found but not confirmed") +
-            paragraph(join(diagnosis.gated_out) + ": fitted the recording better but not the held-out data, so not added.");
+            paragraph(join(diagnosis.gated_out, "; ") +
+                      (context.hand_turned ? "." : ": fitted the recording better but not the held-out data, so not added."));
   html += heading("Effects it cannot see");
   if (diagnosis.undetectable.empty()) {
     html += paragraph("Every effect of the catalogue would be seen if it were large enough; the smallest size of each is listed under "
@@ -389,8 +399,13 @@ std::string html_limits(const Diagnosis& diagnosis) {
       blind.push_back(key_text(c.column));
   }
   if (!blind.empty()) html += paragraph("Single components it cannot see: " + join(blind) + ".");
-  html += heading("Never observable on such a table") + "<ul>\n";
-  for (const std::string_view quantity_name : unobservable_quantities()) html += item(html_escape(quantity_name));
+  html += heading(context.hand_turned ? "Never observable without a table" : "Never observable on such a table") + "<ul>\n";
+  if (context.hand_turned) {
+    html += item(html_escape(unobservable_quantities().front())) +
+            item("headings, and with them everything that depends on the heading alone: the horizontal earth rate, the earth's field");
+  } else {
+    for (const std::string_view quantity_name : unobservable_quantities()) html += item(html_escape(quantity_name));
+  }
   return html + "</ul>\n";
 }
 

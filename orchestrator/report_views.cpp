@@ -80,10 +80,14 @@ Limits limits_of(const std::vector<DwellResidual>& dwells) {
   Limits l;
   for (const DwellResidual& d : dwells)
     for (const DwellResidual::Side* side : {&d.before, &d.after}) {
-      l.accel = std::max(l.accel, side->accel_mps2.cwiseAbs().maxCoeff());
-      l.tilt = std::max(l.tilt, side->tilt_rad.cwiseAbs().maxCoeff());
-      l.gyro = std::max(l.gyro, side->gyro_radps.cwiseAbs().maxCoeff());
-      l.velocity = std::max(l.velocity, side->velocity_mps.cwiseAbs().maxCoeff());
+      const auto raise = [](double& largest, const Vector3d& v) {
+        for (const double x : v)
+          if (std::isfinite(x)) largest = std::max(largest, std::abs(x));
+      };
+      raise(l.accel, side->accel_mps2);
+      raise(l.tilt, side->tilt_rad);
+      raise(l.gyro, side->gyro_radps);
+      raise(l.velocity, side->velocity_mps);
     }
   return l;
 }
@@ -98,7 +102,7 @@ double abscissa_of(const DwellResidual& d, Abscissa x, const ComponentAxes& axes
     case Abscissa::specific_force: return d.f_b_g[axes.first >= 0 ? axes.first : sensor];
     case Abscissa::force_product: return axes.second < 0 ? nan : d.f_b_g[axes.first] * d.f_b_g[axes.second];
     case Abscissa::temperature: return d.temperature_c;
-    case Abscissa::time: return d.time_s / 3600.0;
+    case Abscissa::time: return d.time_s / 60.0;
     case Abscissa::since_rotation: return nan;  // seconds, not dwells: since_rotation_panels()
     case Abscissa::turned: {
       int axis = axes.sensor;
@@ -117,7 +121,7 @@ std::string abscissa_label(Abscissa x, const ComponentAxes& axes, int sensor) {
     case Abscissa::specific_force: return "specific force along " + name(axes.first >= 0 ? axes.first : sensor) + ", g";
     case Abscissa::force_product: return "f" + name(axes.first) + " f" + name(axes.second) + ", g²";
     case Abscissa::temperature: return "temperature, °C";
-    case Abscissa::time: return "time, h";
+    case Abscissa::time: return "time, min";
     case Abscissa::since_rotation: return "time since rotation, s";
     case Abscissa::turned: return axes.sensor < 0 ? "turned before the dwell, °" : "turned about " + name(axes.sensor) + ", °";
     case Abscissa::rate: return "rate about " + name(sensor) + ", °/s";
@@ -295,7 +299,7 @@ std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells
          return std::abs(d.turned_rad[axis]) < real_turn_rad ? nan : d.fastest_radps[axis] / rad_per_deg;
        }},
       {"temperature, °C", false, [](const DwellResidual& d, int) { return d.temperature_c; }},
-      {"time, h", false, [](const DwellResidual& d, int) { return d.time_s / 3600.0; }},
+      {"time, min", false, [](const DwellResidual& d, int) { return d.time_s / 60.0; }},
   };
   const Limits limits = limits_of(dwells);
   std::vector<Figure> figures;
