@@ -44,7 +44,7 @@ class Diagnoser {
  private:
   JointOptions estimate_options(const std::vector<EffectColumn>& effects, const JointResult* from) const;
   JointResult fit(const std::vector<EffectColumn>& effects, const JointResult& from) const;
-  double gain_beside_slow_noise(const std::vector<EffectColumn>& model, const JointResult& with) const;
+  double misfit_beside_slow_noise(const std::vector<EffectColumn>& model, const JointResult& from) const;
   FilterResult pass(const JointResult& at, const std::vector<EffectColumn>& candidates, bool without_bias_instability) const;
   EffectColumn refine(const EffectColumn& pattern, bool without_bias_instability) const;
   Scores scores(const FilterResult& information, int effects, int candidates) const;
@@ -88,17 +88,14 @@ JointResult Diagnoser::fit(const std::vector<EffectColumn>& effects, const Joint
   return joint_estimate(recording_, o);
 }
 
-// What the likelihood gains when the bias instability is as slow as a third of a run. Flicker noise wanders on every
-// time scale, and what a process of ten minutes cannot follow must not be taken for a drift.
-double Diagnoser::gain_beside_slow_noise(const std::vector<EffectColumn>& model, const JointResult& with) const {
-  const auto slow = [&](const std::vector<EffectColumn>& effects, const JointResult& from) {
-    JointOptions o = estimate_options(effects, &from);
-    o.faults_of = &from;
-    o.start_noise = current_.noise;
-    o.start_noise->bias_correlation_s = slow_correlation_s;
-    return minus_two_log_likelihood(joint_estimate(recording_, o));
-  };
-  return slow(chosen_, current_) - slow(model, with);
+// -2 log L when the bias instability is as slow as a third of a run. Flicker noise wanders on every time scale, and what
+// a process of ten minutes cannot follow must not be taken for a drift: what an effect gains must hold here too.
+double Diagnoser::misfit_beside_slow_noise(const std::vector<EffectColumn>& model, const JointResult& from) const {
+  JointOptions o = estimate_options(model, &from);
+  o.faults_of = &from;
+  o.start_noise = current_.noise;
+  o.start_noise->bias_correlation_s = slow_correlation_s;
+  return minus_two_log_likelihood(joint_estimate(recording_, o));
 }
 
 // One filter pass at a fitted model with all candidates behind its effects.
@@ -289,7 +286,7 @@ bool Diagnoser::stage() {
     const Scores* scores;
     EffectColumn column;
     JointResult fit;
-    double gain = 0.0;        // the smaller one where the noise may be slow: what is accepted or not
+    double gain = 0.0;        // the smaller one where the noise may be slow (of the best ones): what is accepted or not
     double plain_gain = 0.0;  // at the fitted noise: what decides between an effect and a pattern
   };
   std::vector<Trial> trials;
@@ -320,12 +317,20 @@ bool Diagnoser::stage() {
     trial.fit = fit(model, current_);
     trial.gain = minus_two_log_likelihood(current_) - minus_two_log_likelihood(trial.fit) - penalty(column, n);
     trial.plain_gain = trial.gain;
-    if (has_instability && trial.gain > threshold_ && trial.gain < surely)
-      trial.gain = std::min(trial.gain, gain_beside_slow_noise(model, trial.fit) - penalty(column, n));
     Trial*& top = is_pattern(column) ? best_pattern : best_effect;
     if (!top || trial.plain_gain > top->plain_gain) top = &trial;
   }
   if (!best_effect && !best_pattern) return false;
+  // Only the best ones are judged, so only they have to hold beside slow noise.
+  std::optional<double> without;
+  for (Trial* trial : {best_effect, best_pattern}) {
+    if (!trial || !has_instability || trial->gain <= threshold_ || trial->gain >= surely) continue;
+    std::vector<EffectColumn> model = chosen_;
+    model.push_back(trial->column);
+    if (!without) without = misfit_beside_slow_noise(chosen_, current_);
+    trial->gain =
+        std::min(trial->gain, *without - misfit_beside_slow_noise(model, trial->fit) - penalty(trial->column, n));
+  }
   Trial& winner = best_effect ? *best_effect : *best_pattern;
   SelectionStage stage;
   stage.chosen = winner.column;
@@ -397,9 +402,12 @@ void Diagnoser::gate() {
     return joint_estimate(recording_, o);
   });
   d_.holdout_source = check.source();
+  std::optional<HoldoutError> of_current, of_base;  // at the noise of current_
   for (bool removed = true; removed && !chosen_.empty();) {
     removed = false;
-    const HoldoutError with = check.error(current_);
+    of_base.reset();
+    of_current = check.error(current_);
+    const HoldoutError& with = *of_current;
     std::vector<std::string> names;
     for (const EffectColumn& c : chosen_)
       if (std::find(names.begin(), names.end(), c.entry->name) == names.end()) names.emplace_back(c.entry->name);
@@ -407,8 +415,14 @@ void Diagnoser::gate() {
       std::vector<EffectColumn> without;
       for (const EffectColumn& c : chosen_)
         if (c.entry->name != name) without.push_back(c);
-      const JointResult reduced = without.empty() ? d_.base : fit(without, current_);
-      const double error_without = check.error(reduced, current_.noise).chi_square;
+      // Judged at the noise of current_, so it is fitted at that, too.
+      JointOptions at_noise = estimate_options(without, &current_);
+      at_noise.noise = current_.noise;
+      at_noise.faults_of = &current_;
+      const JointResult reduced = without.empty() ? d_.base : joint_estimate(recording_, at_noise);
+      const HoldoutError of_reduced = check.error(reduced, current_.noise);
+      if (without.empty()) of_base = of_reduced;
+      const double error_without = of_reduced.chi_square;
       if (error_without > with.chi_square) continue;
       if (take_rival(name, without, error_without, check)) {
         removed = true;
@@ -423,8 +437,8 @@ void Diagnoser::gate() {
       break;
     }
   }
-  d_.holdout_before = check.error(d_.base, current_.noise);
-  d_.holdout_after = chosen_.empty() ? d_.holdout_before : check.error(current_);
+  d_.holdout_before = of_base && !chosen_.empty() ? *of_base : check.error(d_.base, current_.noise);
+  d_.holdout_after = chosen_.empty() ? d_.holdout_before : *of_current;
 }
 
 void Diagnoser::judge() {

@@ -206,9 +206,10 @@ DiagnosisWords rest_words(const RestDiagnosis& r, const RestData& data, const Di
   DiagnosisWords words;
   words.sentence = sentence_of(r, data, d, alphabet);
   const auto add = [&](const std::string& where, const RestErrors& was, const RestErrors& is, double before, double after) {
-    words.errors.push_back({where + "gravity's direction after a rotation, rms", 1e3 * was.direction_rms_rad, 1e3 * is.direction_rms_rad, "mrad", false});
-    words.errors.push_back({where + "gyros at rest, rms", was.gyro_rms_radps / rad_per_deg, is.gyro_rms_radps / rad_per_deg, "deg/s", false});
-    words.errors.push_back({where + "gravity's norm at rest, rms", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s^2", false});
+    words.errors.push_back({where + "gravity direction after a rotation rms", 1e3 * was.direction_rms_rad,
+                            1e3 * is.direction_rms_rad, "mrad", false});
+    words.errors.push_back({where + "gyros at rest rms", was.gyro_rms_radps / rad_per_deg, is.gyro_rms_radps / rad_per_deg, "deg/s", false});
+    words.errors.push_back({where + "gravity norm at rest rms", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s^2", false});
     words.errors.push_back({where + "normalised residual rms", before, after, "1 is what the final model expects", true});
   };
   add("fitted: ", r.base.errors, r.final.errors, r.error_before, r.error_after);
