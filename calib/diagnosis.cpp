@@ -399,6 +399,7 @@ void Diagnoser::gate() {
     o.unobserved = unobserved;
     o.noise = current_.noise;
     o.faults_of = &from;
+    o.one_step = true;  // a quarter of the dwells moves no parameter by more than a few sigma: the problem is linear there
     return joint_estimate(recording_, o);
   });
   d_.holdout_source = check.source();

@@ -89,7 +89,7 @@ JointResult JointRun::run() {
     r.message = "the recording holds no samples";
     return r;
   }
-  r.allan = allan_deviation(recording_, r.parameters);
+  if (!options_.one_step) r.allan = allan_deviation(recording_, r.parameters);
   r.reference_temperature_c = reference_temperature_c_;
   if (options_.noise) r.setup.noise = *options_.noise;
   else if (options_.start_noise) r.setup.noise = *options_.start_noise;
@@ -105,6 +105,14 @@ JointResult JointRun::run() {
     iterate(0.3, 1);  // beside a finished fit one step is most of the way
   } else if (!iterate(0.3, options_.max_iterations)) {
     r.message = "the estimate does not settle: the recording contradicts the model (wrong segments, signs or units?)";
+    return r;
+  }
+  if (options_.one_step) {
+    r.converged = true;
+    r.message = "one step";
+    r.noise = r.setup.noise;
+    for (int k = 0; k < effects_.columns; ++k)
+      r.effects.push_back({options_.effects[static_cast<std::size_t>(k)], effects_.values[k], 0.0});
     return r;
   }
   if (options_.look_for_faults && !options_.faults_of) look_for_faults();

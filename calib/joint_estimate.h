@@ -36,6 +36,8 @@ struct JointOptions {
   double heading_sigma_rad = 0.02;          // of the heading given at the first sample
   bool look_for_faults = true;
   const JointResult* faults_of = nullptr;   // given: its faults and breaks are taken over, none are looked for
+  // With faults_of and noise: one Gauss-Newton step from that fit, parameters and effects' values alone (left-out dwells).
+  bool one_step = false;
   int max_iterations = 15;
 };
 
