@@ -260,7 +260,15 @@ std::string RestDiagnoser::why_not_tested() const {
           " rotations leave " + std::to_string(static_cast<int>(std::lround(redundancy))) +
           " observations beyond the 21 parameters, where " +
           std::to_string(static_cast<int>(std::lround(options_.least_redundancy))) + " are wanted";
-  if (!base.undetermined.empty()) {
+  const auto hangs = [&](RestKind kind, double left_out, double fitted) {
+    if (!(left_out > options_.most_leverage * fitted)) return;
+    why += (why.empty() ? "the fit hangs on single rests: left out in turn, " : " and ") + std::string("the error of ") +
+           to_string(kind) + " is " + std::to_string(static_cast<int>(std::lround(left_out / fitted))) + " times the fitted one";
+  };
+  if (why.empty() && base.undetermined.empty()) {
+    hangs(RestKind::norm, base.left_out.norm_rms_mps2, base.errors.norm_rms_mps2);
+    hangs(RestKind::direction, base.left_out.direction_rms_rad, base.errors.direction_rms_rad);
+  } else if (!base.undetermined.empty()) {
     why += (why.empty() ? "" : "; ") + std::string("not determined:");
     for (const std::string& key : base.undetermined) why += " " + key;
   }

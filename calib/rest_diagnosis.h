@@ -21,8 +21,9 @@
 // Effects that rests cannot show are named, not tested: those with no trace at rest or in gravity's direction after a
 // rotation (size effect, delay), and those that need the heading (magnetic, earth rate). So are those that would have to
 // be larger than any sensor has them to be caught (absurd_magnitude); what comes to such a value is struck out again.
-// Where too little is left over after the base fit (fewer than least_redundancy observations, or parameters that are not
-// determined themselves) nothing is tested: a residual of so few numbers fits any name.
+// Where too little is left over after the base fit nothing is tested, since a residual of so few numbers fits any name:
+// fewer than least_redundancy observations, parameters that are not determined themselves, or a fit that hangs on single
+// rests (few distinct poses, however often they are taken), so that what is left out is predicted far worse than fitted.
 #pragma once
 
 #include <string>
@@ -41,6 +42,7 @@ struct RestDiagnosisOptions {
   double gate_gain = 0.02;         // the left-out error must fall by this part of itself
   double unexplained_ratio = 3.0;  // residual over white noise above which "clean" is not said
   double least_redundancy = 20.0;  // observations beyond the 21 parameters
+  double most_leverage = 5.0;      // left-out error over fitted error, kind by kind
   const RestData* holdout = nullptr;  // a second recording of the unit, not used in the fit
 };
 

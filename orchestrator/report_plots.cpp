@@ -79,7 +79,7 @@ Range range_of(const Panel& panel, bool of_x) {
   Range r{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
   for (const Series& series : panel.series)
     for (const auto& [x, y] : series.points) {
-      if (!std::isfinite(x) || !std::isfinite(y)) continue;
+      if (!std::isfinite(x) || (!of_x && !std::isfinite(y))) continue;  // a point that is not known keeps its place
       r.low = std::min(r.low, of_x ? x : y);
       r.high = std::max(r.high, of_x ? x : y);
     }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/score_algebra.h"
 #include "orchestrator/diagnosis_file.h"
 #include "orchestrator/report_data.h"
 #include "orchestrator/report_format.h"
@@ -67,7 +68,9 @@ void add_candidates(const RestDiagnosis& result, Diagnosis& d) {
       d.candidates.push_back(c);
     }
     if (!any) d.undetectable.push_back(candidate.effect);
-    else d.groups.push_back({candidate.effect, candidate.score, candidate.rank, static_cast<int>(entry->components.size()), candidate.p_value});
+    else
+      d.groups.push_back({candidate.effect, candidate.score, candidate.rank, static_cast<int>(entry->components.size()),
+                          chi_square_tail(candidate.score, candidate.rank)});
   }
 }
 
@@ -76,14 +79,12 @@ const RestErrors& held_out_errors(const RestDiagnosis& r, bool after) {
   return (after ? r.final : r.base).left_out;
 }
 
-std::string unit_plain(std::string_view unit, Alphabet alphabet) { return unit_text(unit, alphabet); }
-
 std::string change_text(const RestDiagnosis& r, Alphabet alphabet) {
   const RestErrors& was = held_out_errors(r, false);
   const RestErrors& is = held_out_errors(r, true);
   const auto part = [&](const char* what, double a, double b, const char* unit) {
-    return std::string(what) + " " + significant(a, 3) + " -> " + significant(b, 3) + " " + unit_plain(unit, alphabet) + " rms (" +
-           percent_change(a, b) + ")";
+    return std::string(what) + " from " + significant(a, 3) + " to " + significant(b, 3) + " " + unit_text(unit, alphabet) +
+           " rms (" + percent_change(a, b) + ")";
   };
   return part("gravity's direction after a rotation", 1e3 * was.direction_rms_rad, 1e3 * is.direction_rms_rad, "mrad") + ", " +
          part("gyros at rest", was.gyro_rms_radps / rad_per_deg, is.gyro_rms_radps / rad_per_deg, "deg/s") + ", " +
@@ -116,7 +117,8 @@ std::string sentence_of(const RestDiagnosis& r, const RestData& data, const Diag
     return title + effects_clause(d, alphabet) + "; " + where + ": " + change_text(r, alphabet) + alias_clause(d) + "; " +
            remainder_text(r) + ".";
   std::string text = title + (d.verdict == Verdict::clean ? "the 21 parameters explain the data: "
-                                                          : "a residual is left that is not white noise and that no effect explains: ");
+                              : r.not_tested.empty()      ? "a residual is left that is not white noise and that no effect explains: "
+                                                          : "a residual is left that is not white noise, and too few data to name it: ");
   text += error_text(r.final.errors) + "; " + remainder_text(r);
   if (!r.not_tested.empty()) return text + "; no effect was looked for, because " + r.not_tested + ".";
   text += "; " + strongest_text(r);
@@ -218,8 +220,9 @@ DiagnosisWords rest_words(const RestDiagnosis& r, const RestData& data, const Di
   const NoiseModel& n = d.extended.noise;
   const auto times = [&](RestKind kind) { return significant(r.final.white_ratio[static_cast<std::size_t>(kind)], 2); };
   words.noise = "white, measured in the rests: gyros " + significant(n.angle_random_walk.mean() / radprs_per_degprh, 3) + " " +
-                unit_plain("deg", alphabet) + "/sqrt(h), accelerometers " +
-                significant(n.velocity_random_walk.mean() / mpsprs_per_ugprHz, 3) + " ug/sqrt(Hz); residual over it: direction " +
+                (alphabet == Alphabet::plain ? "deg/sqrt(h)" : "°/√h") + ", accelerometers " +
+                significant(n.velocity_random_walk.mean() / mpsprs_per_ugprHz, 3) +
+                (alphabet == Alphabet::plain ? " ug/sqrt(Hz)" : " µg/√Hz") + "; residual over it: direction " +
                 times(RestKind::direction) + ", gyros " + times(RestKind::gyro) + ", norm " + times(RestKind::norm);
   return words;
 }
@@ -289,14 +292,14 @@ Figure rest_time_figure(const RestDiagnosis& r, const RestData& data) {
   const bool both = !r.effects.empty();
   for (const Quantity& quantity : quantities) {
     Panel panel;
-    panel.x_label = "time, s";
+    if (figure.panels.size() + 1 == std::size(quantities)) panel.x_label = "time, s";
     panel.y_label = quantity.label;
     panel.series = before_after_series(both);
     for (std::size_t s = 0; s < panel.series.size(); ++s) {
       panel.series[s].style = both && s == 0 ? Series::Style::open_circle : Series::Style::dot;
       for (std::size_t k = 0; k < data.rests.size(); ++k) {
         const double y = quantity.of(s == 0 ? rows.before : rows.after, k);
-        if (std::isfinite(y)) panel.series[s].points.emplace_back(middle_s(data.rests[k]), y);
+        panel.series[s].points.emplace_back(middle_s(data.rests[k]), y);  // NaN before the first rotation
       }
     }
     figure.panels.push_back(std::move(panel));

@@ -87,5 +87,38 @@ TEST(RestDiagnosis, SaysWhatRestsCannotShow) {
   EXPECT_EQ(trace, 2);
 }
 
+// Six rests leave 13 observations beyond the 21 parameters: any name would fit them.
+TEST(RestDiagnosis, FewRestsGiveNoNames) {
+  HandPlan plan;
+  plan.rests = 6;
+  plan.effect = [](const Eigen::Vector3d&, const Eigen::Vector3d& f, double, Eigen::Vector3d& w, Eigen::Vector3d&) {
+    w.x() += 2000.0 * radps_per_degph * f.y() / standard_gravity_mps2;
+  };
+  const RestDiagnosis d = diagnose_hand(plan);
+  EXPECT_TRUE(d.effects.empty());
+  EXPECT_NE(d.not_tested.find("6 rests"), std::string::npos) << d.not_tested;
+  for (const RestCandidate& c : d.candidates) EXPECT_FALSE(c.remark.empty()) << c.effect;
+}
+
+// What only an absurdly large value would show is not tested, and says so.
+TEST(RestDiagnosis, AbsurdMagnitudesAreStruckOut) {
+  HandPlan plan;
+  plan.accel_noise_mps2 = 3.0;  // a sample: 5 sigma of some accelerometer polynomials is beyond a tenth of g
+  plan.rests = 24;
+  const RestDiagnosis d = diagnose_hand(plan);
+  EXPECT_TRUE(d.effects.empty());
+  int absurd = 0;
+  for (const RestCandidate& c : d.candidates) {
+    absurd += c.remark.starts_with("would have to be larger") ? 1 : 0;
+    for (const double detectable : c.detectable)
+      EXPECT_TRUE(std::isinf(detectable) || detectable <= absurd_magnitude(*find_effect(c.effect), 236.0)) << c.effect;
+  }
+  EXPECT_EQ(d.not_tested, "");
+  EXPECT_GE(absurd, 1);
+  EXPECT_EQ(absurd_magnitude(*find_effect("gyro_bias_drift"), 360.0), 1e5);
+  EXPECT_EQ(absurd_magnitude(*find_effect("gyro_bias_drift")), 1e4);
+  EXPECT_EQ(absurd_magnitude(*find_effect("gyro_g_sensitivity"), 360.0), 1e4);
+}
+
 }  // namespace
 }  // namespace turncal

@@ -1,0 +1,230 @@
+// `turncal import --map`, `segment`, `calibrate` and `diagnose` on units turned by hand, as black boxes: a synthetic unit, and
+// the measured data of ../shared with the figures of docs/measured.md.
+#include <cmath>
+#include <map>
+
+#include "imu_io/format_number.h"
+#include "imu_io/parameter_file.h"
+#include "imu_io/recording_text.h"
+#include "tests/calib/hand_rotations.h"
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+namespace {
+
+const std::string source = TURNCAL_SOURCE_DIR;
+const std::string measured = source + "/../shared/data/measured/";
+
+#define SKIP_WITHOUT_DATA() \
+  if (!std::filesystem::exists(measured)) GTEST_SKIP() << "measured data are not here: " << measured
+
+struct BeforeAfter {
+  double before = NAN, after = NAN;
+};
+
+class HandTurned : public Program {
+ protected:
+  std::string synthetic(const std::string& name, const HandPlan& plan) const {
+    const HandData hand = make_hand_data(plan);
+    write(name + "/recording.conf", "format = 1\nsample_period_s = 0.01\nlatitude_deg = 0\ngravity_mps2 = 9.81\nunit_serial = hand\n"
+                                    "gyro_increment = rad\naccel_increment = mps\n");
+    std::string segments = std::string(segments_csv_header) + "\n";
+    for (const Segment& s : hand.segments)
+      segments += "0," + std::string(to_string(s.kind)) + "," + std::to_string(s.start_sample) + "," + std::to_string(s.end_sample) +
+                  ",0,0,0\n";
+    write(name + "/segments.csv", segments);
+    std::string imu = "sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n";
+    for (const ImuSample& s : hand.samples) {
+      imu += std::to_string(s.counter);
+      for (const double x : s.gyro) imu += "," + format_number(x);
+      for (const double x : s.accel) imu += "," + format_number(x);
+      imu += "\n";
+    }
+    write(name + "/imu.csv", imu);
+    return name;
+  }
+  static HandPlan with_g_sensitivity(unsigned seed) {
+    HandPlan plan;
+    plan.seed = seed;
+    plan.effect = [](const Eigen::Vector3d&, const Eigen::Vector3d& f, double, Eigen::Vector3d& w, Eigen::Vector3d&) {
+      w.x() += 600.0 * radps_per_degph * f.y() / standard_gravity_mps2;
+      w.z() -= 500.0 * radps_per_degph * f.x() / standard_gravity_mps2;
+    };
+    return plan;
+  }
+  std::string segmented(const std::string& map, const std::string& csv, const std::string& name) const {
+    EXPECT_EQ(run({"import", "--map", map, measured + csv, "--out", name + "_raw"}).code, 0);
+    EXPECT_EQ(run({"segment", name + "_raw", "--out", name}).code, 0);
+    return name;
+  }
+  std::string map_of(const std::string& name) const { return source + "/docs/maps/" + name + ".map"; }
+  std::map<std::string, std::string> conf(const std::string& folder) const {
+    std::map<std::string, std::string> result;
+    std::istringstream lines(file_text(path(folder + "/diagnosis.conf")));
+    for (std::string line; std::getline(lines, line);) {
+      const std::size_t equals = line.find(" =");
+      if (!line.starts_with("#") && equals != std::string::npos)
+        result[line.substr(0, equals)] = line.size() > equals + 3 ? line.substr(equals + 3) : "";
+    }
+    return result;
+  }
+  // "# left out in turn: gyros at rest rms: 0.0711 before, 0.0194 after, deg/s"
+  BeforeAfter figure(const std::string& folder, const std::string& what) const {
+    std::istringstream lines(file_text(path(folder + "/diagnosis.conf")));
+    BeforeAfter result;
+    for (std::string line; std::getline(lines, line);)
+      if (line.starts_with("# " + what + ": "))
+        std::sscanf(line.c_str() + what.size() + 4, "%lf before, %lf after", &result.before, &result.after);
+    EXPECT_TRUE(std::isfinite(result.before)) << what;
+    return result;
+  }
+};
+
+TEST_F(HandTurned, DiagnosesAndWritesTheThreeFiles) {
+  synthetic("rec", with_g_sensitivity(3));
+  const ProgramResult result = run({"diagnose", "rec", "--out", "out"});
+  EXPECT_EQ(result.code, 20) << result.err;
+  EXPECT_EQ(result.err, "");
+  const auto c = conf("out");
+  EXPECT_EQ(c.at("verdict"), "extended");
+  EXPECT_EQ(c.at("effects"), "gyro_g_sensitivity");
+  for (const auto& [key, truth] : {std::pair{"gyro_g_sensitivity.xy", 600.0}, {"gyro_g_sensitivity.zx", -500.0}}) {
+    ASSERT_EQ(c.count("effect." + std::string(key)), 1u) << key;
+    EXPECT_NEAR(std::stod(c.at("effect." + std::string(key))), truth, 4.0 * std::stod(c.at("sigma.effect." + std::string(key))));
+  }
+  EXPECT_EQ(c.at("holdout.source"), "rests and rotations left out in turn");
+  EXPECT_LT(std::stod(c.at("holdout.after")), 0.7 * std::stod(c.at("holdout.before")));
+  EXPECT_LT(std::stod(c.at("error.after")), 0.7 * std::stod(c.at("error.before")));
+  EXPECT_NE(c.at("undetectable").find("gyro_magnetic"), std::string::npos);
+  EXPECT_EQ(c.count("detectable.accel_second_order.x"), 1u);
+  const auto parameters = read_parameter_file(path("out/parameters.conf"));
+  ASSERT_TRUE(parameters.ok()) << parameters.error().message;
+  EXPECT_EQ(parameters->method, "rests");
+  EXPECT_EQ(parameters->model, "extended");
+  EXPECT_GE(parameters->effects.size(), 2u);
+  const std::string html = file_text(path("out/report.html"));
+  for (const char* part : {"class=\"verdict extended\"", "left out in turn: gravity direction after a rotation rms", "id=\"effects\"",
+                           "id=\"scores\"", "id=\"parameters\"", "needs the heading", "<svg"})
+    EXPECT_NE(html.find(part), std::string::npos) << part;
+  const std::string table = result.out.substr(result.out.find("verdict"), result.out.find("\n\nreport") - result.out.find("verdict"));
+  EXPECT_LE(std::count(table.begin(), table.end(), '\n') + 1, 30) << table;
+}
+
+TEST_F(HandTurned, CalibratesToTheTruth) {
+  HandPlan plan;
+  plan.seed = 5;
+  synthetic("rec", plan);
+  const ProgramResult result = run({"calibrate", "rec", "--out", "out"});
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.out.find("20 rests and 19 rotations by hand"), std::string::npos) << result.out;
+  const auto file = read_parameter_file(path("out/parameters.conf"));
+  ASSERT_TRUE(file.ok()) << file.error().message;
+  EXPECT_EQ(file->method, "rests");
+  const ParameterVector truth = to_vector(make_hand_data(plan).truth);
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k)
+    if (parameter_is_free[k]) {
+      ASSERT_TRUE(file->sigma[k]) << parameter_keys[k];
+      EXPECT_NEAR(file->parameters[static_cast<Eigen::Index>(k)], truth[static_cast<Eigen::Index>(k)], 4.5 * *file->sigma[k])
+          << parameter_keys[k];
+    }
+  const ProgramResult applied = run({"apply", "rec", "--parameters", "out/parameters.conf", "--out", "applied.csv"});
+  EXPECT_EQ(applied.code, 0) << applied.err;
+}
+
+TEST_F(HandTurned, ASecondRecordingIsTheGateAndTheErrorIsThere) {
+  HandPlan plan = with_g_sensitivity(3);
+  synthetic("rec", plan);
+  // The same unit: make_hand_data draws it from the seed first, the poses after it.
+  plan.rests = 14;
+  synthetic("other", plan);
+  const ProgramResult result = run({"diagnose", "rec", "--holdout", "other", "--out", "out"});
+  EXPECT_EQ(result.code, 20) << result.err;
+  EXPECT_EQ(conf("out").at("holdout.source"), "second recording");
+  const BeforeAfter direction = figure("out", "second recording: gravity direction after a rotation rms");
+  EXPECT_LT(direction.after, 0.6 * direction.before);
+}
+
+TEST_F(HandTurned, ACleanUnitIsClean) {
+  HandPlan plan;
+  plan.seed = 2;
+  synthetic("rec", plan);
+  EXPECT_EQ(run({"diagnose", "rec", "--out", "out"}).code, 0);
+  EXPECT_EQ(conf("out").at("verdict"), "clean");
+  EXPECT_EQ(conf("out").at("effects"), "");
+}
+
+TEST_F(HandTurned, RefusesWhatItCannotUse) {
+  HandPlan plan;
+  plan.rests = 3;
+  synthetic("few", plan);
+  expect_refused({"diagnose", "few", "--out", "out"}, "wants at least 4 rests");
+  expect_refused({"calibrate", "few", "--out", "out"}, "wants at least 4 rests");
+  plan.rests = 12;
+  synthetic("rec", plan);
+  expect_refused({"calibrate", "rec", "--method", "closed-form", "--out", "out"}, "has no table angles");
+  expect_refused({"diagnose", "rec", "--arw", "0.1", "--vrw", "10", "--out", "out"}, "expected no --arw");
+}
+
+// docs/measured.md, story 1.
+TEST_F(HandTurned, MeasuredXsens) {
+  SKIP_WITHOUT_DATA();
+  segmented(map_of("xsens_mti_imutk"), "xsens_mti_imutk/xsens_first_half.csv", "xsens");
+  EXPECT_EQ(run({"diagnose", "xsens", "--out", "out"}).code, 20);
+  EXPECT_EQ(conf("out").at("effects"), "gyro_g_sensitivity");
+  const BeforeAfter fitted = figure("out", "fitted: gravity direction after a rotation rms");
+  const BeforeAfter left_out = figure("out", "left out in turn: gravity direction after a rotation rms");
+  EXPECT_NEAR(fitted.before, 6.80, 0.05);
+  EXPECT_NEAR(fitted.after, 1.65, 0.05);
+  EXPECT_NEAR(left_out.before, 9.55, 0.1);
+  EXPECT_NEAR(left_out.after, 2.55, 0.1);
+  EXPECT_NEAR(figure("out", "fitted: gravity norm at rest rms").before, 0.926, 0.01);
+  EXPECT_EQ(run({"calibrate", "xsens", "--out", "parameters"}).code, 0);
+}
+
+// Story 2: every unit of exp_6 changes with time, on both triads.
+TEST_F(HandTurned, MeasuredKthRunSix) {
+  SKIP_WITHOUT_DATA();
+  const std::string map = file_text(map_of("mimu4444_kth_imu0"));
+  double squares[4] = {};
+  for (int unit = 0; unit < 8; ++unit) {
+    std::string of_unit = map;
+    for (std::size_t at = of_unit.find("imu0"); at != std::string::npos; at = of_unit.find("imu0", at + 4))
+      of_unit[at + 3] = static_cast<char>('0' + unit);
+    const std::string name = "unit" + std::to_string(unit);
+    segmented(write(name + ".map", of_unit), "mimu4444_kth/exp_6.csv", name);
+    EXPECT_EQ(run({"diagnose", name, "--out", name + "_out"}).code, 20);
+    const std::string effects = conf(name + "_out").at("effects");
+    EXPECT_TRUE(effects.find("gyro_bias_drift") != std::string::npos || effects.find("gyro_warm_up") != std::string::npos) << effects;
+    EXPECT_TRUE(effects.find("accel_bias_drift") != std::string::npos || effects.find("accel_warm_up") != std::string::npos)
+        << effects;
+    EXPECT_FALSE(effects.starts_with("gyro_g_sensitivity")) << effects;
+    const BeforeAfter gyro = figure(name + "_out", "left out in turn: gyros at rest rms");
+    const BeforeAfter norm = figure(name + "_out", "left out in turn: gravity norm at rest rms");
+    int k = 0;
+    for (const double value : {gyro.before, gyro.after, norm.before, norm.after}) squares[k++] += value * value / 8.0;
+  }
+  EXPECT_NEAR(std::sqrt(squares[0]), 0.0473, 0.0005);
+  EXPECT_NEAR(std::sqrt(squares[1]), 0.0056, 0.0005);
+  EXPECT_NEAR(std::sqrt(squares[2]), 7.70, 0.1);
+  EXPECT_NEAR(std::sqrt(squares[3]), 2.07, 0.1);
+}
+
+// Story 3: the controls. No name for three other units, none for data that are too few.
+TEST_F(HandTurned, MeasuredControls) {
+  SKIP_WITHOUT_DATA();
+  for (int unit = 0; unit < 3; ++unit) {
+    const std::string name = "imu" + std::to_string(unit);
+    segmented(map_of("mpu9150_mikoff"), "mpu9150_mikoff/" + name + ".csv", name);
+    EXPECT_EQ(run({"diagnose", name, "--out", name + "_out"}).code, 0);
+    EXPECT_EQ(conf(name + "_out").at("effects"), "");
+  }
+  segmented(map_of("imucal_ferraris"), "imucal_ferraris/example_ferraris_session.csv", "ferraris");
+  const ProgramResult few = run({"diagnose", "ferraris", "--out", "few"});
+  EXPECT_EQ(few.code, 20);
+  EXPECT_EQ(conf("few").at("verdict"), "unexplained");
+  EXPECT_EQ(conf("few").at("effects"), "");
+  EXPECT_NE(few.out.find("hangs on single rests"), std::string::npos) << few.out;
+}
+
+}  // namespace
+}  // namespace turncal
