@@ -83,7 +83,7 @@ Report make_rest_report(const RestDiagnosis& r, const RestData& data, const Diag
 
   Page page("turncal diagnosis, unit " + context.recording.info.unit_serial);
   page.raw(html_identity(context));
-  page.raw(html_verdict(d, words.sentence, d.reason));
+  page.raw(html_verdict(d, words.sentence, ""));
   page.section("error", has_after(d) ? "Error before and after" : "Error");
   page.raw(html_errors(d, words.errors));
   if (has_after(d)) {

@@ -119,7 +119,7 @@ std::string sentence_of(const RestDiagnosis& r, const RestData& data, const Diag
   std::string text = title + (d.verdict == Verdict::clean ? "the 21 parameters explain the data: "
                               : r.not_tested.empty()      ? "a residual is left that is not white noise and that no effect explains: "
                                                           : "a residual is left that is not white noise, and too few data to name it: ");
-  text += error_text(r.final.errors) + "; " + remainder_text(r);
+  text += error_text(r.final.errors, alphabet) + "; " + remainder_text(r);
   if (!r.not_tested.empty()) return text + "; no effect was looked for, because " + r.not_tested + ".";
   text += "; " + strongest_text(r);
   if (!r.struck_out.empty()) text += "; tried and struck out: " + join(r.struck_out, "; ");
@@ -198,10 +198,10 @@ Diagnosis as_diagnosis(const RestDiagnosis& r, const RestData& data) {
   return d;
 }
 
-std::string error_text(const RestErrors& e) {
-  return "gravity norm at rest " + significant(1e3 * e.norm_rms_mps2, 3) + " mm/s^2 rms, direction after a rotation " +
+std::string error_text(const RestErrors& e, Alphabet alphabet) {
+  return "gravity norm at rest " + significant(1e3 * e.norm_rms_mps2, 3) + " " + unit_text("mm/s^2", alphabet) + " rms, direction after a rotation " +
          significant(1e3 * e.direction_rms_rad, 3) + " mrad, gyros at rest " + significant(e.gyro_rms_radps / rad_per_deg, 3) +
-         " deg/s";
+         " " + unit_text("deg/s", alphabet);
 }
 
 DiagnosisWords rest_words(const RestDiagnosis& r, const RestData& data, const Diagnosis& d, Alphabet alphabet) {

@@ -19,7 +19,7 @@ Diagnosis as_diagnosis(const RestDiagnosis& result, const RestData& data);
 // Everything in words; the left-out errors are those of the second recording where there is one.
 DiagnosisWords rest_words(const RestDiagnosis& result, const RestData& data, const Diagnosis& d, Alphabet alphabet);
 // "gravity norm at rest 0.93 mm/s^2 rms, direction after a rotation 6.80 mrad, gyros at rest 0.067 deg/s"
-std::string error_text(const RestErrors& errors);
+std::string error_text(const RestErrors& errors, Alphabet alphabet = Alphabet::plain);
 
 // One a rest: its residuals before and after as errors of the sensors, and what they may depend on. accel: the error of the
 // norm laid on each axis that carries more than half of gravity; tilt: of the direction after the rotation before; NaN: none.
