@@ -320,7 +320,7 @@ std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisConte
   table.row("verdict", words.sentence, 7);
   add_errors(d, words.errors, table);
   add_effects(d, table);
-  if (!d.candidates.empty()) table.row("scores", strongest_scores(d, family_threshold_z(d, context.false_alarm)), 2);
+  if (strongest_candidate(d) != nullptr) table.row("scores", strongest_scores(d, family_threshold_z(d, context.false_alarm)), 2);
   if (has_after(d)) table.row("moved most", largest_changes(d));
   table.row("noise", words.noise, 2);
   if (!d.base.faults.empty()) {
