@@ -26,12 +26,18 @@ inline Eigen::Vector3d cross_of_outer(const Eigen::Matrix3d& m) {
   return {m(1, 2) - m(2, 1), m(2, 0) - m(0, 2), m(0, 1) - m(1, 0)};
 }
 
-// Rotation matrix of the rotation vector s (rad), exact at zero.
+// Rotation matrix of the rotation vector s (rad). Below 0.1 rad by series, exact to rounding (next term 1e-18).
 inline Eigen::Matrix3d rotation_exp(const Eigen::Vector3d& s) {
-  const double angle2 = s.squaredNorm();
-  const double angle = std::sqrt(angle2);
-  const double a = angle < 1e-4 ? 1.0 - angle2 / 6.0 : std::sin(angle) / angle;
-  const double b = angle < 1e-4 ? 0.5 - angle2 / 24.0 : (1.0 - std::cos(angle)) / angle2;
+  const double x = s.squaredNorm();
+  double a, b;  // sin(angle) / angle, (1 - cos(angle)) / angle^2
+  if (x < 0.01) {
+    a = 1.0 - x / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0)));
+    b = 0.5 - x / 24.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0 * (1.0 - x / 90.0)));
+  } else {
+    const double angle = std::sqrt(x);
+    a = std::sin(angle) / angle;
+    b = (1.0 - std::cos(angle)) / x;
+  }
   const Eigen::Matrix3d k = skew(s);
   return Eigen::Matrix3d::Identity() + a * k + b * (k * k);
 }

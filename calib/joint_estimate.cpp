@@ -89,7 +89,7 @@ JointResult JointRun::run() {
     r.message = "the recording holds no samples";
     return r;
   }
-  if (!options_.one_step) r.allan = allan_deviation(recording_, r.parameters);
+  r.allan = options_.faults_of ? options_.faults_of->allan : allan_deviation(recording_, r.parameters);
   r.reference_temperature_c = reference_temperature_c_;
   if (options_.noise) r.setup.noise = *options_.noise;
   else if (options_.start_noise) r.setup.noise = *options_.start_noise;
@@ -119,11 +119,11 @@ JointResult JointRun::run() {
   if (!options_.noise) {
     NoiseFitOptions fit_options;
     fit_options.bias_instability = options_.fit_bias_instability;
-    fit_options.axes_apart = options_.faults_of == nullptr;  // a trial beside a finished fit: its triads stay as they are
+    fit_options.near_start = options_.faults_of != nullptr;  // a trial beside a finished fit
     r.noise_fit = fit_noise(recording_, r.parameters, effects_, r.setup, fit_options);
     r.setup.noise = r.noise_fit->noise;
   }
-  r.converged = iterate(options_.faults_of ? 0.05 : 0.01, 5);
+  r.converged = options_.faults_of ? iterate(0.3, 3) : iterate(0.01, 5);
   r.message = r.converged ? "converged" : "the last iterations still moved the parameters";
   finish();
   return r;

@@ -45,6 +45,13 @@ class Filter {
   BlockMotion model_motion(std::size_t index);
   void block_columns(const Block& block, const BlockMotion& motion);
   void advance(std::size_t index, const BlockMotion& motion);
+  Vector3d navigate(const Block& block, const BlockMotion& motion, const MotionStep& move, const MotionStep& linear, double rho);
+  void move_columns(const BlockMotion& motion, const Matrix3d& F, const Matrix3d& turn_n, double t);
+  void move_columns_by_biases(const Covariance& Phi, double rho);
+  void add_bias_noise(double rho, Covariance& Q) const;
+  void update(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root, const Cross& M);
+  void defer(const MotionStep& step, const Matrix3d& F, const StepNoise& noise, double t, double rho);
+  void catch_up();
   Innovation innovation(std::size_t index, const Vector3d& nu, const Eigen::LLT<Matrix3d>& root,
                         const Vector3d& free_mean) const {
     const Block& block = recording_.blocks[index];
@@ -70,6 +77,16 @@ class Filter {
   Vector3d b_g_ = Vector3d::Zero();
   Vector3d b_a_ = Vector3d::Zero();
   Covariance P_;
+  // What P_ (and the columns, as far as the biases drive them) still has to go through: the short blocks since the last
+  // static second, between which nothing is observed. Of (psi, v): transition (turn, v_psi), what a constant bias does
+  // (psi_bg, v_bg, v_ba), noise; rho: decay of the biases.
+  struct Deferred {
+    bool any = false;
+    Matrix3d turn = Matrix3d::Identity(), v_psi = Matrix3d::Zero();
+    Matrix3d psi_bg = Matrix3d::Zero(), v_bg = Matrix3d::Zero(), v_ba = Matrix3d::Zero();
+    Matrix3d psi_psi = Matrix3d::Zero(), psi_v = Matrix3d::Zero(), v_v = Matrix3d::Zero();
+    double rho = 1.0;
+  } deferred_;
   int p_ = 0;          // parameters and effect components
   Columns X_;          // p x NS
   Columns dr_, dv_, dm_;  // p x 3: derivatives of rotation, velocity and mean velocity of the block, body frame
@@ -105,7 +122,10 @@ FilterResult Filter<NS>::run() {
   auto cut = setup_.breaks.begin();
   for (std::size_t index = 0; index < recording_.blocks.size(); ++index) {
     for (; cut != setup_.breaks.end() && cut->block <= index; ++cut)
-      if (cut->block == index) apply_break(*cut);
+      if (cut->block == index) {
+        catch_up();
+        apply_break(*cut);
+      }
     const BlockMotion motion = model_motion(index);
     if (setup_.with_columns) block_columns(recording_.blocks[index], motion);
     advance(index, motion);
@@ -157,6 +177,7 @@ BlockMotion Filter<NS>::model_motion(std::size_t index) {
   const Block& block = recording_.blocks[index];
   BlockMotion motion = evaluate(block, model_, recording_.info.sample_period_s);
   const double t = block.duration_s;
+  TakenOff off;
   if (effects_.columns > 0) {
     const auto rate = [&](std::size_t k) -> Vector3d {
       const Block& b = recording_.blocks[k];
@@ -186,9 +207,13 @@ BlockMotion Filter<NS>::model_motion(std::size_t index) {
       if (std::abs(s.f_b[axis]) > 0.5 * standard_gravity_mps2) last_up_[axis] = s.f_b[axis] > 0.0 ? 1.0 : -1.0;
     s.last_up = last_up_;
     effects_.regressors(s, regressors_);
-    take_off(regressors_.gyro * effects_.values * t, regressors_.accel * effects_.values * t, motion);
+    off = {regressors_.gyro * effects_.values * t, regressors_.accel * effects_.values * t};
+    take_off(off.turn_rad, off.push_mps, motion);
   }
-  if (setup_.keep_motions) result_.motions.push_back(motion);
+  if (setup_.keep_motions) {
+    result_.motions.push_back(motion);
+    result_.taken_off.push_back(off);
+  }
   if constexpr (NS == 12) take_off(b_g_ * t, b_a_ * t, motion);
   return motion;
 }
@@ -214,6 +239,110 @@ void Filter<NS>::block_columns(const Block& block, const BlockMotion& motion) {
   dm_.bottomRows(effects_.columns).noalias() -= turn * v_skew / 6.0;
 }
 
+// The unit's motion over a block, navigated: attitude, velocity, biases. Returns the mean velocity of the block, navigated
+// freely since the last rotation began.
+template <int NS>
+Vector3d Filter<NS>::navigate(const Block& block, const BlockMotion& motion, const MotionStep& move, const MotionStep& linear,
+                              double rho) {
+  Vector3d free_mean = v_ + move.mean_dv_n;
+  if (setup_.keep_innovations) {
+    if (was_static_ && !block.whole_second) {  // a rotation begins: what is known now is all that is used
+      free_C_nb_ = C_nb_;
+      free_v_.setZero();
+    }
+    was_static_ = block.whole_second;
+    const MotionStep free_move = motion_step(free_C_nb_, motion, earth_, recording_.info.gravity_mps2, block.duration_s);
+    free_mean = free_v_ + free_move.mean_dv_n;
+    free_C_nb_ = free_move.C_end;
+    free_v_ += free_move.dv_n;
+  }
+  C_nb_ = move.C_end;
+  linear_C_nb_ = linear.C_end;
+  v_ += move.dv_n;
+  b_g_ *= rho;
+  b_a_ *= rho;
+  return free_mean;
+}
+
+// What the parameters do to (psi, v) over a block; the biases come on top.
+template <int NS>
+void Filter<NS>::move_columns(const BlockMotion& motion, const Matrix3d& F, const Matrix3d& turn_n, double t) {
+  const Matrix3d rotate = linear_C_nb_ * left_jacobian(motion.rotation);
+  X_.template middleCols<3>(3).noalias() -= X_.template leftCols<3>() * (t * F).transpose();
+  X_.template middleCols<3>(3).noalias() += dv_ * linear_C_nb_.transpose();
+  dm_.noalias() = X_.template leftCols<3>() * turn_n.transpose();
+  X_.template leftCols<3>() = dm_;
+  X_.template leftCols<3>().noalias() += dr_ * rotate.transpose();
+}
+
+// One block more that P_ has to go through (b_g, b_a are minus the error of the estimated biases: psi grows with what is taken
+// off too little).
+template <int NS>
+void Filter<NS>::defer(const MotionStep& step, const Matrix3d& F, const StepNoise& noise, double t, double rho) {
+  Deferred& d = deferred_;
+  const Matrix3d Ft = F * t;
+  const Matrix3d& T = step.turn_n;
+  if constexpr (NS == 12) {
+    const Matrix3d by_bias = d.rho * t * step.C_mid;
+    d.v_bg -= Ft * d.psi_bg + 0.5 * Ft * by_bias;
+    d.psi_bg = T * d.psi_bg + by_bias;
+    d.v_ba += by_bias;
+  }
+  d.v_psi -= Ft * d.turn;
+  d.turn = T * d.turn;
+  const Matrix3d turned = d.psi_psi * Ft.transpose();
+  const Matrix3d crossed = Ft * d.psi_v;
+  d.v_v += Ft * turned - crossed - crossed.transpose() + noise.v_v;
+  d.psi_v = T * (d.psi_v - turned) + noise.psi_v;
+  d.psi_psi = T * d.psi_psi * T.transpose() + noise.psi_psi;
+  d.rho *= rho;
+  d.any = true;
+}
+
+template <int NS>
+void Filter<NS>::catch_up() {
+  if (!deferred_.any) return;
+  const Deferred& d = deferred_;
+  Covariance Phi = Covariance::Identity();
+  Covariance Q = Covariance::Zero();
+  Phi.template block<3, 3>(0, 0) = d.turn;
+  Phi.template block<3, 3>(3, 0) = d.v_psi;
+  Q.template block<3, 3>(0, 0) = d.psi_psi;
+  Q.template block<3, 3>(0, 3) = d.psi_v;
+  Q.template block<3, 3>(3, 0) = d.psi_v.transpose();
+  Q.template block<3, 3>(3, 3) = d.v_v;
+  if constexpr (NS == 12) {
+    Phi.template block<3, 3>(0, 6) = d.psi_bg;
+    Phi.template block<3, 3>(3, 6) = d.v_bg;
+    Phi.template block<3, 3>(3, 9) = d.v_ba;
+    Phi.template block<6, 6>(6, 6) *= d.rho;
+    add_bias_noise(d.rho, Q);
+    if (p_ > 0) move_columns_by_biases(Phi, d.rho);
+  }
+  P_ = (Phi * P_ * Phi.transpose() + Q).eval();
+  P_ = (0.5 * (P_ + P_.transpose())).eval();
+  deferred_ = {};
+}
+
+template <int NS>
+void Filter<NS>::add_bias_noise(double rho, Covariance& Q) const {
+  if constexpr (NS == 12) {
+    const double grow = 1.0 - rho * rho;
+    Q.diagonal().template segment<3>(6).array() += grow * std::pow(setup_.noise.gyro_bias_instability_radps, 2);
+    Q.diagonal().template segment<3>(9).array() += grow * std::pow(setup_.noise.accel_bias_instability_mps2, 2);
+  }
+}
+
+template <int NS>
+void Filter<NS>::move_columns_by_biases(const Covariance& Phi, double rho) {
+  if constexpr (NS == 12) {
+    X_.template middleCols<3>(3).noalias() += X_.template middleCols<3>(6) * Phi.template block<3, 3>(3, 6).transpose();
+    X_.template middleCols<3>(3).noalias() += X_.template middleCols<3>(9) * Phi.template block<3, 3>(3, 9).transpose();
+    X_.template leftCols<3>().noalias() += X_.template middleCols<3>(6) * Phi.template block<3, 3>(0, 6).transpose();
+    X_.template rightCols<6>() *= rho;
+  }
+}
+
 template <int NS>
 void Filter<NS>::advance(std::size_t index, const BlockMotion& motion) {
   const Block& block = recording_.blocks[index];
@@ -227,6 +356,16 @@ void Filter<NS>::advance(std::size_t index, const BlockMotion& motion) {
   // At rest the specific force is known; as measured it would bring its noise into what is taken for certain.
   const Matrix3d F =
       block.whole_second ? skew(Vector3d(0.0, recording_.info.gravity_mps2, 0.0)) : linear.F;
+  const Matrix3d W = C_mid * setup_.noise.angle_random_walk.cwiseAbs2().asDiagonal() * C_mid.transpose();
+  const Matrix3d V = C_mid * setup_.noise.velocity_random_walk.cwiseAbs2().asDiagonal() * C_mid.transpose();
+  const StepNoise q = step_noise(W, V, F, t);
+  if (!block.whole_second) {
+    defer(linear, F, q, t, rho);
+    if (p_ > 0) move_columns(motion, F, move.turn_n, t);
+    navigate(block, motion, move, linear, rho);
+    return;
+  }
+  catch_up();
 
   // Transition of (psi, v, b_g, b_a) and noise.
   Covariance Phi = Covariance::Identity();
@@ -236,26 +375,17 @@ void Filter<NS>::advance(std::size_t index, const BlockMotion& motion) {
     Phi.template block<3, 3>(0, 6) = C_mid * t;
     Phi.template block<3, 3>(3, 6) = -F * C_mid * (0.5 * t * t);
     Phi.template block<3, 3>(3, 9) = C_mid * t;
-    Phi.template block<3, 3>(6, 6) *= rho;
-    Phi.template block<3, 3>(9, 9) *= rho;
+    Phi.template block<6, 6>(6, 6) *= rho;
   }
-  // b_g, b_a above are minus the error of the estimated bias: psi grows with what is taken off too little.
-  const Matrix3d W = C_mid * setup_.noise.angle_random_walk.cwiseAbs2().asDiagonal() * C_mid.transpose();
-  const Matrix3d V = C_mid * setup_.noise.velocity_random_walk.cwiseAbs2().asDiagonal() * C_mid.transpose();
-  const StepNoise q = step_noise(W, V, F, t);
   Covariance Q = Covariance::Zero();
   Q.template block<3, 3>(0, 0) = q.psi_psi;
   Q.template block<3, 3>(0, 3) = q.psi_v;
   Q.template block<3, 3>(3, 0) = q.psi_v.transpose();
   Q.template block<3, 3>(3, 3) = q.v_v;
-  if constexpr (NS == 12) {
-    const double grow = 1.0 - rho * rho;
-    Q.diagonal().template segment<3>(6).setConstant(grow * std::pow(setup_.noise.gyro_bias_instability_radps, 2));
-    Q.diagonal().template segment<3>(9).setConstant(grow * std::pow(setup_.noise.accel_bias_instability_mps2, 2));
-  }
+  add_bias_noise(rho, Q);
 
-  const bool observed = block.whole_second && (setup_.unobserved.empty() || !setup_.unobserved[index]);
-  const bool predicted = observed || (block.whole_second && setup_.keep_innovations);  // left out, but looked at
+  const bool observed = setup_.unobserved.empty() || !setup_.unobserved[index];
+  const bool predicted = observed || setup_.keep_innovations;  // left out, but looked at
   Eigen::Matrix<double, 3, NS> H = Eigen::Matrix<double, 3, NS>::Zero();
   Matrix3d S = Matrix3d::Identity();
   Cross M = Cross::Zero();  // cov(state at the end, nu)
@@ -288,66 +418,39 @@ void Filter<NS>::advance(std::size_t index, const BlockMotion& motion) {
         N_.noalias() += X_.template middleCols<3>(9) * H.template block<3, 3>(0, 9).transpose();
       }
     }
-    const Matrix3d rotate = linear_C_nb_ * left_jacobian(motion.rotation);
-    X_.template middleCols<3>(3).noalias() += X_.template leftCols<3>() * Phi.template block<3, 3>(3, 0).transpose();
-    X_.template middleCols<3>(3).noalias() += dv_ * linear_C_nb_.transpose();
-    dm_.noalias() = X_.template leftCols<3>() * move.turn_n.transpose();
-    X_.template leftCols<3>() = dm_;
-    X_.template leftCols<3>().noalias() += dr_ * rotate.transpose();
-    if constexpr (NS == 12) {
-      X_.template middleCols<3>(3).noalias() += X_.template middleCols<3>(6) * Phi.template block<3, 3>(3, 6).transpose();
-      X_.template middleCols<3>(3).noalias() += X_.template middleCols<3>(9) * Phi.template block<3, 3>(3, 9).transpose();
-      X_.template leftCols<3>().noalias() += X_.template middleCols<3>(6) * Phi.template block<3, 3>(0, 6).transpose();
-      X_.template rightCols<6>() *= rho;
-    }
+    move_columns(motion, F, move.turn_n, t);
+    move_columns_by_biases(Phi, rho);
   }
 
-  const Vector3d v_mean = v_ + move.mean_dv_n;
-  Vector3d free_mean = v_mean;
-  if (setup_.keep_innovations) {
-    if (was_static_ && !block.whole_second) {  // a rotation begins: what is known now is all that is used
-      free_C_nb_ = C_nb_;
-      free_v_.setZero();
-    }
-    was_static_ = block.whole_second;
-    const MotionStep free_move = motion_step(free_C_nb_, motion, earth_, recording_.info.gravity_mps2, t);
-    free_mean = free_v_ + free_move.mean_dv_n;
-    free_C_nb_ = free_move.C_end;
-    free_v_ += free_move.dv_n;
-  }
-  C_nb_ = move.C_end;
-  linear_C_nb_ = linear.C_end;
-  v_ += move.dv_n;
-  b_g_ *= rho;
-  b_a_ *= rho;
+  const Vector3d nu = v_ + move.mean_dv_n;
+  const Vector3d free_mean = navigate(block, motion, move, linear, rho);
   P_ = (Phi * P_ * Phi.transpose() + Q).eval();
-
-  if (predicted && !observed) {
+  if (predicted) {
     const Eigen::LLT<Matrix3d> root(S);
-    result_.left_out.push_back(innovation(index, v_mean, root, free_mean));
-  }
-  if (observed) {
-    const Vector3d nu = v_mean;
-    const Eigen::LLT<Matrix3d> root(S);
-    if (setup_.keep_innovations) result_.innovations.push_back(innovation(index, nu, root, free_mean));
-    result_.chi_square += nu.dot(root.solve(nu));
-    result_.log_determinant += 2.0 * root.matrixLLT().diagonal().array().log().sum();
-    result_.observations += 3;
-    accumulate(nu, root);
-
-    const Cross K = root.solve(M.transpose()).transpose();
-    P_.noalias() -= K * M.transpose();
-    if (p_ > 0) X_.noalias() -= N_ * K.transpose();
-    const State correction = K * nu;
-    const Vector3d psi = correction.template segment<3>(0);
-    C_nb_ = rotation_exp(-psi) * C_nb_;
-    v_ -= correction.template segment<3>(3);
-    if constexpr (NS == 12) {
-      b_g_ += correction.template segment<3>(6);
-      b_a_ += correction.template segment<3>(9);
-    }
+    if (setup_.keep_innovations)
+      (observed ? result_.innovations : result_.left_out).push_back(innovation(index, nu, root, free_mean));
+    if (observed) update(nu, root, M);
   }
   P_ = (0.5 * (P_ + P_.transpose())).eval();
+}
+
+template <int NS>
+void Filter<NS>::update(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root, const Cross& M) {
+  result_.chi_square += nu.dot(root.solve(nu));
+  result_.log_determinant += 2.0 * root.matrixLLT().diagonal().array().log().sum();
+  result_.observations += 3;
+  accumulate(nu, root);
+  const Cross K = root.solve(M.transpose()).transpose();
+  P_.noalias() -= K * M.transpose();
+  if (p_ > 0) X_.noalias() -= N_ * K.transpose();
+  const State correction = K * nu;
+  const Vector3d psi = correction.template segment<3>(0);
+  C_nb_ = rotation_exp(-psi) * C_nb_;
+  v_ -= correction.template segment<3>(3);
+  if constexpr (NS == 12) {
+    b_g_ += correction.template segment<3>(6);
+    b_a_ += correction.template segment<3>(9);
+  }
 }
 
 template <int NS>

@@ -43,7 +43,7 @@ struct FilterSetup {
   double initial_velocity_sigma_mps = 1e-3;
   bool with_columns = true;           // false: only the likelihood (for the noise fit)
   bool keep_innovations = false;
-  bool keep_motions = false;          // for the noise fit
+  bool keep_motions = false;          // for the noise fit, and to apply effects
   // The last narrow_columns of the effect columns are scored one at a time: of the information among them only the
   // diagonal is kept, and their products with the first narrow_against columns (of [24 parameters, effects]).
   int narrow_columns = 0;
@@ -61,6 +61,12 @@ struct Innovation {
   Eigen::Vector3d free_velocity_mps;  // mean velocity navigated freely since the last rotation began, n frame
 };
 
+// What the effects of the model read over a block without the unit having moved so.
+struct TakenOff {
+  Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero();
+  Eigen::Vector3d push_mps = Eigen::Vector3d::Zero();
+};
+
 struct FilterResult {
   Eigen::MatrixXd information;        // of [24 parameters in file units, effect columns]; rows of fixed ones are there too
   Eigen::VectorXd gradient;           // sum N' S^-1 nu; the Gauss-Newton step of a free subset is -A^-1 c
@@ -70,6 +76,7 @@ struct FilterResult {
   std::vector<Innovation> innovations;
   std::vector<Innovation> left_out;   // of unobserved static seconds: predicted, not used (with keep_innovations)
   std::vector<BlockMotion> motions;   // of every block, with the values of the effects taken off
+  std::vector<TakenOff> taken_off;    // of every block, with keep_motions
   Eigen::Matrix3d initial_C_nb = Eigen::Matrix3d::Identity();
 };
 

@@ -32,11 +32,12 @@ inline MotionStep motion_step(const Eigen::Matrix3d& C_nb, const BlockMotion& mo
   const Eigen::Vector3d gravity(0.0, -gravity_mps2, 0.0);
   MotionStep step;
   step.turn_n = rotation_exp(-earth_n * t);
-  step.C_mid = C_nb * rotation_exp(0.5 * motion.rotation);
+  const Eigen::Matrix3d half = rotation_exp(0.5 * motion.rotation);
+  step.C_mid = C_nb * half;
   step.F = skew(gained / t);
   step.dv_n = gained - 0.5 * t * earth_n.cross(gained) + gravity * t;
   step.mean_dv_n = mean - t / 3.0 * earth_n.cross(mean) + 0.5 * t * gravity;
-  step.C_end = step.turn_n * C_nb * rotation_exp(motion.rotation);
+  step.C_end = step.turn_n * step.C_mid * half;
   return step;
 }
 

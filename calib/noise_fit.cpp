@@ -114,7 +114,7 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   // One value a triad first: three sensors of a kind. Axes get values of their own where they demonstrably differ.
   const std::vector<Group> triads = {{0, 1, 2}, {3, 4, 5}};
   const std::vector<Group> axes = {{0}, {1}, {2}, {3}, {4}, {5}};
-  const bool apart_already = !options.axes_apart && (s.segment<3>(0).maxCoeff() > s.segment<3>(0).minCoeff() ||
+  const bool apart_already = options.near_start && (s.segment<3>(0).maxCoeff() > s.segment<3>(0).minCoeff() ||
                                                      s.segment<3>(3).maxCoeff() > s.segment<3>(3).minCoeff());
   std::vector<Group> walks;
   if (options.random_walks && apart_already) {
@@ -126,9 +126,12 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   }
   std::vector<Group> groups = walks;
   if (options.bias_instability) groups.insert(groups.end(), {{6}, {7}});
-  Scoring scoring = score(likelihood, groups, tau, options.max_iterations, false, s);
-  fit.evaluations = scoring.evaluations;
-  if (options.random_walks && options.axes_apart) {
+  Scoring scoring;
+  if (!options.near_start) {
+    scoring = score(likelihood, groups, tau, options.max_iterations, false, s);
+    fit.evaluations = scoring.evaluations;
+  }
+  if (options.random_walks && !options.near_start) {
     // One scoring step with six values shows whether that would say more than chance (4 more degrees of freedom).
     NoiseVariances apart = s;
     const Scoring six = score(likelihood, axes, tau, 1, false, apart);

@@ -21,7 +21,7 @@ namespace turncal {
 struct NoiseFitOptions {
   bool random_walks = true;        // false: keep those of the start model (configured)
   bool bias_instability = true;
-  bool axes_apart = true;          // look whether the axes of a triad differ
+  bool near_start = false;         // the start model was fitted beside this: axes that agree in it are not looked at apart
   int max_iterations = 6;
   int seconds_together = 4;
 };

@@ -7,6 +7,7 @@
 #include "imu_io/format_number.h"
 #include "imu_io/parameter_file.h"
 #include "imu_io/recording_source.h"
+#include "orchestrator/effect_terms.h"
 
 namespace turncal {
 
@@ -18,11 +19,12 @@ struct ApplyOptions {
   std::string out;
 };
 
-void append_row(const ImuSample& sample, const SensorModel& model, double period_s, std::string& text) {
+void append_row(const ImuSample& sample, const SensorModel& model, const EffectTerms::Term& effects, double period_s,
+                std::string& text) {
   const Eigen::Vector3d dtheta = model.gyro_scale * Eigen::Vector3d(sample.gyro[0], sample.gyro[1], sample.gyro[2]) -
-                                 model.gyro_bias_radps * period_s;
+                                 (model.gyro_bias_radps + effects.rate_radps) * period_s;
   const Eigen::Vector3d dv = model.accel_scale * Eigen::Vector3d(sample.accel[0], sample.accel[1], sample.accel[2]) -
-                             model.accel_bias_mps2 * period_s;
+                             (model.accel_bias_mps2 + effects.force_mps2) * period_s;
   NumberBuffer buffer;
   text += format_number(sample.counter, buffer);
   for (const double value : {dtheta[0], dtheta[1], dtheta[2], dv[0], dv[1], dv[2]}) {
@@ -39,10 +41,8 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
   if (!source) return source.error();
   const RecordingInfo& info = (*source)->info();
   if (Status status = check_applicable(*parameters, options.parameters, info); !status) return status;
-  if (!parameters->effects.empty()) {
-    return input_error(options.parameters + ": holds effects beyond the 24 parameters (" +
-                       parameters->effects.front().name + "), which apply cannot take out of the increments");
-  }
+  Result<EffectTerms> effects = EffectTerms::of(*parameters, options.parameters, **source);
+  if (!effects) return effects.error();
   std::error_code error;
   if (std::filesystem::is_directory(options.out, error)) {
     return input_error(options.out + ": expected a file name, found a folder");
@@ -53,7 +53,7 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
   std::string text = "sample,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps,dv_y_mps,dv_z_mps\n";
   std::int64_t samples = 0;
   Status status = (*source)->read([&](std::span<const ImuSample> block) {
-    for (const ImuSample& sample : block) append_row(sample, model, info.sample_period_s, text);
+    for (const ImuSample& sample : block) append_row(sample, model, effects->at(sample.counter), info.sample_period_s, text);
     samples += static_cast<std::int64_t>(block.size());
     Status written = file->write(text);
     text.clear();

@@ -1,7 +1,7 @@
 // `turncal apply RECORDING --parameters FILE --out CSV`: calibrated increments of every sample,
 //   dtheta = n counts_gyro - N0 dt  [rad],   dv = a counts_accel - A0 dt  [m/s],   dt the sample period.
 // Refused: a wrong checksum, a missing key, parameters of another unit, simulated parameters on a real unit's recording.
-// Not applied: effects beyond the 24 parameters; a file that holds some is refused too, rather than half used.
+// Effects beyond the 24 parameters are taken off as the estimate modelled them (effect_terms.h).
 #pragma once
 
 #include "orchestrator/command_line.h"
