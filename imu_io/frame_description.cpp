@@ -205,6 +205,9 @@ FrameCounter read_counter(Keys& keys) {
   if (counter.field.form.type == NumberType::signed_integer) {
     file.reject(keys.name("counter.type"), "an unsigned or floating type");
   }
+  if (integer && used_bits(counter.field.form) > 53) {
+    file.reject(keys.name("counter.type"), "a counter of at most 53 bits: a mask can leave the upper ones out");
+  }
   if (counter.modulus == 0.0) counter.modulus = integer ? all : 0x1p53 * counter.step;
   if (integer && (counter.modulus > all || counter.modulus != std::floor(counter.modulus) ||
                   counter.step != std::floor(counter.step))) {
@@ -319,9 +322,9 @@ void check_layout(KeyValueFile& file, const FrameDescription& frame, const Frame
   }
   if (frame.check.kind != CheckKind::none) {
     const std::size_t place = check_offset(frame.check, variant.length);
-    if (place + static_cast<std::size_t>(frame.check.bytes()) > variant.length ||
+    if (place + static_cast<std::size_t>(frame.check.bytes()) + frame.tail.size() > variant.length ||
         frame.check.start + frame.check.gap >= place) {
-      file.reject("check.offset", "a place inside the frame, behind what the check covers");
+      file.reject("check.offset", "a place inside the frame, behind what the check covers and before the tail");
     }
   }
   const FrameVariant& first = frame.variants.front();

@@ -70,7 +70,7 @@ struct FrameScalar {
 struct FrameCounter {
   FrameField field;
   double step = 1.0;                   // the field's own units a sample
-  double modulus = 0.0;                // in the field's own units; 0: 2^bits (floating: never wraps)
+  double modulus = 0.0;                // in the field's own units; without a key 2^bits, floating: as good as none
 };
 
 struct FrameStatus {

@@ -29,6 +29,7 @@ class FieldCodec {
   }
 
   std::size_t offset() const { return offset_; }
+  std::size_t bytes() const { return static_cast<std::size_t>(form_.bytes); }
   // 2^bits - 1: the values that fit.
   std::uint64_t largest_bits() const { return used_; }
   int bits() const { return bits_; }
