@@ -35,7 +35,7 @@ PlacedCounter CounterTracker::place(double raw, const Arrival& arrival) const {
     if (longer * period_s_ <= most_s + slack && longer < most_samples) n = longer;
   }
   const bool believable = on_grid && (n <= 1.0 || n * period_s_ <= most_s + slack);
-  if (rejoining_ && (!believable || n < 1.0)) {
+  if (rejoining_ && (!believable || n < 1.0 || n * period_s_ < least_s - slack)) {
     n = std::clamp(std::round(0.5 * (least_s + most_s) / period_s_), 2.0, most_samples);
   } else if (!believable) {
     return {};

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <span>
 
+#include "imu_io/format_number.h"
 #include "imu_io/key_value.h"
 #include "imu_io/text_pieces.h"
 
@@ -72,12 +73,14 @@ class Keys {
 
   FieldForm form(const std::string& prefix, std::string_view default_type) {
     FieldForm form;
-    const std::string type = file_.one_of_or(name(prefix + ".type"), default_type,
-                                             {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32", "f64"});
+    std::string type = file_.one_of_or(
+        name(prefix + ".type"), default_type,
+        {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32", "f64"});
+    if (type.empty()) type = default_type;  // refused already
     form.type = type[0] == 'u'   ? NumberType::unsigned_integer
                 : type[0] == 'i' ? NumberType::signed_integer
                                  : NumberType::floating;
-    form.bytes = type.substr(1) == "8" ? 1 : type.substr(1) == "16" ? 2 : type.substr(1) == "24" ? 3 : type.substr(1) == "32" ? 4 : 8;
+    form.bytes = parse_integer<int>(std::string_view(type).substr(1)).value_or(8) / 8;
     const std::string order_key = has(prefix + ".order") ? name(prefix + ".order") : name("order");
     form.big_endian = file_.one_of_or(order_key, "little", {"little", "big"}) == "big";
     const std::string words_key = has(prefix + ".word_order") ? name(prefix + ".word_order") : name("word_order");
