@@ -115,12 +115,11 @@ bool FrameDecoder::read_values(const Variant& variant, const std::byte* frame, I
       continue;  // across a gap it may be anything
     } else {
       const double raw = element.field.number(frame);
-      if (!std::isfinite(raw)) return false;
       if (raw < element.low || raw > element.high) sample.flags |= sample_flag_invalid;
       value = element.factor * (raw - element.zero);
     }
     value += 0.0;  // -0 of a sign turned round
-    if (!std::isfinite(value)) return false;
+    if (!std::isfinite(value)) return false;  // of floats
     if (element.pulses && (std::abs(value) > largest_pulses || value != std::nearbyint(value))) return false;
   }
   for (const Status& status : variant.status) {

@@ -182,6 +182,21 @@ TEST(ImuFaults, BadCheckWrongLengthWrongIdInMidStream) {
   }
 }
 
+TEST(ImuFaults, AWholeFrameOfAnotherLengthIsNotReadAsOurs) {
+  // The id of RAWIMUSX, but shorter than its fields reach, with a check that is right.
+  const FrameDescription frame = frame_named("novatel_rawimusx");
+  Bytes shorter = from_hex("AA441310B6059C0678B9E21C000B9C060B9755A832941D4103158000000000000000");
+  shorter.resize(32);
+  shorter[3] = std::byte{16};
+  seal(frame, shorter);
+  Line line(frame);
+  line.feed(shorter);
+  line.feed(Bytes(40));
+  EXPECT_TRUE(line.samples.empty());
+  EXPECT_EQ(line.decoder.scan().frames, 0U);
+  EXPECT_EQ(line.decoder.scan().skipped_bytes, 72U);
+}
+
 TEST(ImuFaults, CounterWrapGapDuplicateAndBackwards) {
   const std::int64_t wrap = 4294967296;
   std::vector<ImuSample> sent = pulse_samples(100, 1, wrap - 50);

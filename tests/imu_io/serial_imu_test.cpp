@@ -2,6 +2,7 @@
 #include "imu_io/serial_imu.h"
 
 #include <gtest/gtest.h>
+#include <time.h>
 
 #include <atomic>
 #include <thread>
@@ -208,6 +209,44 @@ TEST_F(SerialImuTest, WhatHadArrivedBeforeOpeningIsOld) {
   ASSERT_OK(drain(imu));
   ASSERT_EQ(samples.size(), 10U);
   EXPECT_EQ(samples[0].counter, 40);
+}
+
+// A counter of 64 samples at 200 Hz wraps every 0.32 s: only the time tells more.
+FrameDescription narrow_frame() { return frame_with("laser_gyro", {"counter.type = u8", "counter.modulus = 64"}); }
+
+TEST_F(SerialImuTest, ASilenceOfMoreThanAWrapIsMeasured) {
+  frame = narrow_frame();
+  encoder = FrameEncoder(frame);
+  SerialImu imu(frame, settings);
+  ASSERT_OK(imu.open());
+  send(0, 10);
+  ASSERT_OK(drain(imu));
+  const double silent_from_s = monotonic_s() - 0.03;  // drain() waited
+  while (monotonic_s() - silent_from_s < 0.7) ASSERT_OK(drain(imu));
+  const auto missing = static_cast<std::int64_t>((monotonic_s() - silent_from_s) / 0.005);
+  send(10 + missing, 10);
+  ASSERT_OK(drain(imu));
+  ASSERT_EQ(samples.size(), 20U);
+  EXPECT_EQ(samples[10].counter, 10 + missing);
+  EXPECT_EQ(imu.counters().lost_samples, static_cast<std::uint64_t>(missing));
+}
+
+TEST_F(SerialImuTest, AReaderThatWasAwayForMoreThanAWrapLosesNothing) {
+  frame = narrow_frame();
+  encoder = FrameEncoder(frame);
+  SerialImu imu(frame, settings);
+  ASSERT_OK(imu.open());
+  send(0, 10);
+  ASSERT_OK(drain(imu));
+  for (std::int64_t i = 10; i < 80; ++i) {  // 0.7 s of frames, unread: 2.5 kB, less than the kernel holds
+    send(i, 1);
+    const timespec pause{0, 10'000'000};
+    ::nanosleep(&pause, nullptr);
+  }
+  ASSERT_OK(drain(imu));
+  ASSERT_EQ(samples.size(), 80U);
+  EXPECT_EQ(samples.back().counter, 79);
+  EXPECT_EQ(imu.counters().lost_samples, 0U);
 }
 
 TEST_F(SerialImuTest, AWrongRateIsFoundOut) {
