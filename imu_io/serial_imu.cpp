@@ -46,7 +46,10 @@ Result<ImuIdentity> SerialImu::identify() {
   return ImuIdentity{settings_.unit_serial, frame_.name + " on " + turncal::describe(line_of(frame_, settings_.device))};
 }
 
-void SerialImu::describe(RecordingInfo& info) const { frame_.describe(info); }
+void SerialImu::describe(RecordingInfo& info) const {
+  frame_.describe(info);
+  info.simulated = settings_.simulated;
+}
 
 Error SerialImu::lost(const std::string& why) {
   close();

@@ -27,6 +27,7 @@ namespace turncal {
 struct SerialImuSettings {
   std::string device;
   std::string unit_serial;  // of a unit that does not tell; may be empty
+  bool simulated = false;   // a twin: recordings are marked
   double speedup = 1.0;     // seconds of the unit a second of the host: for a twin that runs faster than time
 };
 
