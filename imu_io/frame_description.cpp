@@ -371,6 +371,9 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
     if (frame.variants.size() > 16) file.reject("variants", "at most 16");
     if (!file.status()) break;
   }
+  if (frame.variants.empty()) {  // refused already, as an empty list
+    return file.error_at("variants", "names separated by commas");
+  }
   if (!frame.variants.front().accel.pulses && file.has("accel.pulse_mps")) {
     file.reject("accel.pulse_mps", "no such key unless accel.unit = pulses");
   }

@@ -83,6 +83,7 @@ TEST(FrameDescription, OneLineForEachMistake) {
       {"line.baud = 115200", "line.baud = 7", "key 'line.baud' = '7': expected a whole number between 50 and 20000000"},
       {"line.baud = 115200", "line.speed = 7", "key 'line.speed' is unknown"},
       {"line.baud = 115200", "temperature.when = 1", "key 'temperature.when' = '1': expected a key mux.offset beside it"},
+      {"line.baud = 115200", "variants =", "key 'variants' = '': expected names separated by commas"},
       {"line.baud = 115200", "variants = a, b", "key 'variants' = 'a, b': expected a key id.offset beside it"},
       {"line.baud = 115200", "variants = a, b\nid.offset = 33\na.id.value = 1\nb.id.value = 1", "key 'variants' = 'a, b': expected another id for each variant"},
   };
