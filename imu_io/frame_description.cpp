@@ -2,21 +2,18 @@
 
 #include <algorithm>
 #include <bit>
-#include <charconv>
 #include <cmath>
 #include <numbers>
 #include <span>
 
-#include "imu_io/format_number.h"
+#include "imu_io/frame_keys.h"
 #include "imu_io/key_value.h"
-#include "imu_io/text_pieces.h"
 
 namespace turncal {
 namespace {
 
 constexpr double degree = std::numbers::pi / 180.0;
 constexpr double standard_gravity = 9.80665;
-constexpr auto last_offset = static_cast<double>(longest_frame - 1);
 
 struct Unit {
   std::string_view name;
@@ -28,112 +25,7 @@ constexpr Unit gyro_units[] = {{"rad", 1.0, false},    {"deg", degree, false},  
 constexpr Unit accel_units[] = {{"m/s", 1.0, false},   {"ft/s", 0.3048, false},   {"m/s^2", 1.0, true},
                                 {"g", standard_gravity, true},                    {"mg", 1e-3 * standard_gravity, true}};
 
-// Reads the keys of one variant: `<variant>.<key>` where the file has it, else `<key>`, which then holds for all variants.
-class Keys {
- public:
-  Keys(KeyValueFile& file, std::string variant) : file_(file), variant_(std::move(variant)) {}
-  KeyValueFile& file() { return file_; }
-  std::string name(const std::string& key) const {
-    if (!variant_.empty() && file_.has(variant_ + "." + key)) return variant_ + "." + key;
-    return key;
-  }
-  bool has(const std::string& key) const { return file_.has(name(key)); }
-
-  // Decimal, or hexadecimal behind 0x.
-  std::uint64_t bits(const std::string& key, std::optional<std::uint64_t> otherwise) {
-    const std::string at = name(key);
-    if (otherwise && !file_.has(at)) return *otherwise;
-    const std::string text = file_.text(at);
-    const bool hex = text.starts_with("0x") || text.starts_with("0X");
-    const char* const begin = text.data() + (hex ? 2 : 0);
-    const char* const end = text.data() + text.size();
-    std::uint64_t value = 0;
-    const auto result = std::from_chars(begin, end, value, hex ? 16 : 10);
-    if (result.ec != std::errc{} || result.ptr != end) {
-      file_.reject(at, "a whole number, 0x before hexadecimal, at most 64 bits");
-    }
-    return value;
-  }
-
-  std::vector<std::byte> bytes(const std::string& key) {
-    std::vector<std::byte> result;
-    const std::string text = file_.text_or(name(key), "");
-    for (const std::string_view part : split(text, ' ')) {
-      if (part.empty()) continue;
-      unsigned value = 0;
-      const auto got = std::from_chars(part.data(), part.data() + part.size(), value, 16);
-      if (got.ec != std::errc{} || got.ptr != part.data() + part.size() || part.size() != 2 || result.size() >= 16) {
-        file_.reject(name(key), "at most 16 bytes of two hexadecimal digits, with blanks between");
-        return {};
-      }
-      result.push_back(static_cast<std::byte>(value));
-    }
-    return result;
-  }
-
-  FieldForm form(const std::string& prefix, std::string_view default_type) {
-    FieldForm form;
-    std::string type = file_.one_of_or(
-        name(prefix + ".type"), default_type,
-        {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32", "f64"});
-    if (type.empty()) type = default_type;  // refused already
-    form.type = type[0] == 'u'   ? NumberType::unsigned_integer
-                : type[0] == 'i' ? NumberType::signed_integer
-                                 : NumberType::floating;
-    form.bytes = parse_integer<int>(std::string_view(type).substr(1)).value_or(8) / 8;
-    const std::string order_key = has(prefix + ".order") ? name(prefix + ".order") : name("order");
-    form.big_endian = file_.one_of_or(order_key, "little", {"little", "big"}) == "big";
-    const std::string words_key = has(prefix + ".word_order") ? name(prefix + ".word_order") : name("word_order");
-    form.swap_words = file_.one_of_or(words_key, "same", {"same", "swapped"}) == "swapped" && form.bytes >= 4;
-    form.mask = bits(prefix + ".mask", ~std::uint64_t{0});
-    const bool floating = form.type == NumberType::floating;
-    const std::uint64_t room = form.bytes == 8 ? ~std::uint64_t{0} : (std::uint64_t{1} << (8 * form.bytes)) - 1;
-    const std::uint64_t left = form.mask & room;
-    if (left == 0 || (floating && left != room)) {
-      file_.reject(name(prefix + ".mask"), floating ? "no mask on a floating field" : "a mask that leaves something of the field");
-      form.mask = ~std::uint64_t{0};
-    } else if (const std::uint64_t run = left >> std::countr_zero(left); (run & (run + 1)) != 0) {
-      file_.reject(name(prefix + ".mask"), "a mask of neighbouring bits");
-      form.mask = ~std::uint64_t{0};
-    }
-    return form;
-  }
-
-  // One offset, or as many as are wanted; elements follow one another when only one is given.
-  std::vector<FrameField> fields(const std::string& prefix, std::string_view default_type, std::size_t wanted) {
-    const FieldForm shape = form(prefix, default_type);
-    const std::string at = name(prefix + ".offset");
-    const std::vector<double> offsets = file_.numbers(at, 0, between(0.0, last_offset));
-    std::vector<FrameField> result;
-    const auto whole = [](double x) { return x >= 0.0 && x == std::floor(x); };
-    if (!std::all_of(offsets.begin(), offsets.end(), whole) || offsets.empty() || offsets.size() > 16 ||
-        (wanted != 0 && offsets.size() != 1 && offsets.size() != wanted)) {
-      file_.reject(at, wanted > 1 ? "1 or " + std::to_string(wanted) + " whole byte offsets" : "a whole byte offset");
-      result.resize(std::max<std::size_t>(wanted, 1), FrameField{0, shape});
-      return result;
-    }
-    for (const double offset : offsets) result.push_back({static_cast<std::size_t>(offset), shape});
-    while (result.size() < wanted) {
-      result.push_back({result.back().offset + static_cast<std::size_t>(shape.bytes), shape});
-    }
-    return result;
-  }
-  FrameField field(const std::string& prefix, std::string_view default_type) { return fields(prefix, default_type, 1)[0]; }
-
-  std::array<double, 3> three(const std::string& key, double otherwise) {
-    const std::vector<double> given = file_.numbers_or(name(key), {otherwise});
-    if (given.size() == 1) return {given[0], given[0], given[0]};
-    if (given.size() == 3) return {given[0], given[1], given[2]};
-    file_.reject(name(key), "one or three numbers");
-    return {otherwise, otherwise, otherwise};
-  }
-
- private:
-  KeyValueFile& file_;
-  std::string variant_;
-};
-
-void read_axes(Keys& keys, const std::string& key, FrameTriad& triad) {
+void read_axes(FrameKeys& keys, const std::string& key, FrameTriad& triad) {
   const std::vector<std::string> axes = keys.file().list_or(keys.name(key), {"+x", "+y", "+z"});
   bool good = axes.size() == 3;
   std::array<bool, 3> seen{};
@@ -150,7 +42,7 @@ void read_axes(Keys& keys, const std::string& key, FrameTriad& triad) {
   if (!good) keys.file().reject(keys.name(key), "three axes such as '+x, -z, +y', each letter once");
 }
 
-FrameTriad read_triad(Keys& keys, const std::string& prefix, std::span<const Unit> units) {
+FrameTriad read_triad(FrameKeys& keys, const std::string& prefix, std::span<const Unit> units) {
   FrameTriad triad;
   const std::vector<FrameField> elements = keys.fields(prefix, "i32", 3);
   std::copy_n(elements.begin(), 3, triad.element.begin());
@@ -197,7 +89,7 @@ FrameTriad read_triad(Keys& keys, const std::string& prefix, std::span<const Uni
   return triad;
 }
 
-FrameCounter read_counter(Keys& keys) {
+FrameCounter read_counter(FrameKeys& keys) {
   FrameCounter counter;
   KeyValueFile& file = keys.file();
   counter.field = keys.field("counter", "u32");
@@ -224,7 +116,7 @@ FrameCounter read_counter(Keys& keys) {
   return counter;
 }
 
-FrameVariant read_variant(Keys& keys, const std::string& name, const FrameDescription& frame) {
+FrameVariant read_variant(FrameKeys& keys, const std::string& name, const FrameDescription& frame) {
   KeyValueFile& file = keys.file();
   FrameVariant variant;
   variant.name = name;
@@ -260,7 +152,7 @@ FrameVariant read_variant(Keys& keys, const std::string& name, const FrameDescri
   return variant;
 }
 
-void read_check(Keys& keys, FrameCheck& check) {
+void read_check(FrameKeys& keys, FrameCheck& check) {
   KeyValueFile& file = keys.file();
   const std::string kind = file.one_of("check", {"none", "sum8", "sum16", "sum32", "xor8", "crc"});
   if (kind == "none" || kind.empty()) return;
@@ -307,7 +199,7 @@ void read_line(KeyValueFile& file, SerialSettings& line) {
 void check_layout(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
   const auto inside = [&](const FrameField& field, const char* key) {
     if (field.offset + static_cast<std::size_t>(field.form.bytes) <= variant.length) return;
-    const Keys keys(file, variant.name);
+    const FrameKeys keys(file, variant.name);
     file.reject(keys.name(key), "a place inside the frame of " + std::to_string(variant.length) + " bytes");
   };
   for (const FrameField& field : variant.gyro.element) inside(field, "gyro.offset");
@@ -346,7 +238,7 @@ void check_layout(KeyValueFile& file, const FrameDescription& frame, const Frame
 Result<FrameDescription> frame_from(KeyValueFile& file) {
   FrameDescription frame;
   frame.file = file.file_name();
-  Keys keys(file, "");
+  FrameKeys keys(file, "");
   file.integer("format", 1, 1);
   frame.name = file.text_or("name", frame.file);
   frame.sync = keys.bytes("sync");
@@ -366,7 +258,7 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
   read_check(keys, frame.check);
   read_line(file, frame.line);
   for (const std::string& name : file.list_or("variants", {""})) {
-    Keys own(file, name);
+    FrameKeys own(file, name);
     frame.variants.push_back(read_variant(own, name, frame));
     if (frame.variants.size() > 16) file.reject("variants", "at most 16");
     if (!file.status()) break;
