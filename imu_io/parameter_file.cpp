@@ -148,6 +148,17 @@ Status write_parameter_file(const ParameterFile& file, const std::string& path) 
   return write_file_atomically(path, *text);
 }
 
+namespace {
+
+// What is read must be fit to be written again.
+std::string plain_text(KeyValueFile& input, std::string_view key) {
+  std::string value = input.text(key);
+  if (!is_plain_text(value)) input.reject(key, "printable text");
+  return value;
+}
+
+}  // namespace
+
 Result<ParameterFile> parse_parameter_file(std::string_view text, const std::string& file_name) {
   // The checksum first: nothing in a damaged file is worth a message of its own.
   const std::size_t place = text.rfind("\n" + std::string(checksum_key));
@@ -175,10 +186,10 @@ Result<ParameterFile> parse_parameter_file(std::string_view text, const std::str
   }
   file.reference_temperature_c = input.number_if("reference_temperature_c");
   read_effects(input, file);
-  file.unit_serial = input.text("unit_serial");
-  file.recording_hash = input.text("recording_hash");
-  file.model = input.text("model");
-  file.method = input.text("method");
+  file.unit_serial = plain_text(input, "unit_serial");
+  file.recording_hash = plain_text(input, "recording_hash");
+  file.model = plain_text(input, "model");
+  file.method = plain_text(input, "method");
   file.latitude_deg = input.number("latitude_deg", between(-90.0, 90.0));
   file.gravity_mps2 = input.number("gravity_mps2", positive);
   file.sample_period_s = input.number("sample_period_s", positive);
@@ -190,10 +201,10 @@ Result<ParameterFile> parse_parameter_file(std::string_view text, const std::str
   file.accel_pulse_mps =
       input.number("accel_pulse_mps", file.accel_increment == IncrementKind::pulses ? positive : not_negative);
   file.simulated = input.boolean_or("simulated", false);
-  file.software_version = input.text("software_version");
-  file.time_utc = input.text("time_utc");
+  file.software_version = plain_text(input, "software_version");
+  file.time_utc = plain_text(input, "time_utc");
   for (const std::string& key : input.keys()) {
-    if (is_further_key(key)) file.further.emplace_back(key, input.text(key));
+    if (is_further_key(key)) file.further.emplace_back(key, plain_text(input, key));
   }
   if (Status status = input.check_all_used(); !status) return status.error();
   return file;

@@ -178,6 +178,9 @@ TEST(ParameterFile, Refusals) {
   EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", ""))), "p.conf: key 'n23' is missing: expected a number");
   EXPECT_ERROR(parse(resealed(replaced(text, "unit_serial = LG-7\n", ""))),
                "p.conf: key 'unit_serial' is missing: expected a text");
+  // What the writer would refuse the reader refuses too.
+  EXPECT_ERROR(parse(resealed(replaced(text, "unit_serial = LG-7\n", "unit_serial = LG\t7\n"))),
+               "p.conf:51: key 'unit_serial' = 'LG?7': expected printable text");
   EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", "n23 = 0\nn23 = 0\n"))),
                "p.conf:14: key 'n23' again: it is already in line 13");
   EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", "n23 = 0\nn24 = 0\n"))), "p.conf:14: key 'n24' is unknown");

@@ -1,0 +1,39 @@
+// Bytes as a CSV file of an IMU, by a map with a time column or one with a rate (byte 0 chooses).
+#include <array>
+#include <cmath>
+#include <cstdlib>
+
+#include "imu_io/csv_map_import.h"
+#include "input.h"
+
+namespace turncal {
+namespace {
+
+CsvMap map_of(std::string_view time) {
+  const std::string text = "gyro.columns = gx, gy, gz\ngyro.unit = rad/s\naccel.columns = ax, ay, az\naccel.unit = g\n"
+                           "temperature.column = t_c\ngravity_mps2 = 9.8\nunit_serial = F\n" + std::string(time);
+  auto map = parse_csv_map(text, "map");
+  fuzz::require(map.ok());
+  return *map;
+}
+
+}  // namespace
+}  // namespace turncal
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace turncal;
+  static const std::array<CsvMap, 2> maps = {map_of("time.column = t\ntime.unit = s\n"), map_of("rate_hz = 100\n")};
+  fuzz::Input input(data, size);
+  const CsvMap& map = maps[input.byte() % 2];
+  const auto result = parse_csv(map, input.text(), "fuzz");
+  if (!result) {
+    fuzz::require(result.error().message.find('\n') == std::string::npos);
+    return 0;
+  }
+  for (std::size_t i = 0; i < result->samples.size(); ++i) {
+    const ImuSample& sample = result->samples[i];
+    fuzz::require(i == 0 || sample.counter > result->samples[i - 1].counter);
+    for (std::size_t k = 0; k < 3; ++k) fuzz::require(std::isfinite(sample.gyro[k]) && std::isfinite(sample.accel[k]));
+  }
+  return 0;
+}

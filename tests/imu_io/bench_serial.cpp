@@ -1,0 +1,144 @@
+// Capture from a serial line, through a pseudo-terminal: the CPU time of the reader's thread as a share of one core, at 200 Hz with
+// the station's own frame, and 2 kHz of 46-byte frames (921600 baud carry 92160 bytes a second, this is 92000) for 10 s without a
+// loss. The sender is a thread of its own and is not counted. A pseudo-terminal has no interrupts of a UART: those are not in it.
+#include <benchmark/benchmark.h>
+#include <time.h>
+
+#include <array>
+#include <atomic>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <thread>
+
+#include "imu_io/builtin_frames.h"
+#include "imu_io/deadline.h"
+#include "imu_io/frame_streamer.h"
+#include "imu_io/pty.h"
+#include "imu_io/serial_imu.h"
+
+namespace turncal {
+namespace {
+
+template <class T>
+T must(Result<T> result) {
+  if (result) return std::move(*result);
+  std::fprintf(stderr, "%s\n", result.error().message.c_str());
+  std::abort();
+}
+void must(const Status& status) {
+  if (status) return;
+  std::fprintf(stderr, "%s\n", status.error().message.c_str());
+  std::abort();
+}
+
+double thread_cpu_s() {
+  timespec now{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+class Counting : public ImuSource {
+ public:
+  explicit Counting(const FrameDescription& frame) : frame_(frame) {}
+  Status open() override { return {}; }
+  Result<ImuIdentity> identify() override { return ImuIdentity{}; }
+  void describe(RecordingInfo& info) const override { frame_.describe(info); }
+  Result<std::size_t> read(std::span<ImuSample> out, double) override {
+    for (ImuSample& sample : out) {
+      sample = ImuSample{};
+      sample.counter = next_++;
+      sample.gyro = {static_cast<double>(sample.counter % 1000), -3.0, 7.0};
+      sample.accel = {1.0, static_cast<double>(-(sample.counter % 77)), 98.0};
+      sample.temperature_c = 25.0F;
+    }
+    return out.size();
+  }
+  ImuLinkCounters counters() const override { return {}; }
+  void close() override {}
+
+ private:
+  FrameDescription frame_;
+  std::int64_t next_ = 0;
+};
+
+// The station's frame at another period and length.
+FrameDescription frame_of(double period_s, int length) {
+  std::string text(builtin_frame_text("laser_gyro"));
+  const auto set = [&](const std::string& key, const std::string& value) {
+    const std::size_t at = text.find("\n" + key + " = ") + 1;
+    text.replace(at, text.find('\n', at) - at, key + " = " + value);
+  };
+  set("sample_period_s", std::to_string(period_s));
+  set("length", std::to_string(length));
+  set("check.offset", std::to_string(length - 2));
+  set("line.baud", "921600");
+  return must(parse_frame_description(text, "bench"));
+}
+
+void capture(benchmark::State& state, double rate_hz, int length, double seconds) {
+  for (auto _ : state) {
+    const FrameDescription frame = frame_of(1.0 / rate_hz, length);
+    Pty pty = must(Pty::create());
+    Counting unit(frame);
+    FrameStreamer streamer(unit, frame, pty, 1.0);
+    SerialImuSettings settings;
+    settings.device = pty.device();
+    SerialImu imu(frame, settings);
+    must(imu.open());
+    must(streamer.start(monotonic_s()));
+    const std::atomic<bool> stop = false;
+    std::thread sender([&] { must(streamer.run(seconds, stop)); });
+    std::array<ImuSample, 256> block;
+    std::uint64_t received = 0;
+    const double cpu = thread_cpu_s();
+    const double began = monotonic_s();
+    const Deadline end(seconds + 0.3);
+    while (!end.passed()) received += must(imu.read(block, 0.1));
+    const double used = thread_cpu_s() - cpu;
+    const double took = monotonic_s() - began;
+    sender.join();
+    state.counters["core_%"] = 100.0 * used / took;
+    state.counters["us_a_sample"] = 1e6 * used / static_cast<double>(received);
+    state.counters["sent"] = static_cast<double>(streamer.frames_sent());
+    state.counters["missing"] = static_cast<double>(streamer.frames_sent()) - static_cast<double>(received);
+    const ImuLinkCounters counters = imu.counters();
+    state.counters["bad"] = static_cast<double>(counters.bad_frames + counters.lost_samples + counters.duplicates);
+    if (received != streamer.frames_sent() || streamer.batches_dropped() != 0) state.SkipWithError("samples were lost");
+  }
+}
+
+void capture_200_hz(benchmark::State& state) { capture(state, 200.0, 36, 10.0); }
+BENCHMARK(capture_200_hz)->Iterations(1)->Unit(benchmark::kSecond);
+void capture_2_khz_at_921600_baud(benchmark::State& state) { capture(state, 2000.0, 46, 10.0); }
+BENCHMARK(capture_2_khz_at_921600_baud)->Iterations(1)->Unit(benchmark::kSecond);
+
+// Decoding alone, from memory.
+void decode(benchmark::State& state) {
+  const FrameDescription frame = must(find_frame("laser_gyro"));
+  FrameEncoder encoder(frame);
+  Counting unit(frame);
+  std::array<ImuSample, 128> samples;
+  std::vector<std::byte> bytes(samples.size() * encoder.length());
+  FrameDecoder decoder(frame);
+  std::uint64_t decoded = 0;
+  for (auto _ : state) {
+    state.PauseTiming();
+    must(unit.read(samples, 1.0));
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      must(encoder.encode(samples[i], std::span(bytes).subspan(i * encoder.length(), encoder.length())));
+    }
+    state.ResumeTiming();
+    const auto room = decoder.space();
+    std::copy(bytes.begin(), bytes.end(), room.begin());
+    decoder.added(bytes.size(), {0.0, 1e6});
+    ImuSample sample;
+    while (decoder.next(sample) == FrameDecoder::Next::sample) ++decoded;
+  }
+  state.SetItemsProcessed(static_cast<std::int64_t>(decoded));
+  state.SetBytesProcessed(static_cast<std::int64_t>(decoded * encoder.length()));
+}
+BENCHMARK(decode);
+
+}  // namespace
+}  // namespace turncal

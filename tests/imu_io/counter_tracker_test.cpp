@@ -1,0 +1,152 @@
+#include "imu_io/counter_tracker.h"
+
+#include <gtest/gtest.h>
+
+namespace turncal {
+namespace {
+
+constexpr double period = 0.002;
+
+// A STIM300 at 500 Hz: 8 bits in steps of 4, a wrap is 64 samples or 128 ms.
+struct CounterTrackerTest : testing::Test {
+  CounterTracker tracker{period, 4.0, 256.0};
+  double time_s = 10.0;
+
+  void SetUp() override { take(0.0); }
+  PlacedCounter take(double raw) { return take(raw, {time_s, time_s}); }
+  PlacedCounter take(double raw, const Arrival& arrival) {
+    const PlacedCounter placed = tracker.place(raw, arrival);
+    if (placed.outcome != CounterOutcome::stray && placed.outcome != CounterOutcome::duplicate) {
+      tracker.accept(placed, raw, arrival);
+    }
+    return placed;
+  }
+};
+
+TEST_F(CounterTrackerTest, FollowsWraps) {
+  for (int i = 1; i < 1000; ++i) {
+    time_s += period;
+    const PlacedCounter placed = take((4 * i) % 256);
+    ASSERT_EQ(placed.outcome, CounterOutcome::next);
+    ASSERT_EQ(placed.counter, i);
+  }
+}
+
+TEST_F(CounterTrackerTest, CountsAGap) {
+  time_s += 5 * period;
+  const PlacedCounter placed = take(20.0);
+  EXPECT_EQ(placed.outcome, CounterOutcome::gap);
+  EXPECT_EQ(placed.ahead, 5);
+}
+
+TEST_F(CounterTrackerTest, ADuplicateIsOne) {
+  time_s += 0.0001;
+  EXPECT_EQ(take(0.0).outcome, CounterOutcome::duplicate);
+}
+
+TEST_F(CounterTrackerTest, BackwardsIsAJumpThatTimeDoesNotAllow) {
+  time_s += period;
+  EXPECT_EQ(take(4.0).outcome, CounterOutcome::next);
+  time_s += period;
+  EXPECT_EQ(take(252.0).outcome, CounterOutcome::stray);  // 62 samples ahead in 2 ms
+}
+
+TEST_F(CounterTrackerTest, TimeTellsTheWrapsOfALongGap) {
+  // 1000 samples: 15 wraps and 40.
+  for (const double late : {-0.016, 0.0, 0.016}) {
+    CounterTracker copy = tracker;
+    const double at = time_s + 1000 * period + late;
+    const PlacedCounter placed = copy.place((4 * 1000) % 256, {at, at});
+    EXPECT_EQ(placed.outcome, CounterOutcome::gap);
+    EXPECT_EQ(placed.ahead, 1000) << late;
+  }
+  // One that is a whole number of wraps looks like a duplicate to the counter alone.
+  time_s += 64 * period;
+  EXPECT_EQ(take(0.0).ahead, 64);
+}
+
+TEST_F(CounterTrackerTest, ABusyReaderIsNoGap) {
+  // Nothing was read for 300 ms; the frames of that time are then found all at once, and the last arrivals prove nothing.
+  const Arrival late{time_s, time_s + 0.3};
+  for (int i = 1; i <= 150; ++i) {
+    const PlacedCounter placed = take((4 * i) % 256, late);
+    ASSERT_EQ(placed.outcome, CounterOutcome::next);
+    ASSERT_EQ(placed.counter, i);
+  }
+  time_s += 151 * period;
+  EXPECT_EQ(take((4 * 151) % 256).outcome, CounterOutcome::next);
+}
+
+TEST_F(CounterTrackerTest, BatchesOf16MillisecondsAreNoGap) {
+  for (int i = 1; i < 800; i += 8) {
+    time_s += 8 * period;
+    for (int k = 0; k < 8; ++k) {
+      const PlacedCounter placed = take((4 * (i + k)) % 256);
+      ASSERT_EQ(placed.outcome, CounterOutcome::next);
+      ASSERT_EQ(placed.counter, i + k);
+    }
+  }
+}
+
+TEST_F(CounterTrackerTest, WhatIsOffTheGridOrTooLargeIsNoCounter) {
+  time_s += period;
+  EXPECT_EQ(tracker.place(6.0, {time_s, time_s}).outcome, CounterOutcome::stray);
+  EXPECT_EQ(tracker.place(256.0, {time_s, time_s}).outcome, CounterOutcome::stray);
+  EXPECT_EQ(tracker.place(-1.0, {time_s, time_s}).outcome, CounterOutcome::stray);
+}
+
+TEST_F(CounterTrackerTest, AfterRejoiningTheCounterGoesOnIfItCan) {
+  tracker.rejoin();
+  time_s += 1000 * period;
+  EXPECT_EQ(take((4 * 1000) % 256).counter, 1000);
+}
+
+TEST(CounterTracker, AWideCounterNeedsNoTime) {
+  CounterTracker tracker(0.005, 1.0, 4294967296.0);
+  tracker.accept(tracker.place(4294967294.0, {0, 0}), 4294967294.0, {0, 0});
+  PlacedCounter placed = tracker.place(4294967295.0, {0.005, 0.005});
+  EXPECT_EQ(placed.outcome, CounterOutcome::next);
+  tracker.accept(placed, 4294967295.0, {0.005, 0.005});
+  placed = tracker.place(0.0, {0.01, 0.01});
+  EXPECT_EQ(placed.outcome, CounterOutcome::next);
+  EXPECT_EQ(placed.counter, 4294967296);
+  // The clock stepped, or the reader slept: the counter is the time.
+  for (const double step : {-3600.0, 3600.0}) {
+    EXPECT_EQ(tracker.place(0.0, {0.01 + step, 0.01 + step}).outcome, CounterOutcome::next) << step;
+  }
+  // One flipped bit of the counter.
+  EXPECT_EQ(tracker.place(65536.0, {0.01, 0.01}).outcome, CounterOutcome::stray);
+  // A unit that was switched off and on while the link was down: it goes on by the time that has passed, with a gap.
+  tracker.rejoin();
+  placed = tracker.place(7.0, {10.005, 10.005});
+  EXPECT_EQ(placed.outcome, CounterOutcome::gap);
+  EXPECT_EQ(placed.ahead, 2000);
+}
+
+TEST(CounterTracker, ATimeOfTheWeekIsACounter) {
+  CounterTracker tracker(0.01, 0.01, 604800.0);
+  tracker.accept(tracker.place(604799.985, {0, 0}), 604799.985, {0, 0});
+  // The unit's own clock drifts against the receiver's: steps of 0.010001 s, over the end of the week.
+  double raw = 604799.985;
+  std::int64_t last = tracker.last_counter();
+  for (int i = 1; i < 10000; ++i) {
+    raw += 0.010001;
+    if (raw >= 604800.0) raw -= 604800.0;
+    const PlacedCounter placed = tracker.place(raw, {0.01 * i, 0.01 * i});
+    ASSERT_EQ(placed.outcome, CounterOutcome::next) << i;
+    tracker.accept(placed, raw, {0.01 * i, 0.01 * i});
+    ASSERT_EQ(placed.counter, ++last);
+  }
+}
+
+TEST(CounterTracker, WithoutACounterOnlyBytesAndSilenceTell) {
+  CounterTracker tracker(0.005, 1.0, 0.0);
+  tracker.accept(tracker.place_uncounted(0.0, {1.0, 1.0}), 0.0, {1.0, 1.0});
+  EXPECT_EQ(tracker.place_uncounted(0.0, {1.02, 1.02}).ahead, 1);
+  EXPECT_EQ(tracker.place_uncounted(0.9, {1.01, 1.01}).ahead, 2);
+  EXPECT_EQ(tracker.place_uncounted(0.0, {2.0, 2.0}).ahead, 200);
+  EXPECT_EQ(tracker.place_uncounted(0.0, {1.0, 2.0}).ahead, 1);  // read late, not sent late
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,396 @@
+// Every fault of the list for IMUs, injected, and what becomes of it. The rule under test: no sample comes out that was not sent,
+// what is missing is counted, and what cannot go on is an error of kind device.
+// Faults of the capture file (full disk, kill -9, torn tail, second writer) stand in binary_recording_test, recording_damage_test
+// and atomic_file_test; hang-up, silence and reopening on a line in serial_imu_test.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "frame_streams.h"
+
+namespace turncal {
+namespace {
+
+using namespace test;  // NOLINT
+
+const FrameDescription& gyro_frame() {
+  static const FrameDescription frame = frame_named("laser_gyro");
+  return frame;
+}
+constexpr std::size_t size = 36;
+
+// Puts the right check behind what was changed on purpose.
+void seal(const FrameDescription& frame, std::span<std::byte> bytes) {
+  const std::uint32_t value = frame_check_value(frame.check, Crc(frame.check.crc), bytes);
+  FieldCodec(frame.check.field).put_bits_at(bytes.data() + check_offset(frame.check, bytes.size()), value);
+}
+
+// Damaged bytes: for each shipped description with pulses, a stream in which every so many frames something happens. The
+// number of frames that may be lost for one accident is given.
+enum class Damage { drop, insert, flip_bit, flip_burst };
+struct DamageResult {
+  std::size_t accidents = 0, missing = 0;
+  ImuLinkCounters counters;
+};
+DamageResult damaged(const FrameDescription& frame, Damage damage, unsigned seed, std::size_t every) {
+  const std::vector<ImuSample> sent = pulse_samples(4000, seed, 5);
+  const Bytes clean = encode_all(frame, sent);
+  const std::size_t length = clean.size() / sent.size();
+  std::mt19937_64 random(seed);
+  Bytes stream;
+  DamageResult result;
+  std::size_t next_accident = every * length;
+  for (std::size_t i = 0; i < clean.size(); ++i) {
+    if (i >= next_accident && i + every * length < clean.size()) {
+      ++result.accidents;
+      next_accident = i + every * length + random() % length;
+      switch (damage) {
+        case Damage::drop: i += 1 + random() % 3; break;
+        case Damage::insert:
+          for (std::size_t n = 1 + random() % 3; n > 0; --n) stream.push_back(static_cast<std::byte>(random()));
+          break;
+        case Damage::flip_bit: stream.push_back(clean[i++] ^ static_cast<std::byte>(1U << random() % 8)); break;
+        case Damage::flip_burst:
+          for (int n = 0; n < 2; ++n) stream.push_back(clean[i++] ^ static_cast<std::byte>(1 + random() % 255));
+          break;
+      }
+    }
+    stream.push_back(clean[i]);
+  }
+  Line line(frame);
+  for (std::size_t i = 0; i < stream.size(); i += length) {
+    line.time_s += frame.sample_period_s;
+    line.feed(std::span(stream).subspan(i, std::min(length, stream.size() - i)));
+  }
+  result.missing = expect_only_sent(line.samples, sent);
+  result.counters = line.decoder.counters();
+  EXPECT_FALSE(line.restarted);
+  // All that is missing between first and last is known to be missing.
+  const auto held = static_cast<std::size_t>(sent.back().counter - line.samples.back().counter);
+  EXPECT_EQ(result.counters.lost_samples, result.missing - held);
+  return result;
+}
+
+TEST(ImuFaults, DroppedInsertedAndFlippedBytesCostTheFramesTheyHit) {
+  for (const Damage damage : {Damage::drop, Damage::insert, Damage::flip_bit, Damage::flip_burst}) {
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+      const DamageResult result = damaged(gyro_frame(), damage, seed, 10);
+      EXPECT_GT(result.accidents, 300U);
+      // An insertion between two frames costs none, a burst over a border two.
+      EXPECT_LE(result.missing, result.accidents + result.accidents / 10) << static_cast<int>(damage);
+      EXPECT_GE(result.counters.bad_frames, result.accidents * 9 / 10);
+      EXPECT_GE(result.counters.resyncs, result.accidents * 9 / 10);
+    }
+  }
+}
+
+TEST(ImuFaults, AnEightBitSumIsHelpedByCounterAndNextSync) {
+  // What an 8-bit sum alone lets pass is 0.4 %; 10 x 390 accidents of each kind and none passes. Flips are of one bit: two
+  // changed bytes that cancel out in the sum nothing can tell.
+  const FrameDescription frame = frame_named("pulses_9966");
+  for (const Damage damage : {Damage::drop, Damage::insert, Damage::flip_bit}) {
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+      const DamageResult result = damaged(frame, damage, seed, 10);
+      // The frame before an accident is not believed either when the sync behind it was hit, nor one alone between two gaps.
+      EXPECT_LE(result.missing, 2 * result.accidents) << static_cast<int>(damage);
+    }
+  }
+}
+
+TEST(ImuFaults, BytesLostEverywhereLoseOneFrameEach) {
+  // As measured on a line: 168 dropped bytes lose 168 frames, when the search goes on at the second byte.
+  const std::vector<ImuSample> sent = pulse_samples(2000);
+  const Bytes clean = encode_all(gyro_frame(), sent);
+  Bytes stream;
+  std::size_t dropped = 0;
+  for (std::size_t i = 0; i < clean.size(); ++i) {
+    if (i % 428 == 17 && dropped < 168) {
+      ++dropped;
+      continue;
+    }
+    stream.push_back(clean[i]);
+  }
+  ASSERT_EQ(dropped, 168U);
+  Line line(gyro_frame());
+  for (std::size_t i = 0; i < stream.size(); i += size) {
+    line.time_s += 0.005;
+    line.feed(std::span(stream).subspan(i, std::min(size, stream.size() - i)));
+  }
+  EXPECT_EQ(expect_only_sent(line.samples, sent), 168U);
+}
+
+TEST(ImuFaults, SyncInsideAPayload) {
+  // Pulses that are the sync bytes, wherever they can stand, and begin in the middle of a frame.
+  std::vector<ImuSample> sent = pulse_samples(100);
+  std::int32_t both = 0;
+  std::memcpy(&both, "\xEB\x90\xEB\x90", 4);
+  for (ImuSample& sample : sent) {
+    sample.gyro.fill(both);
+    sample.accel.fill(both);
+  }
+  const Bytes clean = encode_all(gyro_frame(), sent);
+  for (std::size_t cut = 0; cut < size; ++cut) {
+    Line line(gyro_frame());
+    line.feed(std::span(clean).subspan(cut));
+    EXPECT_EQ(expect_only_sent(line.samples, sent), cut == 0 ? 0U : 1U) << cut;
+  }
+}
+
+TEST(ImuFaults, EveryReadSplit) {
+  for (const char* name : {"laser_gyro", "pulses_9966"}) {
+    const FrameDescription frame = frame_named(name);
+    const std::vector<ImuSample> sent = pulse_samples(300);
+    const Bytes clean = encode_all(frame, sent);
+    for (const std::size_t piece : {1, 2, 3, 7, 35, 37, 1000}) {
+      Line line(frame);
+      for (std::size_t i = 0; i < clean.size(); i += piece) {
+        line.feed(std::span(clean).subspan(i, std::min(piece, clean.size() - i)), {100.0, 102.0});
+      }
+      EXPECT_EQ(expect_only_sent(line.samples, sent), frame.check.weak() ? 1U : 0U) << piece;
+    }
+  }
+}
+
+TEST(ImuFaults, BadCheckWrongLengthWrongIdInMidStream) {
+  const FrameDescription frame = frame_named("novatel_rawimusx");
+  std::vector<ImuSample> sent = pulse_samples(9);
+  for (ImuSample& sample : sent) {
+    sample.temperature_c = std::numeric_limits<float>::quiet_NaN();
+    for (double& g : sample.gyro) g = std::ldexp(g, -33);
+    for (double& a : sample.accel) a = 0.3048 * std::ldexp(a, -27);
+  }
+  const Bytes clean = encode_all(frame, sent);
+  for (const std::size_t place : {52U, 3U, 4U}) {  // check, length, id
+    for (const bool sealed : {false, true}) {
+      if (sealed && place == 52U) continue;
+      Bytes stream = clean;
+      const std::span hit = std::span(stream).subspan(4 * 56, 56);
+      hit[place] ^= std::byte{1};
+      if (sealed) seal(frame, hit);
+      Line line(frame);
+      for (std::size_t i = 0; i < 9; ++i) {
+        line.time_s += 0.01;
+        line.feed(std::span(stream).subspan(i * 56, 56));
+      }
+      ASSERT_EQ(line.samples.size(), 8U) << place << sealed;
+      EXPECT_EQ(line.samples[4].counter - line.samples[3].counter, 2);
+      EXPECT_EQ(line.decoder.counters().lost_samples, 1U);
+      // A whole frame of another id with a right check is somebody else's; all else is bad.
+      EXPECT_EQ(line.decoder.counters().bad_frames, sealed && place == 4U ? 0U : 1U);
+    }
+  }
+}
+
+TEST(ImuFaults, AWholeFrameOfAnotherLengthIsNotReadAsOurs) {
+  // The id of RAWIMUSX, but shorter than its fields reach, with a check that is right.
+  const FrameDescription frame = frame_named("novatel_rawimusx");
+  Bytes shorter = from_hex("AA441310B6059C0678B9E21C000B9C060B9755A832941D4103158000000000000000");
+  shorter.resize(32);
+  shorter[3] = std::byte{16};
+  seal(frame, shorter);
+  Line line(frame);
+  line.feed(shorter);
+  line.feed(Bytes(40));
+  EXPECT_TRUE(line.samples.empty());
+  EXPECT_EQ(line.decoder.scan().frames, 0U);
+  EXPECT_EQ(line.decoder.scan().skipped_bytes, 72U);
+}
+
+TEST(ImuFaults, CounterWrapGapDuplicateAndBackwards) {
+  const std::int64_t wrap = 4294967296;
+  std::vector<ImuSample> sent = pulse_samples(100, 1, wrap - 50);
+  Line line(gyro_frame());
+  line.feed_frames(gyro_frame(), sent);
+  EXPECT_EQ(expect_only_sent(line.samples, sent), 0U);  // over the wrap
+
+  line.time_s += 0.05;
+  std::vector<ImuSample> later = pulse_samples(10, 2, wrap + 60);
+  line.feed_frames(gyro_frame(), later);
+  EXPECT_EQ(line.decoder.counters().lost_samples, 10U);
+  EXPECT_EQ(line.samples.back().counter, wrap + 69);
+
+  line.feed_frames(gyro_frame(), {later.back()});
+  EXPECT_EQ(line.decoder.counters().duplicates, 1U);
+  line.feed_frames(gyro_frame(), {later[3]});
+  EXPECT_EQ(line.decoder.strays(), 1U);
+  EXPECT_EQ(line.samples.size(), 110U);
+  later = pulse_samples(3, 3, wrap + 70);
+  line.feed_frames(gyro_frame(), later);
+  EXPECT_EQ(line.samples.size(), 113U);
+  EXPECT_FALSE(line.restarted);
+}
+
+TEST(ImuFaults, AUnitThatBeganAnewStopsTheDecoder) {
+  Line line(gyro_frame());
+  line.feed_frames(gyro_frame(), pulse_samples(100, 1, 70000));
+  line.time_s += 3.0;
+  line.feed_frames(gyro_frame(), pulse_samples(20, 2, 0));
+  EXPECT_TRUE(line.restarted);
+  EXPECT_EQ(line.samples.size(), 100U);  // not one of the new ones
+  // After reopening it goes on by the time that has passed, behind a gap.
+  line.restarted = false;
+  line.decoder.rejoin();
+  line.feed_frames(gyro_frame(), pulse_samples(20, 2, 20));
+  EXPECT_FALSE(line.restarted);
+  ASSERT_EQ(line.samples.size(), 120U);
+  EXPECT_EQ(line.samples[100].counter, 70099 + 621);  // 3 s and 21 frames
+}
+
+TEST(ImuFaults, GapBeyondWhatTheCounterCanTell) {
+  // A STIM300 wraps every 128 ms. Gaps of up to 20 s, arrival up to 16 ms late.
+  const FrameDescription frame = frame_named("stim300");
+  std::mt19937_64 random(4);
+  Line line(frame);
+  std::int64_t counter = 0;
+  for (int i = 0; i < 200; ++i) {
+    ImuSample sample;
+    sample.accel[2] = 9.8 * 0.002;
+    const std::int64_t jump = 1 + static_cast<std::int64_t>(random() % 10000);
+    counter += jump;
+    sample.counter = counter;
+    line.time_s += 0.002 * static_cast<double>(jump - 1);
+    const double late = 0.001 * static_cast<double>(random() % 17);
+    line.time_s += late;
+    line.feed_frames(frame, {sample});
+    line.time_s -= late;
+  }
+  ASSERT_EQ(line.samples.size(), 200U);
+  std::int64_t again = line.samples.front().counter;  // the same jumps from there
+  std::mt19937_64 same(4);
+  same();
+  same();
+  for (std::size_t i = 1; i < 200; ++i) {
+    again += 1 + static_cast<std::int64_t>(same() % 10000);
+    same();
+    ASSERT_EQ(line.samples[i].counter, again) << i;
+  }
+}
+
+TEST(ImuFaults, AnInvalidStatusIsKeptAndFlagged) {
+  for (const char* name : {"laser_gyro", "stim300", "kvh1750", "novatel_rawimusx"}) {
+    const FrameDescription frame = frame_named(name);
+    std::vector<ImuSample> sent(3);
+    for (std::size_t i = 0; i < 3; ++i) sent[i].counter = static_cast<std::int64_t>(i);
+    sent[1].flags = sample_flag_invalid;
+    Line line(frame);
+    line.feed_frames(frame, sent);
+    ASSERT_EQ(line.samples.size(), 3U) << name;
+    EXPECT_EQ(line.samples[0].flags, 0U) << name;
+    EXPECT_EQ(line.samples[1].flags, sample_flag_invalid) << name;
+    EXPECT_EQ(line.samples[2].flags, 0U) << name;
+    EXPECT_EQ(line.decoder.invalid(), 1U) << name;
+  }
+}
+
+TEST(ImuFaults, NotANumberIsNoSample) {
+  const FrameDescription frame = frame_named("kvh1750");
+  const std::vector<ImuSample> sent = [] {
+    std::vector<ImuSample> samples(5);
+    for (std::size_t i = 0; i < 5; ++i) samples[i].counter = static_cast<std::int64_t>(i);
+    for (ImuSample& sample : samples) sample.temperature_c = 40.0F;
+    return samples;
+  }();
+  Bytes stream = encode_all(frame, sent);
+  const std::uint32_t bad[] = {0x7FC00000, 0x7F800000, 0xFF800001};
+  for (const std::uint32_t bits : bad) {
+    for (const std::size_t place : {4U, 12U, 16U, 24U}) {
+      Bytes copy = stream;
+      const std::span hit = std::span(copy).subspan(2 * 36, 36);
+      for (std::size_t i = 0; i < 4; ++i) hit[place + i] = static_cast<std::byte>(bits >> (24 - 8 * i) & 0xFFU);
+      seal(frame, hit);
+      Line line(frame);
+      for (std::size_t i = 0; i < 5; ++i) {
+        line.time_s += 0.001;
+        line.feed(std::span(copy).subspan(i * 36, 36));
+      }
+      EXPECT_EQ(expect_only_sent(line.samples, sent), 1U);
+      EXPECT_EQ(line.decoder.counters().bad_frames, 1U);
+      EXPECT_EQ(line.decoder.counters().lost_samples, 1U);
+    }
+  }
+}
+
+TEST(ImuFaults, AnImpossibleNumberIsFlagged) {
+  const FrameDescription frame = frame_with("laser_gyro", {"gyro.range = -1000, 1000"});
+  std::vector<ImuSample> sent(2);
+  sent[0].gyro = {1000.0, -1000.0, 0.0};
+  sent[1].gyro = {0.0, 0.0, 1001.0};
+  sent[1].counter = 1;
+  Line line(frame);
+  line.feed_frames(frame, sent);
+  ASSERT_EQ(line.samples.size(), 2U);
+  EXPECT_EQ(line.samples[0].flags, 0U);
+  EXPECT_EQ(line.samples[1].flags, sample_flag_invalid);
+}
+
+TEST(ImuFaults, SignOf24BitsAndWrapOfCumulativeFields) {
+  const FrameDescription frame = frame_with("laser_gyro", {"gyro.type = i24", "gyro.offset = 6, 9, 12", "gyro.kind = cumulative",
+                                                           "accel.type = i24", "accel.offset = 18, 21, 24"});
+  std::vector<ImuSample> sent(200);
+  for (std::size_t i = 0; i < sent.size(); ++i) {
+    sent[i].counter = static_cast<std::int64_t>(i);
+    sent[i].gyro = {8388607.0, -8388607.0, static_cast<double>(i)};  // wraps every second frame, either way
+    sent[i].accel = {8388607.0, -8388608.0, -1.0};
+    sent[i].temperature_c = 20.0F;
+  }
+  Line line(frame);
+  line.feed_frames(frame, sent);
+  // The first frame is only where the count begins.
+  EXPECT_EQ(expect_only_sent(line.samples, sent), 1U);
+  // Behind a gap the whole gap's pulses would be in one row: no sample, one more lost.
+  line.time_s += 0.005;
+  for (ImuSample& sample : sent) sample.counter += 201;
+  line.feed_frames(frame, std::vector<ImuSample>(sent.begin(), sent.begin() + 3));
+  ASSERT_EQ(line.samples.size(), 199U + 2U);
+  EXPECT_EQ(line.samples[199].counter, 202);
+  EXPECT_EQ(line.decoder.counters().lost_samples, 2U);
+}
+
+TEST(ImuFaults, ACumulativeFieldMayWrapAtAModulusOfItsOwn) {
+  const FrameDescription frame = frame_with("laser_gyro", {"gyro.type = u32", "gyro.kind = cumulative", "gyro.modulus = 1000000"});
+  std::vector<ImuSample> sent(50);
+  for (std::size_t i = 0; i < sent.size(); ++i) {
+    sent[i].counter = static_cast<std::int64_t>(i);
+    sent[i].gyro = {400000.0, -400000.0, 1.0};
+    sent[i].temperature_c = 20.0F;
+  }
+  Line line(frame);
+  line.feed_frames(frame, sent);
+  EXPECT_EQ(expect_only_sent(line.samples, sent), 1U);
+}
+
+TEST(ImuFaults, BatchesAndClockStepsDoNotTouchTheCount) {
+  for (const char* name : {"laser_gyro", "pulses_9966"}) {
+    const FrameDescription frame = frame_named(name);
+    const std::vector<ImuSample> sent = pulse_samples(900);
+    const Bytes clean = encode_all(frame, sent);
+    const std::size_t length = clean.size() / sent.size();
+    Line line(frame);
+    for (std::size_t i = 0; i < sent.size(); i += 3) {
+      line.time_s += 0.015;
+      if (i == 300) line.time_s += 3600.0;
+      if (i == 600) line.time_s -= 7200.0;
+      line.feed(std::span(clean).subspan(i * length, 3 * length));
+    }
+    EXPECT_EQ(expect_only_sent(line.samples, sent), frame.check.weak() ? 1U : 0U) << name;
+    EXPECT_EQ(line.decoder.counters().lost_samples, 0U);
+    EXPECT_FALSE(line.restarted);
+  }
+}
+
+TEST(ImuFaults, NoiseAloneGivesNothing) {
+  // 4 MB of random bytes; with the weakest check a false frame needs sync, sum and the next sync, and a second one behind it.
+  std::mt19937_64 random(11);
+  Bytes noise(4 << 20);
+  for (std::byte& byte : noise) byte = static_cast<std::byte>(random());
+  for (const std::string_view name : builtin_frame_names()) {
+    Line line(frame_named(std::string(name)));
+    line.feed(noise);
+    EXPECT_TRUE(line.samples.empty()) << name;
+    EXPECT_FALSE(line.restarted) << name;
+  }
+}
+
+}  // namespace
+}  // namespace turncal

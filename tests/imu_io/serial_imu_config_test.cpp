@@ -1,0 +1,63 @@
+#include "imu_io/serial_imu_config.h"
+
+#include <gtest/gtest.h>
+
+#include "frame_streams.h"
+
+namespace turncal {
+namespace {
+
+using namespace test;  // NOLINT
+
+Result<SerialImuConfig> parse(const std::string& text, const std::string& name = "a.station") {
+  auto file = KeyValueFile::parse(text, name);
+  EXPECT_TRUE(file.ok());
+  auto config = read_serial_imu_config(*file);
+  if (config) {
+    if (Status status = file->check_all_used(); !status) return status.error();
+  }
+  return config;
+}
+
+TEST(SerialImuConfig, ReadsEveryKey) {
+  const auto config = parse("imu.device = /dev/serial/by-id/x\nimu.frame = laser_gyro\nimu.unit_serial = RLG-7\nimu.baud = 460800\n"
+                            "imu.accel_pulse_mps = 0.00049\nimu.simulated = true\nimu.speedup = 20\n");
+  ASSERT_OK(config);
+  EXPECT_EQ(config->settings.device, "/dev/serial/by-id/x");
+  EXPECT_EQ(config->frame.name, "laser_gyro");
+  EXPECT_EQ(config->settings.unit_serial, "RLG-7");
+  EXPECT_EQ(config->frame.line.baud, 460800U);
+  EXPECT_EQ(config->settings.speedup, 20.0);
+  RecordingInfo info;
+  SerialImu(config->frame, config->settings).describe(info);
+  EXPECT_EQ(info.accel_pulse_mps, 0.00049);
+  EXPECT_TRUE(info.simulated);
+}
+
+TEST(SerialImuConfig, AFileIsRelativeToTheStationFile) {
+  const TemporaryFolder folder;
+  write_file(folder / "own.frame", std::string(builtin_frame_text("stim300")));
+  const auto config = parse("imu.device = /dev/x\nimu.frame = own.frame\n", folder / "a.station");
+  ASSERT_OK(config);
+  EXPECT_EQ(config->frame.name, "stim300");
+  EXPECT_EQ(config->frame.line.baud, 921600U);
+  RecordingInfo info;
+  SerialImu(config->frame, config->settings).describe(info);
+  EXPECT_FALSE(info.simulated);
+}
+
+TEST(SerialImuConfig, OneLineForEachMistake) {
+  EXPECT_ERROR(parse("imu.frame = laser_gyro\n"), "a.station: key 'imu.device' is missing: expected a text");
+  EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = laser_gyro\nimu.speedup = 20\n"),
+               "a.station:3: key 'imu.speedup' = '20': expected 1 unless imu.simulated is true");
+  EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = stim300\nimu.accel_pulse_mps = 1\n"),
+               "a.station:3: key 'imu.accel_pulse_mps' = '1': expected no such key: the frame's accelerometers do not send pulses");
+  const auto unknown = parse("imu.device = /dev/x\nimu.frame = stim\n");
+  ASSERT_FALSE(unknown.ok());
+  EXPECT_TRUE(unknown.error().message.starts_with(
+      "a.station:2: key 'imu.frame' = 'stim': expected a built-in frame or a file: frame 'stim' is not known"))
+      << unknown.error().message;
+}
+
+}  // namespace
+}  // namespace turncal

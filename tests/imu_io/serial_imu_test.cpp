@@ -1,0 +1,309 @@
+// A unit on a pseudo-terminal: the whole path from the line to the samples, and the faults that only a line has.
+#include "imu_io/serial_imu.h"
+
+#include <gtest/gtest.h>
+#include <time.h>
+
+#include <atomic>
+#include <thread>
+
+#include "frame_streams.h"
+#include "imu_io/deadline.h"
+#include "imu_io/frame_streamer.h"
+#include "imu_io/pty.h"
+
+namespace turncal {
+namespace {
+
+using namespace test;  // NOLINT
+
+// Samples with pulses that tell their counter, as fast as they are asked for.
+class CountingSource : public ImuSource {
+ public:
+  Status open() override { return {}; }
+  Result<ImuIdentity> identify() override { return ImuIdentity{}; }
+  void describe(RecordingInfo& info) const override {
+    info.sample_period_s = 0.005;
+    info.accel_pulse_mps = 0.0005;
+  }
+  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
+    const auto n = std::min(out.size(), static_cast<std::size_t>(timeout_s / 0.005 + 0.5));
+    for (std::size_t i = 0; i < n; ++i) out[i] = sample(next_++);
+    return n;
+  }
+  ImuLinkCounters counters() const override { return {}; }
+  void close() override {}
+  static ImuSample sample(std::int64_t counter) {
+    ImuSample result;
+    result.counter = counter;
+    const auto n = static_cast<double>(counter);
+    result.gyro = {n, -n, 3.0 * n};
+    result.accel = {2.0 * n, 1.0, -n};
+    result.temperature_c = 25.0F;
+    return result;
+  }
+
+ private:
+  std::int64_t next_ = 0;
+};
+
+struct SerialImuTest : testing::Test {
+  TemporaryFolder folder;
+  std::string link = folder / "imu";
+  FrameDescription frame = frame_named("laser_gyro");
+  Pty pty;
+  SerialImuSettings settings;
+  std::vector<ImuSample> samples;
+  FrameEncoder encoder{frame};
+
+  void SetUp() override {
+    settings.device = link;
+    settings.unit_serial = "RLG-1";
+    plug();
+  }
+  void plug() {
+    auto made = Pty::create(link);
+    ASSERT_OK(made);
+    pty = std::move(*made);
+  }
+  void send(std::int64_t first, std::int64_t count) {
+    for (std::int64_t i = first; i < first + count; ++i) send(CountingSource::sample(i));
+  }
+  void send(const ImuSample& sample) {
+    Bytes bytes(encoder.length());
+    ASSERT_OK(encoder.encode(sample, bytes));
+    ASSERT_OK(pty.write_all(bytes, 1.0));
+  }
+  // Reads until nothing came for 30 ms.
+  Status drain(SerialImu& imu) {
+    std::array<ImuSample, 64> block;
+    for (;;) {
+      const auto n = imu.read(block, 0.03);
+      if (!n) return n.error();
+      if (*n == 0) return {};
+      samples.insert(samples.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*n));
+    }
+  }
+  void expect_true_samples() const {
+    for (const ImuSample& sample : samples) EXPECT_EQ(sample.gyro, CountingSource::sample(sample.counter).gyro);
+  }
+};
+
+TEST_F(SerialImuTest, DeliversWhatTheUnitSends) {
+  SerialImu imu(frame, settings);
+  ASSERT_OK(imu.open());
+  const auto identity = imu.identify();
+  ASSERT_OK(identity);
+  EXPECT_EQ(identity->unit_serial, "RLG-1");
+  EXPECT_EQ(identity->description, "laser_gyro on " + link + " 115200 8N1");
+  RecordingInfo info;
+  imu.describe(info);
+  EXPECT_EQ(info.sample_period_s, 0.005);
+  EXPECT_EQ(info.gyro_increment, IncrementKind::pulses);
+  EXPECT_EQ(info.accel_pulse_mps, 0.0005);
+  EXPECT_TRUE(info.has_temperature);
+  send(0, 50);
+  ASSERT_OK(drain(imu));
+  ASSERT_EQ(samples.size(), 50U);
+  for (std::int64_t i = 0; i < 50; ++i) EXPECT_TRUE(same_values(samples[static_cast<std::size_t>(i)], CountingSource::sample(i)));
+  EXPECT_EQ(imu.counters().samples, 50U);
+  EXPECT_EQ(imu.counters().bad_frames, 0U);
+}
+
+TEST_F(SerialImuTest, ASmallBlockLeavesTheRestForTheNextRead) {
+  SerialImu imu(frame, settings);
+  ASSERT_OK(imu.open());
+  send(0, 10);
+  std::array<ImuSample, 3> block;
+  std::int64_t next = 0;
+  while (next < 10) {
+    const auto n = imu.read(block, 0.2);
+    ASSERT_OK(n);
+    ASSERT_GT(*n, 0U);
+    for (std::size_t i = 0; i < *n; ++i) EXPECT_EQ(block[i].counter, next++);
+  }
+}
+
+TEST_F(SerialImuTest, SilenceIsNoSampleAndNoError) {
+  SerialImu imu(frame, settings);
+  ASSERT_OK(imu.open());
+  std::array<ImuSample, 8> block;
+  const double began = monotonic_s();
+  const auto n = imu.read(block, 0.1);
+  ASSERT_OK(n);
+  EXPECT_EQ(*n, 0U);
+  EXPECT_GE(monotonic_s() - began, 0.1);
+  EXPECT_LT(monotonic_s() - began, 1.0);
+}
+
+TEST_F(SerialImuTest, AHangUpInMidFrameIsADeviceErrorAndTheCounterGoesOnAfterwards) {
+  SerialImu imu(frame, settings);
+  ASSERT_OK(imu.open());
+  send(100, 20);
+  ASSERT_OK(drain(imu));
+  Bytes half(encoder.length());
+  ASSERT_OK(encoder.encode(CountingSource::sample(120), half));
+  ASSERT_OK(pty.write_all(std::span<const std::byte>(half).first(20), 1.0));
+  std::array<ImuSample, 8> block;
+  ASSERT_OK(imu.read(block, 0.01));
+  pty.unplug();
+  const auto n = imu.read(block, 1.0);
+  ASSERT_FALSE(n.ok());
+  EXPECT_EQ(n.error().kind, ErrorKind::device);
+  EXPECT_EQ(n.error().message, link + ": unplugged");
+  EXPECT_EQ(imu.read(block, 0.1).error().message, link + ": read before open");
+  EXPECT_ERROR(imu.open(), link + ": cannot open: No such file or directory");
+
+  plug();
+  ASSERT_OK(imu.open());
+  // The second half of a frame, and then whole ones.
+  ASSERT_OK(pty.write_all(std::span<const std::byte>(half).subspan(20), 1.0));
+  send(150, 20);
+  ASSERT_OK(drain(imu));
+  ASSERT_EQ(samples.size(), 40U);
+  EXPECT_EQ(samples[20].counter, 150);
+  EXPECT_EQ(imu.counters().lost_samples, 30U);
+  expect_true_samples();
+}
+
+TEST_F(SerialImuTest, AUnitThatWasSwitchedOffIsADeviceError) {
+  SerialImu imu(frame, settings);
+  ASSERT_OK(imu.open());
+  send(50000, 20);
+  ASSERT_OK(drain(imu));
+  send(0, 20);
+  const Status status = drain(imu);
+  EXPECT_ERROR(status, link + ": the unit's counter began anew after sample 50019: it was switched off or reset");
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().kind, ErrorKind::device);
+  EXPECT_EQ(samples.size(), 20U);
+  // Asked to go on, it does, behind a gap as long as the time that has passed.
+  const double before_s = monotonic_s();
+  ASSERT_OK(imu.open());
+  send(30, 20);
+  ASSERT_OK(drain(imu));
+  ASSERT_EQ(samples.size(), 40U);
+  EXPECT_GT(samples[20].counter, 50020);
+  EXPECT_LT(samples[20].counter, 50020 + static_cast<std::int64_t>((monotonic_s() - before_s + 1.0) / 0.005));
+  EXPECT_EQ(samples[39].counter - samples[20].counter, 19);
+}
+
+TEST_F(SerialImuTest, IsHeldByOneAlone) {
+  SerialImu first(frame, settings);
+  SerialImu second(frame, settings);
+  ASSERT_OK(first.open());
+  const Status status = second.open();
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().kind, ErrorKind::device);
+  first.close();
+  ASSERT_OK(second.open());
+}
+
+TEST_F(SerialImuTest, WhatHadArrivedBeforeOpeningIsOld) {
+  SerialImu imu(frame, settings);
+  ASSERT_OK(imu.open());
+  send(0, 10);
+  imu.close();
+  ASSERT_OK(imu.open());
+  send(40, 10);
+  ASSERT_OK(drain(imu));
+  ASSERT_EQ(samples.size(), 10U);
+  EXPECT_EQ(samples[0].counter, 40);
+}
+
+// A counter of 64 samples at 200 Hz wraps every 0.32 s: only the time tells more.
+FrameDescription narrow_frame() { return frame_with("laser_gyro", {"counter.type = u8", "counter.modulus = 64"}); }
+
+TEST_F(SerialImuTest, ASilenceOfMoreThanAWrapIsMeasured) {
+  frame = narrow_frame();
+  encoder = FrameEncoder(frame);
+  SerialImu imu(frame, settings);
+  ASSERT_OK(imu.open());
+  send(0, 10);
+  ASSERT_OK(drain(imu));
+  const double silent_from_s = monotonic_s() - 0.03;  // drain() waited
+  while (monotonic_s() - silent_from_s < 0.7) ASSERT_OK(drain(imu));
+  const auto missing = static_cast<std::int64_t>((monotonic_s() - silent_from_s) / 0.005);
+  send(10 + missing, 10);
+  ASSERT_OK(drain(imu));
+  ASSERT_EQ(samples.size(), 20U);
+  EXPECT_EQ(samples[10].counter, 10 + missing);
+  EXPECT_EQ(imu.counters().lost_samples, static_cast<std::uint64_t>(missing));
+}
+
+TEST_F(SerialImuTest, AReaderThatWasAwayForMoreThanAWrapLosesNothing) {
+  frame = narrow_frame();
+  encoder = FrameEncoder(frame);
+  SerialImu imu(frame, settings);
+  ASSERT_OK(imu.open());
+  send(0, 10);
+  ASSERT_OK(drain(imu));
+  for (std::int64_t i = 10; i < 80; ++i) {  // 0.7 s of frames, unread: 2.5 kB, less than the kernel holds
+    send(i, 1);
+    const timespec pause{0, 10'000'000};
+    ::nanosleep(&pause, nullptr);
+  }
+  ASSERT_OK(drain(imu));
+  ASSERT_EQ(samples.size(), 80U);
+  EXPECT_EQ(samples.back().counter, 79);
+  EXPECT_EQ(imu.counters().lost_samples, 0U);
+}
+
+TEST_F(SerialImuTest, AWrongRateIsFoundOut) {
+  // 100 Hz where the description says 200: after 10 s of the unit's own count, here sent with the clock of an arrival of its own.
+  FrameDescription fast = frame;
+  fast.sample_period_s = 0.5;  // says 2 Hz; frames come every 5 ms
+  SerialImu imu(fast, settings);
+  ASSERT_OK(imu.open());
+  Status status;
+  for (std::int64_t i = 0; i < 60 && status.ok(); ++i) {
+    send(i, 1);
+    status = [&]() -> Status {
+      std::array<ImuSample, 8> block;
+      const auto n = imu.read(block, 0.05);
+      if (!n) return n.error();
+      return {};
+    }();
+  }
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().kind, ErrorKind::device);
+  EXPECT_NE(status.error().message.find("the frame description says every 0.5 s"), std::string::npos) << status.error().message;
+}
+
+TEST_F(SerialImuTest, StreamedFramesComeAtTheUnitsPace) {
+  CountingSource source;
+  FrameStreamer streamer(source, frame, pty, 20.0);  // 4000 frames a second
+  settings.speedup = 20.0;
+  SerialImu imu(frame, settings);
+  ASSERT_OK(imu.open());
+  const double began_s = monotonic_s();
+  ASSERT_OK(streamer.start(began_s));
+  std::atomic<bool> stop = false;
+  Status sent;
+  std::thread unit([&] { sent = streamer.run(0.5, stop); });
+  std::array<ImuSample, 64> block;
+  const Deadline deadline(0.7);
+  while (!deadline.passed()) {
+    const auto n = imu.read(block, 0.05);
+    ASSERT_OK(n);
+    samples.insert(samples.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*n));
+  }
+  unit.join();
+  ASSERT_OK(sent);
+  EXPECT_EQ(streamer.batches_dropped(), 0U);
+  ASSERT_EQ(samples.size(), streamer.frames_sent());
+  EXPECT_GT(samples.size(), 1500U);
+  EXPECT_LE(static_cast<double>(samples.size()), (monotonic_s() - began_s) * 4000.0);
+  EXPECT_EQ(imu.counters().lost_samples, 0U);
+  EXPECT_EQ(imu.counters().bad_frames, 0U);
+  expect_true_samples();
+}
+
+TEST_F(SerialImuTest, AStreamerRefusesASourceThatDoesNotFit) {
+  CountingSource source;
+  FrameStreamer wrong(source, frame_named("stim300"), pty, 1.0);
+  EXPECT_ERROR(wrong.start(0.0), "stim300: the frame's sample period of 0.002 s is not the source's");
+}
+
+}  // namespace
+}  // namespace turncal
