@@ -1,0 +1,198 @@
+#include "imu_io/serial_port.h"
+
+#include <gtest/gtest.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <array>
+#include <string>
+#include <thread>
+
+#include "imu_io/deadline.h"
+#include "imu_io/pty.h"
+#include "tests/imu_io/temporary_folder.h"
+
+namespace turncal {
+namespace {
+
+using test::TemporaryFolder;
+
+SerialSettings on(const Pty& pty, std::uint32_t baud = 115200) {
+  SerialSettings settings;
+  settings.device = pty.device();
+  settings.baud = baud;
+  return settings;
+}
+
+std::string read_text(SerialPort& port, double timeout_s = 0.5) {
+  std::array<std::byte, 64> bytes;
+  const auto n = port.read(bytes, timeout_s);
+  EXPECT_TRUE(n.ok()) << n.error().message;
+  return n ? std::string(reinterpret_cast<const char*>(bytes.data()), *n) : "";
+}
+
+TEST(SerialPort, CarriesEveryByteUnchanged) {
+  auto pty = Pty::create();
+  ASSERT_TRUE(pty.ok()) << pty.error().message;
+  auto port = SerialPort::open(on(*pty, 230400));
+  ASSERT_TRUE(port.ok()) << port.error().message;
+  std::string all;
+  for (int i = 0; i < 256; ++i) all += static_cast<char>(i);
+  ASSERT_TRUE(pty->write_all(all, 1.0).ok());
+  std::string got;
+  for (int i = 0; i < 100 && got.size() < all.size(); ++i) got += read_text(*port);
+  EXPECT_EQ(got, all);
+  ASSERT_TRUE(port->write_all(all, 1.0).ok());
+  got.clear();
+  std::array<std::byte, 64> bytes;
+  for (int i = 0; i < 100 && got.size() < all.size(); ++i) {
+    const auto n = pty->read(bytes, 0.5);
+    ASSERT_TRUE(n.ok());
+    got.append(reinterpret_cast<const char*>(bytes.data()), *n);
+  }
+  EXPECT_EQ(got, all);
+}
+
+TEST(SerialPort, TakesAnyRate) {
+  auto pty = Pty::create();
+  ASSERT_TRUE(pty.ok());
+  for (const std::uint32_t baud : {9600U, 230400U, 921600U, 1843200U, 123457U}) {
+    auto port = SerialPort::open(on(*pty, baud));
+    ASSERT_TRUE(port.ok()) << port.error().message;
+  }
+}
+
+TEST(SerialPort, NamesTheDeviceThatIsMissingForbiddenOrNoSerialPort) {
+  SerialSettings settings;
+  settings.device = "/dev/serial/by-id/not-there";
+  auto port = SerialPort::open(settings);
+  ASSERT_FALSE(port.ok());
+  EXPECT_EQ(port.error().kind, ErrorKind::device);
+  EXPECT_EQ(port.error().message, "/dev/serial/by-id/not-there: cannot open: No such file or directory");
+  settings.device = "/dev/null";
+  port = SerialPort::open(settings);
+  ASSERT_FALSE(port.ok());
+  EXPECT_EQ(port.error().message, "/dev/null: not a serial port");
+}
+
+TEST(SerialPort, IsHeldByOneAlone) {
+  auto pty = Pty::create();
+  ASSERT_TRUE(pty.ok());
+  {
+    auto first = SerialPort::open(on(*pty));
+    ASSERT_TRUE(first.ok());
+    for (int i = 0; i < 2; ++i) {  // the first refusal must not open the door
+      auto second = SerialPort::open(on(*pty));
+      ASSERT_FALSE(second.ok());
+      EXPECT_EQ(second.error().kind, ErrorKind::device);
+      EXPECT_NE(second.error().message.find("in use by another"), std::string::npos) << second.error().message;
+    }
+    int exclusive = 0;
+    ASSERT_EQ(::ioctl(first->descriptor(), TIOCGEXCL, &exclusive), 0);
+    EXPECT_EQ(exclusive, 1);
+  }
+  EXPECT_TRUE(SerialPort::open(on(*pty)).ok());
+}
+
+TEST(SerialPort, WaitsNoLongerThanItWasTold) {
+  auto pty = Pty::create();
+  ASSERT_TRUE(pty.ok());
+  auto port = SerialPort::open(on(*pty));
+  ASSERT_TRUE(port.ok());
+  const double began = monotonic_s();
+  EXPECT_EQ(read_text(*port, 0.05), "");
+  const double took = monotonic_s() - began;
+  EXPECT_GE(took, 0.05);
+  EXPECT_LT(took, 0.5);
+  // Nobody reads on the other side: the kernel's buffers fill up.
+  const std::string much(1 << 20, 'x');
+  const Status sent = port->write_all(much, 0.05);
+  ASSERT_FALSE(sent.ok());
+  EXPECT_NE(sent.error().message.find("could not be sent in time"), std::string::npos) << sent.error().message;
+}
+
+TEST(SerialPort, SeesTheHangUpWhileItWaits) {
+  auto pty = Pty::create();
+  ASSERT_TRUE(pty.ok());
+  auto port = SerialPort::open(on(*pty));
+  ASSERT_TRUE(port.ok());
+  std::thread puller([&] {
+    ::usleep(30000);
+    pty->unplug();
+  });
+  std::array<std::byte, 16> bytes;
+  const double began = monotonic_s();
+  const auto n = port->read(bytes, 5.0);
+  puller.join();
+  EXPECT_LT(monotonic_s() - began, 2.0);
+  ASSERT_FALSE(n.ok());
+  EXPECT_EQ(n.error().kind, ErrorKind::device);
+  EXPECT_NE(n.error().message.find("unplugged"), std::string::npos) << n.error().message;
+  const Status sent = port->write_all("x", 0.1);
+  ASSERT_FALSE(sent.ok());
+  EXPECT_NE(sent.error().message.find("unplugged"), std::string::npos) << sent.error().message;
+}
+
+TEST(SerialPort, ComesBackUnderTheSameName) {
+  const TemporaryFolder folder;
+  const std::string link = folder.path() + "/port";
+  auto pty = Pty::create(link);
+  ASSERT_TRUE(pty.ok()) << pty.error().message;
+  SerialSettings settings;
+  settings.device = link;
+  auto port = SerialPort::open(settings);
+  ASSERT_TRUE(port.ok());
+  pty->unplug();
+  EXPECT_FALSE(SerialPort::open(settings).ok());
+  pty = Pty::create(link);
+  ASSERT_TRUE(pty.ok());
+  port = SerialPort::open(settings);
+  ASSERT_TRUE(port.ok()) << port.error().message;
+  ASSERT_TRUE(pty->write_all("back", 1.0).ok());
+  EXPECT_EQ(read_text(*port), "back");
+}
+
+TEST(SerialPort, ThrowsAwayOldInput) {
+  auto pty = Pty::create();
+  ASSERT_TRUE(pty.ok());
+  auto port = SerialPort::open(on(*pty));
+  ASSERT_TRUE(port.ok());
+  ASSERT_TRUE(pty->write_all("old", 1.0).ok());
+  const auto quiet = port->discard_until_quiet(0.05, 1.0);
+  ASSERT_TRUE(quiet.ok());
+  EXPECT_TRUE(*quiet);
+  ASSERT_TRUE(pty->write_all("new", 1.0).ok());
+  EXPECT_EQ(read_text(*port), "new");
+  EXPECT_FALSE(port->line_errors().has_value());  // a pty does not count
+}
+
+TEST(SerialPort, ALineThatNeverIsQuietIsToldApart) {
+  auto pty = Pty::create();
+  ASSERT_TRUE(pty.ok());
+  auto port = SerialPort::open(on(*pty));
+  ASSERT_TRUE(port.ok());
+  std::thread talker([&] {
+    for (int i = 0; i < 40; ++i) {
+      EXPECT_TRUE(pty->write_all("x", 1.0).ok());
+      ::usleep(5000);
+    }
+  });
+  const auto quiet = port->discard_until_quiet(0.1, 0.1);
+  talker.join();
+  ASSERT_TRUE(quiet.ok());
+  EXPECT_FALSE(*quiet);
+}
+
+TEST(Pty, WhatIsSentToNobodyIsLost) {
+  auto pty = Pty::create();
+  ASSERT_TRUE(pty.ok());
+  EXPECT_FALSE(pty->has_peer());
+  ASSERT_TRUE(pty->write_all(std::string(1 << 20, 'x'), 0.0).ok());
+  auto port = SerialPort::open(on(*pty));
+  ASSERT_TRUE(port.ok());
+  EXPECT_TRUE(pty->has_peer());
+  EXPECT_EQ(read_text(*port, 0.05), "");
+}
+
+}  // namespace
+}  // namespace turncal
