@@ -11,6 +11,7 @@ namespace {
 
 constexpr double stop_ack_s = 0.025;  // three axes: within 100 ms of the request with all else
 constexpr int homing_guard_polls = 3;
+constexpr double shortest_rate_interval_s = 0.05;  // of a rate from two positions: one count in 1 ms would be a motion
 constexpr double jump_margin_deg = 1.0;  // between two readings, beside what the rate allows
 
 std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
@@ -117,14 +118,18 @@ AxisStatus ModbusTurntable::status_from(Axis axis, const std::vector<std::uint16
     const auto from = static_cast<std::size_t>(map_.rate->address - map_.status_address);
     report.rate_degps = scale.sign * decode_words(std::span(block).subspan(from), map_.rate->type, map_.layout) /
                         scale.measured_rate_scale;
-  } else if (memory.position_deg && now_s > memory.read_s) {
-    report.rate_degps = (position_deg - *memory.position_deg) / (now_s - memory.read_s);
   } else {
+    if (now_s - memory.rate_base_s >= shortest_rate_interval_s) {
+      if (std::isfinite(memory.rate_base_s)) {
+        memory.rate_degps = (position_deg - memory.rate_base_deg) / (now_s - memory.rate_base_s);
+      }
+      memory.rate_base_deg = position_deg;
+      memory.rate_base_s = now_s;
+    }
     report.rate_degps = memory.rate_degps;  // unknown at first, which is "not arrived"
   }
   memory.position_deg = position_deg;
   memory.read_s = now_s;
-  memory.rate_degps = report.rate_degps;
 
   report.enabled = enable_called_ && bit(block, DriveBit::enabled).value_or(false);
   report.moving = bit(block, DriveBit::moving).value_or(!(std::abs(report.rate_degps) <= map_.moving_rate_degps));
@@ -163,27 +168,31 @@ AxisStatus ModbusTurntable::status_from(Axis axis, const std::vector<std::uint16
   return report;
 }
 
-Status ModbusTurntable::beat(Axis axis) {
+Status ModbusTurntable::beat() {
   if (!map_.heartbeat_address) return {};
-  AxisMemory& memory = memory_[index(axis)];
   const double now_s = clock_.now_s();
-  if (now_s - memory.heartbeat_s < map_.heartbeat_period_s) return {};
   // Another value each time, so that a drive can tell it from one that is stuck.
   const auto value = static_cast<std::uint16_t>(1 + static_cast<long long>(now_s / map_.heartbeat_period_s) % 0xFFFF);
-  const MapAxis& place = map_.of(axis);
-  if (Status status = link_.write(place.unit, map_.write_function, *map_.heartbeat_address + place.address_offset,
-                                  std::span(&value, 1));
-      !status) {
-    return Error{status.error().kind, axis_error(axis, "heartbeat: " + status.error().message).message};
+  Status first_failure;
+  for (const Axis axis : all_axes) {
+    AxisMemory& memory = memory_[index(axis)];
+    if (now_s - memory.heartbeat_s < map_.heartbeat_period_s) continue;
+    const MapAxis& place = map_.of(axis);
+    const Status status = link_.write(place.unit, map_.write_function, *map_.heartbeat_address + place.address_offset,
+                                      std::span(&value, 1));
+    if (status) {
+      memory.heartbeat_s = now_s;
+    } else if (first_failure) {
+      first_failure = Error{status.error().kind, axis_error(axis, "heartbeat: " + status.error().message).message};
+    }
   }
-  memory.heartbeat_s = now_s;
-  return {};
+  return first_failure;
 }
 
 Result<AxisStatus> ModbusTurntable::status(Axis axis) {
   if (Status status = connected(); !status) return status.error();
   // A heartbeat that was not acknowledged is due again; the reading says whether the drive is there.
-  Status heartbeat = beat(axis);
+  const Status heartbeat = beat();
   double seen_deg = 0.0;
   for (int i = 0; i <= map_.link.read_retries; ++i) {
     const Result<std::vector<std::uint16_t>> block = read_block(axis);
@@ -301,7 +310,8 @@ Status ModbusTurntable::check_ready(Axis axis, const AxisStatus& now) const {
   if (now.emergency_stop) return axis_error(axis, "emergency stop is pressed" + text);
   if (now.fault) return axis_error(axis, "drive fault: expected it cleared" + text);
   if (!now.remote) return axis_error(axis, "not in remote mode");
-  if (now.moving) return axis_error(axis, "a motion is under way: expected it finished or stopped");
+  // A rate that is not known yet, at the first reading of a drive that does not tell, is no motion seen.
+  if (now.moving && !std::isnan(now.rate_degps)) return axis_error(axis, "a motion is under way: expected it finished or stopped");
   return {};
 }
 

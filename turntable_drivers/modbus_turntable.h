@@ -8,7 +8,7 @@
 //   says anything but enabled, homed, at rest, without fault, in remote.
 // - stop_all() and abort_all() go to every axis at once, each waiting at most stop_ack_s for the answer; those that did not answer
 //   are asked again, after the line was read empty. They also go out on a link that counts as lost.
-// - The heartbeat, if the map has one, is written with the status readings, when it is due.
+// - The heartbeat, if the map has one, is written to every drive with any status reading, when it is due.
 // - homed is believed only after the homing was seen to begin, or three readings after the command.
 //
 // Not modelled: restarting a drive's own programs, torque limits. One thread.
@@ -50,7 +50,8 @@ class ModbusTurntable : public Turntable {
   struct AxisMemory {
     std::optional<double> position_deg;  // last believed, cumulative
     double read_s = 0.0;
-    double rate_degps = std::numeric_limits<double>::quiet_NaN();
+    double rate_degps = std::numeric_limits<double>::quiet_NaN();  // of a drive without a rate register
+    double rate_base_deg = 0.0, rate_base_s = -std::numeric_limits<double>::infinity();
     bool arrived_seen = false;           // of a pulse
     int homing_polls = 0;                // readings for which homed is not believed
     bool homing_seen = false;
@@ -60,7 +61,7 @@ class ModbusTurntable : public Turntable {
   };
   Error axis_error(Axis axis, const std::string& what) const;
   Status connected() const;
-  Status beat(Axis axis);
+  Status beat();  // to every drive whose heartbeat is due
   Result<std::vector<std::uint16_t>> read_block(Axis axis);
   double raw_counts(const std::vector<std::uint16_t>& block, WordLayout layout) const;
   std::optional<bool> bit(const std::vector<std::uint16_t>& block, DriveBit which) const;

@@ -153,7 +153,9 @@ void read_axes(KeyValueFile& file, RegisterMap& map) {
     MapAxis& axis = map.axis[static_cast<std::size_t>(which)];
     const std::string prefix = "axis." + std::string(to_string(which)) + ".";
     axis.unit = static_cast<int>(file.integer(prefix + "unit", 1, 247));
-    axis.address_offset = static_cast<int>(file.integer_or(prefix + "address_offset", 0, 0, 65535));
+    if (file.has(prefix + "address_offset")) {
+      axis.address_offset = static_cast<int>(hex_or_decimal(file, prefix + "address_offset", 0, 65535));
+    }
     axis.counts_per_degree = file.number(prefix + "counts_per_degree", positive);
     axis.sign = file.one_of_or(prefix + "sign", "1", {"1", "-1"}) == "-1" ? -1 : 1;
     axis.zero_deg = file.number_or(prefix + "zero_deg", 0.0, between(-360.0, 360.0));
