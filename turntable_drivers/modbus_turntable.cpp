@@ -10,9 +10,6 @@ namespace turncal {
 namespace {
 
 constexpr double stop_ack_s = 0.025;  // three axes: within 100 ms of the request with all else
-constexpr int homing_guard_polls = 3;
-constexpr double shortest_rate_interval_s = 0.05;  // of a rate from two positions: one count in 1 ms would be a motion
-constexpr double jump_margin_deg = 1.0;  // between two readings, beside what the rate allows
 
 std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
 
@@ -100,11 +97,7 @@ std::optional<double> ModbusTurntable::believed_position(Axis axis, const std::v
   if (scale.modulo_deg > 0.0 && std::isfinite(position_deg)) {
     position_deg = unwrapped_deg(position_deg, memory.position_deg.value_or(0.0), scale.modulo_deg);
   }
-  if (!(std::abs(position_deg) <= map_.plausible_deg)) return {};
-  if (memory.position_deg && memory.homed) {
-    const double reach_deg = jump_margin_deg + map_.plausible_rate_degps * std::max(0.0, now_s - memory.read_s);
-    if (!(std::abs(position_deg - *memory.position_deg) <= reach_deg)) return {};
-  }
+  if (!memory.believable(position_deg, now_s, map_.plausible_deg, map_.plausible_rate_degps)) return {};
   return position_deg;
 }
 
@@ -114,22 +107,13 @@ AxisStatus ModbusTurntable::status_from(Axis axis, const std::vector<std::uint16
   const MapAxis& scale = map_.of(axis);
   AxisStatus report;
   report.position_deg = position_deg;
+  memory.note(position_deg, now_s);
+  report.rate_degps = memory.rate_degps;
   if (map_.rate) {
     const auto from = static_cast<std::size_t>(map_.rate->address - map_.status_address);
     report.rate_degps = scale.sign * decode_words(std::span(block).subspan(from), map_.rate->type, map_.layout) /
                         scale.measured_rate_scale;
-  } else {
-    if (now_s - memory.rate_base_s >= shortest_rate_interval_s) {
-      if (std::isfinite(memory.rate_base_s)) {
-        memory.rate_degps = (position_deg - memory.rate_base_deg) / (now_s - memory.rate_base_s);
-      }
-      memory.rate_base_deg = position_deg;
-      memory.rate_base_s = now_s;
-    }
-    report.rate_degps = memory.rate_degps;  // unknown at first, which is "not arrived"
   }
-  memory.position_deg = position_deg;
-  memory.read_s = now_s;
 
   report.enabled = enable_called_ && bit(block, DriveBit::enabled).value_or(false);
   report.moving = bit(block, DriveBit::moving).value_or(!(std::abs(report.rate_degps) <= map_.moving_rate_degps));
@@ -139,15 +123,9 @@ AxisStatus ModbusTurntable::status_from(Axis axis, const std::vector<std::uint16
     report.in_position = memory.arrived_seen && !report.moving;
   }
   const bool drive_homed = map_.home_by_encoder ? memory.home_called : bit(block, DriveBit::homed).value_or(false);
-  if (memory.homing_polls > 0) {
-    --memory.homing_polls;
-    memory.homing_seen = memory.homing_seen || report.moving || !drive_homed;
-    if (memory.homing_seen) memory.homing_polls = 0;
-  }
   // A device that knows only a circle has forgotten the turns after a lost link: it has to be homed again.
   const bool turns_known = scale.modulo_deg == 0.0 || memory.home_called;
-  report.homed = drive_homed && turns_known && memory.homing_polls == 0;
-  memory.homed = report.homed;
+  report.homed = memory.judge_homed(drive_homed && turns_known, report.moving);
   report.limit = bit(block, DriveBit::limit_positive).value_or(false) || bit(block, DriveBit::limit_negative).value_or(false);
   report.fault = bit(block, DriveBit::fault).value_or(true);
   report.emergency_stop = bit(block, DriveBit::emergency_stop).value_or(false);
@@ -339,10 +317,7 @@ Status ModbusTurntable::home() {
   }
   for (const Axis axis : all_axes) {
     AxisMemory& memory = memory_[index(axis)];
-    memory.home_called = true;
-    memory.homing_polls = map_.home_by_encoder ? 0 : homing_guard_polls;
-    memory.homing_seen = false;
-    memory.homed = false;
+    memory.homing_began();
     if (map_.home_by_encoder) continue;
     if (Status status = write_list(axis, DriveOperation::home, {}); !status) return status;
   }

@@ -16,10 +16,10 @@
 
 #include <array>
 #include <atomic>
-#include <limits>
 #include <optional>
 
 #include "imu_io/clock.h"
+#include "turntable_drivers/axis_memory.h"
 #include "turntable_drivers/modbus_link.h"
 #include "turntable_drivers/register_map.h"
 #include "turntable_drivers/stop_signal.h"
@@ -47,18 +47,6 @@ class ModbusTurntable : public Turntable {
   Status commission(const AxisTriple& known_deg, double tolerance_deg);
 
  private:
-  struct AxisMemory {
-    std::optional<double> position_deg;  // last believed, cumulative
-    double read_s = 0.0;
-    double rate_degps = std::numeric_limits<double>::quiet_NaN();  // of a drive without a rate register
-    double rate_base_deg = 0.0, rate_base_s = -std::numeric_limits<double>::infinity();
-    bool arrived_seen = false;           // of a pulse
-    int homing_polls = 0;                // readings for which homed is not believed
-    bool homing_seen = false;
-    bool home_called = false;            // since connect()
-    bool homed = false;                  // as last reported; before that the zero may still move
-    double heartbeat_s = -1e9;
-  };
   Error axis_error(Axis axis, const std::string& what) const;
   Status connected() const;
   Status beat();  // to every drive whose heartbeat is due
