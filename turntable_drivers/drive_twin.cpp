@@ -43,12 +43,12 @@ DriveTwin::Answer DriveTwin::handle(const ModbusRequest& request) {
   return {illegal_function, {}};
 }
 
-std::optional<std::vector<std::uint16_t>> DriveTwin::block(Axis axis, int count) {
+std::optional<std::vector<std::uint16_t>> DriveTwin::blocks(Axis axis) {
   const Result<AxisStatus> now = table_.status(axis);
   if (!now) return {};
-  std::vector<std::uint16_t> registers(static_cast<std::size_t>(count));
+  std::vector<std::uint16_t> registers(static_cast<std::size_t>(map_.status_count + map_.status2_count));
   const auto put = [&](const RegisterField& field, double value) {
-    const auto at = static_cast<std::size_t>(field.address - map_.status_address);
+    const auto at = map_.place_of(field.address);
     const std::optional<Words> words = encode_words(value, field.type, map_.layout);
     if (!words) return;
     for (std::size_t i = 0; i < words->span().size() && at + i < registers.size(); ++i) registers[at + i] = words->value[i];
@@ -69,7 +69,7 @@ std::optional<std::vector<std::uint16_t>> DriveTwin::block(Axis axis, int count)
   for (int i = 0; i < drive_bit_count; ++i) {
     const std::optional<StatusBit>& bit = map_.bits[static_cast<std::size_t>(i)];
     if (!bit) continue;
-    const auto at = static_cast<std::size_t>(bit->address - map_.status_address);
+    const auto at = map_.place_of(bit->address);
     if (at < registers.size() && state[static_cast<std::size_t>(i)] == bit->active_high) registers[at] |= bit->mask;
   }
   return registers;
@@ -78,16 +78,20 @@ std::optional<std::vector<std::uint16_t>> DriveTwin::block(Axis axis, int count)
 DriveTwin::Answer DriveTwin::read(const ModbusRequest& request) {
   for (const Axis axis : all_axes) {
     const MapAxis& place = map_.of(axis);
-    const int first = map_.status_address + place.address_offset;
-    const int last = request.address + request.count;
-    if (place.unit != request.unit || request.function != map_.status_function || request.address < first ||
-        last > first + map_.block_count(axis)) {
-      continue;
+    if (place.unit != request.unit || request.function != map_.status_function) continue;
+    for (const auto& [address, count] : {std::pair(map_.status_address, map_.status_count), std::pair(map_.status2_address, map_.status2_count)}) {
+      const int first = address + place.address_offset;
+      // Two registers more than the map tells: the driver reads blocks of different lengths.
+      if (count == 0 || request.address < first || request.address + request.count > first + count + 2) continue;
+      const auto registers = blocks(axis);
+      if (!registers) return {device_failure, {}};
+      Answer answer;
+      for (int i = 0; i < request.count; ++i) {
+        const int at = request.address - first + i;
+        answer.values.push_back(at < count ? (*registers)[map_.place_of(address + at)] : std::uint16_t{0});
+      }
+      return answer;
     }
-    const auto registers = block(axis, map_.block_count(axis));
-    if (!registers) return {device_failure, {}};
-    const auto begin = registers->begin() + (request.address - first);
-    return {0, {begin, begin + request.count}};
   }
   Answer answer;
   for (int i = 0; i < request.count; ++i) {

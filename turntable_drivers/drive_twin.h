@@ -49,8 +49,8 @@ class DriveTwin {
   };
   Answer read(const ModbusRequest& request);
   Answer write(const ModbusRequest& request);
-  // The status block of an axis, as long as asked for.
-  std::optional<std::vector<std::uint16_t>> block(Axis axis, int count);
+  // The status blocks of an axis, one behind the other.
+  std::optional<std::vector<std::uint16_t>> blocks(Axis axis);
   // Whether the request is the step; operands go into `operands`.
   bool matches(const WriteStep& step, const MapAxis& axis, const ModbusRequest& request,
                std::map<WriteOperand::Kind, double>& operands) const;

@@ -69,24 +69,32 @@ Result<TableIdentity> ModbusTurntable::identify() {
 // ---- reading ----
 
 double ModbusTurntable::raw_counts(const std::vector<std::uint16_t>& block, WordLayout layout) const {
-  const auto from = static_cast<std::size_t>(map_.position.address - map_.status_address);
+  const auto from = map_.place_of(map_.position.address);
   return decode_words(std::span(block).subspan(from), map_.position.type, layout);
 }
 
 std::optional<bool> ModbusTurntable::bit(const std::vector<std::uint16_t>& block, DriveBit which) const {
   const std::optional<StatusBit>& described = map_.bit(which);
   if (!described) return {};
-  const bool high = (block[static_cast<std::size_t>(described->address - map_.status_address)] & described->mask) != 0;
+  const bool high = (block[map_.place_of(described->address)] & described->mask) != 0;
   return high == described->active_high;
 }
 
 Result<std::vector<std::uint16_t>> ModbusTurntable::read_block(Axis axis) {
   const MapAxis& place = map_.of(axis);
-  std::vector<std::uint16_t> block(static_cast<std::size_t>(map_.block_count(axis)));
-  if (Status status = link_.read(place.unit, map_.status_function, map_.status_address + place.address_offset, block);
-      !status) {
-    return Error{status.error().kind, axis_error(axis, status.error().message).message};
-  }
+  std::vector<std::uint16_t> block;
+  const auto append = [&](int address, int count) -> Status {
+    if (count == 0) return {};
+    // Longer by the axis, so that no two requests have the same length; what is beyond is thrown away.
+    std::vector<std::uint16_t> registers(static_cast<std::size_t>(count) + index(axis));
+    if (Status status = link_.read(place.unit, map_.status_function, address + place.address_offset, registers); !status) {
+      return Error{status.error().kind, axis_error(axis, status.error().message).message};
+    }
+    block.insert(block.end(), registers.begin(), registers.begin() + count);
+    return {};
+  };
+  if (Status status = append(map_.status_address, map_.status_count); !status) return status.error();
+  if (Status status = append(map_.status2_address, map_.status2_count); !status) return status.error();
   return block;
 }
 
@@ -110,7 +118,7 @@ AxisStatus ModbusTurntable::status_from(Axis axis, const std::vector<std::uint16
   memory.note(position_deg, now_s);
   report.rate_degps = memory.rate_degps;
   if (map_.rate) {
-    const auto from = static_cast<std::size_t>(map_.rate->address - map_.status_address);
+    const auto from = map_.place_of(map_.rate->address);
     report.rate_degps = scale.sign * decode_words(std::span(block).subspan(from), map_.rate->type, map_.layout) /
                         scale.measured_rate_scale;
   }
@@ -134,7 +142,7 @@ AxisStatus ModbusTurntable::status_from(Axis axis, const std::vector<std::uint16
     report.raw |= bit(block, static_cast<DriveBit>(i)).value_or(false) ? 1u << i : 0u;
   }
   if (map_.alarm) {
-    const auto from = static_cast<std::size_t>(map_.alarm->address - map_.status_address);
+    const auto from = map_.place_of(map_.alarm->address);
     const double code = decode_words(std::span(block).subspan(from), map_.alarm->type, map_.layout);
     if (code != 0.0) {
       report.text = "alarm " + format_number(code);

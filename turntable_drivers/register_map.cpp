@@ -170,9 +170,17 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
   map.status_function = static_cast<int>(file.integer_or("status.function", 3, 3, 4));
   map.status_address = static_cast<int>(hex_or_decimal(file, "status.address", 0, 65535));
   map.status_count = static_cast<int>(file.integer("status.count", 1, longest_block));
+  if (file.has("status2.address")) {
+    map.status2_address = static_cast<int>(hex_or_decimal(file, "status2.address", 0, 65535));
+    map.status2_count = static_cast<int>(file.integer("status2.count", 1, longest_block));
+    if (std::abs(map.status2_count - map.status_count) < 3) {
+      file.reject("status2.count", "at least 3 more or less than status.count: every request has its own length");
+    }
+  }
   const auto inside = [&](const std::string& key, int address, int length) {
-    if (address < map.status_address || address + length > map.status_address + map.status_count) {
-      file.reject(key, "an address inside the status block (status.address, status.count)");
+    const auto within = [&](int from, int count) { return address >= from && address + length <= from + count; };
+    if (!within(map.status_address, map.status_count) && !within(map.status2_address, map.status2_count)) {
+      file.reject(key, "an address inside the status block (status.address, status.count, status2.*)");
     }
   };
   const auto block_field = [&](const std::string& prefix) {

@@ -2,9 +2,9 @@
 // lists the keys; turntable_drivers/maps/ has maps for three makers' drives.
 //
 // One map serves three axes that speak the same language: three drives on one bus (a unit id each), or one controller (the same
-// unit id, an address offset each). All reading of an axis is one contiguous block, so that its values belong together. The
-// blocks have different lengths (status.count, + 1, + 2): a stale reply of another request then has the wrong length and is
-// refused.
+// unit id, an address offset each). All reading of an axis is one contiguous block, so that its values belong together, or two
+// where the drive scatters them. All blocks have different lengths (status.count, + 1, + 2, likewise status2.count): a stale
+// reply of another request then has the wrong length and is refused.
 //
 // Angles:  register = sign * counts_per_degree * (angle_deg - zero_deg), taken modulo counts of modulo_deg if that is not 0.
 //
@@ -103,6 +103,8 @@ struct RegisterMap {
   int status_function = 3;         // 3 or 4
   int status_address = 0;
   int status_count = 0;
+  int status2_address = 0;
+  int status2_count = 0;           // 0: one block
   RegisterField position;
   std::optional<RegisterField> rate;
   std::array<std::optional<StatusBit>, drive_bit_count> bits;
@@ -122,7 +124,11 @@ struct RegisterMap {
   const MapAxis& of(Axis which) const { return axis[static_cast<std::size_t>(which)]; }
   const WriteList& list(DriveOperation operation) const { return writes[static_cast<std::size_t>(operation)]; }
   const std::optional<StatusBit>& bit(DriveBit which) const { return bits[static_cast<std::size_t>(which)]; }
-  int block_count(Axis which) const { return status_count + static_cast<int>(which); }
+  // Where a status register stands in the two blocks put together.
+  std::size_t place_of(int address) const {
+    const bool in_first = address >= status_address && address < status_address + status_count;
+    return static_cast<std::size_t>(in_first ? address - status_address : status_count + address - status2_address);
+  }
 };
 
 Result<RegisterMap> read_register_map(const std::string& path);
