@@ -233,7 +233,8 @@ std::string word_of(const DialectStatus& status, const std::array<bool, drive_bi
     const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), bits, status.base);
     return {buffer.data(), result.ptr};
   }
-  // The code whose flags agree most; faults count more than all the rest.
+  // The code whose flags agree most; faults count more than all the rest. A device that only knows moving and done says done
+  // after a stop.
   std::string best;
   int best_score = -1000000;
   for (const auto& [code, named] : status.codes) {
@@ -244,7 +245,7 @@ std::string word_of(const DialectStatus& status, const std::array<bool, drive_bi
       bool says = false;
       for (const DriveBit flag : named) says = says || flag == bit;
       const bool grave = bit == DriveBit::fault || bit == DriveBit::emergency_stop;
-      score += (says == flags[i] ? 1 : -1) * (grave ? 100 : bit == DriveBit::in_position ? 10 : 1);
+      score += (says == flags[i] ? 1 : -1) * (grave ? 100 : bit == DriveBit::moving ? 20 : bit == DriveBit::in_position ? 10 : 1);
     }
     if (score > best_score) {
       best_score = score;

@@ -88,8 +88,8 @@ Status DialectTwin::carry_out(DialectOperation operation, Axis axis, const Value
     case DialectOperation::identify:
     case DialectOperation::status: return {};
     case DialectOperation::enable: return table_.enable();
-    case DialectOperation::stop: return table_.stop_all();
-    case DialectOperation::abort: return table_.abort_all();
+    case DialectOperation::stop: target_deg_ = {}; return table_.stop_all();
+    case DialectOperation::abort: target_deg_ = {}; return table_.abort_all();
     case DialectOperation::clear_fault: return table_.clear_fault();
     case DialectOperation::home: {
       target_deg_ = {};
