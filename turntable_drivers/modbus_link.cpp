@@ -123,6 +123,7 @@ Status ModbusLink::open() {
 ModbusLink::Reply ModbusLink::hang_up(const std::string& detail) {
   close();
   lost_ = true;
+  lost_reason_ = detail;
   return {Failure::hang_up, 0, detail, {}};
 }
 
@@ -321,8 +322,12 @@ Status ModbusLink::read(int unit, int function, int address, std::span<std::uint
     }
   }
   // A drive that answers, if only that it is busy, is not lost.
-  if (reply.failure != Failure::exception || reply.exception >= 10) lost_ = true;
-  return error_of(reply, what);
+  const Error error = error_of(reply, what);
+  if (reply.failure != Failure::exception || reply.exception >= 10) {
+    lost_ = true;
+    lost_reason_ = error.message;
+  }
+  return error;
 }
 
 Status ModbusLink::write_with(std::span<const std::uint8_t> body, double timeout_s, bool at_once, const std::string& what) {

@@ -43,6 +43,7 @@ class ModbusLink {
   // function 3 or 4. A failure that is not an exception and not a stop means that the link is lost.
   Status read(int unit, int function, int address, std::span<std::uint16_t> out);
   bool lost() const { return lost_; }
+  const std::string& lost_reason() const { return lost_reason_; }
   // function 6 (one register) or 16. One try.
   Status write(int unit, int function, int address, std::span<const std::uint16_t> values);
   Status write_at_once(int unit, int function, int address, std::span<const std::uint16_t> values, double timeout_s);
@@ -72,6 +73,7 @@ class ModbusLink {
   std::uint16_t transaction_ = 0;
   bool stale_ = false;  // a late reply may still come
   bool lost_ = false;
+  std::string lost_reason_;
   double last_activity_s_ = 0.0;
 };
 

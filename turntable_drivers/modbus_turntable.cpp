@@ -26,7 +26,7 @@ Error ModbusTurntable::axis_error(Axis axis, const std::string& what) const {
 
 Status ModbusTurntable::connected() const {
   if (!connected_) return device_error("table " + map_.name + ": not connected");
-  if (link_.lost()) return device_error("table " + map_.name + ": link lost: expected it connected again");
+  if (link_.lost()) return device_error("table " + map_.name + ": link lost (" + link_.lost_reason() + "): expected it connected again");
   return {};
 }
 

@@ -36,7 +36,7 @@ Error SerialTurntable::axis_error(Axis axis, const std::string& what) const {
 
 Status SerialTurntable::connected() const {
   if (!connected_) return table_error("not connected");
-  if (lost_ || !line_.is_open()) return table_error("link lost: expected it connected again");
+  if (lost_ || !line_.is_open()) return table_error("link lost (" + lost_reason_ + "): expected it connected again");
   return {};
 }
 
@@ -150,6 +150,7 @@ Result<SerialTurntable::Reading> SerialTurntable::read(Axis axis, bool believed_
     answered = reading.ok();
     if (!reading) {
       last = reading.error();
+      lost_reason_ = last.message;
       if (last.kind == ErrorKind::aborted || !line_.is_open()) return last;
       continue;
     }

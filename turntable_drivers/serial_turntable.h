@@ -75,6 +75,7 @@ class SerialTurntable : public Turntable {
   TextLine line_;
   bool connected_ = false;
   bool lost_ = false;
+  std::string lost_reason_;
   bool enable_called_ = false;
   std::array<AxisMemory, 3> memory_;
   std::array<Command, 3> commands_;  // the last of each axis
