@@ -77,6 +77,7 @@ struct Dialect {
   std::string file;
   std::string name;
   bool verified_on_hardware = false;
+  bool simulated = false;          // a twin answers; not a key of the file: the station says it
   bool commissioned = false;
   DialectLink link;
   std::array<DialectAxis, 3> axis;

@@ -63,7 +63,7 @@ Result<TableIdentity> ModbusTurntable::identify() {
   if (Status status = connected(); !status) return status.error();
   return TableIdentity{map_.name + " at " + map_.link.address +
                            (map_.verified_on_hardware ? "" : ", map not verified on hardware"),
-                       false};
+                       map_.simulated};
 }
 
 // ---- reading ----

@@ -93,6 +93,7 @@ struct RegisterMap {
   std::string file;
   std::string name;
   bool verified_on_hardware = false;
+  bool simulated = false;          // a twin answers; not a key of the file: the station says it
   bool commissioned = false;       // word order, scale and sign were checked against a known angle; else no motion
   ModbusLinkSettings link;
   WordLayout layout;

@@ -228,7 +228,8 @@ Result<TableIdentity> SerialTurntable::identify() {
     if (!answer) return answer.error();
     description += ", " + visible(*answer);
   }
-  return TableIdentity{description + (dialect_.verified_on_hardware ? "" : ", dialect not verified on hardware"), false};
+  return TableIdentity{description + (dialect_.verified_on_hardware ? "" : ", dialect not verified on hardware"),
+                       dialect_.simulated};
 }
 
 Status SerialTurntable::check_ready(Axis axis, const AxisStatus& now) const {
