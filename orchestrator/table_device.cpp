@@ -7,6 +7,11 @@
 
 namespace turncal {
 
+TableDevice::~TableDevice() {
+  // Not connected, or the link is gone: nobody is left to tell.
+  if (Status stopped = limited_.stop_all(); !stopped) return;
+}
+
 std::array<MotionLimits, 3> motion_limits(const StationConfig& station) {
   std::array<MotionLimits, 3> limits;
   for (std::size_t i = 0; i < limits.size(); ++i) {

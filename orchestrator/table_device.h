@@ -1,6 +1,7 @@
 // The table of a live run, made from the station's configuration, with the station's motion limits around it.
 //
-// Nothing is opened here: connect() does that. The mock has no live table; a dry run makes its own (dry_run_devices.h).
+// Nothing is opened here: connect() does that. Whatever ends the run, an exception too, the table is told to stop when this object
+// goes; what ends the process without that (kill -9) is the affair of the drive's watchdog. The mock has no live table; a dry run makes its own (dry_run_devices.h).
 #pragma once
 
 #include <atomic>
@@ -19,6 +20,9 @@ class TableDevice {
  public:
   TableDevice(std::unique_ptr<Turntable> driver, const std::array<MotionLimits, 3>& limits)
       : driver_(std::move(driver)), limited_(*driver_, limits) {}
+  ~TableDevice();
+  TableDevice(const TableDevice&) = delete;
+  TableDevice& operator=(const TableDevice&) = delete;
   Turntable& table() { return limited_; }
   // Of a table turned by hand, to say why a move is asked for; else null.
   ManualTurntable* manual() { return dynamic_cast<ManualTurntable*>(driver_.get()); }

@@ -5,6 +5,7 @@
 
 #include <fstream>
 #include <sstream>
+#include <stdexcept>
 
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/turntable_drivers/twin_station.h"
@@ -88,6 +89,31 @@ TEST(TableDevice, MovesTheTwinWithinTheStationsLimits) {
   const Result<StationConfig> refused = parse_station_config(slow, folder / "my.station");
   ASSERT_FALSE(refused.ok());
   EXPECT_NE(refused.error().message.find("heartbeat.watchdog_s"), std::string::npos) << refused.error().message;
+}
+
+// An exception in mid-move unwinds past the table: it is told to stop.
+TEST(TableDevice, ExceptionInMidMoveStopsTheTable) {
+  TwinStation twin(map_of(plain_map_text("tcp")));
+  StationConfig station = default_station_config();
+  station.table.driver = TableDriver::modbus;
+  station.table.map = twin.driver_map;
+  const auto run = [&] {
+    const Result<std::unique_ptr<TableDevice>> device = make_table(station, {twin.clock});
+    Turntable& table = (*device)->table();
+    EXPECT_TRUE(table.connect().ok() && table.enable().ok() && table.home().ok());
+    for (int i = 0; i < 40; ++i) {
+      twin.pass(0.1);
+      EXPECT_TRUE(table.status(Axis::roll).ok());
+    }
+    EXPECT_TRUE(table.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+    twin.pass(2.0);
+    throw std::runtime_error("in mid-move");
+  };
+  EXPECT_THROW(run(), std::runtime_error);
+  twin.pass(1.5);
+  const std::lock_guard lock(twin.server.mutex);
+  EXPECT_EQ(twin.rig.axis(Axis::roll).rate_degps, 0.0);
+  EXPECT_LT(twin.rig.axis(Axis::roll).position_deg, 30.0);
 }
 
 }  // namespace

@@ -1,4 +1,7 @@
 // A stop goes out at once whatever the line is doing, and a drive stops by itself when its station dies.
+#include <poll.h>
+#include <signal.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <set>
@@ -138,6 +141,61 @@ TEST(ModbusHeartbeat, ValueChangesEachTime) {
   }
   ASSERT_GE(values.size(), 6u);  // every 0.2 or, as the clock rounds, 0.3 s
   for (std::size_t i = 1; i < values.size(); ++i) EXPECT_NE(values[i], values[i - 1]);
+}
+
+struct RealClock : Clock {
+  double now_s() const override { return monotonic_s(); }
+  double utc_s() const override { return 0.0; }
+};
+
+// Another process moves the table and is killed with the signal that nobody can catch: the watchdog stops the drive.
+TEST(ModbusHeartbeat, KilledInMidMove) {
+  int to_child[2], from_child[2];
+  ASSERT_EQ(::pipe(to_child), 0);
+  ASSERT_EQ(::pipe(from_child), 0);
+  const pid_t child = ::fork();  // before there are threads
+  if (child == 0) {
+    int port = 0;
+    if (::read(to_child[0], &port, sizeof port) != sizeof port) ::_exit(1);
+    RegisterMap map = map_of(plain_map_text("tcp"));
+    map.link.address = "127.0.0.1:" + std::to_string(port);
+    RealClock clock;
+    ModbusTurntable driver(map, clock);
+    if (!driver.connect().ok() || !driver.enable().ok() || !driver.home().ok()) ::_exit(2);
+    bool sent = false;
+    for (;;) {
+      const Result<AxisStatus> now = driver.status(Axis::roll);
+      if (now && now->homed && !now->moving && !sent) sent = driver.move_absolute(Axis::roll, 90.0, 5.0, 10.0).ok();
+      if (now && now->moving && sent && ::write(from_child[1], "m", 1) != 1) ::_exit(3);
+      ::usleep(20000);
+    }
+  }
+  {
+    RegisterMap map = map_of(plain_map_text("tcp"));
+    map.watchdog_s = 4.0;
+    TwinStation station(map);
+    const int port = station.server.port();
+    ASSERT_EQ(::write(to_child[1], &port, sizeof port), static_cast<ssize_t>(sizeof port));
+    // The rig's time follows the wall's, twice as fast, and faster when nobody is there any more.
+    const auto pass = [&](double seconds) {
+      ::usleep(10000);
+      station.pass(seconds);
+    };
+    pollfd told{from_child[0], POLLIN, 0};
+    const Deadline deadline(20.0);
+    while (::poll(&told, 1, 0) == 0 && !deadline.passed()) pass(0.02);
+    ASSERT_FALSE(deadline.passed()) << "the child never moved the table";
+    ::kill(child, SIGKILL);
+    ::waitpid(child, nullptr, 0);
+    EXPECT_FALSE(station.twin.watchdog_tripped(Axis::roll));
+    for (int i = 0; i < 150 && !station.twin.watchdog_tripped(Axis::roll); ++i) pass(0.05);
+    EXPECT_TRUE(station.twin.watchdog_tripped(Axis::roll));
+    station.pass(1.0);
+    const std::lock_guard lock(station.server.mutex);
+    EXPECT_EQ(station.rig.axis(Axis::roll).rate_degps, 0.0);
+    EXPECT_LT(station.rig.axis(Axis::roll).position_deg, 60.0);
+  }
+  for (const int end : {to_child[0], to_child[1], from_child[0], from_child[1]}) ::close(end);
 }
 
 }  // namespace
