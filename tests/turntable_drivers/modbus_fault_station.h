@@ -14,8 +14,9 @@ inline constexpr AxisTriple standing{{10.0, 30.0, -50.0}};
 
 struct FaultStation {
   explicit FaultStation(bool tcp, const std::string& more = "") : FaultStation(tcp, more, default_rig_config()) {}
-  FaultStation(bool tcp, const std::string& more, const RigConfig& config)
-      : map(map_of(map_text(tcp, more))), station(map, at_start(config)), driver(station.driver_map, station.clock, &stop_requests) {
+  FaultStation(bool tcp, const std::string& more, const RigConfig& config) : FaultStation(map_of(map_text(tcp, more)), config) {}
+  FaultStation(const RegisterMap& described, const RigConfig& config)
+      : map(described), station(map, at_start(config)), driver(station.driver_map, station.clock, &stop_requests) {
     const Status connected = driver.connect();
     EXPECT_TRUE(connected.ok()) << (connected.ok() ? "" : connected.error().message);
   }
