@@ -147,6 +147,11 @@ void reject_table_contradictions(KeyValueFile& file, const StationConfig& statio
                   "at most plausible.rate_degps of the table's file (" + format_number(plausible_rate_degps) + ")");
     }
   }
+  // What the operator may type has to count as arrived.
+  if (table.driver == TableDriver::manual && station.motion.position_tolerance_deg < table.manual.tolerance_deg) {
+    contradiction(file, "motion.position_tolerance_deg", station.motion.position_tolerance_deg, "not below",
+                  "table.tolerance_deg", table.manual.tolerance_deg);
+  }
   // Heartbeats go out with the polls: the drive would stop in the first dwell.
   if (table.map && table.map->heartbeat_address && 2.0 * station.motion.poll_idle_s > table.map->watchdog_s) {
     file.reject(file.has("motion.poll_idle_s") ? "motion.poll_idle_s" : "table.map",

@@ -54,6 +54,8 @@ TEST(TableDevice, DefectsAreNamed) {
       << "an error in the map comes with the map's name";
   EXPECT_NE(error_of("table.driver = manual\ntable.map = x.map\n").find("table.map"), std::string::npos) << "not its key";
   EXPECT_NE(error_of("table.driver = manual\ntable.tolerance_deg = 0\n").find("table.tolerance_deg"), std::string::npos);
+  EXPECT_NE(error_of("table.driver = manual\nmotion.position_tolerance_deg = 0.05\n").find("not below table.tolerance_deg (0.1, its default)"),
+            std::string::npos);
   EXPECT_NE(error_of("table.driver = serial\ntable.dialect = ../../turntable_drivers/dialects/pi_gcs2.dialect\n"
                      "axis.roll.max_rate_degps = 500\n").find("axis.roll.max_rate_degps"), std::string::npos);
 }
