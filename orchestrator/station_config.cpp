@@ -1,6 +1,7 @@
 #include "orchestrator/station_config.h"
 
 #include <filesystem>
+#include <limits>
 
 #include "imu_io/format_number.h"
 #include "imu_io/key_value.h"
@@ -13,6 +14,50 @@ constexpr double longest_time_s = 3600.0;  // of any time in the file; more is a
 constexpr NumberRange some_time{0.0, longest_time_s, true};
 constexpr NumberRange time_or_zero{0.0, longest_time_s};
 constexpr NumberRange angle{-3600.0, 3600.0};
+
+// A path in the file is relative to the file's folder.
+std::string beside(const KeyValueFile& file, const std::string& path) {
+  return (std::filesystem::path(file.file_name()).parent_path() / path).string();
+}
+
+// Defects of a map or dialect come with their own file and line; those of this file stay with it, as with all its keys.
+Status read_table(KeyValueFile& file, TableConfig& table) {
+  const std::string driver = file.one_of("table.driver", {"mock", "modbus", "serial", "manual"});
+  if (driver == "mock" || driver.empty()) {
+    return {};
+  }
+  table.simulated = file.boolean_or("table.simulated", false);
+  if (driver == "manual") {
+    table.driver = TableDriver::manual;
+    ManualSettings& manual = table.manual;
+    manual.tolerance_deg = file.number_or("table.tolerance_deg", manual.tolerance_deg, {0.0, 10.0, true});
+    manual.gravity_tolerance_deg =
+        file.number_or("table.gravity_tolerance_deg", manual.gravity_tolerance_deg, {0.0, 90.0, true});
+    manual.answer_timeout_s = file.number_or("table.answer_timeout_s", manual.answer_timeout_s, between(10.0, 86400.0));
+    return {};
+  }
+  const std::string address = file.text_or("table.address", "");
+  if (driver == "modbus") {
+    table.driver = TableDriver::modbus;
+    const std::string path = file.text("table.map");
+    if (path.empty()) return {};
+    Result<RegisterMap> map = read_register_map(beside(file, path));
+    if (!map) return map.error();
+    table.map = std::move(*map);
+    if (!address.empty()) table.map->link.address = address;
+    table.map->simulated = table.simulated;
+    return {};
+  }
+  table.driver = TableDriver::serial;
+  const std::string path = file.text("table.dialect");
+  if (path.empty()) return {};
+  Result<Dialect> dialect = read_dialect(beside(file, path));
+  if (!dialect) return dialect.error();
+  table.dialect = std::move(*dialect);
+  if (!address.empty()) table.dialect->link.address = address;
+  table.dialect->simulated = table.simulated;
+  return {};
+}
 
 void read_axes(KeyValueFile& file, std::array<AxisLimits, 3>& axes) {
   for (const Axis axis : all_axes) {
@@ -89,6 +134,32 @@ void reject_contradictions(KeyValueFile& file, const StationConfig& station) {
           dwell.max_accel_peak_mps2, "not below", "dwell.max_accel_std_mps2", dwell.max_accel_std_mps2);
 }
 
+// What the table's own file and the station's disagree about.
+void reject_table_contradictions(KeyValueFile& file, const StationConfig& station) {
+  const TableConfig& table = station.table;
+  const double plausible_rate_degps = table.map       ? table.map->plausible_rate_degps
+                                      : table.dialect ? table.dialect->plausible_rate_degps
+                                                      : std::numeric_limits<double>::infinity();
+  for (const Axis axis : all_axes) {
+    const AxisLimits& limit = station.axis[static_cast<std::size_t>(axis)];
+    if (limit.max_rate_degps > plausible_rate_degps) {
+      file.reject("axis." + std::string(to_string(axis)) + ".max_rate_degps",
+                  "at most plausible.rate_degps of the table's file (" + format_number(plausible_rate_degps) + ")");
+    }
+  }
+  // What the operator may type has to count as arrived.
+  if (table.driver == TableDriver::manual && station.motion.position_tolerance_deg < table.manual.tolerance_deg) {
+    contradiction(file, "motion.position_tolerance_deg", station.motion.position_tolerance_deg, "not below",
+                  "table.tolerance_deg", table.manual.tolerance_deg);
+  }
+  // Heartbeats go out with the polls: the drive would stop in the first dwell.
+  if (table.map && table.map->heartbeat_address && 2.0 * station.motion.poll_idle_s > table.map->watchdog_s) {
+    file.reject(file.has("motion.poll_idle_s") ? "motion.poll_idle_s" : "table.map",
+                "motion.poll_idle_s (" + format_number(station.motion.poll_idle_s) +
+                    ") at most half of heartbeat.watchdog_s of the map (" + format_number(table.map->watchdog_s) + ")");
+  }
+}
+
 Result<StationConfig> station_from(KeyValueFile& file) {
   StationConfig station;
   station.file = file.file_name();
@@ -96,21 +167,23 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   station.name = file.text_or("station.name", "unnamed");
   station.latitude_deg = file.number("site.latitude_deg", between(-90.0, 90.0));
   station.gravity_mps2 = file.number("site.gravity_mps2", between(9.7, 9.9));  // anywhere on the earth's surface
-  file.one_of("table.driver", {"mock"});
+  if (Status status = read_table(file, station.table); !status) {
+    return status.error();
+  }
   file.one_of("imu.driver", {"rig"});
   station.imu_timeout_s = file.number_or("imu.timeout_s", station.imu_timeout_s, some_time);
   read_axes(file, station.axis);
   read_motion(file, station.motion);
   read_dwell(file, station.dwell);
   if (file.has("rig.file")) {
-    const std::filesystem::path folder = std::filesystem::path(station.file).parent_path();
-    station.rig_file = (folder / file.text("rig.file")).string();
+    station.rig_file = beside(file, file.text("rig.file"));
   }
   // An unknown key first: a misspelt one would show up as a contradiction with a default.
   if (Status status = file.check_all_used(); !status) {
     return status.error();
   }
   reject_contradictions(file, station);
+  reject_table_contradictions(file, station);
   if (Status status = file.status(); !status) {
     return status.error();
   }

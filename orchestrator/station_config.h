@@ -7,14 +7,23 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 
 #include "calib/status.h"
 #include "sequences/plan.h"
+#include "turntable_drivers/dialect.h"
+#include "turntable_drivers/manual_turntable.h"
+#include "turntable_drivers/register_map.h"
 
 namespace turncal {
 
-enum class TableDriver { mock };  // the rig's own table
+enum class TableDriver {
+  mock,    // the rig's own table: dry runs only
+  modbus,  // table.map
+  serial,  // table.dialect
+  manual   // turned by hand
+};
 enum class ImuDriver { rig };     // the rig's own IMU, coupled to its table
 
 // When a move has arrived, when it is late, and how often the table is asked.
@@ -41,12 +50,22 @@ struct DwellConfig {
   double max_accel_peak_mps2 = 0.02;
 };
 
+// How the station reaches its table; orchestrator/table_device.h makes it. table.simulated says that a twin answers: recordings are
+// marked and never make a production file.
+struct TableConfig {
+  TableDriver driver = TableDriver::mock;
+  std::optional<RegisterMap> map;    // modbus; its link.address is table.address where that is given
+  std::optional<Dialect> dialect;    // serial; the same
+  ManualSettings manual;
+  bool simulated = false;
+};
+
 struct StationConfig {
   std::string file;  // empty: built in
   std::string name = "built-in rig";
   double latitude_deg = 0.0;
   double gravity_mps2 = 0.0;
-  TableDriver table_driver = TableDriver::mock;
+  TableConfig table;
   ImuDriver imu_driver = ImuDriver::rig;
   std::array<AxisLimits, 3> axis{};  // indexed by Axis
   MotionConfig motion;

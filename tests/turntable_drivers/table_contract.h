@@ -6,6 +6,7 @@
 //     static constexpr double tolerance_deg;    // of positions read back
 //     static constexpr double beyond_limits_deg;  // a heading that the table refuses; 0: it has no limits
 //     static constexpr bool must_home, must_enable;  // moves are refused before
+//     static constexpr bool silent_on_the_way;  // optional, true: position and rate are not known during a motion (by hand)
 //   };
 //   INSTANTIATE_TYPED_TEST_SUITE_P(Mine, TableContract, MyFactory);
 //
@@ -21,6 +22,9 @@
 #include "turntable_drivers/turntable.h"
 
 namespace turncal {
+
+template <class Factory>
+constexpr bool silent_on_the_way = requires { requires Factory::silent_on_the_way; };
 
 template <class Factory>
 class TableContract : public testing::Test {
@@ -40,6 +44,18 @@ class TableContract : public testing::Test {
       factory_.pass(0.1);
     }
     return false;
+  }
+  // Time passes as it does at a station: with a look at the table every 100 ms, which feeds a drive's watchdog.
+  void hold(double seconds) {
+    wait_for([this] { return status(Axis::heading).time_s < 0.0; }, seconds);
+  }
+  // Waits until an axis sent to 90 deg is well on its way there.
+  bool on_the_way(Axis axis) {
+    if (silent_on_the_way<Factory>) {
+      hold(2.0);
+      return status(axis).moving;
+    }
+    return wait_for([&] { return position(axis) > 20.0; }, 20.0);
   }
   bool all_stand() {
     for (Axis axis : all_axes) {
@@ -115,8 +131,9 @@ TYPED_TEST_P(TableContract, MoveIsSeenAndArrives) {
         },
         20.0))
         << to_string(axis);
-    EXPECT_TRUE(seen_rate) << to_string(axis);
-    EXPECT_NEAR(this->status(axis).rate_degps, 0.0, 0.01);
+    EXPECT_TRUE(seen_rate || silent_on_the_way<TypeParam>) << to_string(axis);
+    // A table that tells no rate has it from two positions: one interval later.
+    EXPECT_TRUE(this->wait_for([&] { return std::abs(this->status(axis).rate_degps) <= 0.01; }, 0.2)) << to_string(axis);
     for (Axis other : all_axes) {
       const bool has_moved = static_cast<int>(other) <= static_cast<int>(axis);
       EXPECT_NEAR(this->position(other), has_moved ? 30.0 : 0.0, TypeParam::tolerance_deg) << to_string(other);
@@ -151,15 +168,17 @@ TYPED_TEST_P(TableContract, BadArgumentsAreRefusedAndNothingMoves) {
 TYPED_TEST_P(TableContract, StopEndsEveryMotionShortOfTheTarget) {
   this->make_ready();
   for (Axis axis : all_axes) ASSERT_TRUE(this->table().move_absolute(axis, 90.0, 10.0, 10.0).ok());
-  ASSERT_TRUE(this->wait_for([&] { return this->position(Axis::roll) > 20.0; }, 20.0));
+  ASSERT_TRUE(this->on_the_way(Axis::roll));
   ASSERT_TRUE(this->table().stop_all().ok());
   ASSERT_TRUE(this->wait_for([&] { return this->all_stand(); }, 5.0));
   for (Axis axis : all_axes) {
     const double stopped_deg = this->position(axis);
-    EXPECT_GT(stopped_deg, 20.0 - 5.0);
+    if (!silent_on_the_way<TypeParam>) {
+      EXPECT_GT(stopped_deg, 20.0 - 5.0);
+    }
     EXPECT_LT(stopped_deg, 45.0);
     EXPECT_FALSE(this->stands_at(axis, 90.0));
-    this->factory_.pass(3.0);
+    this->hold(3.0);
     EXPECT_NEAR(this->position(axis), stopped_deg, TypeParam::tolerance_deg) << "it holds";
   }
   // And goes on when told so.
@@ -170,7 +189,7 @@ TYPED_TEST_P(TableContract, StopEndsEveryMotionShortOfTheTarget) {
 TYPED_TEST_P(TableContract, AbortEndsEveryMotionAndNeedsEnable) {
   this->make_ready();
   for (Axis axis : all_axes) ASSERT_TRUE(this->table().move_absolute(axis, 90.0, 10.0, 10.0).ok());
-  ASSERT_TRUE(this->wait_for([&] { return this->position(Axis::pitch) > 20.0; }, 20.0));
+  ASSERT_TRUE(this->on_the_way(Axis::pitch));
   ASSERT_TRUE(this->table().abort_all().ok());
   ASSERT_TRUE(this->wait_for([&] { return this->all_stand(); }, 5.0));
   for (Axis axis : all_axes) {

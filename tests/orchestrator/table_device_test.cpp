@@ -1,0 +1,122 @@
+// The keys of the table in a station file, the shipped examples, and the table that is made of them.
+#include "orchestrator/table_device.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+
+#include "tests/imu_io/temporary_folder.h"
+#include "tests/turntable_drivers/twin_station.h"
+
+namespace turncal {
+namespace {
+
+const std::string stations = std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/";
+const std::string head = "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\nimu.driver = rig\n";
+
+std::string error_of(const std::string& text, const std::string& file = stations + "x.station") {
+  const Result<StationConfig> station = parse_station_config(head + text, file);
+  if (station.ok()) return "accepted";
+  EXPECT_EQ(station.error().kind, ErrorKind::input);
+  EXPECT_EQ(station.error().message.find('\n'), std::string::npos);
+  return station.error().message;
+}
+
+TEST(TableDevice, ShippedExamplesAreReadAndMade) {
+  const struct {
+    const char* file;
+    TableDriver driver;
+  } examples[] = {{"modbus", TableDriver::modbus}, {"serial", TableDriver::serial}, {"manual", TableDriver::manual}};
+  Rig rig(default_rig_config());
+  RigClock clock(rig);
+  std::ostringstream out;
+  for (const auto& example : examples) {
+    const Result<StationConfig> station = read_station_config(stations + example.file + ".station");
+    ASSERT_TRUE(station.ok()) << station.error().message;
+    EXPECT_EQ(station->table.driver, example.driver);
+    Result<std::unique_ptr<TableDevice>> device = make_table(*station, {clock, nullptr, 0, &out});
+    ASSERT_TRUE(device.ok()) << device.error().message;
+    EXPECT_EQ((*device)->table().needs_operator(), example.driver == TableDriver::manual);
+    EXPECT_EQ((*device)->manual() != nullptr, example.driver == TableDriver::manual);
+    EXPECT_FALSE((*device)->table().status(Axis::pitch).ok()) << "not connected";
+  }
+  EXPECT_EQ(make_table(default_station_config(), {clock}).error().kind, ErrorKind::input) << "the mock is for dry runs";
+}
+
+TEST(TableDevice, DefectsAreNamed) {
+  EXPECT_NE(error_of("table.driver = hydraulic\n").find("mock, modbus, serial or manual"), std::string::npos);
+  EXPECT_NE(error_of("table.driver = modbus\n").find("'table.map' is missing"), std::string::npos);
+  EXPECT_NE(error_of("table.driver = serial\n").find("'table.dialect' is missing"), std::string::npos);
+  EXPECT_NE(error_of("table.driver = modbus\ntable.map = no-such.map\n").find("no-such.map"), std::string::npos);
+  EXPECT_NE(error_of("table.driver = modbus\ntable.map = mock.station\n").find("mock.station"), std::string::npos)
+      << "an error in the map comes with the map's name";
+  EXPECT_NE(error_of("table.driver = manual\ntable.map = x.map\n").find("table.map"), std::string::npos) << "not its key";
+  EXPECT_NE(error_of("table.driver = manual\ntable.tolerance_deg = 0\n").find("table.tolerance_deg"), std::string::npos);
+  EXPECT_NE(error_of("table.driver = manual\nmotion.position_tolerance_deg = 0.05\n").find("not below table.tolerance_deg (0.1, its default)"),
+            std::string::npos);
+  EXPECT_NE(error_of("table.driver = serial\ntable.dialect = ../../turntable_drivers/dialects/pi_gcs2.dialect\n"
+                     "axis.roll.max_rate_degps = 500\n").find("axis.roll.max_rate_degps"), std::string::npos);
+}
+
+// From a station file to a table that moves: over a real link to the twin, within the station's limits.
+TEST(TableDevice, MovesTheTwinWithinTheStationsLimits) {
+  const test::TemporaryFolder folder;
+  std::ofstream(folder / "my.map") << plain_map_text("tcp");
+  TwinStation twin(map_of(plain_map_text("tcp")));
+  const std::string text = head + "table.driver = modbus\ntable.map = my.map\ntable.simulated = true\ntable.address = " +
+                           twin.server.address() + "\naxis.pitch.soft_max_deg = 50\n";
+  const Result<StationConfig> station = parse_station_config(text, folder / "my.station");
+  ASSERT_TRUE(station.ok()) << station.error().message;
+  const Result<std::unique_ptr<TableDevice>> device = make_table(*station, {twin.clock});
+  ASSERT_TRUE(device.ok());
+  Turntable& table = (*device)->table();
+  const Status connected = table.connect();
+  ASSERT_TRUE(connected.ok()) << connected.error().message;
+  EXPECT_TRUE(table.identify()->simulated) << "a recording of a twin never makes a production file";
+  ASSERT_TRUE(table.enable().ok());
+  ASSERT_TRUE(table.home().ok());
+  for (int i = 0; i < 40; ++i) {
+    twin.pass(0.1);
+    ASSERT_TRUE(table.status(Axis::pitch).ok());
+  }
+  EXPECT_EQ(table.move_absolute(Axis::pitch, 51.0, 10.0, 10.0).error().kind, ErrorKind::input);
+  ASSERT_TRUE(table.move_absolute(Axis::pitch, 5.0, 10.0, 10.0).ok());
+  twin.pass(0.5);
+  EXPECT_TRUE(table.status(Axis::pitch)->moving);
+
+  // The watchdog of this map is 1 s: polls every 0.6 s would let it trip.
+  const std::string slow = text + "motion.poll_idle_s = 0.6\n";
+  const Result<StationConfig> refused = parse_station_config(slow, folder / "my.station");
+  ASSERT_FALSE(refused.ok());
+  EXPECT_NE(refused.error().message.find("heartbeat.watchdog_s"), std::string::npos) << refused.error().message;
+}
+
+// An exception in mid-move unwinds past the table: it is told to stop.
+TEST(TableDevice, ExceptionInMidMoveStopsTheTable) {
+  TwinStation twin(map_of(plain_map_text("tcp")));
+  StationConfig station = default_station_config();
+  station.table.driver = TableDriver::modbus;
+  station.table.map = twin.driver_map;
+  const auto run = [&] {
+    const Result<std::unique_ptr<TableDevice>> device = make_table(station, {twin.clock});
+    Turntable& table = (*device)->table();
+    EXPECT_TRUE(table.connect().ok() && table.enable().ok() && table.home().ok());
+    for (int i = 0; i < 40; ++i) {
+      twin.pass(0.1);
+      EXPECT_TRUE(table.status(Axis::roll).ok());
+    }
+    EXPECT_TRUE(table.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+    twin.pass(2.0);
+    throw std::runtime_error("in mid-move");
+  };
+  EXPECT_THROW(run(), std::runtime_error);
+  twin.pass(1.5);
+  const std::lock_guard lock(twin.server.mutex);
+  EXPECT_EQ(twin.rig.axis(Axis::roll).rate_degps, 0.0);
+  EXPECT_LT(twin.rig.axis(Axis::roll).position_deg, 30.0);
+}
+
+}  // namespace
+}  // namespace turncal

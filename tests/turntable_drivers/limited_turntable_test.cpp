@@ -1,0 +1,81 @@
+// Motion limits around the mock: the contract still holds, and no move beyond them reaches the driver.
+#include "turntable_drivers/limited_turntable.h"
+
+#include <cmath>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "tests/turntable_drivers/table_contract.h"
+#include "turntable_drivers/rig_imu.h"
+#include "turntable_drivers/rig_table.h"
+
+namespace turncal {
+namespace {
+
+struct LimitedFactory {
+  Rig rig{default_rig_config()};
+  RigTable mock{rig};
+  LimitedTurntable limited{mock, std::array<MotionLimits, 3>{}};
+  Turntable& table() { return limited; }
+  void pass(double seconds) {
+    std::vector<ImuSample> samples(static_cast<std::size_t>(std::lround(seconds / 0.005)));
+    if (!samples.empty()) rig.advance(samples);
+  }
+  static constexpr double tolerance_deg = 1e-3;
+  static constexpr double beyond_limits_deg = 541.0;
+  static constexpr bool must_home = true, must_enable = true;
+};
+INSTANTIATE_TYPED_TEST_SUITE_P(Limited, TableContract, LimitedFactory);
+
+struct LimitedTable : testing::Test, LimitedFactory {
+  void SetUp() override {
+    ASSERT_TRUE(limited.connect().ok());
+    ASSERT_TRUE(limited.enable().ok());
+    ASSERT_TRUE(limited.home().ok());
+    pass(3.0);
+    ASSERT_TRUE(limited.status(Axis::roll)->homed);
+  }
+  // Empty: taken, and done.
+  std::string move(double to_deg, double rate = 90.0, double acceleration = 90.0) {
+    const Status status = limited.move_absolute(Axis::roll, to_deg, rate, acceleration);
+    if (!status) {
+      EXPECT_EQ(status.error().kind, ErrorKind::input);
+      EXPECT_FALSE(rig.axis(Axis::roll).moving);
+      return status.error().message;
+    }
+    pass(15.0);
+    EXPECT_NEAR(rig.axis(Axis::roll).position_deg, to_deg, 1e-3);
+    return "";
+  }
+};
+
+TEST_F(LimitedTable, TravelRateAndAcceleration) {
+  EXPECT_EQ(move(540.1), "motion limits: roll: move to 540.1 deg: expected -540 to 540 deg");
+  EXPECT_EQ(move(-541), "motion limits: roll: move to -541 deg: expected -540 to 540 deg");
+  EXPECT_EQ(move(10, 100.5), "motion limits: roll: rate 100.5 deg/s: expected at most 100 deg/s");
+  EXPECT_EQ(move(10, 10, 101), "motion limits: roll: acceleration 101 deg/s^2: expected at most 100 deg/s^2");
+  EXPECT_NE(move(std::nan("")), "");
+  EXPECT_EQ(move(540, 100, 100), "");
+}
+
+TEST_F(LimitedTable, CableIsNotWoundFurther) {
+  EXPECT_EQ(move(400), "");
+  EXPECT_EQ(move(-321), "motion limits: roll: the move to -321 deg winds the cable by 721 deg: expected at most 720 deg");
+  EXPECT_EQ(move(-320), "");
+  EXPECT_EQ(move(400), "") << "back over the same way";
+  EXPECT_NE(move(401), "");
+  ASSERT_TRUE(limited.home().ok());
+  pass(60.0);
+  EXPECT_EQ(move(401), "") << "homed: unwound";
+}
+
+TEST_F(LimitedTable, WhereTheTableWasWithoutACommandCounts) {
+  rig.command_move(Axis::roll, 500.0, 90.0, 90.0);
+  pass(10.0);
+  EXPECT_NE(move(-230), "");
+  EXPECT_EQ(move(-220), "");
+}
+
+}  // namespace
+}  // namespace turncal

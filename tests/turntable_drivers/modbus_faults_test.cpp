@@ -1,0 +1,415 @@
+// Faults of a Modbus line and of the drives behind it, each injected at the twin: what comes out is the right position or an error of
+// the right kind, never another axis's position. Stops: modbus_stop_test.cpp.
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <functional>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "tests/turntable_drivers/modbus_fault_station.h"
+
+namespace turncal {
+namespace {
+
+struct LineFault {
+  const char* name;
+  Disturbance how;       // of one reply
+  bool recovers = true;  // by a repetition
+};
+
+void PrintTo(const LineFault& fault, std::ostream* out) { *out << fault.name; }
+
+std::vector<LineFault> line_faults() {
+  const auto bytes_of = [](AnswerPlan& plan) -> Frame& { return plan.pieces[0].bytes; };
+  return {
+      {"silence", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces.clear(); }},
+      {"late", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces[0].delay_s = 0.2; }},
+      {"very_late", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces[0].delay_s = 0.33; }},
+      {"flipped_bit", [=](const ModbusRequest& request, AnswerPlan& plan) {
+         // On RTU the CRC tells; over TCP a flip is in the header (TCP's own checksum guards the data).
+         Frame& bytes = bytes_of(plan);
+         bytes[bytes.size() == 3 + 2 * static_cast<std::size_t>(request.count) + 2 ? 5 : 1] ^= 0x10;
+       }},
+      {"cut_short", [=](const ModbusRequest&, AnswerPlan& plan) { bytes_of(plan).resize(bytes_of(plan).size() - 3); }},
+      {"one_byte", [=](const ModbusRequest&, AnswerPlan& plan) { bytes_of(plan).resize(1); }},
+      {"trailing_junk", [=](const ModbusRequest&, AnswerPlan& plan) { bytes_of(plan).insert(bytes_of(plan).end(), {0xAA, 0x55, 0x00}); }},
+      {"leading_junk", [=](const ModbusRequest&, AnswerPlan& plan) { bytes_of(plan).insert(bytes_of(plan).begin(), {0x00, 0xFF}); }},
+      {"twice", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces.push_back(plan.pieces[0]); }},
+      {"split", [=](const ModbusRequest&, AnswerPlan& plan) {
+         Frame tail(bytes_of(plan).begin() + 5, bytes_of(plan).end());
+         bytes_of(plan).resize(5);
+         plan.pieces.push_back({tail, 0.015});
+       }},
+      {"slow_bytes", [=](const ModbusRequest&, AnswerPlan& plan) {
+         const Frame all = bytes_of(plan);
+         plan.pieces.clear();
+         for (const std::uint8_t byte : all) plan.pieces.push_back({{byte}, 0.002});
+       }},
+      {"stalling_bytes", [=](const ModbusRequest&, AnswerPlan& plan) {
+         Frame tail(bytes_of(plan).begin() + 7, bytes_of(plan).end());
+         bytes_of(plan).resize(7);
+         plan.pieces.push_back({tail, 0.06});  // longer than the byte time-out
+       }},
+  };
+}
+
+class ModbusLineFaults : public testing::TestWithParam<std::tuple<bool, LineFault>> {};
+
+TEST_P(ModbusLineFaults, NoWrongPositionIsBelieved) {
+  const auto& [tcp, fault] = GetParam();
+  FaultStation s(tcp);
+  int reads = 0;
+  s.station.disturb([&, how = fault.how](const ModbusRequest& request, AnswerPlan& plan) {
+    // One reply to heading, later one to roll.
+    if (is_read(request) && (++reads == 4 || (reads > 8 && reads <= 11 && request.unit == 3 && reads % 3 == 0))) how(request, plan);
+  });
+  const int read = s.expect_truth(6);
+  EXPECT_EQ(read, 18) << "every disturbed reading was repeated with success";
+  EXPECT_TRUE(s.driver.stop_all().ok());
+}
+
+INSTANTIATE_TEST_SUITE_P(All, ModbusLineFaults, testing::Combine(testing::Bool(), testing::ValuesIn(line_faults())),
+                         [](const auto& which) {
+                           return std::string(std::get<0>(which.param) ? "tcp_" : "rtu_") + std::get<1>(which.param).name;
+                         });
+
+// An adapter that echoes: RTU answers begin with the request itself.
+TEST(ModbusFaults, EchoIsNoAnswer) {
+  FaultStation s(false);
+  s.station.disturb([](const ModbusRequest& request, AnswerPlan& plan) {
+    if (request.function != 3) return;
+    Frame echo = {static_cast<std::uint8_t>(request.unit), 3, static_cast<std::uint8_t>(request.address >> 8),
+                  static_cast<std::uint8_t>(request.address), 0, static_cast<std::uint8_t>(request.count)};
+    const std::uint16_t crc = modbus_crc(echo);
+    echo.push_back(static_cast<std::uint8_t>(crc));
+    echo.push_back(static_cast<std::uint8_t>(crc >> 8));
+    plan.pieces.insert(plan.pieces.begin(), {echo, 0.0});
+  });
+  EXPECT_EQ(s.expect_truth(1), 0);
+  const Status again = s.driver.connect();
+  ASSERT_FALSE(again.ok());
+  EXPECT_EQ(again.error().kind, ErrorKind::device);
+}
+
+TEST(ModbusFaults, AnotherUnitsAnswerIsRefused) {
+  FaultStation s(false);
+  int replies = 0;
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (!is_read(request) || replies++ > 0) return;
+    ModbusRequest other = request;
+    other.unit = 2;
+    plan.pieces[0].bytes = read_reply(other, std::vector<std::uint16_t>(static_cast<std::size_t>(request.count), 7), false);
+  });
+  EXPECT_EQ(s.expect_truth(3), 9);
+  EXPECT_GT(replies, 9) << "it was asked again";
+}
+
+// Answers that belong to the request before, from some moment on: what libmodbus alone believes.
+TEST(ModbusFaults, AnswersOneBehindAreNeverBelieved) {
+  for (const bool tcp : {true, false}) {
+    FaultStation s(tcp);
+    Frame last;
+    s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+      if (!is_read(request)) return;
+      Frame own = plan.pieces[0].bytes;
+      if (last.empty()) {
+        plan.pieces.clear();
+      } else {
+        plan.pieces[0].bytes = last;
+      }
+      last = own;
+    });
+    for (int i = 0; i < 3; ++i) {
+      for (const Axis axis : all_axes) {
+        const Result<AxisStatus> now = s.driver.status(axis);
+        if (!now) continue;
+        EXPECT_NEAR(now->position_deg, standing[axis], 1e-3) << to_string(axis) << (tcp ? " tcp" : " rtu");
+      }
+    }
+  }
+}
+
+// A drive that has become slower than the time-out while one axis is polled in motion: the late reply has the right unit, function and
+// length, and only the drained line keeps it from being taken for the answer to a later question.
+TEST(ModbusFaults, LateReplyOfTheSameRegisterIsNotTheNextAnswer) {
+  RegisterMap map = map_of(FaultStation::map_text(false, ""));
+  map.heartbeat_address.reset();  // nothing but readings of one register
+  FaultStation s(map, default_rig_config());
+  s.make_ready();
+  ASSERT_TRUE(s.driver.move_absolute(Axis::heading, 90.0, 10.0, 10.0).ok());
+  std::atomic<int> slow{2};
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (is_read(request) && slow-- > 0) plan.pieces[0].delay_s = 0.2;
+  });
+  int read = 0;
+  for (int i = 0; i < 5; ++i) {
+    ::usleep(20000);  // the drive works out its late reply before the table has turned further
+    s.station.pass(0.5);
+    const Result<AxisStatus> now = s.driver.status(Axis::heading);
+    if (!now) continue;
+    ++read;
+    EXPECT_NEAR(now->position_deg, s.station.rig.axis(Axis::heading).position_deg, 0.01);
+  }
+  EXPECT_EQ(read, 5) << "the third try is in time";
+}
+
+// A late acknowledgement of a write, and an acknowledgement of another address: the command counts as not acknowledged.
+TEST(ModbusFaults, WriteAcknowledgements) {
+  FaultStation s(false);
+  s.make_ready();
+  int moves = 0;
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (request.function != 16) return;
+    ++moves;
+    plan.pieces[0].delay_s = 0.2;
+  });
+  const Status late = s.driver.move_absolute(Axis::pitch, 20.0, 10.0, 10.0);
+  ASSERT_FALSE(late.ok());
+  EXPECT_EQ(late.error().kind, ErrorKind::device);
+  EXPECT_NE(late.error().message.find("it stands"), std::string::npos) << late.error().message;
+  EXPECT_EQ(moves, 1) << "never sent again";
+  EXPECT_NEAR(s.driver.status(Axis::pitch)->position_deg, 0.0, 1e-3) << "the late answer was swallowed";
+
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (request.function != 16) return;
+    ModbusRequest other = request;
+    other.address = 0x300;
+    plan.pieces[0].bytes = write_reply(other, false);
+  });
+  const Status wrong = s.driver.move_absolute(Axis::pitch, 20.0, 10.0, 10.0);
+  ASSERT_FALSE(wrong.ok());
+  EXPECT_NE(wrong.error().message.find("another request"), std::string::npos) << wrong.error().message;
+
+  // The trigger was carried out, its answer lost: what the drive made of it is read back and said.
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (request.function == 6 && request.address == 0x216) plan.pieces.clear();
+  });
+  const Status lost = s.driver.move_absolute(Axis::pitch, 20.0, 10.0, 10.0);
+  ASSERT_FALSE(lost.ok());
+  EXPECT_NE(lost.error().message.find("it moves"), std::string::npos) << lost.error().message;
+  EXPECT_TRUE(s.driver.stop_all().ok());
+}
+
+TEST(ModbusFaults, Exceptions) {
+  for (const int code : {1, 2, 3, 4, 5, 6, 10, 11}) {
+    FaultStation s(true);
+    std::atomic<bool> always{false};
+    std::atomic<int> once{1};
+    s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+      if (is_read(request) && (always || once-- > 0)) plan.pieces[0].bytes = exception_reply(request, code, true);
+    });
+    const Result<AxisStatus> first = s.driver.status(Axis::pitch);
+    const bool asked_again = code >= 5;
+    EXPECT_EQ(first.ok(), asked_again) << "exception " << code;
+    if (first) {
+      EXPECT_NEAR(first->position_deg, 30.0, 1e-3);
+    }
+    always = true;
+    const Result<AxisStatus> status = s.driver.status(Axis::pitch);
+    ASSERT_FALSE(status.ok());
+    EXPECT_EQ(status.error().kind, code <= 3 ? ErrorKind::input : ErrorKind::device) << "exception " << code;
+    EXPECT_NE(status.error().message.find("exception " + std::to_string(code)), std::string::npos) << status.error().message;
+    always = false;
+    once = 0;
+    EXPECT_EQ(s.driver.status(Axis::pitch).ok(), code < 10) << "a gateway that does not reach the drive is a lost link";
+  }
+}
+
+TEST(ModbusFaults, ThirdFailureInARowIsALostLink) {
+  FaultStation s(false);
+  int silent = 2, asked = 0;
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (!is_read(request)) return;
+    ++asked;
+    if (silent-- > 0) plan.pieces.clear();
+  });
+  EXPECT_TRUE(s.driver.status(Axis::roll).ok()) << "two retries";
+  EXPECT_EQ(asked, 3);
+  silent = 3;
+  EXPECT_FALSE(s.driver.status(Axis::roll).ok());
+  const int before = asked;
+  const Result<AxisStatus> lost = s.driver.status(Axis::roll);
+  ASSERT_FALSE(lost.ok());
+  EXPECT_EQ(asked, before) << "nothing is asked on a lost link";
+  EXPECT_TRUE(s.driver.stop_all().ok()) << "but a stop goes out";
+  ASSERT_TRUE(s.driver.connect().ok());
+  EXPECT_FALSE(s.driver.status(Axis::roll)->enabled) << "not ready";
+  EXPECT_FALSE(s.driver.move_absolute(Axis::roll, 0.0, 10.0, 10.0).ok());
+}
+
+TEST(ModbusFaults, HangUpInMidReplyAndInMidMove) {
+  for (const bool tcp : {true, false}) {
+    FaultStation s(tcp);
+    s.make_ready();
+    ASSERT_TRUE(s.driver.move_absolute(Axis::pitch, 90.0, 10.0, 10.0).ok());
+    s.station.pass(2.0);
+    s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+      if (!is_read(request)) return;
+      plan.pieces[0].bytes.resize(6);
+      plan.hang_up = true;
+    });
+    const double began_s = monotonic_s();
+    const Result<AxisStatus> lost = s.driver.status(Axis::pitch);
+    EXPECT_FALSE(lost.ok());
+    EXPECT_LT(monotonic_s() - began_s, 2.0);
+    if (!lost) {
+      EXPECT_EQ(lost.error().kind, ErrorKind::device);
+    }
+    s.station.disturb(nullptr);
+    if (tcp) {  // it takes connections again: the stop makes one for itself, and nothing resumes
+      EXPECT_TRUE(s.driver.stop_all().ok());
+      s.station.pass(2.0);
+      ASSERT_TRUE(s.driver.connect().ok());
+      EXPECT_FALSE(s.driver.status(Axis::pitch)->moving);
+      EXPECT_FALSE(s.driver.status(Axis::pitch)->enabled);
+    } else {
+      EXPECT_FALSE(s.driver.stop_all().ok()) << "the adapter is gone";
+      EXPECT_FALSE(s.driver.connect().ok());
+    }
+  }
+}
+
+int open_descriptors() {
+  int count = 0;
+  for (int i = 0; i < 256; ++i) count += ::fcntl(i, F_GETFD) >= 0 ? 1 : 0;
+  return count;
+}
+
+TEST(ModbusFaults, AdapterComesBackUnderItsName) {
+  const std::string name = testing::TempDir() + "turncal_modbus_" + std::to_string(::getpid());
+  RegisterMap map = map_of(FaultStation::map_text(false, ""));
+  Rig rig(default_rig_config());
+  RigTable mock(rig);
+  RigClock clock(rig);
+  map.link.address = name;
+  DriveTwin twin(map, mock, clock);
+  ASSERT_TRUE(twin.power_on().ok());
+  ModbusTurntable driver(map, clock);
+  EXPECT_FALSE(driver.connect().ok()) << "missing device";
+  int descriptors = 0;
+  for (int round = 0; round < 3; ++round) {
+    TableServer server(twin);
+    ASSERT_TRUE(server.open_pty(name).ok());
+    std::atomic<bool> ended{false};
+    std::thread thread([&] {
+      while (!ended) server.run_once(0.01);
+    });
+    const Status connected = driver.connect();
+    EXPECT_TRUE(connected.ok()) << (connected.ok() ? "" : connected.error().message);
+    EXPECT_TRUE(driver.status(Axis::heading).ok());
+    if (round == 0) descriptors = open_descriptors();
+    EXPECT_EQ(open_descriptors(), descriptors) << "a descriptor leaks with each reconnection";
+    ended = true;
+    thread.join();
+    server.hang_up();
+    EXPECT_FALSE(driver.status(Axis::heading).ok());
+  }
+}
+
+TEST(ModbusFaults, MissingForbiddenAndBusy) {
+  Rig rig(default_rig_config());
+  RigClock clock(rig);
+  const auto error_of = [&](bool tcp, const std::string& address) {
+    RegisterMap map = map_of(FaultStation::map_text(tcp, ""));
+    map.link.address = address;
+    ModbusTurntable driver(map, clock);
+    const Status status = driver.connect();
+    EXPECT_FALSE(status.ok()) << address;
+    if (status.ok()) return Error();
+    EXPECT_EQ(status.error().message.find('\n'), std::string::npos);
+    return status.error();
+  };
+  EXPECT_EQ(error_of(false, "/dev/no-such-adapter").kind, ErrorKind::device);
+  EXPECT_NE(error_of(false, "/dev/no-such-adapter").message.find("/dev/no-such-adapter"), std::string::npos);
+  EXPECT_EQ(error_of(false, "").kind, ErrorKind::input);
+  EXPECT_EQ(error_of(true, "127.0.0.1").kind, ErrorKind::input);
+  EXPECT_EQ(error_of(true, "127.0.0.1:1").kind, ErrorKind::device) << "refused";
+  Result<Pty> pty = Pty::create();
+  ASSERT_TRUE(pty.ok());
+  const int holder = ::open(pty->device().c_str(), O_RDWR | O_NOCTTY);
+  ASSERT_GE(holder, 0);
+  ASSERT_EQ(::flock(holder, LOCK_EX | LOCK_NB), 0);
+  EXPECT_NE(error_of(false, pty->device()).message.find("in use"), std::string::npos);
+  ::close(holder);
+  const std::string forbidden = testing::TempDir() + "turncal_forbidden_" + std::to_string(::getpid());
+  ::close(::open(forbidden.c_str(), O_CREAT | O_WRONLY, 0));
+  EXPECT_EQ(error_of(false, forbidden).kind, ErrorKind::device);  // for root it is "not a serial port"
+  ::unlink(forbidden.c_str());
+}
+
+// The map's word order is the other one: no number that comes out of it is believed, and nothing moves.
+TEST(ModbusFaults, SwappedWords) {
+  RigConfig config = default_rig_config();
+  config.table.power_on_deg = {90.0, 90.0, 90.0};  // 900000 = 0x000DBBA0, swapped -1147142131
+  RegisterMap map = map_of(plain_map_text("tcp"));
+  TwinStation station(map, config);
+  RegisterMap wrong = station.driver_map;
+  wrong.layout.high_word_first = false;
+  ModbusTurntable driver(wrong, station.clock);
+  const Status status = driver.connect();
+  ASSERT_FALSE(status.ok());
+  EXPECT_NE(status.error().message.find("word order"), std::string::npos) << status.error().message;
+}
+
+TEST(ModbusFaults, CommissioningNamesTheOrderThatFits) {
+  RigConfig config = default_rig_config();
+  config.table.power_on_deg = {0.1, 0.1, 0.1};
+  RegisterMap map = map_of(plain_map_text("tcp"));
+  map.axis[2].zero_deg = 0.0;
+  map.axis[1].sign = 1;
+  TwinStation station(map, config);
+  const AxisTriple known{{0.1, 0.1, 0.1}};
+  {
+    ModbusTurntable right(station.driver_map, station.clock);
+    ASSERT_TRUE(right.connect().ok());
+    const Status status = right.commission(known, 0.01);
+    EXPECT_TRUE(status.ok()) << (status.ok() ? "" : status.error().message);
+    EXPECT_FALSE(right.commission({{0.2, 0.1, 0.1}}, 0.01).ok());
+  }
+  RegisterMap wrong = station.driver_map;  // 1000 = 0x03E8 reads 65536000 the other way round
+  wrong.layout.high_word_first = false;
+  wrong.plausible_deg = 10000.0;
+  wrong.commissioned = false;
+  ModbusTurntable driver(wrong, station.clock);
+  ASSERT_TRUE(driver.connect().ok());
+  const Status status = driver.commission(known, 0.01);
+  ASSERT_FALSE(status.ok());
+  EXPECT_NE(status.error().message.find("words.order = high_first"), std::string::npos) << status.error().message;
+  ASSERT_TRUE(driver.enable().ok());
+  EXPECT_EQ(driver.home().error().kind, ErrorKind::input);
+  EXPECT_EQ(driver.move_absolute(Axis::roll, 5.0, 10.0, 10.0).error().kind, ErrorKind::input);
+}
+
+TEST(ModbusFaults, ZeroCannotCommission) {
+  RegisterMap map = map_of(plain_map_text("tcp"));
+  map.axis[2].zero_deg = 0.0;
+  TwinStation station(map);
+  ModbusTurntable driver(station.driver_map, station.clock);
+  ASSERT_TRUE(driver.connect().ok());
+  const Status status = driver.commission({}, 0.01);
+  ASSERT_FALSE(status.ok());
+  EXPECT_NE(status.error().message.find("other settings fit as well"), std::string::npos) << status.error().message;
+}
+
+// A position that the axis cannot have reached since the last reading.
+TEST(ModbusFaults, JumpIsNotBelieved) {
+  FaultStation s(true, "plausible.rate_degps = 100\n");
+  s.make_ready();
+  int wrong = 1;
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (is_read(request) && request.unit == 1 && wrong-- > 0) plan.pieces[0].bytes[10] ^= 0x40;  // bit 22 of the count
+  });
+  EXPECT_NEAR(s.driver.status(Axis::heading)->position_deg, 0.0, 1e-3) << "asked again";
+  wrong = 1000;
+  const Result<AxisStatus> status = s.driver.status(Axis::heading);
+  ASSERT_FALSE(status.ok());
+  EXPECT_NE(status.error().message.find("not believed"), std::string::npos) << status.error().message;
+  EXPECT_TRUE(s.driver.stop_all().ok());
+}
+
+}  // namespace
+}  // namespace turncal

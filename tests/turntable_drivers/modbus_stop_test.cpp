@@ -1,0 +1,202 @@
+// A stop goes out at once whatever the line is doing, and a drive stops by itself when its station dies.
+#include <poll.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "tests/turntable_drivers/modbus_fault_station.h"
+
+namespace turncal {
+namespace {
+
+// ---- stops ----
+
+// From the request to the moment at which the stop of the last axis is at the drives, the driver being deep in a wait.
+double stop_takes_s(FaultStation& s, const std::function<void()>& wait_for_ever, const Disturbance& how) {
+  std::atomic<double> last_stop_s{0.0};
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (request.address == 0x202 && request.values.size() == 1 && request.values[0] == 1 && request.unit == 3 && last_stop_s == 0.0) {
+      last_stop_s = monotonic_s();
+    }
+    how(request, plan);
+  });
+  std::atomic<double> asked_s{0.0};
+  std::thread operator_thread([&] {
+    ::usleep(50000);
+    asked_s = monotonic_s();
+    ++s.stop_requests;
+  });
+  wait_for_ever();
+  const Status stopped = s.driver.stop_all();
+  operator_thread.join();
+  s.station.disturb(nullptr);
+  EXPECT_GT(last_stop_s, 0.0) << (stopped.ok() ? "" : stopped.error().message);
+  return last_stop_s - asked_s;
+}
+
+TEST(ModbusStop, GoesOutWithin100MsWhileTheLineBlocks) {
+  struct Case {
+    const char* name;
+    Disturbance how;
+  };
+  const Case cases[] = {
+      {"silence", [](const ModbusRequest& request, AnswerPlan& plan) {
+         if (is_read(request)) plan.pieces.clear();
+       }},
+      {"silence of all, stops too", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces.clear(); }},
+      {"half a reply", [](const ModbusRequest& request, AnswerPlan& plan) {
+         if (is_read(request)) plan.pieces[0].bytes.resize(5);
+       }},
+      {"chatter", [](const ModbusRequest& request, AnswerPlan& plan) {
+         if (is_read(request)) plan.pieces[0].bytes.insert(plan.pieces[0].bytes.end(), 40, 0x55);
+       }},
+      {"busy", [](const ModbusRequest& request, AnswerPlan& plan) {
+         if (is_read(request)) plan.pieces[0].bytes.resize(4);
+       }},
+  };
+  for (const bool tcp : {true, false}) {
+    for (const Case& c : cases) {
+      // The best of three: the machine may be busy, the driver may not.
+      double best_s = 1e9;
+      for (int i = 0; i < 3 && best_s > 0.1; ++i) {
+        FaultStation s(tcp, "");
+        s.make_ready();
+        EXPECT_TRUE(s.driver.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+        s.station.pass(3.0);
+        const auto wait = [&] {
+          while (s.stop_requests == 0) static_cast<void>(s.driver.status(Axis::heading).ok());
+        };
+        best_s = std::min(best_s, stop_takes_s(s, wait, c.how));
+        s.station.pass(2.0);
+        EXPECT_EQ(s.rig_rate(), 0.0) << c.name;
+      }
+      EXPECT_LT(best_s, 0.1) << c.name << (tcp ? " tcp" : " rtu");
+      RecordProperty(std::string(c.name) + (tcp ? " tcp ms" : " rtu ms"), static_cast<int>(1e3 * best_s));
+    }
+  }
+}
+
+TEST(ModbusStop, GoesToAllAxesEvenIfOneRefuses) {
+  FaultStation s(true);
+  s.make_ready();
+  std::set<int> asked;
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (request.address != 0x202) return;
+    asked.insert(request.unit);
+    if (request.unit == 1) plan.pieces[0].bytes = exception_reply(request, 4, true);
+  });
+  ASSERT_TRUE(s.driver.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  s.station.pass(2.0);
+  const Status status = s.driver.stop_all();
+  EXPECT_EQ(asked, (std::set<int>{1, 2, 3}));
+  ASSERT_FALSE(status.ok()) << "the one that refused is told";
+  EXPECT_NE(status.error().message.find("heading"), std::string::npos) << status.error().message;
+  s.station.pass(2.0);
+  EXPECT_FALSE(s.driver.status(Axis::roll)->moving);
+}
+
+// ---- heartbeat ----
+
+TEST(ModbusHeartbeat, DriveStopsWhenTheStationDies) {
+  FaultStation s(true);
+  s.make_ready();
+  ASSERT_TRUE(s.driver.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  // As long as the station looks, the drive goes on.
+  for (int i = 0; i < 30; ++i) {
+    s.station.pass(0.1);
+    ASSERT_TRUE(s.driver.status(Axis::heading).ok());
+  }
+  EXPECT_FALSE(s.station.twin.watchdog_tripped(Axis::roll));
+  EXPECT_NEAR(s.driver.status(Axis::roll)->rate_degps, 10.0, 1e-3);
+  // Nobody looks any more: 1 s of watchdog, 1 s of brake.
+  for (int i = 0; i < 25; ++i) {
+    s.station.pass(0.1);
+    const std::lock_guard lock(s.station.server.mutex);
+    s.station.twin.tick();
+  }
+  EXPECT_TRUE(s.station.twin.watchdog_tripped(Axis::roll));
+  EXPECT_EQ(s.rig_rate(), 0.0);
+  const AxisStatus now = *s.driver.status(Axis::roll);
+  EXPECT_TRUE(now.fault);
+  EXPECT_LT(now.position_deg, 60.0);
+  EXPECT_FALSE(s.driver.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  ASSERT_TRUE(s.driver.clear_fault().ok());
+  ASSERT_TRUE(s.driver.enable().ok());
+  EXPECT_TRUE(s.driver.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+}
+
+TEST(ModbusHeartbeat, ValueChangesEachTime) {
+  FaultStation s(true);
+  std::vector<int> values;
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan&) {
+    if (request.address == 0x220 && request.unit == 2) values.push_back(request.values[0]);
+  });
+  for (int i = 0; i < 20; ++i) {
+    s.station.pass(0.1);
+    ASSERT_TRUE(s.driver.status(Axis::pitch).ok());
+  }
+  ASSERT_GE(values.size(), 6u);  // every 0.2 or, as the clock rounds, 0.3 s
+  for (std::size_t i = 1; i < values.size(); ++i) EXPECT_NE(values[i], values[i - 1]);
+}
+
+struct RealClock : Clock {
+  double now_s() const override { return monotonic_s(); }
+  double utc_s() const override { return 0.0; }
+};
+
+// Another process moves the table and is killed with the signal that nobody can catch: the watchdog stops the drive.
+TEST(ModbusHeartbeat, KilledInMidMove) {
+  int to_child[2], from_child[2];
+  ASSERT_EQ(::pipe(to_child), 0);
+  ASSERT_EQ(::pipe(from_child), 0);
+  const pid_t child = ::fork();  // before there are threads
+  if (child == 0) {
+    int port = 0;
+    if (::read(to_child[0], &port, sizeof port) != sizeof port) ::_exit(1);
+    RegisterMap map = map_of(plain_map_text("tcp"));
+    map.link.address = "127.0.0.1:" + std::to_string(port);
+    RealClock clock;
+    ModbusTurntable driver(map, clock);
+    if (!driver.connect().ok() || !driver.enable().ok() || !driver.home().ok()) ::_exit(2);
+    bool sent = false;
+    for (;;) {
+      const Result<AxisStatus> now = driver.status(Axis::roll);
+      if (now && now->homed && !now->moving && !sent) sent = driver.move_absolute(Axis::roll, 90.0, 5.0, 10.0).ok();
+      if (now && now->moving && sent && ::write(from_child[1], "m", 1) != 1) ::_exit(3);
+      ::usleep(20000);
+    }
+  }
+  {
+    RegisterMap map = map_of(plain_map_text("tcp"));
+    map.watchdog_s = 4.0;
+    TwinStation station(map);
+    const int port = station.server.port();
+    ASSERT_EQ(::write(to_child[1], &port, sizeof port), static_cast<ssize_t>(sizeof port));
+    // The rig's time follows the wall's, twice as fast, and faster when nobody is there any more.
+    const auto pass = [&](double seconds) {
+      ::usleep(10000);
+      station.pass(seconds);
+    };
+    pollfd told{from_child[0], POLLIN, 0};
+    const Deadline deadline(20.0);
+    while (::poll(&told, 1, 0) == 0 && !deadline.passed()) pass(0.02);
+    ASSERT_FALSE(deadline.passed()) << "the child never moved the table";
+    ::kill(child, SIGKILL);
+    ::waitpid(child, nullptr, 0);
+    EXPECT_FALSE(station.twin.watchdog_tripped(Axis::roll));
+    for (int i = 0; i < 150 && !station.twin.watchdog_tripped(Axis::roll); ++i) pass(0.05);
+    EXPECT_TRUE(station.twin.watchdog_tripped(Axis::roll));
+    station.pass(1.0);
+    const std::lock_guard lock(station.server.mutex);
+    EXPECT_EQ(station.rig.axis(Axis::roll).rate_degps, 0.0);
+    EXPECT_LT(station.rig.axis(Axis::roll).position_deg, 60.0);
+  }
+  for (const int end : {to_child[0], to_child[1], from_child[0], from_child[1]}) ::close(end);
+}
+
+}  // namespace
+}  // namespace turncal

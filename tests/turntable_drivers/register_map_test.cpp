@@ -1,0 +1,127 @@
+// The register map's text: every defect is named with its line, and the maps that ship say what they are and work with the twin.
+#include "turntable_drivers/register_map.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/turntable_drivers/twin_station.h"
+
+namespace turncal {
+namespace {
+
+std::string error_of(const std::string& what, const std::string& with) {
+  std::string text = plain_map_text("rtu");
+  if (what.empty()) {
+    text += with;
+  } else {
+    EXPECT_NE(text.find(what), std::string::npos) << what;
+    text.replace(text.find(what), what.size(), with);
+  }
+  const Result<RegisterMap> map = parse_register_map(text, "my.map");
+  if (map.ok()) return "accepted";
+  EXPECT_EQ(map.error().kind, ErrorKind::input);
+  return map.error().message;
+}
+
+TEST(RegisterMap, EveryKeyArrives) {
+  const RegisterMap map = map_of(plain_map_text("rtu"));
+  EXPECT_EQ(map.name, "three plain drives");
+  EXPECT_FALSE(map.link.tcp);
+  EXPECT_EQ(map.link.parity, SerialParity::even) << "the protocol's default";
+  EXPECT_EQ(map.of(Axis::roll).unit, 3);
+  EXPECT_EQ(map.of(Axis::pitch).sign, -1);
+  EXPECT_EQ(counts_of(map.of(Axis::roll), 13.5), 10000.0);
+  EXPECT_EQ(angle_of(map.of(Axis::pitch), 25000.0), -2.5);
+  EXPECT_EQ(map.alarm_text.at(0x26), "overload");
+  ASSERT_EQ(map.list(DriveOperation::move).size(), 2u);
+  EXPECT_EQ(map.list(DriveOperation::move)[0].length(), 6);
+  EXPECT_EQ(map.list(DriveOperation::move)[0].address, 0x210);
+  EXPECT_EQ(map.bit(DriveBit::emergency_stop)->active_high, false);
+  EXPECT_FALSE(map.bit(DriveBit::limit_negative));
+}
+
+TEST(RegisterMap, DefectsAreNamed) {
+  EXPECT_EQ(error_of("words.order = high_first", "words.order = big"),
+            "my.map:16: key 'words.order' = 'big': expected high_first or low_first");
+  EXPECT_NE(error_of("words.order = high_first\n", "").find("'words.order' is missing"), std::string::npos);
+  EXPECT_NE(error_of("position.address = 0x100", "position.address = 0x105").find("inside the status block"), std::string::npos);
+  EXPECT_NE(error_of("position.address = 0x100", "position.address = 0xZZ").find("decimal or with 0x"), std::string::npos);
+  EXPECT_NE(error_of("bit.fault.address = 0x105\nbit.fault.mask = 4\n", "").find("'bit.fault.address' is missing"), std::string::npos);
+  EXPECT_NE(error_of("bit.homed.address = 0x105\nbit.homed.mask = 0x10\n", "").find("'bit.homed.address' is missing"), std::string::npos);
+  EXPECT_NE(error_of("write.stop = ", "# write.stop = ").find("'write.stop' is missing"), std::string::npos);
+  EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = 0x203 u16 70000").find("fit their type"), std::string::npos);
+  EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = 0x203 u16 position").find("belong to write.move"), std::string::npos);
+  EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = 0x203 u99 1").find("steps 'ADDRESS TYPE VALUE'"), std::string::npos);
+  EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = wait 3").find("steps 'ADDRESS TYPE VALUE'"), std::string::npos)
+      << "a stop would wait behind it";
+  EXPECT_NE(error_of("s32 position + u32 rate", "s32 distance + s32 position + u32 rate").find("either position or distance"),
+            std::string::npos);
+  EXPECT_NE(error_of("", "axis.roll.modulo_deg = 360\n").find("distance: with modulo_deg"), std::string::npos);
+  EXPECT_NE(error_of("heartbeat.watchdog_s = 1", "heartbeat.watchdog_s = 0.3").find("at least twice"), std::string::npos);
+  EXPECT_NE(error_of("", "status2.address = 0x300\nstatus2.count = 8\n").find("its own length"), std::string::npos);
+  EXPECT_NE(error_of("", "bit.moveing.mask = 3\n").find("bit.moveing.mask"), std::string::npos);
+  EXPECT_NE(error_of("", "bit.moving.kind = pulse\n").find("only in_position"), std::string::npos);
+}
+
+class ShippedMap : public testing::TestWithParam<const char*> {};
+
+TEST_P(ShippedMap, SaysThatItIsUnverifiedAndMovesTheTwin) {
+  const std::string path = std::string(TURNCAL_SOURCE_DIR) + "/turntable_drivers/maps/" + GetParam() + ".map";
+  Result<RegisterMap> read = read_register_map(path);
+  ASSERT_TRUE(read.ok()) << read.error().message;
+  EXPECT_FALSE(read->verified_on_hardware);
+  EXPECT_FALSE(read->commissioned) << "no motion before the user has checked it";
+  RegisterMap map = *read;
+  map.link.quiet_s = 0.1;
+  TwinStation station(map);
+  {
+    ModbusTurntable driver(station.driver_map, station.clock);
+    ASSERT_TRUE(driver.connect().ok());
+    ASSERT_TRUE(driver.enable().ok());
+    EXPECT_EQ(driver.home().error().kind, ErrorKind::input) << "not commissioned";
+  }
+  station.driver_map.commissioned = true;
+  ModbusTurntable driver(station.driver_map, station.clock);
+  const Status connected = driver.connect();
+  ASSERT_TRUE(connected.ok()) << connected.error().message;
+  EXPECT_NE(driver.identify()->description.find("not verified"), std::string::npos);
+  ASSERT_TRUE(driver.enable().ok());
+  ASSERT_TRUE(driver.home().ok());
+  const auto wait_until = [&](const std::function<bool(const AxisStatus&)>& condition) {
+    for (int i = 0; i < 200; ++i) {
+      bool all = true;
+      for (const Axis axis : all_axes) {
+        const Result<AxisStatus> now = driver.status(axis);
+        EXPECT_TRUE(now.ok()) << (now.ok() ? "" : now.error().message);
+        all = all && now.ok() && condition(*now);
+      }
+      if (all) return true;
+      station.pass(0.1);
+    }
+    return false;
+  };
+  ASSERT_TRUE(wait_until([](const AxisStatus& now) { return now.homed && !now.moving; }));
+  for (const Axis axis : all_axes) {
+    const Status moved = driver.move_absolute(axis, -30.0, 10.0, 10.0);
+    ASSERT_TRUE(moved.ok()) << moved.error().message;
+  }
+  station.pass(1.5);
+  for (const Axis axis : all_axes) {
+    // The twin's own axis, not what is read back through the same map.
+    EXPECT_NEAR(station.rig.axis(axis).rate_degps, -10.0, 0.2) << to_string(axis);
+    EXPECT_NEAR(driver.status(axis)->position_deg, station.rig.axis(axis).position_deg, 0.01);
+  }
+  ASSERT_TRUE(wait_until([](const AxisStatus& now) { return now.in_position && !now.moving; }));
+  for (const Axis axis : all_axes) EXPECT_NEAR(station.rig.axis(axis).position_deg, -30.0, 0.005) << to_string(axis);
+  ASSERT_TRUE(driver.move_absolute(Axis::heading, 60.0, 10.0, 10.0).ok());
+  station.pass(2.0);
+  ASSERT_TRUE(driver.stop_all().ok());
+  station.pass(2.0);
+  EXPECT_FALSE(station.rig.axis(Axis::heading).moving);
+  EXPECT_LT(station.rig.axis(Axis::heading).position_deg, 0.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Maps, ShippedMap, testing::Values("oriental_az", "leadshine_pr", "delta_asda_a2"),
+                         [](const auto& which) { return std::string(which.param); });
+
+}  // namespace
+}  // namespace turncal

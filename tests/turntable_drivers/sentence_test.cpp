@@ -1,0 +1,102 @@
+// Sentences: published checksums, anchored templates, strict numbers, and the defects of a dialect's text.
+#include "turntable_drivers/sentence.h"
+
+#include <gtest/gtest.h>
+
+#include "turntable_drivers/dialect.h"
+
+namespace turncal {
+namespace {
+
+// The four sentences of the protocol that are known to the letter.
+TEST(Sentence, PublishedChecksums) {
+  EXPECT_EQ(check_digits("MNREM,1", SentenceCheck::sum8), "DC");
+  EXPECT_EQ(check_digits("ASREM,OK", SentenceCheck::sum8), "3E");
+  EXPECT_EQ(check_digits("MNSTS,1", SentenceCheck::sum8), "F2");
+  EXPECT_EQ(check_digits("MNSTP,1", SentenceCheck::sum8), "EF");
+  // NMEA 0183's usual example.
+  EXPECT_EQ(check_digits("GPGLL,5300.97914,N,00259.98174,E,125926,A", SentenceCheck::exclusive_or), "28");
+}
+
+TEST(Sentence, TemplatesAreAnchored) {
+  const auto matched = [](const char* pattern, const char* text) { return SentenceTemplate::parse(pattern)->match(text).has_value(); };
+  EXPECT_TRUE(matched("{axis}={position}", "1=90.0"));
+  EXPECT_EQ(SentenceTemplate::parse("{axis}={position}")->match("1=90.0")->at("position"), "90.0");
+  EXPECT_FALSE(matched("{axis}={position}", "1=90.0 "));
+  EXPECT_FALSE(matched("{axis}={position}", " 1=90.0"));
+  EXPECT_FALSE(matched("{axis}={position}", "1=90,0")) << "no commas in a value";
+  EXPECT_FALSE(matched("{axis}={position}", "1="));
+  EXPECT_FALSE(matched("AS,{position},{rate}", "AS,1,2,3"));
+  EXPECT_FALSE(matched("AS,{position},{rate}", "AS,,2"));
+  EXPECT_TRUE(matched("0,{*}", "0, 1, no error"));
+  EXPECT_TRUE(matched("{*}", ""));
+  EXPECT_TRUE(matched("OK", "OK"));
+  EXPECT_FALSE(matched("OK", "OKOK"));
+  for (const char* const bad : {"{", "}", "a{}b", "{a}{b}", "{a{b}}", "x}"}) EXPECT_FALSE(SentenceTemplate::parse(bad)) << bad;
+}
+
+TEST(Sentence, Numbers) {
+  EXPECT_EQ(device_number("+12.5"), 12.5);
+  EXPECT_EQ(device_number(" -0.5 "), -0.5);
+  EXPECT_EQ(device_number("1e-3"), 0.001);
+  for (const char* const bad : {"", "+", "+-1", "nan", "NaN", "inf", "1.2.3", "1,2", "12a", "0x10", "1e999", "--1"}) {
+    EXPECT_FALSE(device_number(bad)) << bad;
+  }
+}
+
+TEST(Sentence, Escapes) {
+  EXPECT_EQ(unescaped("\\r\\n"), "\r\n");
+  EXPECT_FALSE(unescaped("\\x"));
+  EXPECT_FALSE(unescaped("a\\"));
+  EXPECT_EQ(visible("a\r\n\x01"), "a\\r\\n?");
+}
+
+const std::string minimal =
+    "format = 1\nname = x\nlink.kind = serial\naxis.heading.name = 1\naxis.pitch.name = 2\naxis.roll.name = 3\n"
+    "home.1 = H {axis}\nmove.1 = M {axis} {position}\nstatus.1 = S {axis}\nstatus.1.expect = {position} {status}\n"
+    "stop.1 = X {axis}\nabort.1 = O {axis}\nstatus.kind = codes\nstatus.code.1 = in_position\nstatus.code.0 = none\n";
+
+std::string error_of(const std::string& what, const std::string& with) {
+  std::string text = minimal;
+  if (what.empty()) {
+    text += with;
+  } else {
+    text.replace(text.find(what), what.size(), with);
+  }
+  const Result<Dialect> dialect = parse_dialect(text, "my.dialect");
+  return dialect.ok() ? "accepted" : dialect.error().message;
+}
+
+TEST(DialectFile, DefectsAreNamed) {
+  EXPECT_EQ(error_of("", ""), "accepted");
+  EXPECT_NE(error_of("stop.1 = X {axis}\n", "").find("'stop.1' is missing"), std::string::npos);
+  EXPECT_NE(error_of("{position} {status}", "{status}").find("key 'status.1'"), std::string::npos);
+  EXPECT_NE(error_of("M {axis} {position}", "M {axis} {angle}").find("expected a sentence with"), std::string::npos);
+  EXPECT_NE(error_of("M {axis} {position}", "M {axis}{position}").find("expected a sentence with"), std::string::npos);
+  EXPECT_NE(error_of("status.code.1 = in_position", "status.code.1 = moving").find("never has"), std::string::npos);
+  EXPECT_NE(error_of("status.code.1 = in_position", "status.code.1 = arrived").find("my.dialect:14"), std::string::npos);
+  EXPECT_NE(error_of("", "link.terminator_in = \\q\n").find("\\r \\n"), std::string::npos);
+  EXPECT_NE(error_of("", "move.3 = Y\n").find("move.3"), std::string::npos) << "a gap in the numbering";
+  EXPECT_NE(error_of("", "link.bauds = 9600\n").find("link.bauds"), std::string::npos);
+}
+
+TEST(DialectFile, StatusWords) {
+  DialectStatus bits;
+  bits.by_bits = true;
+  bits.base = 16;
+  bits.mask[static_cast<std::size_t>(DriveBit::in_position)] = 0x80;
+  bits.mask[static_cast<std::size_t>(DriveBit::fault)] = 0x8000;
+  bits.mask[static_cast<std::size_t>(DriveBit::moving)] = 1;
+  EXPECT_TRUE(*flags_of(bits, "80")[DriveBit::in_position]);
+  EXPECT_TRUE(*flags_of(bits, "8080")[DriveBit::fault]);
+  EXPECT_FALSE(flags_of(bits, "80")[DriveBit::homed].has_value());
+  for (const char* const bad : {"", "8g", "-1", "1FFFFFFFF"}) {
+    const DialectFlags flags = flags_of(bits, bad);
+    EXPECT_FALSE(flags.known) << bad;
+    EXPECT_FALSE(*flags[DriveBit::in_position]);
+    EXPECT_TRUE(*flags[DriveBit::moving]);
+  }
+}
+
+}  // namespace
+}  // namespace turncal

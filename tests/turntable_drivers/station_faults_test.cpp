@@ -1,0 +1,266 @@
+// Faults of a drive in the middle of a run: the station's own loop, the Modbus driver, the twin and the rig. Whatever the drive says or
+// does, the run ends with the table at rest and an error of the right kind, or goes through with the very plan.
+#include <mutex>
+
+#include <gtest/gtest.h>
+
+#include "orchestrator/station_run.h"
+#include "tests/orchestrator/rig_station.h"
+#include "tests/turntable_drivers/twin_station.h"
+#include "turntable_drivers/limited_turntable.h"
+
+namespace turncal {
+namespace {
+
+// Times, with settle 0.5 s, at 10 deg/s and 10 deg/s^2: homing 0..2; align ..3; 20 deg in 3 s and settling ..6.5; dwell ..8.5;
+// back ..12.
+const char* const sequence_text =
+    "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 10\n"
+    "step 1\n  initial H 0 P 0 R 0\n  align 200\n  rotate P +20\n  dwell 400\n  rotate P -20\n";
+constexpr double in_mid_move_s = 4.5, in_settling_s = 6.3;
+
+// The rig's unit, read while the server's thread uses the rig too.
+class LockedImu : public ImuSource {
+ public:
+  LockedImu(ImuSource& imu, std::mutex& mutex) : imu_(imu), mutex_(mutex) {}
+  Status open() override {
+    const std::lock_guard lock(mutex_);
+    return imu_.open();
+  }
+  Result<ImuIdentity> identify() override {
+    const std::lock_guard lock(mutex_);
+    return imu_.identify();
+  }
+  void describe(RecordingInfo& info) const override { imu_.describe(info); }
+  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
+    const std::lock_guard lock(mutex_);
+    return imu_.read(out, timeout_s);
+  }
+  ImuLinkCounters counters() const override { return imu_.counters(); }
+  void close() override { imu_.close(); }
+
+ private:
+  ImuSource& imu_;
+  std::mutex& mutex_;
+};
+
+struct ModbusRun {
+  explicit ModbusRun(const RigConfig& config = default_rig_config())
+      : station(quick_map(), config), driver(station.driver_map, station.clock, &stop_requests), limited(driver, {}) {}
+  static RegisterMap quick_map() {
+    RegisterMap map = map_of(plain_map_text("tcp"));
+    map.link.response_timeout_s = 0.1;
+    map.link.byte_timeout_s = 0.03;
+    map.link.quiet_s = 0.05;
+    return map;
+  }
+  RunOutcome run() {
+    Result<Sequence> sequence = parse_sequence(sequence_text, "test.seq");
+    EXPECT_TRUE(sequence.ok());
+    StationConfig config = default_station_config();
+    RigImu rig_imu(station.rig);
+    LockedImu imu(rig_imu, station.server.mutex);
+    RecordingInfo info;
+    imu.describe(info);
+    plan = make_plan(*sequence, plan_limits(config, info.sample_period_s));
+    StationRun run({limited, imu, station.clock, [this](double seconds) { station.pass(std::max(seconds, 0.005)); }},
+                   {*sequence, plan, config, "SN1"}, sink, {&watcher, &stop_requests, {}});
+    const RunOutcome outcome = run.run();
+    const std::lock_guard lock(station.server.mutex);
+    for (const Axis axis : all_axes) {
+      EXPECT_EQ(station.rig.axis(axis).rate_degps, 0.0) << "the table moves on: " << outcome.error.message;
+    }
+    return outcome;
+  }
+  double rig_time_s() { return station.rig.time_s(); }
+
+  std::atomic<int> stop_requests{0};
+  TwinStation station;
+  ModbusTurntable driver;
+  LimitedTurntable limited;
+  Plan plan;
+  MemorySink sink;
+  Watcher watcher;
+};
+
+RigConfig rig_with(RigFaultKind kind, double time_s) {
+  RigConfig config = default_rig_config();
+  RigFault fault;
+  fault.kind = kind;
+  fault.time_s = time_s;
+  fault.axis = static_cast<int>(Axis::pitch);
+  config.faults.push_back(fault);
+  return config;
+}
+
+// Changes the register at `offset` of pitch's status block (0 to 5) in every reading.
+std::function<void(const ModbusRequest&, AnswerPlan&)> in_block(const std::function<void(std::vector<std::uint16_t>&)>& how) {
+  return [how](const ModbusRequest& request, AnswerPlan& plan) {
+    if (request.function != 3 || request.unit != 2) return;
+    std::vector<std::uint16_t> words;
+    const Frame& bytes = plan.pieces[0].bytes;
+    for (std::size_t i = 9; i + 1 < bytes.size(); i += 2) words.push_back(static_cast<std::uint16_t>(bytes[i] << 8 | bytes[i + 1]));
+    how(words);
+    plan.pieces[0].bytes = read_reply(request, words, true);
+  };
+}
+
+TEST(StationFaults, UndisturbedRunIsThePlan) {
+  ModbusRun s;
+  const RunOutcome outcome = s.run();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.recorded_samples, s.plan.samples);
+}
+
+// A flag that lies: the run goes through, for arrival is more than the flag; and no dwell is taken while the table turns.
+TEST(StationFaults, InPositionLies) {
+  for (const InPositionFlag flag : {InPositionFlag::servo_on, InPositionFlag::after_stop, InPositionFlag::stale, InPositionFlag::late,
+                                    InPositionFlag::flicker}) {
+    RigConfig config = default_rig_config();
+    config.table.in_position = flag;
+    ModbusRun s(config);
+    const RunOutcome outcome = s.run();
+    ASSERT_EQ(outcome.state, RunState::done) << static_cast<int>(flag) << ": " << outcome.error.message;
+    ASSERT_EQ(s.sink.segments.size(), 4u);
+    EXPECT_EQ(s.sink.segments[2].end_sample - s.sink.segments[2].start_sample, 400) << "the dwell";
+    EXPECT_GE(s.sink.segments[2].start_sample, 200 + 700) << "not before the table stood";
+    EXPECT_EQ(outcome.repeated_dwells, 0);
+  }
+}
+
+struct DriveFault {
+  const char* name;
+  RigConfig config;
+  std::function<void(ModbusRun&)> prepare;
+  RunEvent event;
+  const char* says;
+};
+void PrintTo(const DriveFault& fault, std::ostream* out) { *out << fault.name; }
+
+std::vector<DriveFault> drive_faults() {
+  const auto from_moment = [](double at_s, const std::function<void(std::vector<std::uint16_t>&)>& how) {
+    return [=](ModbusRun& s) {
+      s.station.disturb(in_block([&s, at_s, how](std::vector<std::uint16_t>& words) {
+        if (s.rig_time_s() >= at_s) how(words);
+      }));
+    };
+  };
+  const auto frozen = [](ModbusRun& s) {
+    s.station.disturb(in_block([&s, kept = std::vector<std::uint16_t>()](std::vector<std::uint16_t>& words) mutable {
+      if (s.rig_time_s() < in_mid_move_s) {
+        kept = words;
+      } else {
+        words = kept;
+      }
+    }));
+  };
+  const RigConfig plain = default_rig_config();
+  return {
+      {"never_in_position", rig_with(RigFaultKind::never_in_position, 3.0), {}, RunEvent::deadline, "has not settled"},
+      {"position_frozen", plain, frozen, RunEvent::stall, "no progress"},
+      {"axis_stuck", rig_with(RigFaultKind::stuck_axis, in_mid_move_s), {}, RunEvent::stall, "no progress"},
+      {"drive_fault", rig_with(RigFaultKind::axis_fault, in_mid_move_s), {}, RunEvent::table_fault, "alarm 38 (overload)"},
+      {"emergency_stop", rig_with(RigFaultKind::emergency_stop, in_mid_move_s), {}, RunEvent::e_stop, "emergency stop"},
+      {"limit", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] |= 0x20; }), RunEvent::table_fault, "limit switch"},
+      {"local_mode", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0x7FFF; }), RunEvent::table_fault, "not in remote"},
+      {"drive_off", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0xFFFE; }), RunEvent::table_fault, "is off"},
+      {"zero_lost", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0xFFEF; }), RunEvent::table_fault, "lost its zero"},
+      {"words_swapped", plain, from_moment(in_mid_move_s, [](auto& words) { std::swap(words[0], words[1]); }), RunEvent::link_lost,
+       "not believed"},
+      {"overshoot_that_stays", plain, from_moment(6.0, [](auto& words) { words[1] = static_cast<std::uint16_t>(words[1] - 500); }),
+       RunEvent::stall, "no progress"},
+      {"silent_in_mid_move", plain,
+       [](ModbusRun& s) {
+         s.station.disturb([&s](const ModbusRequest& request, AnswerPlan& plan) {
+           if (request.function == 3 && s.rig_time_s() > in_mid_move_s) plan.pieces.clear();
+         });
+       },
+       RunEvent::link_lost, "no answer within"},
+      {"busy_for_ever", plain,
+       [](ModbusRun& s) {
+         s.station.disturb([&s](const ModbusRequest& request, AnswerPlan& plan) {
+           if (request.function == 3 && s.rig_time_s() > in_mid_move_s) plan.pieces[0].bytes = exception_reply(request, 6, true);
+         });
+       },
+       RunEvent::link_lost, "exception 6"},
+      {"move_refused", plain,
+       [](ModbusRun& s) {
+         s.station.disturb([](const ModbusRequest& request, AnswerPlan& plan) {
+           if (request.function == 16) plan.pieces[0].bytes = exception_reply(request, 4, true);
+         });
+       },
+       RunEvent::table_fault, "exception 4"},
+  };
+}
+
+class StationDriveFaults : public testing::TestWithParam<DriveFault> {};
+
+TEST_P(StationDriveFaults, TableStopsAndTheRunSaysWhy) {
+  const DriveFault& fault = GetParam();
+  ModbusRun s(fault.config);
+  if (fault.prepare) fault.prepare(s);
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(outcome.error.kind, ErrorKind::device);
+  EXPECT_TRUE(s.watcher.saw(fault.event)) << outcome.error.message;
+  EXPECT_NE(outcome.error.message.find(fault.says), std::string::npos) << outcome.error.message;
+  // Nothing was recorded as a rest behind the fault.
+  for (const Segment& segment : s.sink.segments) {
+    if (segment.kind == SegmentKind::still) ADD_FAILURE() << "a dwell was recorded";
+  }
+}
+INSTANTIATE_TEST_SUITE_P(All, StationDriveFaults, testing::ValuesIn(drive_faults()),
+                         [](const auto& which) { return std::string(which.param.name); });
+
+// An overshoot that comes back, and a flicker of the position after done: the settle time begins anew, the dwell is good.
+TEST(StationFaults, OvershootThatComesBack) {
+  ModbusRun s;
+  s.station.disturb(in_block([&s](std::vector<std::uint16_t>& words) {
+    if (s.rig_time_s() > 6.0 && s.rig_time_s() < 6.6) words[1] = static_cast<std::uint16_t>(words[1] - 500);  // 0.05 deg further
+  }));
+  const RunOutcome outcome = s.run();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_GE(s.sink.segments[2].start_sample, 200 + 720);
+}
+
+// The table drifts during the dwell: it counts only when it is repeated.
+TEST(StationFaults, DriftAfterDone) {
+  RigConfig config = rig_with(RigFaultKind::table_moved, 7.5);
+  config.faults[0].size = 0.05;
+  ModbusRun s(config);
+  const RunOutcome outcome = s.run();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.repeated_dwells, 1);
+}
+
+TEST(StationFaults, OperatorStopsInMidMoveAndDuringSettling) {
+  for (const double at_s : {in_mid_move_s, in_settling_s}) {
+    ModbusRun s;
+    s.watcher.on_tick = [&](const RunSnapshot&) {
+      if (s.rig_time_s() >= at_s && s.stop_requests == 0) ++s.stop_requests;
+    };
+    const RunOutcome outcome = s.run();
+    EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
+    EXPECT_EQ(outcome.error.kind, ErrorKind::aborted);
+  }
+}
+
+// The connection drops in mid-move and comes back: the stop is sent over the new one, and the motion is not taken up again.
+TEST(StationFaults, LinkDropsInMidMove) {
+  ModbusRun s;
+  bool dropped = false;
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (request.function != 3 || dropped || s.rig_time_s() < in_mid_move_s) return;
+    dropped = true;
+    plan.pieces[0].bytes.resize(4);
+    plan.hang_up = true;
+  });
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_TRUE(s.watcher.saw(RunEvent::link_lost)) << outcome.error.message;
+  EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified)) << outcome.error.message;
+  EXPECT_LT(s.station.rig.axis(Axis::pitch).position_deg, 19.9);
+}
+
+}  // namespace
+}  // namespace turncal
