@@ -28,6 +28,8 @@ int main(int argc, char** argv) {
   return turncal::run_command_line(argc, argv,
                                    {
                                        turncal::add_run_command,
+                                       turncal::add_resume_command,
+                                       turncal::add_journal_command,
                                        turncal::add_check_command,
                                        turncal::add_predict_command,
                                        turncal::add_import_command,

@@ -89,6 +89,12 @@ void reject_contradictions(KeyValueFile& file, const StationConfig& station) {
           dwell.max_accel_peak_mps2, "not below", "dwell.max_accel_std_mps2", dwell.max_accel_std_mps2);
 }
 
+bool is_date(const std::string& text) {
+  if (text.size() != 10 || text[4] != '-' || text[7] != '-') return false;
+  const auto month = parse_integer<int>(text.substr(5, 2)), day = parse_integer<int>(text.substr(8, 2));
+  return parse_integer<int>(text.substr(0, 4)) && month && *month >= 1 && *month <= 12 && day && *day >= 1 && *day <= 31;
+}
+
 Result<StationConfig> station_from(KeyValueFile& file) {
   StationConfig station;
   station.file = file.file_name();
@@ -102,10 +108,20 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   read_axes(file, station.axis);
   read_motion(file, station.motion);
   read_dwell(file, station.dwell);
-  if (file.has("rig.file")) {
-    const std::filesystem::path folder = std::filesystem::path(station.file).parent_path();
-    station.rig_file = (folder / file.text("rig.file")).string();
+  station.resume_rest_s = file.number_or("resume.rest_s", station.resume_rest_s, {0.0, 86400.0});
+  station.limits = read_limits(file);
+  station.table_id = file.text_or("table.id", "");
+  station.table_calibration_due = file.text_or("table.calibration_due", "");
+  if (!station.table_calibration_due.empty() && !is_date(station.table_calibration_due)) {
+    file.reject("table.calibration_due", "a day as 2026-12-31");
   }
+  const auto beside = [&file, &station](const char* key) -> std::string {
+    if (!file.has(key)) return "";
+    return (std::filesystem::path(station.file).parent_path() / file.text(key)).string();
+  };
+  station.rig_file = beside("rig.file");
+  station.database = beside("record.database");
+  station.store = beside("record.store");
   // An unknown key first: a misspelt one would show up as a contradiction with a default.
   if (Status status = file.check_all_used(); !status) {
     return status.error();

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "calib/status.h"
+#include "orchestrator/verdict.h"
 #include "sequences/plan.h"
 
 namespace turncal {
@@ -52,6 +53,12 @@ struct StationConfig {
   MotionConfig motion;
   DwellConfig dwell;
   double imu_timeout_s = 2.0;        // no sample for this long: the link is lost
+  double resume_rest_s = 600.0;      // after an interruption, before the first dwell: unit and table come to temperature
+  VerdictLimits limits;
+  std::string table_id;              // for the record; empty: not given
+  std::string table_calibration_due;  // "2026-12-31"; a run after that day is refused unless overridden; empty: not given
+  std::string database;              // results (results_database.h); empty: none; relative to the station file's folder
+  std::string store;                 // parameter files in use (parameter_store.h); the same
   std::string rig_file;              // empty: the built-in rig configuration; relative to the station file's folder
 };
 

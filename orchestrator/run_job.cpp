@@ -1,0 +1,230 @@
+#include "orchestrator/run_job.h"
+
+#include <cmath>
+#include <filesystem>
+
+#include "imu_io/atomic_file.h"
+#include "imu_io/clock.h"
+#include "imu_io/recording_source.h"
+#include "orchestrator/dry_run_devices.h"
+#include "orchestrator/output_folder.h"
+#include "orchestrator/progress.h"
+#include "orchestrator/recording_sink.h"
+#include "orchestrator/run_log.h"
+#include "orchestrator/run_results.h"
+#include "orchestrator/station_run.h"
+#include "orchestrator/stop_signals.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr const char* log_name = "run.log";
+constexpr const char* dry_run_tag = "[dry run] ";
+
+Status check_plan(const Plan& plan) {
+  if (plan.ok()) return {};
+  const std::size_t more = plan.violations.size() - 1;
+  return input_error(plan.violations.front() +
+                     (more > 0 ? " (and " + std::to_string(more) + " more; see turncal check)" : ""));
+}
+
+// A table whose calibration is overdue is used only with a reason.
+Status check_due(const PreparedRun& run, double utc_s) {
+  const std::string& due = run.station.table_calibration_due;
+  const std::string today = format_utc(utc_s).substr(0, 10);
+  if (due.empty() || today <= due) return {};  // days as 2026-12-31 sort as they follow each other
+  if (!run.request.overdue_reason.empty()) return {};
+  return input_error("the calibration of table '" + run.station.table_id + "' was due on " + due + ", today is " + today +
+                     ": expected a calibrated table, or --override-due REASON, which goes on record");
+}
+
+// Feeds the run's log and what the operator sees from the same events.
+class Fanout : public RunObserver {
+ public:
+  explicit Fanout(std::vector<RunObserver*> observers) : observers_(std::move(observers)) {}
+  void on_transition(const TransitionRecord& record) override {
+    for (RunObserver* observer : observers_) observer->on_transition(record);
+  }
+  void on_progress(const RunSnapshot& snapshot) override {
+    for (RunObserver* observer : observers_) observer->on_progress(snapshot);
+  }
+
+ private:
+  std::vector<RunObserver*> observers_;
+};
+
+struct Attempt {
+  const PreparedRun& run;
+  const Plan& plan;
+  double sample_period_s;
+  std::string folder;
+  JournalFile& journal;
+  RunLog& log;
+  std::optional<ResumePoint> resume;
+  int sessions = 1;
+};
+
+// One attempt with the devices, up to the verdict. Returns whether anything was recorded in *recorded.
+Status attempt(const Attempt& a, DryRunDevices& devices, CommandContext& context, bool& recorded) {
+  const double began_s = steady_wall_s();
+  ProgressView view(context.out, context.out_is_terminal ? context.terminal_columns : 0, dry_run_tag, steady_wall_s);
+  Fanout observers({&a.log, &view});
+  RecordingSink sink(a.folder);
+  RunResults results;
+  const StopSignals signals;
+  RunCounts counts;
+  counts.sessions = a.sessions;
+  StationRun* running = nullptr;
+  const auto calibrate = [&]() -> Status {
+    const RunOutcome& so_far = running->outcome();
+    counts.recorded_s = static_cast<double>(so_far.recorded_samples) * a.sample_period_s;
+    counts.repeated_dwells = so_far.repeated_dwells;
+    counts.lost_samples = so_far.lost_samples;
+    return write_results(a.run, a.folder, devices.clock.utc_s(), counts, a.journal, results);
+  };
+  StationRun run(devices.devices(), {a.run.sequence, a.plan, a.run.station, a.run.request.unit, a.resume}, sink,
+                 {&observers, &a.journal, &StopSignals::requests(), calibrate});
+  running = &run;
+  const RunOutcome outcome = run.run();
+  view.clear();
+  recorded = outcome.recorded_samples > 0;
+  if (outcome.state != RunState::done) {
+    a.log.line(outcome.error.message);
+    if (recorded) context.out << dry_run_tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
+    return outcome.error;
+  }
+  if (!a.log.status()) return a.log.status();
+  print_summary(a.run, a.folder, counts, results, steady_wall_s() - began_s, context.out);
+  return verdict_status(a.run.request.unit, results.verdict);
+}
+
+std::string first_line(const PreparedRun& run) {
+  return std::string("turncal ") + software_version() + ", unit " + run.request.unit + ", station " + run.station.name +
+         ", sequence " + run.sequence.name + ", rig seed " + std::to_string(run.rig.seed);
+}
+
+// A recording that was finished but not yet renamed when the run was interrupted. Returns whether there is a sealed one.
+Result<bool> sealed_recording(const std::string& folder) {
+  const std::string path = folder + "/" + binary_recording_name, partial = folder + "/" + partial_recording_name;
+  if (path_exists(path)) return true;
+  if (!path_exists(partial)) return false;
+  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(partial);
+  if (!source || !(*source)->damage().complete) return false;
+  if (Status status = rename_durably(partial, path); !status) return status.error();
+  return true;
+}
+
+// Everything is recorded: no device is needed any more.
+Status finish_sealed(const PreparedRun& run, const std::string& folder, const JournalContents& contents, JournalFile& journal,
+                     CommandContext& context) {
+  if (!contents.seal_utc_s || !contents.last_dwell) {
+    return input_error(folder + ": the recording is complete, but the journal knows nothing of it");
+  }
+  const double began_s = steady_wall_s();
+  Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(folder + "/" + binary_recording_name);
+  if (!source) return source.error();
+  if ((*source)->info().simulated != run.request.dry_run || (*source)->info().unit_serial != run.request.unit) {
+    return input_error(folder + ": the recording is of unit " + (*source)->info().unit_serial + " and " +
+                       ((*source)->info().simulated ? "simulated" : "real") + ", the journal is of another");
+  }
+  RunCounts counts;
+  counts.repeated_dwells = contents.last_dwell->repeated_dwells;
+  counts.lost_samples = contents.last_dwell->lost_samples;
+  counts.sessions = contents.sessions + 1;
+  counts.recorded_s = static_cast<double>((*source)->segments().back().end_sample) * (*source)->info().sample_period_s;
+  RunResults results;
+  if (Status status = write_results(run, folder, *contents.seal_utc_s, counts, journal, results); !status) return status;
+  print_summary(run, folder, counts, results, steady_wall_s() - began_s, context.out);
+  return verdict_status(run.request.unit, results.verdict);
+}
+
+Plan plan_of(const PreparedRun& run, double sample_period_s) {
+  return make_plan(run.sequence, plan_limits(run.station, sample_period_s));
+}
+
+}  // namespace
+
+Status begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
+  Result<PreparedRun> prepared = prepare(request);
+  if (!prepared) return prepared.error();
+  DryRunDevices devices(prepared->rig);
+  const double period_s = prepared->rig.sample_period_s;
+  const Plan plan = plan_of(*prepared, period_s);
+  if (Status status = check_plan(plan); !status) return status;
+  if (Status status = check_due(*prepared, devices.clock.utc_s()); !status) return status;
+
+  Result<OutputFolder> folder = OutputFolder::prepare(folder_path, {binary_recording_name, partial_recording_name,
+                                                                    parameters_name, truth_name, log_name, journal_name});
+  if (!folder) return folder.error();
+  Result<JournalFile> journal = JournalFile::create(folder->file(journal_name), begin_fields(*prepared));
+  if (!journal) return journal.error();
+  Result<RunLog> log = RunLog::create(folder->file(log_name), dry_run_tag);
+  if (!log) return log.error();
+  log->line(first_line(*prepared));
+
+  bool recorded = false;
+  const Status status = attempt({*prepared, plan, period_s, folder->path(), *journal, *log, std::nullopt, 1}, devices,
+                                context, recorded);
+  if (recorded) folder->keep();
+  return status;
+}
+
+Status take_up_run(const std::string& folder, const RunRequest& moved, CommandContext& context) {
+  const std::string path = folder + "/" + journal_name;
+  if (!path_exists(path)) return input_error(folder + ": holds no " + journal_name + ": expected the folder of a run");
+  Result<JournalFile> journal = JournalFile::reopen(path);  // its lock: nobody else goes on with this run
+  if (!journal) return journal.error();
+  const Result<JournalContents> contents = read_journal(path);
+  if (!contents) return contents.error();
+  if (!contents->verdict.empty()) {
+    context.out << "The run of unit " << contents->begin_value("unit") << " is complete, verdict "
+                << contents->verdict.front().second << ": nothing to resume." << std::endl;
+    const std::string& verdict = contents->verdict.front().second;
+    if (verdict != to_string(UnitVerdict::fail) && verdict != to_string(UnitVerdict::conditional_fail)) return {};
+    return Error{ErrorKind::unit_failed, folder + ": the unit's verdict is " + verdict};
+  }
+  RunRequest request = request_of(*contents);
+  if (!moved.unit.empty() && moved.unit != request.unit) {
+    return input_error("--unit '" + moved.unit + "': expected '" + request.unit + "', whose run this is");
+  }
+  if (!moved.station.empty()) request.station = moved.station;
+  if (!moved.sequence.empty()) request.sequence = moved.sequence;
+  if (!moved.rig.empty()) request.rig = moved.rig;
+  Result<PreparedRun> prepared = prepare(request);
+  if (!prepared) return prepared.error();
+  if (Status status = check_unchanged(*prepared, *contents); !status) return status;
+
+  const Result<bool> sealed = sealed_recording(folder);
+  if (!sealed) return sealed.error();
+  if (*sealed) return finish_sealed(*prepared, folder, *contents, *journal, context);
+
+  const double period_s = prepared->rig.sample_period_s;
+  const Plan plan = plan_of(*prepared, period_s);
+  if (Status status = check_plan(plan); !status) return status;
+  DryRunDevices devices(prepared->rig);
+  std::optional<ResumePoint> resume;
+  std::string what = "no dwell was complete: begins anew";
+  if (contents->last_dwell) {
+    if (contents->last_dwell->item >= plan.items.size()) return input_error(path + ": names an item that the plan has not");
+    resume = ResumePoint{*contents->last_dwell, true};
+    if (Status status = devices.put_back(contents->commands, contents->last_dwell->time_s); !status) return status;
+    what = "goes on behind item " + std::to_string(contents->last_dwell->item + 1) + " of " +
+           std::to_string(plan.items.size());
+  } else {
+    std::error_code ignored;
+    std::filesystem::remove(folder + "/" + partial_recording_name, ignored);
+  }
+  if (Status status = journal->append(JournalType::resume, {{"software_version", software_version()}, {"what", what}});
+      !status) {
+    return status;
+  }
+  Result<RunLog> log = RunLog::append(folder + "/" + log_name, dry_run_tag);
+  if (!log) return log.error();
+  log->line("resumed by turncal " + std::string(software_version()) + ": " + what);
+  bool recorded = false;
+  return attempt({*prepared, plan, period_s, folder, *journal, *log, resume, contents->sessions + 1}, devices, context,
+                 recorded);
+}
+
+}  // namespace turncal
