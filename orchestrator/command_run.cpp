@@ -24,6 +24,12 @@ void add_record_options(CLI::App& command, RunRequest& request) {
                      "use a table whose calibration is overdue, for this reason, which goes on record");
 }
 
+void add_view_options(CLI::App& command, RunRequest& request) {
+  command.add_option("--listen", request.listen, "serve a read-only status page there (127.0.0.1:8080; port 0: any free one)");
+  command.add_option("--pace", request.pace, "of a dry run: at most this many times as fast as the wall clock")
+      ->check(CLI::PositiveNumber);
+}
+
 void add_run_command(CLI::App& app, CommandContext& context) {
   const auto options = std::make_shared<Options>();
   RunRequest& request = options->request;
@@ -34,6 +40,7 @@ void add_run_command(CLI::App& app, CommandContext& context) {
   command->add_option("--rig", request.rig, "rig configuration (docs/rig.md); default: the built-in one");
   command->add_option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
   command->add_option("--station", request.station, "station configuration; default: the built-in rig station");
+  add_view_options(*command, request);
   command->add_flag("--capture-only", request.capture_only, "record the sequence, do not calibrate");
   add_record_options(*command, request);
   command->callback([options, &context] {
@@ -50,6 +57,7 @@ void add_resume_command(CLI::App& app, CommandContext& context) {
   command->add_option("--rig", moved.rig, "where the rig configuration is now, if it was moved");
   command->add_option("--sequence", moved.sequence, "where the sequence is now, if it was moved");
   command->add_option("--station", moved.station, "where the station configuration is now, if it was moved");
+  add_view_options(*command, moved);
   command->callback([options, &context] {
     if (Status status = take_up_run(options->folder, options->request, context); !status) context.fail(status.error());
   });

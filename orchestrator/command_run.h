@@ -9,6 +9,7 @@ namespace turncal {
 struct RunRequest;
 
 void add_record_options(CLI::App& command, RunRequest& request);
+void add_view_options(CLI::App& command, RunRequest& request);
 void add_run_command(CLI::App& app, CommandContext& context);
 void add_resume_command(CLI::App& app, CommandContext& context);
 void add_journal_command(CLI::App& app, CommandContext& context);

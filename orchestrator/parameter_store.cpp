@@ -11,12 +11,7 @@ namespace turncal {
 
 namespace fs = std::filesystem;
 
-namespace {
-
-constexpr const char* in_use_name = "parameters.conf";
-
-// A serial number as the name of a folder: what is no letter, digit, '-' or '_' as %XX.
-std::string folder_name(const std::string& unit) {
+std::string name_of_unit(const std::string& unit) {
   std::string name;
   for (const char c : unit) {
     const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
@@ -27,8 +22,12 @@ std::string folder_name(const std::string& unit) {
   return name;
 }
 
+namespace {
+
+constexpr const char* in_use_name = "parameters.conf";
+
 std::string unit_folder(const std::string& store, const std::string& unit, bool simulated) {
-  return store + (simulated ? "/simulated/" : "/") + folder_name(unit);
+  return store + (simulated ? "/simulated/" : "/") + name_of_unit(unit);
 }
 
 std::string version_path(const std::string& folder, int number) {

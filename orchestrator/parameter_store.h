@@ -13,6 +13,9 @@
 
 namespace turncal {
 
+// A serial number as the name of a file or folder: what is no letter, digit, '-' or '_' as %xx.
+std::string name_of_unit(const std::string& unit);
+
 // A version of its own unless the newest one has the same bytes; then in use. Both durable on success.
 Status put_in_use(const std::string& store, const ParameterFile& file);
 // Brings a version back into use.

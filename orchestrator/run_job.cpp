@@ -1,18 +1,25 @@
 #include "orchestrator/run_job.h"
 
-#include <cmath>
+#include <algorithm>
+#include <chrono>
 #include <filesystem>
+#include <memory>
+#include <thread>
 
 #include "imu_io/atomic_file.h"
 #include "imu_io/clock.h"
 #include "imu_io/recording_source.h"
 #include "orchestrator/dry_run_devices.h"
+#include "orchestrator/hooks.h"
+#include "orchestrator/live_view.h"
 #include "orchestrator/output_folder.h"
 #include "orchestrator/progress.h"
 #include "orchestrator/recording_sink.h"
 #include "orchestrator/run_log.h"
+#include "orchestrator/results_database.h"
 #include "orchestrator/run_results.h"
 #include "orchestrator/station_run.h"
+#include "orchestrator/status_page.h"
 #include "orchestrator/stop_signals.h"
 
 namespace turncal {
@@ -54,6 +61,38 @@ class Fanout : public RunObserver {
   std::vector<RunObserver*> observers_;
 };
 
+// Holds virtual time back to `pace` times the wall clock.
+class PaceKeeper : public RunObserver {
+ public:
+  explicit PaceKeeper(double pace) : pace_(pace) {}
+  void on_transition(const TransitionRecord&) override {}
+  void on_progress(const RunSnapshot& snapshot) override {
+    if (pace_ <= 0.0) return;
+    if (!began_s_) began_s_ = steady_wall_s() - snapshot.time_s / pace_;
+    const double ahead_s = snapshot.time_s / pace_ - (steady_wall_s() - *began_s_);
+    if (ahead_s > 0.0) std::this_thread::sleep_for(std::chrono::duration<double>(std::min(ahead_s, 1.0)));
+  }
+
+ private:
+  double pace_;
+  std::optional<double> began_s_;
+};
+
+// The newest results on record, one line each.
+std::vector<std::string> last_results(const PreparedRun& run) {
+  constexpr std::size_t shown = 10;
+  std::vector<std::string> lines;
+  if (run.station.database.empty() || !path_exists(run.station.database)) return lines;
+  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(run.station.database);
+  const auto all = database ? database->list("", "N01") : Result<std::vector<StoredCalibration>>(database.error());
+  if (!all) return {all.error().message};
+  for (std::size_t i = all->size() - std::min(all->size(), shown); i < all->size(); ++i) {
+    const StoredCalibration& c = (*all)[i];
+    lines.push_back(c.time_utc + "  " + c.unit + "  " + c.verdict + (c.simulated ? "  [simulated]" : ""));
+  }
+  return lines;
+}
+
 struct Attempt {
   const PreparedRun& run;
   const Plan& plan;
@@ -69,8 +108,19 @@ struct Attempt {
 Status attempt(const Attempt& a, DryRunDevices& devices, CommandContext& context, bool& recorded) {
   const double began_s = steady_wall_s();
   ProgressView view(context.out, context.out_is_terminal ? context.terminal_columns : 0, dry_run_tag, steady_wall_s);
-  Fanout observers({&a.log, &view});
-  RecordingSink sink(a.folder);
+  LiveView live(a.run.request.unit, a.run.station.name, a.run.sequence.name, a.run.request.dry_run, last_results(a.run),
+                steady_wall_s);
+  std::unique_ptr<StatusPage> page;
+  if (!a.run.request.listen.empty()) {
+    Result<std::unique_ptr<StatusPage>> opened = StatusPage::open(a.run.request.listen, live);
+    if (!opened) return opened.error();
+    page = std::move(*opened);
+    context.out << dry_run_tag << "status page " << page->url() << std::endl;
+  }
+  PaceKeeper pace(a.run.request.pace);
+  Fanout observers({&a.log, &view, &live, &pace});
+  RecordingSink recording(a.folder);
+  LiveSink sink(recording, live);
   RunResults results;
   const StopSignals signals;
   RunCounts counts;
@@ -89,6 +139,8 @@ Status attempt(const Attempt& a, DryRunDevices& devices, CommandContext& context
   const RunOutcome outcome = run.run();
   view.clear();
   recorded = outcome.recorded_samples > 0;
+  live.end(outcome.state == RunState::done ? "done: " + std::string(to_string(results.verdict.verdict)) : outcome.error.message);
+  if (page) page->say_goodbye();
   if (outcome.state != RunState::done) {
     a.log.line(outcome.error.message);
     if (recorded) context.out << dry_run_tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
@@ -139,6 +191,16 @@ Status finish_sealed(const PreparedRun& run, const std::string& folder, const Jo
   return verdict_status(run.request.unit, results.verdict);
 }
 
+// What the station wants told; the run's outcome is not changed by it.
+Status told(const PreparedRun& run, const std::string& folder, RunLog* log, Status outcome) {
+  HookCall call = call_for(outcome);
+  call.unit = run.request.unit;
+  call.folder = folder;
+  call.dry_run = run.request.dry_run;
+  if (Status status = run_hook(run.station.hooks, call); !status && log) log->line(status.error().message);
+  return outcome;
+}
+
 Plan plan_of(const PreparedRun& run, double sample_period_s) {
   return make_plan(run.sequence, plan_limits(run.station, sample_period_s));
 }
@@ -167,10 +229,10 @@ Status begin_run(const RunRequest& request, const std::string& folder_path, Comm
   const Status status = attempt({*prepared, plan, period_s, folder->path(), *journal, *log, std::nullopt, 1}, devices,
                                 context, recorded);
   if (recorded) folder->keep();
-  return status;
+  return told(*prepared, folder->path(), &*log, status);
 }
 
-Status take_up_run(const std::string& folder, const RunRequest& moved, CommandContext& context) {
+Status take_up_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
   const std::string path = folder + "/" + journal_name;
   if (!path_exists(path)) return input_error(folder + ": holds no " + journal_name + ": expected the folder of a run");
   Result<JournalFile> journal = JournalFile::reopen(path);  // its lock: nobody else goes on with this run
@@ -185,19 +247,21 @@ Status take_up_run(const std::string& folder, const RunRequest& moved, CommandCo
     return Error{ErrorKind::unit_failed, folder + ": the unit's verdict is " + verdict};
   }
   RunRequest request = request_of(*contents);
-  if (!moved.unit.empty() && moved.unit != request.unit) {
-    return input_error("--unit '" + moved.unit + "': expected '" + request.unit + "', whose run this is");
+  if (!now.unit.empty() && now.unit != request.unit) {
+    return input_error("--unit '" + now.unit + "': expected '" + request.unit + "', whose run this is");
   }
-  if (!moved.station.empty()) request.station = moved.station;
-  if (!moved.sequence.empty()) request.sequence = moved.sequence;
-  if (!moved.rig.empty()) request.rig = moved.rig;
+  if (!now.station.empty()) request.station = now.station;
+  if (!now.sequence.empty()) request.sequence = now.sequence;
+  if (!now.rig.empty()) request.rig = now.rig;
+  request.listen = now.listen;
+  request.pace = now.pace;
   Result<PreparedRun> prepared = prepare(request);
   if (!prepared) return prepared.error();
   if (Status status = check_unchanged(*prepared, *contents); !status) return status;
 
   const Result<bool> sealed = sealed_recording(folder);
   if (!sealed) return sealed.error();
-  if (*sealed) return finish_sealed(*prepared, folder, *contents, *journal, context);
+  if (*sealed) return told(*prepared, folder, nullptr, finish_sealed(*prepared, folder, *contents, *journal, context));
 
   const double period_s = prepared->rig.sample_period_s;
   const Plan plan = plan_of(*prepared, period_s);
@@ -223,8 +287,9 @@ Status take_up_run(const std::string& folder, const RunRequest& moved, CommandCo
   if (!log) return log.error();
   log->line("resumed by turncal " + std::string(software_version()) + ": " + what);
   bool recorded = false;
-  return attempt({*prepared, plan, period_s, folder, *journal, *log, resume, contents->sessions + 1}, devices, context,
-                 recorded);
+  return told(*prepared, folder, &*log,
+              attempt({*prepared, plan, period_s, folder, *journal, *log, resume, contents->sessions + 1}, devices, context,
+                      recorded));
 }
 
 }  // namespace turncal

@@ -13,8 +13,9 @@ namespace turncal {
 
 Status begin_run(const RunRequest& request, const std::string& folder, CommandContext& context);
 
-// `moved`: where the files are now that the journal names (station, sequence, rig); empty: where they were. The devices must
+// `now`: where the files are now that the journal names (station, sequence, rig); empty: where they were; and
+// listen and pace. The devices must
 // be the same kind (simulated or not), the unit and every hash those of the journal.
-Status take_up_run(const std::string& folder, const RunRequest& moved, CommandContext& context);
+Status take_up_run(const std::string& folder, const RunRequest& now, CommandContext& context);
 
 }  // namespace turncal

@@ -25,6 +25,10 @@ struct RunRequest {
   std::string revision;
   std::string ambient;
   std::string overdue_reason;  // why a table whose calibration is overdue is used all the same
+  // Of this attempt only, not of the run: where the status page listens (empty: none), and how many times as fast as the wall
+  // clock a dry run may go (0: as it can).
+  std::string listen;
+  double pace = 0.0;
 };
 
 struct PreparedRun {

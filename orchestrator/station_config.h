@@ -10,6 +10,7 @@
 #include <string>
 
 #include "calib/status.h"
+#include "orchestrator/hooks.h"
 #include "orchestrator/verdict.h"
 #include "sequences/plan.h"
 
@@ -54,6 +55,7 @@ struct StationConfig {
   DwellConfig dwell;
   double imu_timeout_s = 2.0;        // no sample for this long: the link is lost
   double resume_rest_s = 600.0;      // after an interruption, before the first dwell: unit and table come to temperature
+  HookCommands hooks;
   VerdictLimits limits;
   std::string table_id;              // for the record; empty: not given
   std::string table_calibration_due;  // "2026-12-31"; a run after that day is refused unless overridden; empty: not given

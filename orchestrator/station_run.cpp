@@ -424,7 +424,10 @@ RunSnapshot StationRun::snapshot() const {
     s.step = job_.sequence.steps[step_].number;
     s.step_place = step_ + 1;
   }
-  for (Axis axis : all_axes) s.position_deg[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
+  for (Axis axis : all_axes) {
+    s.position_deg[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
+    s.rate_degps[axis] = status_[static_cast<std::size_t>(axis)].rate_degps;
+  }
   if ((state_ == RunState::moving || state_ == RunState::settling) && arrival_.move()) {
     s.axis = arrival_.move()->axis;
     s.target_deg = arrival_.move()->target_deg;
