@@ -50,6 +50,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
   RunRequest check = options.request;
   check.unit = "X";
   if (const Result<PreparedRun> prepared = prepare(check); !prepared) return prepared.error();
+  const std::string tag = options.request.dry_run ? "[dry run] [batch] " : "[batch] ";
   int passed = 0, not_passed = 0;
   for (;;) {
     const Result<std::vector<std::string>> queue = read_queue(options.queue);
@@ -59,7 +60,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     const std::optional<std::string> unit = next_unit(*queue, *outcomes);
     if (!unit) break;
     const std::string folder = folder_for(options.out, *unit, find_outcome(*outcomes, *unit));
-    context.out << "[batch] unit " << *unit << " in " << folder << std::endl;
+    context.out << tag << "unit " << *unit << " in " << folder << std::endl;
     RunRequest request = options.request;
     request.unit = *unit;
     RunRequest resumed;
@@ -70,10 +71,10 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     const Result<std::string> outcome = outcome_of(run);
     if (!outcome) return Error{outcome.error().kind, "unit " + *unit + ": " + outcome.error().message};
     if (Status status = record_outcome(options.queue, {*unit, *outcome, now_utc()}); !status) return status;
-    context.out << "[batch] unit " << *unit << ": " << *outcome << (run ? "" : ": " + run.error().message) << std::endl;
+    context.out << tag << "unit " << *unit << ": " << *outcome << (run ? "" : ": " + run.error().message) << std::endl;
     ++(run ? passed : not_passed);
   }
-  context.out << "[batch] queue done: " << passed << " passed, " << not_passed << " not" << std::endl;
+  context.out << tag << "queue done: " << passed << " passed, " << not_passed << " not" << std::endl;
   if (not_passed == 0) return {};
   return Error{ErrorKind::unit_failed, std::to_string(not_passed) + " of " + std::to_string(passed + not_passed) +
                                            " units did not pass; see turncal queue " + options.queue};

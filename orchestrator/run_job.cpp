@@ -27,7 +27,6 @@ namespace turncal {
 namespace {
 
 constexpr const char* log_name = "run.log";
-constexpr const char* dry_run_tag = "[dry run] ";
 
 Status check_plan(const Plan& plan) {
   if (plan.ok()) return {};
@@ -107,7 +106,7 @@ struct Attempt {
 // One attempt with the devices, up to the verdict. Returns whether anything was recorded in *recorded.
 Status attempt(const Attempt& a, DryRunDevices& devices, CommandContext& context, bool& recorded) {
   const double began_s = steady_wall_s();
-  ProgressView view(context.out, context.out_is_terminal ? context.terminal_columns : 0, dry_run_tag, steady_wall_s);
+  ProgressView view(context.out, context.out_is_terminal ? context.terminal_columns : 0, std::string(dry_run_tag), steady_wall_s);
   LiveView live(a.run.request.unit, a.run.station.name, a.run.sequence.name, a.run.request.dry_run, last_results(a.run),
                 steady_wall_s);
   std::unique_ptr<StatusPage> page;
@@ -221,7 +220,7 @@ Status begin_run(const RunRequest& request, const std::string& folder_path, Comm
   if (!folder) return folder.error();
   Result<JournalFile> journal = JournalFile::create(folder->file(journal_name), begin_fields(*prepared));
   if (!journal) return journal.error();
-  Result<RunLog> log = RunLog::create(folder->file(log_name), dry_run_tag);
+  Result<RunLog> log = RunLog::create(folder->file(log_name), std::string(dry_run_tag));
   if (!log) return log.error();
   log->line(first_line(*prepared));
 
@@ -240,7 +239,7 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   const Result<JournalContents> contents = read_journal(path);
   if (!contents) return contents.error();
   if (!contents->verdict.empty()) {
-    context.out << "The run of unit " << contents->begin_value("unit") << " is complete, verdict "
+    context.out << (contents->begin_value("simulated") == "true" ? dry_run_tag : "") << "The run of unit " << contents->begin_value("unit") << " is complete, verdict "
                 << contents->verdict.front().second << ": nothing to resume." << std::endl;
     const std::string& verdict = contents->verdict.front().second;
     if (verdict != to_string(UnitVerdict::fail) && verdict != to_string(UnitVerdict::conditional_fail)) return {};
@@ -271,7 +270,7 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   std::string what = "no dwell was complete: begins anew";
   if (contents->last_dwell) {
     if (contents->last_dwell->item >= plan.items.size()) return input_error(path + ": names an item that the plan has not");
-    resume = ResumePoint{*contents->last_dwell, true};
+    resume = ResumePoint{*contents->last_dwell, prepared->request.dry_run};
     if (Status status = devices.put_back(contents->commands, contents->last_dwell->time_s); !status) return status;
     what = "goes on behind item " + std::to_string(contents->last_dwell->item + 1) + " of " +
            std::to_string(plan.items.size());
@@ -283,7 +282,7 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
       !status) {
     return status;
   }
-  Result<RunLog> log = RunLog::append(folder + "/" + log_name, dry_run_tag);
+  Result<RunLog> log = RunLog::append(folder + "/" + log_name, std::string(dry_run_tag));
   if (!log) return log.error();
   log->line("resumed by turncal " + std::string(software_version()) + ": " + what);
   bool recorded = false;

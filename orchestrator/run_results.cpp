@@ -1,11 +1,13 @@
 #include "orchestrator/run_results.h"
 
 #include <cstdio>
+#include <sstream>
 
 #include "imu_io/atomic_file.h"
 #include "imu_io/clock.h"
 #include "imu_io/format_number.h"
 #include "imu_io/recording_source.h"
+#include "imu_io/text_pieces.h"
 #include "orchestrator/parameter_store.h"
 #include "orchestrator/progress.h"
 #include "orchestrator/recording_sink.h"
@@ -114,7 +116,8 @@ Status verdict_status(const std::string& unit, const VerdictReport& report) {
 }
 
 void print_summary(const PreparedRun& run, const std::string& folder, const RunCounts& counts, const RunResults& results,
-                   double wall_s, std::ostream& out) {
+                   double wall_s, std::ostream& printed) {
+  std::ostringstream out;
   char text[200];
   std::snprintf(text, sizeof text,
                 "%s complete: %s recorded (%.10g s of station time) in %.1f s; %d dwells repeated, %llu samples lost.",
@@ -139,7 +142,13 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
     out << "parameters  " << path(parameters_name) << '\n';
   }
   if (run.request.dry_run) out << "truth       " << path(truth_name) << '\n';
-  out << "recording   " << path(binary_recording_name) << '\n' << "log         " << path("run.log") << std::endl;
+  out << "recording   " << path(binary_recording_name) << '\n' << "log         " << path("run.log") << '\n';
+  const std::string whole = out.str();
+  for (std::string_view rest = whole; !rest.empty();) {
+    const std::string_view line = take_line(rest);
+    printed << (run.request.dry_run ? (line.empty() ? dry_run_tag.substr(0, dry_run_tag.size() - 1) : dry_run_tag) : "") << line << '\n';
+  }
+  printed << std::flush;
 }
 
 }  // namespace turncal

@@ -9,6 +9,7 @@
 #include <optional>
 #include <ostream>
 #include <string>
+#include <string_view>
 
 #include "orchestrator/calibration_job.h"
 #include "orchestrator/run_request.h"
@@ -18,6 +19,8 @@ namespace turncal {
 
 inline constexpr const char* parameters_name = "parameters.conf";
 inline constexpr const char* truth_name = "truth.conf";
+// Before every line that a dry run prints or logs, so that none passes for a real one.
+inline constexpr std::string_view dry_run_tag = "[dry run] ";
 
 struct RunCounts {
   double recorded_s = 0.0;

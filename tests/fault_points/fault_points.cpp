@@ -5,7 +5,8 @@
 //   TURNCAL_FAULT_MODE=kill   a write is done by half, then SIGKILL
 //                      power  every file loses what it was not synced for, then SIGKILL (renames stay: not modelled)
 //                      full   from here on every write fails with ENOSPC
-//   TURNCAL_FAULT_COUNT=FILE  the number of calls, written at the end
+//   TURNCAL_FAULT_COUNT=FILE  written at the end: the number of calls, and how often something was written to any file, or the
+//                             program ended, while a record of a journal was not yet synced
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <signal.h>
@@ -27,6 +28,8 @@ struct Tracked {
 Tracked tracked[256];
 int tracked_count = 0;
 long calls = 0;
+long unsynced = 0;      // see TURNCAL_FAULT_COUNT
+int journal_fd = -1;    // with a record that is not synced
 
 template <class Function>
 Function real(const char* name) {
@@ -43,6 +46,12 @@ bool mode_is(const char* wanted) {
 bool is_file(int fd) {
   struct stat facts;
   return fd > 2 && fstat(fd, &facts) == 0 && S_ISREG(facts.st_mode);
+}
+
+bool is_journal(int fd) {
+  char name[64], path[512] = {};
+  snprintf(name, sizeof name, "/proc/self/fd/%d", fd);
+  return readlink(name, path, sizeof path - 1) > 0 && strstr(path, "journal.tcj") != nullptr;
 }
 
 Tracked* track(int fd) {
@@ -101,7 +110,7 @@ __attribute__((destructor)) void report() {
   if (!path) return;
   FILE* file = fopen(path, "w");
   if (!file) return;
-  fprintf(file, "%ld\n", calls);
+  fprintf(file, "%ld %ld\n", calls, unsynced + (journal_fd >= 0 ? 1 : 0));
   fclose(file);
 }
 
@@ -110,6 +119,10 @@ __attribute__((destructor)) void report() {
 extern "C" {
 
 ssize_t write(int fd, const void* data, size_t size) {
+  if (is_file(fd)) {
+    if (journal_fd >= 0) ++unsynced;
+    if (is_journal(fd)) journal_fd = fd;
+  }
   if (struck(fd)) return write_struck(fd, data, size);
   return real<ssize_t (*)(int, const void*, size_t)>("write")(fd, data, size);
 }
@@ -126,6 +139,7 @@ ssize_t pwrite64(int fd, const void* data, size_t size, off64_t offset) {
 int fsync(int fd) {
   if (!mode_is("full") && struck(fd)) strike();
   const int result = real<int (*)(int)>("fsync")(fd);
+  if (fd == journal_fd) journal_fd = -1;
   synced(fd);
   return result;
 }

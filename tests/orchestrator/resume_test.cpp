@@ -63,7 +63,9 @@ class Resume : public Program {
   long count_points() const {
     const std::string station = write("count/mock.station", station_text);
     EXPECT_EQ(run_struck(begin("count/out", station), 0, "kill").code, 0);
-    const long points = std::atol(file_text(folder_.string() + ".count").c_str());
+    long points = 0, unsynced = -1;
+    std::istringstream(file_text(folder_.string() + ".count")) >> points >> unsynced;
+    EXPECT_EQ(unsynced, 0) << "something was done while a record of the journal was not on disk";
     fs::remove(folder_.string() + ".count");
     return points;
   }
