@@ -13,6 +13,11 @@ struct Options {
   std::string folder;
 };
 
+void add_overdue_option(CLI::App& command, RunRequest& request) {
+  command.add_option("--override-due", request.overdue_reason,
+                     "use a table whose calibration is overdue, for this reason, which goes on record");
+}
+
 }  // namespace
 
 void add_record_options(CLI::App& command, RunRequest& request) {
@@ -20,8 +25,7 @@ void add_record_options(CLI::App& command, RunRequest& request) {
   command.add_option("--part", request.part, "part number of the unit, for the record");
   command.add_option("--revision", request.revision, "revision of the unit, for the record");
   command.add_option("--ambient", request.ambient, "ambient conditions, for the record (\"22.5 C, 45 %\")");
-  command.add_option("--override-due", request.overdue_reason,
-                     "use a table whose calibration is overdue, for this reason, which goes on record");
+  add_overdue_option(command, request);
 }
 
 void add_view_options(CLI::App& command, RunRequest& request) {
@@ -57,6 +61,7 @@ void add_resume_command(CLI::App& app, CommandContext& context) {
   command->add_option("--rig", moved.rig, "where the rig configuration is now, if it was moved");
   command->add_option("--sequence", moved.sequence, "where the sequence is now, if it was moved");
   command->add_option("--station", moved.station, "where the station configuration is now, if it was moved");
+  add_overdue_option(*command, moved);
   add_view_options(*command, moved);
   command->callback([options, &context] {
     if (Status status = take_up_run(options->folder, options->request, context); !status) context.fail(status.error());

@@ -231,6 +231,10 @@ Result<JournalContents> read_journal(const std::string& path) {
       case JournalType::resume:  // what was commanded behind the last completed dwell is taken back
         contents.commands.resize(commands_kept);
         ++contents.sessions;
+        if (fields->has("overdue_reason")) {  // given now: the table's calibration ran out meanwhile
+          std::erase_if(contents.begin, [](const auto& field) { return field.first == "overdue_reason"; });
+          contents.begin.emplace_back("overdue_reason", unescaped(fields->text("overdue_reason")));
+        }
         break;
       case JournalType::results: contents.results_written = true; break;
       case JournalType::verdict: contents.verdict = fields_of(*fields); break;

@@ -252,6 +252,7 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   if (!now.station.empty()) request.station = now.station;
   if (!now.sequence.empty()) request.sequence = now.sequence;
   if (!now.rig.empty()) request.rig = now.rig;
+  if (request.overdue_reason.empty()) request.overdue_reason = now.overdue_reason;
   request.listen = now.listen;
   request.pace = now.pace;
   Result<PreparedRun> prepared = prepare(request);
@@ -278,10 +279,10 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
     std::error_code ignored;
     std::filesystem::remove(folder + "/" + partial_recording_name, ignored);
   }
-  if (Status status = journal->append(JournalType::resume, {{"software_version", software_version()}, {"what", what}});
-      !status) {
-    return status;
-  }
+  if (Status status = check_due(*prepared, devices.clock.utc_s()); !status) return status;
+  const JournalFields resumed = {{"software_version", software_version()}, {"what", what},
+                                 {"overdue_reason", prepared->request.overdue_reason}};
+  if (Status status = journal->append(JournalType::resume, resumed); !status) return status;
   Result<RunLog> log = RunLog::append(folder + "/" + log_name, std::string(dry_run_tag));
   if (!log) return log.error();
   log->line("resumed by turncal " + std::string(software_version()) + ": " + what);

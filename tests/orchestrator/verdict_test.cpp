@@ -137,6 +137,14 @@ TEST_F(Production, AnOverdueTableIsRefusedUnlessOverridden) {
   EXPECT_NE(file.find("record.overdue_reason = recalibration is booked for Monday"), std::string::npos);
   EXPECT_NE(file.find("record.table_calibration_due = 2025-12-31"), std::string::npos);
   ASSERT_EQ(dry_run("today", "table.calibration_due = 2026-01-01\n").code, 0) << "the last good day";
+  // It runs out at midnight, in the middle of a run that is stopped then: begun in time, it needs a reason to go on.
+  const std::string midnight = "fault.1.kind = emergency_stop\nfault.1.time_s = 400\n";
+  const std::string rig = write("late.rig", "start_utc_s = 1767311700\n" + midnight);  // 2026-01-01T23:55
+  ASSERT_EQ(dry_run("late", "table.calibration_due = 2026-01-01\n", {"--rig", rig}).code, 50);
+  expect_refused({"resume", "late"}, "was due on 2026-01-01, today is 2026-01-02");
+  EXPECT_EQ(run({"resume", "late", "--override-due", "half a run is no use"}).code, 50) << "the rig's fault comes again";
+  EXPECT_NE(run({"journal", "late"}).out.find("overdue_reason = half a run is no use"), std::string::npos);
+  EXPECT_EQ(run({"resume", "late"}).code, 50) << "the reason was given";
   EXPECT_EQ(dry_run("bad", "table.calibration_due = 31.12.2026\n").code, 1);
 }
 
