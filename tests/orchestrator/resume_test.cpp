@@ -107,13 +107,13 @@ class Resume : public Program {
     expect_same_end(folder, station, first);
     fs::remove_all(folder_ / folder);
   }
-  // Every fourth call from `first` on, a kill and a power cut in turn; TURNCAL_LONG_TESTS: both at each.
-  void strike_at_every_fourth(long first) const {
+  // Every twelfth call from `first` on, a kill and a power cut in turn; TURNCAL_LONG_TESTS: both at each.
+  void strike_at_every_twelfth(long first) const {
     const long points = count_points();
     ASSERT_GT(points, 1000);
     const bool both = std::getenv("TURNCAL_LONG_TESTS") != nullptr;
-    for (long point = first; point <= points && !HasFatalFailure(); point += 4) {
-      const bool kill = point / 4 % 2 == 0;
+    for (long point = first; point <= points && !HasFatalFailure(); point += 12) {
+      const bool kill = point / 12 % 2 == 0;
       if (kill || both) strike_at(point, "kill", -1000 - SIGKILL);
       if (!kill || both) strike_at(point, "power", -1000 - SIGKILL);
     }
@@ -124,11 +124,10 @@ class Resume : public Program {
   std::vector<int> reference_dwells_;
 };
 
-// Four tests, so that they can run side by side.
-TEST_F(Resume, KilledAtEveryWriteAndSync1) { strike_at_every_fourth(1); }
-TEST_F(Resume, KilledAtEveryWriteAndSync2) { strike_at_every_fourth(2); }
-TEST_F(Resume, KilledAtEveryWriteAndSync3) { strike_at_every_fourth(3); }
-TEST_F(Resume, KilledAtEveryWriteAndSync4) { strike_at_every_fourth(4); }
+// Twelve tests, so that they can run side by side.
+class ResumeStruck : public Resume, public testing::WithParamInterface<int> {};
+TEST_P(ResumeStruck, AtEveryWriteAndSync) { strike_at_every_twelfth(GetParam()); }
+INSTANTIATE_TEST_SUITE_P(First, ResumeStruck, testing::Range(1, 13));
 
 TEST_F(Resume, DiskFullAtAnyWriteStopsTheRunAndItGoesOn) {
   const long points = count_points();
