@@ -236,8 +236,8 @@ Result<JournalContents> read_journal(const std::string& path) {
           contents.begin.emplace_back("overdue_reason", unescaped(fields->text("overdue_reason")));
         }
         break;
-      case JournalType::results: contents.results_written = true; break;
       case JournalType::verdict: contents.verdict = fields_of(*fields); break;
+      case JournalType::results:
       case JournalType::transition: break;
     }
     return fields->status();

@@ -58,7 +58,6 @@ struct JournalContents {
   std::vector<JournalCommand> commands;   // up to last_dwell, without those of attempts that were taken back
   std::optional<double> seal_utc_s;       // of the last attempt to seal
   int sessions = 1;                       // 1 + resumes
-  bool results_written = false;
   JournalFields verdict;                  // empty: none yet
 
   const std::string& begin_value(std::string_view key) const;  // "" when missing

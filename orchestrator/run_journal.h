@@ -1,5 +1,5 @@
-// What a run must make durable before its consequence: every transition before its action, every command before it is sent,
-// every completed dwell before the next item, the end of the recording before it is sealed.
+// What a run must make durable before its consequence: every transition before its action (but a stop, which waits for
+// nothing and is written down after it went out), every command before it is sent, every completed dwell before the next item, the end of the recording before it is sealed.
 //
 // An error from any of these stops the run like a disk that is full. On disk: journal_file.h.
 #pragma once

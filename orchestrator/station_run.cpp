@@ -99,17 +99,21 @@ void StationRun::handle(RunEvent event) {
         first_error_->kind = ErrorKind::device;
       }
     }
-    if (hooks_.observer) hooks_.observer->on_transition(record);
-    const Status kept = hooks_.journal ? hooks_.journal->transition(record) : Status{};
     // Where nothing changes, the poll that is due stays due.
     const bool changed = transition.to != state_;
     state_ = transition.to;
-    // What is not in the journal does not happen, but for a stop.
+    pending.reset();
+    // A stop goes out at once: neither disk nor terminal may hold it up.
+    const bool stop = transition.action == RunAction::stop_table || transition.action == RunAction::abort_table;
+    if (stop) pending = perform(transition.action, now);
+    if (hooks_.observer) hooks_.observer->on_transition(record);
+    const Status kept = hooks_.journal ? hooks_.journal->transition(record) : Status{};
+    // Anything else does not happen unless it is in the journal.
     if (!kept && live_states.contains(state_)) {
       pending = keep(kept);
     } else if (!kept && state_ == RunState::calibrating) {
       pending = raise(RunEvent::calibration_failed, kept.error().kind, kept.error().message);
-    } else {
+    } else if (!stop) {
       pending = perform(transition.action, now);
     }
     if (changed) schedule_poll(devices_.clock.now_s());

@@ -43,7 +43,6 @@ TEST_F(Journal, IsReadBackAsWritten) {
   EXPECT_EQ(*contents->last_dwell, two_);
   EXPECT_EQ(*contents->seal_utc_s, 1767225600.25);
   EXPECT_EQ(contents->sessions, 2);
-  EXPECT_FALSE(contents->results_written);
   EXPECT_TRUE(contents->verdict.empty());
   // The move behind the first dwell was taken back by the resume.
   ASSERT_EQ(contents->commands.size(), 3u);

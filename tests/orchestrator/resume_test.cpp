@@ -6,6 +6,7 @@
 #include <regex>
 
 #include "orchestrator/journal_file.h"
+#include "orchestrator/recording_sink.h"
 #include "orchestrator/results_database.h"
 
 namespace turncal {
@@ -119,6 +120,7 @@ class Resume : public Program {
     }
   }
 
+  int copies_ = 0;
   std::string reference_station_;
   std::map<std::string, std::string> reference_;
   std::vector<int> reference_dwells_;
@@ -218,6 +220,37 @@ TEST_F(Resume, RefusesADamagedJournalAndARunThatGoesOn) {
   EXPECT_EQ(run({"resume", "part/out"}).code, 0);
   EXPECT_EQ(run({"resume", "part/out"}).code, 0);
   EXPECT_EQ(run({"resume", "part/out"}).out.find("complete, verdict pass") != std::string::npos, true);
+}
+
+// Devices of another kind than those the recording was made with.
+TEST_F(Resume, SimulatedAndRealDataAreNeverOneRecording) {
+  RecordingInfo info;
+  info.latitude_deg = 29.53;
+  info.gravity_mps2 = 9.7914;
+  info.unit_serial = "SN1";
+  info.accel_pulse_mps = 0.0005;
+  info.simulated = true;
+  RecordingSink sink(folder_.string());
+  ASSERT_TRUE(sink.start(info).ok());
+  ASSERT_TRUE(sink.begin_segment({.step = 1}).ok());
+  ImuSample sample;
+  ASSERT_TRUE(sink.add({&sample, 1}).ok());
+  ASSERT_TRUE(sink.end_segment(SegmentKind::still, 1, {}).ok());
+  ASSERT_TRUE(sink.sync().ok());
+  const auto resumed = [&](const RecordingInfo& with, std::int64_t end_sample) {
+    const std::string copy = path("copy" + std::to_string(++copies_));
+    fs::create_directories(copy);
+    fs::copy_file(folder_ / partial_recording_name, fs::path(copy) / partial_recording_name);
+    const Status status = RecordingSink(copy).resume(with, end_sample);
+    return status ? std::string() : status.error().message;
+  };
+  EXPECT_EQ(resumed(info, 1), "");
+  RecordingInfo real = info, other = info;
+  real.simulated = false;
+  other.unit_serial = "SN2";
+  EXPECT_NE(resumed(real, 1).find("simulated and real data cannot be one recording"), std::string::npos);
+  EXPECT_NE(resumed(other, 1).find("another unit"), std::string::npos);
+  EXPECT_NE(resumed(info, 2).find("holds no segment that ends at sample 2"), std::string::npos);
 }
 
 TEST_F(Resume, AStoppedRunGoesOn) {

@@ -80,7 +80,10 @@ struct Killed {};
 // In memory; dies or fails on demand.
 class MemoryJournal : public RunJournal {
  public:
-  Status transition(const TransitionRecord&) override { return step(); }
+  Status transition(const TransitionRecord& record) override {
+    if (on_transition) on_transition(record);
+    return step();
+  }
   Status home(double time_s) override {
     commands.push_back({time_s, std::nullopt});
     return step();
@@ -106,6 +109,7 @@ class MemoryJournal : public RunJournal {
   }
   std::vector<JournalCommand> commands;
   std::vector<CompletedDwell> dwells;
+  std::function<void(const TransitionRecord&)> on_transition;
   bool sealed = false;
   int calls = 0, kill_at = -1, fail_at = -1;
 };
@@ -121,7 +125,16 @@ class WatchedTable : public RigTable {
     unrecorded = unrecorded || !kept;
     return RigTable::move_absolute(axis, position_deg, rate_degps, acceleration_degps2);
   }
+  Status stop_all() override {
+    ++stops;
+    return RigTable::stop_all();
+  }
+  Status abort_all() override {
+    ++stops;
+    return RigTable::abort_all();
+  }
   bool two_moves = false, unrecorded = false;
+  int stops = 0;
 
  private:
   Rig& rig_;
@@ -186,6 +199,13 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
   s.devices.imu.describe(s.info);
   s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
   s.journal = &journal;
+  int stops_told = 0;
+  bool late_stop = false;
+  journal.on_transition = [&](const TransitionRecord& record) {
+    if (record.action != RunAction::stop_table && record.action != RunAction::abort_table) return;
+    late_stop = late_stop || table.stops <= stops_told;
+    stops_told = table.stops;
+  };
   bool results_durable = false;
   s.calibrate = [&]() -> Status {
     if (!s.sink.finished || !journal.sealed) return Error{ErrorKind::internal, "calibrated before it was sealed"};
@@ -217,6 +237,7 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     }
     ++tally.sessions;
     if (table.two_moves) return "a move was commanded while another was under way";
+    if (late_stop) return "a stop waited for the journal";
     if (table.unrecorded) return "a move was commanded that the journal does not know";
     if (!std::equal(before.begin(), before.end(), journal.dwells.begin())) return "a completed dwell was taken back";
     std::set<std::size_t> items;

@@ -183,6 +183,7 @@ TEST_F(Production, HistoryListsComparesChartsAndExports) {
   const std::string header = csv.substr(0, csv.find('\n')), row = csv.substr(csv.find('\n') + 1);
   EXPECT_EQ(std::count(header.begin(), header.end(), ','), std::count(row.begin(), row.begin() + static_cast<long>(row.find('\n')), ','));
   expect_refused({"history", "nowhere.db"}, "there is no such results database");
+  expect_refused({"history", write("garbage.db", std::string(4096, 'x'))}, "not a database");
 }
 
 TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
