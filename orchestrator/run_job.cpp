@@ -204,6 +204,30 @@ Plan plan_of(const PreparedRun& run, double sample_period_s) {
   return make_plan(run.sequence, plan_limits(run.station, sample_period_s));
 }
 
+// A run with a verdict is over.
+Status say_complete(const JournalContents& contents, const std::string& folder, std::ostream& out) {
+  const std::string& verdict = contents.verdict.front().second;
+  out << (contents.begin_value("simulated") == "true" ? dry_run_tag : "") << "The run of unit "
+      << contents.begin_value("unit") << " is complete, verdict " << verdict << ": nothing to resume." << std::endl;
+  if (verdict != to_string(UnitVerdict::fail) && verdict != to_string(UnitVerdict::conditional_fail)) return {};
+  return Error{ErrorKind::unit_failed, folder + ": the unit's verdict is " + verdict};
+}
+
+// What the journal says was asked for, with what is given now.
+Result<RunRequest> request_again(const JournalContents& contents, const RunRequest& now) {
+  RunRequest request = request_of(contents);
+  if (!now.unit.empty() && now.unit != request.unit) {
+    return input_error("--unit '" + now.unit + "': expected '" + request.unit + "', whose run this is");
+  }
+  if (!now.station.empty()) request.station = now.station;
+  if (!now.sequence.empty()) request.sequence = now.sequence;
+  if (!now.rig.empty()) request.rig = now.rig;
+  if (request.overdue_reason.empty()) request.overdue_reason = now.overdue_reason;
+  request.listen = now.listen;
+  request.pace = now.pace;
+  return request;
+}
+
 }  // namespace
 
 Status begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
@@ -238,24 +262,10 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   if (!journal) return journal.error();
   const Result<JournalContents> contents = read_journal(path);
   if (!contents) return contents.error();
-  if (!contents->verdict.empty()) {
-    context.out << (contents->begin_value("simulated") == "true" ? dry_run_tag : "") << "The run of unit " << contents->begin_value("unit") << " is complete, verdict "
-                << contents->verdict.front().second << ": nothing to resume." << std::endl;
-    const std::string& verdict = contents->verdict.front().second;
-    if (verdict != to_string(UnitVerdict::fail) && verdict != to_string(UnitVerdict::conditional_fail)) return {};
-    return Error{ErrorKind::unit_failed, folder + ": the unit's verdict is " + verdict};
-  }
-  RunRequest request = request_of(*contents);
-  if (!now.unit.empty() && now.unit != request.unit) {
-    return input_error("--unit '" + now.unit + "': expected '" + request.unit + "', whose run this is");
-  }
-  if (!now.station.empty()) request.station = now.station;
-  if (!now.sequence.empty()) request.sequence = now.sequence;
-  if (!now.rig.empty()) request.rig = now.rig;
-  if (request.overdue_reason.empty()) request.overdue_reason = now.overdue_reason;
-  request.listen = now.listen;
-  request.pace = now.pace;
-  Result<PreparedRun> prepared = prepare(request);
+  if (!contents->verdict.empty()) return say_complete(*contents, folder, context.out);
+  const Result<RunRequest> request = request_again(*contents, now);
+  if (!request) return request.error();
+  Result<PreparedRun> prepared = prepare(*request);
   if (!prepared) return prepared.error();
   if (Status status = check_unchanged(*prepared, *contents); !status) return status;
 
