@@ -133,7 +133,7 @@ Status attempt(const Attempt& a, DryRunDevices& devices, CommandContext& context
     return write_results(a.run, a.folder, devices.clock.utc_s(), counts, a.journal, results);
   };
   StationRun run(devices.devices(), {a.run.sequence, a.plan, a.run.station, a.run.request.unit, a.resume}, sink,
-                 {&observers, &a.journal, &StopSignals::requests(), calibrate});
+                 {&observers, &StopSignals::requests(), calibrate, &a.journal});
   running = &run;
   const RunOutcome outcome = run.run();
   view.clear();

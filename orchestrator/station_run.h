@@ -63,9 +63,9 @@ struct StationJob {
 
 struct StationHooks {
   RunObserver* observer = nullptr;
-  RunJournal* journal = nullptr;
   const std::atomic<int>* stop_requests = nullptr;  // counts the operator's requests to stop
   std::function<Status()> calibrate;                // after the recording is sealed; results must be durable on success
+  RunJournal* journal = nullptr;
 };
 
 struct RunOutcome {

@@ -52,7 +52,7 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
     };
     RecordingSink sink(folder.path());
     StationRun run(s.devices.devices(), {s.sequence, s.plan, s.station, "SN1", s.resume}, sink,
-                   {&s.watcher, &journal, &s.stop_requests, {}});
+                   {&s.watcher, &s.stop_requests, {}, &journal});
     ASSERT_EQ(run.run().state, RunState::aborted);
     ASSERT_FALSE(journal.dwells.empty());
     s.resume = ResumePoint{journal.dwells.back(), false};
@@ -63,7 +63,7 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
   RecordingSink sink(folder.path());
   const double began_s = s.clock.now_s();
   StationRun run(s.devices.devices(), {s.sequence, s.plan, s.station, "SN1", s.resume}, sink,
-                 {&s.watcher, &journal, &s.stop_requests, {}});
+                 {&s.watcher, &s.stop_requests, {}, &journal});
   const RunOutcome outcome = run.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(journal.homings, 3);

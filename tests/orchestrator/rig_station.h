@@ -121,7 +121,7 @@ struct RigStation {
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     EXPECT_TRUE(plan.ok()) << plan.violations.front();
     StationRun station_run(devices.devices(), {sequence, plan, station, "SN1", resume}, sink,
-                           {&watcher, journal, &stop_requests, calibrate});
+                           {&watcher, &stop_requests, calibrate, journal});
     return station_run.run();
   }
   // Every axis of the rig itself, not of what the table says.

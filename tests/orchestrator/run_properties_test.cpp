@@ -228,7 +228,7 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     const int connected_before = s.watcher.count(RunEvent::connected);
     StationDevices devices = s.devices.devices();
     StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1", s.resume}, s.sink,
-                   {&s.watcher, &journal, &s.stop_requests, s.calibrate});
+                   {&s.watcher, &s.stop_requests, s.calibrate, &journal});
     std::optional<RunOutcome> outcome;
     try {
       outcome = run.run();
