@@ -59,10 +59,10 @@ struct RecordingScan {
   std::int64_t first_counter = 0;         // when sample_count > 0
   std::int64_t last_counter = 0;
   std::uint64_t good_end = 0;             // just after the last whole record
-  std::uint64_t closed_end = 0;           // just after the last segment end, or after the info records
+  std::uint64_t closed_end = 0;           // just after the last segment end (not beyond last_end_sample), or the info records
   std::uint32_t next_number = 0;
   RecordingDamage damage;
 };
-Result<RecordingScan> scan_recording(const PosixFile& file);
+Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::int64_t> last_end_sample = {});
 
 }  // namespace turncal

@@ -58,7 +58,7 @@ class SegmentCollector {
 
 }  // namespace
 
-Result<RecordingScan> scan_recording(const PosixFile& file) {
+Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::int64_t> last_end_sample) {
   const auto size = file.size();
   if (!size) return size.error();
   if (*size == 0) return input_error(file.path() + ": empty file: expected a recording");
@@ -87,7 +87,7 @@ Result<RecordingScan> scan_recording(const PosixFile& file) {
     } else if (good && type == RecordType::segment_end) {
       const auto segment = parse_segment(record.payload);
       good = segment && segments.end(*segment);
-      if (good) scan.closed_end = scanner.good_end();
+      if (good && (!last_end_sample || segment->end_sample <= *last_end_sample)) scan.closed_end = scanner.good_end();
     } else if (good && type == RecordType::samples) {
       const auto chunk = parse_samples(record.payload, scan.info);
       good = chunk && (scan.sample_count == 0 || chunk->first_counter > scan.last_counter);

@@ -19,6 +19,17 @@ namespace {
 // Samples are hashed as they lie in memory: 64 bytes, no padding, little-endian (bytes.h checks that).
 static_assert(sizeof(ImuSample) == 64 && std::is_trivially_copyable_v<ImuSample>);
 
+std::string hash_as_hex(XXH128_hash_t hash) {
+  XXH128_canonical_t canonical;
+  XXH128_canonicalFromHash(&canonical, hash);
+  std::string text;
+  for (const unsigned char byte : canonical.digest) {
+    text += "0123456789abcdef"[byte >> 4];
+    text += "0123456789abcdef"[byte & 15];
+  }
+  return text;
+}
+
 class ContentHasher {
  public:
   ContentHasher() : state_(XXH3_createState()) { XXH3_128bits_reset(state_); }
@@ -54,22 +65,15 @@ class ContentHasher {
     add(bytes.data(), bytes.size());
   }
 
-  std::string hex() const {
-    XXH128_canonical_t canonical;
-    XXH128_canonicalFromHash(&canonical, XXH3_128bits_digest(state_));
-    std::string text;
-    for (const unsigned char byte : canonical.digest) {
-      text += "0123456789abcdef"[byte >> 4];
-      text += "0123456789abcdef"[byte & 15];
-    }
-    return text;
-  }
+  std::string hex() const { return hash_as_hex(XXH3_128bits_digest(state_)); }
 
  private:
   XXH3_state_t* state_;
 };
 
 }  // namespace
+
+std::string hash_of_text(std::string_view text) { return hash_as_hex(XXH3_128bits(text.data(), text.size())); }
 
 Result<std::unique_ptr<RecordingSource>> RecordingSource::open(const std::string& path) {
   struct stat facts{};

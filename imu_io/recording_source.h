@@ -14,6 +14,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/recording_types.h"
@@ -65,6 +66,9 @@ class RecordingSource {
  private:
   std::string hash_;  // empty until a read() went through
 };
+
+// The same hash of any bytes, for records of configurations and sequences.
+std::string hash_of_text(std::string_view text);
 
 // One line on what is missing, for log and report; empty when nothing is.
 std::string describe(const RecordingDamage& damage);

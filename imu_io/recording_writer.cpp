@@ -79,13 +79,14 @@ Result<RecordingWriter> RecordingWriter::create(const std::string& path, const R
   return RecordingWriter(std::move(state));
 }
 
-Result<RecordingWriter> RecordingWriter::reopen(const std::string& path, OpenSegment open_segment) {
+Result<RecordingWriter> RecordingWriter::reopen(const std::string& path, OpenSegment open_segment,
+                                                std::optional<std::int64_t> last_end_sample) {
   auto file = PosixFile::open_to_change(path);
   if (!file) return file.error();
   if (Status status = file->lock_exclusive(); !status) return status.error();
   const auto size = file->size();
   if (!size) return size.error();
-  auto scan = scan_recording(*file);
+  auto scan = scan_recording(*file, last_end_sample);
   if (!scan) return scan.error();
   if (scan->damage.complete) return input_error(path + ": this recording is finished: nothing can be added to it");
   std::uint64_t end = scan->good_end;

@@ -1,5 +1,6 @@
 #include "orchestrator/calibration_job.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <map>
@@ -136,6 +137,12 @@ Result<CalibrationOutput> calibrate_recording(RecordingSource& source, const Cal
   if (!recording) return recording.error();
   CalibrationOutput output;
   if (std::isfinite(recording->mean_temperature_c)) output.mean_temperature_c = recording->mean_temperature_c;
+  for (const Block& block : recording->blocks) {
+    if (!std::isfinite(block.temperature_c)) continue;
+    const double temperature_c = block.temperature_c;
+    output.min_temperature_c = std::min(output.min_temperature_c.value_or(temperature_c), temperature_c);
+    output.max_temperature_c = std::max(output.max_temperature_c.value_or(temperature_c), temperature_c);
+  }
   note_data(source, *recording, output.notes);
   const bool closed = request.method == "closed-form";
   const bool by_hand = without_table_angles(source.segments());

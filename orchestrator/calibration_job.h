@@ -27,6 +27,7 @@ struct CalibrationRequest {
 struct CalibrationOutput {
   ParameterFile file;
   std::optional<double> mean_temperature_c;
+  std::optional<double> min_temperature_c, max_temperature_c;  // of the blocks of a few samples up to a second
   std::vector<std::string> notes;  // for the operator: what the data lacked, how the solution went
 };
 

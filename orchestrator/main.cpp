@@ -4,9 +4,11 @@
 #include <iostream>
 
 #include "orchestrator/command_apply.h"
+#include "orchestrator/command_batch.h"
 #include "orchestrator/command_calibrate.h"
 #include "orchestrator/command_check_line.h"
 #include "orchestrator/command_diagnose.h"
+#include "orchestrator/command_history.h"
 #include "orchestrator/command_line.h"
 #include "orchestrator/command_predict.h"
 #include "orchestrator/command_run.h"
@@ -28,6 +30,8 @@ int main(int argc, char** argv) {
   return turncal::run_command_line(argc, argv,
                                    {
                                        turncal::add_run_command,
+                                       turncal::add_resume_command,
+                                       turncal::add_journal_command,
                                        turncal::add_check_command,
                                        turncal::add_predict_command,
                                        turncal::add_import_command,
@@ -36,6 +40,10 @@ int main(int argc, char** argv) {
                                        turncal::add_calibrate_command,
                                        turncal::add_diagnose_command,
                                        turncal::add_apply_command,
+                                       turncal::add_batch_command,
+                                       turncal::add_queue_command,
+                                       turncal::add_history_command,
+                                       turncal::add_restore_command,
                                    },
                                    context);
 }

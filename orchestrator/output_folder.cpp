@@ -4,6 +4,8 @@
 #include <system_error>
 #include <utility>
 
+#include "imu_io/posix_file.h"
+
 namespace turncal {
 
 namespace fs = std::filesystem;
@@ -29,6 +31,8 @@ Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<
     fs::create_directory(p, error);
     if (error) return input_error(p.string() + ": cannot make this folder: " + error.message());
     folder.made_.push_back(p.string());
+    // A folder that a power loss takes away would take all that is in it.
+    if (Status status = sync_folder(folder_of(p.string())); !status) return status.error();
   }
   return folder;
 }

@@ -16,6 +16,7 @@ class RecordingSink : public RunSink {
  public:
   explicit RecordingSink(std::string folder) : folder_(std::move(folder)) {}
   Status start(const RecordingInfo& info) override;
+  Status resume(const RecordingInfo& info, std::int64_t end_sample) override;
   Status begin_segment(const Segment& segment) override { return writer_->begin_segment(segment); }
   Status add(std::span<const ImuSample> samples) override { return writer_->add(samples); }
   Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {

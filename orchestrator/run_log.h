@@ -22,6 +22,8 @@ class RunLog : public RunObserver {
   // The file must not exist. Every line is handed to the system at once.
   static Result<RunLog> create(const std::string& path, std::string tag);
 
+  static Result<RunLog> append(const std::string& path, std::string tag);  // to a log that is there, or a new one
+
   void line(const std::string& text);
   void on_transition(const TransitionRecord& record) override;
   void on_progress(const RunSnapshot&) override {}

@@ -25,6 +25,7 @@ struct RunSnapshot {
   std::optional<Axis> axis;               // the one commanded
   double target_deg = 0.0;                // of that axis
   AxisTriple position_deg;
+  AxisTriple rate_degps;
   double phase_fraction = 0.0;  // of the move or dwell that is going on
   double run_fraction = 0.0;    // of the plan's time
   double eta_s = 0.0;           // what the plan says is left

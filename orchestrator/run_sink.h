@@ -1,6 +1,6 @@
 // Where a run puts what it captures: the recording on disk, or a test's memory.
 //
-// Calls come in this order: start, then begin_segment / add... / end_segment over and over, sync after every step, and finish.
+// Calls come in this order: start (or resume), then begin_segment / add... / end_segment over and over, sync after every step, and finish.
 // Counters count from 0 at the first sample of the recording. Any error ends the run.
 #pragma once
 
@@ -17,6 +17,9 @@ class RunSink {
  public:
   virtual ~RunSink() = default;
   virtual Status start(const RecordingInfo& info) = 0;
+  // Instead of start: goes on behind the segment that ended at end_sample; whatever came after it is dropped. An error when
+  // the recording there is not of the same unit, site and kind.
+  virtual Status resume(const RecordingInfo& info, std::int64_t end_sample) = 0;
   virtual Status begin_segment(const Segment& segment) = 0;  // end_sample is not yet known
   virtual Status add(std::span<const ImuSample> samples) = 0;
   // The final kind: a dwell that does not count is closed as rotate.

@@ -5,29 +5,31 @@ namespace turncal {
 namespace {
 
 constexpr std::array<std::string_view, run_state_count> state_names = {
-    "idle",     "connecting", "homing",      "selecting", "moving", "settling", "dwelling",
-    "step_done", "calibrating", "stopping", "done",      "failed", "aborted"};
+    "idle",     "connecting", "homing",  "resting",     "selecting", "moving", "settling", "dwelling",
+    "step_done", "parking",   "calibrating", "stopping", "done",      "failed", "aborted"};
 
 constexpr std::array<std::string_view, run_event_count> event_names = {
-    "start",          "connected",          "connect_failed",   "homed",        "move_next",  "dwell_next",
+    "start",          "connected",          "connect_failed",   "homed",        "rest_over",  "move_next",  "dwell_next",
     "step_complete",  "step_next",          "sequence_complete", "arrived",     "unsettled",  "settled",
     "dwell_complete", "dwell_bad",          "calibration_ok",   "calibration_failed", "stopped_verified", "stall",
     "deadline",       "table_fault",        "e_stop",           "link_lost",    "imu_lost",   "motion_data_lost",
     "storage_failed", "operator_stop"};
 
 constexpr std::array<std::string_view, run_action_count> action_names = {
-    "none",        "connect",     "enable_and_home", "select_next", "issue_move", "watch_settling",
+    "none",        "connect",     "enable_and_home", "begin_rest", "settle_recorded", "select_next", "issue_move", "watch_settling",
     "watch_moving", "close_move", "begin_dwell",     "close_dwell", "discard_dwell", "finish_step",
     "calibrate",   "stop_table",  "abort_table",     "announce"};
 
 constexpr std::array<std::string_view, run_guard_count> guard_names = {
-    "always", "repeats_left", "no_repeats_left", "by_operator", "by_error", "abort_sent", "abort_not_sent"};
+    "always", "rest_due", "no_rest_due", "repeats_left", "no_repeats_left", "by_operator", "by_error", "abort_sent", "abort_not_sent"};
 
 }  // namespace
 
 bool holds(RunGuard guard, const RunGuards& guards) {
   switch (guard) {
     case RunGuard::always: return true;
+    case RunGuard::rest_due: return guards.rest_due;
+    case RunGuard::no_rest_due: return !guards.rest_due;
     case RunGuard::repeats_left: return guards.repeats_left;
     case RunGuard::no_repeats_left: return !guards.repeats_left;
     case RunGuard::by_operator: return guards.by_operator;

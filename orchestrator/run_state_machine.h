@@ -9,7 +9,7 @@
 // Every pair of state and event has an outcome: a row of `transition_table`, a row of `ignored_events` (with the reason
 // why it may be ignored), or else it is unexpected: our own mistake, on which the table is stopped as on any error.
 //
-// Not here: pausing and resuming (rows to be added; a resumed run enters at `selecting` with another cursor).
+// A run that goes on after an interruption walks the same table, from `idle`, with its cursor behind the last completed dwell.
 #pragma once
 
 #include <array>
@@ -25,24 +25,27 @@ enum class RunState {
   idle,         // nothing opened yet
   connecting,   // table and IMU are being opened and identified
   homing,       // drives enabled, axes search their zero
+  resting,      // goes on after an interruption: unit and table come to their temperature
   selecting,    // at rest between two items of the sequence: what comes next?
   moving,       // one axis was commanded and has not arrived
   settling,     // arrived; has to stay so for the settle time
   dwelling,     // at rest, samples are counted
   step_done,    // every item of a step is recorded
-  calibrating,  // the recording is complete, the table stopped
+  parking,      // nothing left to record: a stop went out, the drives go off, both are being verified
+  calibrating,  // the recording is complete, the table at rest with its drives off
   stopping,     // a stop went out to all axes and is being verified
   done,
   failed,
   aborted
 };
-inline constexpr int run_state_count = 13;
+inline constexpr int run_state_count = 15;
 
 enum class RunEvent {
   start,
   connected,           // table and IMU answer, and are the ones expected
   connect_failed,
   homed,               // every axis says homed and not moving
+  rest_over,           // the rest after an interruption has lasted long enough
   move_next,           // next is a move: of the sequence, or back to where the table should stand
   dwell_next,          // next is a dwell
   step_complete,       // the step has no further item
@@ -55,7 +58,7 @@ enum class RunEvent {
   dwell_bad,           // the table moved, samples were lost, or the unit flagged its data
   calibration_ok,      // parameters estimated and durable on disk
   calibration_failed,
-  stopped_verified,    // every axis reads at rest
+  stopped_verified,    // every axis reads at rest, and its drive is off
   stall,               // commanded and no progress
   deadline,            // not finished in the time it may take
   table_fault,         // fault, limit switch, refused command, drive switched off
@@ -66,12 +69,14 @@ enum class RunEvent {
   storage_failed,      // the recording cannot be written
   operator_stop
 };
-inline constexpr int run_event_count = 26;
+inline constexpr int run_event_count = 27;
 
 enum class RunAction {
   none,
   connect,
   enable_and_home,
+  begin_rest,
+  settle_recorded,   // the recording goes on, with a rotate segment to settle in
   select_next,       // look at cursor and table, say what comes next
   issue_move,        // open a rotate segment, command the axis
   watch_settling,
@@ -82,14 +87,16 @@ enum class RunAction {
   discard_dwell,     // close it as rotate, count the repeat, open a rotate segment to settle in
   finish_step,       // sync the recording, look for a further step
   calibrate,         // seal the recording, calibrate from it, write the results
-  stop_table,        // stop to all axes
+  stop_table,        // stop to all axes; once they rest, drives off
   abort_table,       // fastest stop, drives off
   announce           // say how it ended
 };
-inline constexpr int run_action_count = 16;
+inline constexpr int run_action_count = 18;
 
 enum class RunGuard {
   always,
+  rest_due,          // the run goes on after an interruption in which time passed
+  no_rest_due,
   repeats_left,      // the dwell may be repeated once more
   no_repeats_left,
   by_operator,       // the stop was asked for by the operator
@@ -97,10 +104,11 @@ enum class RunGuard {
   abort_sent,        // the fastest stop went out already
   abort_not_sent
 };
-inline constexpr int run_guard_count = 7;
+inline constexpr int run_guard_count = 9;
 
 // What the guards look at.
 struct RunGuards {
+  bool rest_due = false;
   bool repeats_left = true;
   bool by_operator = false;
   bool abort_sent = false;
@@ -133,8 +141,8 @@ struct IgnoredRow {
 };
 
 // States in which the drives are on, and so an error has to stop the table.
-inline constexpr StateSet live_states = {RunState::homing,   RunState::selecting, RunState::moving,
-                                         RunState::settling, RunState::dwelling,  RunState::step_done};
+inline constexpr StateSet live_states = {RunState::homing,   RunState::resting,  RunState::selecting, RunState::moving,
+                                         RunState::settling, RunState::dwelling, RunState::step_done, RunState::parking};
 
 namespace run_table {
 using enum RunState;
@@ -147,7 +155,9 @@ inline constexpr TransitionRow rows[] = {
   // from          event               guard            to           action
   {idle,           start,              always,          connecting,  connect},
   {connecting,     connected,          always,          homing,      enable_and_home},
-  {homing,         homed,              always,          selecting,   select_next},
+  {homing,         homed,              no_rest_due,     selecting,   select_next},
+  {homing,         homed,              rest_due,        resting,     begin_rest},
+  {resting,        rest_over,          always,          settling,    settle_recorded},
 
   {selecting,      move_next,          always,          moving,      issue_move},
   {moving,         arrived,            always,          settling,    watch_settling},
@@ -163,12 +173,13 @@ inline constexpr TransitionRow rows[] = {
 
   {selecting,      step_complete,      always,          step_done,   finish_step},
   {step_done,      step_next,          always,          selecting,   select_next},
-  {step_done,      sequence_complete,  always,          calibrating, calibrate},
+  {step_done,      sequence_complete,  always,          parking,     stop_table},
+  {parking,        stopped_verified,   always,          calibrating, calibrate},
   {calibrating,    calibration_ok,     always,          done,        announce},
   {calibrating,    calibration_failed, always,          stopping,    stop_table},
 
   {moving,         stall,              always,          stopping,    stop_table},
-  {{homing, moving, settling, dwelling},
+  {{homing, moving, settling, dwelling, parking},
                    deadline,           always,          stopping,    stop_table},
   {live_states,    table_fault,        always,          stopping,    stop_table},
   {live_states,    e_stop,             always,          stopping,    stop_table},
@@ -192,9 +203,9 @@ inline constexpr IgnoredRow ignored[] = {
   {stopping,    {table_fault, e_stop, link_lost, imu_lost, motion_data_lost, storage_failed},
                 "the first reason stands; the deadline judges the stop"},
   {calibrating, {table_fault, e_stop, link_lost, imu_lost},
-                "the recording is complete and the table stopped"},
+                "the recording is complete and the table is at rest, its drives off"},
   {{done, failed, aborted},
-                {start, connected, connect_failed, homed, move_next, dwell_next, step_complete, step_next,
+                {start, connected, connect_failed, homed, rest_over, move_next, dwell_next, step_complete, step_next,
                  sequence_complete, arrived, unsettled, settled, dwell_complete, dwell_bad, calibration_ok,
                  calibration_failed, stopped_verified, stall, deadline, table_fault, e_stop, link_lost, imu_lost,
                  motion_data_lost, storage_failed, operator_stop},

@@ -160,6 +160,12 @@ void reject_table_contradictions(KeyValueFile& file, const StationConfig& statio
   }
 }
 
+bool is_date(const std::string& text) {
+  if (text.size() != 10 || text[4] != '-' || text[7] != '-') return false;
+  const auto month = parse_integer<int>(text.substr(5, 2)), day = parse_integer<int>(text.substr(8, 2));
+  return parse_integer<int>(text.substr(0, 4)) && month && *month >= 1 && *month <= 12 && day && *day >= 1 && *day <= 31;
+}
+
 Result<StationConfig> station_from(KeyValueFile& file) {
   StationConfig station;
   station.file = file.file_name();
@@ -175,9 +181,20 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   read_axes(file, station.axis);
   read_motion(file, station.motion);
   read_dwell(file, station.dwell);
-  if (file.has("rig.file")) {
-    station.rig_file = beside(file, file.text("rig.file"));
+  station.resume_rest_s = file.number_or("resume.rest_s", station.resume_rest_s, {0.0, 86400.0});
+  station.limits = read_limits(file);
+  station.hooks.done = file.text_or("hook.done", "");
+  station.hooks.fail = file.text_or("hook.fail", "");
+  station.hooks.needs_operator = file.text_or("hook.needs_operator", "");
+  station.table_id = file.text_or("table.id", "");
+  station.table_calibration_due = file.text_or("table.calibration_due", "");
+  if (!station.table_calibration_due.empty() && !is_date(station.table_calibration_due)) {
+    file.reject("table.calibration_due", "a day as 2026-12-31");
   }
+  const auto path_of = [&file](const char* key) { return file.has(key) ? beside(file, file.text(key)) : std::string(); };
+  station.rig_file = path_of("rig.file");
+  station.database = path_of("record.database");
+  station.store = path_of("record.store");
   // An unknown key first: a misspelt one would show up as a contradiction with a default.
   if (Status status = file.check_all_used(); !status) {
     return status.error();

@@ -11,6 +11,8 @@
 #include <string>
 
 #include "calib/status.h"
+#include "orchestrator/hooks.h"
+#include "orchestrator/verdict.h"
 #include "sequences/plan.h"
 #include "turntable_drivers/dialect.h"
 #include "turntable_drivers/manual_turntable.h"
@@ -71,6 +73,13 @@ struct StationConfig {
   MotionConfig motion;
   DwellConfig dwell;
   double imu_timeout_s = 2.0;        // no sample for this long: the link is lost
+  double resume_rest_s = 600.0;      // after an interruption, before the first dwell: unit and table come to temperature
+  HookCommands hooks;
+  VerdictLimits limits;
+  std::string table_id;              // for the record; empty: not given
+  std::string table_calibration_due;  // "2026-12-31"; a run after that day is refused unless overridden; empty: not given
+  std::string database;              // results (results_database.h); empty: none; relative to the station file's folder
+  std::string store;                 // parameter files in use (parameter_store.h); the same
   std::string rig_file;              // empty: the built-in rig configuration; relative to the station file's folder
 };
 

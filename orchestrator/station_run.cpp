@@ -28,7 +28,26 @@ StationRun::StationRun(StationDevices devices, StationJob job, RunSink& sink, St
       hooks_(std::move(hooks)),
       commanded_deg_(job_.sequence.start_deg),
       arrival_(job_.station.motion),
-      buffer_(buffer_samples) {}
+      buffer_(buffer_samples) {
+  if (job_.resume) take_up(*job_.resume);
+}
+
+void StationRun::take_up(const ResumePoint& resume) {
+  const CompletedDwell& dwell = resume.after;
+  const PlannedItem& item = job_.plan.items[dwell.item];
+  item_ = dwell.item + 1;
+  step_ = item.step_index;
+  commanded_deg_ = item.commanded_deg;
+  next_sample_ = dwell.next_sample;
+  outcome_.recorded_samples = dwell.next_sample;
+  outcome_.repeated_dwells = dwell.repeated_dwells;
+  outcome_.lost_samples = dwell.lost_samples;
+  outcome_.duplicate_samples = dwell.duplicate_samples;
+  gap_due_ = !resume.no_time_passed;
+  if (gap_due_) return;
+  first_counter_ = dwell.first_counter;
+  last_counter_ = dwell.last_counter;
+}
 
 RunOutcome StationRun::run() {
   started_s_ = devices_.clock.now_s();
@@ -56,7 +75,8 @@ void StationRun::handle(RunEvent event) {
   MaybeEvent pending = event;
   while (pending) {
     const RunEvent now = *pending;
-    const RunGuards guards{.repeats_left = repeats_ < job_.station.dwell.max_repeats,
+    const RunGuards guards{.rest_due = gap_due_,
+                           .repeats_left = repeats_ < job_.station.dwell.max_repeats,
                            .by_operator = by_operator_,
                            .abort_sent = abort_sent_};
     const Transition transition = next(state_, now, guards);
@@ -79,11 +99,23 @@ void StationRun::handle(RunEvent event) {
         first_error_->kind = ErrorKind::device;
       }
     }
-    if (hooks_.observer) hooks_.observer->on_transition(record);
     // Where nothing changes, the poll that is due stays due.
     const bool changed = transition.to != state_;
     state_ = transition.to;
-    pending = perform(transition.action, now);
+    pending.reset();
+    // A stop goes out at once: neither disk nor terminal may hold it up.
+    const bool stop = transition.action == RunAction::stop_table || transition.action == RunAction::abort_table;
+    if (stop) pending = perform(transition.action, now);
+    if (hooks_.observer) hooks_.observer->on_transition(record);
+    const Status kept = hooks_.journal ? hooks_.journal->transition(record) : Status{};
+    // Anything else does not happen unless it is in the journal.
+    if (!kept && live_states.contains(state_)) {
+      pending = keep(kept);
+    } else if (!kept && state_ == RunState::calibrating) {
+      pending = raise(RunEvent::calibration_failed, kept.error().kind, kept.error().message);
+    } else if (!stop) {
+      pending = perform(transition.action, now);
+    }
     if (changed) schedule_poll(devices_.clock.now_s());
   }
 }
@@ -102,6 +134,8 @@ StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
     case RunAction::announce: return std::nullopt;
     case RunAction::connect: return connect();
     case RunAction::enable_and_home: return enable_and_home();
+    case RunAction::begin_rest: return begin_rest();
+    case RunAction::settle_recorded: return settle_recorded();
     case RunAction::select_next:
       if (cause == RunEvent::step_next) ++step_;
       return select_next();
@@ -116,6 +150,11 @@ StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
     case RunAction::abort_table: return abort_table();
   }
   return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::keep(const Status& status) {
+  if (status) return std::nullopt;
+  return raise(RunEvent::storage_failed, status.error().kind, status.error().message);
 }
 
 StationRun::MaybeEvent StationRun::connect() {
@@ -139,7 +178,8 @@ StationRun::MaybeEvent StationRun::connect() {
   info_.unit_serial = job_.unit_serial;
   info_.simulated = info_.simulated || table->simulated;
   dwell_.emplace(job_.station.dwell, info_);
-  if (Status status = sink_.start(info_); !status) return failed(status.error());
+  const Status begun = job_.resume ? sink_.resume(info_, next_sample_) : sink_.start(info_);
+  if (!begun) return failed(begun.error());
   last_sample_s_ = devices_.clock.now_s();
   detail_ = table->description + "; " + imu->description;
   return RunEvent::connected;
@@ -151,10 +191,54 @@ StationRun::MaybeEvent StationRun::enable_and_home() {
   if (Status status = devices_.table.enable(); !status) {
     return raise(RunEvent::table_fault, status.error().kind, "enabling: " + status.error().message);
   }
+  if (job_.resume && job_.resume->no_time_passed) {
+    if (const MaybeEvent event = read_table()) return event;
+    if (stands_as_left()) {
+      detail_ = "the encoders stand as the last completed dwell left them";
+      return RunEvent::homed;
+    }
+    gap_due_ = true;
+  }
+  if (const MaybeEvent event = read_table()) return event;
+  if (!at_rest()) {  // whoever commanded this is gone
+    if (Status status = devices_.table.stop_all(); !status) {
+      return raise(RunEvent::table_fault, status.error().kind, "stopping: " + status.error().message);
+    }
+    return std::nullopt;
+  }
+  return send_home();
+}
+
+StationRun::MaybeEvent StationRun::send_home() {
+  home_sent_ = true;
+  if (hooks_.journal) {
+    if (const MaybeEvent event = keep(hooks_.journal->home(devices_.clock.now_s()))) return event;
+  }
   if (Status status = devices_.table.home(); !status) {
     return raise(RunEvent::table_fault, status.error().kind, "homing: " + status.error().message);
   }
   return std::nullopt;
+}
+
+bool StationRun::stands_as_left() const {
+  for (Axis axis : all_axes) {
+    const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
+    if (!status.homed || status.moving || out_of_tolerance(axis, commanded_deg_[axis])) return false;
+  }
+  return true;
+}
+
+StationRun::MaybeEvent StationRun::begin_rest() {
+  rest_until_s_ = devices_.clock.now_s() + job_.station.resume_rest_s;
+  detail_ = "rests for " + format_number(job_.station.resume_rest_s) + " s after the interruption";
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::settle_recorded() {
+  recording_ = true;
+  item_running_ = false;
+  arrival_.settle_only(devices_.clock.now_s());
+  return begin_segment(SegmentKind::rotate);
 }
 
 StationRun::MaybeEvent StationRun::select_next() {
@@ -195,6 +279,9 @@ StationRun::MaybeEvent StationRun::issue_move() {
   motion_loss_told_ = false;
   if (const MaybeEvent event = begin_segment(SegmentKind::rotate)) return event;
   const double from_deg = status_[static_cast<std::size_t>(move.axis)].position_deg;
+  if (hooks_.journal) {
+    if (const MaybeEvent event = keep(hooks_.journal->move(move, devices_.clock.now_s()))) return event;
+  }
   arrival_.start_move(move, from_deg, devices_.clock.now_s());
   if (Status status =
           devices_.table.move_absolute(move.axis, move.target_deg, move.rate_degps, move.acceleration_degps2);
@@ -225,6 +312,19 @@ StationRun::MaybeEvent StationRun::begin_dwell() {
 
 StationRun::MaybeEvent StationRun::close_dwell() {
   if (const MaybeEvent event = end_segment(job_.plan.items[item_].dwell_kind)) return event;
+  if (hooks_.journal) {
+    if (const MaybeEvent event = keep(sink_.sync())) return event;
+    const CompletedDwell dwell{.item = item_,
+                               .next_sample = next_sample_,
+                               .first_counter = first_counter_.value_or(0),
+                               .last_counter = last_counter_.value_or(0),
+                               .repeated_dwells = outcome_.repeated_dwells,
+                               .lost_samples = outcome_.lost_samples,
+                               .duplicate_samples = outcome_.duplicate_samples,
+                               .time_s = devices_.clock.now_s(),
+                               .utc_s = devices_.clock.utc_s()};
+    if (const MaybeEvent event = keep(hooks_.journal->dwell(dwell))) return event;
+  }
   repeats_ = 0;
   ++item_;
   item_running_ = false;
@@ -241,9 +341,7 @@ StationRun::MaybeEvent StationRun::discard_dwell() {
 }
 
 StationRun::MaybeEvent StationRun::finish_step() {
-  if (Status status = sink_.sync(); !status) {
-    return raise(RunEvent::storage_failed, status.error().kind, status.error().message);
-  }
+  if (const MaybeEvent event = keep(sink_.sync())) return event;
   return step_ + 1 < job_.sequence.steps.size() ? RunEvent::step_next : RunEvent::sequence_complete;
 }
 
@@ -251,8 +349,9 @@ StationRun::MaybeEvent StationRun::calibrate() {
   const auto failed = [this](const Error& error) {
     return raise(RunEvent::calibration_failed, error.kind, error.message);
   };
-  recording_ = false;
-  if (Status status = devices_.table.stop_all(); !status) return failed(status.error());
+  if (hooks_.journal) {
+    if (Status status = hooks_.journal->seal(devices_.clock.utc_s()); !status) return failed(status.error());
+  }
   if (Status status = sink_.finish(); !status) return failed(status.error());
   tell_progress();
   if (hooks_.calibrate) {
@@ -290,19 +389,13 @@ StationRun::MaybeEvent StationRun::begin_segment(SegmentKind kind) {
                         .pitch_deg = commanded_deg_[Axis::pitch],
                         .roll_deg = commanded_deg_[Axis::roll]};
   segment_open_ = true;
-  if (Status status = sink_.begin_segment(segment); !status) {
-    return raise(RunEvent::storage_failed, status.error().kind, status.error().message);
-  }
-  return std::nullopt;
+  return keep(sink_.begin_segment(segment));
 }
 
 StationRun::MaybeEvent StationRun::end_segment(SegmentKind kind) {
   if (!segment_open_) return std::nullopt;
   segment_open_ = false;
-  if (Status status = sink_.end_segment(kind, next_sample_, commanded_deg_); !status) {
-    return raise(RunEvent::storage_failed, status.error().kind, status.error().message);
-  }
-  return std::nullopt;
+  return keep(sink_.end_segment(kind, next_sample_, commanded_deg_));
 }
 
 std::string StationRun::place() const {
@@ -335,7 +428,10 @@ RunSnapshot StationRun::snapshot() const {
     s.step = job_.sequence.steps[step_].number;
     s.step_place = step_ + 1;
   }
-  for (Axis axis : all_axes) s.position_deg[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
+  for (Axis axis : all_axes) {
+    s.position_deg[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
+    s.rate_degps[axis] = status_[static_cast<std::size_t>(axis)].rate_degps;
+  }
   if ((state_ == RunState::moving || state_ == RunState::settling) && arrival_.move()) {
     s.axis = arrival_.move()->axis;
     s.target_deg = arrival_.move()->target_deg;

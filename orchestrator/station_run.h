@@ -12,7 +12,10 @@
 //   That serves the start, a table that drifted, and a run that goes on after an interruption.
 // - Samples lost or flagged while the table turns stay as they are in the recording and are said in the log; the estimators
 //   see the gap by the counter and deal with it (or refuse).
-// - On any error: stop to all axes, verified by their status; fastest stop when that fails; a lost link is tried again, for
+// - A run that goes on (StationJob::resume) begins behind its last completed dwell: it homes (or, where no time has passed,
+//   verifies that the encoders are homed and stand where they did), rests for resume.rest_s, settles inside a rotate segment
+//   that begins with a gap of one sample, and does what came behind that dwell.
+// - On any error: stop to all axes, drives off at rest, both verified by their status; fastest stop when that fails; a lost link is tried again, for
 //   the stop only. The outcome names reason and place in one line.
 //
 // Not here: pausing, resuming, several units on one table. One thread; only `stop_requests` may be touched by others.
@@ -31,6 +34,7 @@
 #include "imu_io/imu_source.h"
 #include "orchestrator/arrival_monitor.h"
 #include "orchestrator/dwell_monitor.h"
+#include "orchestrator/run_journal.h"
 #include "orchestrator/run_observer.h"
 #include "orchestrator/run_sink.h"
 #include "orchestrator/run_state_machine.h"
@@ -54,12 +58,14 @@ struct StationJob {
   const Plan& plan;
   const StationConfig& station;
   std::string unit_serial;  // as asked for; a unit that tells another one is refused
+  std::optional<ResumePoint> resume = std::nullopt;  // the sink then holds everything up to there
 };
 
 struct StationHooks {
   RunObserver* observer = nullptr;
   const std::atomic<int>* stop_requests = nullptr;  // counts the operator's requests to stop
   std::function<Status()> calibrate;                // after the recording is sealed; results must be durable on success
+  RunJournal* journal = nullptr;
 };
 
 struct RunOutcome {
@@ -75,6 +81,7 @@ class StationRun {
  public:
   StationRun(StationDevices devices, StationJob job, RunSink& sink, StationHooks hooks);
   RunOutcome run();
+  const RunOutcome& outcome() const { return outcome_; }  // so far
 
  private:
   using MaybeEvent = std::optional<RunEvent>;
@@ -85,8 +92,16 @@ class StationRun {
   // An event together with why: the first reason of a failing run is the one reported.
   RunEvent raise(RunEvent event, ErrorKind kind, const std::string& reason);
 
+  void take_up(const ResumePoint& resume);
+  bool at_rest() const;                                 // every axis, by the last status read
+  bool stands_as_left() const;                          // homed, and where the completed dwell was
+  MaybeEvent keep(const Status& status);                // of the journal or the recording
+
   MaybeEvent connect();
   MaybeEvent enable_and_home();
+  MaybeEvent send_home();
+  MaybeEvent begin_rest();
+  MaybeEvent settle_recorded();
   MaybeEvent select_next();
   MaybeEvent issue_move();
   MaybeEvent close_move();
@@ -130,6 +145,8 @@ class StationRun {
   ErrorKind raised_kind_ = ErrorKind::internal;
   bool by_operator_ = false;
   bool abort_sent_ = false;
+  bool drives_off_sent_ = false;
+  bool home_sent_ = false;
   bool enabled_ = false;
   int stops_seen_ = 0;
 
@@ -152,12 +169,14 @@ class StationRun {
   std::optional<std::int64_t> last_counter_;   // the unit's own
   std::optional<std::int64_t> first_counter_;  // the unit's own, of the recording's first sample
   std::int64_t next_sample_ = 0;               // in the recording
+  bool gap_due_ = false;                       // the next recorded sample is the first after an interruption
   double last_sample_s_ = 0.0;
 
   TableStatus status_{};
   double started_s_ = 0.0;
   double next_poll_s_ = 0.0;
   double phase_deadline_s_ = 0.0;
+  double rest_until_s_ = 0.0;
   double reconnect_at_s_ = 0.0;
   double reconnect_wait_s_ = 0.5;
   bool link_down_ = false;

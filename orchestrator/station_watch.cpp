@@ -61,6 +61,12 @@ StationRun::MaybeEvent StationRun::take(std::span<ImuSample> samples) {
   samples = samples.first(kept);
   if (samples.empty() || !segment_open_ || !recording_) return std::nullopt;
 
+  if (gap_due_) {
+    // One sample stands for all that was missed: the unit's counter may have begun anew, and the table is back where it was.
+    ++next_sample_;
+    first_counter_ = samples.front().counter - next_sample_;
+    gap_due_ = false;
+  }
   if (!first_counter_) first_counter_ = samples.front().counter;
   for (ImuSample& sample : samples) sample.counter -= *first_counter_;
   outcome_.lost_samples += static_cast<std::uint64_t>(samples.back().counter + 1 - next_sample_) - samples.size();
@@ -113,6 +119,10 @@ StationRun::MaybeEvent StationRun::poll() {
 StationRun::MaybeEvent StationRun::judge(double now_s) {
   switch (state_) {
     case RunState::homing: return judge_homing(now_s);
+    case RunState::resting:
+      if (now_s < rest_until_s_ - time_slack_s) return std::nullopt;
+      return RunEvent::rest_over;
+    case RunState::parking: return judge_stop(now_s);
     case RunState::dwelling: return judge_dwell();
     case RunState::moving:
     case RunState::settling: break;
@@ -162,17 +172,24 @@ StationRun::MaybeEvent StationRun::read_table() {
     if (status.fault) return raise(RunEvent::table_fault, ErrorKind::device, "fault of axis " + name + text);
     if (status.limit) return raise(RunEvent::table_fault, ErrorKind::device, "limit switch of axis " + name + text);
     if (!status.remote) return raise(RunEvent::table_fault, ErrorKind::device, "axis " + name + " is not in remote mode");
-    if (state_ == RunState::homing) continue;
+    if (state_ == RunState::homing || state_ == RunState::parking) continue;
     if (!status.enabled) return raise(RunEvent::table_fault, ErrorKind::device, "drive of axis " + name + " is off" + text);
     if (!status.homed) return raise(RunEvent::table_fault, ErrorKind::device, "axis " + name + " lost its zero" + text);
   }
   return std::nullopt;
 }
 
+bool StationRun::at_rest() const {
+  return std::all_of(status_.begin(), status_.end(), [this](const AxisStatus& axis) {
+    return !axis.moving && std::abs(axis.rate_degps) <= job_.station.motion.settle_rate_degps;
+  });
+}
+
 StationRun::MaybeEvent StationRun::judge_homing(double now_s) {
+  if (!home_sent_ && at_rest()) return send_home();
   const bool homed = std::all_of(status_.begin(), status_.end(),
                                  [](const AxisStatus& axis) { return axis.homed && axis.enabled && !axis.moving; });
-  if (homed) return RunEvent::homed;
+  if (home_sent_ && homed) return RunEvent::homed;
   if (now_s > phase_deadline_s_) return raise(RunEvent::deadline, ErrorKind::device, "the axes did not find their zero");
   return std::nullopt;
 }
@@ -201,12 +218,17 @@ StationRun::MaybeEvent StationRun::judge_stop(double now_s) {
   if (link_down_) {
     try_to_reconnect(now_s);
   } else {
-    const bool at_rest = std::all_of(status_.begin(), status_.end(), [this](const AxisStatus& axis) {
-      return !axis.moving && std::abs(axis.rate_degps) <= job_.station.motion.settle_rate_degps;
-    });
-    if (at_rest) return RunEvent::stopped_verified;
+    const bool off = std::none_of(status_.begin(), status_.end(), [](const AxisStatus& axis) { return axis.enabled; });
+    if (at_rest() && off) return RunEvent::stopped_verified;
+    if (at_rest() && !drives_off_sent_) {
+      drives_off_sent_ = true;
+      link_down_ = !devices_.table.abort_all().ok();
+    }
   }
-  if (now_s > phase_deadline_s_) return RunEvent::deadline;
+  if (now_s > phase_deadline_s_) {
+    if (state_ == RunState::parking) return raise(RunEvent::deadline, ErrorKind::device, "the drives do not go off");
+    return RunEvent::deadline;
+  }
   return std::nullopt;
 }
 
@@ -225,7 +247,8 @@ void StationRun::try_to_reconnect(double now_s) {
 
 void StationRun::schedule_poll(double now_s) {
   const MotionConfig& motion = job_.station.motion;
-  const bool resting = state_ == RunState::dwelling || state_ == RunState::homing;
+  const bool resting =
+      state_ == RunState::dwelling || state_ == RunState::homing || state_ == RunState::resting;
   next_poll_s_ = now_s + (resting ? motion.poll_idle_s : motion.poll_moving_s);
   if (state_ == RunState::moving || state_ == RunState::settling) {
     next_poll_s_ = std::min(next_poll_s_, arrival_.moment_of_interest_s(now_s));

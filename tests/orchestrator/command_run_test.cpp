@@ -21,8 +21,8 @@ TEST_F(Run, LeavesRecordingParametersTruthAndLog) {
   const ProgramResult result = run(dry_run("out/a/b"));
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_EQ(result.err, "");
-  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/a", "out/a/b", "out/a/b/parameters.conf",
-                                                 "out/a/b/recording.tcr", "out/a/b/run.log", "out/a/b/truth.conf"}));
+  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/a", "out/a/b", "out/a/b/journal.tcj",
+                                                 "out/a/b/parameters.conf", "out/a/b/recording.tcr", "out/a/b/run.log", "out/a/b/truth.conf"}));
   // Not on a terminal: no animation; every line of the run says that it is a dry run.
   EXPECT_EQ(result.out.find('\r'), std::string::npos);
   EXPECT_EQ(result.out.find('\x1b'), std::string::npos);
@@ -82,7 +82,7 @@ TEST_F(Run, DeviceFaultIsExit50WithReasonAndPlace) {
   EXPECT_NE(result.err.find("step 1 (1/14) moving, pitch at"), std::string::npos) << result.err;
   EXPECT_NE(result.err.find("stall"), std::string::npos) << result.err;
   // What was captured stays, under a name that nothing takes for a recording; no result.
-  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/recording.partial.tcr", "out/run.log", "stuck.rig"}));
+  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/journal.tcj", "out/recording.partial.tcr", "out/run.log", "stuck.rig"}));
   // And the folder is not used again.
   expect_refused(dry_run("out"), "already holds recording.partial.tcr");
 }
@@ -164,7 +164,7 @@ TEST_F(Run, ARunIsNeverOverwritten) {
 TEST_F(Run, CaptureOnlyRecordsWithoutAResult) {
   const ProgramResult result = run(dry_run("out", {"--capture-only"}));
   ASSERT_EQ(result.code, 0) << result.err;
-  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/recording.tcr", "out/run.log", "out/truth.conf"}));
+  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/journal.tcj", "out/recording.tcr", "out/run.log", "out/truth.conf"}));
 }
 
 }  // namespace

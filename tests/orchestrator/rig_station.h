@@ -21,6 +21,18 @@ class MemorySink : public RunSink {
     info = info_in;
     return step();
   }
+  // Keeps what ended at or before end_sample, as the recording on disk does.
+  Status resume(const RecordingInfo& info_in, std::int64_t end_sample) override {
+    EXPECT_EQ(info_in.unit_serial, info.unit_serial);
+    open = false;
+    while (!segments.empty() && (segments.back().end_sample > end_sample ||
+                                 segments.back().end_sample <= segments.back().start_sample)) {
+      segments.pop_back();
+    }
+    EXPECT_EQ(segments.empty() ? -1 : segments.back().end_sample, end_sample) << "a completed dwell is lost";
+    last_counter = end_sample - 1;
+    return step();
+  }
   Status begin_segment(const Segment& segment) override {
     EXPECT_FALSE(open) << "a segment was begun inside another";
     EXPECT_EQ(segment.start_sample, segments.empty() ? 0 : segments.back().end_sample);
@@ -108,8 +120,8 @@ struct RigStation {
     devices.imu.describe(info);
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     EXPECT_TRUE(plan.ok()) << plan.violations.front();
-    StationRun station_run(devices.devices(), {sequence, plan, station, "SN1"}, sink,
-                           {&watcher, &stop_requests, calibrate});
+    StationRun station_run(devices.devices(), {sequence, plan, station, "SN1", resume}, sink,
+                           {&watcher, &stop_requests, calibrate, journal});
     return station_run.run();
   }
   // Every axis of the rig itself, not of what the table says.
@@ -131,6 +143,8 @@ struct RigStation {
   Watcher watcher;
   std::atomic<int> stop_requests{0};
   std::function<Status()> calibrate;
+  RunJournal* journal = nullptr;
+  std::optional<ResumePoint> resume;
 };
 
 }  // namespace turncal

@@ -24,8 +24,11 @@ std::vector<RunEvent> all_events() {
 }
 std::vector<RunGuards> all_guards() {
   std::vector<RunGuards> all;
-  for (int bits = 0; bits < 8; ++bits) {
-    all.push_back({.repeats_left = (bits & 1) != 0, .by_operator = (bits & 2) != 0, .abort_sent = (bits & 4) != 0});
+  for (int bits = 0; bits < 16; ++bits) {
+    all.push_back({.rest_due = (bits & 8) != 0,
+                   .repeats_left = (bits & 1) != 0,
+                   .by_operator = (bits & 2) != 0,
+                   .abort_sent = (bits & 4) != 0});
   }
   return all;
 }
@@ -150,7 +153,7 @@ TEST(RunStateMachine, HappyPath) {
       {RunEvent::dwell_next, RunState::dwelling},      {RunEvent::dwell_bad, RunState::settling},
       {RunEvent::settled, RunState::selecting},        {RunEvent::dwell_next, RunState::dwelling},
       {RunEvent::dwell_complete, RunState::selecting}, {RunEvent::step_complete, RunState::step_done},
-      {RunEvent::sequence_complete, RunState::calibrating}, {RunEvent::calibration_ok, RunState::done}};
+      {RunEvent::sequence_complete, RunState::parking}, {RunEvent::stopped_verified, RunState::calibrating}, {RunEvent::calibration_ok, RunState::done}};
   RunState state = RunState::idle;
   for (const auto& [event, expected] : path) {
     state = next(state, event, {}).to;

@@ -1,0 +1,51 @@
+// What a run is asked to do, in words (from the command line, or from the first record of its journal), and what that means:
+// station, sequence and rig read and checked, each with the hash of the bytes it was read from.
+#pragma once
+
+#include <string>
+
+#include "calib/status.h"
+#include "orchestrator/journal_file.h"
+#include "orchestrator/station_config.h"
+#include "sequences/sequence.h"
+#include "turntable_drivers/rig_config.h"
+
+namespace turncal {
+
+struct RunRequest {
+  bool dry_run = false;
+  bool capture_only = false;
+  std::string unit;
+  std::string rig;       // files, made absolute by prepare(); empty: the built-in one
+  std::string sequence;
+  std::string station;
+  // For the record; empty: not given.
+  std::string operator_name;
+  std::string part;
+  std::string revision;
+  std::string ambient;
+  std::string overdue_reason;  // why a table whose calibration is overdue is used all the same
+  // Of this attempt only, not of the run: where the status page listens (empty: none), and how many times as fast as the wall
+  // clock a dry run may go (0: as it can).
+  std::string listen;
+  double pace = 0.0;
+};
+
+struct PreparedRun {
+  RunRequest request;
+  StationConfig station;
+  RigConfig rig;
+  Sequence sequence;
+  std::string station_hash, rig_hash, sequence_hash;
+};
+
+// Everything that is checked before anything is made or moved.
+Result<PreparedRun> prepare(const RunRequest& request);
+
+// The first record of the journal, and back. Files are named by absolute path.
+JournalFields begin_fields(const PreparedRun& run);
+RunRequest request_of(const JournalContents& journal);
+// An error that names the file whose hash is no longer the one of the journal.
+Status check_unchanged(const PreparedRun& run, const JournalContents& journal);
+
+}  // namespace turncal

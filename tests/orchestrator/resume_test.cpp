@@ -1,0 +1,273 @@
+// A run that is killed, cut off from power or stopped by a full disk goes on and ends with the same bytes.
+#include "tests/orchestrator/program.h"
+
+#include <map>
+#include <random>
+#include <regex>
+
+#include "orchestrator/journal_file.h"
+#include "orchestrator/recording_sink.h"
+#include "orchestrator/results_database.h"
+
+namespace turncal {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
+
+// A station that judges, keeps a database and a store: everything that a run writes.
+const char* const station_text =
+    "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
+    "motion.settle_s = 0.5\nlimit.residual_max = 2\nlimit.N01.sigma_max = 1\n"
+    "record.database = results.db\nrecord.store = store\n";
+
+class Resume : public Program {
+ protected:
+  void SetUp() override {
+    Program::SetUp();
+    reference_station_ = write("reference/mock.station", station_text);
+    ASSERT_EQ(run(begin("reference/out", reference_station_)).code, 0);
+    for (const char* name : {"parameters.conf", "recording.tcr", "truth.conf"}) {
+      reference_[name] = file_text(folder_ / "reference/out" / name);
+      ASSERT_FALSE(reference_[name].empty()) << name;
+    }
+    reference_dwells_ = dwells(folder_ / "reference/out");
+    ASSERT_GT(reference_dwells_.size(), 50u);
+  }
+
+  static std::vector<std::string> begin(const std::string& out, const std::string& station) {
+    return {"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence", demo, "--station", station};
+  }
+  // Items of the plan whose dwell is in the journal, in order.
+  static std::vector<int> dwells(const fs::path& folder) {
+    std::vector<int> items;
+    const Result<std::string> text = journal_as_text((folder / journal_name).string());
+    if (!text) return items;
+    static const std::regex dwell("dwell      item = ([0-9]+)");
+    for (std::sregex_iterator it(text->begin(), text->end(), dwell), end; it != end; ++it) {
+      items.push_back(std::stoi((*it)[1]));
+    }
+    return items;
+  }
+
+  // With the library in front that strikes at call `point`.
+  ProgramResult run_struck(const std::vector<std::string>& arguments, long point, const char* mode) const {
+    ::setenv("LD_PRELOAD", TURNCAL_FAULT_POINTS, 1);
+    ::setenv("TURNCAL_FAULT_POINT", std::to_string(point).c_str(), 1);
+    ::setenv("TURNCAL_FAULT_MODE", mode, 1);
+    ::setenv("TURNCAL_FAULT_COUNT", (folder_.string() + ".count").c_str(), 1);
+    const pid_t pid = start(arguments);
+    for (const char* name : {"LD_PRELOAD", "TURNCAL_FAULT_POINT", "TURNCAL_FAULT_MODE", "TURNCAL_FAULT_COUNT"}) ::unsetenv(name);
+    return finish(pid);
+  }
+  long count_points() const {
+    const std::string station = write("count/mock.station", station_text);
+    EXPECT_EQ(run_struck(begin("count/out", station), 0, "kill").code, 0);
+    long points = 0, unsynced = -1;
+    std::istringstream(file_text(folder_.string() + ".count")) >> points >> unsynced;
+    EXPECT_EQ(unsynced, 0) << "something was done while a record of the journal was not on disk";
+    fs::remove(folder_.string() + ".count");
+    return points;
+  }
+
+  // Resumes (or begins anew where nothing was begun) and compares everything with the run that was not interrupted.
+  void expect_same_end(const std::string& folder, const std::string& station, const ProgramResult& first) const {
+    const fs::path out = folder_ / folder / "out";
+    const bool said_pass = first.out.find("verdict     pass") != std::string::npos;
+    const std::vector<int> before = dwells(out);
+    const bool begun = fs::exists(out / journal_name);
+    if (begun) {
+      const Result<JournalContents> journal = read_journal((out / journal_name).string());
+      ASSERT_TRUE(journal.ok()) << journal.error().message;
+      ASSERT_TRUE(!said_pass || !journal->verdict.empty()) << "PASS was said before it was durable";
+    } else {
+      ASSERT_FALSE(said_pass);
+    }
+    const ProgramResult second = run(begun ? std::vector<std::string>{"resume", folder + "/out"} : begin(folder + "/out", station));
+    ASSERT_EQ(second.code, 0) << second.err;
+    for (const auto& [name, bytes] : reference_) ASSERT_EQ(file_text(out / name), bytes) << name;
+    const std::vector<int> after = dwells(out);
+    ASSERT_EQ(after, reference_dwells_) << "a dwell was lost, or one that was complete was done again";
+    ASSERT_TRUE(std::equal(before.begin(), before.end(), after.begin()));
+    const Result<ResultsDatabase> database = ResultsDatabase::open_to_read((folder_ / folder / "results.db").string());
+    ASSERT_TRUE(database.ok()) << database.error().message;
+    ASSERT_EQ(database->list("SN1", "N01")->size(), 1u);
+    ASSERT_EQ(file_text(folder_ / folder / "store/simulated/SN1/parameters.conf"), reference_.at("parameters.conf"));
+    ASSERT_TRUE(fs::exists(folder_ / folder / "store/simulated/SN1/versions/0001.conf"));
+    ASSERT_FALSE(fs::exists(folder_ / folder / "store/simulated/SN1/versions/0002.conf"));
+    ASSERT_FALSE(fs::exists(folder_ / folder / "store/SN1")) << "a production file from simulated data";
+  }
+
+  void strike_at(long point, const char* mode, int expected_code) const {
+    SCOPED_TRACE(std::string(mode) + " at call " + std::to_string(point));
+    const std::string folder = "struck";
+    const std::string station = write(folder + "/mock.station", station_text);
+    const ProgramResult first = run_struck(begin(folder + "/out", station), point, mode);
+    ASSERT_EQ(first.code, expected_code) << first.err;
+    expect_same_end(folder, station, first);
+    fs::remove_all(folder_ / folder);
+  }
+  // Every twelfth call from `first` on, a kill and a power cut in turn; TURNCAL_LONG_TESTS: both at each.
+  void strike_at_every_twelfth(long first) const {
+    const long points = count_points();
+    ASSERT_GT(points, 1000);
+    const bool both = std::getenv("TURNCAL_LONG_TESTS") != nullptr;
+    for (long point = first; point <= points && !HasFatalFailure(); point += 12) {
+      const bool kill = point / 12 % 2 == 0;
+      if (kill || both) strike_at(point, "kill", -1000 - SIGKILL);
+      if (!kill || both) strike_at(point, "power", -1000 - SIGKILL);
+    }
+  }
+
+  int copies_ = 0;
+  std::string reference_station_;
+  std::map<std::string, std::string> reference_;
+  std::vector<int> reference_dwells_;
+};
+
+// Twelve tests, so that they can run side by side.
+class ResumeStruck : public Resume, public testing::WithParamInterface<int> {};
+TEST_P(ResumeStruck, AtEveryWriteAndSync) { strike_at_every_twelfth(GetParam()); }
+INSTANTIATE_TEST_SUITE_P(First, ResumeStruck, testing::Range(1, 13));
+
+TEST_F(Resume, DiskFullAtAnyWriteStopsTheRunAndItGoesOn) {
+  const long points = count_points();
+  for (long point = 1; point <= points && !HasFatalFailure(); point += 29) {
+    SCOPED_TRACE("full from call " + std::to_string(point));
+    const std::string station = write("full/mock.station", station_text);
+    const ProgramResult first = run_struck(begin("full/out", station), point, "full");
+    if (first.code == 0) {  // what failed was the log's last line, or nothing: then all the rest is there
+      ASSERT_EQ(dwells(folder_ / "full/out"), reference_dwells_);
+    } else {
+      ASSERT_EQ(first.code, 50) << first.err;
+      ASSERT_EQ(first.err_lines(), 1) << first.err;
+      const bool named = first.err.find("No space left") != std::string::npos || first.err.find("disk is full") != std::string::npos;
+      ASSERT_TRUE(named) << first.err;
+    }
+    expect_same_end("full", station, first);
+    fs::remove_all(folder_ / "full");
+  }
+}
+
+TEST_F(Resume, AHundredKillsAtRandomMoments) {
+  std::mt19937 random(20260101);
+  std::uniform_int_distribution<int> delay_us(0, 200'000);
+  int kills = 0, runs = 0, resumed_runs = 0;
+  while (kills < 100 && !HasFatalFailure()) {
+    const std::string station = write("random/mock.station", station_text);
+    int kills_of_this = 0;
+    for (;;) {
+      const bool begun = fs::exists(folder_ / "random/out" / journal_name);
+      const pid_t pid = start(begun ? std::vector<std::string>{"resume", "random/out"} : begin("random/out", station));
+      ::usleep(static_cast<useconds_t>(delay_us(random)));
+      ::kill(pid, SIGKILL);
+      const ProgramResult result = finish(pid);
+      if (result.code == 0) break;
+      ASSERT_EQ(result.code, -1000 - SIGKILL) << result.err;
+      ++kills;
+      ++kills_of_this;
+    }
+    ++runs;
+    if (kills_of_this > 0) ++resumed_runs;
+    expect_same_end("random", station, {});
+    fs::remove_all(folder_ / "random");
+  }
+  RecordProperty("runs", runs);
+  EXPECT_GT(resumed_runs, 0);
+}
+
+TEST_F(Resume, RefusesWhatIsNotTheSameRun) {
+  const std::string station = write("part/mock.station", station_text);
+  ASSERT_EQ(run_struck(begin("part/out", station), 700, "kill").code, -1000 - SIGKILL);
+  const std::vector<std::string> resume = {"resume", "part/out"};
+  const auto with = [&](const char* option, const std::string& value) {
+    return std::vector<std::string>{"resume", "part/out", option, value};
+  };
+  expect_refused(with("--unit", "SN2"), "expected 'SN1'");
+  expect_refused(with("--station", write("other.station", std::string(station_text) + "# another\n")), "is not the station");
+  expect_refused(with("--sequence", write("other.seq", file_text(demo) + "# another\n")), "is not the sequence");
+  expect_refused(with("--rig", write("other.rig", "seed = 2\n")), "is not the rig");
+  expect_refused({"resume", "nowhere"}, "holds no journal.tcj");
+  write("part/mock.station", std::string(station_text) + "# changed in place\n");
+  expect_refused(resume, "is not the station");
+  // The same bytes at another place are the same configuration.
+  ASSERT_EQ(run(with("--station", write("moved.station", station_text))).code, 0);
+  EXPECT_EQ(file_text(folder_ / "part/out/parameters.conf"), reference_.at("parameters.conf"));
+  // Once complete there is nothing to do, and it says so.
+  const ProgramResult again = run({"resume", "part/out"});
+  EXPECT_EQ(again.code, 0) << again.err;
+}
+
+TEST_F(Resume, RefusesADamagedJournalAndARunThatGoesOn) {
+  const std::string station = write("part/mock.station", station_text);
+  ASSERT_EQ(run_struck(begin("part/out", station), 700, "kill").code, -1000 - SIGKILL);
+  const fs::path path = folder_ / "part/out" / journal_name;
+  const std::string good = file_text(path);
+  {
+    // The lock of a run that goes on.
+    Result<JournalFile> held = JournalFile::reopen(path.string());
+    ASSERT_TRUE(held.ok());
+    expect_refused({"resume", "part/out"}, "in use by another process");
+  }
+  std::string bad = good;
+  bad[bad.size() / 2] ^= 0x40;
+  write("part/out/journal.tcj", bad);
+  expect_refused({"resume", "part/out"}, "damaged");
+  write("part/out/journal.tcj", "");
+  expect_refused({"resume", "part/out"}, "expected a journal");
+  write("part/out/journal.tcj", good);
+  EXPECT_EQ(run({"resume", "part/out"}).code, 0);
+  EXPECT_EQ(run({"resume", "part/out"}).code, 0);
+  EXPECT_EQ(run({"resume", "part/out"}).out.find("complete, verdict pass") != std::string::npos, true);
+}
+
+// Devices of another kind than those the recording was made with.
+TEST_F(Resume, SimulatedAndRealDataAreNeverOneRecording) {
+  RecordingInfo info;
+  info.latitude_deg = 29.53;
+  info.gravity_mps2 = 9.7914;
+  info.unit_serial = "SN1";
+  info.accel_pulse_mps = 0.0005;
+  info.simulated = true;
+  RecordingSink sink(folder_.string());
+  ASSERT_TRUE(sink.start(info).ok());
+  ASSERT_TRUE(sink.begin_segment({.step = 1}).ok());
+  ImuSample sample;
+  ASSERT_TRUE(sink.add({&sample, 1}).ok());
+  ASSERT_TRUE(sink.end_segment(SegmentKind::still, 1, {}).ok());
+  ASSERT_TRUE(sink.sync().ok());
+  const auto resumed = [&](const RecordingInfo& with, std::int64_t end_sample) {
+    const std::string copy = path("copy" + std::to_string(++copies_));
+    fs::create_directories(copy);
+    fs::copy_file(folder_ / partial_recording_name, fs::path(copy) / partial_recording_name);
+    const Status status = RecordingSink(copy).resume(with, end_sample);
+    return status ? std::string() : status.error().message;
+  };
+  EXPECT_EQ(resumed(info, 1), "");
+  RecordingInfo real = info, other = info;
+  real.simulated = false;
+  other.unit_serial = "SN2";
+  EXPECT_NE(resumed(real, 1).find("simulated and real data cannot be one recording"), std::string::npos);
+  EXPECT_NE(resumed(other, 1).find("another unit"), std::string::npos);
+  EXPECT_NE(resumed(info, 2).find("holds no segment that ends at sample 2"), std::string::npos);
+}
+
+TEST_F(Resume, AStoppedRunGoesOn) {
+  const std::string station = write("stopped/mock.station", station_text);
+  const pid_t pid = start(begin("stopped/out", station));
+  const fs::path journal = folder_ / "stopped/out" / journal_name;
+  std::error_code ignored;
+  for (int i = 0; i < 20'000; ++i) {  // until some dwells are complete
+    const auto size = fs::file_size(journal, ignored);
+    if (!ignored && size > 5'000) break;
+    ::usleep(500);
+  }
+  ::kill(pid, SIGINT);
+  const ProgramResult first = finish(pid);
+  ASSERT_EQ(first.code, 30) << first.err;
+  expect_same_end("stopped", station, first);
+}
+
+}  // namespace
+}  // namespace turncal

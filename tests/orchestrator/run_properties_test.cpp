@@ -1,0 +1,305 @@
+// What must hold whatever happens, over random sequences of events, shrunk to the shortest that fails (rapidcheck).
+//
+// First the transition table alone, then the real run on the rig: faults of table, unit, disk and operator, kills in between,
+// and the run taken up again until it is done.
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include <set>
+
+#include "tests/orchestrator/rig_station.h"
+
+namespace turncal {
+namespace {
+
+constexpr const char* ten_thousand = "max_success=10000 seed=20260101";
+
+// rapidcheck takes its settings from the environment only.
+template <class Testable>
+void check_ten_thousand(const char* what, Testable testable) {
+  ::setenv("RC_PARAMS", ten_thousand, 0);  // another seed may be given from outside
+  EXPECT_TRUE(rc::check(what, testable)) << what;
+}
+
+TEST(RunProperties, TransitionTable) {
+  check_ten_thousand("the table never leaves two moves outstanding, a stop unverified, or a result not durable", [] {
+    const auto events = *rc::gen::container<std::vector<int>>(
+        rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, run_event_count * 8)));
+    RunState state = RunState::idle;
+    bool move_outstanding = false, stop_outstanding = false, abort_sent = false, sealed = false, results_durable = false;
+    for (const int drawn : events) {
+      const auto event = static_cast<RunEvent>(drawn % run_event_count);
+      const int bits = drawn / run_event_count;
+      const RunGuards guards{.rest_due = (bits & 1) != 0, .repeats_left = (bits & 2) != 0, .by_operator = (bits & 4) != 0,
+                             .abort_sent = abort_sent};
+      const Transition t = next(state, event, guards);
+      if (is_final(state)) {
+        RC_ASSERT(t.to == state);
+        RC_ASSERT(t.action == RunAction::none);
+      }
+      if (t.outcome == Transition::Outcome::ignored) {
+        RC_ASSERT(t.to == state);
+        continue;
+      }
+      switch (t.action) {
+        case RunAction::issue_move:
+          RC_ASSERT(!move_outstanding);
+          RC_ASSERT(!stop_outstanding);
+          move_outstanding = true;
+          break;
+        case RunAction::close_move:
+          move_outstanding = false;
+          break;
+        case RunAction::begin_dwell:
+        case RunAction::enable_and_home: RC_ASSERT(!move_outstanding); break;
+        case RunAction::stop_table: stop_outstanding = true; break;
+        case RunAction::abort_table: stop_outstanding = abort_sent = true; break;
+        case RunAction::calibrate:
+          RC_ASSERT(!stop_outstanding || event == RunEvent::stopped_verified);
+          sealed = true;
+          break;
+        default: break;
+      }
+      if (event == RunEvent::stopped_verified) stop_outstanding = move_outstanding = false;
+      if (state == RunState::calibrating && event == RunEvent::calibration_ok) results_durable = true;
+      // With the drives on, the only ways out are a verified stop, or a fastest stop that could not be verified.
+      if (is_final(t.to) && (live_states.contains(state) || state == RunState::stopping)) {
+        RC_ASSERT(state == RunState::stopping);
+        RC_ASSERT(event == RunEvent::stopped_verified || (event == RunEvent::deadline && abort_sent));
+      }
+      if (t.to == RunState::done && state != RunState::done) RC_ASSERT(sealed && results_durable);
+      state = t.to;
+    }
+  });
+}
+
+// --- The run itself ---
+
+struct Killed {};
+
+// In memory; dies or fails on demand.
+class MemoryJournal : public RunJournal {
+ public:
+  Status transition(const TransitionRecord& record) override {
+    if (on_transition) on_transition(record);
+    return step();
+  }
+  Status home(double time_s) override {
+    commands.push_back({time_s, std::nullopt});
+    return step();
+  }
+  Status move(const Move& move, double time_s) override {
+    commands.push_back({time_s, move});
+    return step();
+  }
+  Status dwell(const CompletedDwell& dwell) override {
+    if (Status status = step(); !status) return status;
+    dwells.push_back(dwell);
+    return {};
+  }
+  Status seal(double) override {
+    sealed = true;
+    return step();
+  }
+  Status step() {
+    ++calls;
+    if (calls == kill_at) throw Killed{};
+    if (calls == fail_at) return device_error("journal: disk full (on demand)");
+    return {};
+  }
+  std::vector<JournalCommand> commands;
+  std::vector<CompletedDwell> dwells;
+  std::function<void(const TransitionRecord&)> on_transition;
+  bool sealed = false;
+  int calls = 0, kill_at = -1, fail_at = -1;
+};
+
+// Looks at every command on its way to the table.
+class WatchedTable : public RigTable {
+ public:
+  WatchedTable(Rig& rig, const MemoryJournal& journal) : RigTable(rig), rig_(rig), journal_(journal) {}
+  Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
+    for (Axis other : all_axes) two_moves = two_moves || rig_.axis(other).moving;
+    const bool kept = !journal_.commands.empty() && journal_.commands.back().move &&
+                      journal_.commands.back().move->axis == axis && journal_.commands.back().move->target_deg == position_deg;
+    unrecorded = unrecorded || !kept;
+    return RigTable::move_absolute(axis, position_deg, rate_degps, acceleration_degps2);
+  }
+  Status stop_all() override {
+    ++stops;
+    return RigTable::stop_all();
+  }
+  Status abort_all() override {
+    ++stops;
+    return RigTable::abort_all();
+  }
+  bool two_moves = false, unrecorded = false;
+  int stops = 0;
+
+ private:
+  Rig& rig_;
+  const MemoryJournal& journal_;
+};
+
+const char* const tiny_text =
+    "format = 1\nname = tiny\nrate_degps = 40\nacceleration_degps2 = 80\n"
+    "step 1\n  initial H 0 P 0 R 0\n  align 200\n  rotate P +20\n  dwell 200\n  rotate R -20\n  dwell 200\n"
+    "step 2\n  initial H 10 P 0 R 0\n  align 200\n  dwell 200\n";
+
+struct Disturbance {
+  int kind = 0;    // of RigFault, then: operator stops, journal fails, sink fails, killed at a journal record
+  int moment = 0;  // in tenths of a second, or calls
+  int axis = 0;
+};
+std::ostream& operator<<(std::ostream& out, const Disturbance& d) {
+  constexpr int faults = static_cast<int>(RigFaultKind::link_lost) + 1;
+  const char* const others[] = {"operator stops", "journal fails", "disk fails", "killed"};
+  return out << (d.kind < faults ? to_string(static_cast<RigFaultKind>(d.kind)) : others[d.kind - faults]) << " at " << d.moment
+             << " axis " << d.axis;
+}
+constexpr int fault_kinds = static_cast<int>(RigFaultKind::link_lost) + 1;
+constexpr int disturbance_kinds = fault_kinds + 4;
+
+RigFault fault_of(const Disturbance& d, double period_s) {
+  RigFault fault;
+  fault.kind = static_cast<RigFaultKind>(d.kind);
+  fault.time_s = 0.1 * d.moment;
+  fault.sample = static_cast<std::int64_t>(fault.time_s / period_s);
+  fault.duration_s = 0.5;
+  fault.axis = d.axis;
+  fault.count = 3;
+  fault.size = fault.kind == RigFaultKind::gyro_glitch ? 10.0 : 0.5;
+  return fault;
+}
+
+struct Tally {
+  int sessions = 0, kills = 0;
+};
+
+// Runs and takes up again until done; what went wrong, or "".
+std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally) {
+  RigConfig config = default_rig_config();
+  config.sample_period_s = 0.02;
+  config.table.home_time_s = 0.1;
+  for (const Disturbance& d : disturbances) {
+    if (d.kind < fault_kinds) config.faults.push_back(fault_of(d, config.sample_period_s));
+  }
+  if (const Status status = check(config); !status) return status.error().message;
+  RigStation s(tiny_text, config);
+  MemoryJournal journal;
+  WatchedTable table(s.rig, journal);
+  s.station.motion.settle_s = 0.1;
+  s.station.motion.stall_s = 0.3;
+  s.station.motion.deadline_margin_s = 1.0;
+  s.station.imu_timeout_s = 0.3;
+  s.station.resume_rest_s = 0.2;
+  s.station.dwell.max_gyro_std_degps = s.station.dwell.max_gyro_peak_degps = 1.0;  // windows of a few samples say little
+  s.station.dwell.max_accel_std_mps2 = s.station.dwell.max_accel_peak_mps2 = 1.0;
+  s.station.dwell.stillness_window_s = 0.1;
+  s.devices.imu.describe(s.info);
+  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
+  s.journal = &journal;
+  int stops_told = 0;
+  bool late_stop = false;
+  journal.on_transition = [&](const TransitionRecord& record) {
+    if (record.action != RunAction::stop_table && record.action != RunAction::abort_table) return;
+    late_stop = late_stop || table.stops <= stops_told;
+    stops_told = table.stops;
+  };
+  bool results_durable = false;
+  s.calibrate = [&]() -> Status {
+    if (!s.sink.finished || !journal.sealed) return Error{ErrorKind::internal, "calibrated before it was sealed"};
+    results_durable = true;
+    return {};
+  };
+  s.watcher.on_tick = [&](const RunSnapshot&) {
+    for (const Disturbance& d : disturbances) {
+      if (d.kind == fault_kinds && s.clock.now_s() >= 0.1 * d.moment) s.stop_requests = 1;
+    }
+  };
+  for (const Disturbance& d : disturbances) {
+    if (d.kind == fault_kinds + 1) journal.fail_at = 1 + d.moment / 3;
+    if (d.kind == fault_kinds + 2) s.sink.fail_at_call = 1 + d.moment / 3;
+    if (d.kind == fault_kinds + 3) journal.kill_at = 1 + d.moment / 3;
+  }
+  for (int session = 1;; ++session) {
+    if (session > 12) return "not done after 12 sessions";
+    const std::vector<CompletedDwell> before = journal.dwells;
+    const int connected_before = s.watcher.count(RunEvent::connected);
+    StationDevices devices = s.devices.devices();
+    StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1", s.resume}, s.sink,
+                   {&s.watcher, &s.stop_requests, s.calibrate, &journal});
+    std::optional<RunOutcome> outcome;
+    try {
+      outcome = run.run();
+    } catch (const Killed&) {
+      ++tally.kills;
+    }
+    ++tally.sessions;
+    if (table.two_moves) return "a move was commanded while another was under way";
+    if (late_stop) return "a stop waited for the journal";
+    if (table.unrecorded) return "a move was commanded that the journal does not know";
+    if (!std::equal(before.begin(), before.end(), journal.dwells.begin())) return "a completed dwell was taken back";
+    std::set<std::size_t> items;
+    for (const CompletedDwell& dwell : journal.dwells) {
+      if (!items.insert(dwell.item).second) return "a completed dwell was done again";
+      const bool recorded = std::any_of(s.sink.segments.begin(), s.sink.segments.end(), [&](const Segment& segment) {
+        return segment.end_sample == dwell.next_sample && segment.kind == s.plan.items[dwell.item].dwell_kind &&
+               segment.end_sample - segment.start_sample == s.plan.items[dwell.item].samples;
+      });
+      if (!recorded) return "a completed dwell is not in the recording";
+    }
+    if (outcome) {
+      const bool verified = outcome->error.message.find("COULD NOT BE VERIFIED") == std::string::npos;
+      // A table that slips by itself while the link cannot be opened is out of anybody's hands.
+      const bool had_table = s.watcher.count(RunEvent::connected) > connected_before;
+      for (Axis axis : all_axes) {
+        if (!verified || !had_table) break;
+        if (!s.at_rest()) return "over, and the table turns: " + outcome->error.message;
+        const Result<AxisStatus> status = table.status(axis);
+        if (status && status->enabled) return "over, and a drive is on: " + outcome->error.message;
+      }
+      if (outcome->error.kind == ErrorKind::internal && outcome->state != RunState::done) return outcome->error.message;
+      if (outcome->state == RunState::done) {
+        std::size_t dwells = 0;
+        for (const PlannedItem& item : s.plan.items) dwells += item.kind == SequenceItem::Kind::dwell ? 1 : 0;
+        if (!results_durable || !s.sink.finished) return "done, and the results are not durable";
+        if (items.size() != dwells) return "done, and a dwell is missing";
+        return "";
+      }
+    }
+    // Somebody comes, clears the faults and starts it again. A sealed recording needs no devices (run_job.cpp).
+    if (s.sink.finished) return "";
+    journal.kill_at = journal.fail_at = s.sink.fail_at_call = -1;
+    s.stop_requests = 0;
+    s.watcher.on_tick = nullptr;
+    s.rig.release_emergency_stop();
+    s.rig.clear_faults();
+    devices.wait(1.0);
+    if (journal.dwells.empty()) {
+      s.sink = MemorySink();
+    } else {
+      s.resume = ResumePoint{journal.dwells.back(), false};
+    }
+  }
+}
+
+TEST(RunProperties, WhateverHappensOnTheRig) {
+  Tally tally;
+  check_ten_thousand("a run is stopped, kept and finished whatever happens", [&tally] {
+    // The size grows the list only: whole ranges for what is in it.
+    const auto up_to = [](int end) { return rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, end)); };
+    const auto one = rc::gen::build<Disturbance>(rc::gen::set(&Disturbance::kind, up_to(disturbance_kinds)),
+                                                 rc::gen::set(&Disturbance::moment, up_to(300)),
+                                                 rc::gen::set(&Disturbance::axis, up_to(3)));
+    const auto disturbances = *rc::gen::resize(6, rc::gen::container<std::vector<Disturbance>>(one));
+    const std::string wrong = run_with(disturbances, tally);
+    if (!wrong.empty()) RC_FAIL(wrong);
+  });
+  std::printf("%d sessions, %d of them killed\n", tally.sessions, tally.kills);
+  EXPECT_GT(tally.sessions, 15'000) << "hardly anything was disturbed";
+  EXPECT_GT(tally.kills, 300);
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,239 @@
+// The status page: what it serves, that nothing can be written, and what a browser shows while the run goes on and when it dies.
+#include <httplib.h>
+#include <poll.h>
+
+#include <chrono>
+#include <memory>
+#include <thread>
+
+#include "orchestrator/live_view.h"
+#include "orchestrator/progress.h"
+#include "orchestrator/status_page.h"
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+namespace {
+
+// Chromium without a window, spoken to over its debugging pipe (file descriptors 3 and 4, messages end with a zero byte).
+class Browser {
+ public:
+  static bool available() { return ::access("/usr/bin/chromium", X_OK) == 0; }
+
+  explicit Browser(const std::string& profile) {
+    int to[2], from[2];
+    if (::pipe(to) != 0 || ::pipe(from) != 0) return;
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      ::setpgid(0, 0);
+      const int in = ::fcntl(to[0], F_DUPFD, 10), out = ::fcntl(from[1], F_DUPFD, 10);
+      ::dup2(in, 3);
+      ::dup2(out, 4);
+      const int quiet = ::open("/dev/null", O_RDWR);
+      ::dup2(quiet, 1);
+      ::dup2(quiet, 2);
+      const std::string folder = "--user-data-dir=" + profile;
+      ::execl("/usr/bin/chromium", "chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
+              "--remote-debugging-pipe", folder.c_str(), "about:blank", nullptr);
+      ::_exit(98);
+    }
+    ::close(to[0]);
+    ::close(from[1]);
+    to_ = to[1];
+    from_ = from[0];
+  }
+  ~Browser() {
+    ::close(to_);
+    ::close(from_);
+    ::kill(-pid_, SIGKILL);
+    ::waitpid(pid_, nullptr, 0);
+  }
+
+  bool open(const std::string& url) {
+    const std::string target = field(call("Target.createTarget", "{\"url\":\"" + url + "\"}", ""), "targetId");
+    session_ = field(call("Target.attachToTarget", "{\"targetId\":\"" + target + "\",\"flatten\":true}", ""), "sessionId");
+    return !session_.empty();
+  }
+  // What the page's visible text is, and what is in an element.
+  std::string text() { return evaluate("document.body.innerText"); }
+  std::string evaluate(const std::string& expression) {
+    return call("Runtime.evaluate", "{\"expression\":\"" + expression + "\",\"returnByValue\":true}", session_);
+  }
+  bool shows(const std::string& text_wanted, double within_s) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(within_s);
+    while (std::chrono::steady_clock::now() < end) {
+      seen_ = text();
+      if (seen_.find(text_wanted) != std::string::npos) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    }
+    return false;
+  }
+  const std::string& seen() const { return seen_; }
+
+ private:
+  static std::string field(const std::string& json, const std::string& key) {
+    const std::string mark = "\"" + key + "\":\"";
+    const std::size_t at = json.find(mark);
+    return at == std::string::npos ? "" : json.substr(at + mark.size(), json.find('"', at + mark.size()) - at - mark.size());
+  }
+  std::string call(const std::string& method, const std::string& parameters, const std::string& session) {
+    const std::string id = std::to_string(++id_);
+    std::string message = "{\"id\":" + id + ",\"method\":\"" + method + "\",\"params\":" + parameters;
+    if (!session.empty()) message += ",\"sessionId\":\"" + session + "\"";
+    message += "}";
+    message.push_back('\0');
+    if (::write(to_, message.data(), message.size()) != static_cast<ssize_t>(message.size())) return "";
+    for (;;) {
+      const std::string answer = next_message();
+      if (answer.empty() || answer.find("\"id\":" + id + ",") != std::string::npos) return answer;
+    }
+  }
+  std::string next_message() {
+    for (;;) {
+      const std::size_t end = received_.find('\0');
+      if (end != std::string::npos) {
+        const std::string message = received_.substr(0, end);
+        received_.erase(0, end + 1);
+        return message;
+      }
+      pollfd ready{from_, POLLIN, 0};
+      if (::poll(&ready, 1, 30'000) <= 0) return "";
+      char buffer[65536];
+      const ssize_t n = ::read(from_, buffer, sizeof buffer);
+      if (n <= 0) return "";
+      received_.append(buffer, static_cast<std::size_t>(n));
+    }
+  }
+
+  pid_t pid_ = -1;
+  int to_ = -1, from_ = -1, id_ = 0;
+  std::string received_, session_, seen_;
+};
+
+class Page : public Program {
+ protected:
+  // A dry run slow enough to look at; returns its page's address.
+  std::string start_run(const std::string& out, const std::string& pace, pid_t& pid) const {
+    pid = start({"run", "--dry-run", "--unit", "SN-7", "--out", out, "--sequence",
+                 std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq", "--listen", "127.0.0.1:0", "--pace", pace});
+    for (int i = 0; i < 1000; ++i) {
+      const std::string said = file_text(folder_.string() + ".out");
+      const std::size_t at = said.find("status page "), end = said.find('\n', at);
+      if (at != std::string::npos && end != std::string::npos) return said.substr(at + 12, end - at - 12);
+      ::usleep(10'000);
+    }
+    return "";
+  }
+};
+
+TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
+  pid_t pid = -1;
+  const std::string url = start_run("out", "10", pid);
+  ASSERT_FALSE(url.empty());
+  httplib::Client client(url.substr(0, url.size() - 1));
+  client.set_read_timeout(5);
+  ::usleep(1'500'000);
+  const auto status = client.Get("/status.json");
+  ASSERT_TRUE(status);
+  EXPECT_EQ(status->status, 200);
+  for (const char* text : {"\"unit\":\"SN-7\"", "\"simulated\":true", "\"step_count\":14", "\"eta_utc\":\"2026-01-01T00:1",
+                           "\"temperature_c\":2", "\"heartbeat_age_s\":0", "\"position_deg\":[", "\"rate_degps\":[",
+                           "\"still_gyro_degps\":", "\"lost_samples\":0", "\"transitions\":[\"2026"}) {
+    EXPECT_NE(status->body.find(text), std::string::npos) << text << '\n' << status->body;
+  }
+  const auto page = client.Get("/");
+  ASSERT_TRUE(page);
+  EXPECT_NE(page->body.find("\"unit\":\"SN-7\""), std::string::npos) << "the first status is in the page itself";
+  EXPECT_EQ(page->body.find("INITIAL"), std::string::npos);
+  for (const char* other : {"/run.log", "/../out/run.log", "/status.json/x", "/favicon.ico"}) {
+    const auto answer = client.Get(other);
+    ASSERT_TRUE(answer) << other;
+    EXPECT_EQ(answer->status, 404) << other;
+  }
+  const auto posted = client.Post("/status.json", "{}", "application/json");
+  const auto put = client.Put("/", "x", "text/plain");
+  const auto deleted = client.Delete("/status.json");
+  for (const auto* answer : {&posted, &put, &deleted}) {
+    ASSERT_TRUE(*answer);
+    EXPECT_EQ((*answer)->status, 404);
+  }
+  // The same port once more is refused, before anything is made.
+  const std::string address = url.substr(7, url.size() - 8);
+  expect_refused({"run", "--dry-run", "--unit", "SN8", "--out", "other", "--listen", address}, "cannot listen there");
+  ::kill(pid, SIGINT);
+  EXPECT_EQ(finish(pid).code, 30);
+  expect_refused({"run", "--dry-run", "--unit", "SN8", "--out", "other", "--listen", "here"}, "expected ADDRESS:PORT");
+}
+
+TEST_F(Page, ABrowserShowsTheRunAndThatItDied) {
+  if (!Browser::available()) GTEST_SKIP() << "no /usr/bin/chromium here";
+  pid_t pid = -1;
+  const std::string url = start_run("out", "10", pid);
+  ASSERT_FALSE(url.empty());
+  Browser browser(path("profile"));
+  ASSERT_TRUE(browser.open(url)) << "no answer from chromium";
+  EXPECT_TRUE(browser.shows("Running: step", 20.0)) << browser.seen();
+  EXPECT_TRUE(browser.shows("turncal: unit SN-7 (dry run: simulated, no real unit)", 5.0)) << browser.seen();
+  // It lives: the station time moves on, and the running dwell is drawn.
+  const std::string first = browser.text();
+  ::usleep(2'500'000);
+  EXPECT_NE(browser.text(), first);
+  bool drawn = false;
+  for (int i = 0; i < 50 && !drawn; ++i) {
+    const std::string points = browser.evaluate("document.querySelectorAll('#gyro polyline').length + ' ' + (document.querySelector('#gyro polyline')||{getAttribute(){return ''}}).getAttribute('points')");
+    drawn = points.find("\"value\":\"3 0.0,") != std::string::npos;
+    ::usleep(100'000);
+  }
+  EXPECT_TRUE(drawn);
+  ::kill(pid, SIGKILL);
+  finish(pid);
+  EXPECT_TRUE(browser.shows("does not answer since", 15.0)) << browser.seen();
+  EXPECT_TRUE(browser.shows("the run has died", 1.0)) << browser.seen();
+}
+
+TEST_F(Page, ABrowserShowsHowItEnded) {
+  if (!Browser::available()) GTEST_SKIP() << "no /usr/bin/chromium here";
+  pid_t pid = -1;
+  const std::string url = start_run("out", "40", pid);
+  ASSERT_FALSE(url.empty());
+  Browser browser(path("profile"));
+  ASSERT_TRUE(browser.open(url));
+  EXPECT_TRUE(browser.shows("Running: step", 20.0)) << browser.seen();
+  ::kill(pid, SIGTERM);
+  EXPECT_TRUE(browser.shows("The run is over: step", 15.0)) << browser.seen();
+  EXPECT_TRUE(browser.shows("stopped by the operator", 1.0)) << browser.seen();
+  EXPECT_EQ(finish(pid).code, 30);
+}
+
+TEST(LiveView, TextsAreSafeInsideThePage) {
+  LiveView view("</script><b>\"\\", "s", "q", true, {}, steady_wall_s);
+  const std::string json = view.json();
+  EXPECT_EQ(json.find("</script>"), std::string::npos);
+  EXPECT_NE(json.find("\\u003c/script>\\u003cb>"), std::string::npos) << json;
+  EXPECT_NE(json.find("\\\"\\\\"), std::string::npos) << json;
+}
+
+// One second of a dwell is one point, in deg/s and m/s^2.
+TEST(LiveView, TheDwellSecondBySecond) {
+  LiveView view("SN1", "s", "q", true, {}, steady_wall_s);
+  RecordingInfo info;
+  info.sample_period_s = 0.5;
+  info.gyro_increment = IncrementKind::physical;
+  info.accel_increment = IncrementKind::physical;
+  view.begin(info);
+  view.begin_segment(SegmentKind::still);
+  std::vector<ImuSample> samples(6);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    samples[i].gyro[0] = i < 4 ? 0.0 : 0.01;  // rad in half a second
+    samples[i].accel[1] = 4.9;
+  }
+  view.add(samples);
+  const std::string json = view.json();
+  EXPECT_NE(json.find("\"dwell\":[[0,0,1.1459"), std::string::npos) << json;  // 0.02 rad/s
+  EXPECT_NE(json.find("\"temperature_c\":null"), std::string::npos);
+  EXPECT_NE(json.find("\"still_gyro_degps\":0.66159"), std::string::npos) << json;  // 1.1459 / sqrt 3
+  view.begin_segment(SegmentKind::align);
+  EXPECT_NE(view.json().find("\"dwell\":[[],[],[],[],[],[]]"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,212 @@
+// Verdicts by guard bands, control charts, and what of them reaches parameter file, database, store and exit code.
+#include "orchestrator/verdict.h"
+
+#include <cmath>
+#include <limits>
+
+#include "orchestrator/control_chart.h"
+#include "orchestrator/parameter_store.h"
+#include "orchestrator/results_database.h"
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+namespace {
+
+namespace fs = std::filesystem;
+
+TEST(Verdict, GuardBandsOfOneValue) {
+  const Limit limit{-1.0, 1.0};
+  // sigma 0.1, U = 0.2, w = 0.2.
+  const auto judged = [&](double value) { return judge_value(value, 0.1, limit, 1.0); };
+  EXPECT_EQ(judged(0.0), UnitVerdict::pass);
+  EXPECT_EQ(judged(0.79), UnitVerdict::pass);
+  EXPECT_EQ(judged(-0.79), UnitVerdict::pass);
+  EXPECT_EQ(judged(0.81), UnitVerdict::conditional_pass);
+  EXPECT_EQ(judged(1.0), UnitVerdict::conditional_pass);
+  EXPECT_EQ(judged(1.01), UnitVerdict::conditional_fail);
+  EXPECT_EQ(judged(-1.19), UnitVerdict::conditional_fail);
+  EXPECT_EQ(judged(1.21), UnitVerdict::fail);
+  // No guard band: simple acceptance. Half of it: half the band.
+  EXPECT_EQ(judge_value(0.99, 0.1, limit, 0.0), UnitVerdict::pass);
+  EXPECT_EQ(judge_value(1.01, 0.1, limit, 0.0), UnitVerdict::fail);
+  EXPECT_EQ(judge_value(0.89, 0.1, limit, 0.5), UnitVerdict::pass);
+  // One-sided limits, no uncertainty, and what is no number.
+  EXPECT_EQ(judge_value(-100.0, 0.1, {std::nullopt, 1.0}, 1.0), UnitVerdict::pass);
+  EXPECT_EQ(judge_value(0.0, std::nullopt, limit, 1.0), UnitVerdict::conditional_pass);
+  EXPECT_EQ(judge_value(1.1, std::nullopt, limit, 1.0), UnitVerdict::fail);
+  for (const Limit& any : {limit, Limit{std::nullopt, 1.0}, Limit{-1.0, std::nullopt}}) {
+    EXPECT_EQ(judge_value(std::nan(""), 0.1, any, 1.0), UnitVerdict::fail);
+    EXPECT_EQ(judge_value(0.0, std::nan(""), any, 1.0), UnitVerdict::fail);
+  }
+  EXPECT_EQ(judge_value(-std::numeric_limits<double>::infinity(), 0.1, {std::nullopt, 1.0}, 1.0), UnitVerdict::fail);
+}
+
+TEST(Verdict, TheWorstValueDecides) {
+  ParameterFile file;
+  file.sigma[0] = 0.1;
+  file.parameters[0] = 0.9;  // N01
+  file.add_further("quality.normalised_rms", 1.02);
+  VerdictLimits limits;
+  EXPECT_EQ(judge(file, {}, limits).verdict, UnitVerdict::not_judged);
+  limits.parameter[0] = {-2.0, 2.0};
+  EXPECT_EQ(judge(file, {}, limits).verdict, UnitVerdict::pass);
+  limits.parameter[0] = {-1.0, 1.0};
+  EXPECT_EQ(judge(file, {}, limits).verdict, UnitVerdict::conditional_pass);
+  limits.sigma_max[0] = 0.2;
+  limits.residual_max = 1.1;
+  EXPECT_EQ(judge(file, {}, limits).verdict, UnitVerdict::conditional_pass);
+  limits.temperature_c = {10.0, 30.0};
+  EXPECT_EQ(judge(file, {15.0, 29.0}, limits).verdict, UnitVerdict::conditional_pass);
+  EXPECT_EQ(judge(file, {15.0, 31.0}, limits).verdict, UnitVerdict::fail);
+  EXPECT_EQ(judge(file, {}, limits).verdict, UnitVerdict::fail) << "a limit on a temperature that is not measured";
+  limits.temperature_c = {};
+  limits.sigma_max[0] = 0.05;
+  EXPECT_EQ(judge(file, {}, limits).verdict, UnitVerdict::fail);
+  limits.sigma_max[0] = std::nullopt;
+  limits.residual_max = 1.0;
+  EXPECT_EQ(judge(file, {}, limits).verdict, UnitVerdict::fail);
+}
+
+// Montgomery, Introduction to Statistical Quality Control, individuals chart: sigma from the moving range.
+TEST(ControlChart, LimitsFromTheMovingRange) {
+  const std::vector<double> values = {10.0, 12.0, 11.0, 13.0};  // moving ranges 2, 1, 2
+  const ControlChart chart = control_chart(values, {5.0, 15.0});
+  EXPECT_DOUBLE_EQ(chart.mean, 11.5);
+  EXPECT_DOUBLE_EQ(*chart.sigma, 5.0 / 3.0 / 1.128);
+  EXPECT_DOUBLE_EQ(*chart.upper, 11.5 + 3.0 * 5.0 / 3.0 / 1.128);
+  EXPECT_TRUE(chart.outside.empty());
+  EXPECT_DOUBLE_EQ(*chart.cpk, 3.5 / (3.0 * 5.0 / 3.0 / 1.128));
+  std::vector<double> jump(20, 1.0);
+  for (std::size_t i = 0; i < jump.size(); i += 2) jump[i] = 1.01;
+  jump.push_back(2.0);
+  EXPECT_EQ(control_chart(jump, {}).outside, std::vector<std::size_t>{20});
+  EXPECT_FALSE(control_chart(jump, {}).cpk);
+  EXPECT_FALSE(control_chart(std::vector<double>{1.0}, {0.0, 2.0}).sigma);
+  EXPECT_FALSE(control_chart(std::vector<double>{1.0, 1.0}, {0.0, 2.0}).cpk) << "no spread: no index";
+  EXPECT_EQ(control_chart({}, {}).count, 0u);
+}
+
+class Production : public Program {
+ protected:
+  static std::string station(const std::string& more) {
+    return "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
+           "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\n" + more;
+  }
+  ProgramResult dry_run(const std::string& out, const std::string& station_text, std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence",
+                                          std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq", "--station",
+                                          write("mock.station", station(station_text))};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run(arguments);
+  }
+};
+
+TEST_F(Production, VerdictIsExitCodeAndRecord) {
+  const ProgramResult good = dry_run("good", "limit.residual_max = 1.5\nlimit.N01.min = -1\nlimit.N01.max = 1\n",
+                                     {"--operator", "A. Turner", "--part", "RLG-7", "--revision", "C", "--ambient", "21.5 C"});
+  ASSERT_EQ(good.code, 0) << good.err;
+  EXPECT_NE(good.out.find("verdict     pass  (ILAC-G8:09/2019"), std::string::npos) << good.out;
+  const std::string file = file_text(folder_ / "good/parameters.conf");
+  for (const char* line : {"verdict.result = pass", "verdict.rule = ILAC-G8:09/2019", "verdict.N01 = pass, limits -1 .. 1",
+                           "verdict.residual = pass", "record.operator = A. Turner", "record.part = RLG-7",
+                           "record.revision = C", "record.ambient = 21.5 C", "record.configuration_hash = ",
+                           "record.sequence_hash = ", "record.repeated_dwells = 0", "simulated = true"}) {
+    EXPECT_NE(file.find(line), std::string::npos) << line << '\n' << file;
+  }
+  const ProgramResult bad = dry_run("bad", "limit.sigma.max = 1\n");
+  EXPECT_EQ(bad.code, 1) << "a misspelt limit must not pass for one";
+  const ProgramResult fail = dry_run("fail", "limit.residual_max = 0.5\nlimit.N01.max = -100\n");
+  EXPECT_EQ(fail.code, 20) << fail.out;
+  EXPECT_EQ(fail.err_lines(), 1);
+  EXPECT_NE(fail.err.find("unit SN1 does not keep its limits: N01 = "), std::string::npos) << fail.err;
+  EXPECT_NE(fail.err.find("(and 1 more)"), std::string::npos) << fail.err;
+  // It is on record, and its parameters are not in use.
+  EXPECT_NE(file_text(folder_ / "fail/parameters.conf").find("verdict.result = fail"), std::string::npos);
+  EXPECT_EQ(run({"resume", "fail"}).code, 20);
+  EXPECT_EQ(file_text(folder_ / "store/simulated/SN1/parameters.conf"), file);
+}
+
+TEST_F(Production, AnOverdueTableIsRefusedUnlessOverridden) {
+  const std::string due = "table.id = TT-1\ntable.calibration_due = 2025-12-31\n";  // the rig's day is 2026-01-01
+  const ProgramResult refused = dry_run("out", due);
+  EXPECT_EQ(refused.code, 1);
+  EXPECT_NE(refused.err.find("table 'TT-1' was due on 2025-12-31, today is 2026-01-01"), std::string::npos) << refused.err;
+  EXPECT_FALSE(fs::exists(folder_ / "out"));
+  ASSERT_EQ(dry_run("out", due, {"--override-due", "recalibration is booked for Monday"}).code, 0);
+  const std::string file = file_text(folder_ / "out/parameters.conf");
+  EXPECT_NE(file.find("record.overdue_reason = recalibration is booked for Monday"), std::string::npos);
+  EXPECT_NE(file.find("record.table_calibration_due = 2025-12-31"), std::string::npos);
+  ASSERT_EQ(dry_run("today", "table.calibration_due = 2026-01-01\n").code, 0) << "the last good day";
+  // It runs out at midnight, in the middle of a run that is stopped then: begun in time, it needs a reason to go on.
+  const std::string midnight = "fault.1.kind = emergency_stop\nfault.1.time_s = 400\n";
+  const std::string rig = write("late.rig", "start_utc_s = 1767311700\n" + midnight);  // 2026-01-01T23:55
+  ASSERT_EQ(dry_run("late", "table.calibration_due = 2026-01-01\n", {"--rig", rig}).code, 50);
+  expect_refused({"resume", "late"}, "was due on 2026-01-01, today is 2026-01-02");
+  EXPECT_EQ(run({"resume", "late", "--override-due", "half a run is no use"}).code, 50) << "the rig's fault comes again";
+  EXPECT_NE(run({"journal", "late"}).out.find("overdue_reason = half a run is no use"), std::string::npos);
+  EXPECT_EQ(run({"resume", "late"}).code, 50) << "the reason was given";
+  EXPECT_EQ(dry_run("bad", "table.calibration_due = 31.12.2026\n").code, 1);
+}
+
+TEST_F(Production, HistoryListsComparesChartsAndExports) {
+  ASSERT_EQ(dry_run("one", "limit.N01.min = -1\nlimit.N01.max = 1\n").code, 0);
+  ASSERT_EQ(dry_run("two", "limit.N01.min = -1\nlimit.N01.max = 1\n", {"--rig", write("two.rig", "noise.seed = 2\n")}).code, 0);
+  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN2", "--out", "three", "--sequence",
+                 std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq", "--station", path("mock.station"), "--rig",
+                 write("three.rig", "seed = 3\n")}).code, 0);
+  const ProgramResult list = run({"history", "results.db"});
+  ASSERT_EQ(list.code, 0) << list.err;
+  EXPECT_EQ(std::count(list.out.begin(), list.out.end(), '\n'), 4);
+  EXPECT_NE(list.out.find("[simulated]"), std::string::npos);
+  const std::string of_one = run({"history", "results.db", "--unit", "SN1"}).out;
+  EXPECT_EQ(std::count(of_one.begin(), of_one.end(), '\n'), 3);
+
+  const ProgramResult compared = run({"history", "results.db", "--compare", "1", "2"});
+  ASSERT_EQ(compared.code, 0) << compared.err;
+  EXPECT_NE(compared.out.find("unit SN1"), std::string::npos);
+  EXPECT_NE(compared.out.find("a33"), std::string::npos);
+  EXPECT_EQ(run({"history", "results.db", "--compare", "1", "3"}).code, 1) << "two units";
+  EXPECT_EQ(run({"history", "results.db", "--compare", "1", "9"}).code, 1);
+
+  EXPECT_EQ(run({"history", "results.db", "--control"}).out.find("N01       3"), std::string::npos)
+      << "simulated units among the real ones";
+  const std::string control = run({"history", "results.db", "--control", "--simulated"}).out;
+  EXPECT_NE(control.find("N01       3"), std::string::npos) << control;
+  const std::string one = run({"history", "results.db", "--parameter", "N01", "--simulated"}).out;
+  EXPECT_NE(one.find("N01: n 3, mean"), std::string::npos) << one;
+  EXPECT_NE(one.find("limits -1 .. 1"), std::string::npos) << one;
+  EXPECT_EQ(run({"history", "results.db", "--parameter", "N99"}).code, 1);
+
+  ASSERT_EQ(run({"history", "results.db", "--csv", "all.csv"}).code, 0);
+  const std::string csv = file_text(folder_ / "all.csv");
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 4);
+  const std::string header = csv.substr(0, csv.find('\n')), row = csv.substr(csv.find('\n') + 1);
+  EXPECT_EQ(std::count(header.begin(), header.end(), ','), std::count(row.begin(), row.begin() + static_cast<long>(row.find('\n')), ','));
+  expect_refused({"history", "nowhere.db"}, "there is no such results database");
+  expect_refused({"history", write("garbage.db", std::string(4096, 'x'))}, "not a database");
+}
+
+TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
+  ASSERT_EQ(dry_run("one", "").code, 0);
+  ASSERT_EQ(dry_run("two", "", {"--rig", write("two.rig", "noise.seed = 2\n")}).code, 0);
+  const fs::path store = folder_ / "store/simulated/SN1";
+  EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "two/parameters.conf"));
+  expect_refused({"restore", "store", "--unit", "SN1"}, "holds no parameter file of unit 'SN1'");
+  const ProgramResult list = run({"restore", "store", "--unit", "SN1", "--simulated"});
+  ASSERT_EQ(list.code, 0) << list.err;
+  EXPECT_EQ(std::count(list.out.begin(), list.out.end(), '\n'), 2);
+  const ProgramResult back = run({"restore", "store", "--unit", "SN1", "--simulated", "--version", "1"});
+  ASSERT_EQ(back.code, 0) << back.err;
+  EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "one/parameters.conf"));
+  EXPECT_EQ(file_text(store / "versions/0002.conf"), file_text(folder_ / "two/parameters.conf"));
+  expect_refused({"restore", "store", "--unit", "SN1", "--simulated", "--version", "3"}, "0003.conf");
+  // A version that was tampered with is not brought back.
+  std::string bytes = file_text(store / "versions/0002.conf");
+  bytes[bytes.find("N01 = ") + 6] ^= 1;
+  write("store/simulated/SN1/versions/0002.conf", bytes);
+  EXPECT_EQ(run({"restore", "store", "--unit", "SN1", "--simulated", "--version", "2"}).code, 1);
+  EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "one/parameters.conf"));
+}
+
+}  // namespace
+}  // namespace turncal
