@@ -63,6 +63,11 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       continue;
     }
     add_break(breaks, cut);
+    // What a second's mean velocity says depends on when in it the glitch was: nothing learned from that second is kept.
+    if (!rotating && event.kind != DataEvent::Kind::gap && fault.block + 1 < recording.blocks.size()) {
+      ++cut.block;
+      add_break(breaks, cut);
+    }
     faults.push_back(fault);
   }
   return faults;

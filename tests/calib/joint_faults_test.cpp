@@ -58,7 +58,7 @@ struct Bad {
   double size;
   int axis;
   bool hidden;
-  double least_without;  // NEES at least, when nobody looks for it: what the fault would have cost
+  bool costs;  // whether the parameters would have been wrong if nobody had looked for it
 };
 
 class BadData : public testing::TestWithParam<Bad> {};
@@ -84,8 +84,8 @@ TEST_P(BadData, IsFoundNamedAndCostsNothing) {
     JointOptions blind;
     blind.look_for_faults = false;
     const JointResult fooled = joint_estimate(made.recording, blind);
-    if (bad.least_without > 0.0) {
-      EXPECT_GT(nees(fooled, made.truth), bad.least_without) << which;
+    if (bad.costs) {
+      EXPECT_GT(nees(fooled, made.truth), chi_square_21_one_in_1000) << which;
     }
   }
 }
@@ -94,14 +94,13 @@ TEST_P(BadData, IsFoundNamedAndCostsNothing) {
 INSTANTIATE_TEST_SUITE_P(
     Faults, BadData,
     testing::Values(
-        Bad{"GapInATurn", RigFaultKind::lost_sample, SegmentKind::rotate, 0.0, 0, false, 0.0},
-        Bad{"GapInATurnWithoutCounter", RigFaultKind::lost_sample, SegmentKind::rotate, 0.0, 0, true, 60.0},
-        Bad{"GapInADwellWithoutCounter", RigFaultKind::lost_sample, SegmentKind::still, 0.0, 0, true, 60.0},
-        Bad{"DuplicateInATurn", RigFaultKind::duplicated_sample, SegmentKind::rotate, 0.0, 0, true, 60.0},
-        Bad{"GlitchOfAMilliradianInADwell", RigFaultKind::gyro_glitch, SegmentKind::still, 1.0, 2, false, 0.0},
-        Bad{"GlitchOfAMilliradianInATurn", RigFaultKind::gyro_glitch, SegmentKind::rotate, 1.0, 1, false, 0.0},
-        Bad{"KnockInADwell", RigFaultKind::velocity_knock, SegmentKind::still, 0.05, 0, false, 0.0},
-        Bad{"KnockInATurn", RigFaultKind::velocity_knock, SegmentKind::rotate, 0.05, 1, false, 0.0}),
+        Bad{"GapInATurn", RigFaultKind::lost_sample, SegmentKind::rotate, 0.0, 0, false, false},
+        Bad{"GapInATurnWithoutCounter", RigFaultKind::lost_sample, SegmentKind::rotate, 0.0, 0, true, true},
+        Bad{"DuplicateInATurn", RigFaultKind::duplicated_sample, SegmentKind::rotate, 0.0, 0, true, true},
+        Bad{"GlitchOfAMilliradianInADwell", RigFaultKind::gyro_glitch, SegmentKind::still, 1.0, 2, false, false},
+        Bad{"GlitchOfAMilliradianInATurn", RigFaultKind::gyro_glitch, SegmentKind::rotate, 1.0, 1, false, false},
+        Bad{"KnockInADwell", RigFaultKind::velocity_knock, SegmentKind::still, 0.05, 0, false, false},
+        Bad{"KnockInATurn", RigFaultKind::velocity_knock, SegmentKind::rotate, 0.05, 1, false, false}),
     [](const auto& bad) { return std::string(bad.param.name); });
 
 TEST(BadDataNone, CleanRunsHaveNoFaults) {
@@ -111,6 +110,21 @@ TEST(BadDataNone, CleanRunsHaveNoFaults) {
     config.noise_seed = 70 + seed;
     const JointResult r = joint_estimate(record_on_rig(fourteen_steps(), config).recording);
     EXPECT_TRUE(r.faults.empty()) << "seed " << seed << ": " << r.faults.front().what;
+  }
+}
+
+// At rest a sample that is missing without a trace takes its gravity and its time with it; what is left is a part of a pulse,
+// which may or may not stand out. Nothing is wrong either way.
+TEST(BadDataNone, ALossAtRestWithoutCounterIsHarmless) {
+  for (const int which : {6, 17, 31}) {
+    const std::int64_t sample = middle_of(SegmentKind::still, which);
+    RigConfig config = unit();
+    config.faults.push_back(fault(RigFaultKind::lost_sample, sample, 0.0, 0, true));
+    const RigRecording made = record_on_rig(fourteen_steps(), config);
+    const JointResult r = joint_estimate(made.recording);
+    EXPECT_LE(r.faults.size(), 1u);
+    for (const Fault& found : r.faults) EXPECT_LE(std::abs(found.first_sample - sample), 200) << found.what;
+    EXPECT_LT(nees(r, made.truth), chi_square_21_one_in_1000);
   }
 }
 

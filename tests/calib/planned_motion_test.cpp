@@ -131,15 +131,15 @@ TEST(PlannedMotion, IsWhatAnErrorlessRigDelivers) {
       const Block& m = made.blocks[k];
       ASSERT_EQ(p.samples, m.samples) << sequence.name << " block " << k;
       ASSERT_EQ(p.segment, m.segment);
-      // Counts: 1e-6 of a gyro pulse is 5e-12 rad, 4e-6 of an accelerometer's 2e-9 m/s (samples in which the acceleration
-      // changes).
+      // Counts: 1e-6 of a gyro pulse is 5e-12 rad; 1e-5 of an accelerometer's is 5e-9 m/s, a tenth of what two-point Gauss
+      // may miss of g/2 a t^3 in the sample in which an acceleration of a = 60 deg/s^2 begins.
       ASSERT_LT((p.gyro - m.gyro).norm(), 1e-6) << sequence.name << " block " << k;
-      ASSERT_LT((p.accel - m.accel).norm(), 4e-6) << sequence.name << " block " << k;
+      ASSERT_LT((p.accel - m.accel).norm(), 1e-5) << sequence.name << " block " << k;
       ASSERT_LT((p.gyro_time - m.gyro_time).norm(), 1e-6);
       ASSERT_LT((p.accel_time - m.accel_time).norm(), 1e-6);
       ASSERT_LT((p.coning - m.coning).norm(), 1e-3);      // pulses squared, of sums up to 1e7
-      // A sum of products: what 2e-7 of an accelerometer pulse does beside the gyros' 2e4 pulses of a fast block.
-      ASSERT_LT((p.sculling - m.sculling).norm(), 1e-3 + 2e-7 * p.gyro.norm());
+      // A sum of products: the 1e-5 pulses from above in one sample beside the gyros' pulses of up to a thousand a sample.
+      ASSERT_LT((p.sculling - m.sculling).norm(), 1e-3 + 1e-5 * 1000.0);
     }
   }
 }

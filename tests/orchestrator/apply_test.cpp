@@ -34,9 +34,13 @@ TEST_F(Apply, TakesEffectsOff) {
   file.model = "base";
   file.method = "joint";
   file.simulated = true;
+  file.recording_hash = std::string(32, '0');
+  file.software_version = "test";
+  file.time_utc = "2026-01-31T12:00:00Z";
   // Mean of x over the last seconds of both dwells: (up + down) / 2 g, in ug.
   const auto asymmetry_ug = [&](const std::string& name) {
-    EXPECT_TRUE(write_parameter_file(file, path(name + ".conf")).ok());
+    const Status written = write_parameter_file(file, path(name + ".conf"));
+    EXPECT_TRUE(written.ok()) << written.error().message;
     const ProgramResult applied = run({"apply", "k2", "--parameters", path(name + ".conf"), "--out", name + ".csv"});
     EXPECT_EQ(applied.code, 0) << applied.err;
     std::istringstream csv(file_text(folder_ / (name + ".csv")));

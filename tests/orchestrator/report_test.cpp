@@ -301,7 +301,7 @@ TEST(EffectFigure, ShowsEveryEffectOfTheCatalogueAgainstWhatItDependsOn) {
                                                           {"accel_cross_coupling", "fx fy, g²"},
                                                           {"accel_delay", "turned before the dwell, °"},
                                                           {"accel_bias_temperature", "temperature, °C"},
-                                                          {"accel_bias_drift", "time, h"},
+                                                          {"accel_bias_drift", "time, min"},
                                                           {"gyro_g_sensitivity", "specific force along x, g"},
                                                           {"gyro_rate_nonlinearity", "rate about z, °/s"},
                                                           {"gyro_magnetic", "heading, °"},
@@ -351,7 +351,7 @@ TEST(UnexplainedFigures, ShowAnglesForceRateTemperatureAndTime) {
     for (const Panel& panel : figure.panels) labels += panel.x_label + "|";
     EXPECT_EQ(labels,
               "heading, °|pitch, °|roll, °|specific force along x, g|specific force along y, g|specific force along z, g|rate about "
-              "the axis before, °/s|temperature, °C|time, h|");
+              "the axis before, °/s|temperature, °C|time, min|");
     for (const Panel& panel : figure.panels) EXPECT_EQ(panel.series.size(), 3u);
   }
 }
