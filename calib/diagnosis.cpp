@@ -43,7 +43,7 @@ class Diagnoser {
 
  private:
   JointOptions estimate_options(const std::vector<EffectColumn>& effects, const JointResult* from) const;
-  JointResult fit(const std::vector<EffectColumn>& effects, const JointResult& from) const;
+  JointResult fit(const std::vector<EffectColumn>& effects, const JointResult& from, const NoiseModel* noise = nullptr) const;
   double misfit_beside_slow_noise(const std::vector<EffectColumn>& model, const JointResult& from) const;
   FilterResult pass(const JointResult& at, const std::vector<EffectColumn>& candidates, bool without_bias_instability) const;
   EffectColumn refine(const EffectColumn& pattern, bool without_bias_instability) const;
@@ -81,10 +81,11 @@ JointOptions Diagnoser::estimate_options(const std::vector<EffectColumn>& effect
   return o;
 }
 
-// A trial beside a finished fit: its faults are known, and its noise is a good start.
-JointResult Diagnoser::fit(const std::vector<EffectColumn>& effects, const JointResult& from) const {
+// A trial beside a finished fit: its faults are known, and its noise is a good start; or `noise` is taken for its own.
+JointResult Diagnoser::fit(const std::vector<EffectColumn>& effects, const JointResult& from, const NoiseModel* noise) const {
   JointOptions o = estimate_options(effects, &from);
   o.faults_of = &from;
+  if (noise) o.noise = *noise;
   return joint_estimate(recording_, o);
 }
 
@@ -314,7 +315,15 @@ bool Diagnoser::stage() {
     if (is_pattern(column)) column = refine(column, trial.scores == &bare);
     std::vector<EffectColumn> model = chosen_;
     model.push_back(column);
-    trial.fit = fit(model, current_);
+    // Rivals imitate their nominee, so its noise is theirs as well.
+    const Trial* like = nullptr;
+    if (!is_pattern(column))
+      for (const Trial& earlier : trials)
+        if (&earlier < &trial && earlier.scores == trial.scores && !is_pattern(earlier.column)) {
+          like = &earlier;
+          break;
+        }
+    trial.fit = fit(model, current_, like ? &like->fit.noise : nullptr);
     trial.gain = minus_two_log_likelihood(current_) - minus_two_log_likelihood(trial.fit) - penalty(column, n);
     trial.plain_gain = trial.gain;
     Trial*& top = is_pattern(column) ? best_pattern : best_effect;
@@ -359,7 +368,8 @@ bool Diagnoser::stage() {
   name_aliases(*winner.scores, stage.chosen, stage.z * stage.z, stage);
   d_.stages.push_back(stage);
   chosen_.push_back(stage.chosen);
-  current_ = std::move(winner.fit);
+  const bool with_noise_of_another = !winner.fit.noise_fit && !options_.estimate.noise;
+  current_ = with_noise_of_another ? fit(chosen_, winner.fit) : std::move(winner.fit);
   return static_cast<int>(chosen_.size()) < options_.max_components;
 }
 
