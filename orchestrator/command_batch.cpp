@@ -8,6 +8,7 @@
 #include "imu_io/recording_writer.h"
 #include "orchestrator/command_run.h"
 #include "orchestrator/parameter_store.h"
+#include "orchestrator/command_diagnose.h"
 #include "orchestrator/run_job.h"
 #include "orchestrator/unit_queue.h"
 
@@ -71,6 +72,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     const Result<std::string> outcome = outcome_of(run);
     if (!outcome) return Error{outcome.error().kind, "unit " + *unit + ": " + outcome.error().message};
     if (Status status = record_outcome(options.queue, {*unit, *outcome, now_utc()}); !status) return status;
+    diagnose_run(folder, run, context);
     context.out << tag << "unit " << *unit << ": " << *outcome << (run ? "" : ": " + run.error().message) << std::endl;
     ++(run ? passed : not_passed);
   }

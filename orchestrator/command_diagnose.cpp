@@ -5,12 +5,14 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <sstream>
 
 #include "calib/diagnosis.h"
 #include "calib/rest_diagnosis.h"
 #include "calib/segmentation.h"
 #include "imu_io/clock.h"
 #include "imu_io/format_number.h"
+#include "imu_io/recording_writer.h"
 #include "orchestrator/calibration_job.h"
 #include "orchestrator/diagnosis_file.h"
 #include "orchestrator/diagnosis_text.h"
@@ -18,6 +20,7 @@
 #include "orchestrator/progress.h"
 #include "orchestrator/rest_report.h"
 #include "orchestrator/rest_view.h"
+#include "orchestrator/run_results.h"
 
 namespace turncal {
 namespace {
@@ -257,7 +260,33 @@ Result<Verdict> diagnose_recording(const DiagnoseOptions& options, CommandContex
   return outcome->verdict;
 }
 
+constexpr double least_recording_s = 1800.0;
+
 }  // namespace
+
+void diagnose_run(const std::string& folder, const Status& run, CommandContext& context) {
+  if (!run && run.error().kind != ErrorKind::unit_failed) return;
+  const fs::path recording = fs::path(folder) / binary_recording_name;
+  std::error_code error;
+  if (!fs::exists(recording, error) || !fs::exists(fs::path(folder) / parameters_name, error)) return;
+  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(recording.string());
+  if (!source) return context.fail(source.error());
+  const Segments& segments = (*source)->segments();
+  const std::int64_t samples = segments.empty() ? 0 : segments.back().end_sample - segments.front().start_sample;
+  if (static_cast<double>(samples) * (*source)->info().sample_period_s < least_recording_s) return;
+  DiagnoseOptions options;
+  options.recording = recording.string();
+  options.out = (fs::path(folder) / "diagnosis").string();
+  std::ostringstream text;
+  CommandContext inside{text, context.err};
+  const Result<Verdict> verdict = diagnose_recording(options, inside);
+  const std::string_view tag = (*source)->info().simulated ? dry_run_tag : std::string_view();
+  std::istringstream lines(text.str());
+  for (std::string line; std::getline(lines, line);) context.out << tag << line << '\n';
+  context.out << std::flush;
+  if (!verdict) context.fail(verdict.error());
+  else if (*verdict != Verdict::clean && context.exit_code == 0) context.exit_code = exit_code(ErrorKind::unit_failed);
+}
 
 void add_diagnose_command(CLI::App& app, CommandContext& context) {
   const auto options = std::make_shared<DiagnoseOptions>();

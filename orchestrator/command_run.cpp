@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "orchestrator/command_diagnose.h"
 #include "orchestrator/run_job.h"
 
 namespace turncal {
@@ -48,7 +49,9 @@ void add_run_command(CLI::App& app, CommandContext& context) {
   command->add_flag("--capture-only", request.capture_only, "record the sequence, do not calibrate");
   add_record_options(*command, request);
   command->callback([options, &context] {
-    if (Status status = begin_run(options->request, options->folder, context); !status) context.fail(status.error());
+    const Status status = begin_run(options->request, options->folder, context);
+    if (!status) context.fail(status.error());
+    diagnose_run(options->folder, status, context);
   });
 }
 
@@ -64,7 +67,9 @@ void add_resume_command(CLI::App& app, CommandContext& context) {
   add_overdue_option(*command, moved);
   add_view_options(*command, moved);
   command->callback([options, &context] {
-    if (Status status = take_up_run(options->folder, options->request, context); !status) context.fail(status.error());
+    const Status status = take_up_run(options->folder, options->request, context);
+    if (!status) context.fail(status.error());
+    diagnose_run(options->folder, status, context);
   });
 }
 
