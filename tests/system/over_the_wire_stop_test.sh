@@ -28,7 +28,7 @@ step 1 "there and back"
 SEQUENCE
 "$binary" twin --station "$work/twin.station" --table tcp:0 > "$work/twin.out" 2> "$work/twin.err" &
 twin=$!
-for _ in $(seq 100); do grep -q ready "$work/twin.out" && break; sleep 0.1; done
+for _ in $(seq 100); do grep -qs ready "$work/twin.out" && break; sleep 0.1; done
 address=$(sed -n 's/.* at \(127\.0\.0\.1:[0-9]*\),.*/\1/p' "$work/twin.out")
 sed "s|^table.address = .*|table.address = $address|" "$work/twin.station" > "$work/run.station"
 
@@ -45,7 +45,8 @@ grep -q 'stopping -> aborted  stopped_verified' "$work/run/run.log" || fail "the
 grep -q 'Run complete' "$work/resume.out" || fail "the resumed run is not complete"
 [ -e "$work/run/recording.tcr" ] || fail "there is no recording"
 [ -z "$(grep -v '^\[simulated\]' "$work/resume.out" "$work/run/run.log" -h)" ] || fail "a line passes for a real one"
-"$binary" journal "$work/run" | grep -q 'simulated = true' || fail "the journal does not say simulated"
+"$binary" journal "$work/run" > "$work/journal.out"
+grep -q 'simulated = true' "$work/journal.out" || fail "the journal does not say simulated"
 [ ! -e "$work/run/truth.conf" ] || fail "a live run knows no truth"
 
 "$binary" run --station "$work/run.station" --unit TWIN --capture-only --sequence "$work/short.seq" --out "$work/lost" > "$work/lost.out" 2> "$work/lost.err" &
