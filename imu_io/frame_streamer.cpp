@@ -12,16 +12,17 @@ namespace turncal {
 namespace {
 
 constexpr std::size_t batch = 32;
-constexpr double patience_s = 0.05;  // for a listener that does not read
 
 }  // namespace
 
-FrameStreamer::FrameStreamer(ImuSource& source, const FrameDescription& frame, Pty& line, double speedup)
+FrameStreamer::FrameStreamer(ImuSource& source, const FrameDescription& frame, Pty& line, double speedup,
+                             double patience_s)
     : source_(source),
       frame_(frame),
       encoder_(frame),
       line_(line),
       speedup_(speedup),
+      patience_s_(patience_s),
       samples_(batch),
       bytes_(batch * encoder_.length()) {}
 
@@ -55,7 +56,7 @@ Status FrameStreamer::send(std::span<const ImuSample> samples) {
     used += length;
   }
   // A listener that does not read loses what it has no room for; the line does not wait for it.
-  if (line_.write_all(std::span<const std::byte>(bytes_).first(used), patience_s)) {
+  if (line_.write_all(std::span<const std::byte>(bytes_).first(used), patience_s_)) {
     frames_sent_ += samples.size();
   } else {
     ++batches_dropped_;

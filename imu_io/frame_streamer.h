@@ -2,6 +2,8 @@
 //
 // pump(now) sends what a unit that runs `speedup` times faster than the clock would have sent by `now`; the source's time
 // passes by as much. As on a real line, what nobody listens to or does not read in time is lost, while time goes on.
+// In time: within patience_s of the host. A line's buffer that lasts half a second at a unit's pace lasts a fiftieth of that at 50 times
+// the pace, so a faster twin needs more patience; what its time fell behind meanwhile it catches up.
 // Errors: kind input where source and frame do not fit (period, increments, pulse weight), or a sample does not fit the frame.
 #pragma once
 
@@ -18,7 +20,7 @@ namespace turncal {
 class FrameStreamer {
  public:
   // source and line must outlive the streamer.
-  FrameStreamer(ImuSource& source, const FrameDescription& frame, Pty& line, double speedup);
+  FrameStreamer(ImuSource& source, const FrameDescription& frame, Pty& line, double speedup, double patience_s = 0.05);
   // Opens the source; unit time 0 is at now_s of the monotonic clock.
   Status start(double now_s);
   // How many samples' time has passed.
@@ -36,6 +38,7 @@ class FrameStreamer {
   FrameEncoder encoder_;
   Pty& line_;
   double speedup_;
+  double patience_s_;
   double start_s_ = 0.0;
   std::uint64_t steps_ = 0;  // periods that have passed
   std::vector<ImuSample> samples_;

@@ -121,7 +121,7 @@ Status SerialImu::judge_arrivals() const {
 Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) {
   if (!port_.is_open()) return device_error(settings_.device + ": read before open");
   if (out.empty()) return std::size_t{0};
-  const Deadline deadline(timeout_s);
+  const Deadline deadline(timeout_s / settings_.speedup);
   for (;;) {
     if (const std::size_t count = take_ready(out); count > 0) {
       if (Status status = judge_arrivals(); !status) return lost(status.error().message);

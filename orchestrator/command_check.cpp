@@ -62,8 +62,11 @@ void print_totals(const StationConfig& station, const Plan& plan, std::ostream& 
                    plan.station_s, clock_text(plan.moving_s).c_str(), plan.moving_s);
 }
 
-// The unit's sample period: the rig's, since its IMU is the only one so far.
+// The unit's sample period: of its frame, or the rig's.
 Result<double> sample_period_of(const StationConfig& station) {
+  if (station.imu) {
+    return station.imu->frame.sample_period_s;
+  }
   if (station.rig_file.empty()) {
     return default_rig_config().sample_period_s;
   }

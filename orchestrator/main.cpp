@@ -14,6 +14,7 @@
 #include "orchestrator/command_run.h"
 #include "orchestrator/command_segment.h"
 #include "orchestrator/command_text.h"
+#include "orchestrator/command_twin.h"
 
 namespace {
 
@@ -32,6 +33,7 @@ int main(int argc, char** argv) {
                                        turncal::add_run_command,
                                        turncal::add_resume_command,
                                        turncal::add_journal_command,
+                                       turncal::add_twin_command,
                                        turncal::add_check_command,
                                        turncal::add_predict_command,
                                        turncal::add_import_command,

@@ -11,6 +11,7 @@
 #include "imu_io/recording_source.h"
 #include "orchestrator/dry_run_devices.h"
 #include "orchestrator/hooks.h"
+#include "orchestrator/live_devices.h"
 #include "orchestrator/live_view.h"
 #include "orchestrator/output_folder.h"
 #include "orchestrator/progress.h"
@@ -103,10 +104,32 @@ struct Attempt {
   int sessions = 1;
 };
 
+// The rig in its own time, or the station's real devices.
+struct RunDevices {
+  std::unique_ptr<DryRunDevices> rig;
+  std::unique_ptr<LiveDevices> live;
+  StationDevices devices() { return rig ? rig->devices() : live->devices(); }
+  RunObserver* prompts() { return live.get(); }  // of a table turned by hand: says why
+};
+
+Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context) {
+  RunDevices made;
+  if (run.request.dry_run) {
+    made.rig = std::make_unique<DryRunDevices>(run.rig);
+    return made;
+  }
+  Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(run.station, StopSignals::requests(), context.out);
+  if (!live) return live.error();
+  made.live = std::move(*live);
+  return made;
+}
+
 // One attempt with the devices, up to the verdict. Returns whether anything was recorded in *recorded.
-Status attempt(const Attempt& a, DryRunDevices& devices, CommandContext& context, bool& recorded) {
+Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool& recorded) {
+  const StationDevices devices = made.devices();
+  const std::string tag(tag_of(a.run));
   const double began_s = steady_wall_s();
-  ProgressView view(context.out, context.out_is_terminal ? context.terminal_columns : 0, std::string(dry_run_tag), steady_wall_s);
+  ProgressView view(context.out, context.out_is_terminal ? context.terminal_columns : 0, tag, steady_wall_s);
   LiveView live(a.run.request.unit, a.run.station.name, a.run.sequence.name, a.run.request.dry_run, last_results(a.run),
                 steady_wall_s);
   std::unique_ptr<StatusPage> page;
@@ -114,10 +137,12 @@ Status attempt(const Attempt& a, DryRunDevices& devices, CommandContext& context
     Result<std::unique_ptr<StatusPage>> opened = StatusPage::open(a.run.request.listen, live);
     if (!opened) return opened.error();
     page = std::move(*opened);
-    context.out << dry_run_tag << "status page " << page->url() << std::endl;
+    context.out << tag << "status page " << page->url() << std::endl;
   }
   PaceKeeper pace(a.run.request.pace);
-  Fanout observers({&a.log, &view, &live, &pace});
+  std::vector<RunObserver*> told{&a.log, &view, &live, &pace};
+  if (made.prompts()) told.push_back(made.prompts());
+  Fanout observers(told);
   RecordingSink recording(a.folder);
   LiveSink sink(recording, live);
   RunResults results;
@@ -132,7 +157,7 @@ Status attempt(const Attempt& a, DryRunDevices& devices, CommandContext& context
     counts.lost_samples = so_far.lost_samples;
     return write_results(a.run, a.folder, devices.clock.utc_s(), counts, a.journal, results);
   };
-  StationRun run(devices.devices(), {a.run.sequence, a.plan, a.run.station, a.run.request.unit, a.resume}, sink,
+  StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.run.request.unit, a.resume}, sink,
                  {&observers, &StopSignals::requests(), calibrate, &a.journal});
   running = &run;
   const RunOutcome outcome = run.run();
@@ -142,7 +167,7 @@ Status attempt(const Attempt& a, DryRunDevices& devices, CommandContext& context
   if (page) page->say_goodbye();
   if (outcome.state != RunState::done) {
     a.log.line(outcome.error.message);
-    if (recorded) context.out << dry_run_tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
+    if (recorded) context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
     return outcome.error;
   }
   if (!a.log.status()) return a.log.status();
@@ -152,7 +177,8 @@ Status attempt(const Attempt& a, DryRunDevices& devices, CommandContext& context
 
 std::string first_line(const PreparedRun& run) {
   return std::string("turncal ") + software_version() + ", unit " + run.request.unit + ", station " + run.station.name +
-         ", sequence " + run.sequence.name + ", rig seed " + std::to_string(run.rig.seed);
+         ", sequence " + run.sequence.name +
+         (run.request.dry_run ? ", rig seed " + std::to_string(run.rig.seed) : run.simulated() ? ", simulated devices" : "");
 }
 
 // A recording that was finished but not yet renamed when the run was interrupted. Returns whether there is a sealed one.
@@ -175,7 +201,7 @@ Status finish_sealed(const PreparedRun& run, const std::string& folder, const Jo
   const double began_s = steady_wall_s();
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(folder + "/" + binary_recording_name);
   if (!source) return source.error();
-  if ((*source)->info().simulated != run.request.dry_run || (*source)->info().unit_serial != run.request.unit) {
+  if ((*source)->info().simulated != run.simulated() || (*source)->info().unit_serial != run.request.unit) {
     return input_error(folder + ": the recording is of unit " + (*source)->info().unit_serial + " and " +
                        ((*source)->info().simulated ? "simulated" : "real") + ", the journal is of another");
   }
@@ -233,23 +259,24 @@ Result<RunRequest> request_again(const JournalContents& contents, const RunReque
 Status begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
   Result<PreparedRun> prepared = prepare(request);
   if (!prepared) return prepared.error();
-  DryRunDevices devices(prepared->rig);
-  const double period_s = prepared->rig.sample_period_s;
+  const double period_s = prepared->sample_period_s();
   const Plan plan = plan_of(*prepared, period_s);
   if (Status status = check_plan(plan); !status) return status;
-  if (Status status = check_due(*prepared, devices.clock.utc_s()); !status) return status;
+  Result<RunDevices> devices = make_devices(*prepared, context);
+  if (!devices) return devices.error();
+  if (Status status = check_due(*prepared, devices->devices().clock.utc_s()); !status) return status;
 
   Result<OutputFolder> folder = OutputFolder::prepare(folder_path, {binary_recording_name, partial_recording_name,
                                                                     parameters_name, truth_name, log_name, journal_name});
   if (!folder) return folder.error();
   Result<JournalFile> journal = JournalFile::create(folder->file(journal_name), begin_fields(*prepared));
   if (!journal) return journal.error();
-  Result<RunLog> log = RunLog::create(folder->file(log_name), std::string(dry_run_tag));
+  Result<RunLog> log = RunLog::create(folder->file(log_name), std::string(tag_of(*prepared)));
   if (!log) return log.error();
   log->line(first_line(*prepared));
 
   bool recorded = false;
-  const Status status = attempt({*prepared, plan, period_s, folder->path(), *journal, *log, std::nullopt, 1}, devices,
+  const Status status = attempt({*prepared, plan, period_s, folder->path(), *journal, *log, std::nullopt, 1}, *devices,
                                 context, recorded);
   if (recorded) folder->keep();
   return told(*prepared, folder->path(), &*log, status);
@@ -273,32 +300,35 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   if (!sealed) return sealed.error();
   if (*sealed) return told(*prepared, folder, nullptr, finish_sealed(*prepared, folder, *contents, *journal, context));
 
-  const double period_s = prepared->rig.sample_period_s;
+  const double period_s = prepared->sample_period_s();
   const Plan plan = plan_of(*prepared, period_s);
   if (Status status = check_plan(plan); !status) return status;
-  DryRunDevices devices(prepared->rig);
+  Result<RunDevices> devices = make_devices(*prepared, context);
+  if (!devices) return devices.error();
   std::optional<ResumePoint> resume;
   std::string what = "no dwell was complete: begins anew";
   if (contents->last_dwell) {
     if (contents->last_dwell->item >= plan.items.size()) return input_error(path + ": names an item that the plan has not");
     resume = ResumePoint{*contents->last_dwell, prepared->request.dry_run};
-    if (Status status = devices.put_back(contents->commands, contents->last_dwell->time_s); !status) return status;
+    if (devices->rig) {
+      if (Status status = devices->rig->put_back(contents->commands, contents->last_dwell->time_s); !status) return status;
+    }
     what = "goes on behind item " + std::to_string(contents->last_dwell->item + 1) + " of " +
            std::to_string(plan.items.size());
   } else {
     std::error_code ignored;
     std::filesystem::remove(folder + "/" + partial_recording_name, ignored);
   }
-  if (Status status = check_due(*prepared, devices.clock.utc_s()); !status) return status;
+  if (Status status = check_due(*prepared, devices->devices().clock.utc_s()); !status) return status;
   const JournalFields resumed = {{"software_version", software_version()}, {"what", what},
                                  {"overdue_reason", prepared->request.overdue_reason}};
   if (Status status = journal->append(JournalType::resume, resumed); !status) return status;
-  Result<RunLog> log = RunLog::append(folder + "/" + log_name, std::string(dry_run_tag));
+  Result<RunLog> log = RunLog::append(folder + "/" + log_name, std::string(tag_of(*prepared)));
   if (!log) return log.error();
   log->line("resumed by turncal " + std::string(software_version()) + ": " + what);
   bool recorded = false;
   return told(*prepared, folder, &*log,
-              attempt({*prepared, plan, period_s, folder, *journal, *log, resume, contents->sessions + 1}, devices, context,
+              attempt({*prepared, plan, period_s, folder, *journal, *log, resume, contents->sessions + 1}, *devices, context,
                       recorded));
 }
 

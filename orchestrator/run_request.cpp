@@ -50,6 +50,44 @@ Status check_words(const RunRequest& request) {
   return {};
 }
 
+// A live run needs devices that are there.
+Status check_live(const PreparedRun& run) {
+  const StationConfig& station = run.station;
+  if (!run.request.rig.empty()) return input_error("--rig describes a simulated table and unit: it needs --dry-run");
+  if (run.request.pace > 0.0) return input_error("--pace holds back virtual time: it needs --dry-run");
+  const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
+  if (mock && rig) {
+    return input_error("station '" + station.name +
+                       "' has only mock devices (table.driver = mock, imu.driver = rig): nothing real would be "
+                       "calibrated; use --dry-run to rehearse");
+  }
+  if (mock || rig) {
+    return input_error("station '" + station.name + "' has " + (mock ? "a mock table (table.driver = mock)" : "a mock unit (imu.driver = rig)") +
+                       ": expected table and unit both real, or --dry-run to rehearse");
+  }
+  return {};
+}
+
+Status prepare_rig(PreparedRun& run) {
+  RunRequest& wanted = run.request;
+  const std::string rig_given = wanted.rig.empty() ? run.station.rig_file : wanted.rig;
+  wanted.rig = rig_given;
+  const Result<std::string> rig_text = text_of(wanted.rig, of_this_version("built-in rig"));
+  if (!rig_text) return rig_text.error();
+  run.rig = default_rig_config();
+  if (!wanted.rig.empty()) {
+    Result<RigConfig> rig = read_rig_config(rig_given);
+    if (!rig) return rig.error();
+    run.rig = std::move(*rig);
+  }
+  run.rig_hash = hash_of_text(*rig_text);
+  if (wanted.station.empty()) {  // the built-in station stands where the rig does
+    run.station.latitude_deg = run.rig.site.latitude_deg;
+    run.station.gravity_mps2 = run.rig.site.gravity_mps2;
+  }
+  return {};
+}
+
 }  // namespace
 
 Result<PreparedRun> prepare(const RunRequest& request) {
@@ -65,26 +103,10 @@ Result<PreparedRun> prepare(const RunRequest& request) {
   run.station = std::move(*station);
   run.station_hash = hash_of_text(*station_text);
 
-  if (!wanted.dry_run) {
-    if (!wanted.rig.empty()) return input_error("--rig describes a simulated table and unit: it needs --dry-run");
-    return input_error("station '" + run.station.name +
-                       "' has only mock devices (table.driver = mock, imu.driver = rig): nothing real would be "
-                       "calibrated; use --dry-run to rehearse");
-  }
-  const std::string rig_given = wanted.rig.empty() ? run.station.rig_file : wanted.rig;
-  wanted.rig = rig_given;
-  const Result<std::string> rig_text = text_of(wanted.rig, of_this_version("built-in rig"));
-  if (!rig_text) return rig_text.error();
-  run.rig = default_rig_config();
-  if (!wanted.rig.empty()) {
-    Result<RigConfig> rig = read_rig_config(rig_given);
-    if (!rig) return rig.error();
-    run.rig = std::move(*rig);
-  }
-  run.rig_hash = hash_of_text(*rig_text);
-  if (wanted.station.empty()) {  // the built-in station stands where the rig does
-    run.station.latitude_deg = run.rig.site.latitude_deg;
-    run.station.gravity_mps2 = run.rig.site.gravity_mps2;
+  if (wanted.dry_run) {
+    if (Status status = prepare_rig(run); !status) return status.error();
+  } else if (Status status = check_live(run); !status) {
+    return status.error();
   }
 
   const Result<std::string> sequence_text = text_of(wanted.sequence, builtin_sequence_text());
@@ -101,7 +123,8 @@ JournalFields begin_fields(const PreparedRun& run) {
   const RunRequest& request = run.request;
   return {{"format", "1"},
           {"software_version", software_version()},
-          {"simulated", request.dry_run ? "true" : "false"},
+          {"simulated", run.simulated() ? "true" : "false"},
+          {"live", request.dry_run ? "" : "true"},
           {"capture_only", request.capture_only ? "true" : "false"},
           {"unit", request.unit},
           {"station", request.station},
@@ -119,7 +142,7 @@ JournalFields begin_fields(const PreparedRun& run) {
 
 RunRequest request_of(const JournalContents& journal) {
   RunRequest request;
-  request.dry_run = journal.begin_value("simulated") == "true";
+  request.dry_run = journal.begin_value("live") != "true";
   request.capture_only = journal.begin_value("capture_only") == "true";
   request.unit = journal.begin_value("unit");
   request.station = journal.begin_value("station");

@@ -36,7 +36,9 @@ struct PreparedRun {
   StationConfig station;
   RigConfig rig;
   Sequence sequence;
-  std::string station_hash, rig_hash, sequence_hash;
+  std::string station_hash, rig_hash, sequence_hash;  // rig_hash: of a dry run
+  bool simulated() const { return request.dry_run || station.simulated(); }
+  double sample_period_s() const { return request.dry_run ? rig.sample_period_s : station.imu->frame.sample_period_s; }
 };
 
 // Everything that is checked before anything is made or moved.

@@ -77,6 +77,11 @@ Status keep_results(const PreparedRun& run, const std::string& folder, const Run
 
 }  // namespace
 
+std::string_view tag_of(const PreparedRun& run) {
+  if (run.request.dry_run) return dry_run_tag;
+  return run.simulated() ? simulated_tag : std::string_view();
+}
+
 Status write_results(const PreparedRun& run, const std::string& folder, double utc_s, const RunCounts& counts,
                      JournalFile& journal, RunResults& results) {
   Status calibrated;
@@ -144,9 +149,10 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
   if (run.request.dry_run) out << "truth       " << path(truth_name) << '\n';
   out << "recording   " << path(binary_recording_name) << '\n' << "log         " << path("run.log") << '\n';
   const std::string whole = out.str();
+  const std::string_view tag = tag_of(run);
   for (std::string_view rest = whole; !rest.empty();) {
     const std::string_view line = take_line(rest);
-    printed << (run.request.dry_run ? (line.empty() ? dry_run_tag.substr(0, dry_run_tag.size() - 1) : dry_run_tag) : "") << line << '\n';
+    printed << (line.empty() && !tag.empty() ? tag.substr(0, tag.size() - 1) : tag) << line << '\n';
   }
   printed << std::flush;
 }

@@ -21,6 +21,8 @@ inline constexpr const char* parameters_name = "parameters.conf";
 inline constexpr const char* truth_name = "truth.conf";
 // Before every line that a dry run prints or logs, so that none passes for a real one.
 inline constexpr std::string_view dry_run_tag = "[dry run] ";
+inline constexpr std::string_view simulated_tag = "[simulated] ";  // the same of a live run with a twin
+std::string_view tag_of(const PreparedRun& run);
 
 struct RunCounts {
   double recorded_s = 0.0;

@@ -160,6 +160,19 @@ void reject_table_contradictions(KeyValueFile& file, const StationConfig& statio
   }
 }
 
+// Time that runs faster is for twins only, and for all of the station alike.
+void reject_clock_contradictions(KeyValueFile& file, StationConfig& station) {
+  const bool twins = station.table.simulated && station.imu && station.imu->settings.simulated;
+  if (station.clock_speed_up != 1.0 && !twins) {
+    file.reject("clock.speed_up", "1 unless table.simulated and imu.simulated are true");
+  }
+  if (!station.imu) return;
+  if (file.has("imu.speedup") && station.imu->settings.speedup != station.clock_speed_up) {
+    file.reject("imu.speedup", "clock.speed_up (" + format_number(station.clock_speed_up) + ")");
+  }
+  station.imu->settings.speedup = station.clock_speed_up;
+}
+
 bool is_date(const std::string& text) {
   if (text.size() != 10 || text[4] != '-' || text[7] != '-') return false;
   const auto month = parse_integer<int>(text.substr(5, 2)), day = parse_integer<int>(text.substr(8, 2));
@@ -176,7 +189,13 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   if (Status status = read_table(file, station.table); !status) {
     return status.error();
   }
-  file.one_of("imu.driver", {"rig"});
+  if (file.one_of("imu.driver", {"rig", "serial"}) == "serial") {
+    Result<SerialImuConfig> imu = read_serial_imu_config(file);
+    if (!imu) return imu.error();
+    station.imu_driver = ImuDriver::serial;
+    station.imu = std::move(*imu);
+  }
+  station.clock_speed_up = file.number_or("clock.speed_up", 1.0, between(0.01, 1000.0));
   station.imu_timeout_s = file.number_or("imu.timeout_s", station.imu_timeout_s, some_time);
   read_axes(file, station.axis);
   read_motion(file, station.motion);
@@ -201,6 +220,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   }
   reject_contradictions(file, station);
   reject_table_contradictions(file, station);
+  reject_clock_contradictions(file, station);
   if (Status status = file.status(); !status) {
     return status.error();
   }

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "calib/status.h"
+#include "imu_io/serial_imu_config.h"
 #include "orchestrator/hooks.h"
 #include "orchestrator/verdict.h"
 #include "sequences/plan.h"
@@ -26,7 +27,10 @@ enum class TableDriver {
   serial,  // table.dialect
   manual   // turned by hand
 };
-enum class ImuDriver { rig };     // the rig's own IMU, coupled to its table
+enum class ImuDriver {
+  rig,    // the rig's own IMU, coupled to its table: dry runs only
+  serial  // a unit on a serial line: keys of imu_io/serial_imu_config.h
+};
 
 // When a move has arrived, when it is late, and how often the table is asked.
 struct MotionConfig {
@@ -69,6 +73,8 @@ struct StationConfig {
   double gravity_mps2 = 0.0;
   TableConfig table;
   ImuDriver imu_driver = ImuDriver::rig;
+  std::optional<SerialImuConfig> imu;  // serial
+  double clock_speed_up = 1.0;         // seconds of the station a second of the wall clock; 1 unless twins answer
   std::array<AxisLimits, 3> axis{};  // indexed by Axis
   MotionConfig motion;
   DwellConfig dwell;
@@ -81,6 +87,8 @@ struct StationConfig {
   std::string database;              // results (results_database.h); empty: none; relative to the station file's folder
   std::string store;                 // parameter files in use (parameter_store.h); the same
   std::string rig_file;              // empty: the built-in rig configuration; relative to the station file's folder
+  // Of a live run: a twin answers, at one end at least.
+  bool simulated() const { return table.simulated || (imu && imu->settings.simulated); }
 };
 
 // The built-in station of a dry run: 29.53 deg, 9.7914 m/s^2, mock table and rig IMU, settle_s 0.5.

@@ -5,6 +5,7 @@
 #include <cassert>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "imu_io/format_number.h"
 
@@ -19,6 +20,13 @@ constexpr double homing_deadline_s = 300.0;
 constexpr double return_rate_degps = 10.0;
 constexpr double return_acceleration_degps2 = 20.0;
 
+// A person who turns the table takes the time that it takes; the driver has its own limit for an answer.
+MotionConfig patient(MotionConfig motion, bool needs_operator) {
+  if (!needs_operator) return motion;
+  motion.stall_s = motion.deadline_margin_s = std::numeric_limits<double>::infinity();
+  return motion;
+}
+
 }  // namespace
 
 StationRun::StationRun(StationDevices devices, StationJob job, RunSink& sink, StationHooks hooks)
@@ -27,7 +35,7 @@ StationRun::StationRun(StationDevices devices, StationJob job, RunSink& sink, St
       sink_(sink),
       hooks_(std::move(hooks)),
       commanded_deg_(job_.sequence.start_deg),
-      arrival_(job_.station.motion),
+      arrival_(patient(job_.station.motion, devices_.table.needs_operator())),
       buffer_(buffer_samples) {
   if (job_.resume) take_up(*job_.resume);
 }
@@ -126,6 +134,12 @@ RunEvent StationRun::raise(RunEvent event, ErrorKind kind, const std::string& re
   return event;
 }
 
+RunEvent StationRun::raise_table(RunEvent event, const Error& error, const std::string& before) {
+  if (error.kind != ErrorKind::aborted || state_ == RunState::stopping) return raise(event, error.kind, before + error.message);
+  if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) ++stops_seen_;
+  return raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator");
+}
+
 StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
   switch (action) {
     case RunAction::none:
@@ -161,9 +175,9 @@ StationRun::MaybeEvent StationRun::connect() {
   const auto failed = [this](const Error& error) {
     return raise(RunEvent::connect_failed, error.kind, error.message);
   };
-  if (Status status = devices_.table.connect(); !status) return failed(status.error());
+  if (Status status = devices_.table.connect(); !status) return raise_table(RunEvent::connect_failed, status.error());
   const Result<TableIdentity> table = devices_.table.identify();
-  if (!table) return failed(table.error());
+  if (!table) return raise_table(RunEvent::connect_failed, table.error());
   if (Status status = devices_.imu.open(); !status) return failed(status.error());
   imu_open_ = true;
   const Result<ImuIdentity> imu = devices_.imu.identify();
@@ -187,9 +201,10 @@ StationRun::MaybeEvent StationRun::connect() {
 
 StationRun::MaybeEvent StationRun::enable_and_home() {
   enabled_ = true;
-  phase_deadline_s_ = devices_.clock.now_s() + homing_deadline_s;
+  phase_deadline_s_ = devices_.table.needs_operator() ? std::numeric_limits<double>::infinity()
+                                                      : devices_.clock.now_s() + homing_deadline_s;
   if (Status status = devices_.table.enable(); !status) {
-    return raise(RunEvent::table_fault, status.error().kind, "enabling: " + status.error().message);
+    return raise_table(RunEvent::table_fault, status.error(), "enabling: ");
   }
   if (job_.resume && job_.resume->no_time_passed) {
     if (const MaybeEvent event = read_table()) return event;
@@ -202,7 +217,7 @@ StationRun::MaybeEvent StationRun::enable_and_home() {
   if (const MaybeEvent event = read_table()) return event;
   if (!at_rest()) {  // whoever commanded this is gone
     if (Status status = devices_.table.stop_all(); !status) {
-      return raise(RunEvent::table_fault, status.error().kind, "stopping: " + status.error().message);
+      return raise_table(RunEvent::table_fault, status.error(), "stopping: ");
     }
     return std::nullopt;
   }
@@ -215,7 +230,7 @@ StationRun::MaybeEvent StationRun::send_home() {
     if (const MaybeEvent event = keep(hooks_.journal->home(devices_.clock.now_s()))) return event;
   }
   if (Status status = devices_.table.home(); !status) {
-    return raise(RunEvent::table_fault, status.error().kind, "homing: " + status.error().message);
+    return raise_table(RunEvent::table_fault, status.error(), "homing: ");
   }
   return std::nullopt;
 }
@@ -286,7 +301,7 @@ StationRun::MaybeEvent StationRun::issue_move() {
   if (Status status =
           devices_.table.move_absolute(move.axis, move.target_deg, move.rate_degps, move.acceleration_degps2);
       !status) {
-    return raise(RunEvent::table_fault, status.error().kind, "move refused: " + status.error().message);
+    return raise_table(RunEvent::table_fault, status.error(), "move refused: ");
   }
   return std::nullopt;
 }

@@ -91,6 +91,8 @@ class StationRun {
   MaybeEvent perform(RunAction action, RunEvent cause);
   // An event together with why: the first reason of a failing run is the one reported.
   RunEvent raise(RunEvent event, ErrorKind kind, const std::string& reason);
+  // The table refused or failed. A driver that gave up because the operator asked for it is no fault of the table.
+  RunEvent raise_table(RunEvent event, const Error& error, const std::string& before = "");
 
   void take_up(const ResumePoint& resume);
   bool at_rest() const;                                 // every axis, by the last status read
@@ -115,6 +117,7 @@ class StationRun {
 
   MaybeEvent pump();                                    // reads the IMU until the next poll is due
   MaybeEvent take(std::span<ImuSample> samples);        // new samples, counters not yet rebased
+  MaybeEvent catch_up();                                // with the samples that have arrived, without waiting for more
   MaybeEvent check_motion_data(std::span<const ImuSample> samples, bool gap);
   MaybeEvent poll();                                    // reads the table and judges
   MaybeEvent read_table();                              // three tries; e-stop, faults and limits while live

@@ -10,6 +10,7 @@ namespace turncal {
 namespace {
 
 constexpr int status_tries = 3;
+constexpr std::size_t catch_up_samples = 65536;  // more than any line holds
 constexpr double reconnect_wait_min_s = 0.5;
 constexpr double reconnect_wait_max_s = 5.0;
 
@@ -45,6 +46,24 @@ StationRun::MaybeEvent StationRun::pump() {
   }
   last_sample_s_ = after_s;
   return take(std::span(buffer_).first(*got));
+}
+
+StationRun::MaybeEvent StationRun::catch_up() {
+  for (std::size_t left = catch_up_samples; imu_open_ && left > 0;) {
+    const Result<std::size_t> got = devices_.imu.read(std::span(buffer_).first(std::min(left, buffer_.size())), 0.0);
+    if (!got) {
+      imu_open_ = false;
+      return raise(RunEvent::imu_lost, got.error().kind, got.error().message);
+    }
+    if (*got == 0) break;
+    left -= *got;
+    last_sample_s_ = devices_.clock.now_s();
+    if (const MaybeEvent event = take(std::span(buffer_).first(*got))) {
+      if (*event != RunEvent::motion_data_lost) return event;
+      handle(*event);
+    }
+  }
+  return std::nullopt;
 }
 
 StationRun::MaybeEvent StationRun::take(std::span<ImuSample> samples) {
@@ -112,7 +131,8 @@ StationRun::MaybeEvent StationRun::poll() {
   } else if (!event) {
     event = judge(now_s);
   }
-  schedule_poll(now_s);
+  // A line that takes longer to ask than the time between two polls must not keep the unit from being read.
+  schedule_poll(devices_.clock.now_s());
   return event;
 }
 
@@ -129,6 +149,10 @@ StationRun::MaybeEvent StationRun::judge(double now_s) {
     default: return std::nullopt;
   }
   const MaybeEvent event = arrival_.update(status_, now_s);
+  if (event == RunEvent::settled) {
+    // What the unit sent while the table still turned belongs to the move, not to the dwell that follows.
+    if (const MaybeEvent late = catch_up()) return late;
+  }
   const char* axis = arrival_.move() ? to_string(arrival_.move()->axis) : "table";
   char text[120];
   if (event == RunEvent::stall) {
@@ -152,8 +176,10 @@ StationRun::MaybeEvent StationRun::read_table() {
         answered = true;
       } else {
         error = status.error();
+        if (error.kind == ErrorKind::aborted) break;
       }
     }
+    if (!answered && error.kind == ErrorKind::aborted) return raise_table(RunEvent::link_lost, error);
     if (!answered) {
       link_down_ = true;
       return raise(RunEvent::link_lost, ErrorKind::device,

@@ -187,6 +187,7 @@ std::optional<std::string> ManualTurntable::gravity_objection(Axis axis, double 
 Status ManualTurntable::connect() {
   connected_ = true;
   enabled_ = false;
+  stopped_ = false;
   paused_ = false;
   queue_.clear();
   return usable();
@@ -208,6 +209,7 @@ Status ManualTurntable::home() {
   if (Status status = usable(); !status) return status;
   if (!enabled_) return device_error("manual table: home: not enabled");
   if (!queue_.empty()) return device_error("manual table: home: a move is under way");
+  stopped_ = false;
   for (const Axis axis : {Axis::roll, Axis::pitch, Axis::heading}) {
     hands_[index(axis)] = {};
     queue_.push_back({axis, 0.0, "homing"});
@@ -232,6 +234,7 @@ Status ManualTurntable::move_absolute(Axis axis, double position_deg, double rat
   for (const Wanted& wanted : queue_) {
     if (wanted.axis == axis) return refused("a move is under way: expected it finished or stopped");
   }
+  stopped_ = false;
   queue_.push_back({axis, position_deg, reason_});
   if (queue_.size() == 1) ask();
   return {};
@@ -245,6 +248,7 @@ Status ManualTurntable::stop_all() {
     say("STOP. Leave the table as it is.");
   }
   paused_ = false;
+  stopped_ = true;
   return {};  // also when the operator is gone: nothing turns by itself
 }
 
@@ -261,7 +265,7 @@ Status ManualTurntable::clear_fault() {
 }
 
 Result<AxisStatus> ManualTurntable::status(Axis axis) {
-  if (Status status = usable(); !status) return status.error();
+  if (Status status = usable(); !status && !(connected_ && stopped_)) return status.error();
   const Hand& hand = hands_[index(axis)];
   AxisStatus report;
   report.position_deg = hand.position_deg;

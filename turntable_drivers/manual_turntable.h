@@ -7,7 +7,8 @@
 //   ends only when the operator types `continue`.
 // - Besides an angle: `repeat` shows the question again, `skip REASON` gives the move up (a fault, which needs clear_fault()),
 //   `pause`, `continue`, `abort`. The first letter will do.
-// - The end of the input, and `abort`, are errors of every further call: the run stops. Nothing moves by itself, so that is safe.
+// - The end of the input, and `abort`, are errors of every further call: the run stops. Nothing moves by itself, so that is safe; once
+//   stop_all() was called status() answers again, so that the stop can be verified.
 // - Several moves may be asked for at once; they are put to the operator one after another. Homing asks for 0 of all three axes.
 // - After a stop in the middle of a turn the angle is not known: the axis is not in position until a move to somewhere is answered.
 //
@@ -93,6 +94,7 @@ class ManualTurntable : public Turntable {
   bool paused_ = false;
   bool ended_ = false;    // the input
   bool aborted_ = false;  // by the operator
+  bool stopped_ = false;  // and nothing was asked for since
   std::optional<std::string> skipped_;
 };
 

@@ -1,0 +1,61 @@
+#include "orchestrator/live_devices.h"
+
+#include <time.h>
+#include <unistd.h>
+
+#include <cassert>
+#include <cmath>
+
+#include "imu_io/deadline.h"
+
+namespace turncal {
+
+LiveClock::LiveClock(double speed_up) : speed_up_(speed_up), start_s_(monotonic_s()) {}
+
+double LiveClock::now_s() const { return speed_up_ * (monotonic_s() - start_s_); }
+
+double LiveClock::utc_s() const {
+  timespec now{};
+  ::clock_gettime(CLOCK_REALTIME, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+LiveDevices::LiveDevices(const StationConfig& station)
+    : speed_up_(station.clock_speed_up),
+      clock_(speed_up_),
+      imu_(station.imu->frame, station.imu->settings),
+      watched_(imu_, station.imu->frame.sample_period_s) {}
+
+Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& station, const std::atomic<int>& stop_requests,
+                                                       std::ostream& out) {
+  assert(station.imu);
+  std::unique_ptr<LiveDevices> live(new LiveDevices(station));
+  const GravityWatch& watched = live->watched_;
+  Result<std::unique_ptr<TableDevice>> table =
+      make_table(station, {live->clock_, &stop_requests, STDIN_FILENO, &out, [&watched] { return watched.mean(); }});
+  if (!table) return table.error();
+  live->table_ = std::move(*table);
+  return live;
+}
+
+StationDevices LiveDevices::devices() {
+  return {table_->table(), watched_, clock_, [this](double seconds) { wait(seconds); }};
+}
+
+// A signal ends it early; the run's loop then looks at why.
+void LiveDevices::wait(double seconds) const {
+  const double wall_s = seconds / speed_up_;
+  timespec pause{};
+  pause.tv_sec = static_cast<time_t>(std::floor(wall_s));
+  pause.tv_nsec = static_cast<long>(1e9 * (wall_s - std::floor(wall_s)));
+  ::nanosleep(&pause, nullptr);
+}
+
+void LiveDevices::on_transition(const TransitionRecord& record) {
+  ManualTurntable* manual = table_->manual();
+  if (!manual || record.event != RunEvent::move_next) return;
+  manual->set_reason("step " + std::to_string(record.at.step) + " (" + std::to_string(record.at.step_place) + "/" +
+                     std::to_string(record.at.step_count) + "): " + record.detail);
+}
+
+}  // namespace turncal

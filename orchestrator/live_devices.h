@@ -1,0 +1,53 @@
+// The devices of a live run: the station's table and unit, the machine's clocks, and waiting that really waits.
+//
+// Nothing is opened here; the run does that. clock.speed_up other than 1 is for twins (docs/twin.md): all of the station's times then
+// pass so many times faster. A table turned by hand is told why each move is asked for, and what the unit senses of gravity.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <ostream>
+
+#include "imu_io/clock.h"
+#include "imu_io/serial_imu.h"
+#include "orchestrator/gravity_watch.h"
+#include "orchestrator/run_observer.h"
+#include "orchestrator/station_run.h"
+#include "orchestrator/table_device.h"
+
+namespace turncal {
+
+class LiveClock : public Clock {
+ public:
+  explicit LiveClock(double speed_up);
+  double now_s() const override;  // CLOCK_MONOTONIC since construction, times speed_up
+  double utc_s() const override;  // CLOCK_REALTIME, never sped up
+
+ private:
+  double speed_up_;
+  double start_s_;
+};
+
+class LiveDevices : public RunObserver {
+ public:
+  // REQUIRES: station.imu. The count and the stream (prompts of a table turned by hand, whose answers are read from the terminal)
+  // must outlive the devices.
+  static Result<std::unique_ptr<LiveDevices>> make(const StationConfig& station, const std::atomic<int>& stop_requests,
+                                                   std::ostream& out);
+  StationDevices devices();  // valid as long as this object
+
+  void on_transition(const TransitionRecord& record) override;
+  void on_progress(const RunSnapshot&) override {}
+
+ private:
+  explicit LiveDevices(const StationConfig& station);
+  void wait(double seconds) const;
+
+  double speed_up_;
+  LiveClock clock_;
+  SerialImu imu_;
+  GravityWatch watched_;
+  std::unique_ptr<TableDevice> table_;
+};
+
+}  // namespace turncal

@@ -1,0 +1,201 @@
+// What a live run needs besides the rig: a driver that gives up on the operator's word, a person who turns the table, keys of the
+// station, gravity. The whole over real lines: tests/system/over_the_wire_test.sh.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+
+#include "imu_io/deadline.h"
+#include "orchestrator/gravity_watch.h"
+#include "orchestrator/live_devices.h"
+#include "tests/orchestrator/program.h"
+#include "tests/orchestrator/rig_station.h"
+
+namespace turncal {
+namespace {
+
+const char* const short_text =
+    "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\n"
+    "step 1 \"there\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 1000\n";
+
+// The rig's table, with what a test puts before it.
+class FrontTable : public Turntable {
+ public:
+  explicit FrontTable(Turntable& table) : table_(table) {}
+  Status connect() override { return table_.connect(); }
+  Result<TableIdentity> identify() override { return table_.identify(); }
+  Status enable() override { return table_.enable(); }
+  Status home() override { return table_.home(); }
+  Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
+    if (on_move) return on_move(axis, position_deg);
+    return table_.move_absolute(axis, position_deg, rate_degps, acceleration_degps2);
+  }
+  Status stop_all() override {
+    ++stops;
+    return table_.stop_all();
+  }
+  Status abort_all() override {
+    ++aborts;
+    return table_.abort_all();
+  }
+  Status clear_fault() override { return table_.clear_fault(); }
+  Result<AxisStatus> status(Axis axis) override {
+    if (on_status) {
+      if (Status given = on_status(); !given) return given.error();
+    }
+    return table_.status(axis);
+  }
+  bool needs_operator() const override { return by_hand; }
+
+  std::function<Status(Axis, double)> on_move;
+  std::function<Status()> on_status;
+  bool by_hand = false;
+  int stops = 0, aborts = 0;
+
+ private:
+  Turntable& table_;
+};
+
+struct FrontStation : RigStation {
+  explicit FrontStation(const std::string& text = short_text) : RigStation(text), table(devices.table) {}
+  RunOutcome run_in_front() {
+    devices.imu.describe(info);
+    plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
+    StationDevices front{table, devices.imu, devices.clock, devices.devices().wait};
+    StationRun station_run(front, {sequence, plan, station, "SN1", resume}, sink, {&watcher, &stop_requests, calibrate, journal});
+    return station_run.run();
+  }
+  FrontTable table;
+};
+
+TEST(LiveRun, DriverThatGivesUpOnTheOperatorsWordIsAStopNotALostLink) {
+  FrontStation s;
+  // As the drivers do: the count goes up while one waits for the device; once a stop was sent they answer again.
+  s.table.on_status = [&]() -> Status {
+    if (s.rig.time_s() > 10.0) s.stop_requests = 1;
+    if (s.stop_requests == 0 || s.table.stops > 0) return {};
+    return Error{ErrorKind::aborted, "gave up waiting"};
+  };
+  const RunOutcome outcome = s.run_in_front();
+  EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
+  EXPECT_EQ(outcome.error.kind, ErrorKind::aborted);
+  EXPECT_FALSE(s.watcher.saw(RunEvent::link_lost));
+  EXPECT_EQ(s.watcher.count(RunEvent::operator_stop), 1) << "one request is one stop, not a stop and a fastest stop";
+  EXPECT_TRUE(s.at_rest());
+}
+
+TEST(LiveRun, MoveThatTheOperatorCutsShortIsAStopToo) {
+  FrontStation s;
+  s.table.on_move = [&](Axis, double) -> Status {
+    s.stop_requests = 1;
+    return Error{ErrorKind::aborted, "gave up waiting"};
+  };
+  const RunOutcome outcome = s.run_in_front();
+  EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
+  EXPECT_FALSE(s.watcher.saw(RunEvent::table_fault));
+  EXPECT_EQ(s.watcher.count(RunEvent::operator_stop), 1);
+}
+
+TEST(LiveRun, PersonMayTakeLongerThanAnyMotor) {
+  for (const bool by_hand : {true, false}) {
+    FrontStation s;
+    s.table.by_hand = by_hand;
+    double asked_s = -1.0;
+    // Turned ten minutes after it was asked for.
+    s.table.on_move = [&](Axis, double) -> Status {
+      asked_s = s.rig.time_s();
+      return {};
+    };
+    s.table.on_status = [&]() -> Status {
+      if (asked_s < 0.0 || s.rig.time_s() < asked_s + 600.0) return {};
+      asked_s = -1.0;
+      return s.devices.table.move_absolute(Axis::pitch, 90.0, 10.0, 20.0);
+    };
+    const RunOutcome outcome = s.run_in_front();
+    EXPECT_EQ(outcome.state, by_hand ? RunState::done : RunState::failed) << outcome.error.message;
+    EXPECT_EQ(s.watcher.saw(RunEvent::stall), !by_hand);
+  }
+}
+
+TEST(LiveRun, TimeRunsAsFastAsTheStationSays) {
+  const LiveClock clock(50.0);
+  const double began_s = monotonic_s(), at_s = clock.now_s();
+  while (monotonic_s() - began_s < 0.02) {
+  }
+  const double passed_s = clock.now_s() - at_s, wall_s = monotonic_s() - began_s;
+  EXPECT_GE(passed_s, 50.0 * 0.02 * 0.999);
+  EXPECT_LE(passed_s, 50.0 * wall_s);
+}
+
+TEST(LiveRun, GravityIsTheLastSecondsMeanOnceTheUnitRests) {
+  Rig rig(default_rig_config());
+  RigImu unit(rig);
+  GravityWatch watch(unit, 0.005);
+  ASSERT_TRUE(watch.open().ok());
+  std::vector<ImuSample> samples(100);
+  ASSERT_TRUE(watch.read(samples, 0.5).ok());
+  EXPECT_FALSE(watch.mean()) << "half a second is not enough";
+  ASSERT_TRUE(watch.read(samples, 0.5).ok());
+  const auto level = watch.mean();
+  ASSERT_TRUE(level);
+  const double g = std::hypot((*level)[0], (*level)[1], (*level)[2]);
+  EXPECT_NEAR(g, 9.7914 * 0.005 / 0.0005, 0.1 * g);  // pulses, scale factors within 5 %
+  EXPECT_GT((*level)[1], 0.99 * g);
+  rig.command_move(Axis::pitch, 90.0, 50.0, 100.0);
+  bool moved = false;
+  for (int i = 0; i < 4; ++i) {
+    ASSERT_TRUE(watch.read(samples, 0.5).ok());
+    moved = moved || !watch.mean();
+  }
+  EXPECT_TRUE(moved);
+  for (int i = 0; i < 4; ++i) ASSERT_TRUE(watch.read(samples, 0.5).ok());
+  ASSERT_TRUE(watch.mean());
+  EXPECT_GT((*watch.mean())[0], 0.99 * g) << "pitch 90: x up";
+}
+
+const std::string head =
+    "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = twin.map\n"
+    "imu.driver = serial\nimu.device = /dev/x\nimu.frame = laser_gyro\n";
+Result<StationConfig> station_of(const std::string& keys) {
+  return parse_station_config(head + keys, std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/x.station");
+}
+
+TEST(LiveRun, TimeRunsFasterForTwinsOnly) {
+  const std::string twins = "table.simulated = true\nimu.simulated = true\n";
+  const Result<StationConfig> real = station_of("");
+  ASSERT_TRUE(real.ok()) << real.error().message;
+  EXPECT_FALSE(real->simulated());
+  const Result<StationConfig> fast = station_of(twins + "clock.speed_up = 50\n");
+  ASSERT_TRUE(fast.ok()) << fast.error().message;
+  EXPECT_TRUE(fast->simulated());
+  EXPECT_EQ(fast->imu->settings.speedup, 50.0);
+  for (const std::string one : {"table.simulated = true\n", "imu.simulated = true\n"}) {
+    const Result<StationConfig> half = station_of(one);
+    ASSERT_TRUE(half.ok());
+    EXPECT_TRUE(half->simulated()) << one;
+    const Result<StationConfig> refused = station_of(one + "clock.speed_up = 50\n");
+    ASSERT_FALSE(refused.ok()) << one;
+    EXPECT_NE(refused.error().message.find("clock.speed_up"), std::string::npos);
+  }
+  const Result<StationConfig> two = station_of(twins + "clock.speed_up = 50\nimu.speedup = 20\n");
+  ASSERT_FALSE(two.ok());
+  EXPECT_NE(two.error().message.find("imu.speedup"), std::string::npos);
+}
+
+class LiveProgram : public Program {};
+
+TEST_F(LiveProgram, DevicesThatAreNotThereLeaveNothingBehind) {
+  const std::string folder = std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/";
+  write("no.station", "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
+                          std::filesystem::relative(folder + "twin.map", folder_).string() +
+                          "\ntable.address = 127.0.0.1:1\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\n");
+  expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r", "--pace", "2"}, "--pace");
+  expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r", "--rig", "x"}, "--rig");
+  expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r"}, "127.0.0.1:1", 50);
+  expect_refused({"run", "--station", folder + "modbus.station", "--unit", "U", "--out", "r"}, "mock unit");
+  expect_refused({"twin", "--station", folder + "mock.station"}, "table.driver = modbus or serial");
+  expect_refused({"twin", "--station", folder + "twin.station", "--table", "tcp:x"}, "tcp:PORT");
+}
+
+}  // namespace
+}  // namespace turncal
