@@ -35,6 +35,7 @@ class LiveDevices : public RunObserver {
   static Result<std::unique_ptr<LiveDevices>> make(const StationConfig& station, const std::atomic<int>& stop_requests,
                                                    std::ostream& out);
   StationDevices devices();  // valid as long as this object
+  Status commission_table(const AxisTriple& known_deg, double tolerance_deg) { return table_->commission(known_deg, tolerance_deg); }
 
   void on_transition(const TransitionRecord& record) override;
   void on_progress(const RunSnapshot&) override {}

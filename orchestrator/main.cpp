@@ -7,9 +7,11 @@
 #include "orchestrator/command_batch.h"
 #include "orchestrator/command_calibrate.h"
 #include "orchestrator/command_check_line.h"
+#include "orchestrator/command_commission.h"
 #include "orchestrator/command_diagnose.h"
 #include "orchestrator/command_history.h"
 #include "orchestrator/command_line.h"
+#include "orchestrator/command_monitor.h"
 #include "orchestrator/command_predict.h"
 #include "orchestrator/command_run.h"
 #include "orchestrator/command_segment.h"
@@ -34,6 +36,8 @@ int main(int argc, char** argv) {
                                        turncal::add_resume_command,
                                        turncal::add_journal_command,
                                        turncal::add_twin_command,
+                                       turncal::add_monitor_command,
+                                       turncal::add_commission_command,
                                        turncal::add_check_command,
                                        turncal::add_predict_command,
                                        turncal::add_import_command,

@@ -52,20 +52,9 @@ Status check_words(const RunRequest& request) {
 
 // A live run needs devices that are there.
 Status check_live(const PreparedRun& run) {
-  const StationConfig& station = run.station;
   if (!run.request.rig.empty()) return input_error("--rig describes a simulated table and unit: it needs --dry-run");
   if (run.request.pace > 0.0) return input_error("--pace holds back virtual time: it needs --dry-run");
-  const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
-  if (mock && rig) {
-    return input_error("station '" + station.name +
-                       "' has only mock devices (table.driver = mock, imu.driver = rig): nothing real would be "
-                       "calibrated; use --dry-run to rehearse");
-  }
-  if (mock || rig) {
-    return input_error("station '" + station.name + "' has " + (mock ? "a mock table (table.driver = mock)" : "a mock unit (imu.driver = rig)") +
-                       ": expected table and unit both real, or --dry-run to rehearse");
-  }
-  return {};
+  return check_real_devices(run.station);
 }
 
 Status prepare_rig(PreparedRun& run) {
@@ -89,6 +78,20 @@ Status prepare_rig(PreparedRun& run) {
 }
 
 }  // namespace
+
+Status check_real_devices(const StationConfig& station) {
+  const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
+  if (mock && rig) {
+    return input_error("station '" + station.name +
+                       "' has only mock devices (table.driver = mock, imu.driver = rig): nothing real would be "
+                       "calibrated; use --dry-run to rehearse");
+  }
+  if (mock || rig) {
+    return input_error("station '" + station.name + "' has " + (mock ? "a mock table (table.driver = mock)" : "a mock unit (imu.driver = rig)") +
+                       ": expected table and unit both real, or --dry-run to rehearse");
+  }
+  return {};
+}
 
 Result<PreparedRun> prepare(const RunRequest& request) {
   PreparedRun run;

@@ -41,6 +41,9 @@ struct PreparedRun {
   double sample_period_s() const { return request.dry_run ? rig.sample_period_s : station.imu->frame.sample_period_s; }
 };
 
+// An error unless table and unit are both ones that a live command can open.
+Status check_real_devices(const StationConfig& station);
+
 // Everything that is checked before anything is made or moved.
 Result<PreparedRun> prepare(const RunRequest& request);
 

@@ -12,6 +12,12 @@ TableDevice::~TableDevice() {
   if (Status stopped = limited_.stop_all(); !stopped) return;
 }
 
+Status TableDevice::commission(const AxisTriple& known_deg, double tolerance_deg) {
+  if (auto* modbus = dynamic_cast<ModbusTurntable*>(driver_.get())) return modbus->commission(known_deg, tolerance_deg);
+  if (auto* serial = dynamic_cast<SerialTurntable*>(driver_.get())) return serial->commission(known_deg, tolerance_deg);
+  return input_error("this table has nothing to commission");
+}
+
 std::array<MotionLimits, 3> motion_limits(const StationConfig& station) {
   std::array<MotionLimits, 3> limits;
   for (std::size_t i = 0; i < limits.size(); ++i) {

@@ -26,6 +26,8 @@ class TableDevice {
   Turntable& table() { return limited_; }
   // Of a table turned by hand, to say why a move is asked for; else null.
   ManualTurntable* manual() { return dynamic_cast<ManualTurntable*>(driver_.get()); }
+  // The driver's comparison with known angles; an error for a driver that has none.
+  Status commission(const AxisTriple& known_deg, double tolerance_deg);
 
  private:
   std::unique_ptr<Turntable> driver_;

@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# `turncal commission` and `turncal monitor` over real lines: what fits is accepted, what does not is refused in one line, nothing is
+# left moving or switched on.
+set -euo pipefail
+here=$(cd "$(dirname "$0")/../.." && pwd)
+binary=${TURNCAL_BINARY:-$here/build/release/turncal}
+work=$(mktemp -d)
+twin=
+trap '[ -z "$twin" ] || kill -TERM "$twin" 2> /dev/null || true; rm -rf "$work"' EXIT
+fail() { echo "FAILED: $*" >&2; tail -n 5 "$work"/*.out "$work"/*.err >&2; exit 1; }
+# expect CODE TEXT ARGUMENTS...: the text stands in the output, or for an error in its one line.
+expect() {
+  local wanted=$1 text=$2 code=0
+  shift 2
+  "$binary" "$@" > "$work/said.out" 2> "$work/said.err" || code=$?
+  [ "$code" = "$wanted" ] || fail "code $code, expected $wanted: $*"
+  [ "$wanted" = 0 ] || [ "$(wc -l < "$work/said.err")" = 1 ] || fail "not one line of error: $*"
+  cat "$work/said.out" "$work/said.err" > "$work/said"
+  grep -q -- "$text" "$work/said" || fail "'$text' is not said: $*"
+}
+
+cp "$here/orchestrator/stations/twin.map" "$work"
+sed -e "s|^imu.device = .*|imu.device = $work/imu|" -e "s|^clock.speed_up = .*|clock.speed_up = 20|" \
+  "$here/orchestrator/stations/twin.station" > "$work/twin.station"
+printf 'table.heading.power_on_deg = 30\ntable.pitch.power_on_deg = 20\ntable.roll.power_on_deg = -10\n' > "$work/known.rig"
+"$binary" twin --station "$work/twin.station" --rig "$work/known.rig" --table tcp:0 > "$work/twin.out" 2> "$work/twin.err" &
+twin=$!
+for _ in $(seq 100); do grep -qs ready "$work/twin.out" && break; sleep 0.1; done
+address=$(sed -n 's/.* at \(127\.0\.0\.1:[0-9]*\),.*/\1/p' "$work/twin.out")
+sed -i "s|^table.address = .*|table.address = $address|" "$work/twin.station"
+
+# One thing wrong each: the map not commissioned, the unit's z turned over, and x and y of its gyros exchanged.
+sed 's/^commissioned = true/commissioned = false/' "$work/twin.map" > "$work/new.map"
+sed 's/twin\.map/new.map/' "$work/twin.station" > "$work/new.station"
+for axes in '+x, +y, -z' '+y, +x, +z'; do
+  { cat "$here/imu_io/frames/laser_gyro.frame"; echo "gyro.axes = $axes"; } > "$work/${axes:1:1}.frame"
+  sed "s/^imu.frame = .*/imu.frame = ${axes:1:1}.frame/" "$work/twin.station" > "$work/${axes:1:1}.station"
+done
+
+angles=(--heading 30 --pitch 20 --roll -10)
+expect 1 'not commissioned' commission --station "$work/new.station"
+expect 0 'nothing was moved' commission --station "$work/new.station" "${angles[@]}"
+expect 1 'heading: reads 30 deg, stands at 31 deg' commission --station "$work/twin.station" --heading 31 --pitch 20 --roll -10
+expect 0 'every axis turns the unit as it should' commission --station "$work/twin.station" "${angles[@]}" --gyro-pulse-arcsec 0.93292
+grep -q 'heading +5 deg: felt about -y' "$work/said" || fail "heading is not shown"
+expect 1 'pitch turned by +5 deg.*expected plus about z' commission --station "$work/x.station"
+expect 1 'heading turned by +5 deg.*expected minus about y' commission --station "$work/y.station"
+expect 1 'heading turned by +5 deg.*-5.000000 deg about y' commission --station "$work/twin.station" --gyro-pulse-arcsec 1.1
+expect 0 '0 gaps (0 lost)' monitor --station "$work/twin.station" --seconds 3
+[ "$(grep -c 'deg/s off; .*samples/s, .*|f| ' "$work/said")" -ge 1 ] || fail "no line with the drives off"
+[ -z "$(grep -v '^\[simulated\]' "$work/said")" ] || fail "a line passes for a real one"
+echo "commissioning over real lines: good"
