@@ -280,7 +280,8 @@ void diagnose_run(const std::string& folder, const Status& run, CommandContext& 
   std::ostringstream text;
   CommandContext inside{text, context.err};
   const Result<Verdict> verdict = diagnose_recording(options, inside);
-  const std::string_view tag = (*source)->info().simulated ? dry_run_tag : std::string_view();
+  const std::string_view simulated = fs::exists(fs::path(folder) / truth_name, error) ? dry_run_tag : simulated_tag;
+  const std::string_view tag = (*source)->info().simulated ? simulated : std::string_view();
   std::istringstream lines(text.str());
   for (std::string line; std::getline(lines, line);) context.out << tag << line << '\n';
   context.out << std::flush;

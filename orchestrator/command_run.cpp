@@ -12,6 +12,7 @@ namespace {
 struct Options {
   RunRequest request;
   std::string folder;
+  bool no_diagnosis = false;
 };
 
 void add_overdue_option(CLI::App& command, RunRequest& request) {
@@ -47,11 +48,12 @@ void add_run_command(CLI::App& app, CommandContext& context) {
   command->add_option("--station", request.station, "station configuration; default: the built-in rig station");
   add_view_options(*command, request);
   command->add_flag("--capture-only", request.capture_only, "record the sequence, do not calibrate");
+  command->add_flag("--no-diagnosis", options->no_diagnosis, "leave out the diagnosis at the end");
   add_record_options(*command, request);
   command->callback([options, &context] {
     const Status status = begin_run(options->request, options->folder, context);
     if (!status) context.fail(status.error());
-    diagnose_run(options->folder, status, context);
+    if (!options->no_diagnosis) diagnose_run(options->folder, status, context);
   });
 }
 
@@ -64,12 +66,13 @@ void add_resume_command(CLI::App& app, CommandContext& context) {
   command->add_option("--rig", moved.rig, "where the rig configuration is now, if it was moved");
   command->add_option("--sequence", moved.sequence, "where the sequence is now, if it was moved");
   command->add_option("--station", moved.station, "where the station configuration is now, if it was moved");
+  command->add_flag("--no-diagnosis", options->no_diagnosis, "leave out the diagnosis at the end");
   add_overdue_option(*command, moved);
   add_view_options(*command, moved);
   command->callback([options, &context] {
     const Status status = take_up_run(options->folder, options->request, context);
     if (!status) context.fail(status.error());
-    diagnose_run(options->folder, status, context);
+    if (!options->no_diagnosis) diagnose_run(options->folder, status, context);
   });
 }
 
