@@ -11,27 +11,12 @@
 #include "calib/rest_model.h"
 #include "calib/segmentation.h"
 #include "orchestrator/command_line.h"
+#include "orchestrator/compress_source.h"
 #include "orchestrator/rest_view.h"
 
 namespace turncal {
 
 namespace {
-
-Result<CompressedRecording> compress_source(RecordingSource& source) {
-  if (source.segments().empty()) {
-    return input_error(source.path() + ": the recording has no segments, so nothing says when the unit was at rest: expected segments, "
-                                        "as `turncal segment` finds them");
-  }
-  Compressor compressor(source.info(), without_table_angles(source.segments()) ? rest_compression_options() : CompressionOptions{});
-  SegmentedFeed feed(compressor, source.segments());
-  const Status status = source.read([&feed](std::span<const ImuSample> samples) {
-    feed.add(samples);
-    return Status{};
-  });
-  if (!status) return status.error();
-  feed.finish();
-  return compressor.take();
-}
 
 void note_data(const RecordingSource& source, const CompressedRecording& recording, std::vector<std::string>& notes) {
   if (const std::string damage = describe(source.damage()); !damage.empty()) notes.push_back(damage);

@@ -14,6 +14,7 @@
 #include "imu_io/format_number.h"
 #include "imu_io/recording_writer.h"
 #include "orchestrator/calibration_job.h"
+#include "orchestrator/compress_source.h"
 #include "orchestrator/diagnosis_file.h"
 #include "orchestrator/diagnosis_text.h"
 #include "orchestrator/output_folder.h"
@@ -80,25 +81,12 @@ struct LoadedRecording {
 Result<LoadedRecording> load(const std::string& path, Phases& phases) {
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path);
   if (!source) return source.error();
-  if ((*source)->segments().empty()) {
-    return input_error(path + ": the recording has no segments, so nothing says when the unit was at rest: expected segments, "
-                              "as `turncal segment` finds them");
-  }
-  phases.begin("reading " + path);
-  const bool by_hand = without_table_angles((*source)->segments());
-  Compressor compressor((*source)->info(), by_hand ? rest_compression_options() : CompressionOptions{});
-  SegmentedFeed feed(compressor, (*source)->segments());
-  std::int64_t count = 0;
-  const Status status = (*source)->read([&](std::span<const ImuSample> samples) {
-    feed.add(samples);
-    phases.samples(count += static_cast<std::int64_t>(samples.size()));
-    return Status{};
-  });
-  if (!status) return status.error();
-  feed.finish();
+  if (!(*source)->segments().empty()) phases.begin("reading " + path);
+  Result<CompressedRecording> recording = compress_source(**source, [&](std::int64_t count) { phases.samples(count); });
+  if (!recording) return recording.error();
   LoadedRecording loaded;
-  loaded.recording = compressor.take();
-  loaded.by_hand = by_hand;
+  loaded.recording = std::move(*recording);
+  loaded.by_hand = without_table_angles((*source)->segments());
   Result<std::string> hash = (*source)->content_hash();
   if (!hash) return hash.error();
   loaded.hash = *hash;

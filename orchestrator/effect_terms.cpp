@@ -2,12 +2,11 @@
 
 #include <algorithm>
 
-#include "calib/compression.h"
 #include "calib/effects.h"
 #include "calib/joint_estimate.h"
 #include "calib/joint_faults.h"
-#include "calib/rest_data.h"
 #include "calib/segmentation.h"
+#include "orchestrator/compress_source.h"
 
 namespace turncal {
 namespace {
@@ -53,16 +52,12 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
   Eigen::VectorXd values;
   const Result<std::vector<EffectColumn>> columns = columns_of(file, file_name, source.info(), !by_hand, values);
   if (!columns) return columns.error();
-  Compressor compressor(source.info(), by_hand ? rest_compression_options() : CompressionOptions{});
-  SegmentedFeed feed(compressor, source.segments());
-  const Status status = source.read([&](std::span<const ImuSample> samples) {
-    feed.add(samples);
-    return Status{};
-  });
-  if (!status) return status.error();
-  feed.finish();
-  const CompressedRecording recording = compressor.take();
-  if (recording.blocks.empty()) return input_error(source.path() + ": has no segments, expected some to evaluate effects over");
+  const auto nowhere = [&] { return input_error(source.path() + ": has no segments, expected some to evaluate effects over"); };
+  if (source.segments().empty()) return nowhere();
+  const Result<CompressedRecording> compressed = compress_source(source);
+  if (!compressed) return compressed.error();
+  const CompressedRecording& recording = *compressed;
+  if (recording.blocks.empty()) return nowhere();
 
   EffectModel model = make_effect_model(*columns, {recording.info.latitude_deg}, file.reference_temperature_c.value_or(0.0));
   model.values = values;

@@ -11,6 +11,7 @@
 
 #include "imu_io/key_value.h"
 #include "imu_io/recording_source.h"
+#include "tests/nees.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
@@ -26,15 +27,6 @@ RigRecording run_of(std::uint64_t seed) {
   config.seed = 5000 + seed;
   config.noise_seed = 6000 + seed;
   return record_on_rig(fourteen_steps(), config);
-}
-
-double nees(const JointResult& r, const Parameters& truth) {
-  const ParameterVector difference = to_vector(r.parameters) - to_vector(truth);
-  const Eigen::VectorXd error = difference(r.free);
-  const Eigen::VectorXd scale = r.covariance.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd correlation = scale.asDiagonal() * r.covariance * scale.asDiagonal();
-  const Eigen::VectorXd normalised = scale.cwiseProduct(error);
-  return normalised.dot(correlation.ldlt().solve(normalised));
 }
 
 // Twelve units: the mean of 12 chi-squares of 21 degrees of freedom lies within 21 +- 2.58 sqrt(42/12), 99 of 100 times.

@@ -4,21 +4,13 @@
 #include <cmath>
 
 #include "calib/joint_estimate.h"
+#include "tests/nees.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
 namespace {
 
 constexpr double chi_square_21_one_in_1000 = 46.8;
-
-double nees(const JointResult& r, const Parameters& truth) {
-  const ParameterVector difference = to_vector(r.parameters) - to_vector(truth);
-  const Eigen::VectorXd error = difference(r.free);
-  const Eigen::VectorXd scale = r.covariance.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd correlation = scale.asDiagonal() * r.covariance * scale.asDiagonal();
-  const Eigen::VectorXd normalised = scale.cwiseProduct(error);
-  return normalised.dot(correlation.ldlt().solve(normalised));
-}
 
 RigConfig unit() {
   RigConfig config = default_rig_config();
