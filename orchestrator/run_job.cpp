@@ -157,7 +157,7 @@ Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool
     counts.lost_samples = so_far.lost_samples;
     return write_results(a.run, a.folder, devices.clock.utc_s(), counts, a.journal, results);
   };
-  StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.run.request.unit, a.resume}, sink,
+  StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.run.request.unit, a.resume, a.sessions > 1}, sink,
                  {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
   running = &run;
   const RunOutcome outcome = run.run();

@@ -183,7 +183,7 @@ StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
     case RunAction::connect: return connect();
     case RunAction::enable_and_home: return enable_and_home();
     case RunAction::begin_rest: return begin_rest();
-    case RunAction::settle_recorded: return settle_recorded();
+    case RunAction::settle_again: return settle_again(cause == RunEvent::back_in_place);
     case RunAction::select_next:
       if (cause == RunEvent::step_next) ++step_;
       return select_next();
@@ -230,7 +230,16 @@ StationRun::MaybeEvent StationRun::connect() {
   if (!begun) return failed(begun.error());
   last_sample_s_ = devices_.clock.now_s();
   if (pause_asked()) return pause();
-  detail_ = table->description + "; " + imu->description;
+  std::string left;
+  for (Axis axis : all_axes) {
+    if (!job_.taken_up) break;
+    const Result<AxisStatus> status = devices_.table.status(axis);
+    if (!status) return raise_table(RunEvent::connect_failed, status.error());
+    if (!status->fault) continue;
+    fault_left_ = true;
+    left += std::string("; clears the fault of axis ") + to_string(axis) + (status->text.empty() ? "" : ": " + status->text);
+  }
+  detail_ = table->description + "; " + imu->description + left;
   return RunEvent::connected;
 }
 
@@ -238,6 +247,11 @@ StationRun::MaybeEvent StationRun::enable_and_home() {
   enabled_ = true;
   phase_deadline_s_ = devices_.table.needs_operator() ? std::numeric_limits<double>::infinity()
                                                       : devices_.clock.now_s() + homing_deadline_s;
+  if (fault_left_) {
+    if (Status status = devices_.table.clear_fault(); !status) {
+      return raise_table(RunEvent::table_fault, status.error(), "clearing the fault: ");
+    }
+  }
   if (Status status = devices_.table.enable(); !status) {
     return raise_table(RunEvent::table_fault, status.error(), "enabling: ");
   }
@@ -285,8 +299,8 @@ StationRun::MaybeEvent StationRun::begin_rest() {
   return std::nullopt;
 }
 
-StationRun::MaybeEvent StationRun::settle_recorded() {
-  recording_ = true;
+StationRun::MaybeEvent StationRun::settle_again(bool in_place) {
+  recording_ = in_place;
   item_running_ = false;
   arrival_.settle_only(devices_.clock.now_s());
   return begin_segment(SegmentKind::rotate);
@@ -308,6 +322,7 @@ StationRun::MaybeEvent StationRun::select_next() {
     detail_ = text;
     return RunEvent::move_next;
   }
+  if (gap_due_ && !recording_) return RunEvent::back_in_place;
   if (!item_left) return RunEvent::step_complete;
   item_running_ = true;
   const PlannedItem& item = items[item_];
