@@ -7,6 +7,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -38,13 +39,15 @@ class RigTwin {
 
   std::string table_address() const { return server_->address(); }
   const std::string& imu_device() const { return line_.device(); }
-  // Serves until the count of requests to stop is not 0.
-  Status run(const std::atomic<int>& stop_requests);
+  // Serves until the count of requests to stop is not 0. `say` hears, from another thread, of a watchdog that tripped and of the
+  // table's coming to rest after that.
+  Status run(const std::atomic<int>& stop_requests, const std::function<void(const std::string&)>& say);
   double rig_time_s();
   std::uint64_t batches_dropped() const { return streamer_->batches_dropped(); }  // not read in time
 
  private:
   RigTwin(const RigConfig& rig, double speed_up);
+  void watch(const std::function<void(const std::string&)>& say);
   Status open_table(const StationConfig& station, const std::string& where);
 
   Rig rig_;
@@ -58,6 +61,7 @@ class RigTwin {
   std::unique_ptr<ImuSource> guarded_;  // the unit, with the mutex held
   Pty line_;
   std::unique_ptr<FrameStreamer> streamer_;
+  bool tripped_told_ = false, rest_told_ = false;
 };
 
 }  // namespace turncal

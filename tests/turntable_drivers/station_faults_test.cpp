@@ -45,8 +45,8 @@ class LockedImu : public ImuSource {
 };
 
 struct ModbusRun {
-  explicit ModbusRun(const RigConfig& config = default_rig_config())
-      : station(quick_map(), config), driver(station.driver_map, station.clock, &stop_requests), limited(driver, {}) {}
+  explicit ModbusRun(const RigConfig& rig_config = default_rig_config())
+      : station(quick_map(), rig_config), driver(station.driver_map, station.clock, &stop_requests), limited(driver, {}) {}
   static RegisterMap quick_map() {
     RegisterMap map = map_of(plain_map_text("tcp"));
     map.link.response_timeout_s = 0.1;
@@ -55,16 +55,15 @@ struct ModbusRun {
     return map;
   }
   RunOutcome run() {
-    Result<Sequence> sequence = parse_sequence(sequence_text, "test.seq");
+    Result<Sequence> sequence = parse_sequence(text, "test.seq");
     EXPECT_TRUE(sequence.ok());
-    StationConfig config = default_station_config();
     RigImu rig_imu(station.rig);
     LockedImu imu(rig_imu, station.server.mutex);
     RecordingInfo info;
     imu.describe(info);
     plan = make_plan(*sequence, plan_limits(config, info.sample_period_s));
     StationRun run({limited, imu, station.clock, [this](double seconds) { station.pass(std::max(seconds, 0.005)); }},
-                   {*sequence, plan, config, "SN1"}, sink, {&watcher, &stop_requests, {}});
+                   {*sequence, plan, config, "SN1"}, sink, {&watcher, &stop_requests, calibrate});
     const RunOutcome outcome = run.run();
     const std::lock_guard lock(station.server.mutex);
     for (const Axis axis : all_axes) {
@@ -78,6 +77,9 @@ struct ModbusRun {
   TwinStation station;
   ModbusTurntable driver;
   LimitedTurntable limited;
+  std::string text = sequence_text;
+  StationConfig config = default_station_config();
+  std::function<Status()> calibrate;
   Plan plan;
   MemorySink sink;
   Watcher watcher;
@@ -242,6 +244,42 @@ TEST(StationFaults, OperatorStopsInMidMoveAndDuringSettling) {
     const RunOutcome outcome = s.run();
     EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
     EXPECT_EQ(outcome.error.kind, ErrorKind::aborted);
+  }
+}
+
+// The heartbeat goes out with the polls, twice a second while the table rests: enough for a watchdog of 1 s.
+TEST(StationFaults, WatchdogDoesNotTripInALongDwellNorWhileCalibrating) {
+  for (const bool often_enough : {true, false}) {
+    ModbusRun s;
+    s.text = "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 10\nstep 1\n  initial H 0 P 0 R 0\n  align 200\n  dwell 24000\n";
+    if (!often_enough) s.config.motion.poll_idle_s = 1.3;  // what a station file may not ask for
+    bool tripped = false;
+    const auto look = [&] {
+      const std::lock_guard lock(s.station.server.mutex);
+      s.station.twin.tick();
+      for (const Axis axis : all_axes) tripped = tripped || s.station.twin.watchdog_tripped(axis);
+    };
+    s.watcher.on_tick = [&](const RunSnapshot&) { look(); };
+    bool calibrated = false;
+    s.calibrate = [&]() -> Status {
+      s.station.pass(600.0);  // nobody talks to the drives, which are off
+      look();
+      calibrated = true;
+      return {};
+    };
+    const RunOutcome outcome = s.run();
+    EXPECT_EQ(tripped, !often_enough);
+    EXPECT_EQ(calibrated, often_enough);
+    EXPECT_EQ(outcome.state, often_enough ? RunState::done : RunState::failed) << outcome.error.message;
+    if (!often_enough) {
+      EXPECT_EQ(exit_code(outcome.error.kind), 50);
+      EXPECT_NE(outcome.error.message.find("fault of axis"), std::string::npos) << outcome.error.message;
+      continue;
+    }
+    // Nothing is left of it for the next run.
+    s.sink = MemorySink();
+    EXPECT_EQ(s.run().state, RunState::done);
+    EXPECT_FALSE(tripped);
   }
 }
 
