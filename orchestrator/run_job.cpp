@@ -124,8 +124,8 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
   return made;
 }
 
-// One attempt with the devices, up to the verdict. Returns whether anything was recorded in *recorded.
-Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool& recorded) {
+// One attempt with the devices, up to the verdict. `keep`: there is something to go on with.
+Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool& keep) {
   const StationDevices devices = made.devices();
   const std::string tag(tag_of(a.run));
   const double began_s = steady_wall_s();
@@ -146,7 +146,7 @@ Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool
   RecordingSink recording(a.folder);
   LiveSink sink(recording, live);
   RunResults results;
-  const StopSignals signals;
+  const StopSignals signals(FirstInterrupt::pauses);
   RunCounts counts;
   counts.sessions = a.sessions;
   StationRun* running = nullptr;
@@ -158,16 +158,19 @@ Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool
     return write_results(a.run, a.folder, devices.clock.utc_s(), counts, a.journal, results);
   };
   StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.run.request.unit, a.resume}, sink,
-                 {&observers, &StopSignals::requests(), calibrate, &a.journal});
+                 {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
   running = &run;
   const RunOutcome outcome = run.run();
   view.clear();
-  recorded = outcome.recorded_samples > 0;
+  keep = outcome.recorded_samples > 0 || outcome.state == RunState::interrupted;
   live.end(outcome.state == RunState::done ? "done: " + std::string(to_string(results.verdict.verdict)) : outcome.error.message);
   if (page) page->say_goodbye();
   if (outcome.state != RunState::done) {
     a.log.line(outcome.error.message);
-    if (recorded) context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
+    if (outcome.state == RunState::interrupted) {
+      return Error{outcome.error.kind, outcome.error.message + "; go on with: turncal resume " + a.folder};
+    }
+    if (keep) context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
     return outcome.error;
   }
   if (!a.log.status()) return a.log.status();
@@ -275,10 +278,10 @@ Status begin_run(const RunRequest& request, const std::string& folder_path, Comm
   if (!log) return log.error();
   log->line(first_line(*prepared));
 
-  bool recorded = false;
+  bool keep = false;
   const Status status = attempt({*prepared, plan, period_s, folder->path(), *journal, *log, std::nullopt, 1}, *devices,
-                                context, recorded);
-  if (recorded) folder->keep();
+                                context, keep);
+  if (keep) folder->keep();
   return told(*prepared, folder->path(), &*log, status);
 }
 
@@ -326,10 +329,10 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   Result<RunLog> log = RunLog::append(folder + "/" + log_name, std::string(tag_of(*prepared)));
   if (!log) return log.error();
   log->line("resumed by turncal " + std::string(software_version()) + ": " + what);
-  bool recorded = false;
+  bool keep = false;
   return told(*prepared, folder, &*log,
               attempt({*prepared, plan, period_s, folder, *journal, *log, resume, contents->sessions + 1}, *devices, context,
-                      recorded));
+                      keep));
 }
 
 }  // namespace turncal

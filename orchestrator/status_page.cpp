@@ -61,7 +61,7 @@ function show() {
     state.textContent = "The run's loop has been silent for " + fix(s.heartbeat_age_s, 0) + " s.";
   } else {
     state.className = "";
-    state.textContent = "Running: step " + s.step_place + "/" + s.step_count + ", " + s.phase + ", ends at " + (s.eta_utc || "-");
+    state.textContent = "Running: step " + s.step_place + "/" + s.step_count + ", " + s.phase + ", " + (s.pause || "ends at " + (s.eta_utc || "-"));
   }
   byId("run").value = s.run_fraction;
   const rows = [["unit", s.unit], ["station, sequence", s.station + ", " + s.sequence], ["step", s.step_place + "/" + s.step_count + " (number " + s.step + ")"],
