@@ -49,7 +49,7 @@ Result<std::string> outcome_of(const Status& run) {
 
 Status run_batch(const BatchOptions& options, CommandContext& context) {
   RunRequest check = options.request;
-  check.unit = "X";
+  check.units = {"X"};
   if (const Result<PreparedRun> prepared = prepare(check); !prepared) return prepared.error();
   const std::string tag = options.request.dry_run ? "[dry run] [batch] " : "[batch] ";
   int passed = 0, not_passed = 0;
@@ -63,12 +63,13 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     const std::string folder = folder_for(options.out, *unit, find_outcome(*outcomes, *unit));
     context.out << tag << "unit " << *unit << " in " << folder << std::endl;
     RunRequest request = options.request;
-    request.unit = *unit;
+    request.units = {*unit};
     RunRequest resumed;
     resumed.listen = request.listen;
     resumed.pace = request.pace;
-    const Status run = path_exists(folder + "/" + journal_name) ? take_up_run(folder, resumed, context)
+    const RunEnd end = path_exists(folder + "/" + journal_name) ? take_up_run(folder, resumed, context)
                                                                  : begin_run(request, folder, context);
+    const Status& run = end.status;
     const Result<std::string> outcome = outcome_of(run);
     if (!outcome) return Error{outcome.error().kind, "unit " + *unit + ": " + outcome.error().message};
     if (Status status = record_outcome(options.queue, {*unit, *outcome, now_utc()}); !status) return status;

@@ -134,7 +134,7 @@ struct RigStation {
 
   DryRunDevices devices;
   Rig& rig;
-  RigClock& clock;
+  Clock& clock;
   StationConfig station;
   Sequence sequence;
   RecordingInfo info;
