@@ -275,31 +275,31 @@ void mark_dropped(const JournalContents& contents, bool late, std::vector<UnitRu
   }
 }
 
-// A run with a verdict for every unit that is left is over. Says so; nothing: it is not.
-std::optional<RunEnd> say_complete(const JournalContents& contents, const std::string& folder, std::ostream& out) {
-  const std::vector<std::string> serials = contents.units();
-  if (contents.verdicts.empty()) return std::nullopt;
+// Of one unit, the only one of its run or not; null: none yet.
+const JournalFields* verdict_of(const JournalContents& contents, const std::string& unit) {
+  const bool alone = contents.units().size() == 1;
+  const std::pair<std::string, std::string> mark("unit", unit);
+  const JournalFields* last = nullptr;
+  for (const JournalFields& verdict : contents.verdicts) {
+    if (alone || std::find(verdict.begin(), verdict.end(), mark) != verdict.end()) last = &verdict;
+  }
+  return last;
+}
+
+RunEnd say_over(const JournalContents& contents, const std::string& folder, std::ostream& out) {
   PreparedRun named;
-  named.request.units = serials;
+  named.request.units = contents.units();
   std::vector<UnitRun> units = units_of(named, folder);
   mark_dropped(contents, true, units);
-  std::string said;
   for (UnitRun& unit : units) {
     if (unit.dropped) continue;
-    const JournalFields* verdict = nullptr;
-    for (const JournalFields& fields : contents.verdicts) {
-      const bool of_this = std::find(fields.begin(), fields.end(), std::pair<std::string, std::string>("unit", unit.run.unit())) != fields.end();
-      if (units.size() == 1 || of_this) verdict = &fields;
-    }
-    if (!verdict) return std::nullopt;
-    const std::string& result = verdict->front().second;
-    said += (contents.begin_value("simulated") == "true" ? std::string(dry_run_tag) : "") + "The run of unit " + unit.run.unit() +
-            " is complete, verdict " + result + ": nothing to resume.\n";
+    const std::string& result = verdict_of(contents, unit.run.unit())->front().second;
+    out << (contents.begin_value("simulated") == "true" ? dry_run_tag : "") << "The run of unit " << unit.run.unit()
+        << " is complete, verdict " << result << ": nothing to resume." << std::endl;
     if (result == to_string(UnitVerdict::fail) || result == to_string(UnitVerdict::conditional_fail)) {
       unit.status = Error{ErrorKind::unit_failed, unit.folder + ": the unit's verdict is " + result};
     }
   }
-  out << said << std::flush;
   RunEnd end(status_of(units));
   end.to_the_end = true;
   for (const UnitRun& unit : units) end.units.push_back({unit.run.unit(), unit.folder, unit.dropped, unit.status});
@@ -327,6 +327,16 @@ Result<RunRequest> request_again(const JournalContents& contents, const RunReque
 }
 
 }  // namespace
+
+bool is_over(const JournalContents& journal) {
+  if (journal.verdicts.empty()) return false;
+  const std::vector<std::string> units = journal.units();
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    const bool dropped = std::any_of(journal.dropped.begin(), journal.dropped.end(), [i](const auto& gone) { return gone.unit == i; });
+    if (!dropped && !verdict_of(journal, units[i])) return false;
+  }
+  return true;
+}
 
 RunEnd begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
   Result<PreparedRun> prepared = prepare(request);
@@ -371,7 +381,7 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   if (!journal) return journal.error();
   const Result<JournalContents> contents = read_journal(path);
   if (!contents) return contents.error();
-  if (std::optional<RunEnd> over = say_complete(*contents, folder, context.out)) return *over;
+  if (is_over(*contents)) return say_over(*contents, folder, context.out);
   const Result<RunRequest> request = request_again(*contents, now);
   if (!request) return request.error();
   Result<PreparedRun> prepared = prepare(*request);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "orchestrator/command_line.h"
+#include "orchestrator/journal_file.h"
 #include "orchestrator/run_request.h"
 
 namespace turncal {
@@ -26,6 +27,9 @@ struct RunEnd {
   RunEnd(Status how) : status(std::move(how)) {}
   RunEnd(Error why) : status(std::move(why)) {}
 };
+
+// Every unit that is left has its verdict: nothing to resume.
+bool is_over(const JournalContents& journal);
 
 RunEnd begin_run(const RunRequest& request, const std::string& folder, CommandContext& context);
 
