@@ -289,7 +289,8 @@ StationRun::MaybeEvent StationRun::settle_recorded() {
   recording_ = true;
   item_running_ = false;
   arrival_.settle_only(devices_.clock.now_s());
-  return begin_segment(SegmentKind::rotate);
+  begin_segment(SegmentKind::rotate);
+  return std::nullopt;
 }
 
 StationRun::MaybeEvent StationRun::select_next() {
@@ -329,7 +330,7 @@ StationRun::MaybeEvent StationRun::issue_move() {
     commanded_deg_ = job_.plan.items[item_].commanded_deg;
   }
   for (UnitLane& lane : lanes_) lane.motion_loss_told = false;
-  if (const MaybeEvent event = begin_segment(SegmentKind::rotate)) return event;
+  begin_segment(SegmentKind::rotate);
   const double from_deg = status_[static_cast<std::size_t>(move.axis)].position_deg;
   if (hooks_.journal) {
     if (const MaybeEvent event = keep(hooks_.journal->move(move, devices_.clock.now_s()))) return event;
@@ -354,7 +355,7 @@ StationRun::MaybeEvent StationRun::close_move() {
 StationRun::MaybeEvent StationRun::begin_dwell() {
   const PlannedItem& item = job_.plan.items[item_];
   recording_ = true;
-  if (const MaybeEvent event = begin_segment(item.dwell_kind)) return event;
+  begin_segment(item.dwell_kind);
   for (Axis axis : all_axes) dwell_start_deg_[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
   double dwell_s = 0.0;
   for (UnitLane& lane : lanes_) {
@@ -392,7 +393,8 @@ StationRun::MaybeEvent StationRun::discard_dwell() {
   for (UnitLane& lane : lanes_) lane.repeats += !bad_lane_ || bad_lane_ == &lane ? 1 : 0;
   item_running_ = false;
   arrival_.settle_only(devices_.clock.now_s());
-  return begin_segment(SegmentKind::rotate);
+  begin_segment(SegmentKind::rotate);
+  return std::nullopt;
 }
 
 StationRun::MaybeEvent StationRun::finish_step() {
@@ -432,14 +434,17 @@ StationRun::MaybeEvent StationRun::abort_table() {
   return std::nullopt;
 }
 
-StationRun::MaybeEvent StationRun::begin_segment(SegmentKind kind) {
-  if (!recording_) return std::nullopt;
+void StationRun::begin_segment(SegmentKind kind) {
+  if (!recording_) return;
   const Segment segment{.step = job_.sequence.steps[step_].number,
                         .kind = kind,
                         .heading_deg = commanded_deg_[Axis::heading],
                         .pitch_deg = commanded_deg_[Axis::pitch],
                         .roll_deg = commanded_deg_[Axis::roll]};
-  return in_every_lane([&segment](UnitLane& lane) { return lane.begin_segment(segment); });
+  for (UnitLane& lane : lanes_) {
+    if (lane.alive()) lane.begin_segment(segment);
+  }
+
 }
 
 StationRun::MaybeEvent StationRun::end_segment(SegmentKind kind) {

@@ -30,6 +30,8 @@
 // - A dwell is complete when it is in every living lane. A defect in one repeats it for all, at once; a lane whose own defects
 //   have used up dwell.max_repeats drops out instead, and the attempt goes on for the others. A table that moved repeats the
 //   dwell as long as one living lane has a repeat left.
+// - Units whose samples come a few samples apart need no care: the settle time lies between a move and a dwell. One that has
+//   fallen behind the others by more than half of it since the move began is waited for before the dwell.
 //
 // One thread; only the counts of StationHooks may be touched by others.
 #pragma once
@@ -152,6 +154,7 @@ class StationRun {
   UnitLane* lead();                                     // the lane that the run waits for; null: none is open
   MaybeEvent take_all();                                // what the lanes have received; is the dwell complete?
   MaybeEvent take(UnitLane& lane);
+  bool apart() const;                                   // a unit's samples are so late that some may be from the move
   MaybeEvent receive_all(UnitLane& lane);               // that has arrived, without waiting for more
   MaybeEvent catch_up();                                // with the samples that have arrived, without waiting for more
   MaybeEvent poll();                                    // reads the table and judges
@@ -164,7 +167,7 @@ class StationRun {
   void try_to_reconnect(double now_s);
   void schedule_poll(double now_s);
 
-  MaybeEvent begin_segment(SegmentKind kind);
+  void begin_segment(SegmentKind kind);
   MaybeEvent end_segment(SegmentKind kind);
   std::optional<Axis> displaced_axis() const;           // first of roll, pitch, heading that is not where it should be
   bool out_of_tolerance(Axis axis, double from_deg) const;
