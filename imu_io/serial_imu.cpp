@@ -77,15 +77,14 @@ std::size_t SerialImu::take_ready(std::span<ImuSample> out) {
 }
 
 Result<std::size_t> SerialImu::receive(double timeout_s) {
-  const double wait_s = std::min(timeout_s, slice_s);
   const double began_s = monotonic_s();
   const auto room = decoder_.space();
-  const auto count = port_.read(room, wait_s);
+  const auto count = port_.read(room, timeout_s);
   if (!count) return count.error();
   const double now_s = monotonic_s();
   count_line_errors(now_s);
   if (*count == 0) {
-    empty_s_ = began_s + wait_s;
+    empty_s_ = began_s + timeout_s;
     return std::size_t{0};
   }
   decoder_.added(*count, {empty_s_ * settings_.speedup, now_s * settings_.speedup});
@@ -121,7 +120,7 @@ Status SerialImu::judge_arrivals() const {
 Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) {
   if (!port_.is_open()) return device_error(settings_.device + ": read before open");
   if (out.empty()) return std::size_t{0};
-  const Deadline deadline(timeout_s / settings_.speedup);
+  const Deadline deadline(std::min(timeout_s / settings_.speedup, slice_s));
   for (;;) {
     if (const std::size_t count = take_ready(out); count > 0) {
       if (Status status = judge_arrivals(); !status) return lost(status.error().message);

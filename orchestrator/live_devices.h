@@ -35,6 +35,8 @@ class LiveDevices : public RunObserver {
   static Result<std::unique_ptr<LiveDevices>> make(const StationConfig& station, const std::atomic<int>& stop_requests,
                                                    std::ostream& out);
   StationDevices devices();  // valid as long as this object
+  // At most 20 ms, so that whoever waits finds out about a stop in time; a signal ends it earlier.
+  static void wait_a_little(double wall_s);
   Status commission_table(const AxisTriple& known_deg, double tolerance_deg) { return table_->commission(known_deg, tolerance_deg); }
 
   void on_transition(const TransitionRecord& record) override;
@@ -42,7 +44,6 @@ class LiveDevices : public RunObserver {
 
  private:
   explicit LiveDevices(const StationConfig& station);
-  void wait(double seconds) const;
 
   double speed_up_;
   LiveClock clock_;

@@ -1,7 +1,5 @@
 #include "turntable_drivers/modbus_turntable.h"
 
-#include <poll.h>
-
 #include <cmath>
 
 #include "imu_io/format_number.h"
@@ -12,6 +10,9 @@ namespace {
 constexpr double stop_ack_s = 0.025;  // three axes: within 100 ms of the request with all else
 
 std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
+
+// A pulse of the stop itself is not cut short.
+void hold(double seconds) { static_cast<void>(StopSignal().pause(seconds)); }
 
 std::string degrees(double value) { return format_number(std::round(1e4 * value) / 1e4) + " deg"; }
 
@@ -279,7 +280,7 @@ Status ModbusTurntable::write_list(Axis axis, DriveOperation operation, const Mo
   for (std::size_t i = 0; i < requests.size(); ++i) {
     const WriteStep& step = map_.list(operation)[i];
     if (step.operands.empty()) {
-      ::poll(nullptr, 0, static_cast<int>(1e3 * step.wait_s));
+      if (!stop_.pause(step.wait_s)) return Error{ErrorKind::aborted, axis_error(axis, "given up for a stop").message};
       continue;
     }
     if (Status status = link_.write(place.unit, function_for(requests[i].size()), step.address + place.address_offset, requests[i]);
@@ -368,29 +369,36 @@ Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
     enable_called_ = false;  // whoever comes back finds it not ready
     if (Status status = link_.open(); !status) return status;
   }
-  const auto send_to = [&](Axis axis, bool at_once) -> Status {
+  const auto send = [&](Axis axis, const WriteStep& step, bool at_once) -> Status {
     const MapAxis& place = map_.of(axis);
-    for (const WriteStep& step : map_.list(operation)) {
-      if (step.operands.empty()) {
-        ::poll(nullptr, 0, static_cast<int>(1e3 * step.wait_s));
-        continue;
-      }
-      const Result<std::vector<std::uint16_t>> words = words_of(step, axis, {});
-      if (!words) return words.error();
-      const int function = function_for(words->size());
-      const int address = step.address + place.address_offset;
-      Status status = at_once ? link_.write_at_once(place.unit, function, address, *words, stop_ack_s)
-                              : link_.write(place.unit, function, address, *words);
-      if (!status) return Error{status.error().kind, axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
-    }
-    return {};
+    const Result<std::vector<std::uint16_t>> words = words_of(step, axis, {});
+    if (!words) return words.error();
+    const int function = function_for(words->size());
+    const int address = step.address + place.address_offset;
+    const Status status = at_once ? link_.write_at_once(place.unit, function, address, *words, stop_ack_s)
+                                  : link_.write(place.unit, function, address, *words);
+    if (status) return {};
+    return Error{status.error().kind, axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
   };
-  std::array<bool, 3> taken{};
-  for (const Axis axis : all_axes) taken[index(axis)] = send_to(axis, true).ok();
+  // Step by step, each to every axis: what follows the first step of one axis must not keep it from the next.
+  std::array<bool, 3> taken{true, true, true};
+  for (const WriteStep& step : map_.list(operation)) {
+    if (step.operands.empty()) hold(step.wait_s);
+    for (const Axis axis : all_axes) {
+      if (step.operands.empty() || !taken[index(axis)]) continue;
+      taken[index(axis)] = send(axis, step, true).ok();
+    }
+  }
   Status first_failure;
   for (const Axis axis : all_axes) {
     if (taken[index(axis)]) continue;
-    if (Status status = send_to(axis, false); !status && first_failure.ok()) first_failure = status;
+    Status status;
+    for (const WriteStep& step : map_.list(operation)) {
+      if (!status) break;
+      status = step.operands.empty() ? Status() : send(axis, step, false);
+      if (step.operands.empty()) hold(step.wait_s);
+    }
+    if (!status && first_failure.ok()) first_failure = status;
   }
   return first_failure;
 }

@@ -320,18 +320,13 @@ Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
     lost_ = false;
   }
   const DialectSteps& steps = dialect_.of(operation);
-  const auto send_to = [&](Axis axis) -> Status {
-    Status result;
-    for (const Exchange& exchange : steps.exchanges) {
-      const Status sent = line_.send_at_once(filled(exchange.send, axis, commands_), exchange.expect, stop_ack_s);
-      if (!sent && result.ok()) result = sent;
-    }
-    return result;
-  };
+  // Sentence by sentence, each to every axis: what follows the first of one axis must not keep it from the next.
   std::array<bool, 3> taken{true, true, true};
-  for (const Axis axis : all_axes) {
-    taken[index(axis)] = send_to(axis).ok();
-    if (!steps.each_axis) break;
+  for (const Exchange& exchange : steps.exchanges) {
+    for (const Axis axis : all_axes) {
+      if (!line_.send_at_once(filled(exchange.send, axis, commands_), exchange.expect, stop_ack_s)) taken[index(axis)] = false;
+      if (!steps.each_axis) break;
+    }
   }
   Status first_failure;
   for (const Axis axis : all_axes) {

@@ -138,7 +138,7 @@ TEST(ModbusFaults, AnswersOneBehindAreNeverBelieved) {
 TEST(ModbusFaults, LateReplyOfTheSameRegisterIsNotTheNextAnswer) {
   RegisterMap map = map_of(FaultStation::map_text(false, ""));
   map.heartbeat_address.reset();  // nothing but readings of one register
-  FaultStation s(map, default_rig_config());
+  FaultStation s(map);
   s.make_ready();
   ASSERT_TRUE(s.driver.move_absolute(Axis::heading, 90.0, 10.0, 10.0).ok());
   std::atomic<int> slow{2};
@@ -347,7 +347,7 @@ TEST(ModbusFaults, SwappedWords) {
   config.table.power_on_deg = {90.0, 90.0, 90.0};  // 900000 = 0x000DBBA0, swapped -1147142131
   RegisterMap map = map_of(plain_map_text("tcp"));
   TwinStation station(map, config);
-  RegisterMap wrong = station.driver_map;
+  RegisterMap wrong = station.described;
   wrong.layout.high_word_first = false;
   ModbusTurntable driver(wrong, station.clock);
   const Status status = driver.connect();
@@ -364,13 +364,13 @@ TEST(ModbusFaults, CommissioningNamesTheOrderThatFits) {
   TwinStation station(map, config);
   const AxisTriple known{{0.1, 0.1, 0.1}};
   {
-    ModbusTurntable right(station.driver_map, station.clock);
+    ModbusTurntable right(station.described, station.clock);
     ASSERT_TRUE(right.connect().ok());
     const Status status = right.commission(known, 0.01);
     EXPECT_TRUE(status.ok()) << (status.ok() ? "" : status.error().message);
     EXPECT_FALSE(right.commission({{0.2, 0.1, 0.1}}, 0.01).ok());
   }
-  RegisterMap wrong = station.driver_map;  // 1000 = 0x03E8 reads 65536000 the other way round
+  RegisterMap wrong = station.described;  // 1000 = 0x03E8 reads 65536000 the other way round
   wrong.layout.high_word_first = false;
   wrong.plausible_deg = 10000.0;
   wrong.commissioned = false;
@@ -388,7 +388,7 @@ TEST(ModbusFaults, ZeroCannotCommission) {
   RegisterMap map = map_of(plain_map_text("tcp"));
   map.axis[2].zero_deg = 0.0;
   TwinStation station(map);
-  ModbusTurntable driver(station.driver_map, station.clock);
+  ModbusTurntable driver(station.described, station.clock);
   ASSERT_TRUE(driver.connect().ok());
   const Status status = driver.commission({}, 0.01);
   ASSERT_FALSE(status.ok());
