@@ -16,7 +16,7 @@
 namespace turncal {
 
 inline constexpr double limit_s = 0.1;  // from the request to the stop
-inline constexpr double into_the_wait_s = 0.05;
+inline constexpr double into_the_wait_s = 0.1;
 
 // The best of three: the machine may be busy, the driver may not.
 inline void expect_in_time(const std::function<double()>& once) {

@@ -61,18 +61,18 @@ std::vector<ModbusState> modbus_states() {
       {"polling", "", {}},
       {"waiting_for_a_reply", "", of_readings([](auto&, AnswerPlan& plan) { plan.pieces.clear(); })},
       {"dead_line", "", [](auto&, AnswerPlan& plan) { plan.pieces.clear(); }},
-      {"in_mid_reply", "", of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].bytes.resize(5); })},
+      {"in_mid_reply", "link.byte_timeout_s = 0.3\nlink.response_timeout_s = 0.5\n", of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].bytes.resize(5); })},
       {"waiting_for_a_late_reply", "link.response_timeout_s = 0.03\nlink.quiet_s = 0.5\n",
        of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].delay_s = 0.05; })},
       {"draining", "link.quiet_s = 2\n", of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].bytes.resize(4, 0x55); })},
-      {"chatter", "", of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].bytes.insert(plan.pieces[0].bytes.end(), 40, 0x55); })},
+      {"chatter", "link.quiet_s = 2\n", of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].bytes.insert(plan.pieces[0].bytes.end(), 40, 0x55); })},
       {"drive_busy", "", of_readings([](const ModbusRequest& request, AnswerPlan& plan) {
          const bool tcp = plan.pieces[0].bytes.size() != 5u + 2u * static_cast<unsigned>(request.count);
          plan.pieces[0].bytes = exception_reply(request, 6, tcp);
        })},
       {"slow_drive", "", [](auto&, AnswerPlan& plan) { plan.pieces[0].delay_s = 0.02; }},
       {"frame_gap", "link.gap_s = 0.05\n", {}},
-      {"write_list_with_waits", "write.move = 0x210 s32 position + u32 rate + u32 acceleration, wait 0.05, wait 0.05, wait 0.05, 0x216 u16 1\n", {}, true},
+      {"write_list_with_waits", "write.move = 0x210 s32 position + u32 rate + u32 acceleration, wait 0.05, wait 0.05, wait 0.05, wait 0.05, wait 0.05, wait 0.05, 0x216 u16 1\n", {}, true},
       {"stop_with_a_pulse", "write.stop = 0x202 u16 1, wait 0.05, 0x202 u16 0\n", {}},
   };
 }
