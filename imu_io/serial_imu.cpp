@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <sstream>
 
 #include "imu_io/deadline.h"
 #include "imu_io/format_number.h"
@@ -99,6 +101,25 @@ void SerialImu::count_line_errors(double now_s) {
     line_errors_ = {now->overrun - line_at_open_->overrun, now->framing - line_at_open_->framing,
                     now->parity - line_at_open_->parity};
   }
+}
+
+std::string SerialImu::summary() const {
+  const ImuLinkCounters link = decoder_.counters();
+  std::ostringstream text;
+  text << link.samples << " samples, " << link.lost_samples << " lost, " << link.duplicates << " duplicates, " << decoder_.strays()
+       << " strays, " << decoder_.invalid() << " flagged, " << link.bad_frames << " bad frames, " << link.resyncs << " resyncs; ";
+  if (line_at_open_) {
+    text << "line errors: " << line_errors_.overrun << " overrun, " << line_errors_.framing << " framing, " << line_errors_.parity << " parity";
+  } else {
+    text << "line errors not counted by the port";
+  }
+  const std::optional<ArrivalEstimate> arrival = fit_.estimate();
+  if (!arrival || arrival->skew_uncertainty == 0.0) return text.str();
+  char clock[160];
+  // A unit that is slow takes more of the host's time.
+  std::snprintf(clock, sizeof clock, "; the unit's clock against the host's %+.2f ppm (+- %.2f), largest arrival delay %.1f ms",
+                -1e6 * arrival->skew, 1e6 * arrival->skew_uncertainty, 1e3 * arrival->largest_delay_s);
+  return text.str() + clock;
 }
 
 Status SerialImu::judge_arrivals() const {

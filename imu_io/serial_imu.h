@@ -45,11 +45,8 @@ class SerialImu : public ImuSource {
   ImuLinkCounters counters() const override { return decoder_.counters(); }
   void close() override;
 
-  // For the log: what the link did besides counters().
-  std::optional<ArrivalEstimate> arrival() const { return fit_.estimate(); }
-  const LineErrors& line_errors() const { return line_errors_; }  // since open(); 0 where the port does not count
-  std::uint64_t strays() const { return decoder_.strays(); }
-  std::uint64_t invalid() const { return decoder_.invalid(); }
+  // For the log, in one line: what came and what did not, the line's own errors since open(), and the unit's clock against the host's.
+  std::string summary() const;
 
  private:
   std::size_t take_ready(std::span<ImuSample> out);

@@ -35,6 +35,7 @@ class LiveDevices : public RunObserver {
   static Result<std::unique_ptr<LiveDevices>> make(const StationConfig& station, const std::atomic<int>& stop_requests,
                                                    std::ostream& out);
   StationDevices devices();  // valid as long as this object
+  std::string unit_summary() const { return imu_.summary(); }
   // At most 20 ms, so that whoever waits finds out about a stop in time; a signal ends it earlier.
   static void wait_a_little(double wall_s);
   Status commission_table(const AxisTriple& known_deg, double tolerance_deg) { return table_->commission(known_deg, tolerance_deg); }

@@ -161,6 +161,7 @@ Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool
                  {&observers, &StopSignals::requests(), calibrate, &a.journal});
   running = &run;
   const RunOutcome outcome = run.run();
+  if (made.live) a.log.line("unit: " + made.live->unit_summary());
   view.clear();
   recorded = outcome.recorded_samples > 0;
   live.end(outcome.state == RunState::done ? "done: " + std::string(to_string(results.verdict.verdict)) : outcome.error.message);

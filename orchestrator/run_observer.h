@@ -10,6 +10,7 @@
 #include "calib/axis.h"
 #include "calib/recording_types.h"
 #include "orchestrator/run_state_machine.h"
+#include "turntable_drivers/table_state.h"
 
 namespace turncal {
 
@@ -26,6 +27,7 @@ struct RunSnapshot {
   double target_deg = 0.0;                // of that axis
   AxisTriple position_deg;
   AxisTriple rate_degps;
+  TableState table = TableState::not_ready;
   double phase_fraction = 0.0;  // of the move or dwell that is going on
   double run_fraction = 0.0;    // of the plan's time
   double eta_s = 0.0;           // what the plan says is left

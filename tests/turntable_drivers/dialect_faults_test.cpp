@@ -197,6 +197,29 @@ TEST(DialectFaults, StoppedMotionDoesNotResumeWithTheNextMove) {
   EXPECT_NEAR(s.driver.status(Axis::roll)->position_deg, 0.0, 1e-3);
 }
 
+TEST(DialectFaults, FiveSecondsOfSilence) {
+  TextTable s("newport_esp30x");
+  s.make_ready();
+  ASSERT_TRUE(s.driver.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  s.station.pass(2.0);
+  const Deadline silent(5.0);
+  s.station.disturb([&](const std::string&, AnswerPlan& plan) {
+    if (!silent.passed()) plan.pieces.clear();
+  });
+  const Result<AxisStatus> lost = s.driver.status(Axis::roll);
+  ASSERT_FALSE(lost.ok());
+  EXPECT_EQ(lost.error().kind, ErrorKind::device);
+  EXPECT_FALSE(silent.passed()) << "given up at its own deadline";
+  EXPECT_NE(s.driver.status(Axis::roll).error().message.find("link lost"), std::string::npos);
+  EXPECT_TRUE(s.driver.stop_all().ok()) << "but a stop goes out";
+  ::usleep(static_cast<unsigned>(1e6 * silent.left_s()));
+  s.station.pass(2.0);
+  EXPECT_EQ(s.station.fastest_axis_degps(), 0.0);
+  EXPECT_FALSE(s.driver.status(Axis::roll).ok()) << "it does not come back by itself";
+  ASSERT_TRUE(s.driver.connect().ok());
+  EXPECT_FALSE(s.driver.status(Axis::roll)->enabled);
+}
+
 TEST(DialectFaults, UnpluggedInMidMove) {
   TextTable s("three_axis_dollar");
   s.make_ready();

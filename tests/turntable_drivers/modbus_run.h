@@ -46,10 +46,10 @@ class LockedImu : public ImuSource {
 };
 
 struct ModbusRun {
-  explicit ModbusRun(const RigConfig& config = default_rig_config())
-      : station(quick_map(), config), driver(station.described, station.clock, &stop_requests), limited(driver, {}) {}
-  static RegisterMap quick_map() {
-    RegisterMap map = map_of(plain_map_text("tcp"));
+  explicit ModbusRun(const RigConfig& config = default_rig_config(), const std::string& pty_link = "")
+      : station(quick_map(pty_link.empty() ? "tcp" : "rtu"), config, pty_link), driver(station.described, station.clock, &stop_requests), limited(driver, {}) {}
+  static RegisterMap quick_map(const char* kind) {
+    RegisterMap map = map_of(plain_map_text(kind));
     map.link.response_timeout_s = 0.1;
     map.link.byte_timeout_s = 0.03;
     map.link.quiet_s = 0.05;

@@ -41,12 +41,13 @@ template <class Parts>
 class ServedTwin {
  public:
   using Description = typename Parts::Description;
-  explicit ServedTwin(const Description& description, const RigConfig& config = default_rig_config())
+  // link: of a pseudo-terminal, a name that stays the same; "": none.
+  explicit ServedTwin(const Description& description, const RigConfig& config = default_rig_config(), const std::string& link = "")
       : rig(config), mock(rig), clock(rig), twin(Parts::twin(description, mock, clock)), server(twin), described(description) {
-    const Status opened = description.link.tcp ? server.listen_tcp(0) : server.open_pty("");
+    const Status opened = description.link.tcp ? server.listen_tcp(0) : server.open_pty(link);
     EXPECT_TRUE(opened.ok()) << (opened.ok() ? "" : opened.error().message);
     EXPECT_TRUE(twin.power_on().ok());
-    described.link.address = server.address();
+    described.link.address = link.empty() ? server.address() : link;
     start();
   }
   ~ServedTwin() { stop(); }
@@ -59,6 +60,13 @@ class ServedTwin {
   void disturb(decltype(Parts::Server::disturb) how) {
     stop();
     server.disturb = std::move(how);
+    start();
+  }
+  // The adapter is back, as another device under its old name.
+  void plug_in_again() {
+    stop();
+    server.hang_up();
+    EXPECT_TRUE(server.open_pty(described.link.address).ok());
     start();
   }
   double fastest_axis_degps() {

@@ -2,6 +2,7 @@
 // does, the run ends with the table at rest and an error of the right kind, or goes through with the very plan.
 #include <gtest/gtest.h>
 
+#include "tests/imu_io/temporary_folder.h"
 #include "tests/turntable_drivers/modbus_run.h"
 
 namespace turncal {
@@ -181,6 +182,30 @@ TEST(StationFaults, LinkDropsInMidMove) {
   });
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_TRUE(s.watcher.saw(RunEvent::link_lost)) << outcome.error.message;
+  EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified)) << outcome.error.message;
+  EXPECT_LT(s.station.rig.axis(Axis::pitch).position_deg, 19.9);
+}
+
+// The same on a serial line: the adapter is pulled in mid-move, and plugged in again while the run tries to reach the table.
+TEST(StationFaults, AdapterIsPulledInMidMoveAndComesBack) {
+  const test::TemporaryFolder folder;
+  ModbusRun s(default_rig_config(), folder / "adapter");
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (request.function == 3 && s.rig_time_s() >= in_mid_move_s) plan.hang_up = true;
+  });
+  bool back = false;
+  s.watcher.on_tick = [&](const RunSnapshot& now) {
+    if (now.state != RunState::stopping || back) return;
+    back = true;
+    EXPECT_EQ(now.table, TableState::link_lost);
+    s.station.disturb(nullptr);
+    s.station.plug_in_again();
+  };
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(outcome.error.kind, ErrorKind::device);
+  EXPECT_TRUE(back);
   EXPECT_TRUE(s.watcher.saw(RunEvent::link_lost)) << outcome.error.message;
   EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified)) << outcome.error.message;
   EXPECT_LT(s.station.rig.axis(Axis::pitch).position_deg, 19.9);
