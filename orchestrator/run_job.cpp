@@ -205,6 +205,9 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
                  {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
   running = &run;
   const RunOutcome outcome = run.run();
+  for (std::size_t i = 0; made.live && i < a.units.size(); ++i) {
+    a.log.line("unit " + a.units[i].run.unit() + ": " + made.live->unit_summary(i));
+  }
   view.clear();
   take_outcome(outcome, a.sample_period_s, a.units);
   const bool done = outcome.state == RunState::done;
