@@ -11,6 +11,7 @@
 #include "orchestrator/parameter_store.h"
 #include "orchestrator/command_diagnose.h"
 #include "orchestrator/run_job.h"
+#include "orchestrator/stop_signals.h"
 #include "orchestrator/unit_queue.h"
 
 namespace turncal {
@@ -158,6 +159,9 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     if (!turn) return turn.error();
     if (turn->units.empty()) break;
     if (Status status = take_turn(options, *turn, tag, tally, context); !status) return status;
+    if (StopSignals::any()) {  // asked for when the results were being made
+      return Error{ErrorKind::interrupted, "paused behind unit " + joined(turn->units) + "; the same command goes on with the next"};
+    }
   }
   context.out << tag << "queue done: " << tally.passed << " passed, " << tally.not_passed << " not" << std::endl;
   if (tally.not_passed == 0) return {};

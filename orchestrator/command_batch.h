@@ -2,7 +2,7 @@
 // changes it.
 //
 // A unit that fails, drops out while others go on, or is not the one on the table, does not stop the next; a fault of table, link or
-// disk, and the operator, stop the batch, and the same command goes on with the units that were interrupted.
+// disk, and the operator, by a pause too, stop the batch, and the same command goes on with the units that were interrupted.
 #pragma once
 
 #include "orchestrator/command_line.h"

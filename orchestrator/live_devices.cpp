@@ -3,8 +3,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cassert>
-#include <cmath>
 
 #include "imu_io/deadline.h"
 
@@ -43,15 +43,13 @@ Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& stat
 }
 
 StationDevices LiveDevices::devices() {
-  return {table_->table(), watched_, clock_, [this](double seconds) { wait(seconds); }};
+  return {table_->table(), watched_, clock_, [this](double seconds) { wait_a_little(seconds / speed_up_); }};
 }
 
-// A signal ends it early; the run's loop then looks at why.
-void LiveDevices::wait(double seconds) const {
-  const double wall_s = seconds / speed_up_;
+void LiveDevices::wait_a_little(double wall_s) {
+  constexpr double longest_s = 0.02;
   timespec pause{};
-  pause.tv_sec = static_cast<time_t>(std::floor(wall_s));
-  pause.tv_nsec = static_cast<long>(1e9 * (wall_s - std::floor(wall_s)));
+  pause.tv_nsec = static_cast<long>(1e9 * std::clamp(wall_s, 0.0, longest_s));
   ::nanosleep(&pause, nullptr);
 }
 

@@ -38,6 +38,9 @@ class LiveDevices : public RunObserver {
                                                    std::ostream& out, std::size_t units = 1);
   StationDevices devices();  // valid as long as this object
   ImuSource& imu(std::size_t place) { return place == 0 ? static_cast<ImuSource&>(watched_) : *further_[place - 1]; }
+  std::string unit_summary(std::size_t place) const { return (place == 0 ? imu_ : *further_[place - 1]).summary(); }
+  // At most 20 ms, so that whoever waits finds out about a stop in time; a signal ends it earlier.
+  static void wait_a_little(double wall_s);
   Status commission_table(const AxisTriple& known_deg, double tolerance_deg) { return table_->commission(known_deg, tolerance_deg); }
 
   void on_transition(const TransitionRecord& record) override;
@@ -45,7 +48,6 @@ class LiveDevices : public RunObserver {
 
  private:
   LiveDevices(const StationConfig& station, std::size_t units);
-  void wait(double seconds) const;
 
   double speed_up_;
   LiveClock clock_;

@@ -72,6 +72,10 @@ void LiveView::on_transition(const TransitionRecord& record) {
   const std::lock_guard lock(mutex_);
   transitions_.push_back(format_transition(record, ""));
   if (transitions_.size() > transitions_kept) transitions_.erase(transitions_.begin());
+  if (record.event == RunEvent::pause_wanted) {
+    pause_ = record.detail;
+    return;
+  }
   const bool bad = record.to == RunState::stopping || record.to == RunState::failed || record.event == RunEvent::dwell_bad ||
                    record.event == RunEvent::motion_data_lost;
   if (bad && !record.detail.empty()) last_error_ = record.detail;
@@ -150,6 +154,7 @@ std::string LiveView::json() const {
   o.text("phase", s.dwell_kind ? (*s.dwell_kind == SegmentKind::align ? "align" : "dwell") : to_string(s.state));
   o.number("phase_fraction", s.phase_fraction);
   o.number("run_fraction", s.run_fraction);
+  o.text("table", to_string(s.table));
   o.triple("position_deg", s.position_deg);
   o.triple("rate_degps", s.rate_degps);
   o.number("eta_s", s.eta_s);
@@ -170,6 +175,7 @@ std::string LiveView::json() const {
   o.raw("temperature_c", has_temperature_ ? json_number(static_cast<double>(temperature_c_)) : "null");
   o.number("heartbeat_age_s", wall_s_() - heartbeat_s_);
   o.text("last_error", last_error_);
+  o.text("pause", pause_);
   o.text("ended", ended_);
   o.texts("transitions", transitions_);
   o.texts("results", results_);

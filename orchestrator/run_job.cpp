@@ -195,16 +195,19 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
     RunSink& sink = i == 0 ? static_cast<RunSink&>(shown) : recordings[i];
     lanes.push_back({made.imu(i), sink, a.units[i].run.unit()});
   }
-  const StopSignals signals;
+  const StopSignals signals(FirstInterrupt::pauses);
   StationRun* running = nullptr;
   const auto calibrate = [&]() -> Status {
     take_outcome(running->outcome(), a.sample_period_s, a.units);
     return calibrate_units(a.units, devices.clock.utc_s(), a.journal);
   };
   StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume}, lanes,
-                 {&observers, &StopSignals::requests(), calibrate, &a.journal});
+                 {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
   running = &run;
   const RunOutcome outcome = run.run();
+  for (std::size_t i = 0; made.live && i < a.units.size(); ++i) {
+    a.log.line("unit " + a.units[i].run.unit() + ": " + made.live->unit_summary(i));
+  }
   view.clear();
   take_outcome(outcome, a.sample_period_s, a.units);
   const bool done = outcome.state == RunState::done;
@@ -213,11 +216,15 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   if (!done) {
     a.log.line(outcome.error.message);
     const bool recorded = std::any_of(a.units.begin(), a.units.end(), [](const UnitRun& unit) { return unit.counts.recorded_s > 0.0; });
-    if (recorded) context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
     Error whole = outcome.error;
     for (UnitRun& unit : a.units) {
       if (unit.dropped) whole.message += "; " + unit.status.error().message;
       else unit.status = outcome.error;
+    }
+    if (outcome.state == RunState::interrupted) {
+      whole.message += "; go on with: turncal resume " + a.folder;
+    } else if (recorded) {
+      context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
     }
     return whole;
   }
@@ -366,8 +373,9 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   log->line(first_line(*prepared));
 
   RunEnd end = attempt({*prepared, plan, period_s, units, folder->path(), *journal, *log, std::nullopt, 1}, *devices, context);
+  const bool interrupted = !end.status && end.status.error().kind == ErrorKind::interrupted;  // there is something to go on with
   for (std::size_t i = 0; i < units.size(); ++i) {
-    if (units[i].counts.recorded_s <= 0.0) continue;
+    if (units[i].counts.recorded_s <= 0.0 && !interrupted) continue;
     folder->keep();
     if (!unit_folders.empty()) unit_folders[i].keep();
   }

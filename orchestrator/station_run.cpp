@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "imu_io/format_number.h"
+#include "orchestrator/run_log.h"
 
 namespace turncal {
 
@@ -24,6 +25,12 @@ MotionConfig patient(MotionConfig motion, bool needs_operator) {
   if (!needs_operator) return motion;
   motion.stall_s = motion.deadline_margin_s = std::numeric_limits<double>::infinity();
   return motion;
+}
+
+StopCause cause_of(RunEvent event) {
+  if (event == RunEvent::operator_stop) return StopCause::by_operator;
+  const bool interruption = event == RunEvent::pause_wanted || event == RunEvent::end_wanted;
+  return interruption ? StopCause::interruption : StopCause::error;
 }
 
 }  // namespace
@@ -56,9 +63,8 @@ RunOutcome StationRun::run() {
   started_s_ = devices_.clock.now_s();
   handle(RunEvent::start);
   while (!is_final(state_)) {
-    if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) {
-      ++stops_seen_;
-      handle(raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator"));
+    if (const MaybeEvent event = asked()) {
+      handle(*event);
       continue;
     }
     if (const MaybeEvent event = pump()) {
@@ -92,10 +98,13 @@ void StationRun::handle(RunEvent event) {
                            .repeats_left = any_living([this](const UnitLane& lane) {
                              return lane.repeats < job_.station.dwell.max_repeats;
                            }),
-                           .by_operator = by_operator_,
+                           .stop_cause = stop_cause_,
                            .abort_sent = abort_sent_};
     const Transition transition = next(state_, now, guards);
-    if (transition.outcome == Transition::Outcome::ignored) return;
+    if (transition.outcome == Transition::Outcome::ignored) {
+      detail_.clear();
+      return;
+    }
     const bool unexpected = transition.outcome == Transition::Outcome::unexpected;
     if (unexpected) {
       raise(now, ErrorKind::internal,
@@ -104,11 +113,14 @@ void StationRun::handle(RunEvent event) {
     TransitionRecord record{snapshot(), state_, now, transition.to, transition.action, unexpected, detail_};
     detail_.clear();
     // Whatever ends in a stop has an error to report, once; later reasons are consequences.
-    if (transition.to == RunState::stopping || transition.to == RunState::failed || transition.to == RunState::aborted) {
+    if (transition.to == RunState::stopping || (is_final(transition.to) && transition.to != RunState::done)) {
       if (!first_error_) {
         const std::string reason = record.detail.empty() ? std::string(to_string(now)) : record.detail;
         first_error_ = Error{raised_kind_, place() + ": " + reason};
-        by_operator_ = now == RunEvent::operator_stop;
+        stop_cause_ = cause_of(now);
+      } else if (now == RunEvent::operator_stop && stop_cause_ == StopCause::interruption) {
+        first_error_ = Error{raised_kind_, place() + ": " + record.detail};
+        stop_cause_ = StopCause::by_operator;
       } else if (transition.to == RunState::failed && now == RunEvent::deadline) {
         first_error_->message += "; THE STOP COULD NOT BE VERIFIED, the table may still move";
         first_error_->kind = ErrorKind::device;
@@ -142,7 +154,29 @@ RunEvent StationRun::raise(RunEvent event, ErrorKind kind, const std::string& re
 RunEvent StationRun::raise_table(RunEvent event, const Error& error, const std::string& before) {
   if (error.kind != ErrorKind::aborted || state_ == RunState::stopping) return raise(event, error.kind, before + error.message);
   if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) ++stops_seen_;
-  return raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator");
+  return raise_stop();
+}
+
+RunEvent StationRun::raise_stop() {
+  const int ends = hooks_.end_requests ? hooks_.end_requests->load() : 0;
+  const bool ended = ends > 0 && hooks_.stop_requests && ends >= hooks_.stop_requests->load();
+  return ended ? raise(RunEvent::end_wanted, ErrorKind::interrupted, "told to end (SIGTERM or SIGHUP)")
+               : raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator");
+}
+
+StationRun::MaybeEvent StationRun::asked() {
+  if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) {
+    ++stops_seen_;
+    return raise_stop();
+  }
+  if (!pause_asked() || pause_told_) return std::nullopt;
+  pause_told_ = true;
+  return raise(RunEvent::pause_wanted, ErrorKind::interrupted, format_pause(snapshot()));
+}
+
+RunEvent StationRun::pause() {
+  pause_told_ = true;
+  return raise(RunEvent::pause_wanted, ErrorKind::interrupted, "paused");
 }
 
 StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
@@ -194,6 +228,7 @@ StationRun::MaybeEvent StationRun::connect() {
       return event;
     }
   }
+  if (pause_asked()) return pause();
   detail_ = found;
   return RunEvent::connected;
 }
@@ -244,6 +279,7 @@ bool StationRun::stands_as_left() const {
 }
 
 StationRun::MaybeEvent StationRun::begin_rest() {
+  if (pause_asked()) return pause();
   rest_until_s_ = devices_.clock.now_s() + job_.station.resume_rest_s;
   detail_ = "rests for " + format_number(job_.station.resume_rest_s) + " s after the interruption";
   return std::nullopt;
@@ -259,6 +295,7 @@ StationRun::MaybeEvent StationRun::settle_recorded() {
 
 StationRun::MaybeEvent StationRun::select_next() {
   if (const MaybeEvent event = read_table()) return event;
+  if (pause_asked() && item_ < job_.plan.items.size()) return pause();
   const std::vector<PlannedItem>& items = job_.plan.items;
   const bool item_left = item_ < items.size() && items[item_].step_index == step_;
   if (const std::optional<Axis> axis = displaced_axis()) {

@@ -18,6 +18,9 @@
 // - On any error: stop to all axes, drives off at rest, both verified by their status; fastest stop when that fails; a lost link is tried again, for
 //   the stop only. The outcome names reason and place in one line.
 //
+// - A pause lets the item that goes on come to its end, and homing; then the table is stopped and its drives go off, both verified
+//   as above. Once everything is recorded a pause changes nothing.
+//
 // Several units ride on one table: one motion, one journal, and for each a lane (unit_lane.h) with its own recording.
 // - What befalls a unit (gone, silent, another one than asked for, its recording not writable, too slow) is that unit's alone as
 //   long as another is left: it drops out, which is journalled and told, and the others go on. The last one fails the run. What
@@ -30,7 +33,7 @@
 // - Units whose samples come a few samples apart need no care: the settle time lies between a move and a dwell. One that has
 //   fallen behind the others by more than half of it since the move began is waited for before the dwell.
 //
-// One thread; only `stop_requests` may be touched by others.
+// One thread; only the counts of StationHooks may be touched by others.
 #pragma once
 
 #include <algorithm>
@@ -73,9 +76,11 @@ struct StationJob {
 
 struct StationHooks {
   RunObserver* observer = nullptr;
-  const std::atomic<int>* stop_requests = nullptr;  // counts the operator's requests to stop
+  const std::atomic<int>* stop_requests = nullptr;  // counts the requests to stop now
   std::function<Status()> calibrate;                // after the recording is sealed; results must be durable on success
   RunJournal* journal = nullptr;
+  const std::atomic<int>* pause_requests = nullptr;  // above 0: stop at the next safe point
+  const std::atomic<int>* end_requests = nullptr;    // those of stop_requests that the operator did not make
 };
 
 struct RunOutcome {
@@ -118,6 +123,11 @@ class StationRun {
     return std::any_of(lanes_.begin(), lanes_.end(), [&](const UnitLane& lane) { return lane.alive() && holds(lane); });
   }
   std::string named(const UnitLane& lane, const std::string& text) const;  // "unit SN2: ..." where there are several
+
+  MaybeEvent asked();                                   // what is newly asked for from outside
+  RunEvent raise_stop();                                // by the operator, or from outside
+  RunEvent pause();                                     // here and now
+  bool pause_asked() const { return hooks_.pause_requests && hooks_.pause_requests->load() > 0; }
 
   void take_up(const ResumePoint& resume);
   bool at_rest() const;                                 // every axis, by the last status read
@@ -175,7 +185,8 @@ class StationRun {
   std::optional<Error> first_error_;
   std::string detail_;             // of the event to be handled next
   ErrorKind raised_kind_ = ErrorKind::internal;
-  bool by_operator_ = false;
+  StopCause stop_cause_ = StopCause::error;
+  bool pause_told_ = false;
   bool abort_sent_ = false;
   bool drives_off_sent_ = false;
   bool home_sent_ = false;

@@ -36,6 +36,7 @@ RunSnapshot StationRun::snapshot() const {
     s.step = job_.sequence.steps[step_].number;
     s.step_place = step_ + 1;
   }
+  s.table = link_down_ ? TableState::link_lost : state_of(status_, state_ == RunState::stopping || state_ == RunState::parking);
   for (Axis axis : all_axes) {
     s.position_deg[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
     s.rate_degps[axis] = status_[static_cast<std::size_t>(axis)].rate_degps;
@@ -63,6 +64,9 @@ RunSnapshot StationRun::snapshot() const {
           (s.position_deg[item.axis] - item.from_deg) / (item.to_deg - item.from_deg) + 0.0, 0.0, 1.0);
     }
     planned_s += s.phase_fraction * item.duration_s;
+    if (state_ == RunState::dwelling || (state_ == RunState::moving && item_running_)) {
+      s.item_end_utc_s = s.utc_s + (1.0 - s.phase_fraction) * item.duration_s / job_.station.clock_speed_up;
+    }
   }
   s.run_fraction = job_.plan.station_s > 0.0 ? planned_s / job_.plan.station_s : 0.0;
   s.eta_s = std::max(0.0, job_.plan.station_s - planned_s);
