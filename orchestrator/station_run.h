@@ -204,6 +204,7 @@ class StationRun {
   UnitLane* bad_lane_ = nullptr;   // whose defect repeats it; null: the table moved
 
   bool recording_ = false;
+  bool unit_awaited_ = false;      // settled, but for a unit that is behind
   bool rest_due_ = false;          // the run goes on after an interruption in which time passed
 
   TableStatus status_{};

@@ -45,7 +45,8 @@ StationRun::MaybeEvent StationRun::judge(double now_s) {
   if (event == RunEvent::settled) {
     // What the unit sent while the table still turned belongs to the move, not to the dwell that follows.
     if (const MaybeEvent late = catch_up()) return late;
-    if (recording_ && apart()) return std::nullopt;
+    unit_awaited_ = recording_ && apart();
+    if (unit_awaited_) return std::nullopt;
   }
   const char* axis = arrival_.move() ? to_string(arrival_.move()->axis) : "table";
   char text[120];
@@ -175,8 +176,7 @@ void StationRun::schedule_poll(double now_s) {
       state_ == RunState::dwelling || state_ == RunState::homing || state_ == RunState::resting;
   next_poll_s_ = now_s + (resting ? motion.poll_idle_s : motion.poll_moving_s);
   if (state_ == RunState::moving || state_ == RunState::settling) {
-    const double moment_s = arrival_.moment_of_interest_s(now_s);
-    if (moment_s > now_s) next_poll_s_ = std::min(next_poll_s_, moment_s);
+    if (!unit_awaited_) next_poll_s_ = std::min(next_poll_s_, arrival_.moment_of_interest_s(now_s));
   }
 }
 
