@@ -41,6 +41,8 @@ void add_run_command(CLI::App& app, CommandContext& context) {
   RunRequest& request = options->request;
   CLI::App* command = app.add_subcommand("run", "run a calibration: move the table, record, calibrate");
   command->add_flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
+  command->add_flag("--manual", request.manual,
+                    "the table is turned by hand, whatever the station names: an operator is told what to do (docs/tables.md)");
   command->add_option("--unit", request.unit, "serial number of the unit")->required();
   command->add_option("--out", options->folder, "folder for the results; must not hold a run yet")->required();
   command->add_option("--rig", request.rig, "rig configuration (docs/rig.md); default: the built-in one");

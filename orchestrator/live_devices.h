@@ -11,7 +11,7 @@
 #include "imu_io/clock.h"
 #include "imu_io/serial_imu.h"
 #include "orchestrator/gravity_watch.h"
-#include "orchestrator/run_observer.h"
+#include "orchestrator/operator_prompts.h"
 #include "orchestrator/station_run.h"
 #include "orchestrator/table_device.h"
 
@@ -28,7 +28,7 @@ class LiveClock : public Clock {
   double start_s_;
 };
 
-class LiveDevices : public RunObserver {
+class LiveDevices {
  public:
   // REQUIRES: station.imu. The count and the stream (prompts of a table turned by hand, whose answers are read from the terminal)
   // must outlive the devices.
@@ -37,8 +37,8 @@ class LiveDevices : public RunObserver {
   StationDevices devices();  // valid as long as this object
   Status commission_table(const AxisTriple& known_deg, double tolerance_deg) { return table_->commission(known_deg, tolerance_deg); }
 
-  void on_transition(const TransitionRecord& record) override;
-  void on_progress(const RunSnapshot&) override {}
+  // Of a table turned by hand: what its operator is told, each line with `tag`; else null. The sequence must outlive the devices.
+  RunObserver* prompts(const Sequence& sequence, const std::string& tag);
 
  private:
   explicit LiveDevices(const StationConfig& station);
@@ -49,6 +49,7 @@ class LiveDevices : public RunObserver {
   SerialImu imu_;
   GravityWatch watched_;
   std::unique_ptr<TableDevice> table_;
+  std::unique_ptr<OperatorPrompts> prompts_;
 };
 
 }  // namespace turncal

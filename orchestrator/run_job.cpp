@@ -1,5 +1,7 @@
 #include "orchestrator/run_job.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
@@ -16,6 +18,7 @@
 #include "orchestrator/output_folder.h"
 #include "orchestrator/progress.h"
 #include "orchestrator/recording_sink.h"
+#include "orchestrator/rehearsal_devices.h"
 #include "orchestrator/run_log.h"
 #include "orchestrator/results_database.h"
 #include "orchestrator/run_results.h"
@@ -104,16 +107,23 @@ struct Attempt {
   int sessions = 1;
 };
 
-// The rig in its own time, or the station's real devices.
+// The rig in its own time, the rig turned by an operator, or the station's real devices.
 struct RunDevices {
   std::unique_ptr<DryRunDevices> rig;
+  std::unique_ptr<RehearsalDevices> rehearsal;
   std::unique_ptr<LiveDevices> live;
-  StationDevices devices() { return rig ? rig->devices() : live->devices(); }
-  RunObserver* prompts() { return live.get(); }  // of a table turned by hand: says why
+  RunObserver* prompts = nullptr;  // of a table turned by hand
+  StationDevices devices() { return rig ? rig->devices() : rehearsal ? rehearsal->devices() : live->devices(); }
 };
 
 Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context) {
   RunDevices made;
+  const std::string tag(tag_of(run));
+  if (run.request.rehearsal()) {
+    made.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, run.sequence, STDIN_FILENO, context.out, tag);
+    made.prompts = &made.rehearsal->prompts();
+    return made;
+  }
   if (run.request.dry_run) {
     made.rig = std::make_unique<DryRunDevices>(run.rig);
     return made;
@@ -121,6 +131,7 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
   Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(run.station, StopSignals::requests(), context.out);
   if (!live) return live.error();
   made.live = std::move(*live);
+  made.prompts = made.live->prompts(run.sequence, tag);
   return made;
 }
 
@@ -129,7 +140,9 @@ Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool
   const StationDevices devices = made.devices();
   const std::string tag(tag_of(a.run));
   const double began_s = steady_wall_s();
-  ProgressView view(context.out, context.out_is_terminal ? context.terminal_columns : 0, tag, steady_wall_s);
+  // A line redrawn in place would run over the operator's answers.
+  const bool in_place = context.out_is_terminal && !made.prompts;
+  ProgressView view(context.out, in_place ? context.terminal_columns : 0, tag, steady_wall_s);
   LiveView live(a.run.request.unit, a.run.station.name, a.run.sequence.name, a.run.request.dry_run, last_results(a.run),
                 steady_wall_s);
   std::unique_ptr<StatusPage> page;
@@ -141,7 +154,7 @@ Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool
   }
   PaceKeeper pace(a.run.request.pace);
   std::vector<RunObserver*> told{&a.log, &view, &live, &pace};
-  if (made.prompts()) told.push_back(made.prompts());
+  if (made.prompts) told.push_back(made.prompts);
   Fanout observers(told);
   RecordingSink recording(a.folder);
   LiveSink sink(recording, live);
@@ -167,7 +180,7 @@ Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool
   if (page) page->say_goodbye();
   if (outcome.state != RunState::done) {
     a.log.line(outcome.error.message);
-    if (recorded) context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
+    if (recorded || outcome.error.kind == ErrorKind::interrupted) context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
     return outcome.error;
   }
   if (!a.log.status()) return a.log.status();
@@ -278,7 +291,7 @@ Status begin_run(const RunRequest& request, const std::string& folder_path, Comm
   bool recorded = false;
   const Status status = attempt({*prepared, plan, period_s, folder->path(), *journal, *log, std::nullopt, 1}, *devices,
                                 context, recorded);
-  if (recorded) folder->keep();
+  if (recorded || (!status && status.error().kind == ErrorKind::interrupted)) folder->keep();
   return told(*prepared, folder->path(), &*log, status);
 }
 
@@ -309,9 +322,12 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   std::string what = "no dwell was complete: begins anew";
   if (contents->last_dwell) {
     if (contents->last_dwell->item >= plan.items.size()) return input_error(path + ": names an item that the plan has not");
-    resume = ResumePoint{*contents->last_dwell, prepared->request.dry_run};
+    resume = ResumePoint{*contents->last_dwell, devices->rig != nullptr};
     if (devices->rig) {
       if (Status status = devices->rig->put_back(contents->commands, contents->last_dwell->time_s); !status) return status;
+    }
+    if (devices->rehearsal) {
+      if (Status status = devices->rehearsal->pass_until(contents->last_dwell->time_s); !status) return status;
     }
     what = "goes on behind item " + std::to_string(contents->last_dwell->item + 1) + " of " +
            std::to_string(plan.items.size());

@@ -29,6 +29,7 @@ struct RunSnapshot {
   double phase_fraction = 0.0;  // of the move or dwell that is going on
   double run_fraction = 0.0;    // of the plan's time
   double eta_s = 0.0;           // what the plan says is left
+  std::size_t moves_left = 0;   // of the plan, the one going on included
   int repeats = 0;              // of the present dwell
   std::uint64_t lost_samples = 0;
 };

@@ -1,5 +1,6 @@
 #include "orchestrator/run_request.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <tuple>
 #include <utility>
@@ -57,6 +58,13 @@ Status check_live(const PreparedRun& run) {
   return check_real_devices(run.station);
 }
 
+// What the operator may type has to count as arrived.
+void turn_by_hand(StationConfig& station) {
+  station.table.driver = TableDriver::manual;
+  station.motion.position_tolerance_deg =
+      std::max(station.motion.position_tolerance_deg, 1.1 * station.table.manual.tolerance_deg);
+}
+
 Status prepare_rig(PreparedRun& run) {
   RunRequest& wanted = run.request;
   const std::string rig_given = wanted.rig.empty() ? run.station.rig_file : wanted.rig;
@@ -104,6 +112,7 @@ Result<PreparedRun> prepare(const RunRequest& request) {
   Result<StationConfig> station = station_from(wanted.station, *station_text, request.station);
   if (!station) return station.error();
   run.station = std::move(*station);
+  if (wanted.manual) turn_by_hand(run.station);
   run.station_hash = hash_of_text(*station_text);
 
   if (wanted.dry_run) {
@@ -128,6 +137,7 @@ JournalFields begin_fields(const PreparedRun& run) {
           {"software_version", software_version()},
           {"simulated", run.simulated() ? "true" : "false"},
           {"live", request.dry_run ? "" : "true"},
+          {"manual", request.manual ? "true" : ""},
           {"capture_only", request.capture_only ? "true" : "false"},
           {"unit", request.unit},
           {"station", request.station},
@@ -146,6 +156,7 @@ JournalFields begin_fields(const PreparedRun& run) {
 RunRequest request_of(const JournalContents& journal) {
   RunRequest request;
   request.dry_run = journal.begin_value("live") != "true";
+  request.manual = journal.begin_value("manual") == "true";
   request.capture_only = journal.begin_value("capture_only") == "true";
   request.unit = journal.begin_value("unit");
   request.station = journal.begin_value("station");

@@ -135,7 +135,9 @@ RunEvent StationRun::raise(RunEvent event, ErrorKind kind, const std::string& re
 }
 
 RunEvent StationRun::raise_table(RunEvent event, const Error& error, const std::string& before) {
-  if (error.kind != ErrorKind::aborted || state_ == RunState::stopping) return raise(event, error.kind, before + error.message);
+  if (state_ == RunState::stopping) return raise(event, error.kind, before + error.message);
+  if (error.kind == ErrorKind::interrupted) return raise(RunEvent::operator_stop, error.kind, error.message);
+  if (error.kind != ErrorKind::aborted) return raise(event, error.kind, before + error.message);
   if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) ++stops_seen_;
   return raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator");
 }
@@ -468,6 +470,9 @@ RunSnapshot StationRun::snapshot() const {
   }
   s.run_fraction = job_.plan.station_s > 0.0 ? planned_s / job_.plan.station_s : 0.0;
   s.eta_s = std::max(0.0, job_.plan.station_s - planned_s);
+  s.moves_left = static_cast<std::size_t>(
+      std::count_if(job_.plan.items.begin() + static_cast<std::ptrdiff_t>(std::min(item_, job_.plan.items.size())), job_.plan.items.end(),
+                    [](const PlannedItem& item) { return item.kind == SequenceItem::Kind::move; }));
   return s;
 }
 
