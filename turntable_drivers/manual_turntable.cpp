@@ -76,7 +76,8 @@ void ManualTurntable::ask() {
   const Wanted& now = queue_.front();
   const Hand& hand = hands_[index(now.axis)];
   asked_s_ = patience_s();
-  std::string text = reason_.empty() ? "" : "\n" + reason_ + "\n";
+  std::string text = reason_.empty() || reason_told_ ? "" : "\n" + reason_ + "\n";
+  reason_told_ = true;
   if (now.homing) {
     text += std::string("Where does ") + to_string(now.axis) + " stand? Turn it to 0 deg, or leave it; then type the angle that it shows";
   } else {
@@ -162,7 +163,7 @@ void ManualTurntable::answer(const std::string& line) {
   } else if (is("pause")) {
     pause(queue_.empty() ? "Paused: what is under way goes on, the next turn waits." : "Paused.");
   } else if (is("continue")) {
-    paused_ = false;
+    paused_ = reason_told_ = false;
     ask();
   } else if (is("help")) {
     say("An angle in degrees: the axis asked for stands there, read off its dial, within " + shown(settings_.tolerance_deg) +
@@ -170,6 +171,7 @@ void ManualTurntable::answer(const std::string& line) {
         "pause: the table stays as it is until continue.  leave: the run ends here, to be resumed another day.\nabort: the run ends.");
     if (rig_) say("turn AXIS ANGLE: turns any axis, answers nothing.  say ANGLE: answers, turns nothing.");
   } else if (is("repeat")) {
+    reason_told_ = false;
     ask();
   } else if (queue_.empty()) {
     say("Nothing is asked for just now.");

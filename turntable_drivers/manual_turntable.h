@@ -41,7 +41,8 @@ namespace turncal {
 
 struct ManualSettings {
   double tolerance_deg = 0.1;
-  double gravity_tolerance_deg = 2.0;
+  // A unit not calibrated yet: scale factors 8 % apart turn gravity by 2.2 deg at 45 deg, and not at all at a quarter turn.
+  double gravity_tolerance_deg = 5.0;
   double answer_timeout_s = 600.0;
   double pause_limit_s = 3600.0;
 };
@@ -67,8 +68,11 @@ class ManualTurntable : public Turntable {
   Result<AxisStatus> status(Axis axis) override;
   bool needs_operator() const override { return true; }
 
-  // Why, and how far the run is, for the questions from now on: a line above them.
-  void set_reason(const std::string& reason) { reason_ = reason; }
+  // Why, and how far the run is, for the questions from now on: a line above the first.
+  void set_reason(const std::string& reason) {
+    reason_ = reason;
+    reason_told_ = false;
+  }
   struct Wanted {
     Axis axis = Axis::heading;
     double target_deg = 0.0;
@@ -115,6 +119,7 @@ class ManualTurntable : public Turntable {
   Rig* rig_ = nullptr;
   std::string tag_;
   std::string reason_;
+  bool reason_told_ = false;
   std::string typed_;  // lines not taken yet, and the one that is not complete
   std::deque<Wanted> queue_;
   std::optional<Answer> answered_;  // to the first of the queue
