@@ -10,6 +10,7 @@
 #include "orchestrator/parameter_store.h"
 #include "orchestrator/command_diagnose.h"
 #include "orchestrator/run_job.h"
+#include "orchestrator/stop_signals.h"
 #include "orchestrator/unit_queue.h"
 
 namespace turncal {
@@ -75,6 +76,9 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     diagnose_run(folder, run, context);
     context.out << tag << "unit " << *unit << ": " << *outcome << (run ? "" : ": " + run.error().message) << std::endl;
     ++(run ? passed : not_passed);
+    if (StopSignals::any()) {  // asked for when the unit's results were being made
+      return Error{ErrorKind::interrupted, "paused behind unit " + *unit + "; the same command goes on with the next"};
+    }
   }
   context.out << tag << "queue done: " << passed << " passed, " << not_passed << " not" << std::endl;
   if (not_passed == 0) return {};

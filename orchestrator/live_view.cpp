@@ -72,6 +72,10 @@ void LiveView::on_transition(const TransitionRecord& record) {
   const std::lock_guard lock(mutex_);
   transitions_.push_back(format_transition(record, ""));
   if (transitions_.size() > transitions_kept) transitions_.erase(transitions_.begin());
+  if (record.event == RunEvent::pause_wanted) {
+    pause_ = record.detail;
+    return;
+  }
   const bool bad = record.to == RunState::stopping || record.to == RunState::failed || record.event == RunEvent::dwell_bad ||
                    record.event == RunEvent::motion_data_lost;
   if (bad && !record.detail.empty()) last_error_ = record.detail;
@@ -155,6 +159,7 @@ std::string LiveView::json() const {
   o.raw("temperature_c", has_temperature_ ? json_number(static_cast<double>(temperature_c_)) : "null");
   o.number("heartbeat_age_s", wall_s_() - heartbeat_s_);
   o.text("last_error", last_error_);
+  o.text("pause", pause_);
   o.text("ended", ended_);
   o.texts("transitions", transitions_);
   o.texts("results", results_);

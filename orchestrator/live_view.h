@@ -41,7 +41,7 @@ class LiveView : public RunObserver {
   std::function<double()> wall_s_;
   double heartbeat_s_ = 0.0;
   RunSnapshot snapshot_;
-  std::string last_error_, ended_;
+  std::string last_error_, pause_, ended_;
   std::vector<std::string> transitions_;  // the newest last
   std::array<double, 6> per_count_{};     // of a sum over one second
   std::size_t second_samples_ = 200;

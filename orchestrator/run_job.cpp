@@ -135,8 +135,8 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
   return made;
 }
 
-// One attempt with the devices, up to the verdict. Returns whether anything was recorded in *recorded.
-Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool& recorded) {
+// One attempt with the devices, up to the verdict. `keep`: there is something to go on with.
+Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool& keep) {
   const StationDevices devices = made.devices();
   const std::string tag(tag_of(a.run));
   const double began_s = steady_wall_s();
@@ -159,7 +159,7 @@ Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool
   RecordingSink recording(a.folder);
   LiveSink sink(recording, live);
   RunResults results;
-  const StopSignals signals;
+  const StopSignals signals(FirstInterrupt::pauses);
   RunCounts counts;
   counts.sessions = a.sessions;
   StationRun* running = nullptr;
@@ -171,16 +171,19 @@ Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool
     return write_results(a.run, a.folder, devices.clock.utc_s(), counts, a.journal, results);
   };
   StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.run.request.unit, a.resume}, sink,
-                 {&observers, &StopSignals::requests(), calibrate, &a.journal});
+                 {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
   running = &run;
   const RunOutcome outcome = run.run();
   view.clear();
-  recorded = outcome.recorded_samples > 0;
+  keep = outcome.recorded_samples > 0 || outcome.state == RunState::interrupted;
   live.end(outcome.state == RunState::done ? "done: " + std::string(to_string(results.verdict.verdict)) : outcome.error.message);
   if (page) page->say_goodbye();
   if (outcome.state != RunState::done) {
     a.log.line(outcome.error.message);
-    if (recorded || outcome.error.kind == ErrorKind::interrupted) context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
+    if (outcome.state == RunState::interrupted) {
+      return Error{outcome.error.kind, outcome.error.message + "; go on with: turncal resume " + a.folder};
+    }
+    if (keep) context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
     return outcome.error;
   }
   if (!a.log.status()) return a.log.status();
@@ -270,8 +273,10 @@ Result<RunRequest> request_again(const JournalContents& contents, const RunReque
 }  // namespace
 
 Status begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
+  if (request.dry_run) context.tag = dry_run_tag;
   Result<PreparedRun> prepared = prepare(request);
   if (!prepared) return prepared.error();
+  context.tag = tag_of(*prepared);
   const double period_s = prepared->sample_period_s();
   const Plan plan = plan_of(*prepared, period_s);
   if (Status status = check_plan(plan); !status) return status;
@@ -288,10 +293,10 @@ Status begin_run(const RunRequest& request, const std::string& folder_path, Comm
   if (!log) return log.error();
   log->line(first_line(*prepared));
 
-  bool recorded = false;
+  bool keep = false;
   const Status status = attempt({*prepared, plan, period_s, folder->path(), *journal, *log, std::nullopt, 1}, *devices,
-                                context, recorded);
-  if (recorded || (!status && status.error().kind == ErrorKind::interrupted)) folder->keep();
+                                context, keep);
+  if (keep) folder->keep();
   return told(*prepared, folder->path(), &*log, status);
 }
 
@@ -302,11 +307,13 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   if (!journal) return journal.error();
   const Result<JournalContents> contents = read_journal(path);
   if (!contents) return contents.error();
+  if (contents->begin_value("live") != "true") context.tag = dry_run_tag;
   if (!contents->verdict.empty()) return say_complete(*contents, folder, context.out);
   const Result<RunRequest> request = request_again(*contents, now);
   if (!request) return request.error();
   Result<PreparedRun> prepared = prepare(*request);
   if (!prepared) return prepared.error();
+  context.tag = tag_of(*prepared);
   if (Status status = check_unchanged(*prepared, *contents); !status) return status;
 
   const Result<bool> sealed = sealed_recording(folder);
@@ -342,10 +349,10 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   Result<RunLog> log = RunLog::append(folder + "/" + log_name, std::string(tag_of(*prepared)));
   if (!log) return log.error();
   log->line("resumed by turncal " + std::string(software_version()) + ": " + what);
-  bool recorded = false;
+  bool keep = false;
   return told(*prepared, folder, &*log,
               attempt({*prepared, plan, period_s, folder, *journal, *log, resume, contents->sessions + 1}, *devices, context,
-                      recorded));
+                      keep));
 }
 
 }  // namespace turncal

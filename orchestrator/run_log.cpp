@@ -30,6 +30,21 @@ std::string format_transition(const TransitionRecord& record, std::string_view t
   return text;
 }
 
+std::string format_pause(const RunSnapshot& at) {
+  std::string when;
+  switch (at.state) {
+    case RunState::homing: when = "after homing"; break;
+    case RunState::moving: when = "after this move"; break;
+    case RunState::settling: when = "after settling"; break;
+    case RunState::dwelling: when = "after this dwell"; break;
+    case RunState::parking:
+    case RunState::calibrating: return "pause asked for: everything is recorded, the run finishes";
+    default: return "paused";
+  }
+  if (at.item_end_utc_s > 0.0) when += ", at " + format_utc(at.item_end_utc_s).substr(11);
+  return "pause asked for: " + when + "; Ctrl-C again stops now";
+}
+
 Result<RunLog> RunLog::create(const std::string& path, std::string tag) {
   Result<PosixFile> file = PosixFile::create_new(path);
   if (!file) return file.error();

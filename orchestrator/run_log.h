@@ -17,6 +17,9 @@ namespace turncal {
 // Without the line break. `tag` stands in front ("[dry run] "), so that no line of a simulation passes for a real one.
 std::string format_transition(const TransitionRecord& record, std::string_view tag);
 
+// What a pause that was asked for waits for: "pause asked for: after this dwell, at 23:41:07Z; Ctrl-C again stops now".
+std::string format_pause(const RunSnapshot& at);
+
 class RunLog : public RunObserver {
  public:
   // The file must not exist. Every line is handed to the system at once.

@@ -27,6 +27,7 @@ struct RunSnapshot {
   AxisTriple position_deg;
   AxisTriple rate_degps;
   double phase_fraction = 0.0;  // of the move or dwell that is going on
+  double item_end_utc_s = 0.0;  // when that move or dwell will be over; 0: not known
   double run_fraction = 0.0;    // of the plan's time
   double eta_s = 0.0;           // what the plan says is left
   std::size_t moves_left = 0;   // of the plan, the one going on included

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "imu_io/format_number.h"
+#include "orchestrator/run_log.h"
 
 namespace turncal {
 
@@ -25,6 +26,12 @@ MotionConfig patient(MotionConfig motion, bool needs_operator) {
   if (!needs_operator) return motion;
   motion.stall_s = motion.deadline_margin_s = std::numeric_limits<double>::infinity();
   return motion;
+}
+
+StopCause cause_of(RunEvent event) {
+  if (event == RunEvent::operator_stop) return StopCause::by_operator;
+  const bool interruption = event == RunEvent::pause_wanted || event == RunEvent::end_wanted;
+  return interruption ? StopCause::interruption : StopCause::error;
 }
 
 }  // namespace
@@ -61,9 +68,8 @@ RunOutcome StationRun::run() {
   started_s_ = devices_.clock.now_s();
   handle(RunEvent::start);
   while (!is_final(state_)) {
-    if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) {
-      ++stops_seen_;
-      handle(raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator"));
+    if (const MaybeEvent event = asked()) {
+      handle(*event);
       continue;
     }
     if (const MaybeEvent event = pump()) {
@@ -85,10 +91,13 @@ void StationRun::handle(RunEvent event) {
     const RunEvent now = *pending;
     const RunGuards guards{.rest_due = gap_due_,
                            .repeats_left = repeats_ < job_.station.dwell.max_repeats,
-                           .by_operator = by_operator_,
+                           .stop_cause = stop_cause_,
                            .abort_sent = abort_sent_};
     const Transition transition = next(state_, now, guards);
-    if (transition.outcome == Transition::Outcome::ignored) return;
+    if (transition.outcome == Transition::Outcome::ignored) {
+      detail_.clear();
+      return;
+    }
     const bool unexpected = transition.outcome == Transition::Outcome::unexpected;
     if (unexpected) {
       raise(now, ErrorKind::internal,
@@ -97,11 +106,14 @@ void StationRun::handle(RunEvent event) {
     TransitionRecord record{snapshot(), state_, now, transition.to, transition.action, unexpected, detail_};
     detail_.clear();
     // Whatever ends in a stop has an error to report, once; later reasons are consequences.
-    if (transition.to == RunState::stopping || transition.to == RunState::failed || transition.to == RunState::aborted) {
+    if (transition.to == RunState::stopping || (is_final(transition.to) && transition.to != RunState::done)) {
       if (!first_error_) {
         const std::string reason = record.detail.empty() ? std::string(to_string(now)) : record.detail;
         first_error_ = Error{raised_kind_, place() + ": " + reason};
-        by_operator_ = now == RunEvent::operator_stop;
+        stop_cause_ = cause_of(now);
+      } else if (now == RunEvent::operator_stop && stop_cause_ == StopCause::interruption) {
+        first_error_ = Error{raised_kind_, place() + ": " + record.detail};
+        stop_cause_ = StopCause::by_operator;
       } else if (transition.to == RunState::failed && now == RunEvent::deadline) {
         first_error_->message += "; THE STOP COULD NOT BE VERIFIED, the table may still move";
         first_error_->kind = ErrorKind::device;
@@ -136,10 +148,36 @@ RunEvent StationRun::raise(RunEvent event, ErrorKind kind, const std::string& re
 
 RunEvent StationRun::raise_table(RunEvent event, const Error& error, const std::string& before) {
   if (state_ == RunState::stopping) return raise(event, error.kind, before + error.message);
-  if (error.kind == ErrorKind::interrupted) return raise(RunEvent::operator_stop, error.kind, error.message);
+  if (error.kind == ErrorKind::interrupted) return raise(RunEvent::end_wanted, error.kind, error.message);
   if (error.kind != ErrorKind::aborted) return raise(event, error.kind, before + error.message);
   if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) ++stops_seen_;
-  return raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator");
+  return raise_stop();
+}
+
+RunEvent StationRun::raise_stop() {
+  const int ends = hooks_.end_requests ? hooks_.end_requests->load() : 0;
+  const bool ended = ends > 0 && hooks_.stop_requests && ends >= hooks_.stop_requests->load();
+  return ended ? raise(RunEvent::end_wanted, ErrorKind::interrupted, "told to end (SIGTERM or SIGHUP)")
+               : raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator");
+}
+
+StationRun::MaybeEvent StationRun::asked() {
+  if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) {
+    ++stops_seen_;
+    return raise_stop();
+  }
+  if (!pause_asked() || pause_told_) return std::nullopt;
+  pause_told_ = true;
+  // A table turned by hand stands when nobody turns it: who pauses while asked for a turn need not make it.
+  if (devices_.table.needs_operator() && (state_ == RunState::homing || state_ == RunState::moving)) {
+    return raise(RunEvent::end_wanted, ErrorKind::interrupted, "paused");
+  }
+  return raise(RunEvent::pause_wanted, ErrorKind::interrupted, format_pause(snapshot()));
+}
+
+RunEvent StationRun::pause() {
+  pause_told_ = true;
+  return raise(RunEvent::pause_wanted, ErrorKind::interrupted, "paused");
 }
 
 StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
@@ -197,6 +235,7 @@ StationRun::MaybeEvent StationRun::connect() {
   const Status begun = job_.resume ? sink_.resume(info_, next_sample_) : sink_.start(info_);
   if (!begun) return failed(begun.error());
   last_sample_s_ = devices_.clock.now_s();
+  if (pause_asked()) return pause();
   detail_ = table->description + "; " + imu->description;
   return RunEvent::connected;
 }
@@ -246,6 +285,7 @@ bool StationRun::stands_as_left() const {
 }
 
 StationRun::MaybeEvent StationRun::begin_rest() {
+  if (pause_asked()) return pause();
   rest_until_s_ = devices_.clock.now_s() + job_.station.resume_rest_s;
   detail_ = "rests for " + format_number(job_.station.resume_rest_s) + " s after the interruption";
   return std::nullopt;
@@ -260,6 +300,7 @@ StationRun::MaybeEvent StationRun::settle_recorded() {
 
 StationRun::MaybeEvent StationRun::select_next() {
   if (const MaybeEvent event = read_table()) return event;
+  if (pause_asked() && item_ < job_.plan.items.size()) return pause();
   const std::vector<PlannedItem>& items = job_.plan.items;
   const bool item_left = item_ < items.size() && items[item_].step_index == step_;
   if (const std::optional<Axis> axis = displaced_axis()) {
@@ -467,6 +508,9 @@ RunSnapshot StationRun::snapshot() const {
           (s.position_deg[item.axis] - item.from_deg) / (item.to_deg - item.from_deg) + 0.0, 0.0, 1.0);
     }
     planned_s += s.phase_fraction * item.duration_s;
+    if (state_ == RunState::dwelling || (state_ == RunState::moving && item_running_)) {
+      s.item_end_utc_s = s.utc_s + (1.0 - s.phase_fraction) * item.duration_s / job_.station.clock_speed_up;
+    }
   }
   s.run_fraction = job_.plan.station_s > 0.0 ? planned_s / job_.plan.station_s : 0.0;
   s.eta_s = std::max(0.0, job_.plan.station_s - planned_s);

@@ -18,7 +18,10 @@
 // - On any error: stop to all axes, drives off at rest, both verified by their status; fastest stop when that fails; a lost link is tried again, for
 //   the stop only. The outcome names reason and place in one line.
 //
-// Not here: pausing, resuming, several units on one table. One thread; only `stop_requests` may be touched by others.
+// - A pause lets the item that goes on come to its end, and homing; then the table is stopped and its drives go off, both verified
+//   as above. Once everything is recorded a pause changes nothing.
+//
+// Not here: several units on one table. One thread; only the counts of StationHooks may be touched by others.
 #pragma once
 
 #include <atomic>
@@ -63,9 +66,11 @@ struct StationJob {
 
 struct StationHooks {
   RunObserver* observer = nullptr;
-  const std::atomic<int>* stop_requests = nullptr;  // counts the operator's requests to stop
+  const std::atomic<int>* stop_requests = nullptr;  // counts the requests to stop now
   std::function<Status()> calibrate;                // after the recording is sealed; results must be durable on success
   RunJournal* journal = nullptr;
+  const std::atomic<int>* pause_requests = nullptr;  // above 0: stop at the next safe point
+  const std::atomic<int>* end_requests = nullptr;    // those of stop_requests that the operator did not make
 };
 
 struct RunOutcome {
@@ -93,6 +98,11 @@ class StationRun {
   RunEvent raise(RunEvent event, ErrorKind kind, const std::string& reason);
   // The table refused or failed. A driver that gave up because the operator asked for it, or is gone, is no fault of the table.
   RunEvent raise_table(RunEvent event, const Error& error, const std::string& before = "");
+
+  MaybeEvent asked();                                   // what is newly asked for from outside
+  RunEvent raise_stop();                                // by the operator, or from outside
+  RunEvent pause();                                     // here and now
+  bool pause_asked() const { return hooks_.pause_requests && hooks_.pause_requests->load() > 0; }
 
   void take_up(const ResumePoint& resume);
   bool at_rest() const;                                 // every axis, by the last status read
@@ -146,7 +156,8 @@ class StationRun {
   std::optional<Error> first_error_;
   std::string detail_;             // of the event to be handled next
   ErrorKind raised_kind_ = ErrorKind::internal;
-  bool by_operator_ = false;
+  StopCause stop_cause_ = StopCause::error;
+  bool pause_told_ = false;
   bool abort_sent_ = false;
   bool drives_off_sent_ = false;
   bool home_sent_ = false;

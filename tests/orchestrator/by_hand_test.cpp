@@ -128,7 +128,8 @@ TEST_F(ByHand, EndOfInputAtEveryQuestionIsResumedToTheEnd) {
     });
     EXPECT_EQ(session.code, 75) << at << session.err << session.out;
     EXPECT_NE(session.err.find("end of input"), std::string::npos) << session.err;
-    EXPECT_NE(session.out.find("go on with: turncal resume r"), std::string::npos) << session.out;
+    expect_tagged(session.out + session.err);
+    EXPECT_NE(session.err.find("go on with: turncal resume r"), std::string::npos) << session.err;
     expect_resumed_to_the_end();
     fs::remove_all(folder_ / "r");
   }
@@ -159,6 +160,22 @@ TEST_F(ByHand, PauseAndLeaveAndGoOnAnotherDay) {
   EXPECT_NE(resumed.out.find("Turn pitch from 30 to 90 deg"), std::string::npos) << "back to where the last dwell stood";
   EXPECT_GT(dwells_done(), done);
   expect_tagged(resumed.out);
+}
+
+// Nothing turns by itself, so a pause does not wait for the turn.
+TEST_F(ByHand, InterruptAtAQuestionEndsItThere) {
+  for (const int at : {1, 4}) {
+    Careful careful;
+    const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
+      auto reply = careful(line);
+      if (careful.asked != at || !reply) return reply;
+      ::kill(pid_, SIGINT);
+      return {};
+    });
+    EXPECT_EQ(session.code, 75) << session.out;
+    expect_resumed_to_the_end();
+    fs::remove_all(folder_ / "r");
+  }
 }
 
 TEST_F(ByHand, SkipEndsWithItsReasonAndAbortAborts) {

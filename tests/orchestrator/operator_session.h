@@ -19,6 +19,7 @@ class OperatedProgram : public Program {
   };
   // What to type after a line was read; `hang_up` closes the input.
   using Operator = std::function<std::optional<std::string>(const std::string& line)>;
+  mutable pid_t pid_ = -1;  // of the program that is operated
   static inline const std::string hang_up = "\x04";
 
   Session operate(const std::vector<std::string>& arguments, const Operator& answer, double seconds = 120.0) const {
@@ -38,6 +39,7 @@ class OperatedProgram : public Program {
       ::execv(TURNCAL_BINARY, argv.data());
       ::_exit(98);
     }
+    pid_ = pid;
     ::close(in[0]);
     ::close(out[1]);
     Session session;

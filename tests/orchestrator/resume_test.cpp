@@ -272,7 +272,7 @@ TEST_F(Resume, AStoppedRunGoesOn) {
   }
   ::kill(pid, SIGINT);
   const ProgramResult first = finish(pid);
-  ASSERT_EQ(first.code, 30) << first.err;
+  ASSERT_EQ(first.code, 75) << first.err;
   expect_same_end("stopped", station, first);
 }
 
