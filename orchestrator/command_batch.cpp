@@ -1,5 +1,7 @@
 #include "orchestrator/command_batch.h"
 
+#include <unistd.h>
+
 #include <chrono>
 #include <memory>
 
@@ -7,9 +9,11 @@
 #include "imu_io/posix_file.h"
 #include "imu_io/recording_writer.h"
 #include "orchestrator/command_run.h"
+#include "orchestrator/mounting.h"
 #include "orchestrator/parameter_store.h"
 #include "orchestrator/command_diagnose.h"
 #include "orchestrator/run_job.h"
+#include "orchestrator/run_results.h"
 #include "orchestrator/stop_signals.h"
 #include "orchestrator/unit_queue.h"
 
@@ -49,9 +53,11 @@ Result<std::string> outcome_of(const Status& run) {
 }
 
 Status run_batch(const BatchOptions& options, CommandContext& context) {
+  if (options.request.dry_run) context.tag = dry_run_tag;
   RunRequest check = options.request;
   check.unit = "X";
-  if (const Result<PreparedRun> prepared = prepare(check); !prepared) return prepared.error();
+  const Result<PreparedRun> prepared = prepare(check);
+  if (!prepared) return prepared.error();
   const std::string tag = options.request.dry_run ? "[dry run] [batch] " : "[batch] ";
   int passed = 0, not_passed = 0;
   for (;;) {
@@ -63,6 +69,16 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     if (!unit) break;
     const std::string folder = folder_for(options.out, *unit, find_outcome(*outcomes, *unit));
     context.out << tag << "unit " << *unit << " in " << folder << std::endl;
+    if (!options.request.dry_run) {
+      const Result<Mounted> mounted = mount_unit(prepared->station, *unit, folder, STDIN_FILENO, context.out, tag);
+      if (!mounted) return mounted.error();
+      if (mounted->skipped) {
+        if (Status status = record_outcome(options.queue, {*unit, "skipped", now_utc(), *mounted->skipped}); !status) return status;
+        context.out << tag << "unit " << *unit << ": skipped: " << *mounted->skipped << std::endl;
+        ++not_passed;
+        continue;
+      }
+    }
     RunRequest request = options.request;
     request.unit = *unit;
     RunRequest resumed;
@@ -102,7 +118,7 @@ Status show_queue(const QueueOptions& options, std::ostream& out) {
   if (!outcomes) return outcomes.error();
   for (const std::string& unit : *queue) {
     const UnitOutcome* outcome = find_outcome(*outcomes, unit);
-    out << unit << "  " << (outcome ? outcome->outcome + " " + outcome->time_utc : "waits") << '\n';
+    out << unit << "  " << (outcome ? outcome->outcome + " " + outcome->time_utc : "waits") << (outcome && !outcome->reason.empty() ? ": " + outcome->reason : "") << '\n';
   }
   return {};
 }

@@ -206,6 +206,8 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   station.hooks.done = file.text_or("hook.done", "");
   station.hooks.fail = file.text_or("hook.fail", "");
   station.hooks.needs_operator = file.text_or("hook.needs_operator", "");
+  station.hooks.mount = file.text_or("hook.mount", "");
+  station.hooks.mount_time_s = file.number_or("hook.mount_time_s", station.hooks.mount_time_s, between(1.0, 86400.0));
   station.table_id = file.text_or("table.id", "");
   station.table_calibration_due = file.text_or("table.calibration_due", "");
   if (!station.table_calibration_due.empty() && !is_date(station.table_calibration_due)) {
