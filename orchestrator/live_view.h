@@ -1,4 +1,4 @@
-// What the status page shows of a run: the newest snapshot, the running dwell second by second, the last transitions and how it
+// What the status page shows of a run: the newest snapshot, every unit's state, the running dwell (of the first unit) second by second, the last transitions and how it
 // ended. Fed by the run's thread, read by the page's: every member is behind one lock, held for microseconds.
 #pragma once
 
@@ -21,6 +21,7 @@ class LiveView : public RunObserver {
            std::function<double()> wall_s);
 
   void on_transition(const TransitionRecord& record) override;
+  void on_dropout(const Dropout& dropout) override;
   void on_progress(const RunSnapshot& snapshot) override;
   void begin(const RecordingInfo& info);
   void begin_segment(SegmentKind kind);

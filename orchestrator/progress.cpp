@@ -62,6 +62,11 @@ void ProgressView::on_transition(const TransitionRecord& record) {
   }
 }
 
+void ProgressView::on_dropout(const Dropout& dropout) {
+  clear();
+  out_ << format_dropout(dropout, tag_) << std::endl;
+}
+
 void ProgressView::on_progress(const RunSnapshot& snapshot) {
   if (columns_ == 0) return;
   const double now_s = wall_s_();

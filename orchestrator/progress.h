@@ -20,6 +20,7 @@ class ProgressView : public RunObserver {
   ProgressView(std::ostream& out, int columns, std::string tag, std::function<double()> wall_s);
   ~ProgressView() override { clear(); }
   void on_transition(const TransitionRecord& record) override;
+  void on_dropout(const Dropout& dropout) override;
   void on_progress(const RunSnapshot& snapshot) override;
   void clear();  // takes the live line away before something else is printed
 

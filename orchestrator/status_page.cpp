@@ -64,7 +64,8 @@ function show() {
     state.textContent = "Running: step " + s.step_place + "/" + s.step_count + ", " + s.phase + ", " + (s.pause || "ends at " + (s.eta_utc || "-"));
   }
   byId("run").value = s.run_fraction;
-  const rows = [["unit", s.unit], ["station, sequence", s.station + ", " + s.sequence], ["step", s.step_place + "/" + s.step_count + " (number " + s.step + ")"],
+  const units = s.units.map(u => [u.serial, u.dropped_out ? "dropped out: " + u.dropped_out : u.samples + " samples, " + u.lost_samples + " lost"]);
+  const rows = [["unit", s.unit], ...(units.length > 1 ? units : []), ["station, sequence", s.station + ", " + s.sequence], ["step", s.step_place + "/" + s.step_count + " (number " + s.step + ")"],
     ["phase", s.phase + " " + fix(100 * s.phase_fraction, 0) + " %" + (s.repeats ? ", repeat " + s.repeats : "")],
     ["angles", axes.map((a, i) => a + " " + fix(s.position_deg[i], 4)).join(", ") + " deg"],
     ["rates", axes.map((a, i) => a + " " + fix(s.rate_degps[i], 4)).join(", ") + " deg/s"],

@@ -216,13 +216,19 @@ TEST_F(Mounting, OperatorMountsSkipsOrQuits) {
   EXPECT_NE(typed("quit\n").err.find("unit SN1 is not mounted"), std::string::npos);
 }
 
+HookCommands hook_of(const std::string& done) {
+  HookCommands hooks;
+  hooks.done = done;
+  return hooks;
+}
+
 TEST(Hooks, AHookThatHangsIsKilledWithItsChildren) {
   const auto began = std::chrono::steady_clock::now();
-  const Status status = run_hook({.done = "sleep 50 & sleep 50"}, {"done", "", "", "", false}, 0.2);
+  const Status status = run_hook(hook_of("sleep 50 & sleep 50"), {"done", "", "", "", false}, 0.2);
   EXPECT_FALSE(status.ok());
   EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(10));
   EXPECT_TRUE(run_hook({}, {"done", "", "", "", false}).ok()) << "none is given";
-  EXPECT_FALSE(run_hook({.done = "/no/such/program"}, {"done", "", "", "", false}).ok());
+  EXPECT_FALSE(run_hook(hook_of("/no/such/program"), {"done", "", "", "", false}).ok());
 }
 
 }  // namespace

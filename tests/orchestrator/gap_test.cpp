@@ -52,7 +52,7 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
   EXPECT_EQ(journal.homings, 3);
   EXPECT_TRUE(s.watcher.saw(RunEvent::rest_over));
   EXPECT_GT(s.clock.now_s() - began_s, 30.0);
-  EXPECT_EQ(outcome.lost_samples, 0u) << "the gap is no loss of the link";
+  EXPECT_EQ(outcome.units[0].lost_samples, 0u) << "the gap is no loss of the link";
 
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(sink.path());
   ASSERT_TRUE(source.ok()) << source.error().message;

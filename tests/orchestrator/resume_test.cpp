@@ -84,7 +84,7 @@ class Resume : public Program {
     if (begun) {
       const Result<JournalContents> journal = read_journal((out / journal_name).string());
       ASSERT_TRUE(journal.ok()) << journal.error().message;
-      ASSERT_TRUE(!said_pass || !journal->verdict.empty()) << "PASS was said before it was durable";
+      ASSERT_TRUE(!said_pass || !journal->verdicts.empty()) << "PASS was said before it was durable";
     } else {
       ASSERT_FALSE(said_pass);
     }

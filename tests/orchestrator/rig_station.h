@@ -121,6 +121,7 @@ class DwellJournal : public RunJournal {
     dwells.push_back(dwell);
     return {};
   }
+  Status dropout(const Dropout&) override { return {}; }
   Status seal(double) override { return {}; }
   std::vector<CompletedDwell> dwells;
   int homings = 0;
@@ -152,7 +153,7 @@ struct RigStation {
 
   DryRunDevices devices;
   Rig& rig;
-  RigClock& clock;
+  Clock& clock;
   StationConfig station;
   Sequence sequence;
   RecordingInfo info;

@@ -101,6 +101,7 @@ class MemoryJournal : public RunJournal {
     dwells.push_back(dwell);
     return {};
   }
+  Status dropout(const Dropout&) override { return step(); }
   Status seal(double) override {
     sealed = true;
     return step();
@@ -252,7 +253,7 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     for (const CompletedDwell& dwell : journal.dwells) {
       if (!items.insert(dwell.item).second) return "a completed dwell was done again";
       const bool recorded = std::any_of(s.sink.segments.begin(), s.sink.segments.end(), [&](const Segment& segment) {
-        return segment.end_sample == dwell.next_sample && segment.kind == s.plan.items[dwell.item].dwell_kind &&
+        return segment.end_sample == dwell.units[0].next_sample && segment.kind == s.plan.items[dwell.item].dwell_kind &&
                segment.end_sample - segment.start_sample == s.plan.items[dwell.item].samples;
       });
       if (!recorded) return "a completed dwell is not in the recording";
