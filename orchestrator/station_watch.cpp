@@ -13,6 +13,8 @@ constexpr int status_tries = 3;
 constexpr double reconnect_wait_min_s = 0.5;
 constexpr double reconnect_wait_max_s = 5.0;
 
+bool by_operator(const Error& error) { return error.kind == ErrorKind::aborted || error.kind == ErrorKind::interrupted; }
+
 }  // namespace
 
 StationRun::MaybeEvent StationRun::poll() {
@@ -71,10 +73,10 @@ StationRun::MaybeEvent StationRun::read_table() {
         answered = true;
       } else {
         error = status.error();
-        if (error.kind == ErrorKind::aborted) break;
+        if (by_operator(error)) break;
       }
     }
-    if (!answered && error.kind == ErrorKind::aborted) return raise_table(RunEvent::link_lost, error);
+    if (!answered && by_operator(error)) return raise_table(RunEvent::link_lost, error);
     if (!answered) {
       link_down_ = true;
       return raise(RunEvent::link_lost, ErrorKind::device,
