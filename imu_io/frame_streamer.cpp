@@ -55,8 +55,10 @@ Status FrameStreamer::send(std::span<const ImuSample> samples) {
     if (Status status = encoder_.encode(sample, std::span(bytes_).subspan(used, length)); !status) return status;
     used += length;
   }
-  // A listener that does not read loses what it has no room for; the line does not wait for it.
-  if (line_.write_all(std::span<const std::byte>(bytes_).first(used), patience_s_)) {
+  // A listener that does not read loses what it has no room for. It is waited for once, not at every batch: time goes on.
+  const bool sent = line_.write_all(std::span<const std::byte>(bytes_).first(used), listener_reads_ ? patience_s_ : 0.0).ok();
+  listener_reads_ = sent;
+  if (sent) {
     frames_sent_ += samples.size();
   } else {
     ++batches_dropped_;

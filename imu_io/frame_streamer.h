@@ -45,6 +45,7 @@ class FrameStreamer {
   std::vector<std::byte> bytes_;
   std::uint64_t frames_sent_ = 0;
   std::uint64_t batches_dropped_ = 0;
+  bool listener_reads_ = true;
 };
 
 }  // namespace turncal

@@ -31,7 +31,8 @@ Status run_twin(const Options& options, CommandContext& context) {
   context.out << "[twin] ready: table " << (station->table.map ? "modbus" : "serial") << " at " << (*twin)->table_address()
               << (station->imu_places() > 1 ? ", units " : ", unit ") << station->imu->frame.name << " on " << (*twin)->imu_devices() << ", "
               << format_number(settings.speed_up) << " times real time, rig seed " << rig->seed << std::endl;
-  const Status status = (*twin)->run(StopSignals::requests());
+  const Status status = (*twin)->run(StopSignals::requests(),
+                                     [&context](const std::string& what) { context.out << "[twin] " << what << std::endl; });
   context.out << "[twin] ends at " << format_number((*twin)->rig_time_s()) << " s of rig time";
   if ((*twin)->batches_dropped() > 0) {
     context.out << "; " << (*twin)->batches_dropped() << " batches of samples were not read in time";

@@ -3,6 +3,7 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <mutex>
 #include <thread>
 
@@ -16,7 +17,7 @@ namespace turncal {
 
 namespace {
 
-constexpr double unit_patience_s = 1.0;  // of the host, for a station that is busy
+constexpr double unit_patience_s = 5.0;  // of the host, for a station that is busy
 constexpr int unit_pause_ms = 1;
 
 class GuardedImu : public ImuSource {
@@ -131,10 +132,33 @@ Status RigTwin::pump(double now_s) {
   return any ? Status{} : gone;
 }
 
-Status RigTwin::run(const std::atomic<int>& stop_requests) {
+void RigTwin::watch(const std::function<void(const std::string&)>& say) {
+  if (!drives_) return;
+  const std::lock_guard lock(server_->mutex);
+  std::string angles;
+  bool tripped = false, moving = false;
+  for (const Axis axis : all_axes) {
+    tripped = tripped || drives_->watchdog_tripped(axis);
+    const Rig::AxisState state = group_.rig(0).axis(axis);
+    moving = moving || state.moving || state.rate_degps != 0.0;
+    char text[60];
+    std::snprintf(text, sizeof text, ", %s %.4f deg", to_string(axis), state.position_deg);
+    angles += text;
+  }
+  const std::string when = format_number(group_.now_s()) + " s of rig time" + angles;
+  if (tripped && !tripped_told_) say("watchdog tripped at " + when);
+  if (tripped && !moving && !rest_told_) say("at rest after that at " + when);
+  tripped_told_ = tripped;
+  rest_told_ = tripped && !moving;
+}
+
+Status RigTwin::run(const std::atomic<int>& stop_requests, const std::function<void(const std::string&)>& say) {
   std::atomic<bool> done = false;
   std::thread table([&] {
-    while (!done) server_->run_once(0.02);
+    while (!done) {
+      server_->run_once(0.02);
+      watch(say);
+    }
   });
   Status status;
   bool started = false;

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -36,13 +37,15 @@ class RigTwin {
 
   std::string table_address() const { return server_->address(); }
   std::string imu_devices() const;  // separated by ", "
-  // Serves until the count of requests to stop is not 0.
-  Status run(const std::atomic<int>& stop_requests);
+  // Serves until the count of requests to stop is not 0. `say` hears, from another thread, of a watchdog that tripped and of the
+  // table's coming to rest after that.
+  Status run(const std::atomic<int>& stop_requests, const std::function<void(const std::string&)>& say);
   double rig_time_s();
   std::uint64_t batches_dropped() const;  // not read in time
 
  private:
   RigTwin(const RigConfig& rig, std::size_t units);
+  void watch(const std::function<void(const std::string&)>& say);
   Status open_table(const StationConfig& station, const std::string& where);
 
   struct UnitLine {
@@ -58,6 +61,7 @@ class RigTwin {
   std::unique_ptr<DialectTwin> dialect_;
   std::unique_ptr<LineServer> server_;
   std::vector<std::unique_ptr<UnitLine>> lines_;
+  bool tripped_told_ = false, rest_told_ = false;
 };
 
 }  // namespace turncal

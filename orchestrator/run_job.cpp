@@ -214,7 +214,7 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
     take_outcome(running->outcome(), a.sample_period_s, a.units);
     return calibrate_units(a.units, devices.clock.utc_s(), a.journal);
   };
-  StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume}, lanes,
+  StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume, a.sessions > 1}, lanes,
                  {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
   running = &run;
   const RunOutcome outcome = run.run();

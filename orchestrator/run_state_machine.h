@@ -47,6 +47,7 @@ enum class RunEvent {
   connect_failed,
   homed,               // every axis says homed and not moving
   rest_over,           // the rest after an interruption has lasted long enough
+  back_in_place,       // after it: the table stands where the last completed dwell left it
   move_next,           // next is a move: of the sequence, or back to where the table should stand
   dwell_next,          // next is a dwell
   step_complete,       // the step has no further item
@@ -72,14 +73,14 @@ enum class RunEvent {
   operator_stop,       // the operator: stop now
   end_wanted           // from outside (SIGTERM, SIGHUP): stop now, nobody gives the run up
 };
-inline constexpr int run_event_count = 29;
+inline constexpr int run_event_count = 30;
 
 enum class RunAction {
   none,
   connect,
   enable_and_home,
   begin_rest,
-  settle_recorded,   // the recording goes on, with a rotate segment to settle in
+  settle_again,      // after an interruption; back in place the recording goes on, with a rotate segment to settle in
   select_next,       // look at cursor and table, say what comes next
   issue_move,        // open a rotate segment, command the axis
   watch_settling,
@@ -164,7 +165,8 @@ inline constexpr TransitionRow rows[] = {
   {connecting,     connected,          always,          homing,      enable_and_home},
   {homing,         homed,              no_rest_due,     selecting,   select_next},
   {homing,         homed,              rest_due,        resting,     begin_rest},
-  {resting,        rest_over,          always,          settling,    settle_recorded},
+  {resting,        rest_over,          always,          settling,    settle_again},
+  {selecting,      back_in_place,      always,          settling,    settle_again},
 
   {selecting,      move_next,          always,          moving,      issue_move},
   {moving,         arrived,            always,          settling,    watch_settling},
@@ -230,8 +232,8 @@ inline constexpr IgnoredRow ignored[] = {
   {stopping,    pause_wanted,
                 "it stops already"},
   {{done, failed, aborted, interrupted},
-                {start, connected, connect_failed, homed, rest_over, move_next, dwell_next, step_complete, step_next,
-                 sequence_complete, arrived, unsettled, settled, dwell_complete, dwell_bad, calibration_ok,
+                {start, connected, connect_failed, homed, rest_over, back_in_place, move_next, dwell_next, step_complete,
+                 step_next, sequence_complete, arrived, unsettled, settled, dwell_complete, dwell_bad, calibration_ok,
                  calibration_failed, stopped_verified, stall, deadline, table_fault, e_stop, link_lost, imu_lost,
                  motion_data_lost, storage_failed, pause_wanted, operator_stop, end_wanted},
                 "the run is over"},

@@ -194,7 +194,7 @@ StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
     case RunAction::connect: return connect();
     case RunAction::enable_and_home: return enable_and_home();
     case RunAction::begin_rest: return begin_rest();
-    case RunAction::settle_recorded: return settle_recorded();
+    case RunAction::settle_again: return settle_again(cause == RunEvent::back_in_place);
     case RunAction::select_next:
       if (cause == RunEvent::step_next) ++step_;
       return select_next();
@@ -235,7 +235,16 @@ StationRun::MaybeEvent StationRun::connect() {
     }
   }
   if (pause_asked()) return pause();
-  detail_ = found;
+  std::string left;
+  for (Axis axis : all_axes) {
+    if (!job_.taken_up) break;
+    const Result<AxisStatus> status = devices_.table.status(axis);
+    if (!status) return raise_table(RunEvent::connect_failed, status.error());
+    if (!status->fault) continue;
+    fault_left_ = true;
+    left += std::string("; clears the fault of axis ") + to_string(axis) + (status->text.empty() ? "" : ": " + status->text);
+  }
+  detail_ = found + left;
   return RunEvent::connected;
 }
 
@@ -243,6 +252,11 @@ StationRun::MaybeEvent StationRun::enable_and_home() {
   enabled_ = true;
   phase_deadline_s_ = devices_.table.needs_operator() ? std::numeric_limits<double>::infinity()
                                                       : devices_.clock.now_s() + homing_deadline_s;
+  if (fault_left_) {
+    if (Status status = devices_.table.clear_fault(); !status) {
+      return raise_table(RunEvent::table_fault, status.error(), "clearing the fault: ");
+    }
+  }
   if (Status status = devices_.table.enable(); !status) {
     return raise_table(RunEvent::table_fault, status.error(), "enabling: ");
   }
@@ -291,8 +305,8 @@ StationRun::MaybeEvent StationRun::begin_rest() {
   return std::nullopt;
 }
 
-StationRun::MaybeEvent StationRun::settle_recorded() {
-  recording_ = true;
+StationRun::MaybeEvent StationRun::settle_again(bool in_place) {
+  recording_ = in_place;
   item_running_ = false;
   arrival_.settle_only(devices_.clock.now_s());
   begin_segment(SegmentKind::rotate);
@@ -315,6 +329,7 @@ StationRun::MaybeEvent StationRun::select_next() {
     detail_ = text;
     return RunEvent::move_next;
   }
+  if (rest_due_ && !recording_) return RunEvent::back_in_place;
   if (!item_left) return RunEvent::step_complete;
   item_running_ = true;
   const PlannedItem& item = items[item_];

@@ -13,8 +13,9 @@
 // - Samples lost or flagged while the table turns stay as they are in the recording and are said in the log; the estimators
 //   see the gap by the counter and deal with it (or refuse).
 // - A run that goes on (StationJob::resume) begins behind its last completed dwell: it homes (or, where no time has passed,
-//   verifies that the encoders are homed and stand where they did), rests for resume.rest_s, settles inside a rotate segment
-//   that begins with a gap of one sample, and does what came behind that dwell.
+//   verifies that the encoders are homed and stand where they did), rests for resume.rest_s, goes back to where that dwell stood,
+//   not recorded, settles inside a rotate segment that begins with a gap of one sample, and does what came behind that dwell. A run that is taken up clears a fault that a drive
+//   still shows (its watchdog stopped it when the last program died); what the drive says then decides. No other run does.
 // - On any error: stop to all axes, drives off at rest, both verified by their status; fastest stop when that fails; a lost link is tried again, for
 //   the stop only. The outcome names reason and place in one line.
 //
@@ -72,6 +73,7 @@ struct StationJob {
   const StationConfig& station;
   std::string unit_serial;  // of a run of one unit
   std::optional<ResumePoint> resume = std::nullopt;  // the sinks then hold everything up to there
+  bool taken_up = false;  // somebody goes on with an interrupted run: a fault that a drive still shows is cleared
 };
 
 struct StationHooks {
@@ -138,7 +140,7 @@ class StationRun {
   MaybeEvent enable_and_home();
   MaybeEvent send_home();
   MaybeEvent begin_rest();
-  MaybeEvent settle_recorded();
+  MaybeEvent settle_again(bool in_place);
   MaybeEvent select_next();
   MaybeEvent issue_move();
   MaybeEvent close_move();
@@ -190,6 +192,7 @@ class StationRun {
   bool abort_sent_ = false;
   bool drives_off_sent_ = false;
   bool home_sent_ = false;
+  bool fault_left_ = false;
   bool enabled_ = false;
   int stops_seen_ = 0;
 

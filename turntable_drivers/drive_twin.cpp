@@ -29,6 +29,8 @@ void DriveTwin::tick() {
     std::optional<double>& last_s = heartbeat_s_[index(axis)];
     if (!last_s || clock_.now_s() - *last_s <= map_.watchdog_s) continue;
     last_s.reset();
+    const Result<AxisStatus> now = table_.status(axis);
+    if (now && !now->enabled) continue;
     tripped_[index(axis)] = true;
     // A watchdog has nobody to tell if this fails.
     if (Status status = table_.stop_all(); !status) continue;

@@ -27,8 +27,8 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
   s.devices.imu.describe(s.info);
   s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
   DwellJournal journal;
-  // Two interruptions: in a dwell that follows a dwell, and in a move.
-  for (const double stop_s : {9.0, 130.0}) {
+  // In a dwell that follows a dwell, in a move from where homing does not leave the table, and in another.
+  for (const double stop_s : {9.0, 60.0, 130.0}) {
     s.stop_requests = 0;
     s.watcher.on_tick = [&](const RunSnapshot& at) {
       if (at.time_s >= stop_s && !journal.dwells.empty()) s.stop_requests = 1;
@@ -49,7 +49,7 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
                  {&s.watcher, &s.stop_requests, {}, &journal});
   const RunOutcome outcome = run.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
-  EXPECT_EQ(journal.homings, 3);
+  EXPECT_EQ(journal.homings, 4);
   EXPECT_TRUE(s.watcher.saw(RunEvent::rest_over));
   EXPECT_GT(s.clock.now_s() - began_s, 30.0);
   EXPECT_EQ(outcome.units[0].lost_samples, 0u) << "the gap is no loss of the link";
@@ -74,7 +74,7 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
     return Status{};
   });
   ASSERT_TRUE(read.ok());
-  EXPECT_EQ(gaps, (std::vector<std::int64_t>{1, 1}));
+  EXPECT_EQ(gaps, (std::vector<std::int64_t>{1, 1, 1}));
 
   const Result<CalibrationOutput> output = calibrate_recording(**source, {});
   ASSERT_TRUE(output.ok()) << output.error().message;

@@ -38,18 +38,23 @@ class FrontTable : public Turntable {
     ++aborts;
     return table_.abort_all();
   }
-  Status clear_fault() override { return table_.clear_fault(); }
+  Status clear_fault() override {
+    if (!stays_faulty) faulty = false;
+    return table_.clear_fault();
+  }
   Result<AxisStatus> status(Axis axis) override {
     if (on_status) {
       if (Status given = on_status(); !given) return given.error();
     }
-    return table_.status(axis);
+    Result<AxisStatus> status = table_.status(axis);
+    if (status) status->fault = status->fault || faulty;
+    return status;
   }
   bool needs_operator() const override { return by_hand; }
 
   std::function<Status(Axis, double)> on_move;
   std::function<Status()> on_status;
-  bool by_hand = false;
+  bool by_hand = false, faulty = false, stays_faulty = false;
   int stops = 0, aborts = 0;
 
  private:
@@ -62,7 +67,7 @@ struct FrontStation : RigStation {
     devices.imu.describe(info);
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     StationDevices front{table, devices.imu, devices.clock, devices.devices().wait};
-    StationRun station_run(front, {sequence, plan, station, "SN1", resume}, sink, {&watcher, &stop_requests, calibrate, journal});
+    StationRun station_run(front, {sequence, plan, station, "SN1", resume, taken_up}, sink, {&watcher, &stop_requests, calibrate, journal});
     return station_run.run();
   }
   FrontTable table;
@@ -94,6 +99,41 @@ TEST(LiveRun, MoveThatTheOperatorCutsShortIsAStopToo) {
   EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
   EXPECT_FALSE(s.watcher.saw(RunEvent::table_fault));
   EXPECT_EQ(s.watcher.count(RunEvent::operator_stop), 1);
+}
+
+// A drive that its watchdog, or a fault, stopped: the run that is taken up clears it, another one does not.
+TEST(LiveRun, OnlyARunTakenUpClearsAFault) {
+  RigFault fault;
+  fault.kind = RigFaultKind::axis_fault;
+  fault.axis = static_cast<int>(Axis::pitch);
+  fault.time_s = 9.0;
+  RigConfig config = default_rig_config();
+  config.faults = {fault};
+  RigStation s(short_text, config);
+  DwellJournal kept;
+  s.journal = &kept;
+  EXPECT_EQ(exit_code(s.run().error.kind), 50);
+  ASSERT_EQ(kept.dwells.size(), 1u);
+  const RunOutcome another = s.run();
+  EXPECT_EQ(exit_code(another.error.kind), 50);
+  EXPECT_NE(another.error.message.find("expected it cleared"), std::string::npos) << another.error.message;
+  s.resume = ResumePoint{kept.dwells.back(), false};
+  s.station.resume_rest_s = 1.0;
+  s.taken_up = true;
+  s.watcher = Watcher();
+  const RunOutcome taken_up = s.run();
+  EXPECT_EQ(taken_up.state, RunState::done) << taken_up.error.message;
+  ASSERT_TRUE(s.watcher.saw(RunEvent::connected));
+  EXPECT_NE(s.watcher.transitions[1].detail.find("clears the fault of axis pitch"), std::string::npos) << s.watcher.transitions[1].detail;
+}
+
+TEST(LiveRun, FaultThatStaysIsAFault) {
+  FrontStation s;
+  s.taken_up = s.table.faulty = s.table.stays_faulty = true;  // the drive takes the request, and does nothing
+  const RunOutcome outcome = s.run_in_front();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(exit_code(outcome.error.kind), 50);
+  EXPECT_FALSE(s.watcher.saw(RunEvent::homed));
 }
 
 TEST(LiveRun, PersonMayTakeLongerThanAnyMotor) {

@@ -139,7 +139,7 @@ struct RigStation {
     devices.imu.describe(info);
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     EXPECT_TRUE(plan.ok()) << plan.violations.front();
-    StationRun station_run(devices.devices(), {sequence, plan, station, "SN1", resume}, sink,
+    StationRun station_run(devices.devices(), {sequence, plan, station, "SN1", resume, taken_up}, sink,
                            {&watcher, &stop_requests, calibrate, journal, &pause_requests, &end_requests});
     return station_run.run();
   }
@@ -164,6 +164,7 @@ struct RigStation {
   std::function<Status()> calibrate;
   RunJournal* journal = nullptr;
   std::optional<ResumePoint> resume;
+  bool taken_up = false;
 };
 
 }  // namespace turncal

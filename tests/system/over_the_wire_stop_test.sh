@@ -21,7 +21,7 @@ acceleration_degps2 = 20
 step 1 "there and back"
   initial H 0 P 0 R 0
   align 1000
-  rotate P +90
+  rotate P +90 rate 2
   dwell 1000
   rotate P -90
   dwell 1000

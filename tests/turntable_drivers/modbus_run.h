@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <functional>
 #include <mutex>
 
 #include <gtest/gtest.h>
@@ -46,8 +47,10 @@ class LockedImu : public ImuSource {
 };
 
 struct ModbusRun {
-  explicit ModbusRun(const RigConfig& config = default_rig_config(), const std::string& pty_link = "")
-      : station(quick_map(pty_link.empty() ? "tcp" : "rtu"), config, pty_link), driver(station.described, station.clock, &stop_requests), limited(driver, {}) {}
+  explicit ModbusRun(const RigConfig& rig_config = default_rig_config(), const std::string& pty_link = "")
+      : station(quick_map(pty_link.empty() ? "tcp" : "rtu"), rig_config, pty_link),
+        driver(station.described, station.clock, &stop_requests),
+        limited(driver, {}) {}
   static RegisterMap quick_map(const char* kind) {
     RegisterMap map = map_of(plain_map_text(kind));
     map.link.response_timeout_s = 0.1;
@@ -56,16 +59,15 @@ struct ModbusRun {
     return map;
   }
   RunOutcome run() {
-    Result<Sequence> sequence = parse_sequence(sequence_text, "test.seq");
+    Result<Sequence> sequence = parse_sequence(text, "test.seq");
     EXPECT_TRUE(sequence.ok());
-    StationConfig config = default_station_config();
     RigImu rig_imu(station.rig);
     LockedImu imu(rig_imu, station.server.mutex);
     RecordingInfo info;
     imu.describe(info);
     plan = make_plan(*sequence, plan_limits(config, info.sample_period_s));
     StationRun run({limited, imu, station.clock, [this](double seconds) { station.pass(std::max(seconds, 0.005)); }},
-                   {*sequence, plan, config, "SN1"}, sink, {&watcher, &stop_requests, {}});
+                   {*sequence, plan, config, "SN1"}, sink, {&watcher, &stop_requests, calibrate});
     const RunOutcome outcome = run.run();
     const std::lock_guard lock(station.server.mutex);
     for (const Axis axis : all_axes) {
@@ -79,6 +81,9 @@ struct ModbusRun {
   TwinStation station;
   ModbusTurntable driver;
   LimitedTurntable limited;
+  std::string text = sequence_text;
+  StationConfig config = default_station_config();
+  std::function<Status()> calibrate;
   Plan plan;
   MemorySink sink;
   Watcher watcher;

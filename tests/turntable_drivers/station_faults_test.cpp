@@ -170,6 +170,42 @@ TEST(StationFaults, OperatorStopsInMidMoveAndDuringSettling) {
   }
 }
 
+// The heartbeat goes out with the polls, twice a second while the table rests: enough for a watchdog of 1 s.
+TEST(StationFaults, WatchdogDoesNotTripInALongDwellNorWhileCalibrating) {
+  for (const bool often_enough : {true, false}) {
+    ModbusRun s;
+    s.text = "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 10\nstep 1\n  initial H 0 P 0 R 0\n  align 200\n  dwell 24000\n";
+    if (!often_enough) s.config.motion.poll_idle_s = 1.3;  // what a station file may not ask for
+    bool tripped = false;
+    const auto look = [&] {
+      const std::lock_guard lock(s.station.server.mutex);
+      s.station.twin.tick();
+      for (const Axis axis : all_axes) tripped = tripped || s.station.twin.watchdog_tripped(axis);
+    };
+    s.watcher.on_tick = [&](const RunSnapshot&) { look(); };
+    bool calibrated = false;
+    s.calibrate = [&]() -> Status {
+      s.station.pass(600.0);  // nobody talks to the drives, which are off
+      look();
+      calibrated = true;
+      return {};
+    };
+    const RunOutcome outcome = s.run();
+    EXPECT_EQ(tripped, !often_enough);
+    EXPECT_EQ(calibrated, often_enough);
+    EXPECT_EQ(outcome.state, often_enough ? RunState::done : RunState::failed) << outcome.error.message;
+    if (!often_enough) {
+      EXPECT_EQ(exit_code(outcome.error.kind), 50);
+      EXPECT_NE(outcome.error.message.find("fault of axis"), std::string::npos) << outcome.error.message;
+      continue;
+    }
+    // Nothing is left of it for the next run.
+    s.sink = MemorySink();
+    EXPECT_EQ(s.run().state, RunState::done);
+    EXPECT_FALSE(tripped);
+  }
+}
+
 // The connection drops in mid-move and comes back: the stop is sent over the new one, and the motion is not taken up again.
 TEST(StationFaults, LinkDropsInMidMove) {
   ModbusRun s;
