@@ -1,5 +1,6 @@
 #include "orchestrator/command_batch.h"
 
+#include <algorithm>
 #include <chrono>
 #include <memory>
 
@@ -10,6 +11,7 @@
 #include "orchestrator/parameter_store.h"
 #include "orchestrator/command_diagnose.h"
 #include "orchestrator/run_job.h"
+#include "orchestrator/stop_signals.h"
 #include "orchestrator/unit_queue.h"
 
 namespace turncal {
@@ -18,6 +20,7 @@ namespace {
 
 struct BatchOptions {
   std::string queue, out;
+  std::size_t at_once = 1;
   RunRequest request;
 };
 
@@ -31,6 +34,49 @@ std::string folder_for(const std::string& out, const std::string& unit, const Un
   std::string folder = name;
   for (int i = 2; before && path_exists(folder + "/" + binary_recording_name); ++i) folder = name + "." + std::to_string(i);
   return folder;
+}
+
+struct Turn {
+  std::vector<std::string> units;
+  std::string folder;
+};
+
+// Several units at once are a run in OUT/group.1, group.2, ...; the last of these may have been interrupted.
+Result<std::optional<Turn>> interrupted_group(const std::string& out, const std::vector<std::string>& to_do,
+                                              const std::vector<UnitOutcome>& outcomes) {
+  int last = 0;
+  while (path_exists(out + "/group." + std::to_string(last + 1))) ++last;
+  const std::string folder = out + "/group." + std::to_string(last);
+  if (last == 0 || !path_exists(folder + "/" + journal_name)) return std::optional<Turn>();
+  const Result<JournalContents> journal = read_journal(folder + "/" + journal_name);
+  if (!journal) return journal.error();
+  const bool over = is_over(*journal);
+  for (const std::string& unit : journal->units()) {
+    if (std::find(to_do.begin(), to_do.end(), unit) == to_do.end()) continue;
+    // A run that is over has told the queue of all its units, unless it was interrupted just then.
+    if (!over || !find_outcome(outcomes, unit)) return std::optional(Turn{journal->units(), folder});
+  }
+  return std::optional<Turn>();
+}
+
+Result<Turn> next_turn(const BatchOptions& options) {
+  const Result<std::vector<std::string>> queue = read_queue(options.queue);
+  if (!queue) return queue.error();
+  const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(options.queue);
+  if (!outcomes) return outcomes.error();
+  const std::vector<std::string> to_do = next_units(*queue, *outcomes, queue->size());
+  const Result<std::optional<Turn>> interrupted = interrupted_group(options.out, to_do, *outcomes);
+  if (!interrupted) return interrupted.error();
+  if (*interrupted) return **interrupted;
+  Turn turn{next_units(*queue, *outcomes, options.at_once), ""};
+  if (turn.units.size() == 1) {
+    turn.folder = folder_for(options.out, turn.units.front(), find_outcome(*outcomes, turn.units.front()));
+  } else if (!turn.units.empty()) {
+    int next = 1;
+    while (path_exists(options.out + "/group." + std::to_string(next))) ++next;
+    turn.folder = options.out + "/group." + std::to_string(next);
+  }
+  return turn;
 }
 
 // What is to be said of a unit, or the error that stops the batch.
@@ -47,38 +93,79 @@ Result<std::string> outcome_of(const Status& run) {
   return run.error();
 }
 
+// A unit that dropped out while others went on is not the station's fault.
+Result<std::string> outcome_of(const RunEnd::Unit& unit) {
+  if (unit.dropped && unit.status.error().kind != ErrorKind::input) return std::string("dropped");
+  return outcome_of(unit.status);
+}
+
+std::string joined(const std::vector<std::string>& units) {
+  std::string text;
+  for (const std::string& unit : units) text += (text.empty() ? "" : ", ") + unit;
+  return text;
+}
+
+struct Tally {
+  int passed = 0, not_passed = 0;
+};
+
+// One run, and what became of each of its units.
+Status take_turn(const BatchOptions& options, const Turn& turn, const std::string& tag, Tally& tally, CommandContext& context) {
+  const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + joined(turn.units);
+  context.out << tag << name << " in " << turn.folder << std::endl;
+  RunRequest request = options.request;
+  request.units = turn.units;
+  RunRequest resumed;
+  resumed.listen = request.listen;
+  resumed.pace = request.pace;
+  RunEnd end = path_exists(turn.folder + "/" + journal_name) ? take_up_run(turn.folder, resumed, context)
+                                                             : begin_run(request, turn.folder, context);
+  if (!end.to_the_end) {
+    if (const Result<std::string> outcome = outcome_of(end.status); !outcome) {
+      return Error{outcome.error().kind, name + ": " + outcome.error().message};
+    }
+    end.units.clear();
+    for (const std::string& unit : turn.units) end.units.push_back({unit, turn.folder, false, end.status});
+  }
+  Status stops;
+  for (const RunEnd::Unit& unit : end.units) {
+    const Result<std::string> outcome = outcome_of(unit);
+    if (!outcome) {
+      stops = Error{outcome.error().kind, "unit " + unit.serial + ": " + outcome.error().message};
+      continue;
+    }
+    if (Status status = record_outcome(options.queue, {unit.serial, *outcome, now_utc()}); !status) return status;
+    diagnose_run(unit.folder, unit.status, context);
+    context.out << tag << "unit " << unit.serial << ": " << *outcome << (unit.status ? "" : ": " + unit.status.error().message)
+                << std::endl;
+    ++(unit.status ? tally.passed : tally.not_passed);
+  }
+  return stops;
+}
+
 Status run_batch(const BatchOptions& options, CommandContext& context) {
   RunRequest check = options.request;
-  check.unit = "X";
-  if (const Result<PreparedRun> prepared = prepare(check); !prepared) return prepared.error();
-  const std::string tag = options.request.dry_run ? "[dry run] [batch] " : "[batch] ";
-  int passed = 0, not_passed = 0;
-  for (;;) {
-    const Result<std::vector<std::string>> queue = read_queue(options.queue);
-    if (!queue) return queue.error();
-    const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(options.queue);
-    if (!outcomes) return outcomes.error();
-    const std::optional<std::string> unit = next_unit(*queue, *outcomes);
-    if (!unit) break;
-    const std::string folder = folder_for(options.out, *unit, find_outcome(*outcomes, *unit));
-    context.out << tag << "unit " << *unit << " in " << folder << std::endl;
-    RunRequest request = options.request;
-    request.unit = *unit;
-    RunRequest resumed;
-    resumed.listen = request.listen;
-    resumed.pace = request.pace;
-    const Status run = path_exists(folder + "/" + journal_name) ? take_up_run(folder, resumed, context)
-                                                                 : begin_run(request, folder, context);
-    const Result<std::string> outcome = outcome_of(run);
-    if (!outcome) return Error{outcome.error().kind, "unit " + *unit + ": " + outcome.error().message};
-    if (Status status = record_outcome(options.queue, {*unit, *outcome, now_utc()}); !status) return status;
-    diagnose_run(folder, run, context);
-    context.out << tag << "unit " << *unit << ": " << *outcome << (run ? "" : ": " + run.error().message) << std::endl;
-    ++(run ? passed : not_passed);
+  check.units = {"X"};
+  const Result<PreparedRun> prepared = prepare(check);
+  if (!prepared) return prepared.error();
+  if (options.at_once > places(*prepared)) {
+    return input_error("--at-once " + std::to_string(options.at_once) + ": expected at most " + std::to_string(places(*prepared)) +
+                       ", the places on the table");
   }
-  context.out << tag << "queue done: " << passed << " passed, " << not_passed << " not" << std::endl;
-  if (not_passed == 0) return {};
-  return Error{ErrorKind::unit_failed, std::to_string(not_passed) + " of " + std::to_string(passed + not_passed) +
+  const std::string tag = options.request.dry_run ? "[dry run] [batch] " : "[batch] ";
+  Tally tally;
+  for (;;) {
+    const Result<Turn> turn = next_turn(options);
+    if (!turn) return turn.error();
+    if (turn->units.empty()) break;
+    if (Status status = take_turn(options, *turn, tag, tally, context); !status) return status;
+    if (StopSignals::any()) {  // asked for when the results were being made
+      return Error{ErrorKind::interrupted, "paused behind unit " + joined(turn->units) + "; the same command goes on with the next"};
+    }
+  }
+  context.out << tag << "queue done: " << tally.passed << " passed, " << tally.not_passed << " not" << std::endl;
+  if (tally.not_passed == 0) return {};
+  return Error{ErrorKind::unit_failed, std::to_string(tally.not_passed) + " of " + std::to_string(tally.passed + tally.not_passed) +
                                            " units did not pass; see turncal queue " + options.queue};
 }
 
@@ -111,6 +198,8 @@ void add_batch_command(CLI::App& app, CommandContext& context) {
   CLI::App* command = app.add_subcommand("batch", "calibrate the units of a queue, one after the other, unattended");
   command->add_option("queue", options->queue, "file with one serial number a line")->required();
   command->add_option("--out", options->out, "folder for the units' folders")->required();
+  command->add_option("--at-once", options->at_once, "how many units of the queue are on the table together; default: 1")
+      ->check(CLI::Range(1, 16));
   command->add_flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
   command->add_option("--rig", request.rig, "rig configuration; default: the built-in one");
   command->add_option("--sequence", request.sequence, "sequence file; default: the fourteen steps");

@@ -1,7 +1,8 @@
-// `turncal batch`: calibrates the units of a queue one after the other, unattended. `turncal queue`: shows and changes it.
+// `turncal batch`: calibrates the units of a queue one after the other, or several at once, unattended. `turncal queue`: shows and
+// changes it.
 //
-// A unit that fails, or that is not the one on the table, does not stop the next; a fault of table, link or disk, and the
-// operator, stop the batch, and the same command goes on with the unit that was interrupted.
+// A unit that fails, drops out while others go on, or is not the one on the table, does not stop the next; a fault of table, link or
+// disk, and the operator, by a pause too, stop the batch, and the same command goes on with the units that were interrupted.
 #pragma once
 
 #include "orchestrator/command_line.h"

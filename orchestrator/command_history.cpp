@@ -7,7 +7,8 @@
 
 #include "imu_io/atomic_file.h"
 #include "imu_io/format_number.h"
-#include "orchestrator/control_chart.h"
+#include "orchestrator/history_page.h"
+#include "orchestrator/parameter_history.h"
 #include "orchestrator/parameter_store.h"
 #include "orchestrator/results_database.h"
 
@@ -18,7 +19,7 @@ namespace {
 using Calibrations = std::vector<StoredCalibration>;
 
 struct HistoryOptions {
-  std::string database, unit, parameter, csv;
+  std::string database, unit, parameter, csv, report;
   std::vector<std::int64_t> compare;
   bool control = false, simulated = false;
 };
@@ -65,25 +66,6 @@ Status print_comparison(const Calibrations& all, const std::vector<std::int64_t>
   return {};
 }
 
-struct Series {
-  std::vector<double> values;
-  std::vector<const StoredCalibration*> of;
-  Limit limit;  // of the newest calibration that was judged by one
-};
-
-Series series_of(const Calibrations& all, std::string_view key) {
-  Series series;
-  for (const StoredCalibration& c : all) {
-    for (const StoredValue& value : c.values) {
-      if (value.key != key) continue;
-      series.values.push_back(value.value);
-      series.of.push_back(&c);
-      if (value.limit.min || value.limit.max) series.limit = value.limit;
-    }
-  }
-  return series;
-}
-
 std::string number(std::optional<double> value, const char* format = "%.8g") {
   char text[40] = "-";
   if (value) std::snprintf(text, sizeof text, format, *value);
@@ -92,9 +74,9 @@ std::string number(std::optional<double> value, const char* format = "%.8g") {
 
 void print_control(const Calibrations& all, std::ostream& out) {
   print(out, "%-5s %5s %15s %15s %15s %8s %8s", "", "n", "mean", "lower", "upper", "outside", "Cpk");
-  for (const std::string_view key : parameter_keys) {
-    const Series series = series_of(all, key);
-    const ControlChart chart = control_chart(series.values, series.limit);
+  for (const std::string_view key : free_parameter_keys()) {
+    const ParameterHistory history = parameter_history(all, key);
+    const ControlChart& chart = history.chart;
     print(out, "%-5s %5zu %15.8g %15s %15s %8zu %8s", std::string(key).c_str(), chart.count, chart.mean,
           number(chart.lower).c_str(), number(chart.upper).c_str(), chart.outside.size(), number(chart.cpk, "%.2f").c_str());
   }
@@ -104,16 +86,17 @@ Status print_parameter(const Calibrations& all, const std::string& key, std::ost
   if (std::find(parameter_keys.begin(), parameter_keys.end(), key) == parameter_keys.end()) {
     return input_error("--parameter '" + key + "': expected one of the 24 keys, N01 to a33");
   }
-  const Series series = series_of(all, key);
-  const ControlChart chart = control_chart(series.values, series.limit);
-  for (std::size_t i = 0; i < series.values.size(); ++i) {
+  const ParameterHistory history = parameter_history(all, key);
+  const ControlChart& chart = history.chart;
+  for (std::size_t i = 0; i < history.values.size(); ++i) {
     const bool outside = std::find(chart.outside.begin(), chart.outside.end(), i) != chart.outside.end();
-    print(out, "%5lld  %-20s  %-20s  %15.8g%s", static_cast<long long>(series.of[i]->id), series.of[i]->unit.c_str(),
-          series.of[i]->time_utc.c_str(), series.values[i], outside ? "  outside the control limits" : "");
+    print(out, "%5lld  %-20s  %-20s  %15.8g  %10s%s", static_cast<long long>(history.of[i]->id), history.of[i]->unit.c_str(),
+          history.of[i]->time_utc.c_str(), history.values[i], number(history.sigmas[i], "%.2e").c_str(),
+          outside ? "  outside the control limits" : "");
   }
   print(out, "%s: n %zu, mean %.8g, control limits %s .. %s, limits %s .. %s, Cpk %s", key.c_str(), chart.count, chart.mean,
-        number(chart.lower).c_str(), number(chart.upper).c_str(), number(series.limit.min).c_str(),
-        number(series.limit.max).c_str(), number(chart.cpk, "%.2f").c_str());
+        number(chart.lower).c_str(), number(chart.upper).c_str(), number(history.limit.min).c_str(),
+        number(history.limit.max).c_str(), number(chart.cpk, "%.2f").c_str());
   return {};
 }
 
@@ -148,7 +131,7 @@ Status show_history(const HistoryOptions& options, std::ostream& out) {
   Result<Calibrations> all = database->list(options.unit, "");
   if (!all) return all.error();
   // Simulated and real units are never in one list of numbers.
-  if (options.control || !options.parameter.empty()) {
+  if (options.control || !options.parameter.empty() || !options.report.empty()) {
     std::erase_if(*all, [&](const StoredCalibration& c) { return c.simulated != options.simulated; });
   }
   if (!options.csv.empty()) {
@@ -157,6 +140,12 @@ Status show_history(const HistoryOptions& options, std::ostream& out) {
     return {};
   }
   if (!options.compare.empty()) return print_comparison(*all, options.compare, out);
+  if (!options.report.empty()) {
+    const std::string source = options.database + (options.unit.empty() ? "" : ", unit " + options.unit);
+    if (Status status = write_file_atomically(options.report, history_page(*all, source)); !status) return status;
+    out << "control charts of " << all->size() << " calibrations in " << options.report << '\n';
+    return {};
+  }
   if (!options.parameter.empty()) return print_parameter(*all, options.parameter, out);
   options.control ? print_control(*all, out) : print_list(*all, out);
   return {};
@@ -192,7 +181,8 @@ void add_history_command(CLI::App& app, CommandContext& context) {
   compare->expected(2);
   command->add_flag("--control", options->control, "every parameter over all calibrations: control limits and Cpk");
   command->add_option("--parameter", options->parameter, "one parameter, calibration by calibration");
-  command->add_flag("--simulated", options->simulated, "of the dry runs, for --control and --parameter");
+  command->add_option("--report", options->report, "writes a page (HTML) with the control charts of every parameter");
+  command->add_flag("--simulated", options->simulated, "of the dry runs, for --control, --parameter and --report");
   command->add_option("--csv", options->csv, "writes the calibrations with all values to this file");
   command->callback([options, &context] {
     if (Status status = show_history(*options, context.out); !status) context.fail(status.error());

@@ -124,7 +124,7 @@ Status watch(LiveDevices& live, const std::string& tag, double seconds, std::ost
     bad_frames_before = bad_frames;
     line_s = now_s;
   }
-  out << tag << "unit: " << live.unit_summary() << std::endl;
+  out << tag << "unit: " << live.unit_summary(0) << std::endl;
   return {};
 }
 

@@ -20,6 +20,12 @@ void add_overdue_option(CLI::App& command, RunRequest& request) {
                      "use a table whose calibration is overdue, for this reason, which goes on record");
 }
 
+void conclude(const RunEnd& end, bool diagnosis, CommandContext& context) {
+  if (!end.status) context.fail(end.status.error());
+  if (!diagnosis) return;
+  for (const RunEnd::Unit& unit : end.units) diagnose_run(unit.folder, unit.status, context);
+}
+
 }  // namespace
 
 void add_record_options(CLI::App& command, RunRequest& request) {
@@ -41,7 +47,11 @@ void add_run_command(CLI::App& app, CommandContext& context) {
   RunRequest& request = options->request;
   CLI::App* command = app.add_subcommand("run", "run a calibration: move the table, record, calibrate");
   command->add_flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
-  command->add_option("--unit", request.unit, "serial number of the unit")->required();
+  command
+      ->add_option("--unit", request.units,
+                   "serial number of the unit; once for each of several on the table, in the order of the station's places")
+      ->required()
+      ->allow_extra_args(false);
   command->add_option("--out", options->folder, "folder for the results; must not hold a run yet")->required();
   command->add_option("--rig", request.rig, "rig configuration (docs/rig.md); default: the built-in one");
   command->add_option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
@@ -51,9 +61,7 @@ void add_run_command(CLI::App& app, CommandContext& context) {
   command->add_flag("--no-diagnosis", options->no_diagnosis, "leave out the diagnosis at the end");
   add_record_options(*command, request);
   command->callback([options, &context] {
-    const Status status = begin_run(options->request, options->folder, context);
-    if (!status) context.fail(status.error());
-    if (!options->no_diagnosis) diagnose_run(options->folder, status, context);
+    conclude(begin_run(options->request, options->folder, context), !options->no_diagnosis, context);
   });
 }
 
@@ -62,7 +70,7 @@ void add_resume_command(CLI::App& app, CommandContext& context) {
   RunRequest& moved = options->request;
   CLI::App* command = app.add_subcommand("resume", "go on with a run that was interrupted, behind its last complete dwell");
   command->add_option("folder", options->folder, "the run's folder")->required();
-  command->add_option("--unit", moved.unit, "the unit that is expected there");
+  command->add_option("--unit", moved.units, "the unit (or units) expected there")->allow_extra_args(false);
   command->add_option("--rig", moved.rig, "where the rig configuration is now, if it was moved");
   command->add_option("--sequence", moved.sequence, "where the sequence is now, if it was moved");
   command->add_option("--station", moved.station, "where the station configuration is now, if it was moved");
@@ -70,9 +78,7 @@ void add_resume_command(CLI::App& app, CommandContext& context) {
   add_overdue_option(*command, moved);
   add_view_options(*command, moved);
   command->callback([options, &context] {
-    const Status status = take_up_run(options->folder, options->request, context);
-    if (!status) context.fail(status.error());
-    if (!options->no_diagnosis) diagnose_run(options->folder, status, context);
+    conclude(take_up_run(options->folder, options->request, context), !options->no_diagnosis, context);
   });
 }
 

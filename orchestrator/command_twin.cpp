@@ -29,7 +29,7 @@ Status run_twin(const Options& options, CommandContext& context) {
   Result<std::unique_ptr<RigTwin>> twin = RigTwin::open(*station, *rig, settings);
   if (!twin) return twin.error();
   context.out << "[twin] ready: table " << (station->table.map ? "modbus" : "serial") << " at " << (*twin)->table_address()
-              << ", unit " << station->imu->frame.name << " on " << (*twin)->imu_device() << ", "
+              << (station->imu_places() > 1 ? ", units " : ", unit ") << station->imu->frame.name << " on " << (*twin)->imu_devices() << ", "
               << format_number(settings.speed_up) << " times real time, rig seed " << rig->seed << std::endl;
   const Status status = (*twin)->run(StopSignals::requests());
   context.out << "[twin] ends at " << format_number((*twin)->rig_time_s()) << " s of rig time";

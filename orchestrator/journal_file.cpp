@@ -16,8 +16,8 @@ namespace turncal {
 namespace {
 
 constexpr std::uint32_t journal_magic = 0x4a435489;  // the bytes 0x89 'T' 'C' 'J'
-constexpr std::array<std::string_view, 9> type_names = {"begin", "transition", "home",    "move",   "dwell",
-                                                        "seal",  "resume",     "results", "verdict"};
+constexpr std::array<std::string_view, 10> type_names = {"begin", "transition", "home",    "move",   "dwell",
+                                                        "seal",  "resume",     "results", "verdict", "dropout"};
 
 // Any text as one value of a key-value line: '%', '#' and control characters as %XX, and a blank at either end.
 std::string escaped(std::string_view text) {
@@ -85,18 +85,41 @@ Status scan(const PosixFile& file, RecordScanner& scanner, const std::function<S
   return {};
 }
 
+// The keys of the first unit have no prefix; the others' are unit.2.next_sample and so on.
+std::string unit_prefix(std::size_t unit) { return unit == 0 ? "" : "unit." + std::to_string(unit + 1) + "."; }
+
 CompletedDwell read_dwell(KeyValueFile& file) {
   CompletedDwell dwell;
   dwell.item = static_cast<std::size_t>(file.integer("item", 0));
-  dwell.next_sample = file.integer("next_sample", 1);
-  dwell.first_counter = file.integer("first_counter");
-  dwell.last_counter = file.integer("last_counter");
+  for (std::size_t unit = 0; unit == 0 || file.has(unit_prefix(unit) + "next_sample"); ++unit) {
+    const std::string prefix = unit_prefix(unit);
+    dwell.units.push_back({.next_sample = file.integer(prefix + "next_sample", 0),
+                           .first_counter = file.integer(prefix + "first_counter"),
+                           .last_counter = file.integer(prefix + "last_counter"),
+                           .lost_samples = static_cast<std::uint64_t>(file.integer(prefix + "lost_samples", 0)),
+                           .duplicate_samples = static_cast<std::uint64_t>(file.integer(prefix + "duplicate_samples", 0))});
+  }
   dwell.repeated_dwells = static_cast<int>(file.integer("repeated_dwells", 0));
-  dwell.lost_samples = static_cast<std::uint64_t>(file.integer("lost_samples", 0));
-  dwell.duplicate_samples = static_cast<std::uint64_t>(file.integer("duplicate_samples", 0));
   dwell.time_s = file.number("time_s");
   dwell.utc_s = file.number("utc_s");
   return dwell;
+}
+
+constexpr std::pair<ErrorKind, std::string_view> dropout_kinds[] = {{ErrorKind::input, "input"},
+                                                                    {ErrorKind::unit_failed, "unit_failed"},
+                                                                    {ErrorKind::device, "device"}};
+
+JournalContents::DroppedUnit read_dropout(KeyValueFile& file) {
+  JournalContents::DroppedUnit dropped;
+  dropped.unit = static_cast<std::size_t>(file.integer("unit", 1)) - 1;
+  dropped.why.message = unescaped(file.text("why"));
+  dropped.why.kind = ErrorKind::device;
+  const std::string kind = file.text("kind");
+  for (const auto& [candidate, name] : dropout_kinds) {
+    if (kind == name) dropped.why.kind = candidate;
+  }
+  dropped.behind_last_dwell = true;
+  return dropped;
 }
 
 JournalCommand read_move(KeyValueFile& file) {
@@ -187,15 +210,41 @@ Status JournalFile::move(const Move& move, double time_s) {
 }
 
 Status JournalFile::dwell(const CompletedDwell& dwell) {
-  return append(JournalType::dwell, {{"item", format_number(dwell.item)},
-                                     {"next_sample", format_number(dwell.next_sample)},
-                                     {"first_counter", format_number(dwell.first_counter)},
-                                     {"last_counter", format_number(dwell.last_counter)},
-                                     {"repeated_dwells", format_number(dwell.repeated_dwells)},
-                                     {"lost_samples", format_number(dwell.lost_samples)},
-                                     {"duplicate_samples", format_number(dwell.duplicate_samples)},
-                                     {"time_s", format_number(dwell.time_s)},
-                                     {"utc_s", format_number(dwell.utc_s)}});
+  const auto point = [](const RecordingPoint& at, const std::string& prefix) -> JournalFields {
+    return {{prefix + "next_sample", format_number(at.next_sample)},
+            {prefix + "first_counter", format_number(at.first_counter)},
+            {prefix + "last_counter", format_number(at.last_counter)},
+            {prefix + "lost_samples", format_number(at.lost_samples)},
+            {prefix + "duplicate_samples", format_number(at.duplicate_samples)}};
+  };
+  const JournalFields first = point(dwell.units.front(), "");
+  JournalFields fields = {{"item", format_number(dwell.item)},
+                          first[0],
+                          first[1],
+                          first[2],
+                          {"repeated_dwells", format_number(dwell.repeated_dwells)},
+                          first[3],
+                          first[4],
+                          {"time_s", format_number(dwell.time_s)},
+                          {"utc_s", format_number(dwell.utc_s)}};
+  for (std::size_t unit = 1; unit < dwell.units.size(); ++unit) {
+    const JournalFields more = point(dwell.units[unit], unit_prefix(unit));
+    fields.insert(fields.end(), more.begin(), more.end());
+  }
+  return append(JournalType::dwell, fields);
+}
+
+Status JournalFile::dropout(const Dropout& dropout) {
+  std::string kind = "device";
+  for (const auto& [candidate, name] : dropout_kinds) {
+    if (dropout.why.kind == candidate) kind = name;
+  }
+  return append(JournalType::dropout, {{"unit", format_number(dropout.unit + 1)},
+                                       {"serial", dropout.serial},
+                                       {"kind", kind},
+                                       {"time_s", format_number(dropout.at.time_s)},
+                                       {"utc_s", format_number(dropout.at.utc_s)},
+                                       {"why", dropout.why.message}});
 }
 
 Status JournalFile::seal(double utc_s) { return append(JournalType::seal, {{"utc_s", format_number(utc_s)}}); }
@@ -204,6 +253,12 @@ const std::string& JournalContents::begin_value(std::string_view key) const {
   static const std::string nothing;
   const auto found = std::find_if(begin.begin(), begin.end(), [key](const auto& field) { return field.first == key; });
   return found == begin.end() ? nothing : found->second;
+}
+
+std::vector<std::string> JournalContents::units() const {
+  std::vector<std::string> units = {begin_value("unit")};
+  for (std::string serial; !(serial = begin_value("unit." + std::to_string(units.size() + 1))).empty();) units.push_back(serial);
+  return units;
 }
 
 Result<JournalContents> read_journal(const std::string& path) {
@@ -226,17 +281,20 @@ Result<JournalContents> read_journal(const std::string& path) {
       case JournalType::dwell:
         contents.last_dwell = read_dwell(*fields);
         commands_kept = contents.commands.size();
+        for (JournalContents::DroppedUnit& dropped : contents.dropped) dropped.behind_last_dwell = false;
         break;
       case JournalType::seal: contents.seal_utc_s = fields->number("utc_s"); break;
       case JournalType::resume:  // what was commanded behind the last completed dwell is taken back
         contents.commands.resize(commands_kept);
+        std::erase_if(contents.dropped, [](const auto& dropped) { return dropped.behind_last_dwell; });
         ++contents.sessions;
         if (fields->has("overdue_reason")) {  // given now: the table's calibration ran out meanwhile
           std::erase_if(contents.begin, [](const auto& field) { return field.first == "overdue_reason"; });
           contents.begin.emplace_back("overdue_reason", unescaped(fields->text("overdue_reason")));
         }
         break;
-      case JournalType::verdict: contents.verdict = fields_of(*fields); break;
+      case JournalType::verdict: contents.verdicts.push_back(fields_of(*fields)); break;
+      case JournalType::dropout: contents.dropped.push_back(read_dropout(*fields)); break;
       case JournalType::results:
       case JournalType::transition: break;
     }

@@ -19,7 +19,7 @@ namespace turncal {
 
 inline constexpr const char* journal_name = "journal.tcj";
 
-enum class JournalType : std::uint32_t { begin = 1, transition, home, move, dwell, seal, resume, results, verdict };
+enum class JournalType : std::uint32_t { begin = 1, transition, home, move, dwell, seal, resume, results, verdict, dropout };
 std::string_view to_string(JournalType type);
 
 using JournalFields = std::vector<std::pair<std::string, std::string>>;  // an empty value is left out of the record
@@ -36,6 +36,7 @@ class JournalFile : public RunJournal {
   Status home(double time_s) override;
   Status move(const Move& move, double time_s) override;
   Status dwell(const CompletedDwell& dwell) override;
+  Status dropout(const Dropout& dropout) override;
   Status seal(double utc_s) override;
 
  private:
@@ -58,7 +59,15 @@ struct JournalContents {
   std::vector<JournalCommand> commands;   // up to last_dwell, without those of attempts that were taken back
   std::optional<double> seal_utc_s;       // of the last attempt to seal
   int sessions = 1;                       // 1 + resumes
-  JournalFields verdict;                  // empty: none yet
+  std::vector<JournalFields> verdicts;    // one a unit, as they came
+  struct DroppedUnit {
+    std::size_t unit = 0;
+    Error why;
+    bool behind_last_dwell = false;       // taken back with all that is behind it, unless the recordings are sealed
+  };
+  std::vector<DroppedUnit> dropped;
+
+  std::vector<std::string> units() const;  // their serial numbers
 
   const std::string& begin_value(std::string_view key) const;  // "" when missing
 };

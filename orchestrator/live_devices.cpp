@@ -20,16 +20,20 @@ double LiveClock::utc_s() const {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-LiveDevices::LiveDevices(const StationConfig& station)
+LiveDevices::LiveDevices(const StationConfig& station, std::size_t units)
     : speed_up_(station.clock_speed_up),
       clock_(speed_up_),
       imu_(station.imu->frame, station.imu->settings),
-      watched_(imu_, station.imu->frame.sample_period_s) {}
+      watched_(imu_, station.imu->frame.sample_period_s) {
+  for (std::size_t place = 1; place < units; ++place) {
+    further_.push_back(std::make_unique<SerialImu>(station.imu->frame, station.imu_settings(place)));
+  }
+}
 
 Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& station, const std::atomic<int>& stop_requests,
-                                                       std::ostream& out) {
+                                                       std::ostream& out, std::size_t units) {
   assert(station.imu);
-  std::unique_ptr<LiveDevices> live(new LiveDevices(station));
+  std::unique_ptr<LiveDevices> live(new LiveDevices(station, units));
   const GravityWatch& watched = live->watched_;
   Result<std::unique_ptr<TableDevice>> table =
       make_table(station, {live->clock_, &stop_requests, STDIN_FILENO, &out, [&watched] { return watched.mean(); }});

@@ -1,12 +1,14 @@
-// The devices of a live run: the station's table and unit, the machine's clocks, and waiting that really waits.
+// The devices of a live run: the station's table and units, the machine's clocks, and waiting that really waits.
 //
 // Nothing is opened here; the run does that. clock.speed_up other than 1 is for twins (docs/twin.md): all of the station's times then
-// pass so many times faster. A table turned by hand is told why each move is asked for, and what the unit senses of gravity.
+// pass so many times faster. A table turned by hand is told why each move is asked for, and what the first unit
+// senses of gravity.
 #pragma once
 
 #include <atomic>
 #include <memory>
 #include <ostream>
+#include <vector>
 
 #include "imu_io/clock.h"
 #include "imu_io/serial_imu.h"
@@ -30,12 +32,13 @@ class LiveClock : public Clock {
 
 class LiveDevices : public RunObserver {
  public:
-  // REQUIRES: station.imu. The count and the stream (prompts of a table turned by hand, whose answers are read from the terminal)
+  // REQUIRES: station.imu, units <= station.imu_places(). The count and the stream (prompts of a table turned by hand, whose answers are read from the terminal)
   // must outlive the devices.
   static Result<std::unique_ptr<LiveDevices>> make(const StationConfig& station, const std::atomic<int>& stop_requests,
-                                                   std::ostream& out);
+                                                   std::ostream& out, std::size_t units = 1);
   StationDevices devices();  // valid as long as this object
-  std::string unit_summary() const { return imu_.summary(); }
+  ImuSource& imu(std::size_t place) { return place == 0 ? static_cast<ImuSource&>(watched_) : *further_[place - 1]; }
+  std::string unit_summary(std::size_t place) const { return (place == 0 ? imu_ : *further_[place - 1]).summary(); }
   // At most 20 ms, so that whoever waits finds out about a stop in time; a signal ends it earlier.
   static void wait_a_little(double wall_s);
   Status commission_table(const AxisTriple& known_deg, double tolerance_deg) { return table_->commission(known_deg, tolerance_deg); }
@@ -44,12 +47,13 @@ class LiveDevices : public RunObserver {
   void on_progress(const RunSnapshot&) override {}
 
  private:
-  explicit LiveDevices(const StationConfig& station);
+  LiveDevices(const StationConfig& station, std::size_t units);
 
   double speed_up_;
   LiveClock clock_;
   SerialImu imu_;
   GravityWatch watched_;
+  std::vector<std::unique_ptr<SerialImu>> further_;
   std::unique_ptr<TableDevice> table_;
 };
 

@@ -72,9 +72,18 @@ void LiveView::on_transition(const TransitionRecord& record) {
   const std::lock_guard lock(mutex_);
   transitions_.push_back(format_transition(record, ""));
   if (transitions_.size() > transitions_kept) transitions_.erase(transitions_.begin());
+  if (record.event == RunEvent::pause_wanted) {
+    pause_ = record.detail;
+    return;
+  }
   const bool bad = record.to == RunState::stopping || record.to == RunState::failed || record.event == RunEvent::dwell_bad ||
                    record.event == RunEvent::motion_data_lost;
   if (bad && !record.detail.empty()) last_error_ = record.detail;
+}
+
+void LiveView::on_dropout(const Dropout& dropout) {
+  const std::lock_guard lock(mutex_);
+  last_error_ = "unit " + dropout.serial + " dropped out at " + dropout.why.message;
 }
 
 void LiveView::on_progress(const RunSnapshot& snapshot) {
@@ -153,9 +162,20 @@ std::string LiveView::json() const {
   o.text("time_utc", s.utc_s > 0.0 ? format_utc(s.utc_s) : "");
   o.number("repeats", s.repeats);
   o.number("lost_samples", static_cast<double>(s.lost_samples));
+  std::string units;
+  for (const UnitSnapshot& unit : s.units) {
+    Object one;
+    one.text("serial", unit.serial);
+    one.number("samples", static_cast<double>(unit.recorded_samples));
+    one.number("lost_samples", static_cast<double>(unit.lost_samples));
+    one.text("dropped_out", unit.dropped_out);
+    units += (units.empty() ? "" : ",") + one.end();
+  }
+  o.raw("units", "[" + units + "]");
   o.raw("temperature_c", has_temperature_ ? json_number(static_cast<double>(temperature_c_)) : "null");
   o.number("heartbeat_age_s", wall_s_() - heartbeat_s_);
   o.text("last_error", last_error_);
+  o.text("pause", pause_);
   o.text("ended", ended_);
   o.texts("transitions", transitions_);
   o.texts("results", results_);

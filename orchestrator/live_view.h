@@ -1,4 +1,4 @@
-// What the status page shows of a run: the newest snapshot, the running dwell second by second, the last transitions and how it
+// What the status page shows of a run: the newest snapshot, every unit's state, the running dwell (of the first unit) second by second, the last transitions and how it
 // ended. Fed by the run's thread, read by the page's: every member is behind one lock, held for microseconds.
 #pragma once
 
@@ -21,6 +21,7 @@ class LiveView : public RunObserver {
            std::function<double()> wall_s);
 
   void on_transition(const TransitionRecord& record) override;
+  void on_dropout(const Dropout& dropout) override;
   void on_progress(const RunSnapshot& snapshot) override;
   void begin(const RecordingInfo& info);
   void begin_segment(SegmentKind kind);
@@ -41,7 +42,7 @@ class LiveView : public RunObserver {
   std::function<double()> wall_s_;
   double heartbeat_s_ = 0.0;
   RunSnapshot snapshot_;
-  std::string last_error_, ended_;
+  std::string last_error_, pause_, ended_;
   std::vector<std::string> transitions_;  // the newest last
   std::array<double, 6> per_count_{};     // of a sum over one second
   std::size_t second_samples_ = 200;

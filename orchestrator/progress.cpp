@@ -54,7 +54,17 @@ ProgressView::ProgressView(std::ostream& out, int columns, std::string tag, std:
     : out_(out), columns_(columns), tag_(std::move(tag)), wall_s_(std::move(wall_s)) {}
 
 void ProgressView::on_transition(const TransitionRecord& record) {
-  if (columns_ == 0) out_ << format_transition(record, tag_) << std::endl;
+  if (columns_ == 0) {
+    out_ << format_transition(record, tag_) << std::endl;
+  } else if (record.event == RunEvent::pause_wanted) {
+    clear();
+    out_ << tag_ << record.detail << std::endl;
+  }
+}
+
+void ProgressView::on_dropout(const Dropout& dropout) {
+  clear();
+  out_ << format_dropout(dropout, tag_) << std::endl;
 }
 
 void ProgressView::on_progress(const RunSnapshot& snapshot) {

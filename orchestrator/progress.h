@@ -2,7 +2,7 @@
 //
 // On a terminal: one line, redrawn in place at most ten times a second of wall time,
 //   step 3/14  moving  pitch 123.45 -> 360.00 deg  34%  run  11%  ETA 1:23:45
-// Elsewhere: one timestamped line a transition (run_log.h), no animation. ETA is station time that the plan says is left.
+// and what a pause that was asked for waits for. Elsewhere: one timestamped line a transition (run_log.h), no animation. ETA is station time that the plan says is left.
 #pragma once
 
 #include <functional>
@@ -20,6 +20,7 @@ class ProgressView : public RunObserver {
   ProgressView(std::ostream& out, int columns, std::string tag, std::function<double()> wall_s);
   ~ProgressView() override { clear(); }
   void on_transition(const TransitionRecord& record) override;
+  void on_dropout(const Dropout& dropout) override;
   void on_progress(const RunSnapshot& snapshot) override;
   void clear();  // takes the live line away before something else is printed
 

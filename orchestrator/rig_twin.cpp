@@ -2,6 +2,7 @@
 
 #include <poll.h>
 
+#include <algorithm>
 #include <mutex>
 #include <thread>
 
@@ -43,21 +44,20 @@ std::string port_of(const std::string& address) { return address.substr(address.
 
 }  // namespace
 
-RigTwin::RigTwin(const RigConfig& rig, double speed_up)
-    : rig_(rig), table_(rig_), clock_(rig_), unit_(rig_), speed_up_(speed_up) {}
+RigTwin::RigTwin(const RigConfig& rig, std::size_t units) : group_(rig, units) {}
 RigTwin::~RigTwin() = default;
 
 Status RigTwin::open_table(const StationConfig& station, const std::string& given) {
   bool tcp = false;
   std::string address;
   if (station.table.map) {
-    drives_ = std::make_unique<DriveTwin>(*station.table.map, table_, clock_);
+    drives_ = std::make_unique<DriveTwin>(*station.table.map, group_.table(), group_);
     if (Status status = drives_->power_on(); !status) return status;
     server_ = std::make_unique<TableServer>(*drives_);
     tcp = station.table.map->link.tcp;
     address = station.table.map->link.address;
   } else {
-    dialect_ = std::make_unique<DialectTwin>(*station.table.dialect, table_);
+    dialect_ = std::make_unique<DialectTwin>(*station.table.dialect, group_.table());
     if (Status status = dialect_->power_on(); !status) return status;
     server_ = std::make_unique<DialectServer>(*dialect_);
     tcp = station.table.dialect->link.tcp;
@@ -79,22 +79,56 @@ Result<std::unique_ptr<RigTwin>> RigTwin::open(const StationConfig& station, con
     return input_error("station '" + station.name + "': a twin needs table.driver = modbus or serial");
   }
   if (!station.imu) return input_error("station '" + station.name + "': a twin needs imu.driver = serial");
-  std::unique_ptr<RigTwin> twin(new RigTwin(rig, settings.speed_up));
+  std::unique_ptr<RigTwin> twin(new RigTwin(rig, station.imu_places()));
   if (Status status = twin->open_table(station, settings.table); !status) return status.error();
-  Result<Pty> line = Pty::create(station.imu->settings.device);
-  if (!line) return line.error();
-  twin->line_ = std::move(*line);
-  twin->guarded_ = std::make_unique<GuardedImu>(twin->unit_, twin->server_->mutex);
-  twin->streamer_ = std::make_unique<FrameStreamer>(*twin->guarded_, station.imu->frame, twin->line_, settings.speed_up,
-                                                    unit_patience_s);
-  // Once now, so that a frame that does not fit the rig is said before anybody waits for it.
-  if (Status status = twin->streamer_->start(monotonic_s()); !status) return status.error();
+  for (std::size_t unit = 0; unit < station.imu_places(); ++unit) {
+    if (Status status = twin->open_line(station, unit, settings.speed_up); !status) return status.error();
+  }
   return twin;
+}
+
+Status RigTwin::open_line(const StationConfig& station, std::size_t unit, double speed_up) {
+  Result<Pty> line = Pty::create(station.imu_settings(unit).device);
+  if (!line) return line.error();
+  auto made = std::make_unique<UnitLine>();
+  made->line = std::move(*line);
+  made->guarded = std::make_unique<GuardedImu>(group_.imu(unit), server_->mutex);
+  made->streamer = std::make_unique<FrameStreamer>(*made->guarded, station.imu->frame, made->line, speed_up, unit_patience_s);
+  lines_.push_back(std::move(made));
+  // Once now, so that a frame that does not fit the rig is said before anybody waits for it.
+  return lines_.back()->streamer->start(monotonic_s());
 }
 
 double RigTwin::rig_time_s() {
   const std::lock_guard lock(server_->mutex);
-  return rig_.time_s();
+  return group_.now_s();
+}
+
+std::string RigTwin::imu_devices() const {
+  std::string text;
+  for (const auto& line : lines_) text += (text.empty() ? "" : ", ") + line->line.device();
+  return text;
+}
+
+std::uint64_t RigTwin::batches_dropped() const {
+  std::uint64_t sum = 0;
+  for (const auto& line : lines_) sum += line->streamer->batches_dropped();
+  return sum;
+}
+
+Status RigTwin::pump(double now_s) {
+  Status gone;
+  bool any = false;
+  for (const auto& line : lines_) {
+    if (!line->line.is_open()) continue;
+    if (const Result<std::size_t> passed = line->streamer->pump(now_s); !passed) {
+      gone = passed.error();
+      line->line.unplug();
+    } else {
+      any = true;
+    }
+  }
+  return any ? Status{} : gone;
 }
 
 Status RigTwin::run(const std::atomic<int>& stop_requests) {
@@ -105,11 +139,14 @@ Status RigTwin::run(const std::atomic<int>& stop_requests) {
   Status status;
   bool started = false;
   while (status && stop_requests.load() == 0) {
-    if (!started && line_.has_peer()) {
+    const double now_s = monotonic_s();
+    if (started) {
+      status = pump(now_s);
+    } else if (std::any_of(lines_.begin(), lines_.end(), [](const auto& line) { return line->line.has_peer(); })) {
       started = true;
-      status = streamer_->start(monotonic_s());
-    } else if (started) {
-      if (const Result<std::size_t> passed = streamer_->pump(monotonic_s()); !passed) status = passed.error();
+      for (const auto& line : lines_) {
+        if (status) status = line->streamer->start(now_s);
+      }
     }
     ::poll(nullptr, 0, unit_pause_ms);
   }

@@ -1,22 +1,20 @@
-// The rig, served outside the program: its table behind the station's register map or dialect (TCP or pseudo-terminal), its unit as
-// frames on a pseudo-terminal. What `turncal twin` runs; docs/twin.md.
+// The rig, served outside the program: its table behind the station's register map or dialect (TCP or pseudo-terminal), a unit for each
+// place of the station as frames on a pseudo-terminal. What `turncal twin` runs; docs/twin.md.
 //
-// Rig time stands still until somebody opens the unit's line, so that the data are those of a dry run that begins then; from there on it
-// runs speed_up times as fast as the wall clock. One thread serves the table, run() the unit; the server's mutex guards the rig.
-// Not modelled: a unit that is unplugged by a fault of the rig ends the twin.
+// Rig time stands still until somebody opens a unit's line, so that the data are those of a dry run that begins then; from there on it
+// runs speed_up times as fast as the wall clock. One thread serves the table, run() the units; the server's mutex guards the rigs.
+// A unit that a fault of the rig unplugs hangs up its line; without any line left the twin ends.
 #pragma once
 
 #include <atomic>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "imu_io/frame_streamer.h"
 #include "orchestrator/station_config.h"
 #include "turntable_drivers/line_server.h"
-#include "turntable_drivers/rig.h"
-#include "turntable_drivers/rig_clock.h"
-#include "turntable_drivers/rig_imu.h"
-#include "turntable_drivers/rig_table.h"
+#include "turntable_drivers/rig_group.h"
 
 namespace turncal {
 
@@ -37,27 +35,29 @@ class RigTwin {
   RigTwin& operator=(const RigTwin&) = delete;
 
   std::string table_address() const { return server_->address(); }
-  const std::string& imu_device() const { return line_.device(); }
+  std::string imu_devices() const;  // separated by ", "
   // Serves until the count of requests to stop is not 0.
   Status run(const std::atomic<int>& stop_requests);
   double rig_time_s();
-  std::uint64_t batches_dropped() const { return streamer_->batches_dropped(); }  // not read in time
+  std::uint64_t batches_dropped() const;  // not read in time
 
  private:
-  RigTwin(const RigConfig& rig, double speed_up);
+  RigTwin(const RigConfig& rig, std::size_t units);
   Status open_table(const StationConfig& station, const std::string& where);
 
-  Rig rig_;
-  RigTable table_;
-  RigClock clock_;
-  RigImu unit_;
-  double speed_up_;
+  struct UnitLine {
+    std::unique_ptr<ImuSource> guarded;  // the unit, with the mutex held
+    Pty line;
+    std::unique_ptr<FrameStreamer> streamer;
+  };
+  Status open_line(const StationConfig& station, std::size_t unit, double speed_up);
+  Status pump(double now_s);  // every line that is left
+
+  RigGroup group_;
   std::unique_ptr<DriveTwin> drives_;
   std::unique_ptr<DialectTwin> dialect_;
   std::unique_ptr<LineServer> server_;
-  std::unique_ptr<ImuSource> guarded_;  // the unit, with the mutex held
-  Pty line_;
-  std::unique_ptr<FrameStreamer> streamer_;
+  std::vector<std::unique_ptr<UnitLine>> lines_;
 };
 
 }  // namespace turncal

@@ -2,13 +2,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <deque>
 #include <filesystem>
 #include <memory>
 #include <thread>
 
-#include "imu_io/atomic_file.h"
 #include "imu_io/clock.h"
-#include "imu_io/recording_source.h"
 #include "orchestrator/dry_run_devices.h"
 #include "orchestrator/hooks.h"
 #include "orchestrator/live_devices.h"
@@ -22,6 +21,7 @@
 #include "orchestrator/station_run.h"
 #include "orchestrator/status_page.h"
 #include "orchestrator/stop_signals.h"
+#include "orchestrator/unit_run.h"
 
 namespace turncal {
 
@@ -52,6 +52,9 @@ class Fanout : public RunObserver {
   explicit Fanout(std::vector<RunObserver*> observers) : observers_(std::move(observers)) {}
   void on_transition(const TransitionRecord& record) override {
     for (RunObserver* observer : observers_) observer->on_transition(record);
+  }
+  void on_dropout(const Dropout& dropout) override {
+    for (RunObserver* observer : observers_) observer->on_dropout(dropout);
   }
   void on_progress(const RunSnapshot& snapshot) override {
     for (RunObserver* observer : observers_) observer->on_progress(snapshot);
@@ -97,6 +100,7 @@ struct Attempt {
   const PreparedRun& run;
   const Plan& plan;
   double sample_period_s;
+  std::vector<UnitRun>& units;
   std::string folder;
   JournalFile& journal;
   RunLog& log;
@@ -104,33 +108,70 @@ struct Attempt {
   int sessions = 1;
 };
 
-// The rig in its own time, or the station's real devices.
+// Rigs in their own time, or the station's real devices.
 struct RunDevices {
   std::unique_ptr<DryRunDevices> rig;
   std::unique_ptr<LiveDevices> live;
   StationDevices devices() { return rig ? rig->devices() : live->devices(); }
+  ImuSource& imu(std::size_t unit) { return rig ? rig->group.imu(unit) : live->imu(unit); }
   RunObserver* prompts() { return live.get(); }  // of a table turned by hand: says why
 };
 
 Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context) {
   RunDevices made;
   if (run.request.dry_run) {
-    made.rig = std::make_unique<DryRunDevices>(run.rig);
+    made.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
     return made;
   }
-  Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(run.station, StopSignals::requests(), context.out);
+  Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(run.station, StopSignals::requests(), context.out,
+                                                                 run.request.units.size());
   if (!live) return live.error();
   made.live = std::move(*live);
   return made;
 }
 
-// One attempt with the devices, up to the verdict. Returns whether anything was recorded in *recorded.
-Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool& recorded) {
+std::string serials(const PreparedRun& run) {
+  std::string text;
+  for (const std::string& serial : run.request.units) text += (text.empty() ? "" : ", ") + serial;
+  return text;
+}
+
+std::string first_line(const PreparedRun& run) {
+  return std::string("turncal ") + software_version() + (run.request.units.size() > 1 ? ", units " : ", unit ") + serials(run) +
+         ", station " + run.station.name + ", sequence " + run.sequence.name +
+         (run.request.dry_run ? ", rig seed " + std::to_string(run.rig.seed) : run.simulated() ? ", simulated devices" : "");
+}
+
+std::string verdicts_of(const std::vector<UnitRun>& units) {
+  std::string text;
+  for (const UnitRun& unit : units) {
+    const std::string verdict(unit.dropped ? "dropped out" : !unit.status ? "not calibrated" : to_string(unit.results.verdict.verdict));
+    text += (text.empty() ? "" : ", ") + (units.size() > 1 ? unit.run.unit() + " " : "") + verdict;
+  }
+  return text;
+}
+
+// How far every unit came, and what is known of it before there are results.
+void take_outcome(const RunOutcome& outcome, double sample_period_s, std::vector<UnitRun>& units) {
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    const RunOutcome::Unit& end = outcome.units[i];
+    UnitRun& unit = units[i];
+    unit.counts.recorded_s = static_cast<double>(end.recorded_samples) * sample_period_s;
+    unit.counts.repeated_dwells = outcome.repeated_dwells;
+    unit.counts.lost_samples = end.lost_samples;
+    if (!end.dropped_out || unit.dropped) continue;
+    unit.dropped = true;
+    unit.status = Error{end.dropped_out->kind, "unit " + unit.run.unit() + " dropped out at " + end.dropped_out->message};
+  }
+}
+
+// One attempt with the devices, up to the verdicts.
+RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   const StationDevices devices = made.devices();
   const std::string tag(tag_of(a.run));
   const double began_s = steady_wall_s();
   ProgressView view(context.out, context.out_is_terminal ? context.terminal_columns : 0, tag, steady_wall_s);
-  LiveView live(a.run.request.unit, a.run.station.name, a.run.sequence.name, a.run.request.dry_run, last_results(a.run),
+  LiveView live(serials(a.run), a.run.station.name, a.run.sequence.name, a.run.request.dry_run, last_results(a.run),
                 steady_wall_s);
   std::unique_ptr<StatusPage> page;
   if (!a.run.request.listen.empty()) {
@@ -143,108 +184,145 @@ Status attempt(const Attempt& a, RunDevices& made, CommandContext& context, bool
   std::vector<RunObserver*> told{&a.log, &view, &live, &pace};
   if (made.prompts()) told.push_back(made.prompts());
   Fanout observers(told);
-  RecordingSink recording(a.folder);
-  LiveSink sink(recording, live);
-  RunResults results;
-  const StopSignals signals;
-  RunCounts counts;
-  counts.sessions = a.sessions;
+  std::deque<RecordingSink> recordings;
+  for (UnitRun& unit : a.units) {
+    recordings.emplace_back(unit.folder);
+    unit.counts.sessions = a.sessions;
+  }
+  LiveSink shown(recordings.front(), live);  // the page plots the first unit
+  std::vector<StationUnit> lanes;
+  for (std::size_t i = 0; i < a.units.size(); ++i) {
+    RunSink& sink = i == 0 ? static_cast<RunSink&>(shown) : recordings[i];
+    lanes.push_back({made.imu(i), sink, a.units[i].run.unit()});
+  }
+  const StopSignals signals(FirstInterrupt::pauses);
   StationRun* running = nullptr;
   const auto calibrate = [&]() -> Status {
-    const RunOutcome& so_far = running->outcome();
-    counts.recorded_s = static_cast<double>(so_far.recorded_samples) * a.sample_period_s;
-    counts.repeated_dwells = so_far.repeated_dwells;
-    counts.lost_samples = so_far.lost_samples;
-    return write_results(a.run, a.folder, devices.clock.utc_s(), counts, a.journal, results);
+    take_outcome(running->outcome(), a.sample_period_s, a.units);
+    return calibrate_units(a.units, devices.clock.utc_s(), a.journal);
   };
-  StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.run.request.unit, a.resume}, sink,
-                 {&observers, &StopSignals::requests(), calibrate, &a.journal});
+  StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume}, lanes,
+                 {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
   running = &run;
   const RunOutcome outcome = run.run();
-  if (made.live) a.log.line("unit: " + made.live->unit_summary());
+  for (std::size_t i = 0; made.live && i < a.units.size(); ++i) {
+    a.log.line("unit " + a.units[i].run.unit() + ": " + made.live->unit_summary(i));
+  }
   view.clear();
-  recorded = outcome.recorded_samples > 0;
-  live.end(outcome.state == RunState::done ? "done: " + std::string(to_string(results.verdict.verdict)) : outcome.error.message);
+  take_outcome(outcome, a.sample_period_s, a.units);
+  const bool done = outcome.state == RunState::done;
+  live.end(done ? "done: " + verdicts_of(a.units) : outcome.error.message);
   if (page) page->say_goodbye();
-  if (outcome.state != RunState::done) {
+  if (!done) {
     a.log.line(outcome.error.message);
-    if (recorded) context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
-    return outcome.error;
+    const bool recorded = std::any_of(a.units.begin(), a.units.end(), [](const UnitRun& unit) { return unit.counts.recorded_s > 0.0; });
+    Error whole = outcome.error;
+    for (UnitRun& unit : a.units) {
+      if (unit.dropped) whole.message += "; " + unit.status.error().message;
+      else unit.status = outcome.error;
+    }
+    if (outcome.state == RunState::interrupted) {
+      whole.message += "; go on with: turncal resume " + a.folder;
+    } else if (recorded) {
+      context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
+    }
+    return whole;
   }
   if (!a.log.status()) return a.log.status();
-  print_summary(a.run, a.folder, counts, results, steady_wall_s() - began_s, context.out);
-  return verdict_status(a.run.request.unit, results.verdict);
+  for (const UnitRun& unit : a.units) {
+    if (!unit.dropped && !unit.status) a.log.line("unit " + unit.run.unit() + ": " + unit.status.error().message);
+  }
+  conclude_units(a.units, steady_wall_s() - began_s, a.folder + "/" + log_name, context.out);
+  RunEnd end(status_of(a.units));
+  end.to_the_end = true;
+  return end;
 }
 
-std::string first_line(const PreparedRun& run) {
-  return std::string("turncal ") + software_version() + ", unit " + run.request.unit + ", station " + run.station.name +
-         ", sequence " + run.sequence.name +
-         (run.request.dry_run ? ", rig seed " + std::to_string(run.rig.seed) : run.simulated() ? ", simulated devices" : "");
-}
-
-// A recording that was finished but not yet renamed when the run was interrupted. Returns whether there is a sealed one.
-Result<bool> sealed_recording(const std::string& folder) {
-  const std::string path = folder + "/" + binary_recording_name, partial = folder + "/" + partial_recording_name;
-  if (path_exists(path)) return true;
-  if (!path_exists(partial)) return false;
-  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(partial);
-  if (!source || !(*source)->damage().complete) return false;
-  if (Status status = rename_durably(partial, path); !status) return status.error();
-  return true;
+// What the station wants told of every unit; the run's outcome is not changed by it.
+RunEnd told(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
+  for (UnitRun& unit : units) {
+    if (!end.to_the_end && unit.status) unit.status = end.status;
+    HookCall call = call_for(unit.status);
+    call.unit = unit.run.unit();
+    call.folder = unit.folder;
+    call.dry_run = unit.run.request.dry_run;
+    if (Status status = run_hook(unit.run.station.hooks, call); !status && log) log->line(status.error().message);
+    end.units.push_back({unit.run.unit(), unit.folder, unit.dropped, unit.status});
+  }
+  return end;
 }
 
 // Everything is recorded: no device is needed any more.
-Status finish_sealed(const PreparedRun& run, const std::string& folder, const JournalContents& contents, JournalFile& journal,
-                     CommandContext& context) {
-  if (!contents.seal_utc_s || !contents.last_dwell) {
-    return input_error(folder + ": the recording is complete, but the journal knows nothing of it");
-  }
+RunEnd finish_sealed(std::vector<UnitRun>& units, const std::string& folder, const JournalContents& contents,
+                     JournalFile& journal, CommandContext& context) {
   const double began_s = steady_wall_s();
-  Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(folder + "/" + binary_recording_name);
-  if (!source) return source.error();
-  if ((*source)->info().simulated != run.simulated() || (*source)->info().unit_serial != run.request.unit) {
-    return input_error(folder + ": the recording is of unit " + (*source)->info().unit_serial + " and " +
-                       ((*source)->info().simulated ? "simulated" : "real") + ", the journal is of another");
-  }
-  RunCounts counts;
-  counts.repeated_dwells = contents.last_dwell->repeated_dwells;
-  counts.lost_samples = contents.last_dwell->lost_samples;
-  counts.sessions = contents.sessions + 1;
-  counts.recorded_s = static_cast<double>((*source)->segments().back().end_sample) * (*source)->info().sample_period_s;
-  RunResults results;
-  if (Status status = write_results(run, folder, *contents.seal_utc_s, counts, journal, results); !status) return status;
-  print_summary(run, folder, counts, results, steady_wall_s() - began_s, context.out);
-  return verdict_status(run.request.unit, results.verdict);
-}
-
-// What the station wants told; the run's outcome is not changed by it.
-Status told(const PreparedRun& run, const std::string& folder, RunLog* log, Status outcome) {
-  HookCall call = call_for(outcome);
-  call.unit = run.request.unit;
-  call.folder = folder;
-  call.dry_run = run.request.dry_run;
-  if (Status status = run_hook(run.station.hooks, call); !status && log) log->line(status.error().message);
-  return outcome;
+  if (Status status = take_counts(units, contents); !status) return status;
+  if (Status status = calibrate_units(units, *contents.seal_utc_s, journal); !status) return status;
+  conclude_units(units, steady_wall_s() - began_s, folder + "/" + log_name, context.out);
+  RunEnd end(status_of(units));
+  end.to_the_end = true;
+  return end;
 }
 
 Plan plan_of(const PreparedRun& run, double sample_period_s) {
   return make_plan(run.sequence, plan_limits(run.station, sample_period_s));
 }
 
-// A run with a verdict is over.
-Status say_complete(const JournalContents& contents, const std::string& folder, std::ostream& out) {
-  const std::string& verdict = contents.verdict.front().second;
-  out << (contents.begin_value("simulated") == "true" ? dry_run_tag : "") << "The run of unit "
-      << contents.begin_value("unit") << " is complete, verdict " << verdict << ": nothing to resume." << std::endl;
-  if (verdict != to_string(UnitVerdict::fail) && verdict != to_string(UnitVerdict::conditional_fail)) return {};
-  return Error{ErrorKind::unit_failed, folder + ": the unit's verdict is " + verdict};
+// Whoever had dropped out. late: also those behind the last completed dwell, which a run that goes on takes back.
+void mark_dropped(const JournalContents& contents, bool late, std::vector<UnitRun>& units) {
+  for (UnitRun& unit : units) {
+    unit.dropped = false;
+    unit.status = {};
+  }
+  for (const JournalContents::DroppedUnit& dropped : contents.dropped) {
+    if (dropped.unit >= units.size() || (dropped.behind_last_dwell && !late)) continue;
+    UnitRun& unit = units[dropped.unit];
+    unit.dropped = true;
+    unit.status = Error{dropped.why.kind, "unit " + unit.run.unit() + " dropped out at " + dropped.why.message};
+  }
+}
+
+// Of one unit, the only one of its run or not; null: none yet.
+const JournalFields* verdict_of(const JournalContents& contents, const std::string& unit) {
+  const bool alone = contents.units().size() == 1;
+  const std::pair<std::string, std::string> mark("unit", unit);
+  const JournalFields* last = nullptr;
+  for (const JournalFields& verdict : contents.verdicts) {
+    if (alone || std::find(verdict.begin(), verdict.end(), mark) != verdict.end()) last = &verdict;
+  }
+  return last;
+}
+
+RunEnd say_over(const JournalContents& contents, const std::string& folder, std::ostream& out) {
+  PreparedRun named;
+  named.request.units = contents.units();
+  std::vector<UnitRun> units = units_of(named, folder);
+  mark_dropped(contents, true, units);
+  for (UnitRun& unit : units) {
+    if (unit.dropped) continue;
+    const std::string& result = verdict_of(contents, unit.run.unit())->front().second;
+    out << (contents.begin_value("simulated") == "true" ? dry_run_tag : "") << "The run of unit " << unit.run.unit()
+        << " is complete, verdict " << result << ": nothing to resume." << std::endl;
+    if (result == to_string(UnitVerdict::fail) || result == to_string(UnitVerdict::conditional_fail)) {
+      unit.status = Error{ErrorKind::unit_failed, unit.folder + ": the unit's verdict is " + result};
+    }
+  }
+  RunEnd end(status_of(units));
+  end.to_the_end = true;
+  for (const UnitRun& unit : units) end.units.push_back({unit.run.unit(), unit.folder, unit.dropped, unit.status});
+  return end;
 }
 
 // What the journal says was asked for, with what is given now.
 Result<RunRequest> request_again(const JournalContents& contents, const RunRequest& now) {
   RunRequest request = request_of(contents);
-  if (!now.unit.empty() && now.unit != request.unit) {
-    return input_error("--unit '" + now.unit + "': expected '" + request.unit + "', whose run this is");
+  if (!now.units.empty() && now.units != request.units) {
+    const auto list = [](const std::vector<std::string>& units) {
+      std::string text;
+      for (const std::string& unit : units) text += (text.empty() ? "'" : ", '") + unit + "'";
+      return text;
+    };
+    return input_error("--unit " + list(now.units) + ": expected " + list(request.units) + ", whose run this is");
   }
   if (!now.station.empty()) request.station = now.station;
   if (!now.sequence.empty()) request.sequence = now.sequence;
@@ -257,7 +335,17 @@ Result<RunRequest> request_again(const JournalContents& contents, const RunReque
 
 }  // namespace
 
-Status begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
+bool is_over(const JournalContents& journal) {
+  if (journal.verdicts.empty()) return false;
+  const std::vector<std::string> units = journal.units();
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    const bool dropped = std::any_of(journal.dropped.begin(), journal.dropped.end(), [i](const auto& gone) { return gone.unit == i; });
+    if (!dropped && !verdict_of(journal, units[i])) return false;
+  }
+  return true;
+}
+
+RunEnd begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
   Result<PreparedRun> prepared = prepare(request);
   if (!prepared) return prepared.error();
   const double period_s = prepared->sample_period_s();
@@ -270,37 +358,51 @@ Status begin_run(const RunRequest& request, const std::string& folder_path, Comm
   Result<OutputFolder> folder = OutputFolder::prepare(folder_path, {binary_recording_name, partial_recording_name,
                                                                     parameters_name, truth_name, log_name, journal_name});
   if (!folder) return folder.error();
+  std::vector<UnitRun> units = units_of(*prepared, folder->path());
+  std::vector<OutputFolder> unit_folders;
+  for (std::size_t i = 0; units.size() > 1 && i < units.size(); ++i) {
+    Result<OutputFolder> own = OutputFolder::prepare(
+        units[i].folder, {binary_recording_name, partial_recording_name, parameters_name, truth_name});
+    if (!own) return own.error();
+    unit_folders.push_back(std::move(*own));
+  }
   Result<JournalFile> journal = JournalFile::create(folder->file(journal_name), begin_fields(*prepared));
   if (!journal) return journal.error();
   Result<RunLog> log = RunLog::create(folder->file(log_name), std::string(tag_of(*prepared)));
   if (!log) return log.error();
   log->line(first_line(*prepared));
 
-  bool recorded = false;
-  const Status status = attempt({*prepared, plan, period_s, folder->path(), *journal, *log, std::nullopt, 1}, *devices,
-                                context, recorded);
-  if (recorded) folder->keep();
-  return told(*prepared, folder->path(), &*log, status);
+  RunEnd end = attempt({*prepared, plan, period_s, units, folder->path(), *journal, *log, std::nullopt, 1}, *devices, context);
+  const bool interrupted = !end.status && end.status.error().kind == ErrorKind::interrupted;  // there is something to go on with
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    if (units[i].counts.recorded_s <= 0.0 && !interrupted) continue;
+    folder->keep();
+    if (!unit_folders.empty()) unit_folders[i].keep();
+  }
+  return told(std::move(end), units, &*log);
 }
 
-Status take_up_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
+RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
   const std::string path = folder + "/" + journal_name;
   if (!path_exists(path)) return input_error(folder + ": holds no " + journal_name + ": expected the folder of a run");
   Result<JournalFile> journal = JournalFile::reopen(path);  // its lock: nobody else goes on with this run
   if (!journal) return journal.error();
   const Result<JournalContents> contents = read_journal(path);
   if (!contents) return contents.error();
-  if (!contents->verdict.empty()) return say_complete(*contents, folder, context.out);
+  if (is_over(*contents)) return say_over(*contents, folder, context.out);
   const Result<RunRequest> request = request_again(*contents, now);
   if (!request) return request.error();
   Result<PreparedRun> prepared = prepare(*request);
   if (!prepared) return prepared.error();
   if (Status status = check_unchanged(*prepared, *contents); !status) return status;
 
-  const Result<bool> sealed = sealed_recording(folder);
+  std::vector<UnitRun> units = units_of(*prepared, folder);
+  mark_dropped(*contents, true, units);
+  const Result<bool> sealed = sealed_recordings(units);
   if (!sealed) return sealed.error();
-  if (*sealed) return told(*prepared, folder, nullptr, finish_sealed(*prepared, folder, *contents, *journal, context));
+  if (*sealed) return told(finish_sealed(units, folder, *contents, *journal, context), units, nullptr);
 
+  mark_dropped(*contents, false, units);
   const double period_s = prepared->sample_period_s();
   const Plan plan = plan_of(*prepared, period_s);
   if (Status status = check_plan(plan); !status) return status;
@@ -310,7 +412,9 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   std::string what = "no dwell was complete: begins anew";
   if (contents->last_dwell) {
     if (contents->last_dwell->item >= plan.items.size()) return input_error(path + ": names an item that the plan has not");
+    if (contents->last_dwell->units.size() != units.size()) return input_error(path + ": a dwell is not of all units of the run");
     resume = ResumePoint{*contents->last_dwell, prepared->request.dry_run};
+    for (const UnitRun& unit : units) resume->dropped.push_back(unit.dropped);
     if (devices->rig) {
       if (Status status = devices->rig->put_back(contents->commands, contents->last_dwell->time_s); !status) return status;
     }
@@ -318,7 +422,10 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
            std::to_string(plan.items.size());
   } else {
     std::error_code ignored;
-    std::filesystem::remove(folder + "/" + partial_recording_name, ignored);
+    for (const UnitRun& unit : units) {
+      std::filesystem::create_directories(unit.folder, ignored);
+      std::filesystem::remove(unit.folder + "/" + partial_recording_name, ignored);
+    }
   }
   if (Status status = check_due(*prepared, devices->devices().clock.utc_s()); !status) return status;
   const JournalFields resumed = {{"software_version", software_version()}, {"what", what},
@@ -327,10 +434,8 @@ Status take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   Result<RunLog> log = RunLog::append(folder + "/" + log_name, std::string(tag_of(*prepared)));
   if (!log) return log.error();
   log->line("resumed by turncal " + std::string(software_version()) + ": " + what);
-  bool recorded = false;
-  return told(*prepared, folder, &*log,
-              attempt({*prepared, plan, period_s, folder, *journal, *log, resume, contents->sessions + 1}, *devices, context,
-                      recorded));
+  const Attempt again{*prepared, plan, period_s, units, folder, *journal, *log, resume, contents->sessions + 1};
+  return told(attempt(again, *devices, context), units, &*log);
 }
 
 }  // namespace turncal

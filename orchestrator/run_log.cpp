@@ -6,12 +6,20 @@
 
 namespace turncal {
 
-std::string format_transition(const TransitionRecord& record, std::string_view tag) {
-  const RunSnapshot& at = record.at;
+namespace {
+
+std::string head_of(const RunSnapshot& at, std::string_view tag) {
   char head[120];
   std::snprintf(head, sizeof head, "%s %11.3f s  step %zu/%zu  ", format_utc(at.utc_s).c_str(), at.time_s, at.step_place,
                 at.step_count);
-  std::string text = std::string(tag) + head;
+  return std::string(tag) + head;
+}
+
+}  // namespace
+
+std::string format_transition(const TransitionRecord& record, std::string_view tag) {
+  const RunSnapshot& at = record.at;
+  std::string text = head_of(at, tag);
   text += to_string(record.from);
   if (record.to != record.from) {
     text += " -> ";
@@ -29,6 +37,25 @@ std::string format_transition(const TransitionRecord& record, std::string_view t
   }
   if (record.to == RunState::stopping || is_final(record.to)) text += std::string("; table ") + to_string(at.table);
   return text;
+}
+
+std::string format_pause(const RunSnapshot& at) {
+  std::string when;
+  switch (at.state) {
+    case RunState::homing: when = "after homing"; break;
+    case RunState::moving: when = "after this move"; break;
+    case RunState::settling: when = "after settling"; break;
+    case RunState::dwelling: when = "after this dwell"; break;
+    case RunState::parking:
+    case RunState::calibrating: return "pause asked for: everything is recorded, the run finishes";
+    default: return "paused";
+  }
+  if (at.item_end_utc_s > 0.0) when += ", at " + format_utc(at.item_end_utc_s).substr(11);
+  return "pause asked for: " + when + "; Ctrl-C again stops now";
+}
+
+std::string format_dropout(const Dropout& dropout, std::string_view tag) {
+  return head_of(dropout.at, tag) + "unit " + dropout.serial + " dropped out at " + dropout.why.message;
 }
 
 Result<RunLog> RunLog::create(const std::string& path, std::string tag) {
@@ -49,14 +76,12 @@ Result<RunLog> RunLog::append(const std::string& path, std::string tag) {
   return log;
 }
 
-void RunLog::line(const std::string& text) {
-  if (!status_) return;
-  status_ = file_.write_all(std::string_view(tag_ + text + "\n"));
+void RunLog::line_as_is(const std::string& text) {
+  if (status_) status_ = file_.write_all(std::string_view(text + "\n"));
 }
 
-void RunLog::on_transition(const TransitionRecord& record) {
-  if (!status_) return;
-  status_ = file_.write_all(std::string_view(format_transition(record, tag_) + "\n"));
-}
+void RunLog::line(const std::string& text) { line_as_is(tag_ + text); }
+
+void RunLog::on_transition(const TransitionRecord& record) { line_as_is(format_transition(record, tag_)); }
 
 }  // namespace turncal

@@ -17,6 +17,10 @@ namespace turncal {
 // Without the line break. `tag` stands in front ("[dry run] "), so that no line of a simulation passes for a real one.
 std::string format_transition(const TransitionRecord& record, std::string_view tag);
 
+// What a pause that was asked for waits for: "pause asked for: after this dwell, at 23:41:07Z; Ctrl-C again stops now".
+std::string format_pause(const RunSnapshot& at);
+std::string format_dropout(const Dropout& dropout, std::string_view tag);
+
 class RunLog : public RunObserver {
  public:
   // The file must not exist. Every line is handed to the system at once.
@@ -26,6 +30,7 @@ class RunLog : public RunObserver {
 
   void line(const std::string& text);
   void on_transition(const TransitionRecord& record) override;
+  void on_dropout(const Dropout& dropout) override { line_as_is(format_dropout(dropout, tag_)); }
   void on_progress(const RunSnapshot&) override {}
   // The first failure to write, which the run must not hide.
   const Status& status() const { return status_; }
@@ -33,6 +38,7 @@ class RunLog : public RunObserver {
  private:
   RunLog(PosixFile file, std::string tag) : file_(std::move(file)), tag_(std::move(tag)) {}
   PosixFile file_;
+  void line_as_is(const std::string& text);
   std::string tag_;
   Status status_;
 };

@@ -1,4 +1,4 @@
-// What a run tells the outside while it goes on: every transition, and a snapshot whenever something has moved on.
+// What a run tells the outside while it goes on: every transition, a unit that drops out, and a snapshot whenever something has moved on.
 // The progress line and the run's log listen here. Observers look; they cannot change anything.
 #pragma once
 
@@ -6,13 +6,22 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "calib/axis.h"
 #include "calib/recording_types.h"
+#include "calib/status.h"
 #include "orchestrator/run_state_machine.h"
 #include "turntable_drivers/table_state.h"
 
 namespace turncal {
+
+struct UnitSnapshot {
+  std::string serial;
+  std::int64_t recorded_samples = 0;  // periods, lost ones included
+  std::uint64_t lost_samples = 0;
+  std::string dropped_out;            // why; empty: it is part of the run
+};
 
 // Degrees, seconds of the station's clock.
 struct RunSnapshot {
@@ -29,10 +38,12 @@ struct RunSnapshot {
   AxisTriple rate_degps;
   TableState table = TableState::not_ready;
   double phase_fraction = 0.0;  // of the move or dwell that is going on
+  double item_end_utc_s = 0.0;  // when that move or dwell will be over; 0: not known
   double run_fraction = 0.0;    // of the plan's time
   double eta_s = 0.0;           // what the plan says is left
   int repeats = 0;              // of the present dwell
-  std::uint64_t lost_samples = 0;
+  std::uint64_t lost_samples = 0;            // of all units
+  std::vector<UnitSnapshot> units;
 };
 
 struct TransitionRecord {
@@ -45,11 +56,20 @@ struct TransitionRecord {
   std::string detail;    // what there is to say about the event; may be empty
 };
 
+// A unit that is no longer part of the run: gone, silent, refused, or its recording cannot be written.
+struct Dropout {
+  std::size_t unit = 0;  // place in the run, from 0
+  std::string serial;
+  Error why;             // "step 3 (3/14) dwelling at ...: ..."
+  RunSnapshot at;
+};
+
 class RunObserver {
  public:
   virtual ~RunObserver() = default;
   virtual void on_transition(const TransitionRecord& record) = 0;
   virtual void on_progress(const RunSnapshot& snapshot) = 0;
+  virtual void on_dropout(const Dropout&) {}
 };
 
 }  // namespace turncal

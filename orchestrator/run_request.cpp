@@ -1,5 +1,6 @@
 #include "orchestrator/run_request.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <tuple>
 #include <utility>
@@ -34,8 +35,13 @@ Result<StationConfig> station_from(const std::string& path, const std::string& t
 }
 
 Status check_words(const RunRequest& request) {
-  if (!is_plain_text(request.unit)) {
-    return input_error("--unit '" + request.unit + "': expected a serial number of printable characters without '#'");
+  for (const std::string& unit : request.units) {
+    if (!is_plain_text(unit)) {
+      return input_error("--unit '" + unit + "': expected a serial number of printable characters without '#'");
+    }
+    if (std::count(request.units.begin(), request.units.end(), unit) > 1) {
+      return input_error("--unit '" + unit + "': given twice, expected every unit once");
+    }
   }
   const std::pair<const char*, const std::string*> words[] = {{"--operator", &request.operator_name},
                                                               {"--part", &request.part},
@@ -79,6 +85,8 @@ Status prepare_rig(PreparedRun& run) {
 
 }  // namespace
 
+std::size_t places(const PreparedRun& run) { return run.request.dry_run ? most_units : run.station.imu_places(); }
+
 Status check_real_devices(const StationConfig& station) {
   const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
   if (mock && rig) {
@@ -112,6 +120,12 @@ Result<PreparedRun> prepare(const RunRequest& request) {
     return status.error();
   }
 
+  if (wanted.units.size() > places(run)) {
+    return input_error("--unit: " + std::to_string(wanted.units.size()) + " units: expected at most " +
+                       std::to_string(places(run)) +
+                       (wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)"));
+  }
+
   const Result<std::string> sequence_text = text_of(wanted.sequence, builtin_sequence_text());
   if (!sequence_text) return sequence_text.error();
   Result<Sequence> sequence =
@@ -124,12 +138,12 @@ Result<PreparedRun> prepare(const RunRequest& request) {
 
 JournalFields begin_fields(const PreparedRun& run) {
   const RunRequest& request = run.request;
-  return {{"format", "1"},
+  JournalFields fields = {{"format", "1"},
           {"software_version", software_version()},
           {"simulated", run.simulated() ? "true" : "false"},
           {"live", request.dry_run ? "" : "true"},
           {"capture_only", request.capture_only ? "true" : "false"},
-          {"unit", request.unit},
+          {"unit", request.units.front()},
           {"station", request.station},
           {"station_hash", run.station_hash},
           {"rig", request.rig},
@@ -141,13 +155,17 @@ JournalFields begin_fields(const PreparedRun& run) {
           {"revision", request.revision},
           {"ambient", request.ambient},
           {"overdue_reason", request.overdue_reason}};
+  for (std::size_t unit = 1; unit < request.units.size(); ++unit) {
+    fields.emplace_back("unit." + std::to_string(unit + 1), request.units[unit]);
+  }
+  return fields;
 }
 
 RunRequest request_of(const JournalContents& journal) {
   RunRequest request;
   request.dry_run = journal.begin_value("live") != "true";
   request.capture_only = journal.begin_value("capture_only") == "true";
-  request.unit = journal.begin_value("unit");
+  request.units = journal.units();
   request.station = journal.begin_value("station");
   request.rig = journal.begin_value("rig");
   request.sequence = journal.begin_value("sequence");

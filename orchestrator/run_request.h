@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "calib/status.h"
 #include "orchestrator/journal_file.h"
@@ -15,7 +16,7 @@ namespace turncal {
 struct RunRequest {
   bool dry_run = false;
   bool capture_only = false;
-  std::string unit;
+  std::vector<std::string> units;  // serial numbers, by place on the table
   std::string rig;       // files, made absolute by prepare(); empty: the built-in one
   std::string sequence;
   std::string station;
@@ -37,9 +38,13 @@ struct PreparedRun {
   RigConfig rig;
   Sequence sequence;
   std::string station_hash, rig_hash, sequence_hash;  // rig_hash: of a dry run
+  const std::string& unit() const { return request.units.front(); }  // of a run of one
   bool simulated() const { return request.dry_run || station.simulated(); }
   double sample_period_s() const { return request.dry_run ? rig.sample_period_s : station.imu->frame.sample_period_s; }
 };
+
+inline constexpr std::size_t most_units = 16;  // of a dry run, which has as many places as it is asked for
+std::size_t places(const PreparedRun& run);
 
 // An error unless table and unit are both ones that a live command can open.
 Status check_real_devices(const StationConfig& station);

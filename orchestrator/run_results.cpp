@@ -56,14 +56,20 @@ Status write_truth(const PreparedRun& run, const std::string& folder, const RunR
   return write_file_atomically(folder + "/" + truth_name, format_truth(Rig(run.rig), reference_c));
 }
 
+JournalFields marked(JournalFields fields, const JournalFields& mark) {
+  fields.insert(fields.end(), mark.begin(), mark.end());
+  return fields;
+}
+
 Status keep_results(const PreparedRun& run, const std::string& folder, const RunCounts& counts, JournalFile& journal,
-                    const RunResults& results) {
+                    const JournalFields& mark, const RunResults& results) {
   const ParameterFile& file = results.output->file;
   const std::string path = folder + "/" + parameters_name;
   const Result<std::string> text = format_parameter_file(file);
   if (!text) return text.error();
   if (Status status = write_file_atomically(path, *text); !status) return status;
-  if (Status status = journal.append(JournalType::results, {{"parameters_hash", hash_of_text(*text)}}); !status) return status;
+  const JournalFields hash = marked({{"parameters_hash", hash_of_text(*text)}}, mark);
+  if (Status status = journal.append(JournalType::results, hash); !status) return status;
   if (!run.station.database.empty()) {
     Result<ResultsDatabase> database = ResultsDatabase::open(run.station.database);
     if (!database) return database.error();
@@ -83,7 +89,7 @@ std::string_view tag_of(const PreparedRun& run) {
 }
 
 Status write_results(const PreparedRun& run, const std::string& folder, double utc_s, const RunCounts& counts,
-                     JournalFile& journal, RunResults& results) {
+                     JournalFile& journal, const JournalFields& mark, RunResults& results) {
   Status calibrated;
   if (!run.request.capture_only) {
     Result<CalibrationOutput> output = calibrate_capture(folder, utc_s);
@@ -99,10 +105,10 @@ Status write_results(const PreparedRun& run, const std::string& folder, double u
   if (Status status = write_truth(run, folder, results); !status && calibrated) return status;
   if (!calibrated) return calibrated;
   if (results.output) {
-    if (Status status = keep_results(run, folder, counts, journal, results); !status) return status;
+    if (Status status = keep_results(run, folder, counts, journal, mark, results); !status) return status;
   }
-  return journal.append(JournalType::verdict, {{"result", std::string(to_string(results.verdict.verdict))},
-                                               {"rule", results.verdict.rule}});
+  return journal.append(JournalType::verdict, marked({{"result", std::string(to_string(results.verdict.verdict))},
+                                                      {"rule", results.verdict.rule}}, mark));
 }
 
 Status verdict_status(const std::string& unit, const VerdictReport& report) {
@@ -121,7 +127,7 @@ Status verdict_status(const std::string& unit, const VerdictReport& report) {
 }
 
 void print_summary(const PreparedRun& run, const std::string& folder, const RunCounts& counts, const RunResults& results,
-                   double wall_s, std::ostream& printed) {
+                   double wall_s, const std::string& log, std::ostream& printed) {
   std::ostringstream out;
   char text[200];
   std::snprintf(text, sizeof text,
@@ -147,7 +153,7 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
     out << "parameters  " << path(parameters_name) << '\n';
   }
   if (run.request.dry_run) out << "truth       " << path(truth_name) << '\n';
-  out << "recording   " << path(binary_recording_name) << '\n' << "log         " << path("run.log") << '\n';
+  out << "recording   " << path(binary_recording_name) << '\n' << "log         " << log << '\n';
   const std::string whole = out.str();
   const std::string_view tag = tag_of(run);
   for (std::string_view rest = whole; !rest.empty();) {

@@ -36,12 +36,12 @@ struct RunResults {
   VerdictReport verdict;
 };
 
-// utc_s: when the recording was sealed.
+// utc_s: when the recording was sealed. mark: goes behind the other fields of the journal's records.
 Status write_results(const PreparedRun& run, const std::string& folder, double utc_s, const RunCounts& counts,
-                     JournalFile& journal, RunResults& results);
+                     JournalFile& journal, const JournalFields& mark, RunResults& results);
 
 void print_summary(const PreparedRun& run, const std::string& folder, const RunCounts& counts, const RunResults& results,
-                   double wall_s, std::ostream& out);
+                   double wall_s, const std::string& log, std::ostream& out);
 // An error of kind unit_failed when the verdict is not one to accept.
 Status verdict_status(const std::string& unit, const VerdictReport& report);
 

@@ -6,14 +6,14 @@ namespace {
 
 constexpr std::array<std::string_view, run_state_count> state_names = {
     "idle",     "connecting", "homing",  "resting",     "selecting", "moving", "settling", "dwelling",
-    "step_done", "parking",   "calibrating", "stopping", "done",      "failed", "aborted"};
+    "step_done", "parking",   "calibrating", "stopping", "done",      "failed", "aborted",  "interrupted"};
 
 constexpr std::array<std::string_view, run_event_count> event_names = {
     "start",          "connected",          "connect_failed",   "homed",        "rest_over",  "move_next",  "dwell_next",
     "step_complete",  "step_next",          "sequence_complete", "arrived",     "unsettled",  "settled",
     "dwell_complete", "dwell_bad",          "calibration_ok",   "calibration_failed", "stopped_verified", "stall",
     "deadline",       "table_fault",        "e_stop",           "link_lost",    "imu_lost",   "motion_data_lost",
-    "storage_failed", "operator_stop"};
+    "storage_failed", "pause_wanted",       "operator_stop", "end_wanted"};
 
 constexpr std::array<std::string_view, run_action_count> action_names = {
     "none",        "connect",     "enable_and_home", "begin_rest", "settle_recorded", "select_next", "issue_move", "watch_settling",
@@ -21,7 +21,7 @@ constexpr std::array<std::string_view, run_action_count> action_names = {
     "calibrate",   "stop_table",  "abort_table",     "announce"};
 
 constexpr std::array<std::string_view, run_guard_count> guard_names = {
-    "always", "rest_due", "no_rest_due", "repeats_left", "no_repeats_left", "by_operator", "by_error", "abort_sent", "abort_not_sent"};
+    "always", "rest_due", "no_rest_due", "repeats_left", "no_repeats_left", "by_operator", "by_error", "by_interruption", "abort_sent", "abort_not_sent"};
 
 }  // namespace
 
@@ -32,8 +32,9 @@ bool holds(RunGuard guard, const RunGuards& guards) {
     case RunGuard::no_rest_due: return !guards.rest_due;
     case RunGuard::repeats_left: return guards.repeats_left;
     case RunGuard::no_repeats_left: return !guards.repeats_left;
-    case RunGuard::by_operator: return guards.by_operator;
-    case RunGuard::by_error: return !guards.by_operator;
+    case RunGuard::by_operator: return guards.stop_cause == StopCause::by_operator;
+    case RunGuard::by_error: return guards.stop_cause == StopCause::error;
+    case RunGuard::by_interruption: return guards.stop_cause == StopCause::interruption;
     case RunGuard::abort_sent: return guards.abort_sent;
     case RunGuard::abort_not_sent: return !guards.abort_sent;
   }

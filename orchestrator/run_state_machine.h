@@ -36,9 +36,10 @@ enum class RunState {
   stopping,     // a stop went out to all axes and is being verified
   done,
   failed,
-  aborted
+  aborted,      // by the operator
+  interrupted   // paused, or told to end from outside: can be resumed
 };
-inline constexpr int run_state_count = 15;
+inline constexpr int run_state_count = 16;
 
 enum class RunEvent {
   start,
@@ -67,9 +68,11 @@ enum class RunEvent {
   imu_lost,            // the IMU is gone or silent
   motion_data_lost,    // samples lost or flagged while the table turned: the estimator cuts the chain there
   storage_failed,      // the recording cannot be written
-  operator_stop
+  pause_wanted,        // asked for a pause: told while an item goes on, and again at the next safe point
+  operator_stop,       // the operator: stop now
+  end_wanted           // from outside (SIGTERM, SIGHUP): stop now, nobody gives the run up
 };
-inline constexpr int run_event_count = 27;
+inline constexpr int run_event_count = 29;
 
 enum class RunAction {
   none,
@@ -99,18 +102,22 @@ enum class RunGuard {
   no_rest_due,
   repeats_left,      // the dwell may be repeated once more
   no_repeats_left,
-  by_operator,       // the stop was asked for by the operator
+  by_operator,       // why the table is being stopped
   by_error,
+  by_interruption,
   abort_sent,        // the fastest stop went out already
   abort_not_sent
 };
-inline constexpr int run_guard_count = 9;
+inline constexpr int run_guard_count = 10;
+
+// Why the table is being stopped.
+enum class StopCause { error, by_operator, interruption };
 
 // What the guards look at.
 struct RunGuards {
   bool rest_due = false;
   bool repeats_left = true;
-  bool by_operator = false;
+  StopCause stop_cause = StopCause::error;
   bool abort_sent = false;
 };
 
@@ -178,6 +185,14 @@ inline constexpr TransitionRow rows[] = {
   {calibrating,    calibration_ok,     always,          done,        announce},
   {calibrating,    calibration_failed, always,          stopping,    stop_table},
 
+  {homing,         pause_wanted,       always,          homing,      none},
+  {moving,         pause_wanted,       always,          moving,      none},
+  {settling,       pause_wanted,       always,          settling,    none},
+  {dwelling,       pause_wanted,       always,          dwelling,    none},
+  {parking,        pause_wanted,       always,          parking,     none},
+  {{connecting, resting, selecting, step_done},
+                   pause_wanted,       always,          stopping,    stop_table},
+
   {moving,         stall,              always,          stopping,    stop_table},
   {{homing, moving, settling, dwelling, parking},
                    deadline,           always,          stopping,    stop_table},
@@ -188,15 +203,21 @@ inline constexpr TransitionRow rows[] = {
   {live_states,    storage_failed,     always,          stopping,    stop_table},
   {live_states,    operator_stop,      always,          stopping,    stop_table},
   {calibrating,    operator_stop,      always,          stopping,    stop_table},
+  {live_states,    end_wanted,         always,          stopping,    stop_table},
+  {calibrating,    end_wanted,         always,          stopping,    stop_table},
 
   {stopping,       stopped_verified,   by_error,        failed,      announce},
   {stopping,       stopped_verified,   by_operator,     aborted,     announce},
+  {stopping,       stopped_verified,   by_interruption, interrupted, announce},
   {stopping,       operator_stop,      always,          stopping,    abort_table},
+  {stopping,       end_wanted,         always,          stopping,    abort_table},
   {stopping,       deadline,           abort_not_sent,  stopping,    abort_table},
   {stopping,       deadline,           abort_sent,      failed,      announce},
   {connecting,     connect_failed,     always,          failed,      announce},
   {{idle, connecting},
                    operator_stop,      always,          aborted,     announce},
+  {{idle, connecting},
+                   end_wanted,         always,          interrupted, announce},
 };
 
 inline constexpr IgnoredRow ignored[] = {
@@ -204,11 +225,15 @@ inline constexpr IgnoredRow ignored[] = {
                 "the first reason stands; the deadline judges the stop"},
   {calibrating, {table_fault, e_stop, link_lost, imu_lost},
                 "the recording is complete and the table is at rest, its drives off"},
-  {{done, failed, aborted},
+  {calibrating, pause_wanted,
+                "everything is recorded: the run finishes"},
+  {stopping,    pause_wanted,
+                "it stops already"},
+  {{done, failed, aborted, interrupted},
                 {start, connected, connect_failed, homed, rest_over, move_next, dwell_next, step_complete, step_next,
                  sequence_complete, arrived, unsettled, settled, dwell_complete, dwell_bad, calibration_ok,
                  calibration_failed, stopped_verified, stall, deadline, table_fault, e_stop, link_lost, imu_lost,
-                 motion_data_lost, storage_failed, operator_stop},
+                 motion_data_lost, storage_failed, pause_wanted, operator_stop, end_wanted},
                 "the run is over"},
 };
 // clang-format on
@@ -228,7 +253,7 @@ Transition next(RunState state, RunEvent event, const RunGuards& guards);
 
 bool holds(RunGuard guard, const RunGuards& guards);
 constexpr bool is_final(RunState state) {
-  return state == RunState::done || state == RunState::failed || state == RunState::aborted;
+  return state == RunState::done || state == RunState::failed || state == RunState::aborted || state == RunState::interrupted;
 }
 
 std::string_view to_string(RunState state);

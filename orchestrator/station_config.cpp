@@ -1,5 +1,6 @@
 #include "orchestrator/station_config.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <limits>
 
@@ -11,6 +12,7 @@ namespace turncal {
 namespace {
 
 constexpr double longest_time_s = 3600.0;  // of any time in the file; more is a typing mistake
+constexpr std::size_t most_imu_places = 16;
 constexpr NumberRange some_time{0.0, longest_time_s, true};
 constexpr NumberRange time_or_zero{0.0, longest_time_s};
 constexpr NumberRange angle{-3600.0, 3600.0};
@@ -179,6 +181,26 @@ bool is_date(const std::string& text) {
   return parse_integer<int>(text.substr(0, 4)) && month && *month >= 1 && *month <= 12 && day && *day >= 1 && *day <= 31;
 }
 
+// imu.2.device, imu.3.device, ...: contiguous, every line once.
+void read_further_places(KeyValueFile& file, StationConfig& station) {
+  const auto key = [](std::size_t place) { return "imu." + std::to_string(place) + ".device"; };
+  std::vector<std::string> taken = {station.imu->settings.device};
+  for (std::size_t place = 2; place <= most_imu_places; ++place) {
+    if (!file.has(key(place))) continue;
+    const std::string device = file.text(key(place));
+    if (place != taken.size() + 1) {
+      file.reject(key(place), key(taken.size() + 1) + " before it: places are numbered without a gap");
+      return;
+    }
+    if (std::find(taken.begin(), taken.end(), device) != taken.end()) {
+      file.reject(key(place), "a line that no other place has");
+      return;
+    }
+    taken.push_back(device);
+  }
+  station.further_imu_devices.assign(taken.begin() + 1, taken.end());
+}
+
 Result<StationConfig> station_from(KeyValueFile& file) {
   StationConfig station;
   station.file = file.file_name();
@@ -194,6 +216,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
     if (!imu) return imu.error();
     station.imu_driver = ImuDriver::serial;
     station.imu = std::move(*imu);
+    read_further_places(file, station);
   }
   station.clock_speed_up = file.number_or("clock.speed_up", 1.0, between(0.01, 1000.0));
   station.imu_timeout_s = file.number_or("imu.timeout_s", station.imu_timeout_s, some_time);
@@ -228,6 +251,14 @@ Result<StationConfig> station_from(KeyValueFile& file) {
 }
 
 }  // namespace
+
+SerialImuSettings StationConfig::imu_settings(std::size_t place) const {
+  SerialImuSettings settings = imu->settings;
+  if (place == 0) return settings;
+  settings.device = further_imu_devices[place - 1];
+  settings.unit_serial.clear();
+  return settings;
+}
 
 StationConfig default_station_config() {
   StationConfig station;

@@ -9,6 +9,7 @@
 #include <array>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "calib/status.h"
 #include "imu_io/serial_imu_config.h"
@@ -29,7 +30,7 @@ enum class TableDriver {
 };
 enum class ImuDriver {
   rig,    // the rig's own IMU, coupled to its table: dry runs only
-  serial  // a unit on a serial line: keys of imu_io/serial_imu_config.h
+  serial  // units on serial lines: keys of imu_io/serial_imu_config.h; imu.2.device, imu.3.device ... are further places
 };
 
 // When a move has arrived, when it is late, and how often the table is asked.
@@ -73,7 +74,8 @@ struct StationConfig {
   double gravity_mps2 = 0.0;
   TableConfig table;
   ImuDriver imu_driver = ImuDriver::rig;
-  std::optional<SerialImuConfig> imu;  // serial
+  std::optional<SerialImuConfig> imu;  // serial; of the first place
+  std::vector<std::string> further_imu_devices;  // the lines of the places 2, 3, ...: same frame, same settings
   double clock_speed_up = 1.0;         // seconds of the station a second of the wall clock; 1 unless twins answer
   std::array<AxisLimits, 3> axis{};  // indexed by Axis
   MotionConfig motion;
@@ -87,6 +89,8 @@ struct StationConfig {
   std::string database;              // results (results_database.h); empty: none; relative to the station file's folder
   std::string store;                 // parameter files in use (parameter_store.h); the same
   std::string rig_file;              // empty: the built-in rig configuration; relative to the station file's folder
+  std::size_t imu_places() const { return imu ? 1 + further_imu_devices.size() : 0; }
+  SerialImuSettings imu_settings(std::size_t place) const;  // from 0; only the first unit may have imu.unit_serial
   // Of a live run: a twin answers, at one end at least.
   bool simulated() const { return table.simulated || (imu && imu->settings.simulated); }
 };

@@ -1,4 +1,4 @@
-// The loop and the actions of a run. What is read from the devices and judged is in station_watch.cpp.
+// The loop and the actions of a run. What the table says is judged in station_watch.cpp, what the units do in station_lanes.cpp.
 #include "orchestrator/station_run.h"
 
 #include <algorithm>
@@ -8,12 +8,12 @@
 #include <limits>
 
 #include "imu_io/format_number.h"
+#include "orchestrator/run_log.h"
 
 namespace turncal {
 
 namespace {
 
-constexpr std::size_t buffer_samples = 1024;
 constexpr double homing_deadline_s = 300.0;
 
 // Moves back to where the table should stand, where the sequence gives no rate.
@@ -27,16 +27,21 @@ MotionConfig patient(MotionConfig motion, bool needs_operator) {
   return motion;
 }
 
+StopCause cause_of(RunEvent event) {
+  if (event == RunEvent::operator_stop) return StopCause::by_operator;
+  const bool interruption = event == RunEvent::pause_wanted || event == RunEvent::end_wanted;
+  return interruption ? StopCause::interruption : StopCause::error;
+}
+
 }  // namespace
 
-StationRun::StationRun(StationDevices devices, StationJob job, RunSink& sink, StationHooks hooks)
+StationRun::StationRun(StationDevices devices, StationJob job, const std::vector<StationUnit>& units, StationHooks hooks)
     : devices_(std::move(devices)),
       job_(std::move(job)),
-      sink_(sink),
       hooks_(std::move(hooks)),
+      lanes_(units.begin(), units.end()),
       commanded_deg_(job_.sequence.start_deg),
-      arrival_(patient(job_.station.motion, devices_.table.needs_operator())),
-      buffer_(buffer_samples) {
+      arrival_(patient(job_.station.motion, devices_.table.needs_operator())) {
   if (job_.resume) take_up(*job_.resume);
 }
 
@@ -46,24 +51,20 @@ void StationRun::take_up(const ResumePoint& resume) {
   item_ = dwell.item + 1;
   step_ = item.step_index;
   commanded_deg_ = item.commanded_deg;
-  next_sample_ = dwell.next_sample;
-  outcome_.recorded_samples = dwell.next_sample;
-  outcome_.repeated_dwells = dwell.repeated_dwells;
-  outcome_.lost_samples = dwell.lost_samples;
-  outcome_.duplicate_samples = dwell.duplicate_samples;
-  gap_due_ = !resume.no_time_passed;
-  if (gap_due_) return;
-  first_counter_ = dwell.first_counter;
-  last_counter_ = dwell.last_counter;
+  repeated_dwells_ = dwell.repeated_dwells;
+  rest_due_ = !resume.no_time_passed;
+  for (std::size_t i = 0; i < lanes_.size(); ++i) {
+    lanes_[i].take_up(dwell.units[i], resume.no_time_passed);
+    if (i < resume.dropped.size() && resume.dropped[i]) lanes_[i].drop(device_error("dropped out before the interruption"));
+  }
 }
 
 RunOutcome StationRun::run() {
   started_s_ = devices_.clock.now_s();
   handle(RunEvent::start);
   while (!is_final(state_)) {
-    if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) {
-      ++stops_seen_;
-      handle(raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator"));
+    if (const MaybeEvent event = asked()) {
+      handle(*event);
       continue;
     }
     if (const MaybeEvent event = pump()) {
@@ -73,22 +74,37 @@ RunOutcome StationRun::run() {
     }
     tell_progress();
   }
-  outcome_.state = state_;
-  if (first_error_) outcome_.error = *first_error_;
-  devices_.imu.close();
-  return outcome_;
+  for (UnitLane& lane : lanes_) lane.close();
+  return outcome();
+}
+
+RunOutcome StationRun::outcome() const {
+  RunOutcome outcome;
+  outcome.state = state_;
+  if (first_error_) outcome.error = *first_error_;
+  outcome.repeated_dwells = repeated_dwells_;
+  for (const UnitLane& lane : lanes_) {
+    const RecordingPoint at = lane.point();
+    outcome.units.push_back({at.next_sample, at.lost_samples, at.duplicate_samples, lane.failure()});
+  }
+  return outcome;
 }
 
 void StationRun::handle(RunEvent event) {
   MaybeEvent pending = event;
   while (pending) {
     const RunEvent now = *pending;
-    const RunGuards guards{.rest_due = gap_due_,
-                           .repeats_left = repeats_ < job_.station.dwell.max_repeats,
-                           .by_operator = by_operator_,
+    const RunGuards guards{.rest_due = rest_due_,
+                           .repeats_left = any_living([this](const UnitLane& lane) {
+                             return lane.repeats < job_.station.dwell.max_repeats;
+                           }),
+                           .stop_cause = stop_cause_,
                            .abort_sent = abort_sent_};
     const Transition transition = next(state_, now, guards);
-    if (transition.outcome == Transition::Outcome::ignored) return;
+    if (transition.outcome == Transition::Outcome::ignored) {
+      detail_.clear();
+      return;
+    }
     const bool unexpected = transition.outcome == Transition::Outcome::unexpected;
     if (unexpected) {
       raise(now, ErrorKind::internal,
@@ -97,11 +113,14 @@ void StationRun::handle(RunEvent event) {
     TransitionRecord record{snapshot(), state_, now, transition.to, transition.action, unexpected, detail_};
     detail_.clear();
     // Whatever ends in a stop has an error to report, once; later reasons are consequences.
-    if (transition.to == RunState::stopping || transition.to == RunState::failed || transition.to == RunState::aborted) {
+    if (transition.to == RunState::stopping || (is_final(transition.to) && transition.to != RunState::done)) {
       if (!first_error_) {
         const std::string reason = record.detail.empty() ? std::string(to_string(now)) : record.detail;
         first_error_ = Error{raised_kind_, place() + ": " + reason};
-        by_operator_ = now == RunEvent::operator_stop;
+        stop_cause_ = cause_of(now);
+      } else if (now == RunEvent::operator_stop && stop_cause_ == StopCause::interruption) {
+        first_error_ = Error{raised_kind_, place() + ": " + record.detail};
+        stop_cause_ = StopCause::by_operator;
       } else if (transition.to == RunState::failed && now == RunEvent::deadline) {
         first_error_->message += "; THE STOP COULD NOT BE VERIFIED, the table may still move";
         first_error_->kind = ErrorKind::device;
@@ -117,10 +136,8 @@ void StationRun::handle(RunEvent event) {
     if (hooks_.observer) hooks_.observer->on_transition(record);
     const Status kept = hooks_.journal ? hooks_.journal->transition(record) : Status{};
     // Anything else does not happen unless it is in the journal.
-    if (!kept && live_states.contains(state_)) {
+    if (!kept && (live_states.contains(state_) || state_ == RunState::calibrating)) {
       pending = keep(kept);
-    } else if (!kept && state_ == RunState::calibrating) {
-      pending = raise(RunEvent::calibration_failed, kept.error().kind, kept.error().message);
     } else if (!stop) {
       pending = perform(transition.action, now);
     }
@@ -137,7 +154,29 @@ RunEvent StationRun::raise(RunEvent event, ErrorKind kind, const std::string& re
 RunEvent StationRun::raise_table(RunEvent event, const Error& error, const std::string& before) {
   if (error.kind != ErrorKind::aborted || state_ == RunState::stopping) return raise(event, error.kind, before + error.message);
   if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) ++stops_seen_;
-  return raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator");
+  return raise_stop();
+}
+
+RunEvent StationRun::raise_stop() {
+  const int ends = hooks_.end_requests ? hooks_.end_requests->load() : 0;
+  const bool ended = ends > 0 && hooks_.stop_requests && ends >= hooks_.stop_requests->load();
+  return ended ? raise(RunEvent::end_wanted, ErrorKind::interrupted, "told to end (SIGTERM or SIGHUP)")
+               : raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator");
+}
+
+StationRun::MaybeEvent StationRun::asked() {
+  if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) {
+    ++stops_seen_;
+    return raise_stop();
+  }
+  if (!pause_asked() || pause_told_) return std::nullopt;
+  pause_told_ = true;
+  return raise(RunEvent::pause_wanted, ErrorKind::interrupted, format_pause(snapshot()));
+}
+
+RunEvent StationRun::pause() {
+  pause_told_ = true;
+  return raise(RunEvent::pause_wanted, ErrorKind::interrupted, "paused");
 }
 
 StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
@@ -168,34 +207,29 @@ StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
 
 StationRun::MaybeEvent StationRun::keep(const Status& status) {
   if (status) return std::nullopt;
-  return raise(RunEvent::storage_failed, status.error().kind, status.error().message);
+  const RunEvent event = state_ == RunState::connecting    ? RunEvent::connect_failed
+                         : state_ == RunState::calibrating ? RunEvent::calibration_failed
+                                                           : RunEvent::storage_failed;
+  return raise(event, status.error().kind, status.error().message);
 }
 
 StationRun::MaybeEvent StationRun::connect() {
-  const auto failed = [this](const Error& error) {
-    return raise(RunEvent::connect_failed, error.kind, error.message);
-  };
   if (Status status = devices_.table.connect(); !status) return raise_table(RunEvent::connect_failed, status.error());
   const Result<TableIdentity> table = devices_.table.identify();
   if (!table) return raise_table(RunEvent::connect_failed, table.error());
-  if (Status status = devices_.imu.open(); !status) return failed(status.error());
-  imu_open_ = true;
-  const Result<ImuIdentity> imu = devices_.imu.identify();
-  if (!imu) return failed(imu.error());
-  if (!imu->unit_serial.empty() && imu->unit_serial != job_.unit_serial) {
-    return failed(input_error("the unit on the table says it is '" + imu->unit_serial + "', asked for was '" +
-                              job_.unit_serial + "'"));
+  std::string found = table->description;
+  for (UnitLane& lane : lanes_) {
+    if (!lane.alive()) continue;
+    const Result<std::string> unit =
+        lane.connect(job_.station, table->simulated, job_.resume.has_value(), devices_.clock.now_s());
+    if (unit) {
+      found += "; " + named(lane, *unit);
+    } else if (const MaybeEvent event = fail(lane, RunEvent::connect_failed, unit.error())) {
+      return event;
+    }
   }
-  devices_.imu.describe(info_);
-  info_.latitude_deg = job_.station.latitude_deg;
-  info_.gravity_mps2 = job_.station.gravity_mps2;
-  info_.unit_serial = job_.unit_serial;
-  info_.simulated = info_.simulated || table->simulated;
-  dwell_.emplace(job_.station.dwell, info_);
-  const Status begun = job_.resume ? sink_.resume(info_, next_sample_) : sink_.start(info_);
-  if (!begun) return failed(begun.error());
-  last_sample_s_ = devices_.clock.now_s();
-  detail_ = table->description + "; " + imu->description;
+  if (pause_asked()) return pause();
+  detail_ = found;
   return RunEvent::connected;
 }
 
@@ -212,7 +246,8 @@ StationRun::MaybeEvent StationRun::enable_and_home() {
       detail_ = "the encoders stand as the last completed dwell left them";
       return RunEvent::homed;
     }
-    gap_due_ = true;
+    rest_due_ = true;
+    for (UnitLane& lane : lanes_) lane.expect_gap();
   }
   if (const MaybeEvent event = read_table()) return event;
   if (!at_rest()) {  // whoever commanded this is gone
@@ -244,6 +279,7 @@ bool StationRun::stands_as_left() const {
 }
 
 StationRun::MaybeEvent StationRun::begin_rest() {
+  if (pause_asked()) return pause();
   rest_until_s_ = devices_.clock.now_s() + job_.station.resume_rest_s;
   detail_ = "rests for " + format_number(job_.station.resume_rest_s) + " s after the interruption";
   return std::nullopt;
@@ -253,11 +289,13 @@ StationRun::MaybeEvent StationRun::settle_recorded() {
   recording_ = true;
   item_running_ = false;
   arrival_.settle_only(devices_.clock.now_s());
-  return begin_segment(SegmentKind::rotate);
+  begin_segment(SegmentKind::rotate);
+  return std::nullopt;
 }
 
 StationRun::MaybeEvent StationRun::select_next() {
   if (const MaybeEvent event = read_table()) return event;
+  if (pause_asked() && item_ < job_.plan.items.size()) return pause();
   const std::vector<PlannedItem>& items = job_.plan.items;
   const bool item_left = item_ < items.size() && items[item_].step_index == step_;
   if (const std::optional<Axis> axis = displaced_axis()) {
@@ -291,8 +329,8 @@ StationRun::MaybeEvent StationRun::issue_move() {
     recording_ = true;
     commanded_deg_ = job_.plan.items[item_].commanded_deg;
   }
-  motion_loss_told_ = false;
-  if (const MaybeEvent event = begin_segment(SegmentKind::rotate)) return event;
+  for (UnitLane& lane : lanes_) lane.motion_loss_told = false;
+  begin_segment(SegmentKind::rotate);
   const double from_deg = status_[static_cast<std::size_t>(move.axis)].position_deg;
   if (hooks_.journal) {
     if (const MaybeEvent event = keep(hooks_.journal->move(move, devices_.clock.now_s()))) return event;
@@ -317,10 +355,14 @@ StationRun::MaybeEvent StationRun::close_move() {
 StationRun::MaybeEvent StationRun::begin_dwell() {
   const PlannedItem& item = job_.plan.items[item_];
   recording_ = true;
-  if (const MaybeEvent event = begin_segment(item.dwell_kind)) return event;
-  dwell_->start(next_sample_, item.samples);
+  begin_segment(item.dwell_kind);
   for (Axis axis : all_axes) dwell_start_deg_[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
-  const double dwell_s = static_cast<double>(item.samples) * info_.sample_period_s;
+  double dwell_s = 0.0;
+  for (UnitLane& lane : lanes_) {
+    if (!lane.alive()) continue;
+    lane.begin_dwell(item.samples);
+    dwell_s = static_cast<double>(item.samples) * lane.sample_period_s();
+  }
   phase_deadline_s_ = devices_.clock.now_s() + 1.1 * dwell_s + job_.station.motion.deadline_margin_s;
   return std::nullopt;
 }
@@ -328,19 +370,17 @@ StationRun::MaybeEvent StationRun::begin_dwell() {
 StationRun::MaybeEvent StationRun::close_dwell() {
   if (const MaybeEvent event = end_segment(job_.plan.items[item_].dwell_kind)) return event;
   if (hooks_.journal) {
-    if (const MaybeEvent event = keep(sink_.sync())) return event;
-    const CompletedDwell dwell{.item = item_,
-                               .next_sample = next_sample_,
-                               .first_counter = first_counter_.value_or(0),
-                               .last_counter = last_counter_.value_or(0),
-                               .repeated_dwells = outcome_.repeated_dwells,
-                               .lost_samples = outcome_.lost_samples,
-                               .duplicate_samples = outcome_.duplicate_samples,
-                               .time_s = devices_.clock.now_s(),
-                               .utc_s = devices_.clock.utc_s()};
+    if (const MaybeEvent event = in_every_lane([](UnitLane& lane) { return lane.sync(); })) return event;
+    CompletedDwell dwell{.item = item_,
+                         .units = {},
+                         .repeated_dwells = repeated_dwells_,
+                         .time_s = devices_.clock.now_s(),
+                         .utc_s = devices_.clock.utc_s()};
+    for (const UnitLane& lane : lanes_) dwell.units.push_back(lane.point());
     if (const MaybeEvent event = keep(hooks_.journal->dwell(dwell))) return event;
   }
   repeats_ = 0;
+  for (UnitLane& lane : lanes_) lane.repeats = 0;
   ++item_;
   item_running_ = false;
   return select_next();
@@ -349,34 +389,34 @@ StationRun::MaybeEvent StationRun::close_dwell() {
 StationRun::MaybeEvent StationRun::discard_dwell() {
   if (const MaybeEvent event = end_segment(SegmentKind::rotate)) return event;
   ++repeats_;
-  ++outcome_.repeated_dwells;
+  ++repeated_dwells_;
+  for (UnitLane& lane : lanes_) lane.repeats += !bad_lane_ || bad_lane_ == &lane ? 1 : 0;
   item_running_ = false;
   arrival_.settle_only(devices_.clock.now_s());
-  return begin_segment(SegmentKind::rotate);
+  begin_segment(SegmentKind::rotate);
+  return std::nullopt;
 }
 
 StationRun::MaybeEvent StationRun::finish_step() {
-  if (const MaybeEvent event = keep(sink_.sync())) return event;
+  if (const MaybeEvent event = in_every_lane([](UnitLane& lane) { return lane.sync(); })) return event;
   return step_ + 1 < job_.sequence.steps.size() ? RunEvent::step_next : RunEvent::sequence_complete;
 }
 
 StationRun::MaybeEvent StationRun::calibrate() {
-  const auto failed = [this](const Error& error) {
-    return raise(RunEvent::calibration_failed, error.kind, error.message);
-  };
   if (hooks_.journal) {
-    if (Status status = hooks_.journal->seal(devices_.clock.utc_s()); !status) return failed(status.error());
+    if (const MaybeEvent event = keep(hooks_.journal->seal(devices_.clock.utc_s()))) return event;
   }
-  if (Status status = sink_.finish(); !status) return failed(status.error());
+  if (const MaybeEvent event = in_every_lane([](UnitLane& lane) { return lane.finish(); })) return event;
   tell_progress();
   if (hooks_.calibrate) {
-    if (Status status = hooks_.calibrate(); !status) return failed(status.error());
+    if (const MaybeEvent event = keep(hooks_.calibrate())) return event;
   }
   return RunEvent::calibration_ok;
 }
 
 StationRun::MaybeEvent StationRun::stop_table() {
   recording_ = false;
+  for (UnitLane& lane : lanes_) lane.leave_segment();
   double brake_s = 0.0;
   for (const PlannedItem& item : job_.plan.items) {
     if (item.kind == SequenceItem::Kind::move) brake_s = std::max(brake_s, item.rate_degps / item.acceleration_degps2);
@@ -394,86 +434,21 @@ StationRun::MaybeEvent StationRun::abort_table() {
   return std::nullopt;
 }
 
-StationRun::MaybeEvent StationRun::begin_segment(SegmentKind kind) {
-  if (!recording_) return std::nullopt;
+void StationRun::begin_segment(SegmentKind kind) {
+  if (!recording_) return;
   const Segment segment{.step = job_.sequence.steps[step_].number,
                         .kind = kind,
-                        .start_sample = next_sample_,
-                        .end_sample = next_sample_,
                         .heading_deg = commanded_deg_[Axis::heading],
                         .pitch_deg = commanded_deg_[Axis::pitch],
                         .roll_deg = commanded_deg_[Axis::roll]};
-  segment_open_ = true;
-  return keep(sink_.begin_segment(segment));
+  for (UnitLane& lane : lanes_) {
+    if (lane.alive()) lane.begin_segment(segment);
+  }
+
 }
 
 StationRun::MaybeEvent StationRun::end_segment(SegmentKind kind) {
-  if (!segment_open_) return std::nullopt;
-  segment_open_ = false;
-  return keep(sink_.end_segment(kind, next_sample_, commanded_deg_));
-}
-
-std::string StationRun::place() const {
-  std::string text;
-  if (enabled_) {
-    text = "step " + std::to_string(job_.sequence.steps[step_].number) + " (" + std::to_string(step_ + 1) + "/" +
-           std::to_string(job_.sequence.steps.size()) + ") ";
-  }
-  text += to_string(state_);
-  if (!enabled_) return text;
-  char angles[200];
-  if ((state_ == RunState::moving || state_ == RunState::settling) && arrival_.move()) {
-    const Move& move = *arrival_.move();
-    std::snprintf(angles, sizeof angles, ", %s at %.4f deg, target %.4f deg", to_string(move.axis),
-                  status_[static_cast<std::size_t>(move.axis)].position_deg, move.target_deg);
-  } else {
-    std::snprintf(angles, sizeof angles, " at heading %.4f pitch %.4f roll %.4f deg", status_[0].position_deg,
-                  status_[1].position_deg, status_[2].position_deg);
-  }
-  return text + angles;
-}
-
-RunSnapshot StationRun::snapshot() const {
-  RunSnapshot s;
-  s.time_s = devices_.clock.now_s() - started_s_;
-  s.utc_s = devices_.clock.utc_s();
-  s.state = state_;
-  s.step_count = job_.sequence.steps.size();
-  if (enabled_) {
-    s.step = job_.sequence.steps[step_].number;
-    s.step_place = step_ + 1;
-  }
-  s.table = link_down_ ? TableState::link_lost : state_of(status_, state_ == RunState::stopping || state_ == RunState::parking);
-  for (Axis axis : all_axes) {
-    s.position_deg[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
-    s.rate_degps[axis] = status_[static_cast<std::size_t>(axis)].rate_degps;
-  }
-  if ((state_ == RunState::moving || state_ == RunState::settling) && arrival_.move()) {
-    s.axis = arrival_.move()->axis;
-    s.target_deg = arrival_.move()->target_deg;
-  }
-  s.repeats = repeats_;
-  s.lost_samples = outcome_.lost_samples;
-  double planned_s = job_.plan.station_s;
-  if (item_ < job_.plan.items.size()) {
-    const PlannedItem& item = job_.plan.items[item_];
-    planned_s = item.start_s;
-    if (state_ == RunState::dwelling) {
-      s.dwell_kind = item.dwell_kind;
-      s.phase_fraction = 1.0 - static_cast<double>(dwell_->remaining()) / static_cast<double>(item.samples);
-    } else if (item_running_ && (state_ == RunState::moving || state_ == RunState::settling)) {
-      s.phase_fraction = std::clamp(
-          (s.position_deg[item.axis] - item.from_deg) / (item.to_deg - item.from_deg) + 0.0, 0.0, 1.0);
-    }
-    planned_s += s.phase_fraction * item.duration_s;
-  }
-  s.run_fraction = job_.plan.station_s > 0.0 ? planned_s / job_.plan.station_s : 0.0;
-  s.eta_s = std::max(0.0, job_.plan.station_s - planned_s);
-  return s;
-}
-
-void StationRun::tell_progress() {
-  if (hooks_.observer) hooks_.observer->on_progress(snapshot());
+  return in_every_lane([&](UnitLane& lane) { return lane.end_segment(kind, commanded_deg_); });
 }
 
 }  // namespace turncal

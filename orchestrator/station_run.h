@@ -18,9 +18,25 @@
 // - On any error: stop to all axes, drives off at rest, both verified by their status; fastest stop when that fails; a lost link is tried again, for
 //   the stop only. The outcome names reason and place in one line.
 //
-// Not here: pausing, resuming, several units on one table. One thread; only `stop_requests` may be touched by others.
+// - A pause lets the item that goes on come to its end, and homing; then the table is stopped and its drives go off, both verified
+//   as above. Once everything is recorded a pause changes nothing.
+//
+// Several units ride on one table: one motion, one journal, and for each a lane (unit_lane.h) with its own recording.
+// - What befalls a unit (gone, silent, another one than asked for, its recording not writable, too slow) is that unit's alone as
+//   long as another is left: it drops out, which is journalled and told, and the others go on. The last one fails the run. What
+//   the table does concerns all.
+// - Every living lane is read in every turn: the first that the run waits for with the time until the next poll, the others
+//   without waiting. Silence is judged lane by lane.
+// - A dwell is complete when it is in every living lane. A defect in one repeats it for all, at once; a lane whose own defects
+//   have used up dwell.max_repeats drops out instead, and the attempt goes on for the others. A table that moved repeats the
+//   dwell as long as one living lane has a repeat left.
+// - Units whose samples come a few samples apart need no care: the settle time lies between a move and a dwell. One that has
+//   fallen behind the others by more than half of it since the move began is waited for before the dwell.
+//
+// One thread; only the counts of StationHooks may be touched by others.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cstdint>
 #include <functional>
@@ -28,17 +44,14 @@
 #include <string>
 #include <vector>
 
-#include "calib/recording_types.h"
 #include "calib/status.h"
 #include "imu_io/clock.h"
-#include "imu_io/imu_source.h"
 #include "orchestrator/arrival_monitor.h"
-#include "orchestrator/dwell_monitor.h"
 #include "orchestrator/run_journal.h"
 #include "orchestrator/run_observer.h"
-#include "orchestrator/run_sink.h"
 #include "orchestrator/run_state_machine.h"
 #include "orchestrator/station_config.h"
+#include "orchestrator/unit_lane.h"
 #include "sequences/plan.h"
 #include "sequences/sequence.h"
 #include "turntable_drivers/turntable.h"
@@ -47,7 +60,7 @@ namespace turncal {
 
 struct StationDevices {
   Turntable& table;
-  ImuSource& imu;
+  ImuSource& imu;  // of the first place; a run of several units is given each of them
   const Clock& clock;
   std::function<void(double seconds)> wait;  // lets time pass while the IMU cannot be read
 };
@@ -57,31 +70,39 @@ struct StationJob {
   const Sequence& sequence;
   const Plan& plan;
   const StationConfig& station;
-  std::string unit_serial;  // as asked for; a unit that tells another one is refused
-  std::optional<ResumePoint> resume = std::nullopt;  // the sink then holds everything up to there
+  std::string unit_serial;  // of a run of one unit
+  std::optional<ResumePoint> resume = std::nullopt;  // the sinks then hold everything up to there
 };
 
 struct StationHooks {
   RunObserver* observer = nullptr;
-  const std::atomic<int>* stop_requests = nullptr;  // counts the operator's requests to stop
+  const std::atomic<int>* stop_requests = nullptr;  // counts the requests to stop now
   std::function<Status()> calibrate;                // after the recording is sealed; results must be durable on success
   RunJournal* journal = nullptr;
+  const std::atomic<int>* pause_requests = nullptr;  // above 0: stop at the next safe point
+  const std::atomic<int>* end_requests = nullptr;    // those of stop_requests that the operator did not make
 };
 
 struct RunOutcome {
   RunState state = RunState::failed;
   Error error{ErrorKind::internal, "the run did not end"};  // meaningful unless done
-  std::int64_t recorded_samples = 0;    // periods, lost ones included
   int repeated_dwells = 0;
-  std::uint64_t lost_samples = 0;       // by the unit's counter, from the first recorded sample on
-  std::uint64_t duplicate_samples = 0;  // dropped
+  struct Unit {
+    std::int64_t recorded_samples = 0;    // periods, lost ones included
+    std::uint64_t lost_samples = 0;       // by the unit's counter, from the first recorded sample on
+    std::uint64_t duplicate_samples = 0;  // dropped
+    std::optional<Error> dropped_out;     // before the end
+  };
+  std::vector<Unit> units;  // as given
 };
 
 class StationRun {
  public:
-  StationRun(StationDevices devices, StationJob job, RunSink& sink, StationHooks hooks);
+  StationRun(StationDevices devices, StationJob job, const std::vector<StationUnit>& units, StationHooks hooks);
+  StationRun(const StationDevices& devices, const StationJob& job, RunSink& sink, const StationHooks& hooks)  // of one unit
+      : StationRun(devices, job, {StationUnit{devices.imu, sink, job.unit_serial}}, hooks) {}
   RunOutcome run();
-  const RunOutcome& outcome() const { return outcome_; }  // so far
+  RunOutcome outcome() const;  // so far
 
  private:
   using MaybeEvent = std::optional<RunEvent>;
@@ -93,6 +114,20 @@ class StationRun {
   RunEvent raise(RunEvent event, ErrorKind kind, const std::string& reason);
   // The table refused or failed. A driver that gave up because the operator asked for it is no fault of the table.
   RunEvent raise_table(RunEvent event, const Error& error, const std::string& before = "");
+  // Of one unit: it drops out, or the run fails with it where no other is left.
+  MaybeEvent fail(UnitLane& lane, RunEvent event, const Error& error);
+  // A step of the recording, in every living lane.
+  MaybeEvent in_every_lane(const std::function<Status(UnitLane&)>& step);
+  template <class Holds>
+  bool any_living(Holds holds) const {
+    return std::any_of(lanes_.begin(), lanes_.end(), [&](const UnitLane& lane) { return lane.alive() && holds(lane); });
+  }
+  std::string named(const UnitLane& lane, const std::string& text) const;  // "unit SN2: ..." where there are several
+
+  MaybeEvent asked();                                   // what is newly asked for from outside
+  RunEvent raise_stop();                                // by the operator, or from outside
+  RunEvent pause();                                     // here and now
+  bool pause_asked() const { return hooks_.pause_requests && hooks_.pause_requests->load() > 0; }
 
   void take_up(const ResumePoint& resume);
   bool at_rest() const;                                 // every axis, by the last status read
@@ -116,19 +151,23 @@ class StationRun {
   MaybeEvent abort_table();
 
   MaybeEvent pump();                                    // reads the IMU until the next poll is due
-  MaybeEvent take(std::span<ImuSample> samples);        // new samples, counters not yet rebased
+  UnitLane* lead();                                     // the lane that the run waits for; null: none is open
+  MaybeEvent take_all();                                // what the lanes have received; is the dwell complete?
+  MaybeEvent take(UnitLane& lane);
+  bool apart() const;                                   // a unit's samples are so late that some may be from the move
+  MaybeEvent receive_all(UnitLane& lane);               // that has arrived, without waiting for more
   MaybeEvent catch_up();                                // with the samples that have arrived, without waiting for more
-  MaybeEvent check_motion_data(std::span<const ImuSample> samples, bool gap);
   MaybeEvent poll();                                    // reads the table and judges
   MaybeEvent read_table();                              // three tries; e-stop, faults and limits while live
   MaybeEvent judge(double now_s);
   MaybeEvent judge_dwell();
+  MaybeEvent judge_defect(UnitLane& lane, const DwellMonitor::Defect& defect);
   MaybeEvent judge_homing(double now_s);
   MaybeEvent judge_stop(double now_s);
   void try_to_reconnect(double now_s);
   void schedule_poll(double now_s);
 
-  MaybeEvent begin_segment(SegmentKind kind);
+  void begin_segment(SegmentKind kind);
   MaybeEvent end_segment(SegmentKind kind);
   std::optional<Axis> displaced_axis() const;           // first of roll, pitch, heading that is not where it should be
   bool out_of_tolerance(Axis axis, double from_deg) const;
@@ -138,15 +177,16 @@ class StationRun {
 
   StationDevices devices_;
   StationJob job_;
-  RunSink& sink_;
   StationHooks hooks_;
+  std::vector<UnitLane> lanes_;
 
   RunState state_ = RunState::idle;
-  RunOutcome outcome_;
+  int repeated_dwells_ = 0;
   std::optional<Error> first_error_;
   std::string detail_;             // of the event to be handled next
   ErrorKind raised_kind_ = ErrorKind::internal;
-  bool by_operator_ = false;
+  StopCause stop_cause_ = StopCause::error;
+  bool pause_told_ = false;
   bool abort_sent_ = false;
   bool drives_off_sent_ = false;
   bool home_sent_ = false;
@@ -159,21 +199,12 @@ class StationRun {
   std::optional<Move> pending_move_;
   AxisTriple commanded_deg_;
   ArrivalMonitor arrival_;
-  std::optional<DwellMonitor> dwell_;
   AxisTriple dwell_start_deg_;
-  int repeats_ = 0;
+  int repeats_ = 0;                // of the present dwell
+  UnitLane* bad_lane_ = nullptr;   // whose defect repeats it; null: the table moved
 
-  RecordingInfo info_;
-  std::vector<ImuSample> buffer_;
-  bool imu_open_ = false;
   bool recording_ = false;
-  bool segment_open_ = false;
-  bool motion_loss_told_ = false;              // once a move is enough
-  std::optional<std::int64_t> last_counter_;   // the unit's own
-  std::optional<std::int64_t> first_counter_;  // the unit's own, of the recording's first sample
-  std::int64_t next_sample_ = 0;               // in the recording
-  bool gap_due_ = false;                       // the next recorded sample is the first after an interruption
-  double last_sample_s_ = 0.0;
+  bool rest_due_ = false;          // the run goes on after an interruption in which time passed
 
   TableStatus status_{};
   double started_s_ = 0.0;

@@ -1,4 +1,4 @@
-// The eyes of a run: reading the IMU, polling the table, and what is made of it.
+// The eyes of a run: polling the table, and what is made of it.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -10,117 +10,10 @@ namespace turncal {
 namespace {
 
 constexpr int status_tries = 3;
-constexpr std::size_t catch_up_samples = 65536;  // more than any line holds
 constexpr double reconnect_wait_min_s = 0.5;
 constexpr double reconnect_wait_max_s = 5.0;
 
 }  // namespace
-
-StationRun::MaybeEvent StationRun::pump() {
-  const double period_s = info_.sample_period_s;
-  const double now_s = devices_.clock.now_s();
-  const double wanted_s = std::max(next_poll_s_ - now_s, 0.0);
-  if (!imu_open_) {
-    devices_.wait(std::max(wanted_s, period_s));
-    return std::nullopt;
-  }
-  // A poll that is due comes first; what has arrived meanwhile waits in the source.
-  if (wanted_s < time_slack_s) return std::nullopt;
-  auto count = static_cast<std::size_t>(std::max(1.0, std::ceil((wanted_s - time_slack_s) / period_s)));
-  if (state_ == RunState::dwelling) count = std::min(count, static_cast<std::size_t>(dwell_->remaining()));
-  count = std::clamp<std::size_t>(count, 1, buffer_.size());
-  // Half a period more, so that rounding cannot cost a sample.
-  const double timeout_s = (static_cast<double>(count) + 0.5) * period_s;
-  const Result<std::size_t> got = devices_.imu.read(std::span(buffer_).first(count), timeout_s);
-  if (!got) {
-    imu_open_ = false;
-    return raise(RunEvent::imu_lost, got.error().kind, got.error().message);
-  }
-  const double after_s = devices_.clock.now_s();
-  if (*got == 0) {
-    if (state_ != RunState::stopping && after_s - last_sample_s_ > job_.station.imu_timeout_s) {
-      return raise(RunEvent::imu_lost, ErrorKind::device,
-                   "no sample from the IMU for " + std::to_string(std::lround(after_s - last_sample_s_)) + " s");
-    }
-    return std::nullopt;
-  }
-  last_sample_s_ = after_s;
-  return take(std::span(buffer_).first(*got));
-}
-
-StationRun::MaybeEvent StationRun::catch_up() {
-  for (std::size_t left = catch_up_samples; imu_open_ && left > 0;) {
-    const Result<std::size_t> got = devices_.imu.read(std::span(buffer_).first(std::min(left, buffer_.size())), 0.0);
-    if (!got) {
-      imu_open_ = false;
-      return raise(RunEvent::imu_lost, got.error().kind, got.error().message);
-    }
-    if (*got == 0) break;
-    left -= *got;
-    last_sample_s_ = devices_.clock.now_s();
-    if (const MaybeEvent event = take(std::span(buffer_).first(*got))) {
-      if (*event != RunEvent::motion_data_lost) return event;
-      handle(*event);
-    }
-  }
-  return std::nullopt;
-}
-
-StationRun::MaybeEvent StationRun::take(std::span<ImuSample> samples) {
-  // A sample that came twice is dropped here; the recording wants counters that increase.
-  std::size_t kept = 0;
-  for (const ImuSample& sample : samples) {
-    if (last_counter_ && sample.counter <= *last_counter_) {
-      ++outcome_.duplicate_samples;
-      continue;
-    }
-    last_counter_ = sample.counter;
-    samples[kept++] = sample;
-  }
-  samples = samples.first(kept);
-  if (samples.empty() || !segment_open_ || !recording_) return std::nullopt;
-
-  if (gap_due_) {
-    // One sample stands for all that was missed: the unit's counter may have begun anew, and the table is back where it was.
-    ++next_sample_;
-    first_counter_ = samples.front().counter - next_sample_;
-    gap_due_ = false;
-  }
-  if (!first_counter_) first_counter_ = samples.front().counter;
-  for (ImuSample& sample : samples) sample.counter -= *first_counter_;
-  outcome_.lost_samples += static_cast<std::uint64_t>(samples.back().counter + 1 - next_sample_) - samples.size();
-  const std::int64_t expected = next_sample_;
-  next_sample_ = samples.back().counter + 1;
-  outcome_.recorded_samples = next_sample_;
-  if (Status status = sink_.add(samples); !status) {
-    return raise(RunEvent::storage_failed, status.error().kind, status.error().message);
-  }
-  if (state_ == RunState::dwelling) {
-    if (const std::optional<DwellMonitor::Defect>& defect = dwell_->add(samples)) {
-      return raise(RunEvent::dwell_bad, defect->kind, defect->reason);
-    }
-    if (!dwell_->complete()) return std::nullopt;
-    // The last word on whether the table stood still is the table's.
-    if (const MaybeEvent event = read_table()) return event;
-    if (const MaybeEvent event = judge_dwell()) return event;
-    return RunEvent::dwell_complete;
-  }
-  if (!arrival_.move()) return std::nullopt;
-  const bool gap = next_sample_ - expected != static_cast<std::int64_t>(samples.size());
-  return check_motion_data(samples, gap);
-}
-
-StationRun::MaybeEvent StationRun::check_motion_data(std::span<const ImuSample> samples, bool gap) {
-  if (motion_loss_told_) return std::nullopt;
-  const bool flagged = std::any_of(samples.begin(), samples.end(), [](const ImuSample& sample) {
-    return (sample.flags & sample_flag_invalid) != 0;
-  });
-  if (!gap && !flagged) return std::nullopt;
-  motion_loss_told_ = true;
-  return raise(RunEvent::motion_data_lost, ErrorKind::device,
-               std::string(gap ? "samples lost" : "the unit flagged its data as bad") +
-                   " while the table turned, before sample " + std::to_string(next_sample_));
-}
 
 StationRun::MaybeEvent StationRun::poll() {
   const double now_s = devices_.clock.now_s();
@@ -152,6 +45,7 @@ StationRun::MaybeEvent StationRun::judge(double now_s) {
   if (event == RunEvent::settled) {
     // What the unit sent while the table still turned belongs to the move, not to the dwell that follows.
     if (const MaybeEvent late = catch_up()) return late;
+    if (recording_ && apart()) return std::nullopt;
   }
   const char* axis = arrival_.move() ? to_string(arrival_.move()->axis) : "table";
   char text[120];
@@ -221,6 +115,7 @@ StationRun::MaybeEvent StationRun::judge_homing(double now_s) {
 }
 
 StationRun::MaybeEvent StationRun::judge_dwell() {
+  bad_lane_ = nullptr;
   for (Axis axis : all_axes) {
     const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
     char text[120];
@@ -234,8 +129,11 @@ StationRun::MaybeEvent StationRun::judge_dwell() {
       return raise(RunEvent::dwell_bad, ErrorKind::device, text);
     }
   }
-  if (devices_.clock.now_s() > phase_deadline_s_) {
-    return raise(RunEvent::deadline, ErrorKind::device, "the IMU's samples come too slowly for its period");
+  if (devices_.clock.now_s() <= phase_deadline_s_) return std::nullopt;
+  for (UnitLane& lane : lanes_) {
+    if (!lane.alive() || lane.dwell_complete()) continue;
+    const Error slow = device_error("the IMU's samples come too slowly for its period");
+    if (const MaybeEvent event = fail(lane, RunEvent::deadline, slow)) return event;
   }
   return std::nullopt;
 }
@@ -277,7 +175,8 @@ void StationRun::schedule_poll(double now_s) {
       state_ == RunState::dwelling || state_ == RunState::homing || state_ == RunState::resting;
   next_poll_s_ = now_s + (resting ? motion.poll_idle_s : motion.poll_moving_s);
   if (state_ == RunState::moving || state_ == RunState::settling) {
-    next_poll_s_ = std::min(next_poll_s_, arrival_.moment_of_interest_s(now_s));
+    const double moment_s = arrival_.moment_of_interest_s(now_s);
+    if (moment_s > now_s) next_poll_s_ = std::min(next_poll_s_, moment_s);
   }
 }
 

@@ -24,14 +24,22 @@ svg{width:100%;height:11em;border:1px solid #ccc;background:#fafafa}pre{overflow
 .legend span{margin-right:1em}</style></head><body>
 <h1 id="title">turncal</h1><div id="state"></div><progress id="run" max="1"></progress>
 <table id="facts"></table>
-<h2>Running dwell</h2><p class="legend">change since its first second, one point a second:
+<h2>Running dwell</h2><p class="legend">angle turned and velocity gained, less the straight line through both ends, one point a second: level while unit and table rest; a bend is a drift, a corner a knock.
 <span style="color:#c33">x</span><span style="color:#283">y</span><span style="color:#26c">z</span></p>
-<div>rate, <span id="g"></span> deg/s from bottom to top</div><svg id="gyro" viewBox="0 0 600 120" preserveAspectRatio="none"></svg>
-<div>specific force, <span id="a"></span> m/s&sup2; from bottom to top</div><svg id="accel" viewBox="0 0 600 120" preserveAspectRatio="none"></svg>
+<div>angle, <span id="g"></span> arcsec from bottom to top</div><svg id="gyro" viewBox="0 0 600 120" preserveAspectRatio="none"></svg>
+<div>velocity, <span id="a"></span> mm/s from bottom to top</div><svg id="accel" viewBox="0 0 600 120" preserveAspectRatio="none"></svg>
 <h2>Last transitions</h2><pre id="log"></pre><h2>Last results</h2><pre id="results"></pre>
 <script>
 let status = INITIAL, heard = new Date(), silent = false;
 const byId = id => document.getElementById(id), fix = (x, n) => x === null ? "-" : x.toFixed(n);
+// From means over a second to what they add up to, less the chord.
+function gained(series, unit) {
+  return series.map(s => {
+    const total = s.reduce((sum, y) => sum + y, 0);
+    let sum = 0;
+    return s.map((y, k) => unit * ((sum += y) - total * (k + 1) / s.length));
+  });
+}
 function plot(svg, label, series) {
   const all = series.flat(), low = Math.min(0, ...all), high = Math.max(0, ...all), span = (high - low) || 1;
   byId(label).textContent = span.toPrecision(2);
@@ -53,10 +61,11 @@ function show() {
     state.textContent = "The run's loop has been silent for " + fix(s.heartbeat_age_s, 0) + " s.";
   } else {
     state.className = "";
-    state.textContent = "Running: step " + s.step_place + "/" + s.step_count + ", " + s.phase + ", ends at " + (s.eta_utc || "-");
+    state.textContent = "Running: step " + s.step_place + "/" + s.step_count + ", " + s.phase + ", " + (s.pause || "ends at " + (s.eta_utc || "-"));
   }
   byId("run").value = s.run_fraction;
-  const rows = [["unit", s.unit], ["station, sequence", s.station + ", " + s.sequence], ["step", s.step_place + "/" + s.step_count + " (number " + s.step + ")"],
+  const units = s.units.map(u => [u.serial, u.dropped_out ? "dropped out: " + u.dropped_out : u.samples + " samples, " + u.lost_samples + " lost"]);
+  const rows = [["unit", s.unit], ...(units.length > 1 ? units : []), ["station, sequence", s.station + ", " + s.sequence], ["step", s.step_place + "/" + s.step_count + " (number " + s.step + ")"],
     ["phase", s.phase + " " + fix(100 * s.phase_fraction, 0) + " %" + (s.repeats ? ", repeat " + s.repeats : "")],
     ["table", s.table],
     ["angles", axes.map((a, i) => a + " " + fix(s.position_deg[i], 4)).join(", ") + " deg"],
@@ -69,8 +78,8 @@ function show() {
     const row = document.createElement("tr"), head = document.createElement("th"), cell = document.createElement("td");
     head.textContent = key; cell.textContent = value; row.append(head, cell); return row;
   }));
-  plot("gyro", "g", s.dwell.slice(0, 3)); plot("accel", "a", s.dwell.slice(3));
-  byId("log").textContent = s.transitions.join("\n"); byId("results").textContent = s.results.join("\n");
+  plot("gyro", "g", gained(s.dwell.slice(0, 3), 3600)); plot("accel", "a", gained(s.dwell.slice(3), 1000));
+  byId("log").textContent = s.transitions.join("\n"); byId("results").textContent = s.results.join("\n") || "none on record";
 }
 async function poll() {
   const limit = new AbortController(), timer = setTimeout(() => limit.abort(), 3000);

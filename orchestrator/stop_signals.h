@@ -1,5 +1,11 @@
-// While this object lives, SIGINT, SIGTERM and SIGHUP ask the run to stop, and a reader of our output that goes away does not
-// end the program: whatever happens to the terminal, the table is never left moving.
+// While this object lives, SIGINT, SIGTERM and SIGHUP are requests, and a reader of our output that goes away does not end the
+// program: whatever happens to the terminal, the table is never left moving.
+//
+// Three counts, since a pause must not cut a driver's waits short, and since a run that the system ended was aborted by nobody:
+//   pauses()    1 once the first request was a SIGINT, for a run that asked for that (FirstInterrupt::pauses)
+//   requests()  every other request: stop now, each further one faster
+//   ends()      those of requests() that were SIGTERM or SIGHUP
+// They stay readable after the object has gone, until the next one.
 #pragma once
 
 #include <array>
@@ -8,13 +14,18 @@
 
 namespace turncal {
 
+enum class FirstInterrupt { stops, pauses };
+
 class StopSignals {
  public:
-  StopSignals() {
-    requests_ = 0;
+  explicit StopSignals(FirstInterrupt first = FirstInterrupt::stops) {
+    requests_ = pauses_ = ends_ = 0;
+    may_pause_ = first == FirstInterrupt::pauses;
     for (std::size_t i = 0; i < signals.size(); ++i) {
       struct sigaction action {};
-      action.sa_handler = signals[i] == SIGPIPE ? SIG_IGN : [](int) { requests_.fetch_add(1); };
+      action.sa_handler = signals[i] == SIGPIPE ? SIG_IGN : &StopSignals::on_signal;
+      // One at a time, so that the first is the first.
+      for (const int other : signals) sigaddset(&action.sa_mask, other);
       sigaction(signals[i], &action, &old_[i]);
     }
   }
@@ -25,10 +36,23 @@ class StopSignals {
   StopSignals& operator=(const StopSignals&) = delete;
 
   static const std::atomic<int>& requests() { return requests_; }
+  static const std::atomic<int>& pauses() { return pauses_; }
+  static const std::atomic<int>& ends() { return ends_; }
+  static bool any() { return requests_ + pauses_ > 0; }
 
  private:
+  static void on_signal(int signal) {
+    if (signal == SIGINT && may_pause_.exchange(0) != 0) {
+      ++pauses_;
+      return;
+    }
+    may_pause_ = 0;
+    if (signal != SIGINT) ++ends_;  // before the request that it explains
+    ++requests_;
+  }
+
   static constexpr std::array<int, 4> signals = {SIGINT, SIGTERM, SIGHUP, SIGPIPE};
-  static inline std::atomic<int> requests_{0};
+  static inline std::atomic<int> requests_{0}, pauses_{0}, ends_{0}, may_pause_{0};
   static_assert(std::atomic<int>::is_always_lock_free);
   std::array<struct sigaction, 4> old_{};
 };

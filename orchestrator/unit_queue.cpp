@@ -91,12 +91,14 @@ const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const 
   return found == outcomes.end() ? nullptr : &*found;
 }
 
-std::optional<std::string> next_unit(const std::vector<std::string>& queue, const std::vector<UnitOutcome>& outcomes) {
+std::vector<std::string> next_units(const std::vector<std::string>& queue, const std::vector<UnitOutcome>& outcomes,
+                                    std::size_t most) {
+  std::vector<std::string> units;
   for (const std::string& unit : queue) {
     const UnitOutcome* outcome = find_outcome(outcomes, unit);
-    if (!outcome || outcome->outcome == again_outcome) return unit;
+    if (units.size() < most && (!outcome || outcome->outcome == again_outcome)) units.push_back(unit);
   }
-  return std::nullopt;
+  return units;
 }
 
 Status record_outcome(const std::string& path, const UnitOutcome& outcome) {

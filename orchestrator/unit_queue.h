@@ -7,7 +7,6 @@
 // state file is not done again until `turncal queue --again`.
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,15 +16,16 @@ namespace turncal {
 
 struct UnitOutcome {
   std::string unit;
-  std::string outcome;   // pass, fail, refused; again: to be done once more
+  std::string outcome;   // pass, fail, refused, dropped; again: to be done once more
   std::string time_utc;
 };
 
 Result<std::vector<std::string>> read_queue(const std::string& path);
 Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path);  // of QUEUE.state; none when it is not there
 const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const std::string& unit);
-// The first unit of the queue that has no outcome yet, or is to be done again.
-std::optional<std::string> next_unit(const std::vector<std::string>& queue, const std::vector<UnitOutcome>& outcomes);
+// The first units of the queue, `most` at most, that have no outcome yet or are to be done again.
+std::vector<std::string> next_units(const std::vector<std::string>& queue, const std::vector<UnitOutcome>& outcomes,
+                                    std::size_t most);
 
 // Durable on success. Two changes at a time exclude each other by a lock on QUEUE.lock.
 Status record_outcome(const std::string& path, const UnitOutcome& outcome);

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -98,6 +99,7 @@ enum class RigQuantisation { floor, round, off };  // off: real-valued pulses
 struct RigConfig {
   std::uint64_t seed = 1;          // of truth and table errors
   std::optional<std::uint64_t> noise_seed;  // not set: seed
+  std::optional<std::uint64_t> unit_seed;   // of the truth; not set: seed
   std::string unit_serial;         // what identify() says; empty: the unit does not tell
   double start_utc_s = 1767225600.0;  // 2026-01-01T00:00:00Z
   double sample_period_s = 0.005;
@@ -128,6 +130,9 @@ RigConfig perfect_rig_config();
 // Errors (kind input) name file, line, key, value and what was expected; an unknown key is an error.
 Result<RigConfig> read_rig_config(const std::string& path);
 Result<RigConfig> parse_rig_config(const std::string& text, const std::string& file_name);
+// The rig of one of several units on the table, from 0. The first is the rig as configured. The others have a truth and noise of
+// their own, do not tell a serial number, and have their own faults; site, table, effects and temperature are the same for all.
+RigConfig rig_of_unit(const RigConfig& config, std::size_t unit);
 // What read_rig_config also checks: ranges, and that a value makes sense with the others.
 Status check(const RigConfig& config);
 

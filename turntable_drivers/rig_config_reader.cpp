@@ -176,6 +176,7 @@ void Reader::fault(const std::string& prefix, RigFault& fault) {
   const auto time = [&] { fault.time_s = file_.number(prefix + "time_s", not_negative); };
   const auto duration = [&] { number(prefix + "duration_s", fault.duration_s, not_negative); };
   const auto hidden = [&] { fault.hidden = file_.boolean_or(prefix + "hidden", false); };
+  if (concerns_unit(fault.kind)) fault.unit = static_cast<int>(file_.integer_or(prefix + "unit", 1, 1, 16));
   switch (fault.kind) {
     case RigFaultKind::lost_sample:
       sample();

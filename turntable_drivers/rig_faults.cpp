@@ -34,6 +34,8 @@ bool parse_rig_fault_kind(std::string_view name, RigFaultKind& kind) {
   return false;
 }
 
+bool concerns_unit(RigFaultKind kind) { return kind <= RigFaultKind::imu_unplugged; }
+
 const char* to_string(RigFaultKind kind) {
   for (const auto& [candidate, text] : names) {
     if (kind == candidate) return text;

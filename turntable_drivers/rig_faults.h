@@ -36,6 +36,7 @@ enum class RigFaultKind {
 // "lost_sample" and so on; false if there is no such kind.
 bool parse_rig_fault_kind(std::string_view name, RigFaultKind& kind);
 const char* to_string(RigFaultKind kind);
+bool concerns_unit(RigFaultKind kind);  // else the table
 
 struct RigFault {
   RigFaultKind kind = RigFaultKind::lost_sample;
@@ -47,6 +48,7 @@ struct RigFault {
   double size = 0.0;
   double rate_degps = 1.0;
   bool hidden = false;
+  int unit = 1;  // of the unit's kinds: which of several on the table, from 1
 };
 
 }  // namespace turncal

@@ -24,7 +24,7 @@ double either_sign(RandomStream& random, double size) {
 }  // namespace
 
 std::array<double, 24> draw_truth(const RigConfig& config) {
-  RandomStream random(config.seed, truth_stream);
+  RandomStream random(config.unit_seed.value_or(config.seed), truth_stream);
   std::array<double, 24> truth{};
   const double nominal = config.gyro_pulse_arcsec;
   for (std::size_t i = 0; i < 24; ++i) {

@@ -93,7 +93,7 @@ TEST_F(Run, FaultBeforeTheFirstSampleLeavesNothing) {
   expect_refused(dry_run("out", {"--rig", write("unit.rig", "unit_serial = SN2\n")}), "'SN2'");
 }
 
-TEST_F(Run, SignalsAreExit30AndStopTheTable) {
+TEST_F(Run, SignalsAreExit75AndStopTheTable) {
   // Long enough that the signal comes in the middle.
   std::string text = "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 0 R 0\n  align 1000\n";
   for (int i = 0; i < 1000; ++i) text += "  dwell 2000000\n";
@@ -105,9 +105,9 @@ TEST_F(Run, SignalsAreExit30AndStopTheTable) {
     ::usleep(20'000);
     ::kill(pid, signal);
     const ProgramResult result = finish(pid);
-    EXPECT_EQ(result.code, 30) << result.err;
+    EXPECT_EQ(result.code, 75) << result.err;
     EXPECT_EQ(result.err_lines(), 1) << result.err;
-    EXPECT_NE(result.err.find("stopped by the operator"), std::string::npos) << result.err;
+    EXPECT_NE(result.err.find(signal == SIGINT ? ": paused; go on with: turncal resume " : ": told to end"), std::string::npos) << result.err;
     EXPECT_NE(result.out.find("stopped_verified"), std::string::npos);
     EXPECT_FALSE(std::filesystem::exists(folder_ / out / "parameters.conf"));
   }

@@ -14,23 +14,6 @@
 namespace turncal {
 namespace {
 
-class LastDwell : public RunJournal {
- public:
-  Status transition(const TransitionRecord&) override { return {}; }
-  Status home(double) override {
-    ++homings;
-    return {};
-  }
-  Status move(const Move&, double) override { return {}; }
-  Status dwell(const CompletedDwell& dwell) override {
-    dwells.push_back(dwell);
-    return {};
-  }
-  Status seal(double) override { return {}; }
-  std::vector<CompletedDwell> dwells;
-  int homings = 0;
-};
-
 class Gap : public testing::TestWithParam<double> {};
 
 // Stopped after some dwells, and taken up by another program after GetParam() seconds.
@@ -43,7 +26,7 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
   s.station.resume_rest_s = 30.0;
   s.devices.imu.describe(s.info);
   s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
-  LastDwell journal;
+  DwellJournal journal;
   // Two interruptions: in a dwell that follows a dwell, and in a move.
   for (const double stop_s : {9.0, 130.0}) {
     s.stop_requests = 0;
@@ -69,7 +52,7 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
   EXPECT_EQ(journal.homings, 3);
   EXPECT_TRUE(s.watcher.saw(RunEvent::rest_over));
   EXPECT_GT(s.clock.now_s() - began_s, 30.0);
-  EXPECT_EQ(outcome.lost_samples, 0u) << "the gap is no loss of the link";
+  EXPECT_EQ(outcome.units[0].lost_samples, 0u) << "the gap is no loss of the link";
 
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(sink.path());
   ASSERT_TRUE(source.ok()) << source.error().message;

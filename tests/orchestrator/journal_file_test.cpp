@@ -26,9 +26,11 @@ class Journal : public testing::Test {
     ASSERT_TRUE(journal->dwell(two_).ok());
     ASSERT_TRUE(journal->seal(1767225600.25).ok());
   }
-  const CompletedDwell one_{.item = 0, .next_sample = 1000, .first_counter = -5, .last_counter = 994, .time_s = 2.0, .utc_s = 7.0};
-  const CompletedDwell two_{.item = 3, .next_sample = 1'000'000'000'000, .first_counter = -5, .last_counter = 999'999'999'994,
-                            .repeated_dwells = 2, .lost_samples = 3, .duplicate_samples = 4, .time_s = 0.1 + 0.2, .utc_s = 1e9 / 3};
+  const CompletedDwell one_{.item = 0, .units = {{.next_sample = 1000, .first_counter = -5, .last_counter = 994}}, .time_s = 2.0, .utc_s = 7.0};
+  const CompletedDwell two_{.item = 3,
+                            .units = {{.next_sample = 1'000'000'000'000, .first_counter = -5, .last_counter = 999'999'999'994,
+                                       .lost_samples = 3, .duplicate_samples = 4}},
+                            .repeated_dwells = 2, .time_s = 0.1 + 0.2, .utc_s = 1e9 / 3};
   const test::TemporaryFolder folder_;
 };
 
@@ -43,7 +45,7 @@ TEST_F(Journal, IsReadBackAsWritten) {
   EXPECT_EQ(*contents->last_dwell, two_);
   EXPECT_EQ(*contents->seal_utc_s, 1767225600.25);
   EXPECT_EQ(contents->sessions, 2);
-  EXPECT_TRUE(contents->verdict.empty());
+  EXPECT_TRUE(contents->verdicts.empty());
   // The move behind the first dwell was taken back by the resume.
   ASSERT_EQ(contents->commands.size(), 3u);
   EXPECT_FALSE(contents->commands[0].move);

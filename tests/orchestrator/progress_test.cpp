@@ -64,6 +64,24 @@ TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
   EXPECT_TRUE(out.str().ends_with("\r\x1b[K"));
 }
 
+TEST(Progress, TerminalSaysAtOnceWhatAPauseWaitsFor) {
+  std::ostringstream out;
+  ProgressView view(out, 80, "[dry run] ", [] { return 0.0; });
+  view.on_progress(moving());
+  out.str("");
+  TransitionRecord record;
+  record.at = moving();
+  record.event = RunEvent::pause_wanted;
+  record.detail = format_pause(record.at);
+  view.on_transition(record);
+  EXPECT_EQ(out.str(), "\r\x1b[K[dry run] pause asked for: after this move; Ctrl-C again stops now\n");
+  for (const auto& [state, text] : {std::pair{RunState::homing, "after homing;"}, std::pair{RunState::settling, "after settling;"},
+                                    std::pair{RunState::parking, "everything is recorded, the run finishes"}}) {
+    record.at.state = state;
+    EXPECT_NE(format_pause(record.at).find(text), std::string::npos) << format_pause(record.at);
+  }
+}
+
 TEST(Progress, ElsewhereOnePlainLineATransition) {
   std::ostringstream out;
   ProgressView view(out, 0, "[dry run] ", [] { return 0.0; });

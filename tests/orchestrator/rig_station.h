@@ -108,6 +108,25 @@ class Watcher : public RunObserver {
   std::function<void(const RunSnapshot&)> on_tick;
 };
 
+// Keeps the completed dwells.
+class DwellJournal : public RunJournal {
+ public:
+  Status transition(const TransitionRecord&) override { return {}; }
+  Status home(double) override {
+    ++homings;
+    return {};
+  }
+  Status move(const Move&, double) override { return {}; }
+  Status dwell(const CompletedDwell& dwell) override {
+    dwells.push_back(dwell);
+    return {};
+  }
+  Status dropout(const Dropout&) override { return {}; }
+  Status seal(double) override { return {}; }
+  std::vector<CompletedDwell> dwells;
+  int homings = 0;
+};
+
 struct RigStation {
   explicit RigStation(const std::string& sequence_text, RigConfig rig_config = default_rig_config())
       : devices(rig_config), rig(devices.rig), clock(devices.clock), station(default_station_config()) {
@@ -121,7 +140,7 @@ struct RigStation {
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     EXPECT_TRUE(plan.ok()) << plan.violations.front();
     StationRun station_run(devices.devices(), {sequence, plan, station, "SN1", resume}, sink,
-                           {&watcher, &stop_requests, calibrate, journal});
+                           {&watcher, &stop_requests, calibrate, journal, &pause_requests, &end_requests});
     return station_run.run();
   }
   // Every axis of the rig itself, not of what the table says.
@@ -134,14 +153,14 @@ struct RigStation {
 
   DryRunDevices devices;
   Rig& rig;
-  RigClock& clock;
+  Clock& clock;
   StationConfig station;
   Sequence sequence;
   RecordingInfo info;
   Plan plan;
   MemorySink sink;
   Watcher watcher;
-  std::atomic<int> stop_requests{0};
+  std::atomic<int> stop_requests{0}, pause_requests{0}, end_requests{0};
   std::function<Status()> calibrate;
   RunJournal* journal = nullptr;
   std::optional<ResumePoint> resume;

@@ -24,13 +24,13 @@ void check_ten_thousand(const char* what, Testable testable) {
 TEST(RunProperties, TransitionTable) {
   check_ten_thousand("the table never leaves two moves outstanding, a stop unverified, or a result not durable", [] {
     const auto events = *rc::gen::container<std::vector<int>>(
-        rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, run_event_count * 8)));
+        rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, run_event_count * 12)));
     RunState state = RunState::idle;
     bool move_outstanding = false, stop_outstanding = false, abort_sent = false, sealed = false, results_durable = false;
     for (const int drawn : events) {
       const auto event = static_cast<RunEvent>(drawn % run_event_count);
       const int bits = drawn / run_event_count;
-      const RunGuards guards{.rest_due = (bits & 1) != 0, .repeats_left = (bits & 2) != 0, .by_operator = (bits & 4) != 0,
+      const RunGuards guards{.rest_due = (bits & 1) != 0, .repeats_left = (bits & 2) != 0, .stop_cause = static_cast<StopCause>(bits / 4 % 3),
                              .abort_sent = abort_sent};
       const Transition t = next(state, event, guards);
       if (is_final(state)) {
@@ -68,6 +68,10 @@ TEST(RunProperties, TransitionTable) {
         RC_ASSERT(event == RunEvent::stopped_verified || (event == RunEvent::deadline && abort_sent));
       }
       if (t.to == RunState::done && state != RunState::done) RC_ASSERT(sealed && results_durable);
+      // A pause leaves a move, a dwell and homing alone, and never ends a run without a stop.
+      if (event == RunEvent::pause_wanted && t.outcome == Transition::Outcome::taken) {
+        RC_ASSERT(t.to == state || (t.action == RunAction::stop_table && !move_outstanding));
+      }
       state = t.to;
     }
   });
@@ -97,6 +101,7 @@ class MemoryJournal : public RunJournal {
     dwells.push_back(dwell);
     return {};
   }
+  Status dropout(const Dropout&) override { return step(); }
   Status seal(double) override {
     sealed = true;
     return step();
@@ -147,18 +152,18 @@ const char* const tiny_text =
     "step 2\n  initial H 10 P 0 R 0\n  align 200\n  dwell 200\n";
 
 struct Disturbance {
-  int kind = 0;    // of RigFault, then: operator stops, journal fails, sink fails, killed at a journal record
+  int kind = 0;    // of RigFault, then: operator stops, journal fails, sink fails, killed at a journal record, paused, ended
   int moment = 0;  // in tenths of a second, or calls
   int axis = 0;
 };
 std::ostream& operator<<(std::ostream& out, const Disturbance& d) {
   constexpr int faults = static_cast<int>(RigFaultKind::link_lost) + 1;
-  const char* const others[] = {"operator stops", "journal fails", "disk fails", "killed"};
+  const char* const others[] = {"operator stops", "journal fails", "disk fails", "killed", "paused", "ended"};
   return out << (d.kind < faults ? to_string(static_cast<RigFaultKind>(d.kind)) : others[d.kind - faults]) << " at " << d.moment
              << " axis " << d.axis;
 }
 constexpr int fault_kinds = static_cast<int>(RigFaultKind::link_lost) + 1;
-constexpr int disturbance_kinds = fault_kinds + 4;
+constexpr int disturbance_kinds = fault_kinds + 6;
 
 RigFault fault_of(const Disturbance& d, double period_s) {
   RigFault fault;
@@ -173,7 +178,7 @@ RigFault fault_of(const Disturbance& d, double period_s) {
 }
 
 struct Tally {
-  int sessions = 0, kills = 0;
+  int sessions = 0, kills = 0, pauses = 0;
 };
 
 // Runs and takes up again until done; what went wrong, or "".
@@ -214,7 +219,10 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
   };
   s.watcher.on_tick = [&](const RunSnapshot&) {
     for (const Disturbance& d : disturbances) {
-      if (d.kind == fault_kinds && s.clock.now_s() >= 0.1 * d.moment) s.stop_requests = 1;
+      if (s.clock.now_s() < 0.1 * d.moment) continue;
+      if (d.kind == fault_kinds) s.stop_requests = 1;
+      if (d.kind == fault_kinds + 4) s.pause_requests = 1;
+      if (d.kind == fault_kinds + 5) s.end_requests = s.stop_requests = 1;
     }
   };
   for (const Disturbance& d : disturbances) {
@@ -225,10 +233,11 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
   for (int session = 1;; ++session) {
     if (session > 12) return "not done after 12 sessions";
     const std::vector<CompletedDwell> before = journal.dwells;
+    const std::size_t transitions_before = s.watcher.transitions.size();
     const int connected_before = s.watcher.count(RunEvent::connected);
     StationDevices devices = s.devices.devices();
     StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1", s.resume}, s.sink,
-                   {&s.watcher, &s.stop_requests, s.calibrate, &journal});
+                   {&s.watcher, &s.stop_requests, s.calibrate, &journal, &s.pause_requests, &s.end_requests});
     std::optional<RunOutcome> outcome;
     try {
       outcome = run.run();
@@ -244,7 +253,7 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     for (const CompletedDwell& dwell : journal.dwells) {
       if (!items.insert(dwell.item).second) return "a completed dwell was done again";
       const bool recorded = std::any_of(s.sink.segments.begin(), s.sink.segments.end(), [&](const Segment& segment) {
-        return segment.end_sample == dwell.next_sample && segment.kind == s.plan.items[dwell.item].dwell_kind &&
+        return segment.end_sample == dwell.units[0].next_sample && segment.kind == s.plan.items[dwell.item].dwell_kind &&
                segment.end_sample - segment.start_sample == s.plan.items[dwell.item].samples;
       });
       if (!recorded) return "a completed dwell is not in the recording";
@@ -259,6 +268,19 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
         const Result<AxisStatus> status = table.status(axis);
         if (status && status->enabled) return "over, and a drive is on: " + outcome->error.message;
       }
+      const bool paused = outcome->state == RunState::interrupted && s.stop_requests == 0;
+      if (outcome->state == RunState::interrupted && !verified) return "interrupted, and the table may turn";
+      if (paused && s.pause_requests == 0) return "interrupted, and nobody asked for it";
+      // The dwell that was going on when the pause was asked for is kept, unless it was bad.
+      const auto told = std::find_if(s.watcher.transitions.begin() + static_cast<std::ptrdiff_t>(transitions_before),
+                                     s.watcher.transitions.end(), [](const TransitionRecord& record) {
+                                       return record.event == RunEvent::pause_wanted && record.from == RunState::dwelling;
+                                     });
+      if (paused && told != s.watcher.transitions.end() && journal.dwells.size() == before.size() &&
+          std::none_of(told, s.watcher.transitions.end(), [](const TransitionRecord& record) { return record.event == RunEvent::dwell_bad; })) {
+        return "paused, and the dwell that went on is lost";
+      }
+      tally.pauses += paused ? 1 : 0;
       if (outcome->error.kind == ErrorKind::internal && outcome->state != RunState::done) return outcome->error.message;
       if (outcome->state == RunState::done) {
         std::size_t dwells = 0;
@@ -271,7 +293,7 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     // Somebody comes, clears the faults and starts it again. A sealed recording needs no devices (run_job.cpp).
     if (s.sink.finished) return "";
     journal.kill_at = journal.fail_at = s.sink.fail_at_call = -1;
-    s.stop_requests = 0;
+    s.stop_requests = s.pause_requests = s.end_requests = 0;
     s.watcher.on_tick = nullptr;
     s.rig.release_emergency_stop();
     s.rig.clear_faults();
@@ -296,9 +318,10 @@ TEST(RunProperties, WhateverHappensOnTheRig) {
     const std::string wrong = run_with(disturbances, tally);
     if (!wrong.empty()) RC_FAIL(wrong);
   });
-  std::printf("%d sessions, %d of them killed\n", tally.sessions, tally.kills);
+  std::printf("%d sessions, %d of them killed, %d paused\n", tally.sessions, tally.kills, tally.pauses);
   EXPECT_GT(tally.sessions, 15'000) << "hardly anything was disturbed";
   EXPECT_GT(tally.kills, 300);
+  EXPECT_GT(tally.pauses, 300);
 }
 
 }  // namespace

@@ -24,11 +24,13 @@ std::vector<RunEvent> all_events() {
 }
 std::vector<RunGuards> all_guards() {
   std::vector<RunGuards> all;
-  for (int bits = 0; bits < 16; ++bits) {
-    all.push_back({.rest_due = (bits & 8) != 0,
-                   .repeats_left = (bits & 1) != 0,
-                   .by_operator = (bits & 2) != 0,
-                   .abort_sent = (bits & 4) != 0});
+  for (const StopCause cause : {StopCause::error, StopCause::by_operator, StopCause::interruption}) {
+    for (int bits = 0; bits < 8; ++bits) {
+      all.push_back({.rest_due = (bits & 4) != 0,
+                     .repeats_left = (bits & 1) != 0,
+                     .stop_cause = cause,
+                     .abort_sent = (bits & 2) != 0});
+    }
   }
   return all;
 }
@@ -103,7 +105,8 @@ TEST(RunStateMachine, GuardsOfAPairCoverBothCases) {
 // With the drives on, whatever goes wrong leads to a stop, and from a stop only to failed or aborted.
 TEST(RunStateMachine, EveryErrorStopsTheTable) {
   const std::vector<RunEvent> errors = {RunEvent::table_fault, RunEvent::e_stop,         RunEvent::link_lost,
-                                        RunEvent::imu_lost,    RunEvent::storage_failed, RunEvent::operator_stop};
+                                        RunEvent::imu_lost,    RunEvent::storage_failed, RunEvent::operator_stop,
+                                        RunEvent::end_wanted};
   for (RunState state : all_states()) {
     if (!live_states.contains(state)) continue;
     for (RunEvent event : errors) {
@@ -119,13 +122,32 @@ TEST(RunStateMachine, EveryErrorStopsTheTable) {
   for (RunEvent event : all_events()) {
     for (const RunGuards& guards : all_guards()) {
       const RunState to = next(RunState::stopping, event, guards).to;
-      EXPECT_TRUE(to == RunState::stopping || to == RunState::failed || to == RunState::aborted) << to_string(event);
+      EXPECT_TRUE(to == RunState::stopping || (is_final(to) && to != RunState::done)) << to_string(event);
     }
   }
 }
 
+// A pause never cuts an item short, and what it ends in is a stop that has to be verified.
+TEST(RunStateMachine, PauseWaitsForASafePoint) {
+  for (RunState state : all_states()) {
+    const Transition transition = next(state, RunEvent::pause_wanted, {});
+    if (StateSet{RunState::resting, RunState::selecting, RunState::step_done}.contains(state)) {
+      EXPECT_EQ(transition.to, RunState::stopping) << to_string(state);
+      EXPECT_EQ(transition.action, RunAction::stop_table) << to_string(state);
+    } else if (live_states.contains(state)) {
+      EXPECT_EQ(transition.to, state);
+      EXPECT_EQ(transition.action, RunAction::none) << to_string(state);
+    }
+  }
+  EXPECT_EQ(next(RunState::calibrating, RunEvent::pause_wanted, {}).outcome, Transition::Outcome::ignored);
+  const RunGuards interrupted{.stop_cause = StopCause::interruption};
+  EXPECT_EQ(next(RunState::stopping, RunEvent::stopped_verified, interrupted).to, RunState::interrupted);
+  EXPECT_EQ(next(RunState::stopping, RunEvent::deadline, {.stop_cause = StopCause::interruption, .abort_sent = true}).to,
+            RunState::failed);
+}
+
 TEST(RunStateMachine, FinalStatesAreFinal) {
-  for (RunState state : {RunState::done, RunState::failed, RunState::aborted}) {
+  for (RunState state : {RunState::done, RunState::failed, RunState::aborted, RunState::interrupted}) {
     EXPECT_TRUE(is_final(state));
     for (RunEvent event : all_events()) EXPECT_EQ(next(state, event, {}).to, state) << to_string(event);
   }

@@ -65,7 +65,7 @@ TEST(StationRun, UndisturbedRunIsThePlanToTheSample) {
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_TRUE(calibrated);
-  EXPECT_EQ(outcome.recorded_samples, short_samples);
+  EXPECT_EQ(outcome.units[0].recorded_samples, short_samples);
   EXPECT_EQ(s.sink.sample_count, short_samples);
   EXPECT_EQ(s.sink.syncs, 2);
   expect_same(s.sink.segments, planned_segments(s.plan));
@@ -86,7 +86,7 @@ TEST(StationRun, FourteenStepsAreTheIndependentRecordingsSegments) {
   RigStation s(text.str());
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
-  EXPECT_EQ(outcome.recorded_samples, 1268400);  // 6342 s
+  EXPECT_EQ(outcome.units[0].recorded_samples, 1268400);  // 6342 s
   expect_same(s.sink.segments, planned_segments(s.plan));
 
   std::ifstream file(recording);
@@ -136,7 +136,7 @@ TEST(StationRun, SampleLostInADwellRepeatsItWhole) {
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_dwells, 1);
-  EXPECT_EQ(outcome.lost_samples, 3U);
+  EXPECT_EQ(outcome.units[0].lost_samples, 3U);
   // align, move, what became of the dwell (rotate), settling (rotate), the dwell again, move, align
   ASSERT_EQ(s.sink.segments.size(), 7U);
   const Segment& bad = s.sink.segments[2];
@@ -265,7 +265,7 @@ TEST(StationRun, SampleLostInAMoveIsSaidAndKeptVisible) {
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(s.watcher.count(RunEvent::motion_data_lost), 1) << "said once a move";
-  EXPECT_EQ(outcome.lost_samples, 1U);
+  EXPECT_EQ(outcome.units[0].lost_samples, 1U);
   EXPECT_EQ(s.sink.sample_count, short_samples - 1);
   expect_same(s.sink.segments, planned_segments(s.plan));
 }

@@ -8,6 +8,7 @@
 
 #include "orchestrator/live_view.h"
 #include "orchestrator/progress.h"
+#include "orchestrator/run_log.h"
 #include "orchestrator/status_page.h"
 #include "tests/orchestrator/program.h"
 
@@ -159,8 +160,8 @@ TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
   // The same port once more is refused, before anything is made.
   const std::string address = url.substr(7, url.size() - 8);
   expect_refused({"run", "--dry-run", "--unit", "SN8", "--out", "other", "--listen", address}, "cannot listen there");
-  ::kill(pid, SIGINT);
-  EXPECT_EQ(finish(pid).code, 30);
+  ::kill(pid, SIGTERM);
+  EXPECT_EQ(finish(pid).code, 75);
   expect_refused({"run", "--dry-run", "--unit", "SN8", "--out", "other", "--listen", "here"}, "expected ADDRESS:PORT");
 }
 
@@ -200,8 +201,22 @@ TEST_F(Page, ABrowserShowsHowItEnded) {
   EXPECT_TRUE(browser.shows("Running: step", 20.0)) << browser.seen();
   ::kill(pid, SIGTERM);
   EXPECT_TRUE(browser.shows("The run is over: step", 15.0)) << browser.seen();
-  EXPECT_TRUE(browser.shows("stopped by the operator", 1.0)) << browser.seen();
-  EXPECT_EQ(finish(pid).code, 30);
+  EXPECT_TRUE(browser.shows("told to end", 1.0)) << browser.seen();
+  EXPECT_EQ(finish(pid).code, 75);
+}
+
+TEST(LiveView, SaysWhatAPauseWaitsFor) {
+  LiveView view("SN1", "s", "q", true, {}, [] { return 0.0; });
+  EXPECT_NE(view.json().find("\"pause\":\"\""), std::string::npos);
+  TransitionRecord record;
+  record.from = record.to = record.at.state = RunState::dwelling;
+  record.event = RunEvent::pause_wanted;
+  record.at.item_end_utc_s = 1767225600.0 + 3661.0;
+  record.detail = format_pause(record.at);
+  view.on_transition(record);
+  EXPECT_NE(view.json().find("\"pause\":\"pause asked for: after this dwell, at 01:01:01Z; Ctrl-C again stops now\""), std::string::npos)
+      << view.json();
+  EXPECT_NE(view.json().find("\"last_error\":\"\""), std::string::npos) << "a pause is no error";
 }
 
 TEST(LiveView, TextsAreSafeInsideThePage) {

@@ -177,6 +177,9 @@ TEST_F(Production, HistoryListsComparesChartsAndExports) {
   EXPECT_NE(one.find("limits -1 .. 1"), std::string::npos) << one;
   EXPECT_EQ(run({"history", "results.db", "--parameter", "N99"}).code, 1);
 
+  ASSERT_EQ(run({"history", "results.db", "--report", "charts.html", "--simulated"}).code, 0);
+  EXPECT_NE(file_text(folder_ / "charts.html").find("3 calibrations of simulated units"), std::string::npos);
+
   ASSERT_EQ(run({"history", "results.db", "--csv", "all.csv"}).code, 0);
   const std::string csv = file_text(folder_ / "all.csv");
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 4);

@@ -36,6 +36,8 @@ sed "s|^table.address = .*|table.address = $address|" "$work/twin.station" > "$w
 run=$!
 for _ in $(seq 200); do grep -q 'move_next: pitch from 0 to 90' "$work/run/run.log" 2> /dev/null && break; sleep 0.02; done
 kill -INT "$run"
+for _ in $(seq 200); do grep -q 'pause_wanted' "$work/run/run.log" 2> /dev/null && break; sleep 0.02; done
+kill -INT "$run"
 code=0; wait "$run" || code=$?
 [ "$code" = 30 ] || fail "a stop by the operator gave code $code, expected 30"
 grep -q 'stopped by the operator' "$work/run.err" || fail "the stop is not named"

@@ -6,5 +6,5 @@ here=$(cd "$(dirname "$0")/../.." && pwd)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 "$here/scripts/over-the-wire" --table "$1" --line "$2" --sequence "$here/sequences/short_demo.seq" --out "$work/out"
-grep -q '^\[simulated\] unit: [0-9]* samples, 0 lost, 0 duplicates, 0 strays, 0 flagged, 0 bad frames, 0 resyncs; .* ppm (+- .*), largest arrival delay' \
-  "$work/out/wire/run.log" || { echo "FAILED: the log says of the unit's line:" >&2; grep 'unit: ' "$work/out/wire/run.log" >&2; exit 1; }
+grep -q '^\[simulated\] unit TWIN: [0-9]* samples, 0 lost, 0 duplicates, 0 strays, 0 flagged, 0 bad frames, 0 resyncs; .* ppm (+- .*), largest arrival delay' \
+  "$work/out/wire/run.log" || { echo "FAILED: the log says of the unit's line:" >&2; grep '^.simulated. unit ' "$work/out/wire/run.log" >&2; exit 1; }

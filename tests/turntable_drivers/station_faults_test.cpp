@@ -34,7 +34,7 @@ TEST(StationFaults, UndisturbedRunIsThePlan) {
   ModbusRun s;
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
-  EXPECT_EQ(outcome.recorded_samples, s.plan.samples);
+  EXPECT_EQ(outcome.units[0].recorded_samples, s.plan.samples);
 }
 
 // A flag that lies: the run goes through, for arrival is more than the flag; and no dwell is taken while the table turns.
