@@ -10,6 +10,12 @@
 
 namespace turncal {
 
+namespace {
+
+constexpr double first_turn_s = 60.0;  // until a person has shown how long one takes
+
+}  // namespace
+
 LiveClock::LiveClock(double speed_up) : speed_up_(speed_up), start_s_(monotonic_s()) {}
 
 double LiveClock::now_s() const { return speed_up_ * (monotonic_s() - start_s_); }
@@ -53,11 +59,12 @@ void LiveDevices::wait_a_little(double wall_s) {
   ::nanosleep(&pause, nullptr);
 }
 
-void LiveDevices::on_transition(const TransitionRecord& record) {
+RunObserver* LiveDevices::prompts(const Sequence& sequence, const std::string& tag) {
   ManualTurntable* manual = table_->manual();
-  if (!manual || record.event != RunEvent::move_next) return;
-  manual->set_reason("step " + std::to_string(record.at.step) + " (" + std::to_string(record.at.step_place) + "/" +
-                     std::to_string(record.at.step_count) + "): " + record.detail);
+  if (!manual) return nullptr;
+  manual->set_tag(tag);
+  prompts_ = std::make_unique<OperatorPrompts>(*manual, sequence, first_turn_s);
+  return prompts_.get();
 }
 
 }  // namespace turncal

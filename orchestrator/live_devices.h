@@ -13,7 +13,7 @@
 #include "imu_io/clock.h"
 #include "imu_io/serial_imu.h"
 #include "orchestrator/gravity_watch.h"
-#include "orchestrator/run_observer.h"
+#include "orchestrator/operator_prompts.h"
 #include "orchestrator/station_run.h"
 #include "orchestrator/table_device.h"
 
@@ -30,7 +30,7 @@ class LiveClock : public Clock {
   double start_s_;
 };
 
-class LiveDevices : public RunObserver {
+class LiveDevices {
  public:
   // REQUIRES: station.imu, units <= station.imu_places(). The count and the stream (prompts of a table turned by hand, whose answers are read from the terminal)
   // must outlive the devices.
@@ -43,8 +43,8 @@ class LiveDevices : public RunObserver {
   static void wait_a_little(double wall_s);
   Status commission_table(const AxisTriple& known_deg, double tolerance_deg) { return table_->commission(known_deg, tolerance_deg); }
 
-  void on_transition(const TransitionRecord& record) override;
-  void on_progress(const RunSnapshot&) override {}
+  // Of a table turned by hand: what its operator is told, each line with `tag`; else null. The sequence must outlive the devices.
+  RunObserver* prompts(const Sequence& sequence, const std::string& tag);
 
  private:
   LiveDevices(const StationConfig& station, std::size_t units);
@@ -55,6 +55,7 @@ class LiveDevices : public RunObserver {
   GravityWatch watched_;
   std::vector<std::unique_ptr<SerialImu>> further_;
   std::unique_ptr<TableDevice> table_;
+  std::unique_ptr<OperatorPrompts> prompts_;
 };
 
 }  // namespace turncal

@@ -41,6 +41,7 @@ struct RunSnapshot {
   double item_end_utc_s = 0.0;  // when that move or dwell will be over; 0: not known
   double run_fraction = 0.0;    // of the plan's time
   double eta_s = 0.0;           // what the plan says is left
+  std::size_t moves_left = 0;   // of the plan, the one going on included
   int repeats = 0;              // of the present dwell
   std::uint64_t lost_samples = 0;            // of all units
   std::vector<UnitSnapshot> units;

@@ -152,7 +152,9 @@ RunEvent StationRun::raise(RunEvent event, ErrorKind kind, const std::string& re
 }
 
 RunEvent StationRun::raise_table(RunEvent event, const Error& error, const std::string& before) {
-  if (error.kind != ErrorKind::aborted || state_ == RunState::stopping) return raise(event, error.kind, before + error.message);
+  if (state_ == RunState::stopping) return raise(event, error.kind, before + error.message);
+  if (error.kind == ErrorKind::interrupted) return raise(RunEvent::end_wanted, error.kind, error.message);
+  if (error.kind != ErrorKind::aborted) return raise(event, error.kind, before + error.message);
   if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) ++stops_seen_;
   return raise_stop();
 }
@@ -171,6 +173,10 @@ StationRun::MaybeEvent StationRun::asked() {
   }
   if (!pause_asked() || pause_told_) return std::nullopt;
   pause_told_ = true;
+  // A table turned by hand stands when nobody turns it: who pauses while asked for a turn need not make it.
+  if (devices_.table.needs_operator() && (state_ == RunState::homing || state_ == RunState::moving)) {
+    return raise(RunEvent::end_wanted, ErrorKind::interrupted, "paused");
+  }
   return raise(RunEvent::pause_wanted, ErrorKind::interrupted, format_pause(snapshot()));
 }
 

@@ -112,7 +112,7 @@ class StationRun {
   MaybeEvent perform(RunAction action, RunEvent cause);
   // An event together with why: the first reason of a failing run is the one reported.
   RunEvent raise(RunEvent event, ErrorKind kind, const std::string& reason);
-  // The table refused or failed. A driver that gave up because the operator asked for it is no fault of the table.
+  // The table refused or failed. A driver that gave up because the operator asked for it, or is gone, is no fault of the table.
   RunEvent raise_table(RunEvent event, const Error& error, const std::string& before = "");
   // Of one unit: it drops out, or the run fails with it where no other is left.
   MaybeEvent fail(UnitLane& lane, RunEvent event, const Error& error);
@@ -204,6 +204,7 @@ class StationRun {
   UnitLane* bad_lane_ = nullptr;   // whose defect repeats it; null: the table moved
 
   bool recording_ = false;
+  bool unit_awaited_ = false;      // settled, but for a unit that is behind
   bool rest_due_ = false;          // the run goes on after an interruption in which time passed
 
   TableStatus status_{};

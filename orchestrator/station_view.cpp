@@ -70,6 +70,9 @@ RunSnapshot StationRun::snapshot() const {
   }
   s.run_fraction = job_.plan.station_s > 0.0 ? planned_s / job_.plan.station_s : 0.0;
   s.eta_s = std::max(0.0, job_.plan.station_s - planned_s);
+  s.moves_left = static_cast<std::size_t>(
+      std::count_if(job_.plan.items.begin() + static_cast<std::ptrdiff_t>(std::min(item_, job_.plan.items.size())), job_.plan.items.end(),
+                    [](const PlannedItem& item) { return item.kind == SequenceItem::Kind::move; }));
   return s;
 }
 

@@ -5,7 +5,7 @@ here=$(cd "$(dirname "$0")/../.." && pwd)
 build=${TURNCAL_BUILD:-$here/build/release}
 list=$(mktemp)
 trap 'rm -f "$list"' EXIT
-ctest --test-dir "$build" -N | sed -n 's/^ *Test *#[0-9]*: //p' | sed -e 's/ *(Disabled)$//' -e 's/  # .*//' -e 's/<.*>$//' > "$list"
+ctest --test-dir "$build" -N | sed -n 's/^ *Test *#[0-9]*: //p' | sed -E -e 's/ *[(]Disabled[)]$//' -e 's/  # GetParam.*//' -e 's/<.*//' > "$list"
 awk -v doc="$here/docs/fault-tests.md" '
   FNR == NR { known[$0] = 1; next }
   /^\|/ {
