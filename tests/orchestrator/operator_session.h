@@ -2,7 +2,6 @@
 #pragma once
 
 #include <poll.h>
-#include <sys/resource.h>
 
 #include <functional>
 #include <optional>
@@ -14,9 +13,7 @@ namespace turncal {
 
 class OperatedProgram : public Program {
  protected:
-  struct Session : ProgramResult {
-    double cpu_s = 0.0;
-  };
+  using Session = ProgramResult;
   // What to type after a line was read; `hang_up` closes the input.
   using Operator = std::function<std::optional<std::string>(const std::string& line)>;
   mutable pid_t pid_ = -1;  // of the program that is operated
@@ -71,11 +68,8 @@ class OperatedProgram : public Program {
     if (in[1] >= 0) ::close(in[1]);
     ::close(out[0]);
     int status = 0;
-    rusage used{};
-    ::wait4(pid, &status, 0, &used);
+    ::waitpid(pid, &status, 0);
     session.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1000 - WTERMSIG(status);
-    session.cpu_s = static_cast<double>(used.ru_utime.tv_sec + used.ru_stime.tv_sec) +
-                    1e-6 * static_cast<double>(used.ru_utime.tv_usec + used.ru_stime.tv_usec);
     session.err = file_text(err);
     std::filesystem::remove(err);
     return session;
