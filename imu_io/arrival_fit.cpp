@@ -1,6 +1,7 @@
 #include "imu_io/arrival_fit.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace turncal {
 namespace {
@@ -8,6 +9,7 @@ namespace {
 constexpr double block_s = 1.0;
 constexpr std::size_t most_points = 512;
 constexpr std::size_t recent_blocks = 3;
+constexpr double judged_after_s = 10.0;
 
 }  // namespace
 
@@ -20,6 +22,7 @@ void ArrivalFit::restart() { *this = ArrivalFit(); }
 
 void ArrivalFit::add(double unit_s, double host_s) {
   const Point point{unit_s, host_s - unit_s};
+  if (line_) largest_delay_s_ = std::max(largest_delay_s_, point.late_s - (line_->offset_s + line_->skew * unit_s));
   if (have_block_ && unit_s - block_start_s_ >= block_s) close_block();
   if (!have_block_) {
     if (blocks_ == 0) first_unit_s_ = unit_s;
@@ -34,9 +37,12 @@ void ArrivalFit::add(double unit_s, double host_s) {
 void ArrivalFit::close_block() {
   have_block_ = false;
   // Against what was known before it; then it joins the hull.
-  if (const auto before = estimate(); before && before->span_s >= 10.0) {
+  if (line_ = estimate(); line_ && line_->span_s < judged_after_s) line_.reset();
+  if (line_) {
     if (recent_.size() == recent_blocks) recent_.erase(recent_.begin());
-    recent_.push_back(block_.late_s - (before->offset_s + before->skew * block_.unit_s));
+    recent_.push_back(block_.late_s - (line_->offset_s + line_->skew * block_.unit_s));
+    square_sum_ += recent_.back() * recent_.back();
+    ++squares_;
     if (recent_.size() == recent_blocks) persistent_delay_s_ = *std::min_element(recent_.begin(), recent_.end());
   }
   const auto turns_right = [](const Point& a, const Point& b, const Point& c) {
@@ -66,6 +72,8 @@ std::optional<ArrivalEstimate> ArrivalFit::estimate() const {
   result.skew = (b.late_s - a.late_s) / (b.unit_s - a.unit_s);
   result.offset_s = a.late_s - result.skew * a.unit_s;
   result.span_s = hull_.back().unit_s - first_unit_s_;
+  if (squares_ > 0) result.skew_uncertainty = std::sqrt(square_sum_ / static_cast<double>(squares_)) / result.span_s;
+  result.largest_delay_s = largest_delay_s_;
   return result;
 }
 

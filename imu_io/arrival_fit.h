@@ -17,6 +17,9 @@ namespace turncal {
 struct ArrivalEstimate {
   double offset_s = 0.0;  // host time of unit time 0, less the smallest delay's worth
   double skew = 0.0;      // host seconds a unit second, less 1
+  // What the fastest samples of each second scatter by, over the span: about how far off skew may be. 0: not known yet (10 s).
+  double skew_uncertainty = 0.0;
+  double largest_delay_s = 0.0;  // of a sample, beyond the fastest; counted from the first 10 s on
   double span_s = 0.0;    // unit time that was fitted
 };
 
@@ -47,6 +50,10 @@ class ArrivalFit {
   Point block_{};
   std::vector<double> recent_;  // delays of the last blocks, against the estimate before each
   double persistent_delay_s_ = 0.0;
+  std::optional<ArrivalEstimate> line_;  // as of the last second, once it spans 10 s
+  double square_sum_ = 0.0;     // of the seconds' delays, against the line before each
+  std::size_t squares_ = 0;
+  double largest_delay_s_ = 0.0;
 };
 
 }  // namespace turncal

@@ -34,7 +34,7 @@ class ImuSource {
   virtual Result<ImuIdentity> identify() = 0;
   // What the samples are: period, increment kinds, pulse weight, temperature. Site and serial are left as they are.
   virtual void describe(RecordingInfo& info) const = 0;
-  // Number of samples written to the front of `out`, in counter order, at most out.size(); 0 after timeout_s without
+  // Number of samples written to the front of `out`, in counter order, at most out.size(); 0 after timeout_s, or earlier, without
   // one. An error (kind device) means the link is gone; read() is not to be called again before open().
   virtual Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) = 0;
   virtual ImuLinkCounters counters() const = 0;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <sstream>
 
 #include "imu_io/deadline.h"
 #include "imu_io/format_number.h"
@@ -77,15 +79,14 @@ std::size_t SerialImu::take_ready(std::span<ImuSample> out) {
 }
 
 Result<std::size_t> SerialImu::receive(double timeout_s) {
-  const double wait_s = std::min(timeout_s, slice_s);
   const double began_s = monotonic_s();
   const auto room = decoder_.space();
-  const auto count = port_.read(room, wait_s);
+  const auto count = port_.read(room, timeout_s);
   if (!count) return count.error();
   const double now_s = monotonic_s();
   count_line_errors(now_s);
   if (*count == 0) {
-    empty_s_ = began_s + wait_s;
+    empty_s_ = began_s + timeout_s;
     return std::size_t{0};
   }
   decoder_.added(*count, {empty_s_ * settings_.speedup, now_s * settings_.speedup});
@@ -100,6 +101,25 @@ void SerialImu::count_line_errors(double now_s) {
     line_errors_ = {now->overrun - line_at_open_->overrun, now->framing - line_at_open_->framing,
                     now->parity - line_at_open_->parity};
   }
+}
+
+std::string SerialImu::summary() const {
+  const ImuLinkCounters link = decoder_.counters();
+  std::ostringstream text;
+  text << link.samples << " samples, " << link.lost_samples << " lost, " << link.duplicates << " duplicates, " << decoder_.strays()
+       << " strays, " << decoder_.invalid() << " flagged, " << link.bad_frames << " bad frames, " << link.resyncs << " resyncs; ";
+  if (line_at_open_) {
+    text << "line errors: " << line_errors_.overrun << " overrun, " << line_errors_.framing << " framing, " << line_errors_.parity << " parity";
+  } else {
+    text << "line errors not counted by the port";
+  }
+  const std::optional<ArrivalEstimate> arrival = fit_.estimate();
+  if (!arrival || arrival->skew_uncertainty == 0.0) return text.str();
+  char clock[160];
+  // A unit that is slow takes more of the host's time.
+  std::snprintf(clock, sizeof clock, "; the unit's clock against the host's %+.2f ppm (+- %.2f), largest arrival delay %.1f ms",
+                -1e6 * arrival->skew, 1e6 * arrival->skew_uncertainty, 1e3 * arrival->largest_delay_s);
+  return text.str() + clock;
 }
 
 Status SerialImu::judge_arrivals() const {
@@ -121,7 +141,7 @@ Status SerialImu::judge_arrivals() const {
 Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) {
   if (!port_.is_open()) return device_error(settings_.device + ": read before open");
   if (out.empty()) return std::size_t{0};
-  const Deadline deadline(timeout_s / settings_.speedup);
+  const Deadline deadline(std::min(timeout_s / settings_.speedup, slice_s));
   for (;;) {
     if (const std::size_t count = take_ready(out); count > 0) {
       if (Status status = judge_arrivals(); !status) return lost(status.error().message);

@@ -1,6 +1,8 @@
 // A unit on a serial line as an ImuSource: port, decoder, counter and the watch over both.
 //
-// read()'s timeout is in seconds of the unit (of the host, times speedup). It waits in pieces of at most 20 ms, so that it is known when the line was last empty (counter_tracker.h).
+// read()'s timeout is in seconds of the unit (of the host, times speedup). It waits for at most 20 ms of the host even if the timeout
+// is longer: so it is known when the line was last empty (counter_tracker.h), and a silent unit does not keep the station from
+// looking for a stop.
 // After open() the unit's counter goes on where it was: a cable that was pulled and put back costs a gap, not the numbering.
 //
 // read() is an error of kind device, and the port is closed, when
@@ -43,11 +45,8 @@ class SerialImu : public ImuSource {
   ImuLinkCounters counters() const override { return decoder_.counters(); }
   void close() override;
 
-  // For the log: what the link did besides counters().
-  std::optional<ArrivalEstimate> arrival() const { return fit_.estimate(); }
-  const LineErrors& line_errors() const { return line_errors_; }  // since open(); 0 where the port does not count
-  std::uint64_t strays() const { return decoder_.strays(); }
-  std::uint64_t invalid() const { return decoder_.invalid(); }
+  // For the log, in one line: what came and what did not, the line's own errors since open(), and the unit's clock against the host's.
+  std::string summary() const;
 
  private:
   std::size_t take_ready(std::span<ImuSample> out);

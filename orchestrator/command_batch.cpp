@@ -1,5 +1,7 @@
 #include "orchestrator/command_batch.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <chrono>
 #include <memory>
@@ -8,9 +10,11 @@
 #include "imu_io/posix_file.h"
 #include "imu_io/recording_writer.h"
 #include "orchestrator/command_run.h"
+#include "orchestrator/mounting.h"
 #include "orchestrator/parameter_store.h"
 #include "orchestrator/command_diagnose.h"
 #include "orchestrator/run_job.h"
+#include "orchestrator/run_results.h"
 #include "orchestrator/stop_signals.h"
 #include "orchestrator/unit_queue.h"
 
@@ -143,7 +147,23 @@ Status take_turn(const BatchOptions& options, const Turn& turn, const std::strin
   return stops;
 }
 
+// False: one was skipped, and the turn is another.
+Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn, const std::string& tag,
+                         Tally& tally, CommandContext& context) {
+  for (const std::string& unit : turn.units) {
+    const Result<Mounted> mounted = mount_unit(station, unit, turn.folder, STDIN_FILENO, context.out, tag);
+    if (!mounted) return mounted.error();
+    if (!mounted->skipped) continue;
+    if (Status status = record_outcome(options.queue, {unit, "skipped", now_utc(), *mounted->skipped}); !status) return status.error();
+    context.out << tag << "unit " << unit << ": skipped: " << *mounted->skipped << std::endl;
+    ++tally.not_passed;
+    return false;
+  }
+  return true;
+}
+
 Status run_batch(const BatchOptions& options, CommandContext& context) {
+  if (options.request.dry_run) context.tag = dry_run_tag;
   RunRequest check = options.request;
   check.units = {"X"};
   const Result<PreparedRun> prepared = prepare(check);
@@ -158,6 +178,9 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     const Result<Turn> turn = next_turn(options);
     if (!turn) return turn.error();
     if (turn->units.empty()) break;
+    const Result<bool> all = options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared->station, *turn, tag, tally, context);
+    if (!all) return all.error();
+    if (!*all) continue;
     if (Status status = take_turn(options, *turn, tag, tally, context); !status) return status;
     if (StopSignals::any()) {  // asked for when the results were being made
       return Error{ErrorKind::interrupted, "paused behind unit " + joined(turn->units) + "; the same command goes on with the next"};
@@ -185,7 +208,7 @@ Status show_queue(const QueueOptions& options, std::ostream& out) {
   if (!outcomes) return outcomes.error();
   for (const std::string& unit : *queue) {
     const UnitOutcome* outcome = find_outcome(*outcomes, unit);
-    out << unit << "  " << (outcome ? outcome->outcome + " " + outcome->time_utc : "waits") << '\n';
+    out << unit << "  " << (outcome ? outcome->outcome + " " + outcome->time_utc : "waits") << (outcome && !outcome->reason.empty() ? ": " + outcome->reason : "") << '\n';
   }
   return {};
 }

@@ -16,7 +16,7 @@ std::string one_line(std::string text) {
 }  // namespace
 
 void CommandContext::fail(const Error& error) {
-  err << "turncal: " << one_line(error.message) << std::endl;
+  err << tag << "turncal: " << one_line(error.message) << std::endl;
   exit_code = turncal::exit_code(error.kind);
 }
 

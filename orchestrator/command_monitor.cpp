@@ -10,6 +10,7 @@
 #include "orchestrator/run_request.h"
 #include "orchestrator/run_results.h"
 #include "orchestrator/stop_signals.h"
+#include "turntable_drivers/table_state.h"
 
 namespace turncal {
 
@@ -44,19 +45,17 @@ void take(std::span<const ImuSample> samples, std::optional<std::int64_t>& last_
   }
 }
 
-std::string flags_of(const AxisStatus& axis) {
+// The state in a word, and what it hides.
+std::string state_text(const AxisStatus& axis) {
   std::string text;
   const auto add = [&text](bool set, const char* name) {
-    if (set) text += std::string(text.empty() ? "" : ",") + name;
+    if (set) text += std::string(text.empty() ? "" : ", ") + name;
   };
-  add(axis.emergency_stop, "E-STOP");
-  add(axis.fault, "FAULT");
-  add(axis.limit, "LIMIT");
+  add(axis.limit, "limit");
   add(!axis.remote, "local");
-  add(axis.moving, "moving");
   add(!axis.enabled, "off");
   add(!axis.homed, "not homed");
-  return text.empty() ? "ok" : text;
+  return to_string(state_of(axis)) + (text.empty() ? "" : " (" + text + ")");
 }
 
 std::string table_text(Turntable& table) {
@@ -66,10 +65,10 @@ std::string table_text(Turntable& table) {
     char part[160];
     if (status) {
       std::snprintf(part, sizeof part, "%c %9.4f deg %8.4f deg/s %s; ", to_string(axis)[0] - 'a' + 'A', status->position_deg,
-                    status->rate_degps, flags_of(*status).c_str());
+                    status->rate_degps, state_text(*status).c_str());
       text += part;
     } else {
-      text += std::string(to_string(axis)) + " does not answer; ";
+      text += std::string(to_string(axis)) + ' ' + to_string(TableState::link_lost) + "; ";
     }
   }
   return text;
@@ -92,7 +91,8 @@ std::string unit_text(const Second& second, const RecordingInfo& info, double se
   return whole;
 }
 
-Status watch(const StationDevices& devices, const std::string& tag, double seconds, std::ostream& out) {
+Status watch(LiveDevices& live, const std::string& tag, double seconds, std::ostream& out) {
+  const StationDevices devices = live.devices();
   if (Status status = devices.table.connect(); !status) return status;
   const Result<TableIdentity> table = devices.table.identify();
   if (!table) return table.error();
@@ -105,6 +105,7 @@ Status watch(const StationDevices& devices, const std::string& tag, double secon
 
   std::vector<ImuSample> buffer(1024);
   std::optional<std::int64_t> last_counter;
+  std::uint64_t bad_frames_before = 0;
   const double began_s = devices.clock.now_s();
   for (double line_s = began_s; StopSignals::requests() == 0 && (seconds == 0.0 || line_s - began_s < seconds);) {
     Second second;
@@ -116,9 +117,14 @@ Status watch(const StationDevices& devices, const std::string& tag, double secon
     }
     char time[32];
     std::snprintf(time, sizeof time, "%8.1f s  ", now_s - began_s);
-    out << tag << time << table_text(devices.table) << unit_text(second, info, now_s - line_s) << std::endl;
+    const std::uint64_t bad_frames = devices.imu.counters().bad_frames;
+    out << tag << time << table_text(devices.table) << unit_text(second, info, now_s - line_s);
+    if (bad_frames > bad_frames_before) out << ", " << bad_frames - bad_frames_before << " bad frames";
+    out << std::endl;
+    bad_frames_before = bad_frames;
     line_s = now_s;
   }
+  out << tag << "unit: " << live.unit_summary(0) << std::endl;
   return {};
 }
 
@@ -129,7 +135,7 @@ Status run_monitor(const Options& options, CommandContext& context) {
   const StopSignals signals;
   Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
   if (!live) return live.error();
-  return watch((*live)->devices(), station->simulated() ? std::string(simulated_tag) : "", options.seconds, context.out);
+  return watch(**live, station->simulated() ? std::string(simulated_tag) : "", options.seconds, context.out);
 }
 
 }  // namespace

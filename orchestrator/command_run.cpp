@@ -47,6 +47,8 @@ void add_run_command(CLI::App& app, CommandContext& context) {
   RunRequest& request = options->request;
   CLI::App* command = app.add_subcommand("run", "run a calibration: move the table, record, calibrate");
   command->add_flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
+  command->add_flag("--manual", request.manual,
+                    "the table is turned by hand, whatever the station names: an operator is told what to do (docs/tables.md)");
   command
       ->add_option("--unit", request.units,
                    "serial number of the unit; once for each of several on the table, in the order of the station's places")

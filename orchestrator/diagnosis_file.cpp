@@ -154,7 +154,8 @@ Result<WrittenDiagnosis> write_diagnosis(const std::string& folder, const Diagno
   // Everything is made before anything is written, so that a failure leaves the folder as it was.
   const Result<std::string> parameters = format_parameter_file(diagnosis_parameters(diagnosis, context));
   if (!parameters) return parameters.error();
-  return write_diagnosis_files(folder, make_report(diagnosis, context), format_diagnosis(diagnosis), *parameters);
+  const std::string simulated = context.recording.info.simulated ? "# Simulated data: a dry run, or a twin.\n" : "";
+  return write_diagnosis_files(folder, make_report(diagnosis, context), simulated + format_diagnosis(diagnosis), *parameters);
 }
 
 Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report, const std::string& diagnosis,

@@ -20,8 +20,11 @@ HookCall call_for(const Status& outcome) {
   return call;
 }
 
-Status run_hook(const HookCommands& commands, const HookCall& call, double time_s) {
-  const std::string& command = call.event == "done" ? commands.done : call.event == "fail" ? commands.fail : commands.needs_operator;
+Status run_hook(const HookCommands& commands, const HookCall& call, double time_s, bool (*give_up)()) {
+  const std::string& command = call.event == "done"    ? commands.done
+                               : call.event == "fail"  ? commands.fail
+                               : call.event == "mount" ? commands.mount
+                                                       : commands.needs_operator;
   if (command.empty()) return {};
   const auto failed = [&call](const std::string& what) { return device_error("hook." + call.event + ": " + what); };
 
@@ -55,10 +58,11 @@ Status run_hook(const HookCommands& commands, const HookCall& call, double time_
                                       : "was ended by signal " + std::to_string(WTERMSIG(status)));
     }
     if (ended < 0 && errno != EINTR) return failed(std::string("cannot be waited for: ") + std::strerror(errno));
-    if (std::chrono::steady_clock::now() >= deadline) {
+    const bool late = std::chrono::steady_clock::now() >= deadline;
+    if (late || (give_up && give_up())) {
       ::kill(-pid, SIGKILL);
       ::waitpid(pid, &status, 0);
-      return failed("did not end within its time and was killed");
+      return failed(late ? "did not end within its time and was killed" : "was interrupted and killed");
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }

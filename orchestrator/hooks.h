@@ -1,10 +1,10 @@
 // Commands of the station that are run when somebody or something should know: a unit is done, has failed its limits, or an
 // operator is needed. Given to /bin/sh with what happened in the environment:
 //
-//   TURNCAL_EVENT (done, fail, needs_operator)  TURNCAL_UNIT  TURNCAL_FOLDER  TURNCAL_MESSAGE  TURNCAL_DRY_RUN (true, false)
+//   TURNCAL_EVENT (done, fail, needs_operator, mount)  TURNCAL_UNIT  TURNCAL_FOLDER  TURNCAL_MESSAGE  TURNCAL_DRY_RUN (true, false)
 //
 // A hook runs when the table stands and the results are durable, and has hook_time_s; then it and its children are killed.
-// What a hook does or fails to do changes nothing of the run.
+// What a hook does or fails to do changes nothing of the run; but without a mount that succeeds none begins.
 #pragma once
 
 #include <string>
@@ -15,6 +15,8 @@ namespace turncal {
 
 struct HookCommands {  // empty: none
   std::string done, fail, needs_operator;
+  std::string mount;             // before a unit of a batch (mounting.h)
+  double mount_time_s = 3600.0;
 };
 
 struct HookCall {
@@ -28,6 +30,8 @@ inline constexpr double hook_time_s = 60.0;
 HookCall call_for(const Status& outcome);
 
 // An error when it could not be run, did not end in time, or ended with another code than 0. An empty command is fine.
-Status run_hook(const HookCommands& commands, const HookCall& call, double time_s = hook_time_s);
+// `give_up` is asked while it runs: true kills it.
+Status run_hook(const HookCommands& commands, const HookCall& call, double time_s = hook_time_s,
+                bool (*give_up)() = nullptr);
 
 }  // namespace turncal

@@ -3,12 +3,18 @@
 #include <time.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cassert>
-#include <cmath>
 
 #include "imu_io/deadline.h"
 
 namespace turncal {
+
+namespace {
+
+constexpr double first_turn_s = 60.0;  // until a person has shown how long one takes
+
+}  // namespace
 
 LiveClock::LiveClock(double speed_up) : speed_up_(speed_up), start_s_(monotonic_s()) {}
 
@@ -43,23 +49,22 @@ Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& stat
 }
 
 StationDevices LiveDevices::devices() {
-  return {table_->table(), watched_, clock_, [this](double seconds) { wait(seconds); }};
+  return {table_->table(), watched_, clock_, [this](double seconds) { wait_a_little(seconds / speed_up_); }};
 }
 
-// A signal ends it early; the run's loop then looks at why.
-void LiveDevices::wait(double seconds) const {
-  const double wall_s = seconds / speed_up_;
+void LiveDevices::wait_a_little(double wall_s) {
+  constexpr double longest_s = 0.02;
   timespec pause{};
-  pause.tv_sec = static_cast<time_t>(std::floor(wall_s));
-  pause.tv_nsec = static_cast<long>(1e9 * (wall_s - std::floor(wall_s)));
+  pause.tv_nsec = static_cast<long>(1e9 * std::clamp(wall_s, 0.0, longest_s));
   ::nanosleep(&pause, nullptr);
 }
 
-void LiveDevices::on_transition(const TransitionRecord& record) {
+RunObserver* LiveDevices::prompts(const Sequence& sequence, const std::string& tag) {
   ManualTurntable* manual = table_->manual();
-  if (!manual || record.event != RunEvent::move_next) return;
-  manual->set_reason("step " + std::to_string(record.at.step) + " (" + std::to_string(record.at.step_place) + "/" +
-                     std::to_string(record.at.step_count) + "): " + record.detail);
+  if (!manual) return nullptr;
+  manual->set_tag(tag);
+  prompts_ = std::make_unique<OperatorPrompts>(*manual, sequence, first_turn_s);
+  return prompts_.get();
 }
 
 }  // namespace turncal

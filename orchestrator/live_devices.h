@@ -13,7 +13,7 @@
 #include "imu_io/clock.h"
 #include "imu_io/serial_imu.h"
 #include "orchestrator/gravity_watch.h"
-#include "orchestrator/run_observer.h"
+#include "orchestrator/operator_prompts.h"
 #include "orchestrator/station_run.h"
 #include "orchestrator/table_device.h"
 
@@ -30,7 +30,7 @@ class LiveClock : public Clock {
   double start_s_;
 };
 
-class LiveDevices : public RunObserver {
+class LiveDevices {
  public:
   // REQUIRES: station.imu, units <= station.imu_places(). The count and the stream (prompts of a table turned by hand, whose answers are read from the terminal)
   // must outlive the devices.
@@ -38,14 +38,16 @@ class LiveDevices : public RunObserver {
                                                    std::ostream& out, std::size_t units = 1);
   StationDevices devices();  // valid as long as this object
   ImuSource& imu(std::size_t place) { return place == 0 ? static_cast<ImuSource&>(watched_) : *further_[place - 1]; }
+  std::string unit_summary(std::size_t place) const { return (place == 0 ? imu_ : *further_[place - 1]).summary(); }
+  // At most 20 ms, so that whoever waits finds out about a stop in time; a signal ends it earlier.
+  static void wait_a_little(double wall_s);
   Status commission_table(const AxisTriple& known_deg, double tolerance_deg) { return table_->commission(known_deg, tolerance_deg); }
 
-  void on_transition(const TransitionRecord& record) override;
-  void on_progress(const RunSnapshot&) override {}
+  // Of a table turned by hand: what its operator is told, each line with `tag`; else null. The sequence must outlive the devices.
+  RunObserver* prompts(const Sequence& sequence, const std::string& tag);
 
  private:
   LiveDevices(const StationConfig& station, std::size_t units);
-  void wait(double seconds) const;
 
   double speed_up_;
   LiveClock clock_;
@@ -53,6 +55,7 @@ class LiveDevices : public RunObserver {
   GravityWatch watched_;
   std::vector<std::unique_ptr<SerialImu>> further_;
   std::unique_ptr<TableDevice> table_;
+  std::unique_ptr<OperatorPrompts> prompts_;
 };
 
 }  // namespace turncal

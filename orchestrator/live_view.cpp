@@ -154,6 +154,7 @@ std::string LiveView::json() const {
   o.text("phase", s.dwell_kind ? (*s.dwell_kind == SegmentKind::align ? "align" : "dwell") : to_string(s.state));
   o.number("phase_fraction", s.phase_fraction);
   o.number("run_fraction", s.run_fraction);
+  o.text("table", to_string(s.table));
   o.triple("position_deg", s.position_deg);
   o.triple("rate_degps", s.rate_degps);
   o.number("eta_s", s.eta_s);

@@ -1,5 +1,7 @@
 #include "orchestrator/run_job.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <chrono>
 #include <deque>
@@ -15,6 +17,7 @@
 #include "orchestrator/output_folder.h"
 #include "orchestrator/progress.h"
 #include "orchestrator/recording_sink.h"
+#include "orchestrator/rehearsal_devices.h"
 #include "orchestrator/run_log.h"
 #include "orchestrator/results_database.h"
 #include "orchestrator/run_results.h"
@@ -108,17 +111,24 @@ struct Attempt {
   int sessions = 1;
 };
 
-// Rigs in their own time, or the station's real devices.
+// Rigs in their own time, a rig turned by an operator, or the station's real devices.
 struct RunDevices {
   std::unique_ptr<DryRunDevices> rig;
+  std::unique_ptr<RehearsalDevices> rehearsal;
   std::unique_ptr<LiveDevices> live;
-  StationDevices devices() { return rig ? rig->devices() : live->devices(); }
-  ImuSource& imu(std::size_t unit) { return rig ? rig->group.imu(unit) : live->imu(unit); }
-  RunObserver* prompts() { return live.get(); }  // of a table turned by hand: says why
+  RunObserver* prompts = nullptr;  // of a table turned by hand
+  StationDevices devices() { return rig ? rig->devices() : rehearsal ? rehearsal->devices() : live->devices(); }
+  ImuSource& imu(std::size_t unit) { return rig ? rig->group.imu(unit) : rehearsal ? devices().imu : live->imu(unit); }
 };
 
 Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context) {
   RunDevices made;
+  const std::string tag(tag_of(run));
+  if (run.request.rehearsal()) {
+    made.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, run.sequence, STDIN_FILENO, context.out, tag);
+    made.prompts = &made.rehearsal->prompts();
+    return made;
+  }
   if (run.request.dry_run) {
     made.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
     return made;
@@ -127,6 +137,7 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
                                                                  run.request.units.size());
   if (!live) return live.error();
   made.live = std::move(*live);
+  made.prompts = made.live->prompts(run.sequence, tag);
   return made;
 }
 
@@ -170,7 +181,9 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   const StationDevices devices = made.devices();
   const std::string tag(tag_of(a.run));
   const double began_s = steady_wall_s();
-  ProgressView view(context.out, context.out_is_terminal ? context.terminal_columns : 0, tag, steady_wall_s);
+  // A line redrawn in place would run over the operator's answers.
+  const bool in_place = context.out_is_terminal && !made.prompts;
+  ProgressView view(context.out, in_place ? context.terminal_columns : 0, tag, steady_wall_s);
   LiveView live(serials(a.run), a.run.station.name, a.run.sequence.name, a.run.request.dry_run, last_results(a.run),
                 steady_wall_s);
   std::unique_ptr<StatusPage> page;
@@ -182,7 +195,7 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   }
   PaceKeeper pace(a.run.request.pace);
   std::vector<RunObserver*> told{&a.log, &view, &live, &pace};
-  if (made.prompts()) told.push_back(made.prompts());
+  if (made.prompts) told.push_back(made.prompts);
   Fanout observers(told);
   std::deque<RecordingSink> recordings;
   for (UnitRun& unit : a.units) {
@@ -205,6 +218,9 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
                  {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
   running = &run;
   const RunOutcome outcome = run.run();
+  for (std::size_t i = 0; made.live && i < a.units.size(); ++i) {
+    a.log.line("unit " + a.units[i].run.unit() + ": " + made.live->unit_summary(i));
+  }
   view.clear();
   take_outcome(outcome, a.sample_period_s, a.units);
   const bool done = outcome.state == RunState::done;
@@ -343,8 +359,10 @@ bool is_over(const JournalContents& journal) {
 }
 
 RunEnd begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
+  if (request.dry_run) context.tag = dry_run_tag;
   Result<PreparedRun> prepared = prepare(request);
   if (!prepared) return prepared.error();
+  context.tag = tag_of(*prepared);
   const double period_s = prepared->sample_period_s();
   const Plan plan = plan_of(*prepared, period_s);
   if (Status status = check_plan(plan); !status) return status;
@@ -386,11 +404,13 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   if (!journal) return journal.error();
   const Result<JournalContents> contents = read_journal(path);
   if (!contents) return contents.error();
+  if (contents->begin_value("live") != "true") context.tag = dry_run_tag;
   if (is_over(*contents)) return say_over(*contents, folder, context.out);
   const Result<RunRequest> request = request_again(*contents, now);
   if (!request) return request.error();
   Result<PreparedRun> prepared = prepare(*request);
   if (!prepared) return prepared.error();
+  context.tag = tag_of(*prepared);
   if (Status status = check_unchanged(*prepared, *contents); !status) return status;
 
   std::vector<UnitRun> units = units_of(*prepared, folder);
@@ -410,10 +430,13 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   if (contents->last_dwell) {
     if (contents->last_dwell->item >= plan.items.size()) return input_error(path + ": names an item that the plan has not");
     if (contents->last_dwell->units.size() != units.size()) return input_error(path + ": a dwell is not of all units of the run");
-    resume = ResumePoint{*contents->last_dwell, prepared->request.dry_run};
+    resume = ResumePoint{*contents->last_dwell, devices->rig != nullptr};
     for (const UnitRun& unit : units) resume->dropped.push_back(unit.dropped);
     if (devices->rig) {
       if (Status status = devices->rig->put_back(contents->commands, contents->last_dwell->time_s); !status) return status;
+    }
+    if (devices->rehearsal) {
+      if (Status status = devices->rehearsal->pass_until(contents->last_dwell->time_s); !status) return status;
     }
     what = "goes on behind item " + std::to_string(contents->last_dwell->item + 1) + " of " +
            std::to_string(plan.items.size());

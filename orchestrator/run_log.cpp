@@ -35,6 +35,7 @@ std::string format_transition(const TransitionRecord& record, std::string_view t
     std::snprintf(angle, sizeof angle, ": %s at %.4f deg", to_string(*at.axis), at.position_deg[*at.axis]);
     text += angle;
   }
+  if (record.to == RunState::stopping || is_final(record.to)) text += std::string("; table ") + to_string(at.table);
   return text;
 }
 

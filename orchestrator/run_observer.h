@@ -12,6 +12,7 @@
 #include "calib/recording_types.h"
 #include "calib/status.h"
 #include "orchestrator/run_state_machine.h"
+#include "turntable_drivers/table_state.h"
 
 namespace turncal {
 
@@ -35,10 +36,12 @@ struct RunSnapshot {
   double target_deg = 0.0;                // of that axis
   AxisTriple position_deg;
   AxisTriple rate_degps;
+  TableState table = TableState::not_ready;
   double phase_fraction = 0.0;  // of the move or dwell that is going on
   double item_end_utc_s = 0.0;  // when that move or dwell will be over; 0: not known
   double run_fraction = 0.0;    // of the plan's time
   double eta_s = 0.0;           // what the plan says is left
+  std::size_t moves_left = 0;   // of the plan, the one going on included
   int repeats = 0;              // of the present dwell
   std::uint64_t lost_samples = 0;            // of all units
   std::vector<UnitSnapshot> units;

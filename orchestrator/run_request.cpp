@@ -63,6 +63,13 @@ Status check_live(const PreparedRun& run) {
   return check_real_devices(run.station);
 }
 
+// What the operator may type has to count as arrived.
+void turn_by_hand(StationConfig& station) {
+  station.table.driver = TableDriver::manual;
+  station.motion.position_tolerance_deg =
+      std::max(station.motion.position_tolerance_deg, 1.1 * station.table.manual.tolerance_deg);
+}
+
 Status prepare_rig(PreparedRun& run) {
   RunRequest& wanted = run.request;
   const std::string rig_given = wanted.rig.empty() ? run.station.rig_file : wanted.rig;
@@ -112,6 +119,10 @@ Result<PreparedRun> prepare(const RunRequest& request) {
   Result<StationConfig> station = station_from(wanted.station, *station_text, request.station);
   if (!station) return station.error();
   run.station = std::move(*station);
+  if (wanted.manual) turn_by_hand(run.station);
+  if (wanted.rehearsal() && wanted.units.size() > 1) {
+    return input_error("--manual --dry-run with " + std::to_string(wanted.units.size()) + " units: expected one, a rehearsal has one rig");
+  }
   run.station_hash = hash_of_text(*station_text);
 
   if (wanted.dry_run) {
@@ -142,6 +153,7 @@ JournalFields begin_fields(const PreparedRun& run) {
           {"software_version", software_version()},
           {"simulated", run.simulated() ? "true" : "false"},
           {"live", request.dry_run ? "" : "true"},
+          {"manual", request.manual ? "true" : ""},
           {"capture_only", request.capture_only ? "true" : "false"},
           {"unit", request.units.front()},
           {"station", request.station},
@@ -164,6 +176,7 @@ JournalFields begin_fields(const PreparedRun& run) {
 RunRequest request_of(const JournalContents& journal) {
   RunRequest request;
   request.dry_run = journal.begin_value("live") != "true";
+  request.manual = journal.begin_value("manual") == "true";
   request.capture_only = journal.begin_value("capture_only") == "true";
   request.units = journal.units();
   request.station = journal.begin_value("station");

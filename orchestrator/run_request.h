@@ -15,6 +15,7 @@ namespace turncal {
 
 struct RunRequest {
   bool dry_run = false;
+  bool manual = false;  // the table is turned by hand, whatever the station says
   bool capture_only = false;
   std::vector<std::string> units;  // serial numbers, by place on the table
   std::string rig;       // files, made absolute by prepare(); empty: the built-in one
@@ -30,6 +31,7 @@ struct RunRequest {
   // clock a dry run may go (0: as it can).
   std::string listen;
   double pace = 0.0;
+  bool rehearsal() const { return dry_run && manual; }
 };
 
 struct PreparedRun {

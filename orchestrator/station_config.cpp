@@ -25,17 +25,18 @@ std::string beside(const KeyValueFile& file, const std::string& path) {
 // Defects of a map or dialect come with their own file and line; those of this file stay with it, as with all its keys.
 Status read_table(KeyValueFile& file, TableConfig& table) {
   const std::string driver = file.one_of("table.driver", {"mock", "modbus", "serial", "manual"});
+  // Any table may be turned by hand (run --manual).
+  ManualSettings& manual = table.manual;
+  manual.tolerance_deg = file.number_or("table.tolerance_deg", manual.tolerance_deg, {0.0, 10.0, true});
+  manual.gravity_tolerance_deg = file.number_or("table.gravity_tolerance_deg", manual.gravity_tolerance_deg, {0.0, 90.0, true});
+  manual.answer_timeout_s = file.number_or("table.answer_timeout_s", manual.answer_timeout_s, between(1.0, 86400.0));
+  manual.pause_limit_s = file.number_or("table.pause_limit_s", manual.pause_limit_s, between(1.0, 86400.0));
   if (driver == "mock" || driver.empty()) {
     return {};
   }
   table.simulated = file.boolean_or("table.simulated", false);
   if (driver == "manual") {
     table.driver = TableDriver::manual;
-    ManualSettings& manual = table.manual;
-    manual.tolerance_deg = file.number_or("table.tolerance_deg", manual.tolerance_deg, {0.0, 10.0, true});
-    manual.gravity_tolerance_deg =
-        file.number_or("table.gravity_tolerance_deg", manual.gravity_tolerance_deg, {0.0, 90.0, true});
-    manual.answer_timeout_s = file.number_or("table.answer_timeout_s", manual.answer_timeout_s, between(10.0, 86400.0));
     return {};
   }
   const std::string address = file.text_or("table.address", "");
@@ -228,6 +229,8 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   station.hooks.done = file.text_or("hook.done", "");
   station.hooks.fail = file.text_or("hook.fail", "");
   station.hooks.needs_operator = file.text_or("hook.needs_operator", "");
+  station.hooks.mount = file.text_or("hook.mount", "");
+  station.hooks.mount_time_s = file.number_or("hook.mount_time_s", station.hooks.mount_time_s, between(1.0, 86400.0));
   station.table_id = file.text_or("table.id", "");
   station.table_calibration_due = file.text_or("table.calibration_due", "");
   if (!station.table_calibration_due.empty() && !is_date(station.table_calibration_due)) {

@@ -1,6 +1,7 @@
 // The units of a run: reading them, what is made of their samples, and what becomes of one that fails.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "orchestrator/station_run.h"
 
@@ -104,6 +105,19 @@ StationRun::MaybeEvent StationRun::catch_up() {
     }
   }
   return std::nullopt;
+}
+
+bool StationRun::apart() const {
+  std::int64_t least = std::numeric_limits<std::int64_t>::max(), most = 0;
+  double period_s = 1.0;
+  for (const UnitLane& lane : lanes_) {
+    if (!lane.alive() || !lane.is_open()) continue;
+    least = std::min(least, lane.came_in_segment());
+    most = std::max(most, lane.came_in_segment());
+    period_s = lane.sample_period_s();
+  }
+  const double allowed = std::max(0.5 * job_.station.motion.settle_s / period_s, 2.0);
+  return least <= most && static_cast<double>(most - least) > allowed;
 }
 
 StationRun::MaybeEvent StationRun::take_all() {

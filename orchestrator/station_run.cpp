@@ -152,7 +152,9 @@ RunEvent StationRun::raise(RunEvent event, ErrorKind kind, const std::string& re
 }
 
 RunEvent StationRun::raise_table(RunEvent event, const Error& error, const std::string& before) {
-  if (error.kind != ErrorKind::aborted || state_ == RunState::stopping) return raise(event, error.kind, before + error.message);
+  if (state_ == RunState::stopping) return raise(event, error.kind, before + error.message);
+  if (error.kind == ErrorKind::interrupted) return raise(RunEvent::end_wanted, error.kind, error.message);
+  if (error.kind != ErrorKind::aborted) return raise(event, error.kind, before + error.message);
   if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) ++stops_seen_;
   return raise_stop();
 }
@@ -171,6 +173,10 @@ StationRun::MaybeEvent StationRun::asked() {
   }
   if (!pause_asked() || pause_told_) return std::nullopt;
   pause_told_ = true;
+  // A table turned by hand stands when nobody turns it: who pauses while asked for a turn need not make it.
+  if (devices_.table.needs_operator() && (state_ == RunState::homing || state_ == RunState::moving)) {
+    return raise(RunEvent::end_wanted, ErrorKind::interrupted, "paused");
+  }
   return raise(RunEvent::pause_wanted, ErrorKind::interrupted, format_pause(snapshot()));
 }
 
@@ -303,7 +309,8 @@ StationRun::MaybeEvent StationRun::settle_again(bool in_place) {
   recording_ = in_place;
   item_running_ = false;
   arrival_.settle_only(devices_.clock.now_s());
-  return begin_segment(SegmentKind::rotate);
+  begin_segment(SegmentKind::rotate);
+  return std::nullopt;
 }
 
 StationRun::MaybeEvent StationRun::select_next() {
@@ -344,7 +351,7 @@ StationRun::MaybeEvent StationRun::issue_move() {
     commanded_deg_ = job_.plan.items[item_].commanded_deg;
   }
   for (UnitLane& lane : lanes_) lane.motion_loss_told = false;
-  if (const MaybeEvent event = begin_segment(SegmentKind::rotate)) return event;
+  begin_segment(SegmentKind::rotate);
   const double from_deg = status_[static_cast<std::size_t>(move.axis)].position_deg;
   if (hooks_.journal) {
     if (const MaybeEvent event = keep(hooks_.journal->move(move, devices_.clock.now_s()))) return event;
@@ -369,7 +376,7 @@ StationRun::MaybeEvent StationRun::close_move() {
 StationRun::MaybeEvent StationRun::begin_dwell() {
   const PlannedItem& item = job_.plan.items[item_];
   recording_ = true;
-  if (const MaybeEvent event = begin_segment(item.dwell_kind)) return event;
+  begin_segment(item.dwell_kind);
   for (Axis axis : all_axes) dwell_start_deg_[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
   double dwell_s = 0.0;
   for (UnitLane& lane : lanes_) {
@@ -407,7 +414,8 @@ StationRun::MaybeEvent StationRun::discard_dwell() {
   for (UnitLane& lane : lanes_) lane.repeats += !bad_lane_ || bad_lane_ == &lane ? 1 : 0;
   item_running_ = false;
   arrival_.settle_only(devices_.clock.now_s());
-  return begin_segment(SegmentKind::rotate);
+  begin_segment(SegmentKind::rotate);
+  return std::nullopt;
 }
 
 StationRun::MaybeEvent StationRun::finish_step() {
@@ -447,14 +455,17 @@ StationRun::MaybeEvent StationRun::abort_table() {
   return std::nullopt;
 }
 
-StationRun::MaybeEvent StationRun::begin_segment(SegmentKind kind) {
-  if (!recording_) return std::nullopt;
+void StationRun::begin_segment(SegmentKind kind) {
+  if (!recording_) return;
   const Segment segment{.step = job_.sequence.steps[step_].number,
                         .kind = kind,
                         .heading_deg = commanded_deg_[Axis::heading],
                         .pitch_deg = commanded_deg_[Axis::pitch],
                         .roll_deg = commanded_deg_[Axis::roll]};
-  return in_every_lane([&segment](UnitLane& lane) { return lane.begin_segment(segment); });
+  for (UnitLane& lane : lanes_) {
+    if (lane.alive()) lane.begin_segment(segment);
+  }
+
 }
 
 StationRun::MaybeEvent StationRun::end_segment(SegmentKind kind) {

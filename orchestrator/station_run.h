@@ -31,6 +31,8 @@
 // - A dwell is complete when it is in every living lane. A defect in one repeats it for all, at once; a lane whose own defects
 //   have used up dwell.max_repeats drops out instead, and the attempt goes on for the others. A table that moved repeats the
 //   dwell as long as one living lane has a repeat left.
+// - Units whose samples come a few samples apart need no care: the settle time lies between a move and a dwell. One that has
+//   fallen behind the others by more than half of it since the move began is waited for before the dwell.
 //
 // One thread; only the counts of StationHooks may be touched by others.
 #pragma once
@@ -112,7 +114,7 @@ class StationRun {
   MaybeEvent perform(RunAction action, RunEvent cause);
   // An event together with why: the first reason of a failing run is the one reported.
   RunEvent raise(RunEvent event, ErrorKind kind, const std::string& reason);
-  // The table refused or failed. A driver that gave up because the operator asked for it is no fault of the table.
+  // The table refused or failed. A driver that gave up because the operator asked for it, or is gone, is no fault of the table.
   RunEvent raise_table(RunEvent event, const Error& error, const std::string& before = "");
   // Of one unit: it drops out, or the run fails with it where no other is left.
   MaybeEvent fail(UnitLane& lane, RunEvent event, const Error& error);
@@ -154,6 +156,7 @@ class StationRun {
   UnitLane* lead();                                     // the lane that the run waits for; null: none is open
   MaybeEvent take_all();                                // what the lanes have received; is the dwell complete?
   MaybeEvent take(UnitLane& lane);
+  bool apart() const;                                   // a unit's samples are so late that some may be from the move
   MaybeEvent receive_all(UnitLane& lane);               // that has arrived, without waiting for more
   MaybeEvent catch_up();                                // with the samples that have arrived, without waiting for more
   MaybeEvent poll();                                    // reads the table and judges
@@ -166,7 +169,7 @@ class StationRun {
   void try_to_reconnect(double now_s);
   void schedule_poll(double now_s);
 
-  MaybeEvent begin_segment(SegmentKind kind);
+  void begin_segment(SegmentKind kind);
   MaybeEvent end_segment(SegmentKind kind);
   std::optional<Axis> displaced_axis() const;           // first of roll, pitch, heading that is not where it should be
   bool out_of_tolerance(Axis axis, double from_deg) const;
@@ -204,6 +207,7 @@ class StationRun {
   UnitLane* bad_lane_ = nullptr;   // whose defect repeats it; null: the table moved
 
   bool recording_ = false;
+  bool unit_awaited_ = false;      // settled, but for a unit that is behind
   bool rest_due_ = false;          // the run goes on after an interruption in which time passed
 
   TableStatus status_{};

@@ -36,6 +36,7 @@ RunSnapshot StationRun::snapshot() const {
     s.step = job_.sequence.steps[step_].number;
     s.step_place = step_ + 1;
   }
+  s.table = link_down_ ? TableState::link_lost : state_of(status_, state_ == RunState::stopping || state_ == RunState::parking);
   for (Axis axis : all_axes) {
     s.position_deg[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
     s.rate_degps[axis] = status_[static_cast<std::size_t>(axis)].rate_degps;
@@ -69,6 +70,9 @@ RunSnapshot StationRun::snapshot() const {
   }
   s.run_fraction = job_.plan.station_s > 0.0 ? planned_s / job_.plan.station_s : 0.0;
   s.eta_s = std::max(0.0, job_.plan.station_s - planned_s);
+  s.moves_left = static_cast<std::size_t>(
+      std::count_if(job_.plan.items.begin() + static_cast<std::ptrdiff_t>(std::min(item_, job_.plan.items.size())), job_.plan.items.end(),
+                    [](const PlannedItem& item) { return item.kind == SequenceItem::Kind::move; }));
   return s;
 }
 

@@ -13,6 +13,8 @@ constexpr int status_tries = 3;
 constexpr double reconnect_wait_min_s = 0.5;
 constexpr double reconnect_wait_max_s = 5.0;
 
+bool by_operator(const Error& error) { return error.kind == ErrorKind::aborted || error.kind == ErrorKind::interrupted; }
+
 }  // namespace
 
 StationRun::MaybeEvent StationRun::poll() {
@@ -45,6 +47,8 @@ StationRun::MaybeEvent StationRun::judge(double now_s) {
   if (event == RunEvent::settled) {
     // What the unit sent while the table still turned belongs to the move, not to the dwell that follows.
     if (const MaybeEvent late = catch_up()) return late;
+    unit_awaited_ = recording_ && apart();
+    if (unit_awaited_) return std::nullopt;
   }
   const char* axis = arrival_.move() ? to_string(arrival_.move()->axis) : "table";
   char text[120];
@@ -69,10 +73,10 @@ StationRun::MaybeEvent StationRun::read_table() {
         answered = true;
       } else {
         error = status.error();
-        if (error.kind == ErrorKind::aborted) break;
+        if (by_operator(error)) break;
       }
     }
-    if (!answered && error.kind == ErrorKind::aborted) return raise_table(RunEvent::link_lost, error);
+    if (!answered && by_operator(error)) return raise_table(RunEvent::link_lost, error);
     if (!answered) {
       link_down_ = true;
       return raise(RunEvent::link_lost, ErrorKind::device,
@@ -174,7 +178,7 @@ void StationRun::schedule_poll(double now_s) {
       state_ == RunState::dwelling || state_ == RunState::homing || state_ == RunState::resting;
   next_poll_s_ = now_s + (resting ? motion.poll_idle_s : motion.poll_moving_s);
   if (state_ == RunState::moving || state_ == RunState::settling) {
-    next_poll_s_ = std::min(next_poll_s_, arrival_.moment_of_interest_s(now_s));
+    if (!unit_awaited_) next_poll_s_ = std::min(next_poll_s_, arrival_.moment_of_interest_s(now_s));
   }
 }
 

@@ -67,6 +67,7 @@ function show() {
   const units = s.units.map(u => [u.serial, u.dropped_out ? "dropped out: " + u.dropped_out : u.samples + " samples, " + u.lost_samples + " lost"]);
   const rows = [["unit", s.unit], ...(units.length > 1 ? units : []), ["station, sequence", s.station + ", " + s.sequence], ["step", s.step_place + "/" + s.step_count + " (number " + s.step + ")"],
     ["phase", s.phase + " " + fix(100 * s.phase_fraction, 0) + " %" + (s.repeats ? ", repeat " + s.repeats : "")],
+    ["table", s.table],
     ["angles", axes.map((a, i) => a + " " + fix(s.position_deg[i], 4)).join(", ") + " deg"],
     ["rates", axes.map((a, i) => a + " " + fix(s.rate_degps[i], 4)).join(", ") + " deg/s"],
     ["stillness (standard deviation)", s.still_gyro_degps.toPrecision(2) + " deg/s, " + s.still_accel_mps2.toPrecision(2) + " m/s²"],

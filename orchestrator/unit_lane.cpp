@@ -81,9 +81,13 @@ Result<UnitLane::Taken> UnitLane::take(bool dwelling) {
   Taken taken;
   std::size_t count = waiting_.size();
   if (dwelling) count = std::min(count, static_cast<std::size_t>(std::max<std::int64_t>(dwell_->remaining(), 0)));
-  if (!segment_open_) waiting_.clear();
+  if (!segment_) waiting_.clear();
   if (waiting_.empty() || count == 0) return taken;
   const std::span<ImuSample> samples = std::span(waiting_).first(count);
+  if (!segment_written_) {
+    segment_written_ = true;
+    if (Status status = unit_.sink.begin_segment(*segment_); !status) return status.error();
+  }
   if (gap_due_) {
     // One sample stands for all that was missed: the unit's counter may have begun anew, and the table is back where it was.
     ++next_sample_;
@@ -105,16 +109,17 @@ Result<UnitLane::Taken> UnitLane::take(bool dwelling) {
   return taken;
 }
 
-Status UnitLane::begin_segment(Segment segment) {
-  segment.start_sample = segment.end_sample = next_sample_;
-  segment_open_ = true;
-  return unit_.sink.begin_segment(segment);
+void UnitLane::begin_segment(const Segment& segment) {
+  segment_ = segment;
+  segment_->start_sample = segment_->end_sample = next_sample_;
+  segment_written_ = false;
+  came_before_ = next_sample_ + static_cast<std::int64_t>(waiting_.size());
 }
 
 Status UnitLane::end_segment(SegmentKind kind, const AxisTriple& angles_deg) {
-  if (!segment_open_) return {};
-  segment_open_ = false;
-  return unit_.sink.end_segment(kind, next_sample_, angles_deg);
+  const bool written = segment_ && segment_written_;
+  segment_.reset();
+  return written ? unit_.sink.end_segment(kind, next_sample_, angles_deg) : Status{};
 }
 
 }  // namespace turncal

@@ -48,6 +48,7 @@ class UnitLane {
   RecordingPoint point() const;
   std::uint64_t lost_samples() const { return lost_samples_; }
   std::int64_t next_sample() const { return next_sample_; }
+  std::int64_t came_in_segment() const { return next_sample_ - came_before_; }  // periods, of what was taken
 
   // Opens the source, begins the recording or goes on with it. Returns how the unit describes itself.
   Result<std::string> connect(const StationConfig& station, bool table_simulated, bool resumed, double now_s);
@@ -68,8 +69,10 @@ class UnitLane {
   // recording cannot be written.
   Result<Taken> take(bool dwelling);
 
-  Status begin_segment(Segment segment);  // where the recording stands
-  void leave_segment() { segment_open_ = false; }  // what comes from now on is not recorded
+  // Where the recording stands. A segment in which no sample came (units a little apart, a defect in another one's first sample)
+  // is not written: the recording begins it with its first sample.
+  void begin_segment(const Segment& segment);
+  void leave_segment() { segment_.reset(); }  // what comes from now on is not recorded
   Status end_segment(SegmentKind kind, const AxisTriple& angles_deg);
   void begin_dwell(std::int64_t samples) { dwell_->start(next_sample_, samples); }
   bool dwell_complete() const { return dwell_->complete(); }
@@ -87,11 +90,13 @@ class UnitLane {
   std::optional<DwellMonitor> dwell_;
   std::vector<ImuSample> waiting_;             // counters are the unit's own
   bool open_ = false;
-  bool segment_open_ = false;
+  std::optional<Segment> segment_;             // the open one
+  bool segment_written_ = false;
   bool gap_due_ = false;
   std::optional<std::int64_t> last_received_;  // the unit's own
   std::optional<std::int64_t> first_counter_;  // the unit's own, of the recording's first sample
   std::int64_t next_sample_ = 0;
+  std::int64_t came_before_ = 0;               // the segment began: what was recorded, and what waited
   std::uint64_t lost_samples_ = 0;             // by the unit's counter, from the first recorded sample on
   std::uint64_t duplicate_samples_ = 0;        // dropped
   double last_sample_s_ = 0.0;

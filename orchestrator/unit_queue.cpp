@@ -42,7 +42,7 @@ Result<PosixFile> locked(const std::string& path) {
 
 Status write_outcomes(const std::string& path, const std::vector<UnitOutcome>& outcomes) {
   std::string text;
-  for (const UnitOutcome& o : outcomes) text += o.outcome + " " + o.time_utc + " " + o.unit + "\n";
+  for (const UnitOutcome& o : outcomes) text += o.outcome + " " + o.time_utc + " " + o.unit + (o.reason.empty() ? "" : " # " + o.reason) + "\n";
   return write_file_atomically(state_path(path), text);
 }
 
@@ -76,12 +76,16 @@ Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path) {
   if (!text) return text.error();
   std::string_view rest = *text;
   for (int number = 1; !rest.empty(); ++number) {
-    const std::string line(take_line(rest));
+    std::string line(take_line(rest)), reason;
+    if (const std::size_t mark = line.find(" # "); mark != std::string::npos) {
+      reason = line.substr(mark + 3);
+      line.resize(mark);
+    }
     const std::size_t time = line.find(' '), unit = time == std::string::npos ? time : line.find(' ', time + 1);
     if (unit == std::string::npos || unit + 1 >= line.size()) {
       return input_error(state + ":" + std::to_string(number) + ": " + quoted(line) + ": expected outcome, time and serial number");
     }
-    outcomes.push_back({line.substr(unit + 1), line.substr(0, time), line.substr(time + 1, unit - time - 1)});
+    outcomes.push_back({line.substr(unit + 1), line.substr(0, time), line.substr(time + 1, unit - time - 1), reason});
   }
   return outcomes;
 }

@@ -2,19 +2,28 @@
 // angle reached.
 //
 // - A typed angle is taken when it lies within tolerance_deg of the one wanted (whole turns are understood: a dial shows 90 where
-//   450 is meant) and when gravity, as the unit senses it, agrees with the tilt that follows (heading cannot be seen by it).
-//   Anything else is answered and asked again. Nothing is ever assumed: no answer within answer_timeout_s pauses, and a pause
-//   ends only when the operator types `continue`.
-// - Besides an angle: `repeat` shows the question again, `skip REASON` gives the move up (a fault, which needs clear_fault()),
-//   `pause`, `continue`, `abort`. The first letter will do.
-// - The end of the input, and `abort`, are errors of every further call: the run stops. Nothing moves by itself, so that is safe; once
-//   stop_all() was called status() answers again, so that the stop can be verified.
-// - Several moves may be asked for at once; they are put to the operator one after another. Homing asks for 0 of all three axes.
+//   450 is meant) and when gravity, as the unit senses it in the seconds after the answer, agrees with the tilt that follows (heading
+//   cannot be seen by it, nor whole turns). Anything else is answered and asked again.
+// - Homing asks where all three axes stand: 0, or any angle read off. Pitch is checked together with roll.
+// - Nothing is ever assumed: no answer within answer_timeout_s pauses; a pause ends when the operator types `continue`. One that
+//   holds a question up for longer than pause_limit_s ends the run, to be taken up again.
+// - Besides an angle: `repeat` shows the question again, `skip REASON`, `pause`, `continue`, `leave`, `abort`, `help`. The first letter
+//   will do.
+// - `skip`, a pause that is too long, `leave`, and the end of the input are errors of kind interrupted: of every call that asks for
+//   something, and of status() while something is asked. A dwell, for which nobody is needed, is so completed first. `abort` is an
+//   error of kind aborted of every call. Nothing moves by itself, so all of this is safe; once stop_all() was called status()
+//   answers again, so that the stop can be verified.
+// - Several moves may be asked for at once; they are put to the operator one after another.
 // - After a stop in the middle of a turn the angle is not known: the axis is not in position until a move to somewhere is answered.
 //
 // Expected direction of gravity's reaction in the body, from C_nb = Ry(-H) Rz(P) Rx(R) and f_n = (0, g, 0):
 //   f_b / g = (sin P, cos P cos R, -cos P sin R)
 // Calls do not block: the input is looked at in status(). One thread.
+//
+// A rehearsal (rehearse_on): the rig is turned to the typed angle instead, at the rate of the move. Since nothing happens in its time
+// while somebody thinks, status() then waits for an answer (up to 1 s of the wall clock, and again at the next call), time limits
+// are those of the wall clock, and a line is read only when it is needed, so that answers can come from a file. What a person
+// does wrong can be rehearsed: `turn AXIS ANGLE` turns any axis and answers nothing, `say ANGLE` answers and turns nothing.
 #pragma once
 
 #include <array>
@@ -25,14 +34,17 @@
 #include <string>
 
 #include "imu_io/clock.h"
+#include "turntable_drivers/rig.h"
 #include "turntable_drivers/turntable.h"
 
 namespace turncal {
 
 struct ManualSettings {
   double tolerance_deg = 0.1;
-  double gravity_tolerance_deg = 2.0;
+  // A unit not calibrated yet: scale factors 8 % apart turn gravity by 2.2 deg at 45 deg, and not at all at a quarter turn.
+  double gravity_tolerance_deg = 5.0;
   double answer_timeout_s = 600.0;
+  double pause_limit_s = 3600.0;
 };
 
 // Mean specific force in body axes over the last second, any unit; empty: not known (no samples, or the unit moves).
@@ -42,6 +54,8 @@ class ManualTurntable : public Turntable {
  public:
   // `input` is a file descriptor (0: the terminal); clock and stream must outlive the table.
   ManualTurntable(ManualSettings settings, const Clock& clock, int input, std::ostream& out, GravitySense sense = {});
+  void rehearse_on(Rig& rig) { rig_ = &rig; }  // the rig must outlive the table
+  void set_tag(const std::string& tag) { tag_ = tag; }  // in front of every line
 
   Status connect() override;
   Result<TableIdentity> identify() override;
@@ -54,16 +68,20 @@ class ManualTurntable : public Turntable {
   Result<AxisStatus> status(Axis axis) override;
   bool needs_operator() const override { return true; }
 
-  // Why the next move is asked for: "step 3, of 14: rotate pitch".
-  void set_reason(const std::string& reason) { reason_ = reason; }
+  // Why, and how far the run is, for the questions from now on: a line above the first.
+  void set_reason(const std::string& reason) {
+    reason_ = reason;
+    reason_told_ = false;
+  }
   struct Wanted {
     Axis axis = Axis::heading;
     double target_deg = 0.0;
-    std::string why;
+    bool homing = false;  // any angle will do
+    double rate_degps = 10.0;
+    double acceleration_degps2 = 20.0;
   };
   std::optional<Wanted> wanted() const;  // what the operator is asked for now
   bool paused() const { return paused_; }
-  const std::optional<std::string>& skipped() const { return skipped_; }  // the reason
 
  private:
   struct Hand {
@@ -71,31 +89,49 @@ class ManualTurntable : public Turntable {
     bool known = false;  // an answer was taken, and no stop has interrupted a turn since
     bool homed = false;
   };
-  Status usable();        // connected, input open, not aborted
-  Status look_at_input();
+  struct Answer {  // taken once gravity agrees
+    double angle_deg = 0.0;
+    double since_s = 0.0;  // nothing has turned since
+  };
+  Status usable();  // connected, and what was asked for can still be answered
+  void look_at_input();
+  bool read_input(bool wait);  // whether there may be more
+  void take_lines();
+  void keep_limits();
   void answer(const std::string& line);
-  void take_angle(const std::string& text);
+  void take_angle(const std::string& text, bool turned);
+  void turn_rig(const std::string& axis_and_angle);
+  void check_answer();
   std::optional<std::string> gravity_objection(Axis axis, double angle_deg) const;
+  void accept(double angle_deg);
+  void pause(const std::string& why);
+  void end(ErrorKind kind, const std::string& why);
   void ask();
   void say(const std::string& text);
+  double patience_s() const;  // the clock of time limits
+  bool waits_for_answer() const { return !queue_.empty() && !answered_ && !end_; }
 
   ManualSettings settings_;
   const Clock& clock_;
   int input_;
   std::ostream& out_;
   GravitySense sense_;
+  Rig* rig_ = nullptr;
+  std::string tag_;
   std::string reason_;
-  std::string typed_;  // the line that is not complete yet
+  bool reason_told_ = false;
+  std::string typed_;  // lines not taken yet, and the one that is not complete
   std::deque<Wanted> queue_;
+  std::optional<Answer> answered_;  // to the first of the queue
   std::array<Hand, 3> hands_;
   double asked_s_ = 0.0;
+  double paused_s_ = 0.0;
   bool connected_ = false;
   bool enabled_ = false;
   bool paused_ = false;
-  bool ended_ = false;    // the input
-  bool aborted_ = false;  // by the operator
-  bool stopped_ = false;  // and nothing was asked for since
-  std::optional<std::string> skipped_;
+  bool input_ended_ = false;
+  bool stopped_ = false;      // and nothing was asked for since
+  std::optional<Error> end_;  // nothing more can be asked for
 };
 
 }  // namespace turncal

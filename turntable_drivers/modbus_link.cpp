@@ -14,19 +14,15 @@
 #include <cstring>
 
 #include "imu_io/deadline.h"
+#include "turntable_drivers/tcp_connection.h"
 
 namespace turncal {
 namespace {
 
-constexpr double slice_s = 0.01;           // how long a stop waits at most for somebody to look
-constexpr double byte_poll_s = 0.001;      // while the rest of a frame comes in
+constexpr int byte_poll_ms = 1;            // while the rest of a frame comes in
 constexpr double busy_pause_s = 0.05;      // before a busy drive is asked again
 constexpr std::uint32_t read_out_us = 20000;  // libmodbus is called when the frame is there; this only bounds a mistake
 constexpr double longest_drain = 10.0;     // times quiet_s
-
-void nap(double seconds) {
-  if (seconds > 0.0) ::poll(nullptr, 0, std::max(1, static_cast<int>(1e3 * seconds)));
-}
 
 const char* exception_text(int exception) {
   switch (exception) {
@@ -86,23 +82,23 @@ Status ModbusLink::open() {
   const std::string& address = settings_.address;
   const auto failure = [&](const std::string& why) { return device_error(address + ": " + why); };
   if (settings_.tcp) {
-    const std::size_t colon = address.rfind(':');
-    if (colon == std::string::npos || colon == 0 || colon + 1 == address.size()) {
-      return input_error("link.address = '" + address + "': expected host:port");
+    const Result<int> socket = connect_tcp(address, settings_.response_timeout_s, stop_);
+    if (!socket) return socket.error();
+    context_ = modbus_new_tcp(nullptr, 0);
+    if (context_ != nullptr) {
+      modbus_set_socket(context_, *socket);
+    } else {
+      ::close(*socket);
     }
-    context_ = modbus_new_tcp_pi(address.substr(0, colon).c_str(), address.substr(colon + 1).c_str());
   } else {
     if (address.empty()) return input_error("link.address: expected a serial device");
     const char parity = settings_.parity == SerialParity::none ? 'N' : settings_.parity == SerialParity::even ? 'E' : 'O';
     context_ = modbus_new_rtu(address.c_str(), static_cast<int>(settings_.baud), parity, 8, settings_.stop_bits);
   }
   if (context_ == nullptr) return failure(std::string("not usable: ") + modbus_strerror(errno));
-  const auto seconds = static_cast<std::uint32_t>(settings_.response_timeout_s);
-  const auto micros = static_cast<std::uint32_t>(1e6 * (settings_.response_timeout_s - seconds));
-  modbus_set_response_timeout(context_, seconds, std::min(micros + 1, 999999u));
   modbus_set_error_recovery(context_, MODBUS_ERROR_RECOVERY_NONE);
   modbus_set_slave(context_, 1);
-  if (modbus_connect(context_) != 0) {
+  if (!settings_.tcp && modbus_connect(context_) != 0) {
     const std::string why = modbus_strerror(errno);
     close();
     return failure("cannot open: " + why);
@@ -146,7 +142,7 @@ ModbusLink::Reply ModbusLink::drain() {
     if (stop_.pending()) return {Failure::interrupted, 0, "", {}};
     if (limit.passed()) return {Failure::garbled, 0, "the line does not become quiet", {}};
     pollfd which{descriptor_, POLLIN, 0};
-    const int n = ::poll(&which, 1, static_cast<int>(1e3 * slice_s));
+    const int n = ::poll(&which, 1, StopSignal::longest_look_away_ms);
     if (n <= 0) continue;
     if (!discard_pending()) return hang_up("the other end hung up");
     quiet_since_s = monotonic_s();
@@ -182,8 +178,7 @@ ModbusLink::Reply ModbusLink::await(std::size_t bytes, double timeout_s, bool at
     }
     if (seen == 0) {
       pollfd which{descriptor_, POLLIN, 0};
-      const double wait_s = std::min(slice_s, deadline.left_s());
-      const int n = ::poll(&which, 1, static_cast<int>(1e3 * wait_s) + 1);
+      const int n = ::poll(&which, 1, std::min(deadline.left_ms(), StopSignal::longest_look_away_ms));
       if (n < 0 && errno != EINTR) return hang_up(std::strerror(errno));
       int waiting = 0;
       if (n > 0 && (::ioctl(descriptor_, FIONREAD, &waiting) != 0 || waiting == 0)) return hang_up("the other end hung up");
@@ -202,7 +197,7 @@ ModbusLink::Reply ModbusLink::await(std::size_t bytes, double timeout_s, bool at
     if (seen == 0) continue;
     // An exception is shorter than what was asked for, and so is a frame that broke off: silence tells.
     if (monotonic_s() - last_growth_s >= settings_.byte_timeout_s || deadline.passed()) return {};
-    nap(byte_poll_s);
+    ::poll(nullptr, 0, byte_poll_ms);
   }
 }
 
@@ -248,7 +243,7 @@ ModbusLink::Reply ModbusLink::transact(std::span<const std::uint8_t> body, std::
     if (stale_) {
       if (Reply reply = drain(); reply.failure != Failure::none) return reply;
     }
-    nap(last_activity_s_ + settings_.gap_s - monotonic_s());
+    if (!stop_.pause(last_activity_s_ + settings_.gap_s - monotonic_s())) return {Failure::interrupted, 0, "", {}};
   } else if (settings_.tcp) {
     discard_pending();
   }
@@ -318,7 +313,7 @@ Status ModbusLink::read(int unit, int function, int address, std::span<std::uint
     if (reply.failure == Failure::interrupted || reply.failure == Failure::hang_up) return error_of(reply, what);
     if (reply.failure == Failure::exception) {
       if (reply.exception <= 4 || reply.exception == 7 || reply.exception == 8) return error_of(reply, what);
-      nap(busy_pause_s);
+      if (!stop_.pause(busy_pause_s)) return error_of({Failure::interrupted, 0, "", {}}, what);
     }
   }
   // A drive that answers, if only that it is busy, is not lost.

@@ -1,19 +1,15 @@
 #include "turntable_drivers/modbus_turntable.h"
 
-#include <poll.h>
-
 #include <cmath>
 
 #include "imu_io/format_number.h"
+#include "turntable_drivers/drive_rules.h"
 
 namespace turncal {
 namespace {
 
-constexpr double stop_ack_s = 0.025;  // three axes: within 100 ms of the request with all else
-
-std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
-
-std::string degrees(double value) { return format_number(std::round(1e4 * value) / 1e4) + " deg"; }
+// A pulse of the stop itself is not cut short.
+void hold(double seconds) { static_cast<void>(StopSignal().pause(seconds)); }
 
 }  // namespace
 
@@ -279,7 +275,7 @@ Status ModbusTurntable::write_list(Axis axis, DriveOperation operation, const Mo
   for (std::size_t i = 0; i < requests.size(); ++i) {
     const WriteStep& step = map_.list(operation)[i];
     if (step.operands.empty()) {
-      ::poll(nullptr, 0, static_cast<int>(1e3 * step.wait_s));
+      if (!stop_.pause(step.wait_s)) return Error{ErrorKind::aborted, axis_error(axis, "given up for a stop").message};
       continue;
     }
     if (Status status = link_.write(place.unit, function_for(requests[i].size()), step.address + place.address_offset, requests[i]);
@@ -288,16 +284,6 @@ Status ModbusTurntable::write_list(Axis axis, DriveOperation operation, const Mo
                    axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
     }
   }
-  return {};
-}
-
-Status ModbusTurntable::check_ready(Axis axis, const AxisStatus& now) const {
-  const std::string text = now.text.empty() ? "" : ": " + now.text;
-  if (now.emergency_stop) return axis_error(axis, "emergency stop is pressed" + text);
-  if (now.fault) return axis_error(axis, "drive fault: expected it cleared" + text);
-  if (!now.remote) return axis_error(axis, "not in remote mode");
-  // A rate that is not known yet, at the first reading of a drive that does not tell, is no motion seen.
-  if (now.moving && !std::isnan(now.rate_degps)) return axis_error(axis, "a motion is under way: expected it finished or stopped");
   return {};
 }
 
@@ -320,8 +306,7 @@ Status ModbusTurntable::home() {
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> now = status(axis);
     if (!now) return now.error();
-    if (Status status = check_ready(axis, *now); !status) return status;
-    if (!now->enabled) return axis_error(axis, "home: not enabled");
+    if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
   }
   for (const Axis axis : all_axes) {
     AxisMemory& memory = memory_[index(axis)];
@@ -336,29 +321,18 @@ Status ModbusTurntable::move_absolute(Axis axis, double position_deg, double rat
   if (!map_.commissioned) {
     return input_error("table " + map_.name + ": not commissioned: expected word order, scale and sign checked and commissioned = true in the map");
   }
-  if (!std::isfinite(position_deg) || std::abs(position_deg) > map_.plausible_deg) {
-    return axis_error(axis, "move to " + format_number(position_deg) + " deg: expected at most " + degrees(map_.plausible_deg));
-  }
-  if (!(rate_degps > 0.0 && rate_degps <= map_.plausible_rate_degps)) {
-    return axis_error(axis, "rate " + format_number(rate_degps) + " deg/s: expected above 0 and at most " +
-                                format_number(map_.plausible_rate_degps));
-  }
-  if (!(acceleration_degps2 > 0.0) || !std::isfinite(acceleration_degps2)) {
-    return axis_error(axis, "acceleration " + format_number(acceleration_degps2) + " deg/s^2: expected above 0");
+  if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, map_.plausible_deg, map_.plausible_rate_degps)) {
+    return axis_error(axis, *refusal);
   }
   const Result<AxisStatus> now = status(axis);
   if (!now) return now.error();
-  if (Status status = check_ready(axis, *now); !status) return status;
-  if (!now->enabled) return axis_error(axis, "not enabled");
+  if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
   if (!now->homed) return axis_error(axis, "not homed");
   memory_[index(axis)].arrived_seen = false;
   const MoveNumbers numbers{position_deg, position_deg - now->position_deg, rate_degps, acceleration_degps2};
   const Status written = write_list(axis, DriveOperation::move, numbers);
   if (written || written.error().kind == ErrorKind::aborted || link_.lost()) return written;
-  // Never sent again blindly: what the drive made of it is read back and reported.
-  const Result<AxisStatus> after = status(axis);
-  const std::string state = !after ? "its state cannot be read" : after->moving ? "it moves" : "it stands";
-  return Error{written.error().kind, written.error().message + "; " + state};
+  return with_state(written.error(), status(axis));
 }
 
 Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
@@ -368,29 +342,36 @@ Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
     enable_called_ = false;  // whoever comes back finds it not ready
     if (Status status = link_.open(); !status) return status;
   }
-  const auto send_to = [&](Axis axis, bool at_once) -> Status {
+  const auto send = [&](Axis axis, const WriteStep& step, bool at_once) -> Status {
     const MapAxis& place = map_.of(axis);
-    for (const WriteStep& step : map_.list(operation)) {
-      if (step.operands.empty()) {
-        ::poll(nullptr, 0, static_cast<int>(1e3 * step.wait_s));
-        continue;
-      }
-      const Result<std::vector<std::uint16_t>> words = words_of(step, axis, {});
-      if (!words) return words.error();
-      const int function = function_for(words->size());
-      const int address = step.address + place.address_offset;
-      Status status = at_once ? link_.write_at_once(place.unit, function, address, *words, stop_ack_s)
-                              : link_.write(place.unit, function, address, *words);
-      if (!status) return Error{status.error().kind, axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
-    }
-    return {};
+    const Result<std::vector<std::uint16_t>> words = words_of(step, axis, {});
+    if (!words) return words.error();
+    const int function = function_for(words->size());
+    const int address = step.address + place.address_offset;
+    const Status status = at_once ? link_.write_at_once(place.unit, function, address, *words, stop_ack_s)
+                                  : link_.write(place.unit, function, address, *words);
+    if (status) return {};
+    return Error{status.error().kind, axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
   };
-  std::array<bool, 3> taken{};
-  for (const Axis axis : all_axes) taken[index(axis)] = send_to(axis, true).ok();
+  // Step by step, each to every axis: what follows the first step of one axis must not keep it from the next.
+  std::array<bool, 3> taken{true, true, true};
+  for (const WriteStep& step : map_.list(operation)) {
+    if (step.operands.empty()) hold(step.wait_s);
+    for (const Axis axis : all_axes) {
+      if (step.operands.empty() || !taken[index(axis)]) continue;
+      taken[index(axis)] = send(axis, step, true).ok();
+    }
+  }
   Status first_failure;
   for (const Axis axis : all_axes) {
     if (taken[index(axis)]) continue;
-    if (Status status = send_to(axis, false); !status && first_failure.ok()) first_failure = status;
+    Status status;
+    for (const WriteStep& step : map_.list(operation)) {
+      if (!status) break;
+      status = step.operands.empty() ? Status() : send(axis, step, false);
+      if (step.operands.empty()) hold(step.wait_s);
+    }
+    if (!status && first_failure.ok()) first_failure = status;
   }
   return first_failure;
 }

@@ -55,7 +55,6 @@ class ModbusTurntable : public Turntable {
   std::optional<bool> bit(const std::vector<std::uint16_t>& block, DriveBit which) const;
   std::optional<double> believed_position(Axis axis, const std::vector<std::uint16_t>& block, double now_s);
   AxisStatus status_from(Axis axis, const std::vector<std::uint16_t>& block, double position_deg, double now_s);
-  Status check_ready(Axis axis, const AxisStatus& now) const;
   struct MoveNumbers {
     double position_deg = 0.0, distance_deg = 0.0, rate_degps = 0.0, acceleration_degps2 = 0.0;
   };

@@ -4,15 +4,10 @@
 #include <cstdio>
 
 #include "imu_io/format_number.h"
+#include "turntable_drivers/drive_rules.h"
 
 namespace turncal {
 namespace {
-
-constexpr double stop_ack_s = 0.025;  // three axes: within 100 ms of the request with all else
-
-std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
-
-std::string degrees(double value) { return format_number(std::round(1e4 * value) / 1e4) + " deg"; }
 
 std::string fixed(double value, int decimals) {
   char text[64];
@@ -232,17 +227,6 @@ Result<TableIdentity> SerialTurntable::identify() {
                        dialect_.simulated};
 }
 
-Status SerialTurntable::check_ready(Axis axis, const AxisStatus& now) const {
-  if (now.emergency_stop) return axis_error(axis, "emergency stop is pressed");
-  if (now.fault) return axis_error(axis, "fault: expected it cleared");
-  if (!now.remote) return axis_error(axis, "not in remote mode");
-  if (now.moving && !std::isnan(now.rate_degps)) {
-    return axis_error(axis, "a motion is under way: expected it finished or stopped");
-  }
-  if (!now.enabled) return axis_error(axis, "not enabled");
-  return {};
-}
-
 Status SerialTurntable::enable() {
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> now = status(axis);
@@ -262,7 +246,7 @@ Status SerialTurntable::home() {
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> now = status(axis);
     if (!now) return now.error();
-    if (Status status = check_ready(axis, *now); !status) return status;
+    if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
   }
   for (AxisMemory& memory : memory_) memory.homing_began();
   targets_void_ = true;
@@ -274,19 +258,12 @@ Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rat
   if (!dialect_.commissioned) {
     return input_error(table_error("not commissioned: expected sign and scale checked and commissioned = true in the dialect").message);
   }
-  if (!std::isfinite(position_deg) || std::abs(position_deg) > dialect_.plausible_deg) {
-    return axis_error(axis, "move to " + format_number(position_deg) + " deg: expected at most " + degrees(dialect_.plausible_deg));
-  }
-  if (!(rate_degps > 0.0 && rate_degps <= dialect_.plausible_rate_degps)) {
-    return axis_error(axis, "rate " + format_number(rate_degps) + " deg/s: expected above 0 and at most " +
-                                format_number(dialect_.plausible_rate_degps));
-  }
-  if (!(acceleration_degps2 > 0.0) || !std::isfinite(acceleration_degps2)) {
-    return axis_error(axis, "acceleration " + format_number(acceleration_degps2) + " deg/s^2: expected above 0");
+  if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, dialect_.plausible_deg, dialect_.plausible_rate_degps)) {
+    return axis_error(axis, *refusal);
   }
   const Result<AxisStatus> now = status(axis);
   if (!now) return now.error();
-  if (Status status = check_ready(axis, *now); !status) return status;
+  if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
   if (!now->homed) return axis_error(axis, "not homed");
   // A table that takes all three angles at once must not go on with a motion that was stopped.
   if (targets_void_) {
@@ -305,10 +282,7 @@ Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rat
     return {};
   }
   if (sent.error().kind == ErrorKind::aborted || !line_.is_open()) return sent;
-  // Never sent again blindly: what the device made of it is read back and reported.
-  const Result<AxisStatus> after = status(axis);
-  const std::string state = !after ? "its state cannot be read" : after->moving ? "it moves" : "it stands";
-  return Error{sent.error().kind, sent.error().message + "; " + state};
+  return with_state(sent.error(), status(axis));
 }
 
 Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
@@ -320,18 +294,13 @@ Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
     lost_ = false;
   }
   const DialectSteps& steps = dialect_.of(operation);
-  const auto send_to = [&](Axis axis) -> Status {
-    Status result;
-    for (const Exchange& exchange : steps.exchanges) {
-      const Status sent = line_.send_at_once(filled(exchange.send, axis, commands_), exchange.expect, stop_ack_s);
-      if (!sent && result.ok()) result = sent;
-    }
-    return result;
-  };
+  // Sentence by sentence, each to every axis: what follows the first of one axis must not keep it from the next.
   std::array<bool, 3> taken{true, true, true};
-  for (const Axis axis : all_axes) {
-    taken[index(axis)] = send_to(axis).ok();
-    if (!steps.each_axis) break;
+  for (const Exchange& exchange : steps.exchanges) {
+    for (const Axis axis : all_axes) {
+      if (!line_.send_at_once(filled(exchange.send, axis, commands_), exchange.expect, stop_ack_s)) taken[index(axis)] = false;
+      if (!steps.each_axis) break;
+    }
   }
   Status first_failure;
   for (const Axis axis : all_axes) {

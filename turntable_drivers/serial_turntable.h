@@ -67,7 +67,6 @@ class SerialTurntable : public Turntable {
   Result<Reading> read_once(Axis axis);
   Result<Reading> read(Axis axis, bool believed_only);
   Result<double> number(Axis axis, const Values& values, const std::string& quantity) const;
-  Status check_ready(Axis axis, const AxisStatus& now) const;
 
   Dialect dialect_;
   const Clock& clock_;

@@ -2,7 +2,12 @@
 // count while it waits, gives the wait up, and is back in the station's loop within milliseconds. Sending the stop handles it.
 #pragma once
 
+#include <poll.h>
+
+#include <algorithm>
 #include <atomic>
+
+#include "imu_io/deadline.h"
 
 namespace turncal {
 
@@ -14,6 +19,16 @@ class StopSignal {
   void handled() {
     if (requests_ != nullptr) handled_ = requests_->load();
   }
+  // Waits so long, rounded up to milliseconds. False: given up for a stop.
+  bool pause(double seconds) const {
+    for (const Deadline deadline(seconds); !deadline.passed();) {
+      if (pending()) return false;
+      ::poll(nullptr, 0, std::min(deadline.left_ms(), longest_look_away_ms));
+    }
+    return !pending();
+  }
+
+  static constexpr int longest_look_away_ms = 10;
 
  private:
   const std::atomic<int>* requests_ = nullptr;

@@ -1,9 +1,5 @@
 #include "turntable_drivers/text_line.h"
 
-#include <fcntl.h>
-#include <netdb.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -14,46 +10,15 @@
 #include <cstring>
 
 #include "imu_io/deadline.h"
+#include "turntable_drivers/tcp_connection.h"
 
 namespace turncal {
 namespace {
 
-constexpr double slice_s = 0.01;           // how long a stop waits at most for somebody to look
+constexpr double slice_s = 1e-3 * StopSignal::longest_look_away_ms;
+constexpr double write_timeout_s = 0.01;   // the kernel takes a sentence at once; a line that does not is dead
 constexpr std::size_t longest_answer = 4096;
 constexpr double longest_drain = 10.0;     // times quiet_s
-
-// A socket, or -1 with the reason.
-int connect_to(const std::string& host, const std::string& port, double timeout_s, std::string& why) {
-  addrinfo hints{}, *found = nullptr;
-  hints.ai_socktype = SOCK_STREAM;
-  if (const int result = ::getaddrinfo(host.c_str(), port.c_str(), &hints, &found); result != 0) {
-    why = ::gai_strerror(result);
-    return -1;
-  }
-  int descriptor = -1;
-  for (const addrinfo* a = found; a != nullptr && descriptor < 0; a = a->ai_next) {
-    descriptor = ::socket(a->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-    if (descriptor < 0) continue;
-    int result = ::connect(descriptor, a->ai_addr, a->ai_addrlen) == 0 ? 0 : errno;
-    if (result == EINPROGRESS) {
-      pollfd which{descriptor, POLLOUT, 0};
-      socklen_t length = sizeof result;
-      if (::poll(&which, 1, static_cast<int>(1e3 * timeout_s)) <= 0) {
-        result = ETIMEDOUT;
-      } else {
-        ::getsockopt(descriptor, SOL_SOCKET, SO_ERROR, &result, &length);
-      }
-    }
-    if (result == 0) continue;
-    why = std::strerror(result);
-    ::close(descriptor);
-    descriptor = -1;
-  }
-  ::freeaddrinfo(found);
-  const int on = 1;
-  if (descriptor >= 0) ::setsockopt(descriptor, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-  return descriptor;
-}
 
 }  // namespace
 
@@ -70,6 +35,8 @@ void TextLine::close() {
 }
 
 Error TextLine::failure(const std::string& what) const { return device_error(link_.address + ": " + what); }
+
+Error TextLine::given_up() const { return {ErrorKind::aborted, link_.address + ": given up for a stop"}; }
 
 Error TextLine::hang_up(const std::string& what) {
   close();
@@ -88,13 +55,9 @@ Status TextLine::open() {
     descriptor_ = port_.descriptor();
     return {};
   }
-  const std::size_t colon = link_.address.rfind(':');
-  if (colon == std::string::npos || colon == 0 || colon + 1 == link_.address.size()) {
-    return input_error("link.address = '" + link_.address + "': expected host:port");
-  }
-  std::string why = "no address";
-  descriptor_ = connect_to(link_.address.substr(0, colon), link_.address.substr(colon + 1), link_.reply_timeout_s, why);
-  if (descriptor_ < 0) return failure("cannot open: " + why);
+  const Result<int> socket = connect_tcp(link_.address, link_.reply_timeout_s, stop_);
+  if (!socket) return socket.error();
+  descriptor_ = *socket;
   return {};
 }
 
@@ -126,7 +89,7 @@ Status TextLine::drain() {
   const Deadline limit(longest_drain * link_.quiet_s);
   double quiet_since_s = monotonic_s();
   while (monotonic_s() - quiet_since_s < link_.quiet_s) {
-    if (stop_.pending()) return Error{ErrorKind::aborted, link_.address + ": given up for a stop"};
+    if (stop_.pending()) return given_up();
     if (limit.passed()) return failure("the line does not become quiet");
     bool any = false;
     if (Status status = receive_some(slice_s, any); !status) return status;
@@ -142,7 +105,7 @@ Status TextLine::write(const std::string& body) {
   if (link_.check != SentenceCheck::none) frame += link_.check_mark + check_digits(body, link_.check);
   frame += link_.terminator_out;
   last_sent_s_ = monotonic_s();
-  if (!link_.tcp) return port_.write_all(frame, link_.reply_timeout_s);
+  if (!link_.tcp) return port_.write_all(frame, write_timeout_s);
   const ssize_t n = ::send(descriptor_, frame.data(), frame.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
   if (n != static_cast<ssize_t>(frame.size())) return hang_up("cannot send");
   return {};
@@ -162,7 +125,7 @@ Result<std::string> TextLine::read_until(const std::string& end, double timeout_
     }
     if (!at_once && stop_.pending()) {
       stale_ = true;
-      return Error{ErrorKind::aborted, link_.address + ": given up for a stop"};
+      return given_up();
     }
     if (deadline.passed()) {
       stale_ = true;
@@ -192,15 +155,14 @@ Result<std::string> TextLine::body_of(std::string frame) const {
 
 Result<std::string> TextLine::exchange(const std::string& body, bool answered) {
   if (!is_open()) return failure("not open");
-  if (stop_.pending()) return Error{ErrorKind::aborted, link_.address + ": given up for a stop"};
+  if (stop_.pending()) return given_up();
   bool any = false;
   if (Status status = receive_some(0.0, any); !status) return status.error();
   if (stale_) {
     if (Status status = drain(); !status) return status.error();
   }
   buffer_.clear();
-  const double pause_s = last_sent_s_ + link_.gap_s - monotonic_s();
-  if (pause_s > 0.0) ::poll(nullptr, 0, static_cast<int>(1e3 * pause_s) + 1);
+  if (!stop_.pause(last_sent_s_ + link_.gap_s - monotonic_s())) return given_up();
   if (Status status = write(body); !status) return status.error();
   if (link_.echo) {
     const Result<std::string> echo = read_until(link_.terminator_out, link_.reply_timeout_s, false);

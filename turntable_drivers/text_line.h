@@ -40,6 +40,7 @@ class TextLine {
   Status receive_some(double wait_s, bool& any);  // into buffer_
   Status drain();
   Error failure(const std::string& what) const;
+  Error given_up() const;
   Error hang_up(const std::string& what);
 
   DialectLink link_;

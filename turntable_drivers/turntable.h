@@ -8,7 +8,7 @@
 // - A move command is never retried blindly. stop_all() is sent to every axis even if one fails, and returns an error if
 //   any axis did not take it; that it took effect is verified by the caller through status().
 // - What is unknown is "not arrived" and "not enabled". A number that cannot be parsed is an error, never 0.
-// - After a lost link the driver is LinkLost until reconnect() and then NotReady; motion never resumes by itself.
+// - After a lost link nothing is answered until connect(), and then the axes are off; motion never resumes by itself.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +18,6 @@
 #include "calib/status.h"
 
 namespace turncal {
-
-enum class TableState { disconnected, not_ready, idle, moving, settling, stopping, fault, emergency_stop, link_lost };
 
 struct TableIdentity {
   std::string description;  // maker, model, serial as the device tells them

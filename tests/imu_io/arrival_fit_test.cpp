@@ -29,6 +29,10 @@ TEST(ArrivalFit, FindsOffsetAndSkewBelowTheDelays) {
       EXPECT_NEAR(got->skew, skew, 0.2e-6);
       EXPECT_NEAR(got->offset_s, 1000.0003, 0.0001);
       EXPECT_GT(got->span_s, 595.0);
+      EXPECT_LT(std::abs(got->skew - skew), 3.0 * got->skew_uncertainty);
+      EXPECT_LT(got->skew_uncertainty, 0.2e-6);
+      EXPECT_GT(got->largest_delay_s, 0.05);
+      EXPECT_LT(got->largest_delay_s, 0.1);
       EXPECT_LT(std::abs(fit.persistent_delay_s()), 0.001);
     }
   }
@@ -44,6 +48,8 @@ TEST(ArrivalFit, BatchesOf16MillisecondsDoNotPullIt) {
   const auto got = fit.estimate();
   ASSERT_TRUE(got.has_value());
   EXPECT_NEAR(got->skew, 20e-6, 1e-6);
+  EXPECT_LT(std::abs(got->skew - 20e-6), 3.0 * got->skew_uncertainty);
+  EXPECT_NEAR(got->largest_delay_s, 0.016, 0.001);
 }
 
 TEST(ArrivalFit, ShowsTimeThatWasLostForGood) {

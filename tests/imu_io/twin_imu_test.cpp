@@ -37,16 +37,22 @@ TEST(TwinImu, TheRigsSamplesComeOverTheLineUnchanged) {
   ASSERT_OK(streamer.start(monotonic_s()));
   Status sent;
   const std::atomic<bool> stop = false;
-  std::thread sender([&] { sent = streamer.run(0.6, stop); });
+  std::atomic<bool> all_sent = false;
+  std::thread sender([&] {
+    sent = streamer.run(0.6, stop);
+    all_sent = true;
+  });
   std::vector<ImuSample> received;
   std::array<ImuSample, 256> block;
   Status reading;
-  for (const Deadline deadline(1.0); !deadline.passed() && reading.ok();) {
+  for (const Deadline deadline(20.0); !deadline.passed() && reading.ok();) {
+    const bool last = all_sent;  // then what there is has been sent before it is read
     const auto n = imu.read(block, 0.05);
     if (!n) {
       reading = n.error();
     } else {
       received.insert(received.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*n));
+      if (last && *n == 0) break;
     }
   }
   sender.join();

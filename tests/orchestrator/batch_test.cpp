@@ -3,6 +3,7 @@
 
 #include <chrono>
 
+#include "imu_io/pty.h"
 #include "orchestrator/hooks.h"
 #include "orchestrator/unit_queue.h"
 
@@ -137,13 +138,97 @@ TEST_F(Batch, HooksAreCalledWithWhatHappened) {
   EXPECT_NE(file_text(folder_ / "units/SN1/run.log").find("hook.done: ended with code 3"), std::string::npos);
 }
 
+// A live batch up to the mounting; the table behind it does not answer.
+class Mounting : public Batch {
+ protected:
+  void SetUp() override {
+    Batch::SetUp();
+    write("queue", "SN1\nSN2\n");
+  }
+  ProgramResult live(const std::string& hooks, const std::string& input = "/dev/null") const {
+    const fs::path map = std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/twin.map";
+    write("live.station", "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
+                              fs::relative(map, folder_).string() +
+                              "\ntable.address = 127.0.0.1:1\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\n" + hooks);
+    const int keep = ::dup(0), given = ::open(input.c_str(), O_RDONLY | O_NOCTTY);
+    ::dup2(given, 0);
+    ProgramResult result = run({"batch", "queue", "--out", "units", "--station", "live.station"});
+    ::dup2(keep, 0);
+    ::close(keep);
+    ::close(given);
+    return result;
+  }
+  // What was typed ahead on a terminal.
+  ProgramResult typed(const std::string& text) const {
+    Result<Pty> terminal = Pty::create(path("terminal"));
+    EXPECT_TRUE(terminal.ok());
+    const int other_end = ::open(path("terminal").c_str(), O_RDWR | O_NOCTTY);  // so that it is not lost
+    EXPECT_TRUE(terminal->write_all(text, 1.0).ok());
+    const ProgramResult result = live("", path("terminal"));
+    ::close(other_end);
+    return result;
+  }
+};
+const std::string told_hook = "hook.needs_operator = echo \"$TURNCAL_UNIT $TURNCAL_MESSAGE\" >> told\n";
+
+TEST_F(Mounting, NobodyToAskEndsTheBatchBeforeTheFirstUnit) {
+  const ProgramResult result = live(told_hook);
+  EXPECT_EQ(result.code, 75) << result.err;
+  EXPECT_NE(result.err.find("unit SN1 is not mounted: nobody to ask: expected a terminal, or hook.mount"), std::string::npos) << result.err;
+  EXPECT_EQ(file_text(folder_ / "told").find("SN1 unit SN1 is not mounted"), 0u);
+  EXPECT_EQ(outcomes(), "");
+  EXPECT_FALSE(fs::exists(folder_ / "units"));
+}
+
+TEST_F(Mounting, HookMountsOrStopsTheBatch) {
+  const ProgramResult mounted = live("hook.mount = echo \"$TURNCAL_EVENT $TURNCAL_UNIT\" >> mounts\n");
+  EXPECT_EQ(mounted.code, 50) << "mounted: on to the table, which does not answer: " << mounted.err;
+  EXPECT_EQ(file_text(folder_ / "mounts"), "mount SN1\n");
+  const ProgramResult failed = live("hook.mount = exit 4\n" + told_hook);
+  EXPECT_EQ(failed.code, 75);
+  EXPECT_NE(failed.err.find("hook.mount: ended with code 4"), std::string::npos) << failed.err;
+  EXPECT_NE(file_text(folder_ / "told").find("hook.mount: ended with code 4"), std::string::npos);
+  const ProgramResult late = live("hook.mount = sleep 100\nhook.mount_time_s = 1\n");
+  EXPECT_EQ(late.code, 75);
+  EXPECT_NE(late.err.find("did not end within its time"), std::string::npos) << late.err;
+  EXPECT_EQ(outcomes(), "");
+  // A dry run mounts nothing.
+  EXPECT_EQ(run(batch({"--station", write("mock.station", station("hook.mount = touch moved; exit 1\n"))})).code, 0);
+  EXPECT_FALSE(fs::exists(folder_ / "moved"));
+}
+
+TEST_F(Mounting, OperatorMountsSkipsOrQuits) {
+  const ProgramResult mounted = typed("\n");
+  EXPECT_EQ(mounted.code, 50) << mounted.err;
+  EXPECT_NE(mounted.out.find("Mount unit SN1, then press Enter (or skip REASON, quit)"), std::string::npos) << mounted.out;
+  const ProgramResult quit = typed("skip\nyes\nskip a bent pin\nquit\n");
+  EXPECT_EQ(quit.code, 75) << quit.err;
+  EXPECT_NE(quit.err.find("unit SN2 is not mounted: the operator quit"), std::string::npos) << quit.err;
+  EXPECT_NE(quit.out.find("Why?"), std::string::npos);
+  EXPECT_EQ(outcomes(), "SN1=skipped ");
+  EXPECT_NE(file_text(folder_ / "queue.state").find(" SN1 # a bent pin\n"), std::string::npos);
+  EXPECT_NE(run({"queue", "queue"}).out.find(": a bent pin\nSN2  waits"), std::string::npos);
+  // Skipped is not forgotten: the next is asked for, and the queue did not pass.
+  const ProgramResult rest = typed("skip none left\n");
+  EXPECT_EQ(rest.code, 20) << rest.err;
+  EXPECT_EQ(outcomes(), "SN1=skipped SN2=skipped ");
+  ASSERT_EQ(run({"queue", "queue", "--again", "SN1"}).code, 0);
+  EXPECT_NE(typed("quit\n").err.find("unit SN1 is not mounted"), std::string::npos);
+}
+
+HookCommands hook_of(const std::string& done) {
+  HookCommands hooks;
+  hooks.done = done;
+  return hooks;
+}
+
 TEST(Hooks, AHookThatHangsIsKilledWithItsChildren) {
   const auto began = std::chrono::steady_clock::now();
-  const Status status = run_hook({"sleep 50 & sleep 50", "", ""}, {"done", "", "", "", false}, 0.2);
+  const Status status = run_hook(hook_of("sleep 50 & sleep 50"), {"done", "", "", "", false}, 0.2);
   EXPECT_FALSE(status.ok());
   EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(10));
   EXPECT_TRUE(run_hook({}, {"done", "", "", "", false}).ok()) << "none is given";
-  EXPECT_FALSE(run_hook({"/no/such/program", "", ""}, {"done", "", "", "", false}).ok());
+  EXPECT_FALSE(run_hook(hook_of("/no/such/program"), {"done", "", "", "", false}).ok());
 }
 
 }  // namespace

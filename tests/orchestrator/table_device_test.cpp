@@ -98,7 +98,7 @@ TEST(TableDevice, ExceptionInMidMoveStopsTheTable) {
   TwinStation twin(map_of(plain_map_text("tcp")));
   StationConfig station = default_station_config();
   station.table.driver = TableDriver::modbus;
-  station.table.map = twin.driver_map;
+  station.table.map = twin.described;
   const auto run = [&] {
     const Result<std::unique_ptr<TableDevice>> device = make_table(station, {twin.clock});
     Turntable& table = (*device)->table();

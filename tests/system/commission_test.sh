@@ -47,6 +47,7 @@ expect 1 'pitch turned by +5 deg.*expected plus about z' commission --station "$
 expect 1 'heading turned by +5 deg.*expected minus about y' commission --station "$work/y.station"
 expect 1 'heading turned by +5 deg.*-5.000000 deg about y' commission --station "$work/twin.station" --gyro-pulse-arcsec 1.1
 expect 0 '0 gaps (0 lost)' monitor --station "$work/twin.station" --seconds 3
-[ "$(grep -c 'deg/s off; .*samples/s, .*|f| ' "$work/said")" -ge 1 ] || fail "no line with the drives off"
+[ "$(grep -c 'deg/s not ready (off).*samples/s, .*|f| ' "$work/said")" -ge 1 ] || fail "no line with the drives off"
+grep -q 'unit: [0-9]* samples, 0 lost, .* 0 bad frames, .*line errors not counted by the port' "$work/said" || fail "no summary of the unit's line"
 [ -z "$(grep -v '^\[simulated\]' "$work/said")" ] || fail "a line passes for a real one"
 echo "commissioning over real lines: good"

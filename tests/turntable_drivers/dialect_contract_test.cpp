@@ -13,7 +13,7 @@ constexpr const char* names[] = {"three_axis_dollar", "acutronic_acl", "newport_
 template <Which which, bool tcp>
 struct DialectFactory {
   DialectStation station{shipped_dialect(names[static_cast<int>(which)], tcp)};
-  SerialTurntable driver{station.driver_dialect, station.clock};
+  SerialTurntable driver{station.described, station.clock};
   Turntable& table() { return driver; }
   void pass(double seconds) { station.pass(seconds); }
   static constexpr double tolerance_deg = 1e-3;

@@ -1,5 +1,5 @@
-// Faults of an ASCII line, each injected at the twin: the right position or an error, never a garbled number, never another axis's;
-// and a stop goes out whatever the line is doing.
+// Faults of an ASCII line, each injected at the twin: the right position or an error, never a garbled number, never another axis's.
+// Stops: stop_states_test.cpp.
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,69 +13,17 @@
 namespace turncal {
 namespace {
 
-constexpr AxisTriple standing{{10.0, 30.0, -50.0}};
-
 std::string text_of(const AnswerPiece& piece) { return {piece.bytes.begin(), piece.bytes.end()}; }
 void set_text(AnswerPiece& piece, const std::string& text) { piece.bytes.assign(text.begin(), text.end()); }
 std::string framed_dollar(const std::string& body) { return "$" + body + "*" + check_digits(body, SentenceCheck::sum8) + "\r\n"; }
 
-struct FaultTable {
-  explicit FaultTable(const std::string& name, bool tcp = false)
-      : station(quick(shipped_dialect(name, tcp)), at_start()), driver(station.driver_dialect, station.clock, &stop_requests) {
-    const Status connected = driver.connect();
-    EXPECT_TRUE(connected.ok()) << (connected.ok() ? "" : connected.error().message);
-  }
+struct TextTable : FaultTable<DialectStation, SerialTurntable> {
+  explicit TextTable(const std::string& name, bool tcp = false) : FaultTable(quick(shipped_dialect(name, tcp))) {}
   static Dialect quick(Dialect dialect) {
     dialect.link.reply_timeout_s = 0.15;
     dialect.link.quiet_s = 0.06;
     return dialect;
   }
-  static RigConfig at_start() {
-    RigConfig config = default_rig_config();
-    config.table.power_on_deg = standing.value;
-    return config;
-  }
-  void make_ready() {
-    ASSERT_TRUE(driver.enable().ok());
-    ASSERT_TRUE(driver.home().ok());
-    for (int i = 0; i < 150; ++i) {
-      station.pass(0.1);
-      bool homed = true;
-      for (const Axis axis : all_axes) {
-        const Result<AxisStatus> now = driver.status(axis);
-        ASSERT_TRUE(now.ok()) << now.error().message;
-        homed = homed && now->homed && !now->moving;
-      }
-      if (homed) return;
-    }
-    FAIL() << "not homed";
-  }
-  int expect_truth(int rounds) {
-    int read = 0;
-    for (int i = 0; i < rounds; ++i) {
-      for (const Axis axis : all_axes) {
-        const Result<AxisStatus> now = driver.status(axis);
-        if (!now) {
-          last_error = now.error();
-          EXPECT_EQ(now.error().message.find('\n'), std::string::npos);
-          continue;
-        }
-        ++read;
-        EXPECT_NEAR(now->position_deg, standing[axis], 1e-3) << to_string(axis);
-      }
-    }
-    return read;
-  }
-  double rig_rate() {
-    const std::lock_guard lock(station.server.mutex);
-    double fastest = 0.0;
-    for (const Axis axis : all_axes) fastest = std::max(fastest, std::abs(station.rig.axis(axis).rate_degps));
-    return fastest;
-  }
-  std::atomic<int> stop_requests{0};
-  Error last_error;
-  DialectStation station;
-  SerialTurntable driver;
 };
 
 using Disturbance = std::function<void(AnswerPlan&)>;
@@ -130,7 +78,7 @@ std::vector<TextFault> text_faults() {
 class DialectLineFaults : public testing::TestWithParam<TextFault> {};
 
 TEST_P(DialectLineFaults, NoWrongPositionIsBelieved) {
-  FaultTable s("three_axis_dollar");
+  TextTable s("three_axis_dollar");
   int answers = 0;
   s.station.disturb([&, how = GetParam().how](const std::string&, AnswerPlan& plan) {
     if (++answers == 3 || answers == 9) how(plan);
@@ -141,7 +89,7 @@ INSTANTIATE_TEST_SUITE_P(All, DialectLineFaults, testing::ValuesIn(text_faults()
                          [](const auto& which) { return std::string(which.param.name); });
 
 TEST(DialectFaults, BadChecksumIsAnError) {
-  FaultTable s("three_axis_dollar");
+  TextTable s("three_axis_dollar");
   s.station.disturb([](const std::string&, AnswerPlan& plan) {
     std::string text = text_of(plan.pieces[0]);
     text[text.size() - 3] = text[text.size() - 3] == '0' ? '1' : '0';
@@ -161,7 +109,7 @@ TEST(DialectFaults, BadChecksumIsAnError) {
 // A number that is none, under a right checksum: never 0.
 TEST(DialectFaults, GarbledNumberUnderAGoodChecksum) {
   for (const char* const bad : {"nan", "inf", "12.3.4", "1e999", "--5", "0x10", "-"}) {
-    FaultTable s("three_axis_dollar");
+    TextTable s("three_axis_dollar");
     s.station.disturb([&](const std::string& body, AnswerPlan& plan) {
       if (body == "MNSTS,1") set_text(plan.pieces[0], framed_dollar(std::string("ASSTS,") + bad + ",0,1,30,0,1,-50,0,1"));
     });
@@ -172,7 +120,7 @@ TEST(DialectFaults, GarbledNumberUnderAGoodChecksum) {
 }
 
 TEST(DialectFaults, UnknownStatusIsNotArrived) {
-  FaultTable s("newport_esp30x");
+  TextTable s("newport_esp30x");
   s.make_ready();
   EXPECT_TRUE(s.driver.status(Axis::pitch)->in_position);
   s.station.disturb([](const std::string& body, AnswerPlan& plan) {
@@ -188,7 +136,7 @@ TEST(DialectFaults, UnknownStatusIsNotArrived) {
 
 // Answers of another axis: a dialect that names the axis notices; one that does not is protected by what was read before.
 TEST(DialectFaults, AnotherAxisAnswers) {
-  FaultTable s("pi_gcs2");
+  TextTable s("pi_gcs2");
   s.station.disturb([](const std::string& body, AnswerPlan& plan) {
     if (body == "POS? 1") set_text(plan.pieces[0], "2=30.0000\n");
   });
@@ -198,7 +146,7 @@ TEST(DialectFaults, AnotherAxisAnswers) {
 }
 
 TEST(DialectFaults, JumpIsNotBelieved) {
-  FaultTable s("newport_esp30x");
+  TextTable s("newport_esp30x");
   s.make_ready();
   s.station.disturb([](const std::string& body, AnswerPlan& plan) {
     if (body == "01TP?") set_text(plan.pieces[0], "30.0000\n");
@@ -210,7 +158,7 @@ TEST(DialectFaults, JumpIsNotBelieved) {
 }
 
 TEST(DialectFaults, DeviceSaysNo) {
-  FaultTable s("aerosmith");
+  TextTable s("aerosmith");
   s.make_ready();
   const Status refused = s.driver.move_absolute(Axis::pitch, 3700.0, 10.0, 10.0);  // beyond the mock's travel
   ASSERT_FALSE(refused.ok());
@@ -219,7 +167,7 @@ TEST(DialectFaults, DeviceSaysNo) {
 }
 
 TEST(DialectFaults, MoveIsNeverSentAgain) {
-  FaultTable s("three_axis_dollar");
+  TextTable s("three_axis_dollar");
   s.make_ready();
   int runs = 0;
   s.station.disturb([&](const std::string& body, AnswerPlan& plan) {
@@ -235,7 +183,7 @@ TEST(DialectFaults, MoveIsNeverSentAgain) {
 
 // After a stop the other axes stay where they are: a sentence for all three must not take their motion up again.
 TEST(DialectFaults, StoppedMotionDoesNotResumeWithTheNextMove) {
-  FaultTable s("three_axis_dollar");
+  TextTable s("three_axis_dollar");
   s.make_ready();
   for (const Axis axis : all_axes) ASSERT_TRUE(s.driver.move_absolute(axis, 90.0, 10.0, 10.0).ok());
   s.station.pass(2.0);
@@ -249,8 +197,31 @@ TEST(DialectFaults, StoppedMotionDoesNotResumeWithTheNextMove) {
   EXPECT_NEAR(s.driver.status(Axis::roll)->position_deg, 0.0, 1e-3);
 }
 
+TEST(DialectFaults, FiveSecondsOfSilence) {
+  TextTable s("newport_esp30x");
+  s.make_ready();
+  ASSERT_TRUE(s.driver.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  s.station.pass(2.0);
+  const Deadline silent(5.0);
+  s.station.disturb([&](const std::string&, AnswerPlan& plan) {
+    if (!silent.passed()) plan.pieces.clear();
+  });
+  const Result<AxisStatus> lost = s.driver.status(Axis::roll);
+  ASSERT_FALSE(lost.ok());
+  EXPECT_EQ(lost.error().kind, ErrorKind::device);
+  EXPECT_FALSE(silent.passed()) << "given up at its own deadline";
+  EXPECT_NE(s.driver.status(Axis::roll).error().message.find("link lost"), std::string::npos);
+  EXPECT_TRUE(s.driver.stop_all().ok()) << "but a stop goes out";
+  ::usleep(static_cast<unsigned>(1e6 * silent.left_s()));
+  s.station.pass(2.0);
+  EXPECT_EQ(s.station.fastest_axis_degps(), 0.0);
+  EXPECT_FALSE(s.driver.status(Axis::roll).ok()) << "it does not come back by itself";
+  ASSERT_TRUE(s.driver.connect().ok());
+  EXPECT_FALSE(s.driver.status(Axis::roll)->enabled);
+}
+
 TEST(DialectFaults, UnpluggedInMidMove) {
-  FaultTable s("three_axis_dollar");
+  TextTable s("three_axis_dollar");
   s.make_ready();
   ASSERT_TRUE(s.driver.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
   s.station.disturb([](const std::string&, AnswerPlan& plan) {
@@ -260,42 +231,6 @@ TEST(DialectFaults, UnpluggedInMidMove) {
   EXPECT_FALSE(s.driver.status(Axis::roll).ok());
   EXPECT_FALSE(s.driver.stop_all().ok());
   EXPECT_EQ(s.driver.status(Axis::roll).error().kind, ErrorKind::device);
-}
-
-TEST(DialectStop, GoesOutWithin100MsWhileTheLineBlocks) {
-  const struct {
-    const char* name;
-    const char* stop;
-  } dialects[] = {{"three_axis_dollar", "MNSTP,1"}, {"newport_esp30x", "03ST;"}, {"aerosmith", "C STO"}};
-  for (const auto& dialect : dialects) {
-    double best_s = 1e9;
-    for (int i = 0; i < 3 && best_s > 0.1; ++i) {
-      FaultTable s(dialect.name);
-      s.make_ready();
-      ASSERT_TRUE(s.driver.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
-      s.station.pass(2.0);
-      std::atomic<double> stop_s{0.0};
-      s.station.disturb([&](const std::string& body, AnswerPlan& plan) {
-        if (body == dialect.stop && stop_s == 0.0) stop_s = monotonic_s();
-        plan.pieces.clear();  // silence, to the stop too
-      });
-      std::atomic<double> asked_s{0.0};
-      std::thread operator_thread([&] {
-        ::usleep(50000);
-        asked_s = monotonic_s();
-        ++s.stop_requests;
-      });
-      while (s.stop_requests == 0) static_cast<void>(s.driver.status(Axis::heading).ok());
-      static_cast<void>(s.driver.stop_all().ok());
-      operator_thread.join();
-      s.station.disturb(nullptr);
-      ASSERT_GT(stop_s, 0.0);
-      best_s = std::min(best_s, stop_s - asked_s);
-      s.station.pass(2.0);
-      EXPECT_EQ(s.rig_rate(), 0.0) << dialect.name;
-    }
-    EXPECT_LT(best_s, 0.1) << dialect.name;
-  }
 }
 
 }  // namespace

@@ -32,6 +32,11 @@ struct Desk {
     if (pipe_[1] >= 0) ::close(pipe_[1]);
     pipe_[1] = -1;
   }
+  // Until gravity after an answer is known.
+  void settle(double seconds = 2.0) {
+    clock.time_s += seconds;
+    EXPECT_TRUE(manual.status(Axis::roll).ok());
+  }
   std::string said() {
     const std::string text = out.str();
     out.str("");
@@ -78,6 +83,27 @@ struct ManualTable : testing::Test {
     for (const Axis axis : all_axes) ASSERT_TRUE(desk.manual.status(axis)->homed);
     desk.said();
   }
+  // An error of every call until the stop; then the stop can be verified, and nothing more is asked for.
+  void expect_end(Desk& desk, ErrorKind kind, const std::string& text) {
+    for (int i = 0; i < 2; ++i) {
+      const Result<AxisStatus> ended = desk.manual.status(Axis::roll);
+      ASSERT_FALSE(ended.ok());
+      EXPECT_EQ(ended.error().kind, kind);
+      EXPECT_NE(ended.error().message.find(text), std::string::npos) << ended.error().message;
+    }
+    EXPECT_FALSE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+    EXPECT_TRUE(desk.manual.stop_all().ok());
+    EXPECT_TRUE(desk.manual.abort_all().ok());
+    for (const Axis axis : all_axes) {
+      const Result<AxisStatus> status = desk.manual.status(axis);
+      ASSERT_TRUE(status.ok()) << status.error().message;
+      EXPECT_FALSE(status->moving || status->enabled);
+      EXPECT_EQ(status->rate_degps, 0.0);
+    }
+    const Status again = desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0);
+    ASSERT_FALSE(again.ok());
+    EXPECT_EQ(again.error().kind, kind);
+  }
 };
 
 TEST_F(ManualTable, SaysAxisAngleWayAndReason) {
@@ -85,7 +111,7 @@ TEST_F(ManualTable, SaysAxisAngleWayAndReason) {
   ready(desk);
   desk.manual.set_reason("step 3 of 14");
   ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, -90.0, 10.0, 10.0).ok());
-  EXPECT_NE(desk.said().find("Turn pitch to -90 deg (-90 deg from where it is), for step 3 of 14."), std::string::npos);
+  EXPECT_EQ(desk.said().find("\nstep 3 of 14\nTurn pitch from 0 to -90 deg, 90 deg backward (its angle falls); then type the angle reached ("), 0u);
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving);
   EXPECT_FALSE(desk.manual.status(Axis::pitch)->in_position);
   desk.type("-89.95");
@@ -97,7 +123,7 @@ TEST_F(ManualTable, RefusesBeyondToleranceAndNonsense) {
   Desk desk;
   ready(desk);
   ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
-  for (const char* const bad : {"89.89", "90.11", "-90", "0", "nan", "ninety", "90 deg", "9 0", "1e999", "90.0.0"}) {
+  for (const char* const bad : {"turn roll 90", "say 90", "89.89", "90.11", "-90", "0", "nan", "ninety", "90 deg", "9 0", "1e999", "90.0.0"}) {
     desk.said();
     desk.type(bad);
     EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << bad;
@@ -125,7 +151,7 @@ TEST_F(ManualTable, TimeOutPausesAndAssumesNothing) {
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << "continue comes first";
   desk.type("continue");
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_NE(desk.said().find("Turn roll to 90"), std::string::npos);
+  EXPECT_NE(desk.said().find("Turn roll from 0 to 90 deg"), std::string::npos);
   desk.type("90");
   EXPECT_FALSE(desk.manual.status(Axis::roll)->moving);
 }
@@ -137,25 +163,123 @@ TEST_F(ManualTable, RepeatPauseSkipAbort) {
   desk.said();
   desk.type("repeat");
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_NE(desk.said().find("Turn roll to 90"), std::string::npos);
+  EXPECT_NE(desk.said().find("Turn roll from 0 to 90 deg"), std::string::npos);
   desk.type("p");
   EXPECT_EQ(desk.manual.status(Axis::roll)->text, "paused");
   desk.type("c");
   desk.type("skip");
-  EXPECT_FALSE(desk.manual.status(Axis::roll)->fault) << "not without a reason";
+  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << "not without a reason";
   desk.type("skip the roll axis is jammed");
-  const AxisStatus skipped = *desk.manual.status(Axis::roll);
-  EXPECT_TRUE(skipped.fault);
-  EXPECT_FALSE(skipped.in_position);
-  EXPECT_EQ(skipped.text, "skipped by the operator: the roll axis is jammed");
-  EXPECT_FALSE(desk.manual.move_absolute(Axis::pitch, 1.0, 10.0, 10.0).ok());
-  ASSERT_TRUE(desk.manual.clear_fault().ok());
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 1.0, 10.0, 10.0).ok());
-  desk.type("abort");
-  const Result<AxisStatus> aborted = desk.manual.status(Axis::roll);
-  ASSERT_FALSE(aborted.ok());
-  EXPECT_EQ(aborted.error().kind, ErrorKind::aborted);
-  EXPECT_TRUE(desk.manual.stop_all().ok());
+  expect_end(desk, ErrorKind::interrupted, "skipped by the operator: the roll axis is jammed");
+  Desk other;
+  ready(other);
+  other.type("abort");  // at once, though nothing is asked for
+  expect_end(other, ErrorKind::aborted, "aborted by the operator");
+}
+
+TEST_F(ManualTable, WhoLeavesIsMissedWhenTheNextTurnIsDue) {
+  for (const bool hangs_up : {true, false}) {
+    Desk desk;
+    ready(desk);
+    if (hangs_up) desk.hang_up();
+    if (!hangs_up) desk.type("leave");
+    for (int i = 0; i < 3; ++i) EXPECT_TRUE(desk.manual.status(Axis::roll).ok()) << "a dwell needs nobody";
+    const Status refused = desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0);
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().kind, ErrorKind::interrupted);
+    EXPECT_EQ(desk.manual.home().error().kind, ErrorKind::interrupted);
+  }
+  Desk desk;
+  ready(desk);
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  desk.type("l");
+  expect_end(desk, ErrorKind::interrupted, "the operator left");
+}
+
+TEST_F(ManualTable, PauseHoldsTheNextQuestionBackAndEndsWhenTooLong) {
+  Desk desk;
+  ready(desk);
+  desk.type("pause");
+  EXPECT_TRUE(desk.manual.status(Axis::roll).ok());
+  desk.clock.time_s += 10'000.0;
+  EXPECT_TRUE(desk.manual.status(Axis::roll).ok()) << "nobody is missed yet";
+  desk.said();
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  EXPECT_EQ(desk.said(), "");
+  desk.clock.time_s += 3599.0;
+  desk.type("90");
+  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
+  desk.type("continue");
+  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
+  EXPECT_NE(desk.said().find("Turn roll"), std::string::npos);
+  desk.type("pause");
+  EXPECT_TRUE(desk.manual.status(Axis::roll).ok());
+  desk.clock.time_s += 3601.0;
+  expect_end(desk, ErrorKind::interrupted, "paused for longer than 3600 s");
+}
+
+TEST_F(ManualTable, HomingTakesTheAnglesReadOff) {
+  std::optional<std::array<double, 3>> sensed = std::array<double, 3>{0.0, 0.0, 9.79};  // roll -90
+  Desk desk({}, [&] { return sensed; });
+  ASSERT_TRUE(desk.manual.connect().ok());
+  ASSERT_TRUE(desk.manual.enable().ok());
+  ASSERT_TRUE(desk.manual.home().ok());
+  desk.type("90");  // wrong, and not seen before the other is known
+  desk.type("0.5");
+  EXPECT_TRUE(desk.manual.status(Axis::roll).ok());
+  desk.settle();
+  EXPECT_NE(desk.said().find("179.5 deg away"), std::string::npos);
+  EXPECT_EQ(desk.manual.wanted()->axis, Axis::roll) << "both are asked for again";
+  desk.type("-90");
+  desk.type("0.5");
+  EXPECT_TRUE(desk.manual.status(Axis::roll).ok());
+  desk.settle();
+  desk.type("-400.25");
+  const double expected[] = {-400.25, 0.5, -90.0};
+  for (const Axis axis : all_axes) {
+    const AxisStatus status = *desk.manual.status(axis);
+    EXPECT_TRUE(status.homed && status.in_position && !status.moving);
+    EXPECT_EQ(status.position_deg, expected[static_cast<int>(axis)]);
+  }
+}
+
+// The rig is what the hand turns: it goes where the typed angle says, and only there.
+TEST_F(ManualTable, RehearsalTurnsTheRigToTheTypedAngle) {
+  Rig rig(default_rig_config());
+  Desk desk;
+  desk.manual.rehearse_on(rig);
+  desk.manual.set_tag("[t] ");
+  std::vector<ImuSample> samples(4000);
+  const auto pass = [&](double seconds) { rig.advance(std::span(samples).first(static_cast<std::size_t>(200 * seconds))); };
+  ASSERT_TRUE(desk.manual.connect().ok());
+  EXPECT_TRUE(desk.manual.identify()->simulated);
+  ASSERT_TRUE(desk.manual.enable().ok());
+  ASSERT_TRUE(desk.manual.home().ok());
+  // All at once, as from a file: each is taken by its own question.
+  for (const char* line : {"0", "0.02", "-0.03", "turn roll 20", "say 45", "44.96"}) desk.type(line);
+  desk.hang_up();
+  for (const Axis axis : all_axes) {
+    EXPECT_FALSE(desk.manual.status(axis)->homed && axis == Axis::heading);
+    pass(1.0);
+  }
+  ASSERT_TRUE(desk.manual.status(Axis::heading)->homed);
+  EXPECT_NEAR(rig.axis(Axis::pitch).position_deg, 0.02, 1e-9);
+  EXPECT_TRUE(desk.manual.status(Axis::roll).ok()) << "the end of the file is not the end while nothing is asked";
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 45.0, 10.0, 20.0).ok());
+  EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving);
+  pass(10.0);
+  EXPECT_NEAR(rig.axis(Axis::roll).position_deg, 20.0, 1e-9);
+  EXPECT_NEAR(rig.axis(Axis::pitch).position_deg, 0.02, 1e-9) << "only said";
+  EXPECT_EQ(desk.manual.status(Axis::pitch)->position_deg, 45.0);
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 45.0, 10.0, 20.0).ok());
+  EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving);
+  pass(10.0);
+  EXPECT_NEAR(rig.axis(Axis::pitch).position_deg, 44.96, 1e-9);
+  EXPECT_EQ(desk.manual.status(Axis::pitch)->position_deg, 44.96);
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 0.0, 10.0, 20.0).ok());
+  expect_end(desk, ErrorKind::interrupted, "end of input");
+  std::istringstream said(desk.said());
+  for (std::string line; std::getline(said, line);) EXPECT_EQ(line.find("[t] "), 0u) << line;
 }
 
 TEST_F(ManualTable, EndOfInputStops) {
@@ -165,12 +289,7 @@ TEST_F(ManualTable, EndOfInputStops) {
   desk.type("89");  // refused
   EXPECT_EQ(::write(desk.pipe_[1], "90", 2), 2);  // without a line end: no answer
   desk.hang_up();
-  const Result<AxisStatus> ended = desk.manual.status(Axis::roll);
-  ASSERT_FALSE(ended.ok());
-  EXPECT_EQ(ended.error().kind, ErrorKind::device);
-  EXPECT_NE(ended.error().message.find("end of input"), std::string::npos);
-  EXPECT_FALSE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
-  EXPECT_TRUE(desk.manual.stop_all().ok());
+  expect_end(desk, ErrorKind::interrupted, "end of input");
 }
 
 TEST_F(ManualTable, StopInMidTurnMeansNotInPosition) {
@@ -188,31 +307,50 @@ TEST_F(ManualTable, StopInMidTurnMeansNotInPosition) {
 TEST_F(ManualTable, GravityHasToAgree) {
   std::optional<std::array<double, 3>> sensed = std::array<double, 3>{0.0, 9.79, 0.0};
   Desk desk({}, [&] { return sensed; });
-  ready(desk);
+  ASSERT_TRUE(desk.manual.connect().ok());
+  ASSERT_TRUE(desk.manual.enable().ok());
+  ASSERT_TRUE(desk.manual.home().ok());
+  for (int i = 0; i < 3; ++i) {
+    desk.type("0");
+    desk.settle();  // takes what is typed
+    desk.settle();
+  }
+  desk.said();
   ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 30.0, 10.0, 10.0).ok());
   desk.type("30");
+  EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving) << "the mean known so far is of before the answer";
+  desk.settle();
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving) << "still level";
   EXPECT_NE(desk.said().find("senses gravity 30 deg away"), std::string::npos);
   sensed = std::array<double, 3>{-0.5 * 9.79, std::cos(0.5236) * 9.79, 0.0};  // turned the wrong way
   desk.type("30");
+  desk.settle(0.0);
+  desk.settle();
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving);
   EXPECT_NE(desk.said().find("60 deg away"), std::string::npos);
-  sensed = std::array<double, 3>{0.5 * 9.79, std::cos(0.5236) * 9.79, 0.0};
   desk.type("30");
-  EXPECT_FALSE(desk.manual.status(Axis::pitch)->moving);
+  desk.settle(0.0);
+  sensed = std::array<double, 3>{0.5 * 9.79, std::cos(0.5236) * 9.79, 0.0};
+  desk.settle();
+  EXPECT_FALSE(desk.manual.status(Axis::pitch)->moving) << desk.said();
   ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, -45.0, 10.0, 10.0).ok());
   sensed = std::array<double, 3>{0.5, 0.61237, 0.61237};
   desk.type("-45");
+  desk.settle(0.0);
+  desk.settle();
   EXPECT_FALSE(desk.manual.status(Axis::roll)->moving) << desk.said();
-  // Where nothing is sensed there is nothing to compare with; a unit that says zero is off.
-  sensed.reset();
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 0.0, 10.0, 10.0).ok());
-  desk.type("0");
-  EXPECT_FALSE(desk.manual.status(Axis::roll)->moving);
-  sensed = std::array<double, 3>{};
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 10.0, 10.0, 10.0).ok());
-  desk.type("10");
-  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
+  // A unit that does not come to rest, or says nothing, or zero, takes no answer.
+  for (const bool zero : {false, true}) {
+    sensed.reset();
+    if (zero) sensed = std::array<double, 3>{};
+    ASSERT_TRUE(zero || desk.manual.move_absolute(Axis::roll, 0.0, 10.0, 10.0).ok());
+    desk.type("0");
+    desk.settle(0.0);
+    desk.settle(9.9);
+    desk.settle(0.2);
+    EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << zero;
+    EXPECT_NE(desk.said().find(zero ? "senses no gravity" : "is not still"), std::string::npos);
+  }
   // Heading cannot be seen by gravity.
   ASSERT_TRUE(desk.manual.stop_all().ok());
   ASSERT_TRUE(desk.manual.move_absolute(Axis::heading, 90.0, 10.0, 10.0).ok());

@@ -12,7 +12,7 @@ namespace {
 template <bool tcp, bool circle>
 struct ModbusFactory {
   TwinStation station{map_of(circle ? circle_map_text(tcp ? "tcp" : "rtu") : plain_map_text(tcp ? "tcp" : "rtu"))};
-  ModbusTurntable driver{station.driver_map, station.clock};
+  ModbusTurntable driver{station.described, station.clock};
   Turntable& table() { return driver; }
   void pass(double seconds) { station.pass(seconds); }
   static constexpr double tolerance_deg = 1e-3;

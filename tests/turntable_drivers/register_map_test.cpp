@@ -74,13 +74,13 @@ TEST_P(ShippedMap, SaysThatItIsUnverifiedAndMovesTheTwin) {
   map.link.quiet_s = 0.1;
   TwinStation station(map);
   {
-    ModbusTurntable driver(station.driver_map, station.clock);
+    ModbusTurntable driver(station.described, station.clock);
     ASSERT_TRUE(driver.connect().ok());
     ASSERT_TRUE(driver.enable().ok());
     EXPECT_EQ(driver.home().error().kind, ErrorKind::input) << "not commissioned";
   }
-  station.driver_map.commissioned = true;
-  ModbusTurntable driver(station.driver_map, station.clock);
+  station.described.commissioned = true;
+  ModbusTurntable driver(station.described, station.clock);
   const Status connected = driver.connect();
   ASSERT_TRUE(connected.ok()) << connected.error().message;
   EXPECT_NE(driver.identify()->description.find("not verified"), std::string::npos);

@@ -1,89 +1,12 @@
 // Faults of a drive in the middle of a run: the station's own loop, the Modbus driver, the twin and the rig. Whatever the drive says or
 // does, the run ends with the table at rest and an error of the right kind, or goes through with the very plan.
-#include <mutex>
-
 #include <gtest/gtest.h>
 
-#include "orchestrator/station_run.h"
-#include "tests/orchestrator/rig_station.h"
-#include "tests/turntable_drivers/twin_station.h"
-#include "turntable_drivers/limited_turntable.h"
+#include "tests/imu_io/temporary_folder.h"
+#include "tests/turntable_drivers/modbus_run.h"
 
 namespace turncal {
 namespace {
-
-// Times, with settle 0.5 s, at 10 deg/s and 10 deg/s^2: homing 0..2; align ..3; 20 deg in 3 s and settling ..6.5; dwell ..8.5;
-// back ..12.
-const char* const sequence_text =
-    "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 10\n"
-    "step 1\n  initial H 0 P 0 R 0\n  align 200\n  rotate P +20\n  dwell 400\n  rotate P -20\n";
-constexpr double in_mid_move_s = 4.5, in_settling_s = 6.3;
-
-// The rig's unit, read while the server's thread uses the rig too.
-class LockedImu : public ImuSource {
- public:
-  LockedImu(ImuSource& imu, std::mutex& mutex) : imu_(imu), mutex_(mutex) {}
-  Status open() override {
-    const std::lock_guard lock(mutex_);
-    return imu_.open();
-  }
-  Result<ImuIdentity> identify() override {
-    const std::lock_guard lock(mutex_);
-    return imu_.identify();
-  }
-  void describe(RecordingInfo& info) const override { imu_.describe(info); }
-  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
-    const std::lock_guard lock(mutex_);
-    return imu_.read(out, timeout_s);
-  }
-  ImuLinkCounters counters() const override { return imu_.counters(); }
-  void close() override { imu_.close(); }
-
- private:
-  ImuSource& imu_;
-  std::mutex& mutex_;
-};
-
-struct ModbusRun {
-  explicit ModbusRun(const RigConfig& rig_config = default_rig_config())
-      : station(quick_map(), rig_config), driver(station.driver_map, station.clock, &stop_requests), limited(driver, {}) {}
-  static RegisterMap quick_map() {
-    RegisterMap map = map_of(plain_map_text("tcp"));
-    map.link.response_timeout_s = 0.1;
-    map.link.byte_timeout_s = 0.03;
-    map.link.quiet_s = 0.05;
-    return map;
-  }
-  RunOutcome run() {
-    Result<Sequence> sequence = parse_sequence(text, "test.seq");
-    EXPECT_TRUE(sequence.ok());
-    RigImu rig_imu(station.rig);
-    LockedImu imu(rig_imu, station.server.mutex);
-    RecordingInfo info;
-    imu.describe(info);
-    plan = make_plan(*sequence, plan_limits(config, info.sample_period_s));
-    StationRun run({limited, imu, station.clock, [this](double seconds) { station.pass(std::max(seconds, 0.005)); }},
-                   {*sequence, plan, config, "SN1"}, sink, {&watcher, &stop_requests, calibrate});
-    const RunOutcome outcome = run.run();
-    const std::lock_guard lock(station.server.mutex);
-    for (const Axis axis : all_axes) {
-      EXPECT_EQ(station.rig.axis(axis).rate_degps, 0.0) << "the table moves on: " << outcome.error.message;
-    }
-    return outcome;
-  }
-  double rig_time_s() { return station.rig.time_s(); }
-
-  std::atomic<int> stop_requests{0};
-  TwinStation station;
-  ModbusTurntable driver;
-  LimitedTurntable limited;
-  std::string text = sequence_text;
-  StationConfig config = default_station_config();
-  std::function<Status()> calibrate;
-  Plan plan;
-  MemorySink sink;
-  Watcher watcher;
-};
 
 RigConfig rig_with(RigFaultKind kind, double time_s) {
   RigConfig config = default_rig_config();
@@ -295,6 +218,30 @@ TEST(StationFaults, LinkDropsInMidMove) {
   });
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_TRUE(s.watcher.saw(RunEvent::link_lost)) << outcome.error.message;
+  EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified)) << outcome.error.message;
+  EXPECT_LT(s.station.rig.axis(Axis::pitch).position_deg, 19.9);
+}
+
+// The same on a serial line: the adapter is pulled in mid-move, and plugged in again while the run tries to reach the table.
+TEST(StationFaults, AdapterIsPulledInMidMoveAndComesBack) {
+  const test::TemporaryFolder folder;
+  ModbusRun s(default_rig_config(), folder / "adapter");
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (request.function == 3 && s.rig_time_s() >= in_mid_move_s) plan.hang_up = true;
+  });
+  bool back = false;
+  s.watcher.on_tick = [&](const RunSnapshot& now) {
+    if (now.state != RunState::stopping || back) return;
+    back = true;
+    EXPECT_EQ(now.table, TableState::link_lost);
+    s.station.disturb(nullptr);
+    s.station.plug_in_again();
+  };
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(outcome.error.kind, ErrorKind::device);
+  EXPECT_TRUE(back);
   EXPECT_TRUE(s.watcher.saw(RunEvent::link_lost)) << outcome.error.message;
   EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified)) << outcome.error.message;
   EXPECT_LT(s.station.rig.axis(Axis::pitch).position_deg, 19.9);

@@ -1,21 +1,12 @@
-// For tests of the table drivers: a rig, its mock table, the twin that shows it as drives, and a server in a thread of its own. The
-// station's time is the rig's and passes only with pass(); the link's time-outs are real.
+// For tests of the Modbus driver: two very different maps.
 #pragma once
 
-#include <atomic>
-#include <cmath>
 #include <string>
-#include <thread>
-#include <vector>
 
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/drive_twin.h"
+#include "tests/turntable_drivers/served_twin.h"
 #include "turntable_drivers/modbus_turntable.h"
-#include "turntable_drivers/rig_clock.h"
-#include "turntable_drivers/rig_imu.h"
-#include "turntable_drivers/rig_table.h"
-#include "turntable_drivers/table_server.h"
 
 namespace turncal {
 
@@ -120,49 +111,5 @@ inline RegisterMap map_of(const std::string& text) {
   EXPECT_TRUE(map.ok()) << (map.ok() ? "" : map.error().message);
   return map.ok() ? *map : RegisterMap();
 }
-
-class TwinStation {
- public:
-  explicit TwinStation(const RegisterMap& map, const RigConfig& config = default_rig_config())
-      : rig(config), mock(rig), clock(rig), twin(map, mock, clock), server(twin), driver_map(map) {
-    const Status opened = map.link.tcp ? server.listen_tcp(0) : server.open_pty("");
-    EXPECT_TRUE(opened.ok()) << (opened.ok() ? "" : opened.error().message);
-    EXPECT_TRUE(twin.power_on().ok());
-    driver_map.link.address = server.address();
-    thread_ = std::thread([this] {
-      while (!ended_) server.run_once(0.01);
-    });
-  }
-  ~TwinStation() {
-    ended_ = true;
-    thread_.join();
-  }
-  void pass(double seconds) {
-    std::vector<ImuSample> samples(static_cast<std::size_t>(std::lround(seconds / rig.config().sample_period_s)));
-    const std::lock_guard lock(server.mutex);
-    if (!samples.empty()) rig.advance(samples);
-  }
-  // As the server's thread must not be disturbed while it works.
-  void disturb(std::function<void(const ModbusRequest&, AnswerPlan&)> how) {
-    ended_ = true;
-    thread_.join();
-    server.disturb = std::move(how);
-    ended_ = false;
-    thread_ = std::thread([this] {
-      while (!ended_) server.run_once(0.01);
-    });
-  }
-
-  Rig rig;
-  RigTable mock;
-  RigClock clock;
-  DriveTwin twin;
-  TableServer server;
-  RegisterMap driver_map;
-
- private:
-  std::atomic<bool> ended_{false};
-  std::thread thread_;
-};
 
 }  // namespace turncal

@@ -1,0 +1,238 @@
+// A run by hand, rehearsed: `run --manual --dry-run` with an operator who reads the questions and types.
+#include <cmath>
+#include <random>
+
+#include "orchestrator/journal_file.h"
+#include "tests/orchestrator/operator_session.h"
+
+namespace turncal {
+namespace {
+
+namespace fs = std::filesystem;
+
+class ByHand : public OperatedProgram {
+ protected:
+  void SetUp() override {
+    OperatedProgram::SetUp();
+    write("short.seq", "format = 1\nname = short\nrate_degps = 30\nacceleration_degps2 = 60\n"
+                       "step 1 \"up and down\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 1000\n"
+                       "step 2 \"on the side\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate R -90\n  dwell 1000\n");
+    station("");
+  }
+  void station(const std::string& more) const {
+    write("hand.station", "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
+                          "resume.rest_s = 20\n" + more);
+  }
+  std::vector<std::string> short_run(std::vector<std::string> more = {}) const {
+    std::vector<std::string> arguments = {"run", "--manual", "--dry-run", "--unit", "SN1", "--out", "r", "--station", "hand.station",
+                                          "--sequence", "short.seq", "--capture-only"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  }
+  static std::string text(double angle_deg) {
+    char shown[40];
+    std::snprintf(shown, sizeof shown, "%.3f", angle_deg);
+    return shown;
+  }
+  // Does what it is told, to 0.05 deg.
+  struct Careful {
+    std::mt19937 random{7};
+    int asked = 0;
+    std::optional<std::string> operator()(const std::string& line) {
+      const auto q = question(line);
+      if (!q) return {};
+      ++asked;
+      return text(q->target_deg + std::uniform_real_distribution<double>(-0.05, 0.05)(random));
+    }
+  };
+  std::size_t dwells_done() const {
+    const auto journal = read_journal(path("r/journal.tcj"));
+    EXPECT_TRUE(journal.ok());
+    return journal.ok() && journal->last_dwell ? journal->last_dwell->item : 0;
+  }
+  void expect_resumed_to_the_end(int code = 0) const {
+    Careful careful;
+    const Session session = operate({"resume", "r"}, std::ref(careful));
+    EXPECT_EQ(session.code, code) << session.err << session.out;
+    EXPECT_GE(careful.asked, 3) << "it asks where the table stands";
+    EXPECT_TRUE(fs::exists(folder_ / "r/recording.tcr"));
+  }
+  static void expect_tagged(const std::string& output) {
+    std::istringstream lines(output);
+    for (std::string line; std::getline(lines, line);) EXPECT_TRUE(line.starts_with("[dry run]")) << line;
+  }
+  std::map<std::string, double> numbers(const std::string& file) const {
+    std::map<std::string, double> values;
+    std::istringstream lines(file_text(folder_ / file));
+    for (std::string line; std::getline(lines, line);) {
+      const std::size_t equals = line.find(" = ");
+      if (equals != std::string::npos) values[line.substr(0, equals)] = std::atof(line.c_str() + equals + 3);
+    }
+    return values;
+  }
+};
+
+// The estimator must not take the table's word: 0.05 deg are 180 arcsec, a thousand times the sigma of an installation angle.
+TEST_F(ByHand, FourteenStepsGiveTheUnitsParametersWhateverTheAnglesAre) {
+  Careful careful;
+  const Session session = operate({"run", "--manual", "--dry-run", "--unit", "SN1", "--out", "r", "--no-diagnosis"}, std::ref(careful));
+  ASSERT_EQ(session.code, 0) << session.err;
+  EXPECT_GT(careful.asked, 55);
+  auto found = numbers("r/parameters.conf"), truth = numbers("r/truth.conf");
+  int compared = 0;
+  for (const auto& [key, value] : truth) {
+    if (!found.contains("sigma." + key)) continue;
+    ++compared;
+    EXPECT_LE(std::abs(found[key] - value), 4.0 * found["sigma." + key]) << key;
+  }
+  EXPECT_EQ(compared, 21);
+  EXPECT_LT(found["sigma.n12"], 1e-5) << "arcsec a pulse of 0.93";
+  expect_tagged(session.out);
+}
+
+TEST_F(ByHand, QuestionSaysWhatWhereHowFarAndWhy) {
+  Careful careful;
+  const Session session = operate(short_run(), std::ref(careful));
+  ASSERT_EQ(session.code, 0) << session.err;
+  EXPECT_EQ(careful.asked, 3 + 3) << session.out << "homing, two moves, back from one";
+  const std::size_t reason = session.out.rfind("[dry run] Step 2 of 2, on the side: "), turn = session.out.find("Turn roll from ");
+  ASSERT_NE(reason, std::string::npos) << session.out;
+  EXPECT_LT(reason, turn);
+  const std::string asked = session.out.substr(reason, 400);
+  for (const char* words : {" % done, 1 turns and about 0:00:", " left, until 2026-01-01T00:0", " to -90 deg, ", " deg backward (its angle falls); then type"}) {
+    EXPECT_NE(asked.find(words), std::string::npos) << words << "\n" << asked;
+  }
+}
+
+TEST_F(ByHand, WrongAnswersAreAskedAgain) {
+  Careful careful;
+  int turns = 0, refused = 0, objections = 0;
+  const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
+    const auto q = question(line);
+    if (line.find("deg away from 90: expected at most 0.1") != std::string::npos) return ++refused == 1 ? "89.8" : "turn roll 90\nsay 90";
+    if (line.find("The unit senses gravity ") != std::string::npos) return ++objections, "turn roll 0\n90.02";
+    if (q && q->target_deg == 90.0 && ++turns == 1) return "0.02";
+    return careful(line);
+  });
+  EXPECT_EQ(session.code, 0) << session.err << session.out;
+  EXPECT_EQ(refused, 2);
+  EXPECT_EQ(objections, 1) << session.out;
+}
+
+TEST_F(ByHand, EndOfInputAtEveryQuestionIsResumedToTheEnd) {
+  for (int at = 0; at < 6; ++at) {
+    Careful careful;
+    const Session session = operate(short_run(), [&](const std::string& line) {
+      auto reply = careful(line);
+      return reply && careful.asked == at + 1 ? hang_up : reply;
+    });
+    EXPECT_EQ(session.code, 75) << at << session.err << session.out;
+    EXPECT_NE(session.err.find("end of input"), std::string::npos) << session.err;
+    expect_tagged(session.out + session.err);
+    EXPECT_NE(session.err.find("go on with: turncal resume r"), std::string::npos) << session.err;
+    expect_resumed_to_the_end();
+    fs::remove_all(folder_ / "r");
+  }
+}
+
+TEST_F(ByHand, PauseAndLeaveAndGoOnAnotherDay) {
+  Careful careful;
+  const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
+    if (line.find("Paused. Leave the table") != std::string::npos) return "leave";
+    auto reply = careful(line);
+    return careful.asked == 5 && reply ? "pause" : reply;
+  });
+  EXPECT_EQ(session.code, 75) << session.out;
+  EXPECT_NE(session.err.find("the operator left"), std::string::npos) << session.err;
+  const std::size_t done = dwells_done();
+  EXPECT_GT(done, 0u);
+  // Whoever comes back reads the angles off instead of turning everything to 0.
+  Careful later;
+  int asked = 0;
+  const Session resumed = operate({"resume", "r"}, [&](const std::string& line) -> std::optional<std::string> {
+    const auto q = question(line);
+    if (q && q->homing) return ++asked, q->axis == "pitch" ? "30" : "0";
+    return later(line);
+  });
+  EXPECT_EQ(resumed.code, 0) << resumed.err << resumed.out;
+  EXPECT_EQ(asked, 3);
+  EXPECT_NE(resumed.out.find("rests for 20 s"), std::string::npos);
+  EXPECT_NE(resumed.out.find("Turn pitch from 30 to 90 deg"), std::string::npos) << "back to where the last dwell stood";
+  EXPECT_GT(dwells_done(), done);
+  expect_tagged(resumed.out);
+}
+
+// Nothing turns by itself, so a pause does not wait for the turn.
+TEST_F(ByHand, InterruptAtAQuestionEndsItThere) {
+  for (const int at : {1, 4}) {
+    Careful careful;
+    const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
+      auto reply = careful(line);
+      if (careful.asked != at || !reply) return reply;
+      ::kill(pid_, SIGINT);
+      return {};
+    });
+    EXPECT_EQ(session.code, 75) << session.out;
+    expect_resumed_to_the_end();
+    fs::remove_all(folder_ / "r");
+  }
+}
+
+TEST_F(ByHand, SkipEndsWithItsReasonAndAbortAborts) {
+  for (const bool aborts : {false, true}) {
+    Careful careful;
+    const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
+      auto reply = careful(line);
+      return careful.asked == 4 && reply ? (aborts ? "abort" : "skip the clamp is jammed") : reply;
+    });
+    EXPECT_EQ(session.code, aborts ? 30 : 75) << session.out;
+    EXPECT_EQ(session.err.find("the clamp is jammed") != std::string::npos, !aborts) << session.err;
+    expect_resumed_to_the_end();
+    fs::remove_all(folder_ / "r");
+  }
+}
+
+TEST_F(ByHand, NoAnswerPausesWaitsWithoutSpinningAndLeaves) {
+  station("table.answer_timeout_s = 1\ntable.pause_limit_s = 2\n");
+  Careful careful;
+  int paused = 0;
+  const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
+    const bool pause = line.find("No answer for 1 s: paused.") != std::string::npos;
+    if (pause && ++paused == 1) return "continue";
+    auto reply = careful(line);
+    if (careful.asked == 4 || careful.asked == 5) reply.reset();
+    return reply;
+  });
+  EXPECT_EQ(session.code, 75) << session.out;
+  EXPECT_EQ(paused, 2);
+  EXPECT_NE(session.err.find("paused for longer than 2 s"), std::string::npos) << session.err;
+  // The rig's time stands still meanwhile: "...Z      22.605 s  step". A loop that spins passes hours of it.
+  const std::size_t unit = session.out.find(" s  step", session.out.rfind("Z  ", session.out.find("stopping -> interrupted")));
+  ASSERT_NE(unit, std::string::npos) << session.out;
+  EXPECT_LT(std::atof(session.out.substr(unit - 11, 11).c_str()), 100.0);
+  expect_resumed_to_the_end();
+}
+
+// A turn of six minutes, and an answer file instead of a person.
+TEST_F(ByHand, SlowTurnAndAnswersFromAFile) {
+  write("short.seq", "format = 1\nname = slow\nrate_degps = 0.25\nacceleration_degps2 = 1\nstep 1 \"slow\"\n  initial H 0 P 0 R 0\n"
+                     "  align 1000\n  rotate P +90\n  dwell 1000\n");
+  write("answers", "0\n0\n0\n90.01\n");
+  std::string shell;
+  for (const std::string& argument : short_run()) shell += " " + argument;
+  const std::string log = path("log");
+  const int code = std::system(("cd " + folder_.string() + " && " + TURNCAL_BINARY + shell + " < answers > log 2>&1").c_str());
+  EXPECT_EQ(WEXITSTATUS(code), 0) << file_text(log);
+  EXPECT_NE(file_text(log).find("Dry run complete"), std::string::npos) << file_text(log);
+  expect_tagged(file_text(log));
+}
+
+TEST_F(ByHand, LimitsOfTheStationHold) {
+  station("axis.pitch.soft_max_deg = 80\n");
+  expect_refused(short_run(), "pitch");
+  station("axis.pitch.soft_min_deg = 10\n");
+  expect_refused(short_run(), "pitch");
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,342 @@
+// Several units on one table, as a black box: results, a unit that drops out, verdicts, interruption, refusals, batches.
+#include "tests/orchestrator/program.h"
+
+#include <cmath>
+#include <map>
+
+#include "imu_io/parameter_file.h"
+#include "orchestrator/journal_file.h"
+#include "orchestrator/recording_sink.h"
+#include "orchestrator/truth.h"
+#include "orchestrator/unit_queue.h"
+
+namespace turncal {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
+const char* const station_head =
+    "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\nmotion.settle_s = 0.5\n";
+
+class Group : public Program {
+ protected:
+  std::vector<std::string> dry_run(const std::vector<std::string>& units, const std::string& out, std::vector<std::string> more = {}) const {
+    std::vector<std::string> arguments = {"run", "--dry-run", "--out", out, "--sequence", demo};
+    for (const std::string& unit : units) arguments.insert(arguments.end(), {"--unit", unit});
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  }
+  std::string bytes(const std::string& file) const { return file_text(folder_ / file); }
+  void expect_same_files(const std::string& one, const std::string& other) const {
+    for (const char* name : {"recording.tcr", "parameters.conf", "truth.conf"}) {
+      EXPECT_FALSE(bytes(one + "/" + name).empty()) << one << " " << name;
+      EXPECT_TRUE(bytes(one + "/" + name) == bytes(other + "/" + name)) << one << " and " << other << ": " << name;
+    }
+  }
+  bool there(const std::string& name) const { return fs::exists(folder_ / name); }
+};
+
+TEST_F(Group, EveryUnitGetsItsOwnParametersAndTheFirstThoseOfARunAlone) {
+  ASSERT_EQ(run(dry_run({"SN1"}, "alone")).code, 0);
+  ASSERT_EQ(run(dry_run({"SN1", "SN2"}, "two")).code, 0);
+  const ProgramResult result = run(dry_run({"SN1", "SN2", "S/N 3"}, "three"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  std::set<std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder_ / "three")) {
+    files.insert(fs::relative(entry.path(), folder_ / "three").string());
+  }
+  std::set<std::string> expected = {"journal.tcj", "run.log"};
+  for (const std::string unit : {"SN1", "SN2", "S%2fN%203"}) {
+    expected.insert({unit, unit + "/recording.tcr", unit + "/parameters.conf", unit + "/truth.conf"});
+  }
+  EXPECT_EQ(files, expected);
+  expect_same_files("three/SN1", "alone");
+  expect_same_files("two/SN1", "alone");
+  expect_same_files("three/SN2", "two/SN2");
+  std::set<double> scale_factors;
+  for (const auto& [unit, serial] : {std::pair{"SN1", "SN1"}, {"SN2", "SN2"}, {"S%2fN%203", "S/N 3"}}) {
+    const Result<ParameterFile> found = read_parameter_file(path(std::string("three/") + unit + "/parameters.conf"));
+    const Result<ParameterVector> truth = read_truth(path(std::string("three/") + unit + "/truth.conf"));
+    ASSERT_TRUE(found.ok()) << found.error().message;
+    ASSERT_TRUE(truth.ok()) << truth.error().message;
+    EXPECT_EQ(found->unit_serial, serial);
+    scale_factors.insert((*truth)[15]);
+    int judged = 0;
+    for (std::size_t i = 0; i < parameter_count; ++i) {
+      if (!found->sigma[i] || *found->sigma[i] == 0.0) continue;
+      ++judged;
+      EXPECT_LT(std::abs(found->parameters[i] - (*truth)[i]), 4.0 * *found->sigma[i]) << unit << " parameter " << i;
+    }
+    EXPECT_EQ(judged, 21) << unit;
+  }
+  EXPECT_EQ(scale_factors.size(), 3u) << "units that are the same unit";
+}
+
+// Whoever is read first, in the middle or last: the others do not notice.
+TEST_F(Group, AUnitThatIsUnpluggedLeavesTheOthersAsTheyWere) {
+  const std::vector<std::string> units = {"SN1", "SN2", "SN3"};
+  ASSERT_EQ(run(dry_run(units, "good")).code, 0);
+  for (const std::size_t gone : {0u, 1u, 2u}) {
+    const std::string out = "out" + std::to_string(gone), number = std::to_string(gone + 1);
+    const std::string rig = write(out + ".rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = " + number + "\n");
+    const ProgramResult result = run(dry_run(units, out, {"--rig", rig}));
+    EXPECT_EQ(result.code, 50);
+    EXPECT_EQ(result.err_lines(), 1) << result.err;
+    EXPECT_NE(result.err.find("unit SN" + number + " dropped out at step 2 (2/14)"), std::string::npos) << result.err;
+    EXPECT_NE(result.err.find("the link was lost at 100"), std::string::npos) << result.err;
+    for (std::size_t i = 0; i < units.size(); ++i) {
+      if (i != gone) {
+        expect_same_files(out + "/" + units[i], "good/" + units[i]);
+        continue;
+      }
+      EXPECT_TRUE(there(out + "/" + units[i] + "/recording.partial.tcr"));
+      EXPECT_FALSE(there(out + "/" + units[i] + "/recording.tcr"));
+      EXPECT_FALSE(there(out + "/" + units[i] + "/parameters.conf"));
+      EXPECT_EQ(result.err.find("unit " + units[(i + 1) % 3]), std::string::npos) << result.err;
+    }
+    EXPECT_NE(bytes(out + "/run.log").find("unit SN" + number + " dropped out at step 2"), std::string::npos);
+    // Nothing is left to be done; the one that dropped out is said again.
+    const ProgramResult again = run({"resume", out});
+    EXPECT_EQ(again.code, 50);
+    EXPECT_NE(again.err.find("unit SN" + number + " dropped out"), std::string::npos) << again.err;
+  }
+}
+
+TEST_F(Group, AUnitThatFallsSilentDropsOut) {
+  const std::string rig = write("s.rig", "fault.1.kind = imu_silent\nfault.1.time_s = 100\nfault.1.duration_s = 60\nfault.1.unit = 2\n");
+  const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
+  EXPECT_EQ(result.code, 50);
+  EXPECT_NE(result.err.find("unit SN2 dropped out at"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("no sample from the IMU for "), std::string::npos) << result.err;
+  EXPECT_TRUE(there("out/SN1/parameters.conf"));
+}
+
+TEST_F(Group, SamplesLostAtRestRepeatTheDwellForAll) {
+  const std::string rig = write("lost.rig", "fault.1.kind = lost_sample\nfault.1.sample = 1700\nfault.1.count = 2\nfault.1.unit = 2\n");
+  const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.out.find("1 dwells repeated, 0 samples lost"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("1 dwells repeated, 2 samples lost"), std::string::npos) << result.out;
+  EXPECT_NE(bytes("out/SN1/parameters.conf").find("record.repeated_dwells = 1"), std::string::npos);
+  // As if it had been the only unit.
+  ASSERT_EQ(run(dry_run({"SN2"}, "alone", {"--rig", write("lost1.rig", "fault.1.kind = lost_sample\nfault.1.sample = 1700\nfault.1.count = 2\n")})).code, 0);
+  EXPECT_EQ(fs::file_size(folder_ / "alone/recording.tcr"), fs::file_size(folder_ / "out/SN2/recording.tcr"));
+}
+
+TEST_F(Group, AUnitThatIsNeverGoodDropsOutAndTheLastAttemptCountsForTheOthers) {
+  // Bad from the second dwell on: three attempts, of which the other unit's third is good.
+  const std::string rig = write("bad.rig", "fault.1.kind = invalid_sample\nfault.1.sample = 1700\nfault.1.count = 100000\nfault.1.unit = 1\n");
+  const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
+  EXPECT_EQ(result.code, 50);
+  EXPECT_NE(result.err.find("unit SN1 dropped out at step 1 (1/14) dwelling"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("flagged its data as bad"), std::string::npos) << result.err;
+  EXPECT_NE(result.out.find("2 dwells repeated, 0 samples lost"), std::string::npos) << result.out;
+}
+
+TEST_F(Group, AUnitThatDoesNotKeepItsLimitsFailsAlone) {
+  // a11 of the three units: 1.052, 0.995, 1.036.
+  const std::string told = "echo \"$TURNCAL_EVENT $TURNCAL_UNIT $TURNCAL_FOLDER\" >> " + path("told");
+  const std::string station = write("limits.station", station_head + std::string("limit.a11.min = 1.02\nrecord.database = r.db\nrecord.store = store\nhook.done = ") +
+                                                          told + "\nhook.fail = " + told + "\n");
+  const ProgramResult result = run(dry_run({"SN1", "SN2", "SN3"}, "out", {"--station", station}));
+  EXPECT_EQ(result.code, 20);
+  EXPECT_EQ(result.err_lines(), 1) << result.err;
+  EXPECT_NE(result.err.find("unit SN2 does not keep its limits: a11"), std::string::npos) << result.err;
+  EXPECT_EQ(result.err.find("SN1"), std::string::npos) << result.err;
+  EXPECT_EQ(bytes("told"), "done SN1 out/SN1\nfail SN2 out/SN2\ndone SN3 out/SN3\n");
+  EXPECT_TRUE(there("store/simulated/SN1/parameters.conf"));
+  EXPECT_FALSE(there("store/simulated/SN2"));
+  const ProgramResult history = run({"history", "r.db"});
+  for (const char* unit : {"SN1", "SN2", "SN3"}) EXPECT_NE(history.out.find(unit), std::string::npos) << history.out;
+  // A unit that dropped out as well: the larger code, and both are named.
+  const std::string rig = write("gone.rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = 3\n");
+  const ProgramResult both = run(dry_run({"SN1", "SN2", "SN3"}, "both", {"--station", station, "--rig", rig}));
+  EXPECT_EQ(both.code, 50);
+  EXPECT_EQ(both.err_lines(), 1) << both.err;
+  EXPECT_NE(both.err.find("unit SN2 does not keep its limits"), std::string::npos) << both.err;
+  EXPECT_NE(both.err.find("unit SN3 dropped out"), std::string::npos) << both.err;
+}
+
+TEST_F(Group, WhenAllHaveDroppedOutTheRunFails) {
+  const std::string rig = write("gone.rig",
+                                "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = 1\n"
+                                "fault.2.kind = imu_unplugged\nfault.2.time_s = 120\nfault.2.unit = 2\n");
+  const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
+  EXPECT_EQ(result.code, 50);
+  EXPECT_EQ(result.err_lines(), 1) << result.err;
+  EXPECT_NE(result.err.find("unit SN2: simulated unit: the link was lost at 120"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("unit SN1 dropped out at"), std::string::npos) << result.err;
+  EXPECT_NE(result.out.find("stopped_verified"), std::string::npos) << "the table was not stopped";
+  EXPECT_NE(result.out.find("go on with: turncal resume out"), std::string::npos) << result.out;
+}
+
+TEST_F(Group, AnotherUnitThanAskedForIsLeftOutAndLeavesNothing) {
+  const std::string rig = write("u.rig", "unit_serial = SN9\n");
+  const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
+  EXPECT_EQ(result.code, 50);
+  EXPECT_NE(result.err.find("unit SN1 dropped out at connecting: the unit on the table says it is 'SN9'"), std::string::npos) << result.err;
+  EXPECT_FALSE(there("out/SN1"));
+  EXPECT_TRUE(there("out/SN2/parameters.conf"));
+}
+
+TEST_F(Group, ATableFaultStopsAll) {
+  const std::string rig = write("t.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 60\n");
+  const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
+  EXPECT_EQ(result.code, 50);
+  EXPECT_EQ(result.err.find("dropped out"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("fault of axis pitch"), std::string::npos) << result.err;
+  for (const char* unit : {"SN1", "SN2"}) EXPECT_TRUE(there(std::string("out/") + unit + "/recording.partial.tcr"));
+}
+
+TEST_F(Group, Refusals) {
+  expect_refused(dry_run({"SN1", "SN2", "SN1"}, "out"), "--unit 'SN1': given twice");
+  expect_refused(dry_run({"SN1", "a#b"}, "out"), "--unit 'a#b'");
+  std::vector<std::string> seventeen;
+  for (int i = 1; i <= 17; ++i) seventeen.push_back("U" + std::to_string(i));
+  expect_refused(dry_run(seventeen, "out"), "17 units: expected at most 16");
+  write("full/SN2/recording.tcr", "precious");
+  expect_refused(dry_run({"SN1", "SN2"}, "full"), "full/SN2: already holds recording.tcr");
+  write("live.station", "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
+                            fs::relative(std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/twin.map", folder_).string() +
+                            "\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\nimu.2.device = none2\n");
+  expect_refused({"run", "--station", "live.station", "--unit", "A", "--unit", "B", "--unit", "C", "--out", "r"}, "3 units: expected at most 2");
+  expect_refused({"batch", write("queue", "A\n"), "--station", "live.station", "--out", "r", "--at-once", "3"}, "expected at most 2");
+}
+
+// --- Interruption ---
+
+class GroupResume : public Group {
+ protected:
+  void SetUp() override {
+    Group::SetUp();
+    const std::string whole = file_text(demo);
+    sequence_ = write("three_steps.seq", whole.substr(0, whole.find("step 4")));
+  }
+  std::vector<std::string> begin(const std::string& out, const std::string& rig) const {
+    return {"run", "--dry-run", "--capture-only", "--unit", "SN1", "--unit", "SN2", "--unit", "SN3", "--out", out, "--rig", rig, "--sequence", sequence_};
+  }
+  ProgramResult run_struck(const std::vector<std::string>& arguments, long point, const char* mode) const {
+    ::setenv("LD_PRELOAD", TURNCAL_FAULT_POINTS, 1);
+    ::setenv("TURNCAL_FAULT_POINT", std::to_string(point).c_str(), 1);
+    ::setenv("TURNCAL_FAULT_MODE", mode, 1);
+    ::setenv("TURNCAL_FAULT_COUNT", (folder_.string() + ".count").c_str(), 1);
+    const pid_t pid = start(arguments);
+    for (const char* name : {"LD_PRELOAD", "TURNCAL_FAULT_POINT", "TURNCAL_FAULT_MODE", "TURNCAL_FAULT_COUNT"}) ::unsetenv(name);
+    return finish(pid);
+  }
+  // Killed, cut off from power, or out of disk at every seventh call, and taken up again: the recordings of an uninterrupted run.
+  void strike_everywhere(const std::string& rig, int code) const {
+    const ProgramResult reference = run_struck(begin("good", rig), 0, "kill");
+    ASSERT_EQ(reference.code, code) << reference.err;
+    long points = 0;
+    std::istringstream(file_text(folder_.string() + ".count")) >> points;
+    fs::remove(folder_.string() + ".count");
+    ASSERT_GT(points, 150);
+    int taken_up = 0;
+    for (long point = 1; point <= points && !HasFatalFailure(); point += 7) {
+      const char* const mode = point / 7 % 3 == 0 ? "full" : point / 7 % 3 == 1 ? "power" : "kill";
+      SCOPED_TRACE(std::string(mode) + " at call " + std::to_string(point));
+      const ProgramResult first = run_struck(begin("out", rig), point, mode);
+      if (std::string(mode) != "full") {
+        ASSERT_EQ(first.code, -1000 - SIGKILL) << first.err;
+      }
+      const bool begun = there("out/journal.tcj");
+      taken_up += begun ? 1 : 0;
+      const ProgramResult second = run(begun ? std::vector<std::string>{"resume", "out"} : begin("out", rig));
+      ASSERT_EQ(second.code, code) << second.err;
+      for (const std::string unit : {"SN1", "SN2", "SN3"}) {
+        for (const std::string name : {"recording.tcr", "truth.conf"}) {
+          ASSERT_TRUE(bytes("out/" + unit + "/" + name) == bytes("good/" + unit + "/" + name)) << unit << " " << name;
+        }
+      }
+      fs::remove_all(folder_ / "out");
+    }
+    EXPECT_GT(taken_up, 20);
+  }
+  std::string sequence_;
+};
+
+TEST_F(GroupResume, TheSameBytesWhereverItIsInterrupted) { strike_everywhere(write("r.rig", "seed = 3\n"), 0); }
+
+TEST_F(GroupResume, AUnitThatHadDroppedOutStaysOut) {
+  strike_everywhere(write("r.rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 60\nfault.1.unit = 2\n"), 50);
+}
+
+TEST_F(GroupResume, ChecksWhoseRunItIs) {
+  const std::string rig = write("r.rig", "seed = 3\n");
+  ASSERT_EQ(run_struck(begin("out", rig), 120, "kill").code, -1000 - SIGKILL);
+  expect_refused({"resume", "out", "--unit", "SN1"}, "expected 'SN1', 'SN2', 'SN3', whose run this is");
+  expect_refused({"resume", "out", "--unit", "SN2", "--unit", "SN1", "--unit", "SN3"}, "expected 'SN1', 'SN2', 'SN3'");
+  EXPECT_EQ(run({"resume", "out", "--unit", "SN1", "--unit", "SN2", "--unit", "SN3"}).code, 0);
+}
+
+// --- Batch ---
+
+class GroupBatch : public Group {
+ protected:
+  std::vector<std::string> batch(std::vector<std::string> more = {}) const {
+    std::vector<std::string> arguments = {"batch", "queue", "--dry-run", "--out", "units", "--at-once", "2", "--sequence", demo};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  }
+  std::string outcomes() const {
+    const Result<std::vector<UnitOutcome>> all = read_outcomes(path("queue"));
+    std::string text;
+    if (all) {
+      for (const UnitOutcome& o : *all) text += o.unit + "=" + o.outcome + " ";
+    }
+    return text;
+  }
+};
+
+TEST_F(GroupBatch, TakesSeveralAtOnce) {
+  write("queue", "SN1\nSN2\nSN3\n");
+  const ProgramResult result = run(batch());
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_EQ(outcomes(), "SN1=pass SN2=pass SN3=pass ");
+  for (const char* name : {"group.1/SN1", "group.1/SN2", "SN3"}) EXPECT_TRUE(there(std::string("units/") + name + "/parameters.conf")) << name;
+  // Again: a group of its own.
+  ASSERT_EQ(run({"queue", "queue", "--again", "SN1", "SN3"}).code, 0);
+  ASSERT_EQ(run(batch()).code, 0);
+  EXPECT_TRUE(there("units/group.2/SN3/parameters.conf"));
+}
+
+TEST_F(GroupBatch, AUnitThatDropsOutDoesNotStopTheNext) {
+  write("queue", "SN1\nSN2\nSN3\nSN4\n");
+  const std::string rig = write("gone.rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = 2\n");
+  const ProgramResult result = run(batch({"--rig", rig}));
+  EXPECT_EQ(result.code, 20) << result.err;
+  EXPECT_EQ(outcomes(), "SN1=pass SN2=dropped SN3=pass SN4=dropped ");
+  // It is not tried for ever; and the table's fault stops the batch.
+  EXPECT_EQ(run(batch()).code, 0);
+  write("queue", "SN5\nSN6\nSN7\n");
+  const ProgramResult stopped = run(batch({"--rig", write("t.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 60\n")}));
+  EXPECT_EQ(stopped.code, 50);
+  EXPECT_NE(stopped.err.find("units SN5, SN6: "), std::string::npos) << stopped.err;
+  EXPECT_EQ(outcomes(), "SN1=pass SN2=dropped SN3=pass SN4=dropped ");
+}
+
+TEST_F(GroupBatch, SurvivesKills) {
+  write("queue", "SN1\nSN2\nSN3\nSN4\nSN5\n");
+  int kills = 0;
+  for (int i = 0; i < 60; ++i) {
+    const pid_t pid = start(batch());
+    ::usleep(static_cast<useconds_t>(50'000 + 67'000 * (i % 9)));
+    ::kill(pid, SIGKILL);
+    const ProgramResult result = finish(pid);
+    if (result.code == 0) break;
+    ASSERT_EQ(result.code, -1000 - SIGKILL) << result.err;
+    ++kills;
+  }
+  ASSERT_EQ(run(batch()).code, 0);
+  EXPECT_GT(kills, 0);
+  EXPECT_EQ(outcomes(), "SN1=pass SN2=pass SN3=pass SN4=pass SN5=pass ");
+  EXPECT_FALSE(there("units/group.3")) << "an interrupted group was not gone on with";
+  for (const char* name : {"group.1/SN1", "group.1/SN2", "group.2/SN3", "group.2/SN4", "SN5"}) {
+    EXPECT_TRUE(there(std::string("units/") + name + "/parameters.conf")) << name;
+  }
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,256 @@
+// Several units in one run of the station, in memory: who is asked for what, who drops out, what the others get.
+#include <gtest/gtest.h>
+
+#include <deque>
+
+#include "tests/orchestrator/rig_station.h"
+
+namespace turncal {
+namespace {
+
+const char* const short_text =
+    "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\n"
+    "step 1 \"there and back\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 2000\n  rotate P -90\n"
+    "step 2 \"again\"\n  initial H 0 P 0 R 0\n  align 1000\n";
+constexpr std::int64_t short_samples = 1000 + 2000 + 2000 + 2000 + 1000;
+
+// A unit whose samples come some periods late, as those of another line do.
+class LateImu : public ImuSource {
+ public:
+  LateImu(ImuSource& source, std::size_t periods) : late(periods), source_(source) {}
+  Status open() override { return source_.open(); }
+  Result<ImuIdentity> identify() override { return source_.identify(); }
+  void describe(RecordingInfo& info) const override { source_.describe(info); }
+  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
+    std::vector<ImuSample> fresh(out.size());
+    const Result<std::size_t> got = source_.read(fresh, timeout_s);
+    if (!got) return got;
+    under_way_.insert(under_way_.end(), fresh.begin(), fresh.begin() + static_cast<std::ptrdiff_t>(*got));
+    const std::size_t arrived = std::min(out.size(), under_way_.size() - std::min(late, under_way_.size()));
+    std::copy_n(under_way_.begin(), arrived, out.begin());
+    under_way_.erase(under_way_.begin(), under_way_.begin() + static_cast<std::ptrdiff_t>(arrived));
+    return arrived;
+  }
+  ImuLinkCounters counters() const override { return source_.counters(); }
+  void close() override { source_.close(); }
+  std::size_t late;
+
+ private:
+  ImuSource& source_;
+  std::deque<ImuSample> under_way_;
+};
+
+class Dropouts : public RunJournal {
+ public:
+  Status transition(const TransitionRecord&) override { return {}; }
+  Status home(double) override { return {}; }
+  Status move(const Move&, double) override { return {}; }
+  Status dwell(const CompletedDwell& dwell) override {
+    dwells.push_back(dwell);
+    return {};
+  }
+  Status dropout(const Dropout& dropout) override {
+    serials.push_back(dropout.serial);
+    return fails ? Status(device_error("journal: disk full (on demand)")) : Status{};
+  }
+  Status seal(double) override { return {}; }
+  std::vector<CompletedDwell> dwells;
+  std::vector<std::string> serials;
+  bool fails = false;
+};
+
+struct Lanes : RigStation {
+  explicit Lanes(std::size_t units, RigConfig config = default_rig_config())
+      : RigStation(short_text, config), devices_of_all(config, units), sinks(units) {
+    for (std::size_t i = 0; i < units; ++i) sources.push_back(&devices_of_all.group.imu(i));
+    journal = &dropouts;
+  }
+  RunOutcome run_all() {
+    devices_of_all.imu.describe(info);
+    plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
+    std::vector<StationUnit> lanes;
+    for (std::size_t i = 0; i < sources.size(); ++i) lanes.push_back({*sources[i], sinks[i], "SN" + std::to_string(i + 1)});
+    StationRun station_run(devices_of_all.devices(), {sequence, plan, station, "", resume}, lanes,
+                           {&watcher, &stop_requests, calibrate, journal});
+    return station_run.run();
+  }
+  std::int64_t dwell_samples(std::size_t unit, std::size_t segment) const {
+    return sinks[unit].segments.at(segment).end_sample - sinks[unit].segments.at(segment).start_sample;
+  }
+  DryRunDevices devices_of_all;
+  std::vector<MemorySink> sinks;
+  std::vector<ImuSource*> sources;
+  Dropouts dropouts;
+};
+
+RigConfig with_fault(RigFaultKind kind, std::int64_t sample, std::int64_t count, int unit) {
+  RigConfig config = default_rig_config();
+  RigFault fault;
+  fault.kind = kind;
+  fault.sample = sample;
+  fault.count = count;
+  fault.unit = unit;
+  config.faults.push_back(fault);
+  return config;
+}
+
+TEST(Lanes, EveryUnitHasThePlansSegments) {
+  Lanes s(3);
+  const RunOutcome outcome = s.run_all();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  ASSERT_EQ(outcome.units.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(outcome.units[i].recorded_samples, short_samples);
+    EXPECT_EQ(s.sinks[i].sample_count, short_samples);
+    EXPECT_TRUE(s.sinks[i].finished);
+    EXPECT_EQ(s.sinks[i].info.unit_serial, "SN" + std::to_string(i + 1));
+  }
+  ASSERT_EQ(s.dropouts.dwells.size(), 3u);
+  EXPECT_EQ(s.dropouts.dwells[1].units.size(), 3u) << "a dwell's record holds every unit";
+}
+
+TEST(Lanes, UnitsAFewSamplesApartHaveDwellsOfFullLength) {
+  Lanes s(3);
+  LateImu second(s.devices_of_all.group.imu(1), 7), third(s.devices_of_all.group.imu(2), 3);
+  s.sources[1] = &second;
+  s.sources[2] = &third;
+  const RunOutcome outcome = s.run_all();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(outcome.units[i].lost_samples, 0u) << i;
+    for (const Segment& segment : s.sinks[i].segments) {
+      if (segment.kind == SegmentKind::rotate) continue;
+      const std::int64_t expected = segment.kind == SegmentKind::align ? 1000 : 2000;
+      EXPECT_EQ(segment.end_sample - segment.start_sample, expected) << "unit " << i;
+    }
+  }
+  EXPECT_TRUE(s.dropouts.serials.empty());
+}
+
+// A line that stalls during the move: what the unit sent while the table turned must not come into the dwell.
+TEST(Lanes, ADwellWaitsForAUnitThatIsFarBehind) {
+  Lanes s(2);
+  LateImu second(s.devices_of_all.group.imu(1), 0);
+  s.sources[1] = &second;
+  s.watcher.on_tick = [&](const RunSnapshot& at) { second.late = at.time_s > 10.0 && at.time_s < 19.0 ? 400 : 0; };
+  const RunOutcome outcome = s.run_all();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.repeated_dwells, 0);
+  EXPECT_EQ(outcome.units[1].lost_samples, 0u);
+  EXPECT_TRUE(s.dropouts.serials.empty());
+}
+
+TEST(Lanes, DefectInTheFirstSamplesOfADwellLeavesTheOthersWhole) {
+  // Bad for the whole run from the middle of the second dwell on: its second and third attempt fail with their first samples.
+  for (const int bad : {1, 2}) {
+    Lanes s(2, with_fault(RigFaultKind::invalid_sample, 400 + 3500, 1'000'000, bad));
+    const RunOutcome outcome = s.run_all();
+    ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+    EXPECT_EQ(s.dropouts.serials, std::vector<std::string>{"SN" + std::to_string(bad)});
+    EXPECT_EQ(outcome.repeated_dwells, 2);
+    const RunOutcome::Unit& good = outcome.units[bad == 1 ? 1 : 0];
+    EXPECT_FALSE(good.dropped_out);
+    EXPECT_EQ(good.lost_samples, 0u);
+    EXPECT_TRUE(outcome.units[static_cast<std::size_t>(bad - 1)].dropped_out);
+    EXPECT_EQ(outcome.units[static_cast<std::size_t>(bad - 1)].dropped_out->kind, ErrorKind::unit_failed);
+  }
+}
+
+TEST(Lanes, RepeatsAreCountedForTheUnitThatNeedsThem) {
+  // One needs two repeats, then the other two of the same dwell: more than max_repeats in all, not for either.
+  RigConfig config = with_fault(RigFaultKind::invalid_sample, 400 + 100, 1, 1);
+  for (const auto& [sample, unit] : {std::pair{800, 2}, {1100, 1}, {1400, 2}}) {
+    config.faults.push_back(config.faults.front());
+    config.faults.back().sample = sample;
+    config.faults.back().unit = unit;
+  }
+  Lanes s(2, config);
+  const RunOutcome outcome = s.run_all();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.repeated_dwells, 4);
+  EXPECT_TRUE(s.dropouts.serials.empty()) << s.dropouts.serials.front();
+}
+
+TEST(Lanes, ARecordingThatCannotBeWrittenIsOneUnitsFailure) {
+  Lanes whole(2);
+  ASSERT_EQ(whole.run_all().state, RunState::done);
+  const int calls = whole.sinks[0].calls;
+  for (std::size_t unit : {0u, 1u}) {
+    for (int call = 1; call <= calls; call += call < 12 ? 1 : calls / 20) {
+      SCOPED_TRACE("unit " + std::to_string(unit) + ", call " + std::to_string(call));
+      Lanes s(2);
+      s.sinks[unit].fail_at_call = call;
+      const RunOutcome outcome = s.run_all();
+      ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+      ASSERT_TRUE(outcome.units[unit].dropped_out);
+      ASSERT_NE(outcome.units[unit].dropped_out->message.find("disk full"), std::string::npos);
+      ASSERT_EQ(s.dropouts.serials, std::vector<std::string>{"SN" + std::to_string(unit + 1)});
+      ASSERT_EQ(outcome.units[1 - unit].recorded_samples, short_samples);
+      ASSERT_EQ(s.sinks[1 - unit].sample_count, short_samples);
+      ASSERT_TRUE(s.sinks[1 - unit].finished);
+      ASSERT_FALSE(s.sinks[unit].finished && call < calls);
+    }
+  }
+}
+
+TEST(Lanes, ADropoutThatCannotBeJournalledStopsTheRun) {
+  Lanes s(2);
+  s.sinks[1].fail_at_call = 5;
+  s.dropouts.fails = true;
+  const RunOutcome outcome = s.run_all();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_NE(outcome.error.message.find("journal: disk full"), std::string::npos) << outcome.error.message;
+}
+
+TEST(Lanes, AUnitThatHadDroppedOutIsNotOpened) {
+  Lanes s(2);
+  ASSERT_EQ(s.run_all().state, RunState::done);
+  Lanes again(2);
+  again.sinks = s.sinks;
+  for (MemorySink& sink : again.sinks) sink.finished = false;
+  again.resume = ResumePoint{s.dropouts.dwells.front(), false, {true, false}};
+  again.station.resume_rest_s = 1.0;
+  const int calls = again.sinks[0].calls;
+  const RunOutcome outcome = again.run_all();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(again.sinks[0].calls, calls) << "its recording was touched";
+  EXPECT_FALSE(again.sinks[0].finished);
+  EXPECT_TRUE(again.sinks[1].finished);
+}
+
+// --- The station's places ---
+
+Result<StationConfig> station_of(const std::string& keys) {
+  return parse_station_config(
+      "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = twin.map\n"
+      "imu.driver = serial\nimu.device = /dev/a\nimu.frame = laser_gyro\nimu.unit_serial = SN1\n" + keys,
+      std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/x.station");
+}
+
+TEST(Places, AreTheLinesOfTheStation) {
+  EXPECT_EQ(station_of("")->imu_places(), 1u);
+  const Result<StationConfig> three = station_of("imu.3.device = /dev/c\nimu.2.device = /dev/b\n");
+  ASSERT_TRUE(three.ok()) << three.error().message;
+  EXPECT_EQ(three->imu_places(), 3u);
+  EXPECT_EQ(three->imu_settings(0).device, "/dev/a");
+  EXPECT_EQ(three->imu_settings(0).unit_serial, "SN1");
+  EXPECT_EQ(three->imu_settings(2).device, "/dev/c");
+  EXPECT_EQ(three->imu_settings(2).unit_serial, "");
+}
+
+TEST(Places, ContradictionsNameTheKey) {
+  for (const auto& [keys, text] : {std::pair{"imu.3.device = /dev/c\n", "key 'imu.3.device' = '/dev/c': expected imu.2.device before it"},
+                                   {"imu.2.device = /dev/a\n", "key 'imu.2.device' = '/dev/a': expected a line that no other place has"},
+                                   {"imu.2.device = /dev/b\nimu.3.device = /dev/b\n", "key 'imu.3.device' = '/dev/b': expected a line"},
+                                   {"imu.1.device = /dev/b\n", "imu.1.device"},
+                                   {"imu.17.device = /dev/b\n", "imu.17.device"},
+                                   {"imu.2.frame = laser_gyro\n", "imu.2.frame"}}) {
+    const Result<StationConfig> refused = station_of(keys);
+    ASSERT_FALSE(refused.ok()) << keys;
+    EXPECT_NE(refused.error().message.find(text), std::string::npos) << refused.error().message;
+    EXPECT_NE(refused.error().message.find("x.station:1"), std::string::npos) << refused.error().message;
+  }
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,92 @@
+// For tests of a whole run over the Modbus driver: the station's own loop, the driver, the twin and the rig, in the rig's time.
+#pragma once
+
+#include <algorithm>
+#include <functional>
+#include <mutex>
+
+#include <gtest/gtest.h>
+
+#include "orchestrator/station_run.h"
+#include "tests/orchestrator/rig_station.h"
+#include "tests/turntable_drivers/twin_station.h"
+#include "turntable_drivers/limited_turntable.h"
+
+namespace turncal {
+
+// Times, with settle 0.5 s, at 10 deg/s and 10 deg/s^2: homing 0..2; align ..3; 20 deg in 3 s and settling ..6.5; dwell ..8.5;
+// back ..12.
+inline const char* const sequence_text =
+    "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 10\n"
+    "step 1\n  initial H 0 P 0 R 0\n  align 200\n  rotate P +20\n  dwell 400\n  rotate P -20\n";
+inline constexpr double in_mid_move_s = 4.5, in_settling_s = 6.3;
+
+// The rig's unit, read while the server's thread uses the rig too.
+class LockedImu : public ImuSource {
+ public:
+  LockedImu(ImuSource& imu, std::mutex& mutex) : imu_(imu), mutex_(mutex) {}
+  Status open() override {
+    const std::lock_guard lock(mutex_);
+    return imu_.open();
+  }
+  Result<ImuIdentity> identify() override {
+    const std::lock_guard lock(mutex_);
+    return imu_.identify();
+  }
+  void describe(RecordingInfo& info) const override { imu_.describe(info); }
+  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
+    const std::lock_guard lock(mutex_);
+    return imu_.read(out, timeout_s);
+  }
+  ImuLinkCounters counters() const override { return imu_.counters(); }
+  void close() override { imu_.close(); }
+
+ private:
+  ImuSource& imu_;
+  std::mutex& mutex_;
+};
+
+struct ModbusRun {
+  explicit ModbusRun(const RigConfig& rig_config = default_rig_config(), const std::string& pty_link = "")
+      : station(quick_map(pty_link.empty() ? "tcp" : "rtu"), rig_config, pty_link),
+        driver(station.described, station.clock, &stop_requests),
+        limited(driver, {}) {}
+  static RegisterMap quick_map(const char* kind) {
+    RegisterMap map = map_of(plain_map_text(kind));
+    map.link.response_timeout_s = 0.1;
+    map.link.byte_timeout_s = 0.03;
+    map.link.quiet_s = 0.05;
+    return map;
+  }
+  RunOutcome run() {
+    Result<Sequence> sequence = parse_sequence(text, "test.seq");
+    EXPECT_TRUE(sequence.ok());
+    RigImu rig_imu(station.rig);
+    LockedImu imu(rig_imu, station.server.mutex);
+    RecordingInfo info;
+    imu.describe(info);
+    plan = make_plan(*sequence, plan_limits(config, info.sample_period_s));
+    StationRun run({limited, imu, station.clock, [this](double seconds) { station.pass(std::max(seconds, 0.005)); }},
+                   {*sequence, plan, config, "SN1"}, sink, {&watcher, &stop_requests, calibrate});
+    const RunOutcome outcome = run.run();
+    const std::lock_guard lock(station.server.mutex);
+    for (const Axis axis : all_axes) {
+      EXPECT_EQ(station.rig.axis(axis).rate_degps, 0.0) << "the table moves on: " << outcome.error.message;
+    }
+    return outcome;
+  }
+  double rig_time_s() { return station.rig.time_s(); }
+
+  std::atomic<int> stop_requests{0};
+  TwinStation station;
+  ModbusTurntable driver;
+  LimitedTurntable limited;
+  std::string text = sequence_text;
+  StationConfig config = default_station_config();
+  std::function<Status()> calibrate;
+  Plan plan;
+  MemorySink sink;
+  Watcher watcher;
+};
+
+}  // namespace turncal
