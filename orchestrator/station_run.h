@@ -32,7 +32,8 @@
 //   have used up dwell.max_repeats drops out instead, and the attempt goes on for the others. A table that moved repeats the
 //   dwell as long as one living lane has a repeat left.
 // - Units whose samples come a few samples apart need no care: the settle time lies between a move and a dwell. One that has
-//   fallen behind the others by more than half of it since the move began is waited for before the dwell.
+//   fallen behind the others by more than half of it since the move began is waited for before the dwell, imu.timeout_s
+//   at most: a counter that is short may not tell what was lost.
 //
 // One thread; only the counts of StationHooks may be touched by others.
 #pragma once
@@ -208,6 +209,7 @@ class StationRun {
 
   bool recording_ = false;
   bool unit_awaited_ = false;      // settled, but for a unit that is behind
+  double await_until_s_ = 0.0;     // then it goes on without; a bad dwell is repeated
   bool rest_due_ = false;          // the run goes on after an interruption in which time passed
 
   TableStatus status_{};

@@ -47,7 +47,8 @@ StationRun::MaybeEvent StationRun::judge(double now_s) {
   if (event == RunEvent::settled) {
     // What the unit sent while the table still turned belongs to the move, not to the dwell that follows.
     if (const MaybeEvent late = catch_up()) return late;
-    unit_awaited_ = recording_ && apart();
+    if (!unit_awaited_) await_until_s_ = now_s + job_.station.imu_timeout_s;
+    unit_awaited_ = recording_ && apart() && now_s < await_until_s_;
     if (unit_awaited_) return std::nullopt;
   }
   const char* axis = arrival_.move() ? to_string(arrival_.move()->axis) : "table";
