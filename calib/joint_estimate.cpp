@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Dense>
 
@@ -56,6 +57,7 @@ class JointRun {
   JointResult run();
 
  private:
+  bool settle();
   bool iterate(double tolerance, int max_iterations);
   double& value_of(int column, ParameterVector& parameters) {
     return column < parameter_count ? parameters[column] : effects_.values[column - parameter_count];
@@ -72,6 +74,7 @@ class JointRun {
   std::vector<int> subset_;
   Eigen::VectorXd start_;   // where the parameters of the subset began
   SubsetSolution solution_;
+  double misfit_ = 0.0;     // chi-square an observation before the last step of iterate()
   JointResult result_;
 };
 
@@ -103,7 +106,7 @@ JointResult JointRun::run() {
 
   if (options_.faults_of) {
     iterate(0.3, 1);  // beside a finished fit one step is most of the way
-  } else if (!iterate(0.3, options_.max_iterations)) {
+  } else if (!settle()) {
     r.message = "the estimate does not settle: the recording contradicts the model (wrong segments, signs or units?)";
     return r;
   }
@@ -129,6 +132,47 @@ JointResult JointRun::run() {
   return r;
 }
 
+// Gauss-Newton at the noise that is measured before the fit. Dwells of a few seconds hardly show it, and an optimum too narrow for the
+// start is missed: then it is tried again from wider ones, and what is found there is kept if it fits and, where it can be compared, fits better.
+bool JointRun::settle() {
+  constexpr double suspicious = 100.0;  // of chi-square an observation: ten times the noise
+  JointResult& r = result_;
+  const Parameters start = r.parameters;
+  const Eigen::VectorXd start_values = effects_.values;
+  const NoiseModel noise = r.setup.noise;
+  const bool settled = iterate(0.3, options_.max_iterations);
+  if (settled && misfit_ < suspicious) return true;
+  const Parameters first = r.parameters;
+  const Eigen::VectorXd first_values = effects_.values;
+  const double first_misfit = settled ? misfit_ : std::numeric_limits<double>::infinity();
+  for (const double louder : {5.0, 25.0}) {
+    r.parameters = start;
+    effects_.values = start_values;
+    NoiseModel wide = noise;
+    wide.angle_random_walk *= louder;
+    wide.velocity_random_walk *= louder;
+    const auto settles_with = [&](const NoiseModel& with) {
+      r.setup.noise = with;
+      return iterate(0.3, options_.max_iterations);
+    };
+    const bool near = settles_with(wide) && misfit_ < suspicious;
+    const Parameters found = r.parameters;
+    const Eigen::VectorXd found_values = effects_.values;
+    const bool stands = near && settles_with(noise);
+    if (stands && misfit_ < 0.5 * first_misfit) return true;
+    r.setup.noise = noise;
+    if (!near || stands || settled || options_.noise) continue;
+    // Even there it is too narrow: the noise is fitted from the wider one.
+    r.setup.noise = wide;
+    r.parameters = found;
+    effects_.values = found_values;
+    return true;
+  }
+  r.parameters = first;
+  effects_.values = first_values;
+  return settled;
+}
+
 // Gauss-Newton until the largest step of a determined parameter is below `tolerance` sigma.
 bool JointRun::iterate(double tolerance, int max_iterations) {
   FilterSetup setup = result_.setup;
@@ -136,6 +180,7 @@ bool JointRun::iterate(double tolerance, int max_iterations) {
     const FilterResult pass = run_filter(recording_, result_.parameters, effects_, setup);
     ++result_.iterations;
     solution_ = solve_subset(pass.information, pass.gradient, subset_, ranges_);
+    misfit_ = pass.chi_square / static_cast<double>(std::max<std::int64_t>(pass.observations, 1));
     if (!solution_.step.allFinite()) return false;
     Eigen::VectorXd step = solution_.step;
     Eigen::VectorXd sigma = solution_.covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();

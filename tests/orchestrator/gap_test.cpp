@@ -86,6 +86,49 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
   }
 }
 
+// Cut in several places among dwells of 5 s, in which the noise hardly shows: the fit must find its way from the start values.
+TEST(Gap, SeveralAmongTheFirstDwells) {
+  std::ifstream file(std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq");
+  std::stringstream text;
+  text << file.rdbuf();
+  for (const std::vector<double>& stops_s : {std::vector<double>{8.757, 41.560, 15.676, 55.946}, {27.087, 37.770, 13.896, 52.318}}) {
+    RigStation s(text.str());
+    const test::TemporaryFolder folder;
+    s.station.resume_rest_s = 2.0;
+    s.devices.imu.describe(s.info);
+    s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
+    DwellJournal journal;
+    for (const double stop_s : stops_s) {  // of the session
+      s.stop_requests = 0;
+      s.watcher.on_tick = [&](const RunSnapshot& at) {
+        if (at.time_s >= stop_s && !journal.dwells.empty()) s.stop_requests = 1;
+      };
+      RecordingSink sink(folder.path());
+      StationRun run(s.devices.devices(), {s.sequence, s.plan, s.station, "SN1", s.resume}, sink,
+                     {&s.watcher, &s.stop_requests, {}, &journal});
+      ASSERT_EQ(run.run().state, RunState::aborted);
+      s.resume = ResumePoint{journal.dwells.back(), false};
+      s.devices.devices().wait(5.0);
+    }
+    s.watcher.on_tick = nullptr;
+    s.stop_requests = 0;
+    RecordingSink sink(folder.path());
+    StationRun run(s.devices.devices(), {s.sequence, s.plan, s.station, "SN1", s.resume}, sink,
+                   {&s.watcher, &s.stop_requests, {}, &journal});
+    ASSERT_EQ(run.run().state, RunState::done);
+    Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(sink.path());
+    ASSERT_TRUE(source.ok()) << source.error().message;
+    const Result<CalibrationOutput> output = calibrate_recording(**source, {});
+    ASSERT_TRUE(output.ok()) << output.error().message;
+    const std::array<double, 24> truth = s.rig.truth_at_reference(output->mean_temperature_c.value_or(24.0));
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      if (!output->file.sigma[i]) continue;
+      EXPECT_LT(std::abs(output->file.parameters[static_cast<Eigen::Index>(i)] - truth[i]), 5.0 * *output->file.sigma[i])
+          << parameter_keys[i];
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(SecondsAndHours, Gap, testing::Values(5.0, 7200.0));
 
 }  // namespace
