@@ -1,9 +1,11 @@
 #include "orchestrator/command_run.h"
 
 #include <memory>
+#include <sstream>
 
 #include "orchestrator/command_diagnose.h"
 #include "orchestrator/run_job.h"
+#include "orchestrator/run_results.h"
 
 namespace turncal {
 
@@ -91,7 +93,12 @@ void add_journal_command(CLI::App& app, CommandContext& context) {
   command->callback([folder, &context] {
     const Result<std::string> text = journal_as_text(*folder + "/" + journal_name);
     if (!text) return context.fail(text.error());
-    context.out << *text << std::flush;
+    const Result<JournalContents> contents = read_journal(*folder + "/" + journal_name);
+    const bool simulated = contents && contents->begin_value("simulated") == "true";
+    const std::string_view tag = !simulated ? "" : contents->begin_value("live") == "true" ? simulated_tag : dry_run_tag;
+    std::istringstream lines(*text);
+    for (std::string line; std::getline(lines, line);) context.out << tag << line << '\n';
+    context.out << std::flush;
   });
 }
 

@@ -1,5 +1,8 @@
 #include "orchestrator/progress.h"
 
+#include <poll.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -50,10 +53,17 @@ double steady_wall_s() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-ProgressView::ProgressView(std::ostream& out, int columns, std::string tag, std::function<double()> wall_s)
-    : out_(out), columns_(columns), tag_(std::move(tag)), wall_s_(std::move(wall_s)) {}
+bool stdout_takes_more() {
+  pollfd out{STDOUT_FILENO, POLLOUT, 0};
+  return ::poll(&out, 1, 0) != 0;  // a reader that is gone is an error at once, and no wait
+}
+
+ProgressView::ProgressView(std::ostream& out, int columns, std::string tag, std::function<double()> wall_s,
+                           std::function<bool()> takes_more)
+    : out_(out), columns_(columns), tag_(std::move(tag)), wall_s_(std::move(wall_s)), takes_more_(std::move(takes_more)) {}
 
 void ProgressView::on_transition(const TransitionRecord& record) {
+  if (!takes_more_()) return;
   if (columns_ == 0) {
     out_ << format_transition(record, tag_) << std::endl;
   } else if (record.event == RunEvent::pause_wanted) {
@@ -63,6 +73,7 @@ void ProgressView::on_transition(const TransitionRecord& record) {
 }
 
 void ProgressView::on_dropout(const Dropout& dropout) {
+  if (!takes_more_()) return;
   clear();
   out_ << format_dropout(dropout, tag_) << std::endl;
 }
@@ -70,7 +81,7 @@ void ProgressView::on_dropout(const Dropout& dropout) {
 void ProgressView::on_progress(const RunSnapshot& snapshot) {
   if (columns_ == 0) return;
   const double now_s = wall_s_();
-  if (now_s - drawn_s_ < redraw_interval_s) return;
+  if (now_s - drawn_s_ < redraw_interval_s || !takes_more_()) return;
   drawn_s_ = now_s;
   line_shown_ = true;
   // A line that wraps could not be redrawn in place.
@@ -80,7 +91,7 @@ void ProgressView::on_progress(const RunSnapshot& snapshot) {
 }
 
 void ProgressView::clear() {
-  if (!line_shown_) return;
+  if (!line_shown_ || !takes_more_()) return;
   line_shown_ = false;
   out_ << "\r\x1b[K" << std::flush;
 }

@@ -17,7 +17,9 @@ class ProgressView : public RunObserver {
  public:
   // columns: width of the terminal, 0 when it is none.
   // wall_s: seconds on any steady clock; only used to limit redrawing.
-  ProgressView(std::ostream& out, int columns, std::string tag, std::function<double()> wall_s);
+  // takes_more: false while the stream would block; what is shown then is left out, since the run may not wait for it.
+  ProgressView(std::ostream& out, int columns, std::string tag, std::function<double()> wall_s,
+               std::function<bool()> takes_more = [] { return true; });
   ~ProgressView() override { clear(); }
   void on_transition(const TransitionRecord& record) override;
   void on_dropout(const Dropout& dropout) override;
@@ -30,11 +32,13 @@ class ProgressView : public RunObserver {
   bool line_shown_ = false;
   std::string tag_;
   std::function<double()> wall_s_;
+  std::function<bool()> takes_more_;
   double drawn_s_ = -1e9;
 };
 
 std::string format_progress(const RunSnapshot& snapshot);
 std::string format_duration(double seconds);  // 1:23:45
 double steady_wall_s();
+bool stdout_takes_more();  // false: a pipe nobody reads, a terminal that was stopped
 
 }  // namespace turncal

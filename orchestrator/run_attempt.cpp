@@ -129,7 +129,7 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   const double began_s = steady_wall_s();
   // A line redrawn in place would run over the operator's answers.
   const bool in_place = context.out_is_terminal && !made.prompts;
-  ProgressView view(context.out, in_place ? context.terminal_columns : 0, tag, steady_wall_s);
+  ProgressView view(context.out, in_place ? context.terminal_columns : 0, tag, steady_wall_s, stdout_takes_more);
   LiveView live(serials(a.run), a.run.station.name, a.run.sequence.name, a.run.request.dry_run, last_results(a.run),
                 steady_wall_s);
   std::unique_ptr<StatusPage> page;

@@ -1,5 +1,9 @@
 // `turncal run --dry-run` as a black box: results, reproducibility, faults, refusals, signals.
+#include <sys/stat.h>
+
+#include <chrono>
 #include <cstdlib>
+#include <thread>
 
 #include "tests/orchestrator/program.h"
 
@@ -120,6 +124,33 @@ TEST_F(Run, OutputThatNobodyReadsDoesNotKillIt) {
   ASSERT_EQ(std::system(command.c_str()), 0);
   EXPECT_EQ(file_text(folder_ / "code"), "0\n");
   EXPECT_TRUE(std::filesystem::exists(folder_ / "out/parameters.conf"));
+}
+
+// A pager, or a terminal stopped with Ctrl-S: the run goes on to its end; only what it prints at last has to wait.
+TEST_F(Run, OutputThatIsNotReadDoesNotHoldItUp) {
+  const std::string fifo = folder_.string() + ".out";
+  ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
+  const int reader = ::open(fifo.c_str(), O_RDONLY | O_NONBLOCK);
+  ASSERT_GE(::fcntl(reader, F_SETPIPE_SZ, 4096), 0);
+  const pid_t pid = start({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--no-diagnosis", "--sequence", demo});
+  bool recorded = false;
+  for (int i = 0; i < 3000 && !recorded; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    recorded = file_text(folder_ / "out/run.log").find("sequence_complete") != std::string::npos;
+  }
+  EXPECT_TRUE(recorded) << "the run stands";
+  std::string said;
+  int status = 0;
+  for (bool ended = false; !ended;) {
+    ended = ::waitpid(pid, &status, WNOHANG) == pid;
+    char piece[4096];
+    for (ssize_t n = 0; (n = ::read(reader, piece, sizeof piece)) > 0;) said.append(piece, static_cast<std::size_t>(n));
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  ::close(reader);
+  std::filesystem::remove(fifo);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+  EXPECT_NE(said.find("Dry run complete"), std::string::npos);
 }
 
 TEST_F(Run, Refusals) {

@@ -143,7 +143,10 @@ TEST_F(Production, AnOverdueTableIsRefusedUnlessOverridden) {
   ASSERT_EQ(dry_run("late", "table.calibration_due = 2026-01-01\n", {"--rig", rig}).code, 50);
   expect_refused({"resume", "late"}, "was due on 2026-01-01, today is 2026-01-02");
   EXPECT_EQ(run({"resume", "late", "--override-due", "half a run is no use"}).code, 50) << "the rig's fault comes again";
-  EXPECT_NE(run({"journal", "late"}).out.find("overdue_reason = half a run is no use"), std::string::npos);
+  const std::string journal = run({"journal", "late"}).out;
+  EXPECT_NE(journal.find("overdue_reason = half a run is no use"), std::string::npos);
+  EXPECT_EQ(journal.find("[dry run] "), 0u);
+  EXPECT_EQ(std::count(journal.begin(), journal.end(), '\n'), std::count(journal.begin(), journal.end(), '[')) << journal;
   EXPECT_EQ(run({"resume", "late"}).code, 50) << "the reason was given";
   EXPECT_EQ(dry_run("bad", "table.calibration_due = 31.12.2026\n").code, 1);
 }
