@@ -67,7 +67,7 @@ expect_code() {
   [ "$code" = "$1" ] || fail "$2 gave code $code, expected $1"
 }
 log=$work/run/run.log
-items() { "$binary" journal "$work/run" | sed -n 's/^ *[0-9]* dwell  *item = \([0-9]*\).*/\1/p'; }  # whose dwells are complete
+items() { "$binary" journal "$work/run" | sed -n 's/^\[simulated\] *[0-9]* dwell  *item = \([0-9]*\).*/\1/p'; }  # whose dwells are complete
 seconds() { awk -v a="$1" -v b="$(date +%s.%N)" 'BEGIN { printf "%.1f", b - a }'; }
 
 # --- kill -9
