@@ -1,5 +1,6 @@
 // A batch goes on past a bad unit, stops at a fault, survives a kill, and its queue may change while it runs. Hooks.
 #include "tests/orchestrator/program.h"
+#include "tests/orchestrator/queue_outcomes.h"
 
 #include <chrono>
 
@@ -24,14 +25,7 @@ class Batch : public Program {
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
   }
-  std::string outcomes() const {
-    const Result<std::vector<UnitOutcome>> all = read_outcomes(path("queue"));
-    std::string text;
-    if (all) {
-      for (const UnitOutcome& o : *all) text += o.unit + "=" + o.outcome + " ";
-    }
-    return text;
-  }
+  std::string outcomes() const { return outcomes_text(path("queue")); }
 };
 
 TEST_F(Batch, DoesTheWholeQueue) {

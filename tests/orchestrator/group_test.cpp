@@ -1,5 +1,6 @@
 // Several units on one table, as a black box: results, a unit that drops out, verdicts, interruption, refusals, batches.
 #include "tests/orchestrator/program.h"
+#include "tests/orchestrator/queue_outcomes.h"
 
 #include <cmath>
 #include <map>
@@ -216,15 +217,6 @@ class GroupResume : public Group {
   std::vector<std::string> begin(const std::string& out, const std::string& rig) const {
     return {"run", "--dry-run", "--capture-only", "--unit", "SN1", "--unit", "SN2", "--unit", "SN3", "--out", out, "--rig", rig, "--sequence", sequence_};
   }
-  ProgramResult run_struck(const std::vector<std::string>& arguments, long point, const char* mode) const {
-    ::setenv("LD_PRELOAD", TURNCAL_FAULT_POINTS, 1);
-    ::setenv("TURNCAL_FAULT_POINT", std::to_string(point).c_str(), 1);
-    ::setenv("TURNCAL_FAULT_MODE", mode, 1);
-    ::setenv("TURNCAL_FAULT_COUNT", (folder_.string() + ".count").c_str(), 1);
-    const pid_t pid = start(arguments);
-    for (const char* name : {"LD_PRELOAD", "TURNCAL_FAULT_POINT", "TURNCAL_FAULT_MODE", "TURNCAL_FAULT_COUNT"}) ::unsetenv(name);
-    return finish(pid);
-  }
   // Killed, cut off from power, or out of disk at every seventh call, and taken up again: the recordings of an uninterrupted run.
   void strike_everywhere(const std::string& rig, int code) const {
     const ProgramResult reference = run_struck(begin("good", rig), 0, "kill");
@@ -280,14 +272,7 @@ class GroupBatch : public Group {
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
   }
-  std::string outcomes() const {
-    const Result<std::vector<UnitOutcome>> all = read_outcomes(path("queue"));
-    std::string text;
-    if (all) {
-      for (const UnitOutcome& o : *all) text += o.unit + "=" + o.outcome + " ";
-    }
-    return text;
-  }
+  std::string outcomes() const { return outcomes_text(path("queue")); }
 };
 
 TEST_F(GroupBatch, TakesSeveralAtOnce) {

@@ -8,12 +8,6 @@
 namespace turncal {
 namespace {
 
-const char* const short_text =
-    "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\n"
-    "step 1 \"there and back\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 2000\n  rotate P -90\n"
-    "step 2 \"again\"\n  initial H 0 P 0 R 0\n  align 1000\n";
-constexpr std::int64_t short_samples = 1000 + 2000 + 2000 + 2000 + 1000;
-
 // A unit whose samples come some periods late, as those of another line do.
 class LateImu : public ImuSource {
  public:
@@ -61,7 +55,7 @@ class Dropouts : public RunJournal {
 
 struct Lanes : RigStation {
   explicit Lanes(std::size_t units, RigConfig config = default_rig_config())
-      : RigStation(short_text, config), devices_of_all(config, units), sinks(units) {
+      : RigStation(two_steps_text, config), devices_of_all(config, units), sinks(units) {
     for (std::size_t i = 0; i < units; ++i) sources.push_back(&devices_of_all.group.imu(i));
     journal = &dropouts;
   }
@@ -100,8 +94,8 @@ TEST(Lanes, EveryUnitHasThePlansSegments) {
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   ASSERT_EQ(outcome.units.size(), 3u);
   for (std::size_t i = 0; i < 3; ++i) {
-    EXPECT_EQ(outcome.units[i].recorded_samples, short_samples);
-    EXPECT_EQ(s.sinks[i].sample_count, short_samples);
+    EXPECT_EQ(outcome.units[i].recorded_samples, two_steps_samples);
+    EXPECT_EQ(s.sinks[i].sample_count, two_steps_samples);
     EXPECT_TRUE(s.sinks[i].finished);
     EXPECT_EQ(s.sinks[i].info.unit_serial, "SN" + std::to_string(i + 1));
   }
@@ -185,8 +179,8 @@ TEST(Lanes, ARecordingThatCannotBeWrittenIsOneUnitsFailure) {
       ASSERT_TRUE(outcome.units[unit].dropped_out);
       ASSERT_NE(outcome.units[unit].dropped_out->message.find("disk full"), std::string::npos);
       ASSERT_EQ(s.dropouts.serials, std::vector<std::string>{"SN" + std::to_string(unit + 1)});
-      ASSERT_EQ(outcome.units[1 - unit].recorded_samples, short_samples);
-      ASSERT_EQ(s.sinks[1 - unit].sample_count, short_samples);
+      ASSERT_EQ(outcome.units[1 - unit].recorded_samples, two_steps_samples);
+      ASSERT_EQ(s.sinks[1 - unit].sample_count, two_steps_samples);
       ASSERT_TRUE(s.sinks[1 - unit].finished);
       ASSERT_FALSE(s.sinks[unit].finished && call < calls);
     }

@@ -10,14 +10,8 @@
 namespace turncal {
 namespace {
 
-// With the built-in station: homing 0..2; align 2..7; move 7..17; dwell 17..27; move back 27..37; align 37..42.
-const char* const short_text =
-    "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\n"
-    "step 1 \"there and back\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 2000\n  rotate P -90\n"
-    "step 2 \"again\"\n  initial H 0 P 0 R 0\n  align 1000\n";
-
 struct PausedStation : RigStation {
-  PausedStation() : RigStation(short_text) { RigStation::journal = &kept; }
+  PausedStation() : RigStation(two_steps_text) { RigStation::journal = &kept; }
   bool drives_off() {
     for (Axis axis : all_axes) {
       const Result<AxisStatus> status = devices.table.status(axis);
@@ -169,7 +163,7 @@ TEST(Pause, ThatCannotBeVerifiedIsADeviceError) {
   lost.duration_s = 1e6;
   RigConfig config = default_rig_config();
   config.faults = {lost};
-  RigStation t(short_text, config);
+  RigStation t(two_steps_text, config);
   t.watcher.on_tick = [&](const RunSnapshot& at) {
     if (at.time_s >= 9.0) t.pause_requests = 1;
   };

@@ -87,6 +87,16 @@ class Program : public testing::Test {
     return result;
   }
   ProgramResult run(const std::vector<std::string>& arguments) const { return finish(start(arguments)); }
+  // With the library in front that strikes at call `point` (0: counts them into FOLDER.count); mode: kill, power or full.
+  ProgramResult run_struck(const std::vector<std::string>& arguments, long point, const char* mode) const {
+    ::setenv("LD_PRELOAD", TURNCAL_FAULT_POINTS, 1);
+    ::setenv("TURNCAL_FAULT_POINT", std::to_string(point).c_str(), 1);
+    ::setenv("TURNCAL_FAULT_MODE", mode, 1);
+    ::setenv("TURNCAL_FAULT_COUNT", (folder_.string() + ".count").c_str(), 1);
+    const pid_t pid = start(arguments);
+    for (const char* name : {"LD_PRELOAD", "TURNCAL_FAULT_POINT", "TURNCAL_FAULT_MODE", "TURNCAL_FAULT_COUNT"}) ::unsetenv(name);
+    return finish(pid);
+  }
 
   // Exit code, exactly one line on stderr that holds `text`, and not a file more than before.
   void expect_refused(const std::vector<std::string>& arguments, const std::string& text, int code = 1) const {

@@ -55,16 +55,6 @@ class Resume : public Program {
     return items;
   }
 
-  // With the library in front that strikes at call `point`.
-  ProgramResult run_struck(const std::vector<std::string>& arguments, long point, const char* mode) const {
-    ::setenv("LD_PRELOAD", TURNCAL_FAULT_POINTS, 1);
-    ::setenv("TURNCAL_FAULT_POINT", std::to_string(point).c_str(), 1);
-    ::setenv("TURNCAL_FAULT_MODE", mode, 1);
-    ::setenv("TURNCAL_FAULT_COUNT", (folder_.string() + ".count").c_str(), 1);
-    const pid_t pid = start(arguments);
-    for (const char* name : {"LD_PRELOAD", "TURNCAL_FAULT_POINT", "TURNCAL_FAULT_MODE", "TURNCAL_FAULT_COUNT"}) ::unsetenv(name);
-    return finish(pid);
-  }
   long count_points() const {
     const std::string station = write("count/mock.station", station_text);
     EXPECT_EQ(run_struck(begin("count/out", station), 0, "kill").code, 0);

@@ -14,6 +14,15 @@
 
 namespace turncal {
 
+// Two steps, two moves with a dwell each. In time, with the built-in station (settle 0.5 s) and 10 deg/s, 20 deg/s^2:
+//   homing 2 s (table.home_time_s); align 5 s: 2..7; move 90 deg, 10 s: 7..17; dwell 10 s: 17..27; move back: 27..37;
+//   step 2 align 5 s: 37..42
+inline const char* const two_steps_text =
+    "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\n"
+    "step 1 \"there and back\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 2000\n  rotate P -90\n"
+    "step 2 \"again\"\n  initial H 0 P 0 R 0\n  align 1000\n";
+inline constexpr std::int64_t two_steps_samples = 1000 + 2000 + 2000 + 2000 + 1000;
+
 // Counts what comes, keeps the segments; fails on demand.
 class MemorySink : public RunSink {
  public:

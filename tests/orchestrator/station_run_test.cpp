@@ -13,15 +13,7 @@
 namespace turncal {
 namespace {
 
-// Two steps, two moves with a dwell each. In time, with the built-in station (settle 0.5 s) and 10 deg/s, 20 deg/s^2:
-//   homing 2 s (table.home_time_s); align 5 s: 2..7; move 90 deg, 10 s: 7..17; dwell 10 s: 17..27; move back: 27..37;
-//   step 2 align 5 s: 37..42
-const char* const short_text =
-    "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\n"
-    "step 1 \"there and back\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 2000\n  rotate P -90\n"
-    "step 2 \"again\"\n  initial H 0 P 0 R 0\n  align 1000\n";
-constexpr std::int64_t short_samples = 1000 + 2000 + 2000 + 2000 + 1000;
-constexpr double homing_s = 2.0;
+constexpr double homing_s = 2.0;  // two_steps_text begins then
 
 RigFault table_fault(RigFaultKind kind, double time_s, Axis axis = Axis::pitch) {
   RigFault fault;
@@ -55,7 +47,7 @@ void expect_same(const Segments& found, const Segments& expected) {
 }
 
 TEST(StationRun, UndisturbedRunIsThePlanToTheSample) {
-  RigStation s(short_text);
+  RigStation s(two_steps_text);
   bool calibrated = false;
   s.calibrate = [&]() -> Status {
     calibrated = true;
@@ -65,8 +57,8 @@ TEST(StationRun, UndisturbedRunIsThePlanToTheSample) {
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_TRUE(calibrated);
-  EXPECT_EQ(outcome.units[0].recorded_samples, short_samples);
-  EXPECT_EQ(s.sink.sample_count, short_samples);
+  EXPECT_EQ(outcome.units[0].recorded_samples, two_steps_samples);
+  EXPECT_EQ(s.sink.sample_count, two_steps_samples);
   EXPECT_EQ(s.sink.syncs, 2);
   expect_same(s.sink.segments, planned_segments(s.plan));
   EXPECT_TRUE(s.at_rest());
@@ -132,7 +124,7 @@ TEST(StationRun, GoesToTheStartPositionBeforeTheRecordingBegins) {
 
 TEST(StationRun, SampleLostInADwellRepeatsItWhole) {
   // Sample 3500 lies in the dwell 3000..5000.
-  RigStation s(short_text, rig_with({unit_fault(RigFaultKind::lost_sample, 3500, 3)}));
+  RigStation s(two_steps_text, rig_with({unit_fault(RigFaultKind::lost_sample, 3500, 3)}));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_dwells, 1);
@@ -153,7 +145,7 @@ TEST(StationRun, SampleLostInADwellRepeatsItWhole) {
 }
 
 TEST(StationRun, FlaggedDataRepeatsTheDwell) {
-  RigStation s(short_text, rig_with({unit_fault(RigFaultKind::invalid_sample, 4999)}));
+  RigStation s(two_steps_text, rig_with({unit_fault(RigFaultKind::invalid_sample, 4999)}));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_dwells, 1);
@@ -161,7 +153,7 @@ TEST(StationRun, FlaggedDataRepeatsTheDwell) {
 }
 
 TEST(StationRun, AlignmentIsRepeatedLikeAnyDwell) {
-  RigStation s(short_text, rig_with({unit_fault(RigFaultKind::lost_sample, 10)}));
+  RigStation s(two_steps_text, rig_with({unit_fault(RigFaultKind::lost_sample, 10)}));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_dwells, 1);
@@ -172,7 +164,7 @@ TEST(StationRun, AlignmentIsRepeatedLikeAnyDwell) {
 TEST(StationRun, TableThatMovedInADwellGoesBackAndRepeats) {
   RigFault moved = table_fault(RigFaultKind::table_moved, 21.0);
   moved.size = 0.05;  // deg, by itself, and it stays there: encoder shows it
-  RigStation s(short_text, rig_with({moved}));
+  RigStation s(two_steps_text, rig_with({moved}));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_dwells, 1);
@@ -189,7 +181,7 @@ TEST(StationRun, HiddenMotionIsSeenByTheUnitItself) {
   RigFault moved = table_fault(RigFaultKind::table_moved, 21.0);
   moved.size = 0.05;
   moved.hidden = true;  // the encoder shows nothing; 0.05 deg within a second are 0.05 deg/s in the means
-  RigStation s(short_text, rig_with({moved}));
+  RigStation s(two_steps_text, rig_with({moved}));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_dwells, 1);
@@ -204,7 +196,7 @@ TEST(StationRun, KnockRepeatsTheDwell) {
   RigFault knock = unit_fault(RigFaultKind::velocity_knock, 4000);
   knock.axis = 0;
   knock.size = 0.05;
-  RigStation s(short_text, rig_with({knock}));
+  RigStation s(two_steps_text, rig_with({knock}));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_dwells, 1);
@@ -213,7 +205,7 @@ TEST(StationRun, KnockRepeatsTheDwell) {
 TEST(StationRun, TooManyRepeatsEndTheRun) {
   std::vector<RigFault> faults;
   for (std::int64_t sample = 3000; sample < 12000; sample += 300) faults.push_back(unit_fault(RigFaultKind::lost_sample, sample));
-  RigStation s(short_text, rig_with(faults));
+  RigStation s(two_steps_text, rig_with(faults));
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
@@ -229,7 +221,7 @@ TEST(StationRun, RepeatsAreCountedADwell) {
   std::vector<RigFault> faults;
   // The dwell begins at 3000; every try ends at the poll after its loss, then 100 samples of settling.
   for (std::int64_t sample : {3010, 3410, 8010, 8410}) faults.push_back(unit_fault(RigFaultKind::lost_sample, sample));
-  RigStation s(short_text, rig_with(faults));
+  RigStation s(two_steps_text, rig_with(faults));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_dwells, 4);
@@ -243,7 +235,7 @@ TEST(StationRun, MotionFromOneSideOfTheTargetToTheOther) {
   within.size = -0.012;
   RigConfig config = rig_with({before, within});
   config.table.in_position_tolerance_deg = 0.02;
-  RigStation s(short_text, config);
+  RigStation s(two_steps_text, config);
   s.station.dwell.max_gyro_peak_degps = s.station.dwell.max_gyro_std_degps = 1.0;  // the unit itself is not asked
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
@@ -251,7 +243,7 @@ TEST(StationRun, MotionFromOneSideOfTheTargetToTheOther) {
 }
 
 TEST(StationRun, UnitThatKeepsFlaggingItsDataFailed) {
-  RigStation s(short_text, rig_with({unit_fault(RigFaultKind::invalid_sample, 3500, 1'000'000)}));
+  RigStation s(two_steps_text, rig_with({unit_fault(RigFaultKind::invalid_sample, 3500, 1'000'000)}));
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 20);
@@ -261,27 +253,27 @@ TEST(StationRun, UnitThatKeepsFlaggingItsDataFailed) {
 
 TEST(StationRun, SampleLostInAMoveIsSaidAndKeptVisible) {
   // Samples 1000..3000 are the move; the motion itself ends with 2899, so that the loss comes up together with the arrival.
-  RigStation s(short_text, rig_with({unit_fault(RigFaultKind::lost_sample, 2895), unit_fault(RigFaultKind::invalid_sample, 2900)}));
+  RigStation s(two_steps_text, rig_with({unit_fault(RigFaultKind::lost_sample, 2895), unit_fault(RigFaultKind::invalid_sample, 2900)}));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(s.watcher.count(RunEvent::motion_data_lost), 1) << "said once a move";
   EXPECT_EQ(outcome.units[0].lost_samples, 1U);
-  EXPECT_EQ(s.sink.sample_count, short_samples - 1);
+  EXPECT_EQ(s.sink.sample_count, two_steps_samples - 1);
   expect_same(s.sink.segments, planned_segments(s.plan));
 }
 
 TEST(StationRun, DuplicateSamplesAreDropped) {
-  RigStation s(short_text, rig_with({unit_fault(RigFaultKind::duplicated_sample, 3500)}));
+  RigStation s(two_steps_text, rig_with({unit_fault(RigFaultKind::duplicated_sample, 3500)}));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_dwells, 0);
-  EXPECT_EQ(s.sink.sample_count, short_samples);
+  EXPECT_EQ(s.sink.sample_count, two_steps_samples);
 }
 
 // --- The table.
 
 TEST(StationRun, StuckAxisIsAStall) {
-  RigStation s(short_text, rig_with({table_fault(RigFaultKind::stuck_axis, 9.0)}));
+  RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::stuck_axis, 9.0)}));
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
@@ -293,7 +285,7 @@ TEST(StationRun, StuckAxisIsAStall) {
 }
 
 TEST(StationRun, NeverInPositionRunsIntoTheDeadline) {
-  RigStation s(short_text, rig_with({table_fault(RigFaultKind::never_in_position, 8.0)}));
+  RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::never_in_position, 8.0)}));
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
@@ -308,7 +300,7 @@ TEST(StationRun, LyingInPositionFlagsDoNotFoolIt) {
                                     InPositionFlag::late, InPositionFlag::flicker}) {
     RigConfig config = default_rig_config();
     config.table.in_position = flag;
-    RigStation s(short_text, config);
+    RigStation s(two_steps_text, config);
     const RunOutcome outcome = s.run();
     ASSERT_EQ(outcome.state, RunState::done) << static_cast<int>(flag) << ": " << outcome.error.message;
     for (const Segment& segment : s.sink.segments) {
@@ -321,7 +313,7 @@ TEST(StationRun, LyingInPositionFlagsDoNotFoolIt) {
 }
 
 TEST(StationRun, AxisFaultStops) {
-  RigStation s(short_text, rig_with({table_fault(RigFaultKind::axis_fault, 9.0)}));
+  RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::axis_fault, 9.0)}));
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
@@ -332,7 +324,7 @@ TEST(StationRun, AxisFaultStops) {
 
 TEST(StationRun, EmergencyStopEndsTheRun) {
   for (const double time_s : {1.0, 9.0, 16.8, 20.0}) {  // homing, moving, settling, dwelling
-    RigStation s(short_text, rig_with({table_fault(RigFaultKind::emergency_stop, time_s)}));
+    RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::emergency_stop, time_s)}));
     const RunOutcome outcome = s.run();
     EXPECT_EQ(outcome.state, RunState::failed) << time_s;
     EXPECT_EQ(exit_code(outcome.error.kind), 50);
@@ -346,7 +338,7 @@ TEST(StationRun, EmergencyStopEndsTheRun) {
 TEST(StationRun, LostTableLinkIsTriedAgainForTheStopOnly) {
   RigFault lost = table_fault(RigFaultKind::link_lost, 9.0);
   lost.duration_s = 2.0;
-  RigStation s(short_text, rig_with({lost}));
+  RigStation s(two_steps_text, rig_with({lost}));
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
@@ -357,7 +349,7 @@ TEST(StationRun, LostTableLinkIsTriedAgainForTheStopOnly) {
 }
 
 TEST(StationRun, StopThatCannotBeVerifiedIsSaid) {
-  RigStation s(short_text, rig_with({table_fault(RigFaultKind::link_lost, 9.0)}));
+  RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::link_lost, 9.0)}));
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
@@ -371,7 +363,7 @@ TEST(StationRun, StopThatCannotBeVerifiedIsSaid) {
 TEST(StationRun, SilentUnitIsLost) {
   RigFault silent = table_fault(RigFaultKind::imu_silent, 9.0);
   silent.duration_s = 100.0;
-  RigStation s(short_text, rig_with({silent}));
+  RigStation s(two_steps_text, rig_with({silent}));
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
@@ -382,7 +374,7 @@ TEST(StationRun, SilentUnitIsLost) {
 }
 
 TEST(StationRun, UnpluggedUnitIsLostAndTheTableStopped) {
-  RigStation s(short_text, rig_with({table_fault(RigFaultKind::imu_unplugged, 9.0)}));
+  RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::imu_unplugged, 9.0)}));
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_TRUE(s.watcher.saw(RunEvent::imu_lost));
@@ -393,7 +385,7 @@ TEST(StationRun, UnpluggedUnitIsLostAndTheTableStopped) {
 TEST(StationRun, AnotherUnitIsRefusedBeforeAnythingMoves) {
   RigConfig config = default_rig_config();
   config.unit_serial = "SN2";
-  RigStation s(short_text, config);
+  RigStation s(two_steps_text, config);
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 1);
@@ -403,11 +395,11 @@ TEST(StationRun, AnotherUnitIsRefusedBeforeAnythingMoves) {
 
 // Whichever call to the disk fails, the table stops and the run says so; nothing counts as done.
 TEST(StationRun, EveryFailureOfTheDiskStopsTheRun) {
-  RigStation whole(short_text);
+  RigStation whole(two_steps_text);
   ASSERT_EQ(whole.run().state, RunState::done);
   int tried = 0;
   for (int call = 1; call <= whole.sink.calls; call += call < 40 ? 1 : 37) {
-    RigStation s(short_text);
+    RigStation s(two_steps_text);
     s.sink.fail_at_call = call;
     const RunOutcome outcome = s.run();
     ASSERT_EQ(outcome.state, RunState::failed) << call;
@@ -420,7 +412,7 @@ TEST(StationRun, EveryFailureOfTheDiskStopsTheRun) {
 
 TEST(StationRun, OperatorStopsAtOnce) {
   for (const double time_s : {0.5, 1.0, 5.0, 9.0, 16.8, 20.0, 40.0}) {
-    RigStation s(short_text);
+    RigStation s(two_steps_text);
     s.watcher.on_tick = [&](const RunSnapshot& at) {
       if (at.time_s >= time_s) s.stop_requests = 1;
     };
@@ -434,13 +426,13 @@ TEST(StationRun, OperatorStopsAtOnce) {
 }
 
 TEST(StationRun, OperatorBeforeTheStart) {
-  RigStation s(short_text);
+  RigStation s(two_steps_text);
   s.stop_requests = 1;
   EXPECT_EQ(s.run().state, RunState::aborted);
 }
 
 TEST(StationRun, FailedCalibrationIsNoSuccess) {
-  RigStation s(short_text);
+  RigStation s(two_steps_text);
   s.calibrate = []() -> Status { return Error{ErrorKind::unit_failed, "does not settle"}; };
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
