@@ -13,6 +13,7 @@
 #include "orchestrator/mounting.h"
 #include "orchestrator/parameter_store.h"
 #include "orchestrator/command_diagnose.h"
+#include "orchestrator/report_format.h"
 #include "orchestrator/run_job.h"
 #include "orchestrator/run_results.h"
 #include "orchestrator/stop_signals.h"
@@ -103,19 +104,13 @@ Result<std::string> outcome_of(const RunEnd::Unit& unit) {
   return outcome_of(unit.status);
 }
 
-std::string joined(const std::vector<std::string>& units) {
-  std::string text;
-  for (const std::string& unit : units) text += (text.empty() ? "" : ", ") + unit;
-  return text;
-}
-
 struct Tally {
   int passed = 0, not_passed = 0;
 };
 
 // One run, and what became of each of its units.
 Status take_turn(const BatchOptions& options, const Turn& turn, const std::string& tag, Tally& tally, CommandContext& context) {
-  const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + joined(turn.units);
+  const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + join(turn.units);
   context.out << tag << name << " in " << turn.folder << std::endl;
   RunRequest request = options.request;
   request.units = turn.units;
@@ -183,7 +178,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     if (!*all) continue;
     if (Status status = take_turn(options, *turn, tag, tally, context); !status) return status;
     if (StopSignals::any()) {  // asked for when the results were being made
-      return Error{ErrorKind::interrupted, "paused behind unit " + joined(turn->units) + "; the same command goes on with the next"};
+      return Error{ErrorKind::interrupted, "paused behind unit " + join(turn->units) + "; the same command goes on with the next"};
     }
   }
   context.out << tag << "queue done: " << tally.passed << " passed, " << tally.not_passed << " not" << std::endl;

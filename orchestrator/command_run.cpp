@@ -94,8 +94,7 @@ void add_journal_command(CLI::App& app, CommandContext& context) {
     const Result<std::string> text = journal_as_text(*folder + "/" + journal_name);
     if (!text) return context.fail(text.error());
     const Result<JournalContents> contents = read_journal(*folder + "/" + journal_name);
-    const bool simulated = contents && contents->begin_value("simulated") == "true";
-    const std::string_view tag = !simulated ? "" : contents->begin_value("live") == "true" ? simulated_tag : dry_run_tag;
+    const std::string_view tag = contents ? tag_of(*contents) : std::string_view();
     std::istringstream lines(*text);
     for (std::string line; std::getline(lines, line);) context.out << tag << line << '\n';
     context.out << std::flush;

@@ -6,6 +6,8 @@
 #include <map>
 #include <set>
 
+#include "orchestrator/report_format.h"
+
 namespace turncal {
 
 namespace {
@@ -25,12 +27,6 @@ const char* unit_of(int parameter, const RecordingInfo& info) {
   return parameter < 15 && info.gyro_increment == IncrementKind::pulses ? "arcsec/pulse" : "-";
 }
 
-std::string joined(const std::vector<std::string>& words, const char* between = ", ") {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : between) + word;
-  return text;
-}
-
 std::string row_name(const PredictedEffect& effect) {
   std::string name = effect.column.key();
   if (effect.column.tau_s > 0.0) name += formatted(" (%g s)", effect.column.tau_s);
@@ -47,8 +43,8 @@ void print_confusions(const NamedPrediction& column, std::ostream& out) {
   }
   out << "\n" << column.name << ": " << (aliases.empty() ? "no effect is imitated by another" : "imitated by others (~)") << "\n";
   for (const auto& [name, others] : aliases)
-    out << "  " << name << " by " << joined({others.begin(), others.end()}) << "\n";
-  out << column.name << ": not detectable (-): " << (unseen.empty() ? "none" : joined(unseen)) << "\n";
+    out << "  " << name << " by " << join({others.begin(), others.end()}) << "\n";
+  out << column.name << ": not detectable (-): " << (unseen.empty() ? "none" : join(unseen)) << "\n";
 }
 
 }  // namespace
@@ -56,7 +52,7 @@ void print_confusions(const NamedPrediction& column, std::ostream& out) {
 std::string describe(const Undetermined& direction) {
   std::vector<std::string> terms;
   for (const auto& [key, weight] : direction.combination) terms.push_back(formatted("%+.2f %s", weight, key.c_str()));
-  return joined(terms, " ");
+  return join(terms, " ");
 }
 
 void print_sigmas(const std::vector<NamedPrediction>& columns, const RecordingInfo& info, std::ostream& out) {
@@ -89,7 +85,7 @@ void print_undetermined(const std::vector<NamedPrediction>& columns, std::ostrea
       out << column.name << ": all 21 parameters are determined\n";
       continue;
     }
-    out << column.name << ": not determined: " << joined(lost, " ") << "\n";
+    out << column.name << ": not determined: " << join(lost, " ") << "\n";
     for (const Undetermined& direction : column.prediction.undetermined)
       out << "  combination, in plausible ranges: " << describe(direction) << "\n";
   }

@@ -11,6 +11,7 @@
 #include "orchestrator/live_view.h"
 #include "orchestrator/progress.h"
 #include "orchestrator/recording_sink.h"
+#include "orchestrator/report_format.h"
 #include "orchestrator/results_database.h"
 #include "orchestrator/run_results.h"
 #include "orchestrator/station_run.h"
@@ -116,12 +117,6 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
   return made;
 }
 
-std::string serials(const PreparedRun& run) {
-  std::string text;
-  for (const std::string& serial : run.request.units) text += (text.empty() ? "" : ", ") + serial;
-  return text;
-}
-
 // One attempt with the devices, up to the verdicts.
 RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   const StationDevices devices = made.devices();
@@ -130,7 +125,7 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   // A line redrawn in place would run over the operator's answers.
   const bool in_place = context.out_is_terminal && !made.prompts;
   ProgressView view(context.out, in_place ? context.terminal_columns : 0, tag, steady_wall_s, stdout_takes_more);
-  LiveView live(serials(a.run), a.run.station.name, a.run.sequence.name, a.run.request.dry_run, last_results(a.run),
+  LiveView live(join(a.run.request.units), a.run.station.name, a.run.sequence.name, a.run.request.dry_run, last_results(a.run),
                 steady_wall_s);
   std::unique_ptr<StatusPage> page;
   if (!a.run.request.listen.empty()) {

@@ -44,6 +44,4 @@ struct Attempt {
 // Up to the verdicts. Sets counts and status of the units.
 RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context);
 
-std::string serials(const PreparedRun& run);  // "SN1, SN2"
-
 }  // namespace turncal

@@ -8,6 +8,7 @@
 #include "orchestrator/output_folder.h"
 #include "orchestrator/progress.h"
 #include "orchestrator/recording_sink.h"
+#include "orchestrator/report_format.h"
 #include "orchestrator/run_attempt.h"
 #include "orchestrator/run_results.h"
 
@@ -33,7 +34,7 @@ Status check_due(const PreparedRun& run, double utc_s) {
 }
 
 std::string first_line(const PreparedRun& run) {
-  return std::string("turncal ") + software_version() + (run.request.units.size() > 1 ? ", units " : ", unit ") + serials(run) +
+  return std::string("turncal ") + software_version() + (run.request.units.size() > 1 ? ", units " : ", unit ") + join(run.request.units) +
          ", station " + run.station.name + ", sequence " + run.sequence.name +
          (run.request.dry_run ? ", rig seed " + std::to_string(run.rig.seed) : run.simulated() ? ", simulated devices" : "");
 }
@@ -101,7 +102,7 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
   for (UnitRun& unit : units) {
     if (unit.dropped) continue;
     const std::string& result = verdict_of(contents, unit.run.unit())->front().second;
-    out << (contents.begin_value("simulated") == "true" ? dry_run_tag : "") << "The run of unit " << unit.run.unit()
+    out << tag_of(contents) << "The run of unit " << unit.run.unit()
         << " is complete, verdict " << result << ": nothing to resume." << std::endl;
     if (result == to_string(UnitVerdict::fail) || result == to_string(UnitVerdict::conditional_fail)) {
       unit.status = Error{ErrorKind::unit_failed, unit.folder + ": the unit's verdict is " + result};

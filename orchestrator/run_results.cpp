@@ -88,6 +88,11 @@ std::string_view tag_of(const PreparedRun& run) {
   return run.simulated() ? simulated_tag : std::string_view();
 }
 
+std::string_view tag_of(const JournalContents& journal) {
+  if (journal.begin_value("simulated") != "true") return {};
+  return journal.begin_value("live") == "true" ? simulated_tag : dry_run_tag;
+}
+
 Status write_results(const PreparedRun& run, const std::string& folder, double utc_s, const RunCounts& counts,
                      JournalFile& journal, const JournalFields& mark, RunResults& results) {
   Status calibrated;

@@ -23,6 +23,7 @@ inline constexpr const char* truth_name = "truth.conf";
 inline constexpr std::string_view dry_run_tag = "[dry run] ";
 inline constexpr std::string_view simulated_tag = "[simulated] ";  // the same of a live run with a twin
 std::string_view tag_of(const PreparedRun& run);
+std::string_view tag_of(const JournalContents& journal);
 
 struct RunCounts {
   double recorded_s = 0.0;
