@@ -3,20 +3,20 @@
 
 #include <iostream>
 
-#include "orchestrator/command_apply.h"
-#include "orchestrator/command_batch.h"
-#include "orchestrator/command_calibrate.h"
-#include "orchestrator/command_check_line.h"
-#include "orchestrator/command_commission.h"
-#include "orchestrator/command_diagnose.h"
-#include "orchestrator/command_history.h"
-#include "orchestrator/command_line.h"
-#include "orchestrator/command_monitor.h"
-#include "orchestrator/command_predict.h"
-#include "orchestrator/command_run.h"
-#include "orchestrator/command_segment.h"
-#include "orchestrator/command_text.h"
-#include "orchestrator/command_twin.h"
+#include "orchestrator/commands/command_apply.h"
+#include "orchestrator/commands/command_batch.h"
+#include "orchestrator/commands/command_calibrate.h"
+#include "orchestrator/commands/command_check_line.h"
+#include "orchestrator/commands/command_commission.h"
+#include "orchestrator/commands/command_diagnose.h"
+#include "orchestrator/commands/command_history.h"
+#include "orchestrator/commands/command_line.h"
+#include "orchestrator/commands/command_monitor.h"
+#include "orchestrator/commands/command_predict.h"
+#include "orchestrator/commands/command_run.h"
+#include "orchestrator/commands/command_segment.h"
+#include "orchestrator/commands/command_text.h"
+#include "orchestrator/commands/command_twin.h"
 
 namespace {
 

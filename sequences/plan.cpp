@@ -4,7 +4,7 @@
 #include <cassert>
 #include <cmath>
 
-#include "imu_io/format_number.h"
+#include "imu_io/base/format_number.h"
 
 namespace turncal {
 

@@ -18,8 +18,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/axis.h"
-#include "calib/recording_types.h"
+#include "calib/types/axis.h"
+#include "calib/types/recording_types.h"
 #include "sequences/sequence.h"
 
 namespace turncal {

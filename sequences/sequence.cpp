@@ -11,7 +11,7 @@
 #include <fstream>
 #include <optional>
 
-#include "calib/parameters.h"
+#include "calib/model/parameters.h"
 #include "sequences/token.h"
 
 namespace turncal {

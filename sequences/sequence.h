@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "calib/axis.h"
-#include "calib/recording_types.h"
-#include "calib/status.h"
+#include "calib/types/axis.h"
+#include "calib/types/recording_types.h"
+#include "calib/types/status.h"
 
 namespace turncal {
 

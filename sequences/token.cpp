@@ -1,6 +1,6 @@
 #include "sequences/token.h"
 
-#include "imu_io/format_number.h"
+#include "imu_io/base/format_number.h"
 
 namespace turncal {
 

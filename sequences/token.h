@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/axis.h"
-#include "calib/status.h"
+#include "calib/types/axis.h"
+#include "calib/types/status.h"
 
 namespace turncal {
 

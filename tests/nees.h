@@ -4,7 +4,7 @@
 
 #include <Eigen/Dense>
 
-#include "calib/joint_estimate.h"
+#include "calib/joint/joint_estimate.h"
 
 namespace turncal {
 

@@ -20,13 +20,13 @@
 #include <utility>
 #include <vector>
 
-#include "calib/compression.h"
-#include "calib/parameters.h"
-#include "imu_io/recording_writer.h"
+#include "calib/statistics/compression.h"
+#include "calib/model/parameters.h"
+#include "imu_io/recordings/recording_writer.h"
 #include "sequences/plan.h"
 #include "sequences/sequence.h"
-#include "turntable_drivers/rig.h"
-#include "turntable_drivers/rig_imu.h"
+#include "turntable_drivers/rig/rig.h"
+#include "turntable_drivers/rig/rig_imu.h"
 
 namespace turncal {
 

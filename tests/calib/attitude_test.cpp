@@ -1,4 +1,4 @@
-#include "calib/attitude.h"
+#include "calib/model/attitude.h"
 
 #include <gtest/gtest.h>
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "calib/block_motion.h"
-#include "calib/closed_form.h"
+#include "calib/statistics/block_motion.h"
+#include "calib/closed_form/closed_form.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

@@ -1,6 +1,6 @@
 // evaluate() against integration of the motion in steps of 50 us, and parameter_columns() against central differences
 // of evaluate(). The integration and the checker of derivatives share nothing with the code they check.
-#include "calib/block_motion.h"
+#include "calib/statistics/block_motion.h"
 
 #include <cmath>
 #include <functional>
@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "calib/attitude.h"
+#include "calib/model/attitude.h"
 
 namespace turncal {
 namespace {

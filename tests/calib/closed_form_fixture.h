@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "calib/closed_form.h"
+#include "calib/closed_form/closed_form.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

@@ -5,8 +5,8 @@
 
 #include <gtest/gtest.h>
 
-#include "imu_io/key_value.h"
-#include "imu_io/recording_source.h"
+#include "imu_io/base/key_value.h"
+#include "imu_io/recordings/recording_source.h"
 #include "tests/calib/closed_form_fixture.h"
 
 namespace turncal {

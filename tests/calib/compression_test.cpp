@@ -1,6 +1,6 @@
 // The sums of a block against code that is as slow and as near to the definitions in compression.h as possible, and
 // what the Compressor says about samples that are missing, double, marked or out of line.
-#include "calib/compression.h"
+#include "calib/statistics/compression.h"
 
 #include <cmath>
 #include <random>

@@ -1,13 +1,13 @@
 // The diagnosis on rig recordings whose effect it is not told, and on the recordings of another simulator. The whole
 // acceptance table is a study (scripts/study, docs/diagnosis-study.md); these are the fast cases.
-#include "calib/diagnosis.h"
+#include "calib/diagnosis/diagnosis.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <filesystem>
 
-#include "imu_io/recording_source.h"
+#include "imu_io/recordings/recording_source.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

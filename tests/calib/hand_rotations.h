@@ -10,8 +10,8 @@
 #include <random>
 #include <vector>
 
-#include "calib/parameters.h"
-#include "calib/recording_types.h"
+#include "calib/model/parameters.h"
+#include "calib/types/recording_types.h"
 
 namespace turncal {
 

@@ -1,6 +1,6 @@
 // The joint estimate against the truth of two simulators that share no code with it, and against what it should refuse.
 // The long statistics (200 runs, normalised error parameter by parameter) are scripts/study-joint; docs/accuracy.md.
-#include "calib/joint_estimate.h"
+#include "calib/joint/joint_estimate.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <span>
 
-#include "imu_io/key_value.h"
-#include "imu_io/recording_source.h"
+#include "imu_io/base/key_value.h"
+#include "imu_io/recordings/recording_source.h"
 #include "tests/nees.h"
 #include "tests/rig_recorder.h"
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "calib/joint_estimate.h"
+#include "calib/joint/joint_estimate.h"
 #include "tests/nees.h"
 #include "tests/rig_recorder.h"
 

@@ -6,9 +6,9 @@
 
 #include <cmath>
 
-#include "calib/effects.h"
-#include "calib/joint_estimate.h"
-#include "calib/joint_filter.h"
+#include "calib/model/effects.h"
+#include "calib/joint/joint_estimate.h"
+#include "calib/joint/joint_filter.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

@@ -1,13 +1,13 @@
 // The planned recording against numbers worked by hand and against the rig, which shares no model code with it.
-#include "calib/planned_motion.h"
+#include "calib/prediction/planned_motion.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "calib/block_motion.h"
-#include "calib/joint_estimate.h"
-#include "orchestrator/command_predict.h"
+#include "calib/statistics/block_motion.h"
+#include "calib/joint/joint_estimate.h"
+#include "orchestrator/commands/command_predict.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

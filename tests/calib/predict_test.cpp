@@ -1,6 +1,6 @@
 // The prediction against what the estimator says of a measured recording, against the errors it makes on the rig, and on
 // sequences that leave parameters undetermined.
-#include "calib/predict.h"
+#include "calib/prediction/predict.h"
 
 #include <gtest/gtest.h>
 
@@ -10,10 +10,10 @@
 #include <filesystem>
 #include <string>
 
-#include "calib/score_algebra.h"
-#include "imu_io/recording_source.h"
-#include "orchestrator/command_predict.h"
-#include "orchestrator/truth.h"
+#include "calib/joint/score_algebra.h"
+#include "imu_io/recordings/recording_source.h"
+#include "orchestrator/commands/command_predict.h"
+#include "orchestrator/devices/truth.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

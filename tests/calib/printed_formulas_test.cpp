@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "calib/closed_form_layout.h"
+#include "calib/closed_form/closed_form_layout.h"
 #include "tests/calib/closed_form_fixture.h"
 
 namespace turncal {

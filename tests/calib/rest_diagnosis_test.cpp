@@ -1,9 +1,9 @@
-#include "calib/rest_diagnosis.h"
+#include "calib/diagnosis/rest_diagnosis.h"
 
 #include <gtest/gtest.h>
 
-#include "calib/rest_selection.h"
-#include "calib/segmentation.h"
+#include "calib/diagnosis/rest_selection.h"
+#include "calib/statistics/segmentation.h"
 #include "tests/calib/hand_rotations.h"
 
 namespace turncal {

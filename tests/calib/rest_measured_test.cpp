@@ -6,11 +6,11 @@
 #include <filesystem>
 #include <set>
 
-#include "calib/rest_diagnosis.h"
-#include "calib/segmentation.h"
-#include "imu_io/csv_map_import.h"
-#include "imu_io/posix_file.h"
-#include "imu_io/text_pieces.h"
+#include "calib/diagnosis/rest_diagnosis.h"
+#include "calib/statistics/segmentation.h"
+#include "imu_io/recordings/csv_map_import.h"
+#include "imu_io/base/posix_file.h"
+#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 namespace {

@@ -1,11 +1,11 @@
-#include "calib/rest_model.h"
+#include "calib/rests/rest_model.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <memory>
 
-#include "calib/effects.h"
+#include "calib/model/effects.h"
 #include "tests/calib/hand_rotations.h"
 
 namespace turncal {

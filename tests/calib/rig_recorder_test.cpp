@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "imu_io/recording_source.h"
+#include "imu_io/recordings/recording_source.h"
 #include "tests/calib/closed_form_fixture.h"
 
 namespace turncal {

@@ -1,5 +1,5 @@
 // The dense algebra of scores against textbook numbers and against plain least squares.
-#include "calib/score_algebra.h"
+#include "calib/joint/score_algebra.h"
 
 #include <gtest/gtest.h>
 

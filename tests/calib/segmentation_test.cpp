@@ -1,4 +1,4 @@
-#include "calib/segmentation.h"
+#include "calib/statistics/segmentation.h"
 
 #include <gtest/gtest.h>
 

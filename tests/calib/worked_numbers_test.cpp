@@ -5,8 +5,8 @@
 
 #include <gtest/gtest.h>
 
-#include "calib/attitude.h"
-#include "calib/closed_form.h"
+#include "calib/model/attitude.h"
+#include "calib/closed_form/closed_form.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

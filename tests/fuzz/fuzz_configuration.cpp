@@ -1,10 +1,10 @@
 // Text into the readers of configuration: station, rig, CSV map (byte 0 chooses).
 #include <string>
 
-#include "imu_io/csv_map_import.h"
+#include "imu_io/recordings/csv_map_import.h"
 #include "input.h"
-#include "orchestrator/station_config.h"
-#include "turntable_drivers/rig_config.h"
+#include "orchestrator/station/station_config.h"
+#include "turntable_drivers/rig/rig_config.h"
 
 namespace {
 

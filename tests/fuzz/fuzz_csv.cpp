@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "imu_io/csv_map_import.h"
+#include "imu_io/recordings/csv_map_import.h"
 #include "input.h"
 
 namespace turncal {

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <vector>
 
-#include "imu_io/builtin_frames.h"
-#include "imu_io/frame_decoder.h"
-#include "imu_io/frame_encoder.h"
+#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/frames/frame_decoder.h"
+#include "imu_io/frames/frame_encoder.h"
 #include "input.h"
 
 namespace turncal {

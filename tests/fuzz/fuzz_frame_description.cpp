@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "imu_io/frame_decoder.h"
-#include "imu_io/frame_encoder.h"
+#include "imu_io/frames/frame_decoder.h"
+#include "imu_io/frames/frame_encoder.h"
 #include "input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -3,8 +3,8 @@
 #include <cstdio>
 #include <string>
 
-#include "imu_io/crc32c.h"
-#include "imu_io/parameter_file.h"
+#include "imu_io/base/crc32c.h"
+#include "imu_io/recordings/parameter_file.h"
 #include "input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "imu_io/binary_layout.h"
-#include "imu_io/record_log.h"
-#include "imu_io/recording_source.h"
+#include "imu_io/recordings/binary_layout.h"
+#include "imu_io/base/record_log.h"
+#include "imu_io/recordings/recording_source.h"
 #include "input.h"
 #include "scratch_file.h"
 

@@ -8,9 +8,10 @@
 #include <vector>
 
 #include "input.h"
-#include "turntable_drivers/dialect.h"
-#include "turntable_drivers/modbus_frame.h"
-#include "turntable_drivers/register_map.h"
+#include "imu_io/base/text_pieces.h"
+#include "turntable_drivers/ascii/dialect.h"
+#include "turntable_drivers/modbus/modbus_frame.h"
+#include "turntable_drivers/modbus/register_map.h"
 
 namespace turncal {
 namespace {
@@ -19,7 +20,7 @@ const std::vector<Dialect>& dialects() {
   static const std::vector<Dialect> all = [] {
     std::vector<Dialect> result;
     for (const char* name : {"acutronic_acl", "aerosmith", "newport_esp30x", "pi_gcs2", "three_axis_dollar"}) {
-      result.push_back(read_dialect(TURNCAL_SOURCE_DIR "/turntable_drivers/dialects/" + std::string(name) + ".dialect").value());
+      result.push_back(read_dialect(TURNCAL_SOURCE_DIR "/turntable_drivers/ascii/dialects/" + std::string(name) + ".dialect").value());
     }
     return result;
   }();

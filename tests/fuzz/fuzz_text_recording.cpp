@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "imu_io/recording_source.h"
+#include "imu_io/recordings/recording_source.h"
 #include "input.h"
 #include "scratch_file.h"
 

@@ -5,11 +5,11 @@
 #include <string>
 #include <vector>
 
-#include "imu_io/binary_layout.h"
-#include "imu_io/builtin_frames.h"
-#include "imu_io/frame_encoder.h"
-#include "imu_io/parameter_file.h"
-#include "imu_io/record_log.h"
+#include "imu_io/recordings/binary_layout.h"
+#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/frames/frame_encoder.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "imu_io/base/record_log.h"
 #include "input.h"
 
 namespace {

@@ -1,4 +1,4 @@
-#include "imu_io/arrival_fit.h"
+#include "imu_io/units/arrival_fit.h"
 
 #include <gtest/gtest.h>
 

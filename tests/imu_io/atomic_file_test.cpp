@@ -1,4 +1,4 @@
-#include "imu_io/atomic_file.h"
+#include "imu_io/base/atomic_file.h"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>

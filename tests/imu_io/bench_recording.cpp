@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "imu_io/recording_source.h"
-#include "imu_io/recording_text.h"
-#include "imu_io/recording_writer.h"
+#include "imu_io/recordings/recording_source.h"
+#include "imu_io/recordings/recording_text.h"
+#include "imu_io/recordings/recording_writer.h"
 
 namespace turncal {
 namespace {

@@ -11,11 +11,11 @@
 #include <string>
 #include <thread>
 
-#include "imu_io/builtin_frames.h"
-#include "imu_io/deadline.h"
-#include "imu_io/frame_streamer.h"
-#include "imu_io/pty.h"
-#include "imu_io/serial_imu.h"
+#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/base/deadline.h"
+#include "imu_io/units/frame_streamer.h"
+#include "imu_io/lines/pty.h"
+#include "imu_io/units/serial_imu.h"
 
 namespace turncal {
 namespace {

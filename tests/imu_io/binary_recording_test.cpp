@@ -9,10 +9,10 @@
 #include <cstring>
 #include <tuple>
 
-#include "imu_io/binary_layout.h"
-#include "imu_io/recording_source.h"
-#include "imu_io/recording_text.h"
-#include "imu_io/recording_writer.h"
+#include "imu_io/recordings/binary_layout.h"
+#include "imu_io/recordings/recording_source.h"
+#include "imu_io/recordings/recording_text.h"
+#include "imu_io/recordings/recording_writer.h"
 #include "recording_samples.h"
 
 namespace turncal {

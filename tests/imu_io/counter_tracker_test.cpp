@@ -1,4 +1,4 @@
-#include "imu_io/counter_tracker.h"
+#include "imu_io/frames/counter_tracker.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "imu_io/crc.h"
+#include "imu_io/base/crc.h"
 
 #include <gtest/gtest.h>
 

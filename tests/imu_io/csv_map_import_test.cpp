@@ -1,8 +1,8 @@
-#include "imu_io/csv_map_import.h"
+#include "imu_io/recordings/csv_map_import.h"
 
 #include <gtest/gtest.h>
 
-#include "calib/parameters.h"
+#include "calib/model/parameters.h"
 
 namespace turncal {
 namespace {

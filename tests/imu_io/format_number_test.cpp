@@ -1,4 +1,4 @@
-#include "imu_io/format_number.h"
+#include "imu_io/base/format_number.h"
 
 #include <gtest/gtest.h>
 

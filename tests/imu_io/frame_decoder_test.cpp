@@ -1,5 +1,5 @@
 // Check vectors of real units, and rapid random round trips through encoder and decoder.
-#include "imu_io/frame_decoder.h"
+#include "imu_io/frames/frame_decoder.h"
 
 #include <gtest/gtest.h>
 

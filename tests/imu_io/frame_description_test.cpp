@@ -1,4 +1,4 @@
-#include "imu_io/frame_description.h"
+#include "imu_io/frames/frame_description.h"
 
 #include <gtest/gtest.h>
 

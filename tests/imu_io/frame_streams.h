@@ -9,9 +9,9 @@
 #include <string_view>
 #include <vector>
 
-#include "imu_io/builtin_frames.h"
-#include "imu_io/frame_decoder.h"
-#include "imu_io/frame_encoder.h"
+#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/frames/frame_decoder.h"
+#include "imu_io/frames/frame_encoder.h"
 #include "temporary_folder.h"
 
 namespace turncal::test {

@@ -1,4 +1,4 @@
-#include "imu_io/key_value.h"
+#include "imu_io/base/key_value.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "imu_io/parameter_file.h"
+#include "imu_io/recordings/parameter_file.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <limits>
 #include <random>
 
-#include "imu_io/crc32c.h"
+#include "imu_io/base/crc32c.h"
 #include "recording_samples.h"
 #include "temporary_folder.h"
 

@@ -1,11 +1,11 @@
 // The record framing by itself: what the journal and the recording both rest on.
-#include "imu_io/record_log.h"
+#include "imu_io/base/record_log.h"
 
 #include <gtest/gtest.h>
 
 #include <string>
 
-#include "imu_io/bytes.h"
+#include "imu_io/base/bytes.h"
 #include "temporary_folder.h"
 
 namespace turncal {

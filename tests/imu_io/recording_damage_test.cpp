@@ -6,10 +6,10 @@
 #include <limits>
 #include <random>
 
-#include "imu_io/binary_layout.h"
-#include "imu_io/record_log.h"
-#include "imu_io/recording_source.h"
-#include "imu_io/recording_writer.h"
+#include "imu_io/recordings/binary_layout.h"
+#include "imu_io/base/record_log.h"
+#include "imu_io/recordings/recording_source.h"
+#include "imu_io/recordings/recording_writer.h"
 #include "recording_samples.h"
 
 namespace turncal {

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "imu_io/recording_source.h"
-#include "imu_io/recording_writer.h"
+#include "imu_io/recordings/recording_source.h"
+#include "imu_io/recordings/recording_writer.h"
 #include "temporary_folder.h"
 
 namespace turncal::test {

@@ -1,4 +1,4 @@
-#include "imu_io/serial_imu_config.h"
+#include "imu_io/units/serial_imu_config.h"
 
 #include <gtest/gtest.h>
 

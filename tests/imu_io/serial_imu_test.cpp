@@ -1,5 +1,5 @@
 // A unit on a pseudo-terminal: the whole path from the line to the samples, and the faults that only a line has.
-#include "imu_io/serial_imu.h"
+#include "imu_io/units/serial_imu.h"
 
 #include <gtest/gtest.h>
 #include <time.h>
@@ -8,9 +8,9 @@
 #include <thread>
 
 #include "frame_streams.h"
-#include "imu_io/deadline.h"
-#include "imu_io/frame_streamer.h"
-#include "imu_io/pty.h"
+#include "imu_io/base/deadline.h"
+#include "imu_io/units/frame_streamer.h"
+#include "imu_io/lines/pty.h"
 
 namespace turncal {
 namespace {

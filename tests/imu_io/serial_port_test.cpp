@@ -1,4 +1,4 @@
-#include "imu_io/serial_port.h"
+#include "imu_io/lines/serial_port.h"
 
 #include <gtest/gtest.h>
 #include <sys/ioctl.h>
@@ -8,8 +8,8 @@
 #include <string>
 #include <thread>
 
-#include "imu_io/deadline.h"
-#include "imu_io/pty.h"
+#include "imu_io/base/deadline.h"
+#include "imu_io/lines/pty.h"
 #include "tests/imu_io/temporary_folder.h"
 
 namespace turncal {

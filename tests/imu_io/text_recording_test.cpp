@@ -4,10 +4,10 @@
 #include <functional>
 #include <tuple>
 
-#include "imu_io/imu_csv.h"
-#include "imu_io/recording_source.h"
-#include "imu_io/recording_text.h"
-#include "imu_io/recording_writer.h"
+#include "imu_io/recordings/imu_csv.h"
+#include "imu_io/recordings/recording_source.h"
+#include "imu_io/recordings/recording_text.h"
+#include "imu_io/recordings/recording_writer.h"
 #include "recording_samples.h"
 
 namespace turncal {

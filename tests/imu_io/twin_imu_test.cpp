@@ -6,12 +6,12 @@
 #include <thread>
 
 #include "frame_streams.h"
-#include "imu_io/deadline.h"
-#include "imu_io/frame_streamer.h"
-#include "imu_io/pty.h"
-#include "imu_io/serial_imu.h"
-#include "turntable_drivers/rig.h"
-#include "turntable_drivers/rig_imu.h"
+#include "imu_io/base/deadline.h"
+#include "imu_io/units/frame_streamer.h"
+#include "imu_io/lines/pty.h"
+#include "imu_io/units/serial_imu.h"
+#include "turntable_drivers/rig/rig.h"
+#include "turntable_drivers/rig/rig_imu.h"
 
 namespace turncal {
 namespace {

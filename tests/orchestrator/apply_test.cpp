@@ -5,9 +5,9 @@
 #include <sstream>
 #include <vector>
 
-#include "imu_io/key_value.h"
-#include "imu_io/parameter_file.h"
-#include "imu_io/recording_source.h"
+#include "imu_io/base/key_value.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "imu_io/recordings/recording_source.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {

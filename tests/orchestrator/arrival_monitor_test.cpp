@@ -1,5 +1,5 @@
 // The arrival rule against axes that lie, one clause at a time.
-#include "orchestrator/arrival_monitor.h"
+#include "orchestrator/run/arrival_monitor.h"
 
 #include <gtest/gtest.h>
 

@@ -4,9 +4,9 @@
 
 #include <chrono>
 
-#include "imu_io/pty.h"
-#include "orchestrator/hooks.h"
-#include "orchestrator/unit_queue.h"
+#include "imu_io/lines/pty.h"
+#include "orchestrator/station/hooks.h"
+#include "orchestrator/records/unit_queue.h"
 
 namespace turncal {
 namespace {

@@ -2,11 +2,11 @@
 #include <mutex>
 #include <thread>
 
-#include "imu_io/frame_description.h"
-#include "imu_io/frame_streamer.h"
+#include "imu_io/frames/frame_description.h"
+#include "imu_io/units/frame_streamer.h"
 #include "tests/orchestrator/operator_session.h"
-#include "turntable_drivers/rig.h"
-#include "turntable_drivers/rig_imu.h"
+#include "turntable_drivers/rig/rig.h"
+#include "turntable_drivers/rig/rig_imu.h"
 
 namespace turncal {
 namespace {

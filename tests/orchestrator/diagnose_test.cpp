@@ -2,8 +2,8 @@
 #include <cstdlib>
 #include <map>
 
-#include "imu_io/key_value.h"
-#include "imu_io/parameter_file.h"
+#include "imu_io/base/key_value.h"
+#include "imu_io/recordings/parameter_file.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {

@@ -1,5 +1,5 @@
 // Which dwells count: by the unit's counter, its flags, and its own account of standing still.
-#include "orchestrator/dwell_monitor.h"
+#include "orchestrator/run/dwell_monitor.h"
 
 #include <gtest/gtest.h>
 

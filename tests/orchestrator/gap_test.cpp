@@ -2,9 +2,9 @@
 // parameters are still those of the unit.
 #include <gtest/gtest.h>
 
-#include "imu_io/recording_source.h"
-#include "orchestrator/calibration_job.h"
-#include "orchestrator/recording_sink.h"
+#include "imu_io/recordings/recording_source.h"
+#include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/records/recording_sink.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"
 #include "tests/imu_io/temporary_folder.h"

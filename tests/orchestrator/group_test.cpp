@@ -5,11 +5,11 @@
 #include <cmath>
 #include <map>
 
-#include "imu_io/parameter_file.h"
-#include "orchestrator/journal_file.h"
-#include "orchestrator/recording_sink.h"
-#include "orchestrator/truth.h"
-#include "orchestrator/unit_queue.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/records/journal_file.h"
+#include "orchestrator/records/recording_sink.h"
+#include "orchestrator/devices/truth.h"
+#include "orchestrator/records/unit_queue.h"
 
 namespace turncal {
 namespace {

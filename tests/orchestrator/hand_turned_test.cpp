@@ -3,9 +3,9 @@
 #include <cmath>
 #include <map>
 
-#include "imu_io/format_number.h"
-#include "imu_io/parameter_file.h"
-#include "imu_io/recording_text.h"
+#include "imu_io/base/format_number.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "imu_io/recordings/recording_text.h"
 #include "tests/calib/hand_rotations.h"
 #include "tests/orchestrator/program.h"
 

@@ -1,10 +1,10 @@
-#include "orchestrator/history_page.h"
+#include "orchestrator/report/history_page.h"
 
 #include <gtest/gtest.h>
 
 #include <string>
 
-#include "orchestrator/parameter_history.h"
+#include "orchestrator/records/parameter_history.h"
 
 namespace turncal {
 namespace {

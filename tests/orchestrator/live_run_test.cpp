@@ -5,9 +5,9 @@
 #include <cmath>
 #include <functional>
 
-#include "imu_io/deadline.h"
-#include "orchestrator/gravity_watch.h"
-#include "orchestrator/live_devices.h"
+#include "imu_io/base/deadline.h"
+#include "orchestrator/devices/gravity_watch.h"
+#include "orchestrator/devices/live_devices.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"
 

@@ -1,12 +1,12 @@
 // What the operator sees: the live line's content and rate, and plain lines where there is no terminal.
-#include "orchestrator/progress.h"
+#include "orchestrator/watch/progress.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <sstream>
 
-#include "orchestrator/run_log.h"
+#include "orchestrator/watch/run_log.h"
 
 namespace turncal {
 namespace {

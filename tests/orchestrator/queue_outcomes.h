@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "orchestrator/unit_queue.h"
+#include "orchestrator/records/unit_queue.h"
 
 namespace turncal {
 

@@ -6,16 +6,16 @@
 #include <regex>
 #include <set>
 
-#include "imu_io/key_value.h"
-#include "imu_io/parameter_file.h"
-#include "orchestrator/diagnosis_file.h"
-#include "orchestrator/diagnosis_text.h"
-#include "orchestrator/report.h"
-#include "orchestrator/report_data.h"
-#include "orchestrator/report_dwells.h"
-#include "orchestrator/report_format.h"
-#include "orchestrator/report_plots.h"
-#include "orchestrator/report_views.h"
+#include "imu_io/base/key_value.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/report/diagnosis_file.h"
+#include "orchestrator/report/diagnosis_text.h"
+#include "orchestrator/report/report.h"
+#include "orchestrator/report/report_data.h"
+#include "orchestrator/report/report_dwells.h"
+#include "orchestrator/report/report_format.h"
+#include "orchestrator/report/report_plots.h"
+#include "orchestrator/report/report_views.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/sample_diagnosis.h"
 

@@ -5,9 +5,9 @@
 #include <random>
 #include <regex>
 
-#include "orchestrator/journal_file.h"
-#include "orchestrator/recording_sink.h"
-#include "orchestrator/results_database.h"
+#include "orchestrator/records/journal_file.h"
+#include "orchestrator/records/recording_sink.h"
+#include "orchestrator/records/results_database.h"
 
 namespace turncal {
 namespace {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "orchestrator/dry_run_devices.h"
-#include "orchestrator/run_log.h"
-#include "orchestrator/station_run.h"
+#include "orchestrator/devices/dry_run_devices.h"
+#include "orchestrator/watch/run_log.h"
+#include "orchestrator/run/station_run.h"
 
 namespace turncal {
 

@@ -1,5 +1,5 @@
 // The transition table is complete, unambiguous and the one that docs/state-machine.md draws.
-#include "orchestrator/run_state_machine.h"
+#include "orchestrator/run/run_state_machine.h"
 
 #include <gtest/gtest.h>
 

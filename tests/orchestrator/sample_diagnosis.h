@@ -6,9 +6,9 @@
 #include <limits>
 #include <string>
 
-#include "calib/attitude.h"
-#include "calib/diagnosis.h"
-#include "orchestrator/diagnosis_context.h"
+#include "calib/model/attitude.h"
+#include "calib/diagnosis/diagnosis.h"
+#include "orchestrator/report/diagnosis_context.h"
 
 namespace turncal {
 

@@ -1,5 +1,5 @@
 // The station file: every key arrives, every defect is named, the shipped example is the built-in station.
-#include "orchestrator/station_config.h"
+#include "orchestrator/station/station_config.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The station's loop on the rig: an undisturbed run to the sample, and what it does about every fault the rig can make.
-#include "orchestrator/station_run.h"
+#include "orchestrator/run/station_run.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "imu_io/recording_source.h"
+#include "imu_io/recordings/recording_source.h"
 #include "tests/orchestrator/rig_station.h"
 
 namespace turncal {

@@ -6,10 +6,10 @@
 #include <memory>
 #include <thread>
 
-#include "orchestrator/live_view.h"
-#include "orchestrator/progress.h"
-#include "orchestrator/run_log.h"
-#include "orchestrator/status_page.h"
+#include "orchestrator/watch/live_view.h"
+#include "orchestrator/watch/progress.h"
+#include "orchestrator/watch/run_log.h"
+#include "orchestrator/watch/status_page.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {

@@ -1,5 +1,5 @@
 // The keys of the table in a station file, the shipped examples, and the table that is made of them.
-#include "orchestrator/table_device.h"
+#include "orchestrator/devices/table_device.h"
 
 #include <gtest/gtest.h>
 
@@ -56,7 +56,7 @@ TEST(TableDevice, DefectsAreNamed) {
   EXPECT_NE(error_of("table.driver = manual\ntable.tolerance_deg = 0\n").find("table.tolerance_deg"), std::string::npos);
   EXPECT_NE(error_of("table.driver = manual\nmotion.position_tolerance_deg = 0.05\n").find("not below table.tolerance_deg (0.1, its default)"),
             std::string::npos);
-  EXPECT_NE(error_of("table.driver = serial\ntable.dialect = ../../turntable_drivers/dialects/pi_gcs2.dialect\n"
+  EXPECT_NE(error_of("table.driver = serial\ntable.dialect = ../../turntable_drivers/ascii/dialects/pi_gcs2.dialect\n"
                      "axis.roll.max_rate_degps = 500\n").find("axis.roll.max_rate_degps"), std::string::npos);
 }
 

@@ -1,12 +1,12 @@
 // Verdicts by guard bands, control charts, and what of them reaches parameter file, database, store and exit code.
-#include "orchestrator/verdict.h"
+#include "orchestrator/station/verdict.h"
 
 #include <cmath>
 #include <limits>
 
-#include "orchestrator/control_chart.h"
-#include "orchestrator/parameter_store.h"
-#include "orchestrator/results_database.h"
+#include "orchestrator/records/control_chart.h"
+#include "orchestrator/records/parameter_store.h"
+#include "orchestrator/records/results_database.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {

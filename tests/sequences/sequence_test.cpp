@@ -9,7 +9,7 @@
 #include <set>
 #include <string>
 
-#include "calib/parameters.h"
+#include "calib/model/parameters.h"
 #include "sequences/plan.h"
 #include "sequences/token.h"
 

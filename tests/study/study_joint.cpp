@@ -10,7 +10,7 @@
 #include <cstring>
 #include <string>
 
-#include "calib/joint_estimate.h"
+#include "calib/joint/joint_estimate.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Says which #include of the tree given as $1 goes against the direction of dependence, one line each; exit code 1 if any.
 #   calib <- imu_io <- {turntable_drivers, sequences} <- orchestrator
-# Also: our own headers are named from the top folder ("calib/axis.h"); calib uses no files, clocks or threads; and the rig
-# shares no model code with the estimator: of calib it sees plain data only.
+# Within a folder the rooms are one-way, too: a room sees those of lower rank only (the table `rank` below).
+# Also: our own headers are named from the top folder ("calib/types/axis.h"); calib uses no files, clocks or threads; the rig
+# shares no model code with the estimator: of calib it sees plain data only; and only twins, dry runs and what starts them see the rig.
 set -euo pipefail
 root=$1
 
@@ -15,14 +16,31 @@ grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*#[[:s
       allowed["turntable_drivers"] = "calib imu_io turntable_drivers"
       allowed["sequences"] = "calib imu_io sequences"
       allowed["orchestrator"] = "calib imu_io turntable_drivers sequences orchestrator"
+      ranks("calib", "types; model; statistics; closed_form joint rests; diagnosis; prediction")
+      ranks("imu_io", "base; recordings lines; frames; units")
+      ranks("turntable_drivers", "table; modbus ascii manual rig; twins")
+      ranks("orchestrator", "station; run; watch records; devices; report; jobs; commands; .")
+      sees_rig = " turntable_drivers/rig turntable_drivers/twins orchestrator/devices orchestrator/jobs orchestrator/commands "
     }
+    # Rooms of a folder, lowest first; those between two semicolons do not see each other. "." is the folder itself.
+    function ranks(folder, text,    level, levels, i, j, names, n) {
+      roomed[folder] = 1
+      levels = split(text, level, "; *")
+      for (i = 1; i <= levels; ++i) {
+        n = split(level[i], names, " ")
+        for (j = 1; j <= n; ++j) rank[folder "/" names[j]] = i
+      }
+    }
+    function room_of(path,    part, n) { n = split(path, part, "/"); return part[1] "/" (n > 2 ? part[2] : ".") }
     function bad(why) { print place ": " target ": " why; failed = 1 }
     {
       line = substr($0, length(root) + 1)
       match(line, /:[0-9]+:/)
       place = substr(line, 1, RSTART + RLENGTH - 2)
       folder = line; sub(/\/.*/, "", folder)
-      file = line; sub(/:.*/, "", file); sub(/.*\//, "", file)
+      path = line; sub(/:.*/, "", path)
+      room = room_of(path)
+      if ((folder in roomed) && !(room in rank)) { target = path; bad(room " is not a room of the table"); next }
       rest = substr(line, RSTART + RLENGTH)
       if (!match(rest, /["<][^">]+[">]/)) { target = rest; bad("cannot be read"); next }
       quoted = substr(rest, RSTART, 1) == "\""
@@ -33,7 +51,14 @@ grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*#[[:s
       if (ours && index(" " allowed[folder] " ", " " top " ") == 0) { bad(folder " must not depend on " top); next }
       if (folder == "calib" && target ~ /^(fstream|filesystem|iostream|thread|mutex|atomic|future|condition_variable|chrono|ctime|time.h|unistd.h|fcntl.h|sys\/.*)$/)
         bad("calib is pure mathematics: no files, clocks, threads")
-      if (folder == "turntable_drivers" && file ~ /^rig/ && top == "calib" && target !~ /^calib\/(recording_types|status|axis)\.h$/)
+      if (ours) {
+        target_room = room_of(target)
+        if (top == folder && target_room != room && (folder in roomed) && !(rank[target_room] < rank[room]))
+          bad(room " must not depend on " target_room)
+        if (target_room == "turntable_drivers/rig" && index(sees_rig, " " room " ") == 0)
+          bad("the rig is for twins, dry runs and tests")
+      }
+      if (room == "turntable_drivers/rig" && top == "calib" && target !~ /^calib\/types\/(recording_types|status|axis)\.h$/)
         bad("the rig shares no model code with the estimator")
     }
     END { exit failed }'

@@ -11,8 +11,8 @@ failures=0
 # expect RESULT FILE INCLUDE: a tree with this one line must (fail) or must not (pass) be refused.
 expect() {
   rm -rf "$work/tree"
-  mkdir -p "$work"/tree/{calib,imu_io,turntable_drivers,sequences,orchestrator}
-  echo '#include <vector>' > "$work/tree/calib/fine.h"
+  mkdir -p "$work"/tree/{calib/types,imu_io,turntable_drivers,sequences,orchestrator} "$(dirname "$work/tree/$2")"
+  echo '#include <vector>' > "$work/tree/calib/types/fine.h"
   printf '%s\n' "$3" > "$work/tree/$2"
   local result=pass
   bash "$check" "$work/tree" > "$work/said" || result=fail
@@ -24,26 +24,50 @@ expect() {
     failures=$((failures + 1))
   fi
 }
-expect pass calib/a.cpp '#include "calib/axis.h"'
-expect pass imu_io/a.cpp '#include "calib/axis.h"'
-expect pass turntable_drivers/a.cpp '#include "imu_io/clock.h"'
-expect pass sequences/a.cpp '#include "imu_io/key_value.h"'
-expect pass orchestrator/a.cpp '#include "turntable_drivers/turntable.h"'
-expect pass imu_io/a.cpp '#include <sys/stat.h>'
-expect pass turntable_drivers/rig.cpp '#include "calib/recording_types.h"'
-expect fail calib/a.cpp '#include "imu_io/clock.h"'
-expect fail calib/a.h '#include "orchestrator/progress.h"'
-expect fail imu_io/a.cpp '#include "turntable_drivers/turntable.h"'
-expect fail imu_io/a.cpp '#include "sequences/sequence.h"'
-expect fail turntable_drivers/a.cpp '#include "sequences/sequence.h"'
-expect fail sequences/a.cpp '#include "turntable_drivers/turntable.h"'
-expect fail turntable_drivers/a.cpp '#include "orchestrator/station_run.h"'
-expect fail sequences/a.cpp '  #  include <orchestrator/station_run.h>'
-expect fail imu_io/a.cpp '#include "../orchestrator/progress.h"'
-expect fail imu_io/a.cpp '#include "clock.h"'
-expect fail calib/a.cpp '#include <fstream>'
-expect fail calib/a.cpp '#include <chrono>'
-expect fail calib/a.cpp '#include <thread>'
-expect fail turntable_drivers/rig_sensors.cpp '#include "calib/parameters.h"'
-expect fail turntable_drivers/rig.h '#include "calib/attitude.h"'
+expect pass calib/model/a.cpp '#include "calib/types/axis.h"'
+expect pass imu_io/base/a.cpp '#include "calib/types/axis.h"'
+expect pass turntable_drivers/table/a.cpp '#include "imu_io/base/clock.h"'
+expect pass sequences/a.cpp '#include "imu_io/base/key_value.h"'
+expect pass orchestrator/run/a.cpp '#include "turntable_drivers/table/turntable.h"'
+expect pass orchestrator/main.cpp '#include "orchestrator/commands/command_line.h"'
+expect pass imu_io/base/a.cpp '#include <sys/stat.h>'
+expect pass turntable_drivers/rig/rig.cpp '#include "calib/types/recording_types.h"'
+expect pass turntable_drivers/twins/a.h '#include "turntable_drivers/rig/rig.h"'
+expect pass orchestrator/devices/a.h '#include "turntable_drivers/rig/rig.h"'
+# Upward between folders.
+expect fail calib/types/a.cpp '#include "imu_io/base/clock.h"'
+expect fail calib/types/a.h '#include "orchestrator/watch/progress.h"'
+expect fail imu_io/base/a.cpp '#include "turntable_drivers/table/turntable.h"'
+expect fail imu_io/base/a.cpp '#include "sequences/sequence.h"'
+expect fail turntable_drivers/table/a.cpp '#include "sequences/sequence.h"'
+expect fail sequences/a.cpp '#include "turntable_drivers/table/turntable.h"'
+expect fail turntable_drivers/table/a.cpp '#include "orchestrator/run/station_run.h"'
+expect fail sequences/a.cpp '  #  include <orchestrator/run/station_run.h>'
+# Upward, or sideways, between rooms.
+expect fail calib/types/a.h '#include "calib/model/parameters.h"'
+expect fail calib/joint/a.h '#include "calib/rests/rest_model.h"'
+expect fail calib/statistics/a.cpp '#include "calib/diagnosis/diagnosis.h"'
+expect fail imu_io/lines/a.h '#include "imu_io/recordings/recording_source.h"'
+expect fail imu_io/base/a.h '#include "imu_io/frames/crc.h"'
+expect fail turntable_drivers/manual/a.h '#include "turntable_drivers/modbus/register_words.h"'
+expect fail turntable_drivers/ascii/a.h '#include "turntable_drivers/modbus/register_map.h"'
+expect fail orchestrator/run/a.cpp '#include "orchestrator/watch/run_log.h"'
+expect fail orchestrator/report/a.cpp '#include "orchestrator/commands/command_line.h"'
+expect fail orchestrator/jobs/a.h '#include "orchestrator/commands/command_line.h"'
+expect fail orchestrator/commands/a.h '#include "orchestrator/main.h"'
+expect fail calib/a.cpp '#include <vector>'
+expect fail orchestrator/utilities/a.cpp '#include <vector>'
+# The simulator is seen by twins, dry runs and tests only, and shares no model code.
+expect fail turntable_drivers/manual/a.h '#include "turntable_drivers/rig/rig.h"'
+expect fail orchestrator/run/a.cpp '#include "turntable_drivers/rig/rig.h"'
+expect fail orchestrator/station/a.h '#include "turntable_drivers/rig/rig_config.h"'
+expect fail sequences/a.h '#include "turntable_drivers/rig/rig_config.h"'
+expect fail turntable_drivers/rig/rig_sensors.cpp '#include "calib/model/parameters.h"'
+expect fail turntable_drivers/rig/rig.h '#include "calib/model/attitude.h"'
+# How headers are named, and what mathematics may use.
+expect fail imu_io/base/a.cpp '#include "../orchestrator/watch/progress.h"'
+expect fail imu_io/base/a.cpp '#include "clock.h"'
+expect fail calib/types/a.cpp '#include <fstream>'
+expect fail calib/types/a.cpp '#include <chrono>'
+expect fail calib/types/a.cpp '#include <thread>'
 [ "$failures" -eq 0 ]

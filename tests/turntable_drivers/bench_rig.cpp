@@ -3,7 +3,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include "turntable_drivers/rig.h"
+#include "turntable_drivers/rig/rig.h"
 
 namespace {
 

@@ -6,12 +6,12 @@
 #include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/served_twin.h"
-#include "turntable_drivers/serial_turntable.h"
+#include "turntable_drivers/ascii/serial_turntable.h"
 
 namespace turncal {
 
 inline Dialect shipped_dialect(const std::string& name, bool tcp = false) {
-  const Result<Dialect> read = read_dialect(std::string(TURNCAL_SOURCE_DIR) + "/turntable_drivers/dialects/" + name + ".dialect");
+  const Result<Dialect> read = read_dialect(std::string(TURNCAL_SOURCE_DIR) + "/turntable_drivers/ascii/dialects/" + name + ".dialect");
   EXPECT_TRUE(read.ok()) << (read.ok() ? "" : read.error().message);
   if (!read) return {};
   Dialect dialect = *read;

@@ -1,5 +1,5 @@
 // Motion limits around the mock: the contract still holds, and no move beyond them reaches the driver.
-#include "turntable_drivers/limited_turntable.h"
+#include "turntable_drivers/table/limited_turntable.h"
 
 #include <cmath>
 #include <vector>
@@ -7,8 +7,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/table_contract.h"
-#include "turntable_drivers/rig_imu.h"
-#include "turntable_drivers/rig_table.h"
+#include "turntable_drivers/rig/rig_imu.h"
+#include "turntable_drivers/rig/rig_table.h"
 
 namespace turncal {
 namespace {

@@ -1,5 +1,5 @@
 // The table turned by hand, with an operator made of a pipe: the contract, and every way of answering.
-#include "turntable_drivers/manual_turntable.h"
+#include "turntable_drivers/manual/manual_turntable.h"
 
 #include <unistd.h>
 
@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/table_contract.h"
+#include "turntable_drivers/twins/rehearsed_table.h"
 
 namespace turncal {
 namespace {
@@ -247,7 +248,7 @@ TEST_F(ManualTable, HomingTakesTheAnglesReadOff) {
 TEST_F(ManualTable, RehearsalTurnsTheRigToTheTypedAngle) {
   Rig rig(default_rig_config());
   Desk desk;
-  desk.manual.rehearse_on(rig);
+  desk.manual.rehearse_on(rehearsed_table(rig));
   desk.manual.set_tag("[t] ");
   std::vector<ImuSample> samples(4000);
   const auto pass = [&](double seconds) { rig.advance(std::span(samples).first(static_cast<std::size_t>(200 * seconds))); };

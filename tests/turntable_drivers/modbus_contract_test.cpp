@@ -1,5 +1,5 @@
 // The Modbus driver against the twin, over TCP and RTU, with two very different maps: the contract of every table.
-#include "turntable_drivers/modbus_turntable.h"
+#include "turntable_drivers/modbus/modbus_turntable.h"
 
 #include <gtest/gtest.h>
 

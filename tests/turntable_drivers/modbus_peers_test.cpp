@@ -11,8 +11,8 @@
 
 #include <gtest/gtest.h>
 
-#include "imu_io/deadline.h"
-#include "orchestrator/station_run.h"
+#include "imu_io/base/deadline.h"
+#include "orchestrator/run/station_run.h"
 #include "tests/orchestrator/rig_station.h"
 #include "tests/turntable_drivers/twin_station.h"
 

@@ -7,10 +7,10 @@
 
 #include <gtest/gtest.h>
 
-#include "orchestrator/station_run.h"
+#include "orchestrator/run/station_run.h"
 #include "tests/orchestrator/rig_station.h"
 #include "tests/turntable_drivers/twin_station.h"
-#include "turntable_drivers/limited_turntable.h"
+#include "turntable_drivers/table/limited_turntable.h"
 
 namespace turncal {
 

@@ -1,5 +1,5 @@
 // The register map's text: every defect is named with its line, and the maps that ship say what they are and work with the twin.
-#include "turntable_drivers/register_map.h"
+#include "turntable_drivers/modbus/register_map.h"
 
 #include <gtest/gtest.h>
 
@@ -65,7 +65,7 @@ TEST(RegisterMap, DefectsAreNamed) {
 class ShippedMap : public testing::TestWithParam<const char*> {};
 
 TEST_P(ShippedMap, SaysThatItIsUnverifiedAndMovesTheTwin) {
-  const std::string path = std::string(TURNCAL_SOURCE_DIR) + "/turntable_drivers/maps/" + GetParam() + ".map";
+  const std::string path = std::string(TURNCAL_SOURCE_DIR) + "/turntable_drivers/modbus/maps/" + GetParam() + ".map";
   Result<RegisterMap> read = read_register_map(path);
   ASSERT_TRUE(read.ok()) << read.error().message;
   EXPECT_FALSE(read->verified_on_hardware);

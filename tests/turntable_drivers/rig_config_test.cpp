@@ -1,5 +1,5 @@
 // The rig's text configuration: defaults, every kind of key, every kind of mistake, and docs/rig.md.
-#include "turntable_drivers/rig_config.h"
+#include "turntable_drivers/rig/rig_config.h"
 
 #include <fstream>
 #include <iterator>
@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/rig.h"
+#include "turntable_drivers/rig/rig.h"
 
 namespace turncal {
 namespace {

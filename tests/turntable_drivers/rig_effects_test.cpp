@@ -11,7 +11,7 @@
 
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/rig.h"
+#include "turntable_drivers/rig/rig.h"
 
 namespace turncal {
 namespace {

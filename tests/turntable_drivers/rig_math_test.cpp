@@ -1,11 +1,11 @@
 // The rig's own elementary functions and random numbers.
-#include "turntable_drivers/rig_math.h"
+#include "turntable_drivers/rig/rig_math.h"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/rig_random.h"
+#include "turntable_drivers/rig/rig_random.h"
 
 namespace turncal::rig_model {
 namespace {

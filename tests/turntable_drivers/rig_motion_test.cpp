@@ -1,12 +1,12 @@
 // The trapezoid of one axis, and geometry against numeric derivatives.
-#include "turntable_drivers/rig_motion.h"
+#include "turntable_drivers/rig/rig_motion.h"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/rig_axes.h"
-#include "turntable_drivers/rig_geometry.h"
+#include "turntable_drivers/rig/rig_axes.h"
+#include "turntable_drivers/rig/rig_geometry.h"
 
 namespace turncal::rig_model {
 namespace {

@@ -9,7 +9,7 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/rig.h"
+#include "turntable_drivers/rig/rig.h"
 
 namespace turncal {
 namespace {

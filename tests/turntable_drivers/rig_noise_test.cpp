@@ -1,5 +1,5 @@
 // The rig's noise has the sizes that its configuration states.
-#include "turntable_drivers/rig_noise.h"
+#include "turntable_drivers/rig/rig_noise.h"
 
 #include <cmath>
 #include <cstring>
@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/rig.h"
+#include "turntable_drivers/rig/rig.h"
 
 namespace turncal {
 namespace {

@@ -13,7 +13,7 @@
 
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/rig.h"
+#include "turntable_drivers/rig/rig.h"
 
 namespace turncal {
 namespace {

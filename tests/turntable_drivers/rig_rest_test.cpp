@@ -9,8 +9,8 @@
 
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/rig.h"
-#include "turntable_drivers/rig_sensors.h"
+#include "turntable_drivers/rig/rig.h"
+#include "turntable_drivers/rig/rig_sensors.h"
 
 namespace turncal {
 namespace {

@@ -1,9 +1,10 @@
 // Sentences: published checksums, anchored templates, strict numbers, and the defects of a dialect's text.
-#include "turntable_drivers/sentence.h"
+#include "imu_io/base/text_pieces.h"
+#include "turntable_drivers/ascii/sentence.h"
 
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/dialect.h"
+#include "turntable_drivers/ascii/dialect.h"
 
 namespace turncal {
 namespace {

@@ -11,13 +11,13 @@
 
 #include <gtest/gtest.h>
 
-#include "imu_io/deadline.h"
-#include "turntable_drivers/dialect_twin.h"
-#include "turntable_drivers/drive_twin.h"
-#include "turntable_drivers/rig_clock.h"
-#include "turntable_drivers/rig_imu.h"
-#include "turntable_drivers/rig_table.h"
-#include "turntable_drivers/table_server.h"
+#include "imu_io/base/deadline.h"
+#include "turntable_drivers/twins/dialect_twin.h"
+#include "turntable_drivers/twins/drive_twin.h"
+#include "turntable_drivers/rig/rig_clock.h"
+#include "turntable_drivers/rig/rig_imu.h"
+#include "turntable_drivers/rig/rig_table.h"
+#include "turntable_drivers/twins/table_server.h"
 
 namespace turncal {
 

@@ -2,9 +2,9 @@
 // stop_states_test.cpp). Times are of the wall clock.
 #include <gtest/gtest.h>
 
-#include "imu_io/pty.h"
-#include "imu_io/serial_imu.h"
-#include "orchestrator/live_devices.h"
+#include "imu_io/lines/pty.h"
+#include "imu_io/units/serial_imu.h"
+#include "orchestrator/devices/live_devices.h"
 #include "tests/imu_io/frame_streams.h"
 #include "tests/turntable_drivers/modbus_fault_station.h"
 #include "tests/turntable_drivers/modbus_run.h"

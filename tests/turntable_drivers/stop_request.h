@@ -11,7 +11,7 @@
 
 #include <gtest/gtest.h>
 
-#include "imu_io/deadline.h"
+#include "imu_io/base/deadline.h"
 
 namespace turncal {
 

@@ -10,7 +10,7 @@
 //   };
 //   INSTANTIATE_TYPED_TEST_SUITE_P(Mine, TableContract, MyFactory);
 //
-// Rules: turntable_drivers/turntable.h. Nothing here looks at in_position alone: a device may lie.
+// Rules: turntable_drivers/table/turntable.h. Nothing here looks at in_position alone: a device may lie.
 #pragma once
 
 #include <cmath>
@@ -19,7 +19,7 @@
 
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/turntable.h"
+#include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
 

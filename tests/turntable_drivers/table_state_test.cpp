@@ -1,4 +1,4 @@
-#include "turntable_drivers/table_state.h"
+#include "turntable_drivers/table/table_state.h"
 
 #include <array>
 

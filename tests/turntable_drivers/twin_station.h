@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/served_twin.h"
-#include "turntable_drivers/modbus_turntable.h"
+#include "turntable_drivers/modbus/modbus_turntable.h"
 
 namespace turncal {
 

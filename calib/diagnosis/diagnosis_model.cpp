@@ -1,0 +1,74 @@
+#include "calib/diagnosis/diagnosis_model.h"
+
+#include <algorithm>
+
+#include "calib/diagnosis/unexplained.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr double slow_correlation_s = 2400.0;
+
+}  // namespace
+
+double minus_two_log_likelihood(const JointResult& result) { return result.last.chi_square + result.last.log_determinant; }
+
+bool visible(const Scores& scores, int column) { return scores.kept[column] > 1e-9 && scores.Q(column, column) > 0.0; }
+
+DiagnosisModel::DiagnosisModel(const CompressedRecording& the_recording, const DiagnosisOptions& the_options)
+    : recording(the_recording), options(the_options), catalogue(catalogue_columns(recording.info)), columns(catalogue) {
+  const std::vector<EffectColumn> patterns = pattern_columns(recording);
+  columns.insert(columns.end(), patterns.begin(), patterns.end());
+  threshold = chi_square_1_limit(options.false_alarm / static_cast<double>(columns.size()));
+}
+
+JointOptions DiagnosisModel::estimate_options(const std::vector<EffectColumn>& effects, const JointResult* from) const {
+  JointOptions o = options.estimate;
+  o.effects = effects;
+  o.candidates.clear();
+  if (from) {
+    o.start = from->parameters;
+    o.start_noise = from->noise;
+  }
+  return o;
+}
+
+JointResult DiagnosisModel::fit(const std::vector<EffectColumn>& effects, const JointResult& from, const NoiseModel* noise) const {
+  JointOptions o = estimate_options(effects, &from);
+  o.faults_of = &from;
+  if (noise) o.noise = *noise;
+  return joint_estimate(recording, o);
+}
+
+double DiagnosisModel::misfit_beside_slow_noise(const std::vector<EffectColumn>& effects, const JointResult& from) const {
+  JointOptions o = estimate_options(effects, &from);
+  o.faults_of = &from;
+  o.start_noise = current.noise;
+  o.start_noise->bias_correlation_s = slow_correlation_s;
+  return minus_two_log_likelihood(joint_estimate(recording, o));
+}
+
+Scores DiagnosisModel::scores(const std::vector<EffectColumn>& candidates, bool without_bias_instability) const {
+  const int effects = static_cast<int>(current.effects.size());
+  std::vector<EffectColumn> all;
+  for (const EstimatedEffect& e : current.effects) all.push_back(e.column);
+  all.insert(all.end(), candidates.begin(), candidates.end());
+  EffectModel model = make_effect_model(all, {recording.info.latitude_deg}, current.reference_temperature_c);
+  for (int k = 0; k < effects; ++k) model.values[k] = current.effects[static_cast<std::size_t>(k)].value;
+  FilterSetup setup = current.setup;
+  if (without_bias_instability)
+    setup.noise.gyro_bias_instability_radps = setup.noise.accel_bias_instability_mps2 = 0.0;
+  setup.narrow_columns = static_cast<int>(std::count_if(candidates.begin(), candidates.end(), is_pattern));
+  setup.narrow_against = parameter_count + effects;
+  const FilterResult filtered = run_filter(recording, current.parameters, model, setup);
+
+  std::vector<int> base, added;
+  for (int k = 0; k < parameter_count; ++k)
+    if (parameter_is_free[static_cast<std::size_t>(k)]) base.push_back(k);
+  for (int k = 0; k < effects; ++k) base.push_back(parameter_count + k);
+  for (int k = 0; k < static_cast<int>(candidates.size()); ++k) added.push_back(parameter_count + effects + k);
+  return eliminate(filtered.information, filtered.gradient, base, added);
+}
+
+}  // namespace turncal

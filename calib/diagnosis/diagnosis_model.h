@@ -1,0 +1,42 @@
+// What selection and gate of a diagnosis share: the columns that may be added, the model so far, and fits beside it.
+//
+// `columns` are the catalogue's, then patterns (unexplained.h). `chosen` is what has been added, `current` the fit with it.
+// Used by diagnosis.cpp only; see diagnosis.h for the method.
+#pragma once
+
+#include <vector>
+
+#include "calib/diagnosis/diagnosis.h"
+#include "calib/joint/score_algebra.h"
+
+namespace turncal {
+
+// What one effect has to be better by than another with as many parameters ("as good": effects.md), in 2 ln L.
+inline constexpr double bic_margin = 10.0;
+
+double minus_two_log_likelihood(const JointResult& result);
+// Every column has a score; one of which the model already imitates all but a billionth says nothing.
+bool visible(const Scores& scores, int column);
+
+struct DiagnosisModel {
+  DiagnosisModel(const CompressedRecording& recording, const DiagnosisOptions& options);
+
+  JointOptions estimate_options(const std::vector<EffectColumn>& effects, const JointResult* from) const;
+  // A trial beside a finished fit: its faults are known, and its noise is a good start; or `noise` is taken for its own.
+  JointResult fit(const std::vector<EffectColumn>& effects, const JointResult& from, const NoiseModel* noise = nullptr) const;
+  // -2 log L when the bias instability is as slow as a third of a run. Flicker noise wanders on every time scale, and what
+  // a process of ten minutes cannot follow must not be taken for a drift: what an effect gains must hold here too.
+  double misfit_beside_slow_noise(const std::vector<EffectColumn>& effects, const JointResult& from) const;
+  // One filter pass at `current` with candidates behind its effects, and what each of them would bring.
+  Scores scores(const std::vector<EffectColumn>& candidates, bool without_bias_instability) const;
+
+  const CompressedRecording& recording;
+  const DiagnosisOptions& options;
+  std::vector<EffectColumn> catalogue;
+  std::vector<EffectColumn> columns;
+  double threshold = 0.0;  // of 2 ln L, family-wise over all columns
+  std::vector<EffectColumn> chosen;
+  JointResult current;
+};
+
+}  // namespace turncal

@@ -1,0 +1,88 @@
+#include "calib/diagnosis/holdout.h"
+
+#include <cmath>
+
+#include "calib/joint/joint_faults.h"
+
+namespace turncal {
+namespace {
+
+constexpr int fold_count = 4;
+
+// The plain velocity error is taken where it speaks of the model and not yet of the angle random walk, which turns into
+// metres a second after minutes: in the first seconds of each dwell.
+constexpr int velocity_seconds = 20;
+
+struct Sums {
+  HoldoutError error;
+  double velocity_square = 0.0;
+  double velocity_count = 0.0;
+};
+void add(const CompressedRecording& recording, const std::vector<Innovation>& innovations, Sums& sums) {
+  int second = 0;
+  std::size_t previous = 0;
+  for (const Innovation& i : innovations) {
+    sums.error.chi_square += i.normalised.squaredNorm();
+    sums.error.observations += 3;
+    second = i.block > 0 && previous + 1 == i.block && recording.blocks[i.block - 1].whole_second ? second + 1 : 0;
+    previous = i.block;
+    if (second < velocity_seconds) {
+      sums.velocity_square += i.free_velocity_mps.squaredNorm();
+      sums.velocity_count += 1.0;
+    }
+  }
+}
+
+}  // namespace
+
+EffectModel effect_model_of(const JointResult& result, double latitude_deg) {
+  std::vector<EffectColumn> columns;
+  for (const EstimatedEffect& e : result.effects) columns.push_back(e.column);
+  EffectModel model = make_effect_model(columns, {latitude_deg}, result.reference_temperature_c);
+  for (std::size_t k = 0; k < result.effects.size(); ++k) model.values[static_cast<Eigen::Index>(k)] = result.effects[k].value;
+  return model;
+}
+
+HoldoutGate::HoldoutGate(const CompressedRecording& recording, const CompressedRecording* holdout, Refit refit)
+    : recording_(recording), holdout_(holdout), refit_(std::move(refit)) {
+  if (holdout_) return;
+  folds_.assign(fold_count, std::vector<char>(recording.blocks.size(), 0));
+  for (std::size_t b = 0; b < recording.blocks.size(); ++b) {
+    const int segment = recording.blocks[b].segment;
+    // Alignments stay: they carry the chain. Every fourth dwell is left out of one fold.
+    if (recording.segments[segment].kind != SegmentKind::still) continue;
+    int dwell = 0;
+    for (int k = 0; k < segment; ++k) dwell += recording.segments[k].kind == SegmentKind::still;
+    folds_[static_cast<std::size_t>(dwell % fold_count)][b] = 1;
+  }
+}
+
+HoldoutError HoldoutGate::error(const JointResult& result, const NoiseModel& noise) const {
+  Sums sums;
+  FilterSetup setup;
+  setup.noise = noise;
+  setup.with_columns = false;
+  setup.keep_innovations = true;
+  setup.initial_heading_sigma_rad = result.setup.initial_heading_sigma_rad;
+  if (holdout_) {
+    faults_from_events(*holdout_, setup.breaks);
+    const EffectModel model = effect_model_of(result, holdout_->info.latitude_deg);
+    add(*holdout_, run_filter(*holdout_, result.parameters, model, setup).innovations, sums);
+  } else {
+    setup.breaks = result.setup.breaks;
+    std::vector<EffectColumn> columns;
+    for (const EstimatedEffect& e : result.effects) columns.push_back(e.column);
+    for (const std::vector<char>& fold : folds_) {
+      const JointResult refitted = refit_(columns, result, fold);
+      setup.unobserved = fold;
+      const EffectModel model = effect_model_of(refitted, recording_.info.latitude_deg);
+      add(recording_, run_filter(recording_, refitted.parameters, model, setup).left_out, sums);
+    }
+  }
+  HoldoutError error = sums.error;
+  error.normalised_rms = std::sqrt(error.chi_square / static_cast<double>(std::max<std::int64_t>(error.observations, 1)));
+  error.velocity_rms_mps = std::sqrt(sums.velocity_square / std::max(sums.velocity_count, 1.0));
+  return error;
+}
+
+}  // namespace turncal

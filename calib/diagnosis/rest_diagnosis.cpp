@@ -1,0 +1,210 @@
+#include "calib/diagnosis/rest_diagnosis.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "calib/diagnosis/rest_candidates.h"
+#include "calib/diagnosis/rest_choice.h"
+#include "calib/diagnosis/rest_diagnosis_model.h"
+#include "calib/diagnosis/rest_gate.h"
+
+namespace turncal {
+namespace {
+
+// Rows that are left over after the base fit are all that can speak for a name.
+std::string why_not_tested(const RestDiagnosisModel& m, const RestFit& base) {
+  double redundancy = 0.0;
+  for (const double r : base.redundancy) redundancy += r;
+  if (!base.converged) return "the 21 parameters could not be fitted: " + base.message;
+  std::string why;
+  if (redundancy < m.options.least_redundancy)
+    why = std::to_string(m.data.rests.size()) + " rests and " + std::to_string(m.data.legs.size()) +
+          " rotations leave " + std::to_string(static_cast<int>(std::lround(redundancy))) +
+          " observations beyond the 21 parameters, where " +
+          std::to_string(static_cast<int>(std::lround(m.options.least_redundancy))) + " are wanted";
+  const auto hangs = [&](RestKind kind, double left_out, double fitted) {
+    if (!(left_out > m.options.most_leverage * fitted)) return;
+    why += (why.empty() ? "the fit hangs on single rests: left out in turn, " : " and ") + std::string("the error of ") +
+           to_string(kind) + " is " + std::to_string(static_cast<int>(std::lround(left_out / fitted))) + " times the fitted one";
+  };
+  if (why.empty() && base.undetermined.empty()) {
+    hangs(RestKind::norm, base.left_out.norm_rms_mps2, base.errors.norm_rms_mps2);
+    hangs(RestKind::direction, base.left_out.direction_rms_rad, base.errors.direction_rms_rad);
+  } else if (!base.undetermined.empty()) {
+    why += (why.empty() ? "" : "; ") + std::string("not determined:");
+    for (const std::string& key : base.undetermined) why += " " + key;
+  }
+  return why;
+}
+
+// What was found early may have been a stand-in for what was found later.
+void drop_superseded(RestDiagnosisModel& m, RestDiagnosis& d) {
+  for (std::size_t k = 0; k + 1 < m.model.columns.size();) {
+    const auto at = static_cast<Eigen::Index>(k);
+    const Eigen::VectorXd& all = m.model.fit.effect_values;
+    const double z = all[at] / m.model.fit.sigma[parameter_count + at];
+    if (z * z > std::log(m.rows())) {
+      ++k;
+      continue;
+    }
+    std::vector<EffectColumn> columns = m.model.columns;
+    columns.erase(columns.begin() + static_cast<std::ptrdiff_t>(k));
+    Eigen::VectorXd values(all.size() - 1);
+    values << all.head(at), all.tail(values.size() - at);
+    RestModelFit smaller = m.refit(std::move(columns), values);
+    if (!smaller.fit.converged) return;
+    const EffectEntry* entry = m.model.columns[k].entry;
+    m.model = std::move(smaller);
+    if (!m.in_model(entry)) std::erase_if(d.aliases, [&](const auto& item) { return item.first == entry->name; });
+  }
+}
+
+RestHoldout on_holdout(const RestDiagnosisModel& m, const RestFit& fit, const std::vector<RestEffect>& effects) {
+  RestHoldout result;
+  if (m.options.holdout == nullptr) return result;
+  const RestSystem system = rest_system_at(*m.options.holdout, fit, effects, m.reference_c);
+  result.errors = rest_errors(system, system.residual);
+  result.chi_square = rest_weights(system, m.model.fit.floors).cwiseProduct(system.residual).squaredNorm();
+  result.observations = static_cast<int>(system.residual.size());
+  result.normalised_rms = std::sqrt(result.chi_square / std::max(1, result.observations));
+  return result;
+}
+
+void conclude(const RestDiagnosisModel& m, RestDiagnosis& d) {
+  d.final = m.model.fit;
+  for (std::size_t k = 0; k < m.model.columns.size(); ++k)
+    d.effects.push_back({m.model.columns[k], m.model.fit.effect_values[static_cast<Eigen::Index>(k)],
+                               m.model.fit.sigma[parameter_count + static_cast<Eigen::Index>(k)]});
+  const EffectModel none = m.effect_model({}, Eigen::VectorXd());
+  const RestSystem before = make_rest_system(m.data, d.base.parameters, none, true);
+  const RestSystem after =
+      make_rest_system(m.data, m.model.fit.parameters, m.effect_model(m.model), true);
+  const Eigen::VectorXd weights = rest_weights(after, m.model.fit.floors);
+  d.error_before = std::sqrt(mean_square(before.residual, weights));
+  d.error_after = std::sqrt(mean_square(after.residual, weights));
+  d.left_out_before =
+      std::sqrt(mean_square(left_out_residual(before, rest_weights(before, d.base.floors)), weights));
+  d.left_out_after = std::sqrt(mean_square(left_out_residual(after, weights), weights));
+  d.holdout_before = on_holdout(m, d.base, {});
+  d.holdout_after = on_holdout(m, d.final, d.effects);
+  double worst = 0.0;
+  for (const RestKind kind : {RestKind::norm, RestKind::direction, RestKind::gyro}) {
+    const double ratio = m.model.fit.white_ratio[static_cast<std::size_t>(kind)];
+    worst = std::max(worst, ratio);
+    if (ratio > 2.0) d.remainder.push_back(to_string(kind));
+  }
+  d.verdict = !m.model.columns.empty()              ? RestDiagnosis::Verdict::extended
+                    : worst > m.options.unexplained_ratio ? RestDiagnosis::Verdict::unexplained
+                                                         : RestDiagnosis::Verdict::clean;
+  std::stable_sort(d.candidates.begin(), d.candidates.end(),
+                   [](const RestCandidate& a, const RestCandidate& b) { return a.score > b.score; });
+}
+
+// Adds the next component, or strikes it out; false when none is declared any more. The first scores fill the table of candidates.
+bool select_one(RestDiagnosisModel& m, RestDiagnosis& d, bool& table_filled) {
+  const std::vector<EffectColumn> slow = slow_columns(m);
+  std::vector<EffectColumn> columns = m.model.columns;
+  columns.insert(columns.end(), m.testable.begin(), m.testable.end());
+  columns.insert(columns.end(), slow.begin(), slow.end());
+  const RestSystem system =
+      make_rest_system(m.data, m.model.fit.parameters, m.effect_model(columns, m.model.fit.effect_values), true);
+  const int in_model_columns = rest_parameter_count + static_cast<int>(m.model.columns.size());
+  const RestScores scores(system, m.model.fit, in_model_columns);
+  if (!table_filled) {
+    fill_candidates(m, scores, d);
+    table_filled = true;
+    const std::size_t all = m.testable.size();
+    strike_invisible(m, scores);
+    if (m.testable.size() != all) return true;  // the scores are numbered anew
+  }
+  std::optional<RestScores> guarded;
+  if (!slow.empty()) {
+    std::vector<int> nuisance;
+    for (std::size_t k = 0; k < slow.size(); ++k) nuisance.push_back(static_cast<int>(m.testable.size() + k));
+    guarded.emplace(system, m.model.fit, in_model_columns, nuisance);
+  }
+  const int choice = choose_component(m, scores, guarded ? &*guarded : nullptr);
+  if (choice < 0) return false;
+  const EffectColumn column = m.testable[static_cast<std::size_t>(choice)];
+  const bool first = !m.in_model(column.entry);
+  const RestModelFit extended = m.refit(column);
+  const ColumnScore& score = scores.of(choice);
+  RestStage stage{column, score.statistic, std::min(1.0, score.p_value * 2.0 * static_cast<double>(m.testable.size())), false,
+                  "accepted"};
+  const double value = extended.fit.effect_values[extended.fit.effect_values.size() - 1];
+  if (!extended.fit.converged) stage.note = "the fit with it does not settle";
+  else if (std::abs(value) > absurd_magnitude(*column.entry, m.duration_s))
+    stage.note = "it would come to " + std::to_string(value) + " " + std::string(column.entry->unit) + ", which no sensor has";
+  else if (!passes_gate(m, m.model, extended, first)) stage.note = "the error on data left out of the fit does not fall";
+  else stage.accepted = true;
+  d.stages.push_back(stage);
+  if (!stage.accepted) {
+    if (first) {
+      m.struck.emplace(column.entry->name);
+      d.struck_out.push_back(column.key() + ": " + stage.note);
+    }
+    std::erase_if(m.testable,
+                  [&](const EffectColumn& c) { return c.entry == column.entry && c.component == column.component; });
+    return true;
+  }
+  note_aliases(m, scores, choice, d);
+  m.model = extended;
+  // The other time constants of an effect that is in the model are out of question.
+  std::erase_if(m.testable, [&](const EffectColumn& c) {
+    return c.entry == column.entry && (c.component == column.component || c.tau_s != column.tau_s);
+  });
+  drop_superseded(m, d);
+  return true;
+}
+
+}  // namespace
+
+const char* to_string(RestDiagnosis::Verdict verdict) {
+  switch (verdict) {
+    case RestDiagnosis::Verdict::clean:
+      return "clean";
+    case RestDiagnosis::Verdict::extended:
+      return "extended";
+    case RestDiagnosis::Verdict::unexplained:
+      return "unexplained";
+  }
+  return "?";
+}
+
+double rest_reference_temperature_c(const RestData& data) {
+  const double mean = data.recording->mean_temperature_c;
+  return std::isnan(mean) ? 0.0 : mean;
+}
+
+RestSystem rest_system_at(const RestData& data, const RestFit& fit, const std::vector<RestEffect>& effects,
+                          double reference_temperature_c) {
+  std::vector<EffectColumn> columns;
+  for (const RestEffect& effect : effects) columns.push_back(effect.column);
+  EffectModel model = make_effect_model(columns, {data.recording->info.latitude_deg}, reference_temperature_c);
+  model.values = fit.effect_values.head(model.columns);
+  return make_rest_system(data, fit.parameters, model, false);
+}
+
+Result<RestDiagnosis> diagnose_rests(const RestData& data, const RestDiagnosisOptions& options) {
+  RestDiagnosisModel m(data, options);
+  RestDiagnosis d;
+  find_testable(m, d);
+  Result<RestFit> base = fit_rests(data, m.effect_model({}, Eigen::VectorXd()));
+  if (!base) return base.error();
+  d.base = *base;
+  m.model.fit = *base;
+  d.not_tested = why_not_tested(m, d.base);
+  if (d.not_tested.empty()) {
+    bool table_filled = false;
+    while (static_cast<int>(m.model.columns.size()) < options.max_components && select_one(m, d, table_filled)) {
+    }
+  } else {
+    for (RestCandidate& candidate : d.candidates)
+      if (candidate.remark.empty()) candidate.remark = "not tested: too few observations";
+  }
+  conclude(m, d);
+  return d;
+}
+
+}  // namespace turncal

@@ -1,0 +1,164 @@
+#include "calib/diagnosis/rest_selection.h"
+
+#include <Eigen/QR>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+namespace turncal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double unseen_part = 1e-5;  // length left after projection over length before
+constexpr double touched_share = 0.01;
+constexpr double nuisance_floor = 0.03;  // flat directions of a set of slow curves are noise
+
+// Continued fraction of the incomplete beta function (Abramowitz and Stegun 26.5.8), modified Lentz.
+double beta_fraction(double a, double b, double x) {
+  constexpr double tiny = 1e-300;
+  double c = 1.0;
+  double d = 1.0 / std::max(1.0 - (a + b) * x / (a + 1.0), tiny);
+  double h = d;
+  for (int m = 1; m < 300; ++m) {
+    for (const double numerator : {m * (b - m) * x / ((a + 2 * m - 1.0) * (a + 2 * m)),
+                                   -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1.0))}) {
+      d = 1.0 + numerator * d;
+      c = 1.0 + numerator / c;
+      if (std::abs(d) < tiny) d = tiny;
+      if (std::abs(c) < tiny) c = tiny;
+      d = 1.0 / d;
+      h *= d * c;
+    }
+    if (std::abs(d * c - 1.0) < 1e-13) break;
+  }
+  return h;
+}
+
+double incomplete_beta(double a, double b, double x) {
+  if (x <= 0.0) return 0.0;
+  if (x >= 1.0) return 1.0;
+  const double front =
+      std::exp(std::lgamma(a + b) - std::lgamma(a) - std::lgamma(b) + a * std::log(x) + b * std::log1p(-x));
+  return x < (a + 1.0) / (a + b + 2.0) ? front * beta_fraction(a, b, x) / a
+                                       : 1.0 - front * beta_fraction(b, a, 1.0 - x) / b;
+}
+
+}  // namespace
+
+double f_tail(double f, double numerator, double denominator) {
+  if (!(f > 0.0)) return 1.0;
+  return incomplete_beta(0.5 * denominator, 0.5 * numerator, denominator / (denominator + numerator * f));
+}
+
+RestScores::RestScores(const RestSystem& system, const RestFit& fit, int model_columns,
+                       const std::vector<int>& nuisance)
+    : system_(system) {
+  const VectorXd weights = rest_weights(system, fit.floors);
+  freedom_ = fit.redundancy;
+  std::array<double, rest_kind_count> rows{};
+  for (Index k = 0; k < weights.size(); ++k) {
+    const auto kind = static_cast<std::size_t>(system.kind[static_cast<std::size_t>(k)]);
+    white_share_[kind] += std::min(1.0, system.white_variance[k] * weights[k] * weights[k]);
+    rows[kind] += 1.0;
+  }
+  for (std::size_t k = 0; k < rest_kind_count; ++k)
+    if (rows[k] > 0.0) white_share_[k] = std::max(white_share_[k] / rows[k], 1e-6);
+
+  const MatrixXd J = weights.asDiagonal() * system.jacobian;
+  MatrixXd base = J.leftCols(model_columns);
+  for (Index k = 0; k < base.cols(); ++k) base.col(k) /= std::max(base.col(k).norm(), 1e-300);
+  const Eigen::ColPivHouseholderQR<MatrixXd> qr(base);
+  MatrixXd Q = MatrixXd(qr.householderQ()).leftCols(qr.rank());
+  if (!nuisance.empty()) {
+    MatrixXd extra(J.rows(), static_cast<Index>(nuisance.size()));
+    for (std::size_t k = 0; k < nuisance.size(); ++k) {
+      const VectorXd column = J.col(model_columns + nuisance[k]);
+      const VectorXd left = column - Q * (Q.transpose() * column);
+      extra.col(static_cast<Index>(k)) = left / std::max(column.norm(), 1e-300);
+    }
+    const Eigen::BDCSVD<MatrixXd> svd(extra, Eigen::ComputeThinU);
+    Index rank = 0;
+    while (rank < extra.cols() && svd.singularValues()[rank] > nuisance_floor * svd.singularValues()[0]) ++rank;
+    const MatrixXd U = svd.matrixU().leftCols(rank);
+    for (Index k = 0; k < U.rows(); ++k)
+      freedom_[static_cast<std::size_t>(system.kind[static_cast<std::size_t>(k)])] -= U.row(k).squaredNorm();
+    Q.conservativeResize(Eigen::NoChange, Q.cols() + rank);
+    Q.rightCols(rank) = U;
+  }
+  const auto project = [&](const auto& x) { return (x - Q * (Q.transpose() * x)).eval(); };
+  residual_ = project(weights.cwiseProduct(system.residual).eval());
+  const MatrixXd raw = J.rightCols(J.cols() - model_columns);
+  columns_ = project(raw);
+  scores_.resize(static_cast<std::size_t>(columns_.cols()));
+  for (Index k = 0; k < columns_.cols(); ++k) {
+    ColumnScore& score = scores_[static_cast<std::size_t>(k)];
+    const double before = raw.col(k).norm();
+    const double length = columns_.col(k).norm();
+    if (!(before > 0.0) || length < unseen_part * before) {
+      columns_.col(k).setZero();
+      continue;
+    }
+    columns_.col(k) /= length;
+    score.visible = true;
+    score.sigma = 1.0 / length;
+    const double along = columns_.col(k).dot(residual_);
+    score.value = -along / length;
+    const VectorXd after = residual_ - columns_.col(k) * along;
+    score.statistic = gain(after, {static_cast<int>(k)}, 1, score.p_value);
+  }
+}
+
+double RestScores::gain(const VectorXd& after, const std::vector<int>& members, int rank, double& p_value) const {
+  std::array<double, rest_kind_count> s0{}, s1{}, touched{};
+  double length = 0.0;
+  for (Index k = 0; k < after.size(); ++k) {
+    const auto kind = static_cast<std::size_t>(system_.kind[static_cast<std::size_t>(k)]);
+    s0[kind] += residual_[k] * residual_[k];
+    s1[kind] += after[k] * after[k];
+    for (const int member : members) {
+      touched[kind] += columns_(k, member) * columns_(k, member);
+      length += columns_(k, member) * columns_(k, member);
+    }
+  }
+  double total = 0.0;
+  double freedom = 0.0;
+  for (std::size_t k = 0; k < rest_kind_count; ++k) {
+    const double d = freedom_[k];
+    if (d < 1.0) {
+      total += s0[k] - s1[k];
+      continue;
+    }
+    const double before = std::max(s0[k] / d, white_share_[k]);
+    const double variance = std::max(s1[k] / d, white_share_[k]);
+    total += d * std::log(before / variance) + s0[k] / before - s1[k] / variance;
+    if (touched[k] > touched_share * length) freedom += d;
+  }
+  total = std::max(total, 0.0);
+  const double left = freedom - rank;
+  p_value = left < 1.0 ? 1.0 : f_tail(std::expm1(total / freedom) * left / rank, rank, left);
+  return total;
+}
+
+RestScores::Group RestScores::group(const std::vector<int>& members) const {
+  Group result;
+  std::vector<int> seen;
+  for (const int k : members)
+    if (of(k).visible) seen.push_back(k);
+  if (seen.empty()) return result;
+  MatrixXd part(residual_.size(), static_cast<Index>(seen.size()));
+  for (std::size_t k = 0; k < seen.size(); ++k) part.col(static_cast<Index>(k)) = columns_.col(seen[k]);
+  const Eigen::JacobiSVD<MatrixXd> svd(part, Eigen::ComputeThinU);
+  while (result.rank < svd.singularValues().size() && svd.singularValues()[result.rank] > 1e-3) ++result.rank;
+  const MatrixXd U = svd.matrixU().leftCols(result.rank);
+  const VectorXd along = U.transpose() * residual_;
+  result.chi_square = along.squaredNorm();
+  result.statistic = gain(residual_ - U * along, seen, result.rank, result.p_value);
+  return result;
+}
+
+double RestScores::correlation(int a, int b) const { return std::abs(columns_.col(a).dot(columns_.col(b))); }
+
+}  // namespace turncal

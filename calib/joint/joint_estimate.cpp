@@ -1,0 +1,363 @@
+#include "calib/joint/joint_estimate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Dense>
+
+#include "calib/joint/joint_faults.h"
+
+namespace turncal {
+namespace {
+
+constexpr double smallest_part = 0.1;  // of a parameter in an undetermined direction that is worth naming
+
+// The noise to begin with: read off the static dwells, never below what a tenth of a pulse in a second would make.
+NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& allan, const SensorModel& model) {
+  NoiseModel noise;
+  const bool gyro_pulses = recording.info.gyro_increment == IncrementKind::pulses;
+  const bool accel_pulses = recording.info.accel_increment == IncrementKind::pulses;
+  if (gyro_pulses) noise.gyro_pulse_rad = model.gyro_scale(0, 0);
+  if (accel_pulses) noise.accel_pulse_mps = recording.info.accel_pulse_mps;
+  // Of the axes of a triad the noisiest stands for all three: in dwells of 100 s an axis that counts close to a whole number
+  // of pulses a sample can look three times too quiet, and what follows would be taken for faults.
+  double gyro = gyro_pulses ? 0.02 * noise.gyro_pulse_rad : 1e-9;
+  double accel = accel_pulses ? 0.02 * noise.accel_pulse_mps : 1e-8;
+  for (std::size_t k = 0; k < 3; ++k) {
+    gyro = std::max(gyro, allan.axes[k].fit.random_walk);
+    accel = std::max(accel, allan.axes[k + 3].fit.random_walk);
+  }
+  noise.angle_random_walk.setConstant(gyro);
+  noise.velocity_random_walk.setConstant(accel);
+  return noise;
+}
+
+Eigen::VectorXd all_ranges(const CompressedRecording& recording, const std::vector<EffectColumn>& effects) {
+  const ParameterVector base = plausible_ranges(recording.info);
+  Eigen::VectorXd ranges(parameter_count + static_cast<Eigen::Index>(effects.size()));
+  ranges.head<parameter_count>() = base;
+  for (std::size_t k = 0; k < effects.size(); ++k)
+    ranges[parameter_count + static_cast<Eigen::Index>(k)] = absurd_magnitude(*effects[k].entry);
+  return ranges;
+}
+
+class JointRun {
+ public:
+  JointRun(const CompressedRecording& recording, const JointOptions& options)
+      : recording_(recording), options_(options), ranges_(all_ranges(recording, options.effects)),
+        reference_temperature_c_(options.reference_temperature_c.value_or(
+            std::isnan(recording.mean_temperature_c) ? 0.0 : recording.mean_temperature_c)) {
+    effects_ = make_effect_model(options.effects, {recording.info.latitude_deg}, reference_temperature_c_);
+    for (int k = 0; k < parameter_count; ++k)
+      if (parameter_is_free[static_cast<std::size_t>(k)]) subset_.push_back(k);
+    for (int k = 0; k < effects_.columns; ++k) subset_.push_back(parameter_count + k);
+  }
+
+  JointResult run();
+
+ private:
+  bool settle();
+  bool iterate(double tolerance, int max_iterations);
+  double& value_of(int column, ParameterVector& parameters) {
+    return column < parameter_count ? parameters[column] : effects_.values[column - parameter_count];
+  }
+  void step_within_ranges(const FilterResult& pass, Eigen::VectorXd& step, Eigen::VectorXd& sigma);
+  void look_for_faults();
+  void finish();
+
+  const CompressedRecording& recording_;
+  const JointOptions& options_;
+  const Eigen::VectorXd ranges_;
+  const double reference_temperature_c_;
+  EffectModel effects_;
+  std::vector<int> subset_;
+  Eigen::VectorXd start_;   // where the parameters of the subset began
+  SubsetSolution solution_;
+  double misfit_ = 0.0;     // chi-square an observation before the last step of iterate()
+  JointResult result_;
+};
+
+JointResult JointRun::run() {
+  JointResult& r = result_;
+  r.parameters = options_.start.value_or(start_parameters(recording_.info));
+  start_.resize(static_cast<Eigen::Index>(subset_.size()));
+  ParameterVector begin = to_vector(r.parameters);
+  for (std::size_t i = 0; i < subset_.size(); ++i) start_[static_cast<Eigen::Index>(i)] = value_of(subset_[i], begin);
+  r.setup.initial_heading_sigma_rad = options_.heading_sigma_rad;
+  // The filter levels anew with every set of parameters, so its tilt must be far looser than what the biases may be.
+  r.setup.initial_tilt_sigma_rad = 0.2;
+  r.setup.unobserved = options_.unobserved;
+  if (recording_.blocks.empty()) {
+    r.message = "the recording holds no samples";
+    return r;
+  }
+  r.allan = options_.faults_of ? options_.faults_of->allan : allan_deviation(recording_, r.parameters);
+  r.reference_temperature_c = reference_temperature_c_;
+  if (options_.noise) r.setup.noise = *options_.noise;
+  else if (options_.start_noise) r.setup.noise = *options_.start_noise;
+  else r.setup.noise = start_noise(recording_, r.allan, sensor_model(r.parameters, recording_.info));
+  if (options_.faults_of) {
+    r.faults = options_.faults_of->faults;
+    r.setup.breaks = options_.faults_of->setup.breaks;
+  } else {
+    r.faults = faults_from_events(recording_, r.setup.breaks);
+  }
+
+  if (options_.faults_of) {
+    iterate(0.3, 1);  // beside a finished fit one step is most of the way
+  } else if (!settle()) {
+    r.message = "the estimate does not settle: the recording contradicts the model (wrong segments, signs or units?)";
+    return r;
+  }
+  if (options_.one_step) {
+    r.converged = true;
+    r.message = "one step";
+    r.noise = r.setup.noise;
+    for (int k = 0; k < effects_.columns; ++k)
+      r.effects.push_back({options_.effects[static_cast<std::size_t>(k)], effects_.values[k], 0.0});
+    return r;
+  }
+  if (options_.look_for_faults && !options_.faults_of) look_for_faults();
+  if (!options_.noise) {
+    NoiseFitOptions fit_options;
+    fit_options.bias_instability = options_.fit_bias_instability;
+    fit_options.near_start = options_.faults_of != nullptr;  // a trial beside a finished fit
+    r.noise_fit = fit_noise(recording_, r.parameters, effects_, r.setup, fit_options);
+    r.setup.noise = r.noise_fit->noise;
+  }
+  r.converged = options_.faults_of ? iterate(0.3, 3) : iterate(0.01, 5);
+  r.message = r.converged ? "converged" : "the last iterations still moved the parameters";
+  finish();
+  return r;
+}
+
+// Gauss-Newton at the noise that is measured before the fit. Dwells of a few seconds hardly show it, and an optimum too narrow for the
+// start is missed: then it is tried again from wider ones, and what is found there is kept if it fits and, where it can be compared, fits better.
+bool JointRun::settle() {
+  constexpr double suspicious = 100.0;  // of chi-square an observation: ten times the noise
+  JointResult& r = result_;
+  const Parameters start = r.parameters;
+  const Eigen::VectorXd start_values = effects_.values;
+  const NoiseModel noise = r.setup.noise;
+  const bool settled = iterate(0.3, options_.max_iterations);
+  if (settled && misfit_ < suspicious) return true;
+  const Parameters first = r.parameters;
+  const Eigen::VectorXd first_values = effects_.values;
+  const double first_misfit = settled ? misfit_ : std::numeric_limits<double>::infinity();
+  for (const double louder : {5.0, 25.0}) {
+    r.parameters = start;
+    effects_.values = start_values;
+    NoiseModel wide = noise;
+    wide.angle_random_walk *= louder;
+    wide.velocity_random_walk *= louder;
+    const auto settles_with = [&](const NoiseModel& with) {
+      r.setup.noise = with;
+      return iterate(0.3, options_.max_iterations);
+    };
+    const bool near = settles_with(wide) && misfit_ < suspicious;
+    const Parameters found = r.parameters;
+    const Eigen::VectorXd found_values = effects_.values;
+    const bool stands = near && settles_with(noise);
+    if (stands && misfit_ < 0.5 * first_misfit) return true;
+    r.setup.noise = noise;
+    if (!near || stands || settled || options_.noise) continue;
+    // Even there it is too narrow: the noise is fitted from the wider one.
+    r.setup.noise = wide;
+    r.parameters = found;
+    effects_.values = found_values;
+    return true;
+  }
+  r.parameters = first;
+  effects_.values = first_values;
+  return settled;
+}
+
+// Gauss-Newton until the largest step of a determined parameter is below `tolerance` sigma.
+bool JointRun::iterate(double tolerance, int max_iterations) {
+  FilterSetup setup = result_.setup;
+  for (int k = 0; k < max_iterations; ++k) {
+    const FilterResult pass = run_filter(recording_, result_.parameters, effects_, setup);
+    ++result_.iterations;
+    solution_ = solve_subset(pass.information, pass.gradient, subset_, ranges_);
+    misfit_ = pass.chi_square / static_cast<double>(std::max<std::int64_t>(pass.observations, 1));
+    if (!solution_.step.allFinite()) return false;
+    Eigen::VectorXd step = solution_.step;
+    Eigen::VectorXd sigma = solution_.covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
+    if (solution_.undetermined.cols() > 0) step_within_ranges(pass, step, sigma);
+    ParameterVector values = to_vector(result_.parameters);
+    for (std::size_t i = 0; i < subset_.size(); ++i) value_of(subset_[i], values) += step[static_cast<Eigen::Index>(i)];
+    result_.parameters = from_vector(values);
+    double largest = 0.0;  // of the determined ones
+    for (Eigen::Index i = 0; i < step.size(); ++i)
+      if (!solution_.lost[static_cast<std::size_t>(i)]) largest = std::max(largest, std::abs(step[i]) / sigma[i]);
+    if (largest < tolerance) return true;
+  }
+  return false;
+}
+
+// Gauss-Newton in the determined directions alone would creep, since which ones those are turns with every linearisation.
+// So where some are open, the plausible ranges about the start are taken for observations; what is determined does not
+// notice them.
+void JointRun::step_within_ranges(const FilterResult& pass, Eigen::VectorXd& step, Eigen::VectorXd& sigma) {
+  const Eigen::VectorXd weight = Eigen::VectorXd(ranges_(subset_)).cwiseAbs2().cwiseInverse();
+  ParameterVector values = to_vector(result_.parameters);
+  Eigen::VectorXd gradient = pass.gradient(subset_);
+  for (std::size_t i = 0; i < subset_.size(); ++i) {
+    const Eigen::Index row = static_cast<Eigen::Index>(i);
+    gradient[row] += weight[row] * (value_of(subset_[i], values) - start_[row]);
+  }
+  Eigen::MatrixXd information = pass.information(subset_, subset_);
+  information.diagonal() += weight;
+  const Eigen::VectorXd balance = information.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd unit = balance.asDiagonal() * information * balance.asDiagonal();
+  const Eigen::MatrixXd covariance =
+      balance.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd(balance.asDiagonal()));
+  step = -covariance * gradient;
+  sigma = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
+}
+
+// One at a time, the worst first: a fault that is not cut out spoils the seconds around it.
+void JointRun::look_for_faults() {
+  for (int round = 0; round < 12; ++round) {
+    FilterSetup setup = result_.setup;
+    setup.with_columns = false;
+    setup.keep_innovations = true;
+    const FilterResult pass = run_filter(recording_, result_.parameters, effects_, setup);
+    if (!cut_worst_fault(recording_, pass.innovations, result_.faults, result_.setup.breaks)) return;
+    iterate(0.3, 4);
+  }
+}
+
+void JointRun::finish() {
+  JointResult& r = result_;
+  std::vector<EffectColumn> columns = options_.effects;
+  columns.insert(columns.end(), options_.candidates.begin(), options_.candidates.end());
+  EffectModel with_candidates = make_effect_model(columns, {recording_.info.latitude_deg}, reference_temperature_c_);
+  with_candidates.values.head(effects_.columns) = effects_.values;
+  r.setup.keep_innovations = true;
+  r.last = run_filter(recording_, r.parameters, with_candidates, r.setup);
+  r.setup.keep_innovations = false;
+  solution_ = solve_subset(r.last.information, r.last.gradient, subset_, ranges_);
+  r.free = subset_;
+  r.covariance = solution_.covariance;
+  r.noise = r.setup.noise;
+  r.normalised_rms = std::sqrt(r.last.chi_square / static_cast<double>(std::max<std::int64_t>(r.last.observations, 1)));
+  r.whiteness = test_whiteness(r.last.innovations);
+
+  for (Eigen::Index d = 0; d < solution_.undetermined.cols(); ++d) {
+    const Eigen::VectorXd direction = solution_.undetermined.col(d);
+    Undetermined u;
+    for (std::size_t i = 0; i < subset_.size(); ++i) {
+      const double weight = direction[static_cast<Eigen::Index>(i)];
+      if (std::abs(weight) < smallest_part) continue;
+      const std::string key = subset_[i] < parameter_count
+                                  ? std::string(parameter_keys[static_cast<std::size_t>(subset_[i])])
+                                  : options_.effects[static_cast<std::size_t>(subset_[i] - parameter_count)].key();
+      u.combination.emplace_back(key, weight);
+    }
+    std::sort(u.combination.begin(), u.combination.end(),
+              [](const auto& a, const auto& b) { return std::abs(a.second) > std::abs(b.second); });
+    r.undetermined.push_back(std::move(u));
+  }
+  for (std::size_t i = 0; i < subset_.size(); ++i) {
+    const double sigma = std::sqrt(r.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)));
+    if (subset_[i] < parameter_count) {
+      r.determined[static_cast<std::size_t>(subset_[i])] = !solution_.lost[i];
+      r.sigma[subset_[i]] = solution_.lost[i] ? 0.0 : sigma;
+    } else {
+      const int k = subset_[i] - parameter_count;
+      r.effects.push_back({options_.effects[static_cast<std::size_t>(k)], effects_.values[k], sigma});
+    }
+  }
+}
+
+}  // namespace
+
+ParameterVector plausible_ranges(const RecordingInfo& info) {
+  // A unit that counts pulses is of navigation grade; one that delivers rad and m/s may be a small one.
+  const bool pulses = info.gyro_increment == IncrementKind::pulses;
+  ParameterVector ranges;
+  ranges.segment<3>(0).setConstant(pulses ? 1.0 : 2e4);     // deg/h
+  ranges.segment<3>(3).setConstant(pulses ? 0.02 : 0.2);    // g
+  ranges.segment<9>(6).setConstant(pulses ? 0.01 : 0.1);    // of 0.93 or 1
+  ranges.segment<9>(15).setConstant(pulses ? 0.01 : 0.1);
+  return ranges;
+}
+
+SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::VectorXd& gradient,
+                            const std::vector<int>& subset, const Eigen::VectorXd& ranges) {
+  const Eigen::VectorXd scale = ranges(subset);
+  const Eigen::MatrixXd A = scale.asDiagonal() * Eigen::MatrixXd(information(subset, subset)) * scale.asDiagonal();
+  const Eigen::VectorXd c = scale.cwiseProduct(Eigen::VectorXd(gradient(subset)));
+  // Determined: the data shrink the range to a tenth and less. The scaled matrix is first balanced, so that the small
+  // eigenvalues are not lost in the rounding of the large ones.
+  const Eigen::VectorXd balance = (A.diagonal().array() + 1.0).sqrt().inverse();
+  const Eigen::MatrixXd B = balance.asDiagonal() * (A + Eigen::MatrixXd::Identity(A.rows(), A.cols())) * balance.asDiagonal();
+  const Eigen::MatrixXd with_prior = balance.asDiagonal() * B.ldlt().solve(Eigen::MatrixXd(balance.asDiagonal()));
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(with_prior);  // sigma^2 / (1 + sigma^2), in ranges
+  constexpr double limit = 0.01;                                           // sigma of a tenth of the range
+  Eigen::Index good = 0;
+  while (good < A.rows() && eigen.eigenvalues()[good] < limit) ++good;
+  SubsetSolution solution;
+  solution.undetermined = eigen.eigenvectors().rightCols(A.rows() - good);
+  if (good == A.rows()) {
+    const Eigen::VectorXd plain = A.diagonal().array().sqrt().inverse();
+    const Eigen::MatrixXd unit = plain.asDiagonal() * A * plain.asDiagonal();
+    const Eigen::VectorXd back = scale.cwiseProduct(plain);
+    solution.covariance =
+        back.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols())) * back.asDiagonal();
+  } else {
+    // sigma^2 without the prior, on the determined directions only
+    const Eigen::VectorXd variance = eigen.eigenvalues().head(good).array() / (1.0 - eigen.eigenvalues().head(good).array());
+    const Eigen::MatrixXd V = eigen.eigenvectors().leftCols(good);
+    solution.covariance = scale.asDiagonal() * V * variance.asDiagonal() * V.transpose() * scale.asDiagonal();
+  }
+  solution.covariance = (0.5 * (solution.covariance + solution.covariance.transpose())).eval();
+  solution.step = -solution.covariance * Eigen::VectorXd(gradient(subset));
+  solution.lost.assign(subset.size(), 0);
+  Eigen::VectorXd moved = Eigen::VectorXd::Zero(A.rows());  // variance from the undetermined directions, ranges as prior
+  for (Eigen::Index d = 0; d < solution.undetermined.cols(); ++d)
+    moved += eigen.eigenvalues()[good + d] * solution.undetermined.col(d).cwiseProduct(scale).cwiseAbs2();
+  for (Eigen::Index i = 0; i < A.rows(); ++i) {
+    const bool takes_part =
+        solution.undetermined.cols() > 0 && solution.undetermined.row(i).cwiseAbs().maxCoeff() >= smallest_part;
+    if (takes_part || moved[i] > 0.25 * solution.covariance(i, i)) solution.lost[static_cast<std::size_t>(i)] = 1;
+  }
+  return solution;
+}
+
+JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options) {
+  return JointRun(recording, options).run();
+}
+
+Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
+  constexpr int lags = 5;
+  Whiteness w;
+  w.autocorrelation = Eigen::VectorXd::Zero(lags);
+  if (innovations.size() < 100) {
+    w.message = "too few static seconds to judge";
+    return w;
+  }
+  // A second that stands out (a fault not worth cutting) is limited to 4 sigma: it must not decide alone.
+  const auto value = [&](std::size_t i) -> Eigen::Vector3d { return innovations[i].normalised.cwiseMax(-4.0).cwiseMin(4.0); };
+  double square = 0.0;
+  double raw = 0.0;
+  for (std::size_t i = 0; i < innovations.size(); ++i) {
+    square += value(i).squaredNorm();
+    raw += innovations[i].normalised.squaredNorm();
+    for (int lag = 1; lag <= lags && static_cast<std::size_t>(lag) <= i; ++lag)
+      if (innovations[i].block - innovations[i - static_cast<std::size_t>(lag)].block == static_cast<std::size_t>(lag))
+        w.autocorrelation[lag - 1] += value(i).dot(value(i - static_cast<std::size_t>(lag)));
+  }
+  w.autocorrelation /= square;
+  w.level = raw / (3.0 * static_cast<double>(innovations.size()));
+  const double worst = w.autocorrelation.cwiseAbs().maxCoeff();
+  w.white = worst < 0.1 && w.level > 0.8 && w.level < 1.25;
+  w.message = w.white ? "innovations are white at the noise model"
+              : worst >= 0.1 ? "innovations are correlated in time: the noise model does not fit"
+                             : "innovations are larger or smaller than the noise model says";
+  return w;
+}
+
+}  // namespace turncal

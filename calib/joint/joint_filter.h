@@ -1,0 +1,87 @@
+// One pass of the joint estimator: an extended Kalman filter for the motion, with a sensitivity column for every parameter.
+//
+// The unit is navigated through the whole recording without resetting anything; in every static second the mean velocity is
+// observed to be zero. The filter's state is the error of the navigated motion only,
+//   psi (attitude error in n, C_computed = (I + [psi x]) C_true, psi = -phi of the paper), v (velocity), b_g, b_a (the
+//   Gauss-Markov part of the biases, zero when the noise model has none),
+// and what the parameters do to it is carried as X = d(state)/d(parameters) through the same transitions and the same gains:
+//   predict  X <- Phi X + B,   innovation derivative  N = H X + D,   update  X <- X - K N
+// so that sum over seconds of N' S^-1 N and N' S^-1 nu are the information matrix and vector of generalised least squares
+// for all parameters and all candidate effects at once (the augmented Kalman filter: P. de Jong, The Diffuse Kalman
+// Filter, Ann. Stat. 19 (1991); with the prediction-error view of Ljung, System Identification, 2nd ed., ch. 7).
+//
+// The mean velocity over a second shares its noise with the state at the end of the second; the update uses the cross
+// covariance, so no white noise is counted twice. Heading and tilt at the first sample are diffuse: they are estimated.
+// Gravity is constant and the station does not move: no Schuler loop, no Coriolis term (v is a few cm/s at most).
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "calib/statistics/block_motion.h"
+#include "calib/statistics/compression.h"
+#include "calib/model/effect_columns.h"
+#include "calib/model/noise_model.h"
+
+namespace turncal {
+
+// The motion is not trusted across this block: the variance of attitude and velocity is raised before it, so that nothing
+// learned before is carried to what comes after (a lost sample, a glitch, a knock; or a rotation by hand).
+struct Break {
+  std::size_t block = 0;
+  double tilt_sigma_rad = 0.02;
+  double heading_sigma_rad = 0.02;
+  double velocity_sigma_mps = 1.0;
+};
+
+struct FilterSetup {
+  NoiseModel noise;
+  double initial_tilt_sigma_rad = 0.02;
+  double initial_heading_sigma_rad = 0.02;
+  double initial_velocity_sigma_mps = 1e-3;
+  bool with_columns = true;           // false: only the likelihood (for the noise fit)
+  bool keep_innovations = false;
+  bool keep_motions = false;          // for the noise fit, and to apply effects
+  // The last narrow_columns of the effect columns are scored one at a time: of the information among them only the
+  // diagonal is kept, and their products with the first narrow_against columns (of [24 parameters, effects]).
+  int narrow_columns = 0;
+  int narrow_against = 0;
+  std::vector<Break> breaks;          // in block order
+  std::vector<char> unobserved;       // a block marked 1 is not observed though it is a static second (left-out dwells)
+};
+
+// One static second as the filter saw it.
+struct Innovation {
+  std::size_t block = 0;
+  double time_s = 0.0;                // middle of the second, from the first sample
+  Eigen::Vector3d velocity_mps;       // predicted mean velocity, n frame: what should have been zero
+  Eigen::Vector3d normalised;         // L^-1 nu with S = L L': three unit-variance numbers when the model is right
+  Eigen::Vector3d free_velocity_mps;  // mean velocity navigated freely since the last rotation began, n frame
+};
+
+// What the effects of the model read over a block without the unit having moved so.
+struct TakenOff {
+  Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero();
+  Eigen::Vector3d push_mps = Eigen::Vector3d::Zero();
+};
+
+struct FilterResult {
+  Eigen::MatrixXd information;        // of [24 parameters in file units, effect columns]; rows of fixed ones are there too
+  Eigen::VectorXd gradient;           // sum N' S^-1 nu; the Gauss-Newton step of a free subset is -A^-1 c
+  double chi_square = 0.0;            // sum nu' S^-1 nu
+  double log_determinant = 0.0;       // sum log det S
+  std::int64_t observations = 0;      // scalar ones: three a static second
+  std::vector<Innovation> innovations;
+  std::vector<Innovation> left_out;   // of unobserved static seconds: predicted, not used (with keep_innovations)
+  std::vector<BlockMotion> motions;   // of every block, with the values of the effects taken off
+  std::vector<TakenOff> taken_off;    // of every block, with keep_motions
+  Eigen::Matrix3d initial_C_nb = Eigen::Matrix3d::Identity();
+};
+
+// `effects`: the candidate columns beside the 24 (may be empty) and the values that are already in the model.
+FilterResult run_filter(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
+                        const FilterSetup& setup);
+
+}  // namespace turncal

@@ -1,0 +1,71 @@
+// One step of navigation at a station that does not move, and the noise that enters over it.
+//
+// n turns with the earth, so what the accelerometers gained is seen from a frame that has turned meanwhile:
+//   C_nb(end) = Exp(-w_ie t) C_nb Exp(rotation),  v(end) = v + (I - t/2 [w_ie x]) C_nb velocity - g t U
+//   mean v    = v + (I - t/3 [w_ie x]) C_nb mean_velocity - g t/2 U
+// Error state (psi, v), psi with C_computed = (I + [psi x]) C_true, over the step with specific force f_n, F = [f_n x]:
+//   psi(end) = Exp(-w_ie t) psi,  v(end) = v - F t psi,  mean v = v - F t/2 psi
+// Not modelled: Coriolis on v, curvature of the earth (v is centimetres a second, for seconds).
+#pragma once
+
+#include <Eigen/Core>
+
+#include "calib/model/attitude.h"
+#include "calib/statistics/block_motion.h"
+#include "calib/model/noise_model.h"
+
+namespace turncal {
+
+struct MotionStep {
+  Eigen::Matrix3d turn_n;   // Exp(-w_ie t)
+  Eigen::Matrix3d C_mid;    // C_nb in the middle of the step
+  Eigen::Matrix3d F;        // [f_n x], m/s^2
+  Eigen::Vector3d dv_n;     // v(end) - v
+  Eigen::Vector3d mean_dv_n;  // mean v - v
+  Eigen::Matrix3d C_end;
+};
+
+inline MotionStep motion_step(const Eigen::Matrix3d& C_nb, const BlockMotion& motion, const Eigen::Vector3d& earth_n,
+                              double gravity_mps2, double t) {
+  const Eigen::Vector3d gained = C_nb * motion.velocity;
+  const Eigen::Vector3d mean = C_nb * motion.mean_velocity;
+  const Eigen::Vector3d gravity(0.0, -gravity_mps2, 0.0);
+  MotionStep step;
+  step.turn_n = rotation_exp(-earth_n * t);
+  const Eigen::Matrix3d half = rotation_exp(0.5 * motion.rotation);
+  step.C_mid = C_nb * half;
+  step.F = skew(gained / t);
+  step.dv_n = gained - 0.5 * t * earth_n.cross(gained) + gravity * t;
+  step.mean_dv_n = mean - t / 3.0 * earth_n.cross(mean) + 0.5 * t * gravity;
+  step.C_end = step.turn_n * step.C_mid * half;
+  return step;
+}
+
+// Covariance of the noise that enters over a step of length t, for the state at its end (psi, v) and for the mean velocity
+// z; W and V are the covariance rates of the walks in n (rad^2/s, m^2/s^3). From psi = walk, v' = -F psi + walk.
+struct StepNoise {
+  Eigen::Matrix3d psi_psi, psi_v, v_v, psi_z, v_z, z_z;
+};
+inline StepNoise step_noise(const Eigen::Matrix3d& W, const Eigen::Matrix3d& V, const Eigen::Matrix3d& F, double t) {
+  StepNoise q;
+  const Eigen::Matrix3d WF = W * F.transpose();
+  const Eigen::Matrix3d FWF = F * WF;
+  q.psi_psi = W * t;
+  q.psi_v = -WF * (t * t / 2.0);
+  q.v_v = V * t + FWF * (t * t * t / 3.0);
+  q.psi_z = -WF * (t * t / 6.0);
+  q.v_z = V * (t / 2.0) + FWF * (t * t * t / 8.0);
+  q.z_z = V * (t / 3.0) + FWF * (t * t * t / 20.0);
+  return q;
+}
+
+// Quantisation noise of the mean velocity over `samples` samples that hold `counts` pulses: the count is short of the truth
+// by a sawtooth of one pulse; sampled, it makes as many teeth as the counts a sample are away from a whole number, and the
+// mean over n teeth keeps about 1/n of its amplitude.
+inline double quantisation_variance(double counts, int samples, double pulse) {
+  const double per_sample = counts / samples;
+  const double teeth = std::abs(per_sample - std::round(per_sample)) * samples;
+  return pulse * pulse / 12.0 / (1.0 + teeth * teeth);
+}
+
+}  // namespace turncal

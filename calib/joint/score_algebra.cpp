@@ -1,0 +1,110 @@
+#include "calib/joint/score_algebra.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Dense>
+
+namespace turncal {
+namespace {
+
+// Inverse of the group's part of Q on its well-determined directions, in units of its diagonal.
+struct Partial {
+  Eigen::VectorXd scale;
+  Eigen::MatrixXd directions;  // columns
+  Eigen::VectorXd values;
+};
+Partial decompose(const Scores& scores, const std::vector<int>& group, double floor) {
+  const Eigen::MatrixXd Q = scores.Q(group, group);
+  Partial p;
+  p.scale = Q.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(p.scale.asDiagonal() * Q * p.scale.asDiagonal());
+  Eigen::Index first = 0;
+  while (first < Q.rows() && eigen.eigenvalues()[first] < floor) ++first;
+  p.directions = eigen.eigenvectors().rightCols(Q.rows() - first);
+  p.values = eigen.eigenvalues().tail(Q.rows() - first);
+  return p;
+}
+
+// Regularised incomplete gamma function, upper tail: series below a + 1, continued fraction above.
+double gamma_tail(double a, double x) {
+  if (x <= 0.0) return 1.0;
+  const double front = std::exp(-x + a * std::log(x) - std::lgamma(a));
+  if (x < a + 1.0) {
+    double term = 1.0 / a;
+    double sum = term;
+    for (int n = 1; n < 500 && term > 1e-16 * sum; ++n) {
+      term *= x / (a + n);
+      sum += term;
+    }
+    return std::max(0.0, 1.0 - front * sum);
+  }
+  double b = x + 1.0 - a;
+  double c = 1e300;
+  double d = 1.0 / b;
+  double h = d;
+  for (int n = 1; n < 500; ++n) {
+    const double an = -n * (n - a);
+    b += 2.0;
+    d = 1.0 / (an * d + b);
+    c = b + an / c;
+    h *= d * c;
+    if (std::abs(d * c - 1.0) < 1e-14) break;
+  }
+  return front * h;
+}
+
+}  // namespace
+
+Scores eliminate(const Eigen::MatrixXd& information, const Eigen::VectorXd& gradient, const std::vector<int>& base,
+                 const std::vector<int>& candidates) {
+  Scores result;
+  const Eigen::MatrixXd A_bb = information(base, base);
+  const Eigen::MatrixXd A_bc = information(base, candidates);
+  const Eigen::VectorXd c_b = gradient(base);
+  result.Q = information(candidates, candidates);
+  result.s = -gradient(candidates);
+  const Eigen::VectorXd before = result.Q.diagonal();
+  if (!base.empty()) {
+    const Eigen::VectorXd scale = A_bb.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd unit = scale.asDiagonal() * A_bb * scale.asDiagonal();
+    // An undetermined base direction must not blow up: its eigenvalue is lifted by a hair.
+    const Eigen::LDLT<Eigen::MatrixXd> root(unit + 1e-13 * Eigen::MatrixXd::Identity(unit.rows(), unit.cols()));
+    const Eigen::MatrixXd right = scale.asDiagonal() * A_bc;
+    const Eigen::MatrixXd solved = root.solve(right);
+    result.Q -= right.transpose() * solved;
+    const Eigen::VectorXd scaled = scale.cwiseProduct(c_b);
+    result.s += solved.transpose() * scaled;
+  }
+  result.kept = result.Q.diagonal().cwiseQuotient(before.cwiseMax(1e-300));
+  return result;
+}
+
+GroupTest group_test(const Scores& scores, const std::vector<int>& group, double floor) {
+  const Partial p = decompose(scores, group, floor);
+  const Eigen::VectorXd s = p.scale.cwiseProduct(Eigen::VectorXd(scores.s(group)));
+  const Eigen::VectorXd along = p.directions.transpose() * s;
+  return {along.cwiseAbs2().cwiseQuotient(p.values).sum(), static_cast<int>(p.values.size())};
+}
+
+double multiple_correlation(const Scores& scores, int k, const std::vector<int>& group, double floor) {
+  const Partial p = decompose(scores, group, floor);
+  const Eigen::MatrixXd cross = scores.Q(group, std::vector<int>{k});
+  const Eigen::VectorXd along = p.directions.transpose() * p.scale.cwiseProduct(cross.col(0));
+  const double explained = along.cwiseAbs2().cwiseQuotient(p.values).sum();
+  return std::sqrt(std::clamp(explained / std::max(scores.Q(k, k), 1e-300), 0.0, 1.0));
+}
+
+double chi_square_tail(double value, int degrees) { return degrees > 0 ? gamma_tail(0.5 * degrees, 0.5 * value) : 1.0; }
+
+double chi_square_1_limit(double tail_probability) {
+  double low = 0.0;
+  double high = 200.0;
+  for (int k = 0; k < 80; ++k) {
+    const double middle = 0.5 * (low + high);
+    (std::erfc(std::sqrt(0.5 * middle)) > tail_probability ? low : high) = middle;
+  }
+  return high;
+}
+
+}  // namespace turncal

@@ -1,0 +1,61 @@
+// The catalogue of effects beyond the 24 parameters. One entry an effect; adding another is adding an entry in effects.cpp.
+//
+// An entry says what one unit of each component adds to the calibrated reading (see effect_columns.h), in the units of
+// docs/effect-components.md. Names follow IEEE 1293 (accelerometer model), 647 (ring laser gyros) and 952.
+// Effects with a time constant that is not known beforehand appear once a value of tau from a short list ("variants": the
+// score decides between them, and they count as one effect). What the station can never see is listed in unobservable().
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "calib/model/effect_columns.h"
+#include "calib/types/recording_types.h"
+
+namespace turncal {
+
+struct Site {               // what regressors need to know of the place
+  double latitude_deg = 0.0;
+};
+
+struct EffectEntry {
+  std::string_view name;
+  std::string_view term;                    // in the sense of the standards
+  std::string_view formula;
+  std::string_view unit;
+  std::vector<std::string_view> components;
+  double si = 1.0;                          // one unit in rad/s (gyro) or m/s^2 (accelerometer) terms of `write`
+  std::vector<double> taus_s;               // variants; empty: none
+  bool needs_temperature = false;
+  std::string_view seen_by;                 // the positions or rates that would show it
+  // Adds one unit of component k to column k of gyro and accel (3 x components, zero before), times si.
+  void (*write)(const BlockState& s, const Site& site, double tau_s, Eigen::Ref<Eigen::Matrix3Xd> gyro,
+                Eigen::Ref<Eigen::Matrix3Xd> accel);
+};
+
+const std::vector<EffectEntry>& effect_catalogue();
+const EffectEntry* find_effect(std::string_view name);
+// A magnitude of one component (in its unit) that no sensor has: what would have to be larger to be caught is not seen.
+// A drift is judged by what it adds up to over `duration_s`, where that is less than an hour.
+double absurd_magnitude(const EffectEntry& entry, double duration_s = 3600.0);
+// Quantities no recording of this kind can show, whatever the sequence.
+std::span<const std::string_view> unobservable_quantities();
+
+// One column of an EffectModel: a component of an effect (of a variant of it).
+struct EffectColumn {
+  const EffectEntry* entry = nullptr;
+  int component = 0;
+  double tau_s = 0.0;                       // 0: the effect has none
+  std::string key() const;                  // "accel_second_order.x"
+};
+
+// The whole catalogue as columns (with every variant), or a choice of them. Effects that need a temperature are left out
+// when the recording has none.
+std::vector<EffectColumn> catalogue_columns(const RecordingInfo& info);
+EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Site& site, double reference_temperature_c);
+
+}  // namespace turncal

@@ -1,0 +1,104 @@
+#include "calib/prediction/predict.h"
+
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "calib/diagnosis/diagnosis.h"
+#include "calib/joint/score_algebra.h"
+
+namespace turncal {
+namespace {
+
+constexpr double alias_correlation = 0.97;
+constexpr double caught_at = 5.0;
+
+// Components of one effect with one time constant.
+struct Group {
+  std::string_view name;
+  double tau_s = 0.0;
+  std::vector<int> members;  // into the candidates
+  std::vector<int> seen;     // those of which the base leaves something
+};
+std::vector<Group> groups_of(const std::vector<EffectColumn>& columns) {
+  std::vector<Group> groups;
+  for (int k = 0; k < static_cast<int>(columns.size()); ++k) {
+    const EffectColumn& column = columns[static_cast<std::size_t>(k)];
+    if (groups.empty() || groups.back().name != column.entry->name || groups.back().tau_s != column.tau_s)
+      groups.push_back({column.entry->name, column.tau_s, {}, {}});
+    groups.back().members.push_back(k);
+    groups.back().seen.push_back(k);
+  }
+  return groups;
+}
+
+// Left over from rounding when the base imitates a column exactly.
+constexpr double nothing_kept = 1e-9;
+
+void predict_effects(const JointResult& estimate, const std::vector<EffectColumn>& columns, Prediction& prediction) {
+  std::vector<int> candidates(columns.size());
+  std::iota(candidates.begin(), candidates.end(), parameter_count);
+  const Scores scores = eliminate(estimate.last.information, estimate.last.gradient, estimate.free, candidates);
+  const auto anything_left = [&](int k) { return scores.Q(k, k) > 0.0 && scores.kept[k] > nothing_kept; };
+  std::vector<Group> groups = groups_of(columns);
+  for (Group& group : groups) std::erase_if(group.seen, [&](int k) { return !anything_left(k); });
+  const auto imitated = [&](int k, std::vector<int> by) {
+    std::erase(by, k);
+    return !by.empty() && multiple_correlation(scores, k, by) > alias_correlation;
+  };
+  for (const Group& own : groups) {
+    for (const int k : own.members) {
+      PredictedEffect effect;
+      effect.column = columns[static_cast<std::size_t>(k)];
+      effect.sigma = anything_left(k) ? 1.0 / std::sqrt(scores.Q(k, k)) : std::numeric_limits<double>::infinity();
+      effect.detectable = caught_at * effect.sigma;
+      effect.visible = effect.detectable <= absurd_magnitude(*effect.column.entry);
+      if (effect.visible) {
+        effect.among_its_own = imitated(k, own.seen);
+        for (const Group& other : groups) {
+          const bool named = !effect.aliases.empty() && effect.aliases.back() == other.name;
+          if (other.name != own.name && !named && imitated(k, other.seen)) effect.aliases.emplace_back(other.name);
+        }
+      }
+      prediction.effects.push_back(std::move(effect));
+    }
+  }
+}
+
+}  // namespace
+
+Parameters typical_unit(const RecordingInfo& info) {
+  Parameters unit = start_parameters(info);
+  unit.A0_g = {0.003, -0.002, 0.004};
+  return unit;
+}
+
+Prediction predict(const RecordingInfo& info, const PlannedMotion& motion, const PredictOptions& options) {
+  const Parameters unit = options.unit.value_or(typical_unit(info));
+  const CompressedRecording recording = planned_recording(info, motion, unit, options.temperature);
+  JointOptions estimate;
+  estimate.start = unit;
+  estimate.noise = options.noise;
+  estimate.noise->gyro_pulse_rad = info.gyro_increment == IncrementKind::pulses ? unit.n(0, 0) * rad_per_arcsec : 0.0;
+  estimate.noise->accel_pulse_mps = info.accel_increment == IncrementKind::pulses ? info.accel_pulse_mps : 0.0;
+  estimate.heading_sigma_rad = options.heading_sigma_rad;
+  estimate.look_for_faults = false;
+  if (options.effects) estimate.candidates = catalogue_columns(recording.info);
+  const JointResult result = joint_estimate(recording, estimate);
+
+  Prediction prediction;
+  prediction.message = result.message;
+  prediction.valid = result.converged;
+  prediction.samples = recording.samples;
+  for (const Block& block : recording.blocks)
+    if (block.whole_second) prediction.static_s += block.duration_s;
+  prediction.sigma = result.sigma;
+  prediction.free = result.free;
+  prediction.covariance = result.covariance;
+  prediction.determined = result.determined;
+  prediction.undetermined = result.undetermined;
+  if (options.effects) predict_effects(result, estimate.candidates, prediction);
+  return prediction;
+}
+
+}  // namespace turncal

@@ -1,0 +1,59 @@
+// What a planned run would determine, and how well, before anything is run.
+//
+// The recording an ideal unit would make of the plan (planned_motion.h) goes through joint_estimate() like any other, with
+// the noise given and the parameters of that unit as the start: the step is zero and the covariance is the prediction. There
+// is no second covariance code. For effects of the catalogue, the columns of that same pass with the base eliminated
+// (score_algebra.h) give, for each component added alone, sigma = Q_kk^-1/2; the smallest magnitude that would be caught is
+// 5 sigma, as in a diagnosis.
+//
+// Units: sigmas in file units (parameters.h), effects in those of docs/effect-components.md.
+// Not predicted: what table errors, temperature gradients and effects outside the model do to the error; faults.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/model/effects.h"
+#include "calib/joint/joint_estimate.h"
+#include "calib/prediction/planned_motion.h"
+
+namespace turncal {
+
+struct PredictOptions {
+  NoiseModel noise;                  // its pulses are those of the RecordingInfo, whatever is set
+  std::optional<Parameters> unit;    // default: typical_unit(info)
+  std::optional<TemperatureProfile> temperature;  // without one, effects of temperature are not looked at
+  double heading_sigma_rad = 0.02;   // of the heading given at the first sample
+  bool effects = false;
+};
+
+struct PredictedEffect {             // one component, added alone to the 21 parameters
+  EffectColumn column;
+  double sigma = 0.0;
+  double detectable = 0.0;           // 5 sigma
+  bool visible = false;              // false: only a magnitude that no sensor has would be caught
+  std::vector<std::string> aliases;  // other effects that imitate it (multiple correlation above 0.97, base eliminated)
+  bool among_its_own = false;        // the other components of its own effect imitate it
+};
+
+struct Prediction {
+  std::string message = "not run";   // of the estimator
+  bool valid = false;
+  std::int64_t samples = 0;
+  double static_s = 0.0;             // observed static seconds
+  ParameterVector sigma = ParameterVector::Zero();  // 0 for the three fixed and for undetermined ones
+  std::vector<int> free;                            // parameter of each row of the covariance
+  Eigen::MatrixXd covariance;                       // file units; along determined directions only
+  std::vector<bool> determined;
+  std::vector<Undetermined> undetermined;
+  std::vector<PredictedEffect> effects;             // catalogue order, every variant
+};
+
+Prediction predict(const RecordingInfo& info, const PlannedMotion& motion, const PredictOptions& options);
+
+// The paper's start values with accelerometer biases of a few mg: an accelerometer that reads exactly no pulse at rest
+// would leave its quantisation error standing still for whole dwells, which no real one does.
+Parameters typical_unit(const RecordingInfo& info);
+
+}  // namespace turncal

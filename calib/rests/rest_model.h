@@ -1,0 +1,74 @@
+// Calibration with unknown angles: Gauss-Newton over the observations of rest_system.h.
+//
+// Start: A and f0 from the ellipsoid through the static means (A upper triangular, from the Cholesky factor), gyro bias
+// from the static means, one common gyro scale factor from the rotations. Then all 21 parameters and the given effects
+// together.
+//
+// Weights are measured, not assumed: the variance of a row is that of the white noise (rest_data.h) plus a floor of its
+// kind squared, and each floor is estimated so that the sum of squares of its kind equals the redundancy of its kind
+// (variance components; W. Foerstner, Allg. Vermessungs-Nachr. 86 (1979); K.-R. Koch, Parameter Estimation and
+// Hypothesis Testing, 2nd ed., 3.6.2). The floor holds what white noise does not: bias that wanders from rest to rest,
+// rotations that the gyros do not follow, an effect that is missing in the model.
+//
+// Left out in turn: a leg's direction is predicted from all other rows; a rest's norm and gyros from all rows but its
+// own and those of its two legs. For a linear problem with fixed weights the prediction error of rows K is (I -
+// H_KK)^-1 r_K, H the hat matrix; near the solution the problem is linear.
+//
+// Source of the observation set: Tedaldi, Pretto, Menegatti, ICRA 2014 (which fits the two triads one after the other).
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/model/effect_columns.h"
+#include "calib/rests/rest_data.h"
+#include "calib/rests/rest_start.h"
+#include "calib/rests/rest_system.h"
+#include "calib/types/status.h"
+
+namespace turncal {
+
+struct RestFloors {
+  double norm_mps2 = 0.0;
+  double direction_rad = 0.0;
+  double gyro_radps = 0.0;
+};
+
+struct RestFit {
+  bool converged = false;
+  std::string message = "not run";
+  Parameters parameters;
+  Eigen::VectorXd effect_values;          // as the columns given
+  Eigen::VectorXd sigma;                  // 24 parameters (0: fixed, NaN: not determined), then effects
+  std::vector<std::string> undetermined;  // parameters, or combinations, that the motion does not show
+  RestFloors floors;
+  RestErrors errors;      // on the fitted data
+  RestErrors left_out;    // each leg, each rest left out in turn
+  int not_predicted = 0;  // rests and legs without which the rest of the data determines nothing
+  std::array<double, rest_kind_count> redundancy{};  // rows less parameters, kind by kind
+  std::array<double, rest_kind_count>
+      white_ratio{};  // rms over that of white noise alone: 1 when nothing else is there
+  int iterations = 0;
+};
+
+struct RestFitOptions {
+  int max_iterations = 40;
+  std::optional<RestFloors> start_floors;  // of a model that is near; else from the residuals of the start
+};
+
+// `effects.values` is the start for the effects; all of its columns are estimated. An error when there are not enough
+// rests or rotations to start from; a fit that does not converge comes back with converged = false.
+Result<RestFit> fit_rests(const RestData& data, const EffectModel& effects, const RestFitOptions& options = {});
+// From a given start (no coarse start).
+RestFit refine_rests(const RestData& data, const Parameters& start, const EffectModel& effects,
+                     const RestFitOptions& options = {});
+
+// Row weights 1/sigma for given floors.
+Eigen::VectorXd rest_weights(const RestSystem& system, const RestFloors& floors);
+// Prediction errors of all rows, each with its own rest or leg left out; NaN where nothing is left to predict from.
+Eigen::VectorXd left_out_residual(const RestSystem& system, const Eigen::VectorXd& weights);
+
+}  // namespace turncal

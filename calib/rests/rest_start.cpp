@@ -1,0 +1,119 @@
+#include "calib/rests/rest_start.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <cmath>
+#include <optional>
+
+#include "calib/rests/rest_system.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+// A (m/s per increment, upper triangular) and f0 (m/s^2); nothing when the rests do not make an ellipsoid.
+struct AccelStart {
+  Matrix3d scale;
+  Vector3d bias;
+};
+std::optional<AccelStart> ellipsoid(const RestData& data, double gravity) {
+  const Eigen::Index n = static_cast<Eigen::Index>(data.rests.size());
+  if (n < 9) return {};
+  double size = 0.0;
+  for (const Rest& rest : data.rests) size = std::max(size, rest.whole.accel.cwiseAbs().maxCoeff());
+  if (!(size > 0.0)) return {};
+  Eigen::MatrixXd M(n, 9);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const Vector3d y = data.rests[static_cast<std::size_t>(k)].whole.accel / size;
+    M.row(k) << y.x() * y.x(), y.y() * y.y(), y.z() * y.z(), 2.0 * y.x() * y.y(), 2.0 * y.x() * y.z(),
+        2.0 * y.y() * y.z(), 2.0 * y.x(), 2.0 * y.y(), 2.0 * y.z();
+  }
+  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(M);
+  qr.setThreshold(1e-4);
+  if (qr.rank() < 9) return {};
+  const Eigen::VectorXd c = qr.solve(Eigen::VectorXd::Ones(n));
+  Matrix3d Q;
+  Q << c[0], c[3], c[4], c[3], c[1], c[5], c[4], c[5], c[2];
+  const Vector3d q(c[6], c[7], c[8]);
+  // y'Qy + 2q'y = 1: centre -Q^-1 q, and (y - centre)'Q(y - centre) = 1 + centre'Q centre
+  const Vector3d centre = -Q.ldlt().solve(q);
+  const double level = 1.0 + centre.dot(Q * centre);
+  const Eigen::LLT<Matrix3d> root(Q / level);
+  if (!(level > 0.0) || root.info() != Eigen::Success) return {};
+  AccelStart start;
+  start.scale = Matrix3d(root.matrixU()) * (gravity / size);
+  start.bias = start.scale * centre * size;
+  // Far from a sphere in the increments: the fit went astray.
+  const Vector3d diagonal = start.scale.diagonal();
+  if (diagonal.maxCoeff() > 2.0 * diagonal.minCoeff()) return {};
+  return start;
+}
+
+double direction_misfit(const RestData& data, const Parameters& parameters) {
+  const EffectModel none;
+  const RestSystem system = make_rest_system(data, parameters, none, false);
+  double sum = 0.0;
+  for (Eigen::Index k = 0; k < system.residual.size(); ++k)
+    if (system.kind[static_cast<std::size_t>(k)] == RestKind::direction) sum += std::pow(system.residual[k], 2);
+  return sum;
+}
+
+}  // namespace
+
+Result<Parameters> coarse_rest_parameters(const RestData& data) {
+  const RecordingInfo& info = data.recording->info;
+  std::size_t usable = 0;
+  for (const RestLeg& leg : data.legs) usable += leg.fault.empty() ? 1 : 0;
+  if (data.rests.size() < 4 || usable < 3)
+    return input_error(
+        "calibration with unknown angles wants at least 4 rests and 3 rotations without lost samples; found " +
+        std::to_string(data.rests.size()) + " and " + std::to_string(usable));
+  Parameters parameters = start_parameters(info);
+  const ParameterVector unit = si_per_unit(info);
+  if (const std::optional<AccelStart> accel = ellipsoid(data, info.gravity_mps2)) {
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) parameters.a(i, j) = accel->scale(i, j) / unit[15 + 3 * i + j];
+      parameters.A0_g[i] = accel->bias[i] / unit[3 + i];
+    }
+  }
+  Vector3d mean = Vector3d::Zero();
+  double total_s = 0.0;
+  for (const Rest& rest : data.rests) {
+    mean += rest.gyro_between * rest.between_s;
+    total_s += rest.between_s;
+  }
+  mean /= total_s;
+
+  // One common factor on the nominal gyro scale: coarse steps over a factor of two either way, then finer around the
+  // best.
+  const Matrix3d nominal = parameters.n;
+  const auto with_factor = [&](double factor) {
+    Parameters p = parameters;
+    p.n = nominal * factor;
+    for (int axis = 0; axis < 3; ++axis)
+      p.N0_degph[axis] = p.n(axis, axis) * unit[6 + 4 * axis] * mean[axis] / unit[axis];
+    return p;
+  };
+  double best = 1.0;
+  double best_misfit = direction_misfit(data, with_factor(1.0));
+  const double satisfied = static_cast<double>(usable) * 0.1 * 0.1;  // rad^2: Gauss-Newton finds the rest of the way
+  if (best_misfit > satisfied) {
+    for (double step : {0.05, 0.01}) {
+      const double centre = best;
+      const int reach = step > 0.02 ? 14 : 5;
+      for (int k = -reach; k <= reach; ++k) {
+        const double factor = centre * std::exp(k * step);
+        const double misfit = direction_misfit(data, with_factor(factor));
+        if (misfit < best_misfit) {
+          best_misfit = misfit;
+          best = factor;
+        }
+      }
+    }
+  }
+  return with_factor(best);
+}
+
+}  // namespace turncal

@@ -1,0 +1,341 @@
+#include "calib/rests/rest_system.h"
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include "calib/model/attitude.h"
+#include "calib/statistics/block_motion.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Matrix3Xd;
+using Eigen::Vector3d;
+using Matrix23 = Eigen::Matrix<double, 2, 3>;
+
+// A unit vector of specific force and its derivatives.
+struct Direction {
+  Vector3d u;
+  double norm = 0.0;
+  Matrix3Xd columns;  // du
+};
+
+class Builder {
+ public:
+  Builder(const RestData& data, const Parameters& parameters, const EffectModel& effects, bool with_columns)
+      : data_(data),
+        recording_(*data.recording),
+        effects_(effects),
+        model_(sensor_model(parameters, recording_.info)),
+        unit_(si_per_unit(recording_.info)),
+        p_(with_columns ? rest_parameter_count + effects.columns : 0) {
+    regressors_.gyro.setZero(3, effects.columns);
+    regressors_.accel.setZero(3, effects.columns);
+  }
+  RestSystem build();
+
+ private:
+  struct RestState {
+    Direction whole, first_edge, last_edge;
+    Matrix3Xd gyro_regressors;
+    Matrix3d C_nb;
+  };
+  void add_row(RestKind kind, int owner, double residual, const Eigen::RowVectorXd& columns, double white_variance);
+  double time_of(const Block& block) const;
+  BlockState block_state(const Block& block) const;
+  // Means of the effects' regressors over the blocks of a part of a rest.
+  void mean_regressors(const Rest& rest, const RestMean& part, const Vector3d& f_b, const Matrix3d& C_nb,
+                       Matrix3Xd& gyro, Matrix3Xd& accel);
+  Direction direction(const RestMean& part, const Matrix3Xd& accel_regressors) const;
+  RestState rest_state(const Rest& rest, const Matrix3d& heading_from);
+  void add_rest(std::size_t index, const RestState& state);
+  void add_leg(std::size_t index, const RestState& from, const RestState& to, const Matrix3d& C_end,
+               const Matrix3Xd& turns);
+  Matrix3d navigate(const RestLeg& leg, const RestState& from, Matrix3Xd& turns);
+
+  const RestData& data_;
+  const CompressedRecording& recording_;
+  const EffectModel& effects_;
+  const SensorModel model_;
+  const ParameterVector unit_;
+  const int p_;
+  EffectRegressors regressors_;
+  RestSystem system_;
+  std::vector<double> residual_, white_;
+  std::vector<Eigen::RowVectorXd> rows_;
+};
+
+void Builder::add_row(RestKind kind, int owner, double residual, const Eigen::RowVectorXd& columns,
+                      double white_variance) {
+  system_.kind.push_back(kind);
+  system_.owner.push_back(owner);
+  residual_.push_back(residual);
+  white_.push_back(white_variance);
+  if (p_ > 0) rows_.push_back(columns);
+}
+
+double Builder::time_of(const Block& block) const {
+  return static_cast<double>(block.start_sample - recording_.blocks.front().start_sample) *
+             recording_.info.sample_period_s +
+         0.5 * block.duration_s;
+}
+
+BlockState Builder::block_state(const Block& block) const {
+  BlockState s;
+  s.f_b = model_.accel_scale * block.accel / block.duration_s - model_.accel_bias_mps2;
+  s.w_b.setZero();
+  s.w_dot_b.setZero();
+  s.C_nb.setIdentity();
+  s.duration_s = block.duration_s;
+  s.time_s = time_of(block);
+  s.since_rotation_s = 1e9;
+  s.temperature_c = std::isnan(block.temperature_c) ? 0.0 : block.temperature_c - effects_.reference_temperature_c;
+  return s;
+}
+
+void Builder::mean_regressors(const Rest& rest, const RestMean& part, const Vector3d& f_b, const Matrix3d& C_nb,
+                              Matrix3Xd& gyro, Matrix3Xd& accel) {
+  gyro.setZero(3, effects_.columns);
+  accel.setZero(3, effects_.columns);
+  if (effects_.columns == 0) return;
+  double total_s = 0.0;
+  for (std::size_t k = part.first_block; k < part.end_block; ++k) {
+    const Block& block = recording_.blocks[k];
+    BlockState s = block_state(block);
+    s.f_b = f_b;
+    s.C_nb = C_nb;
+    s.since_rotation_s = s.time_s - rest.start_s + (part.first_block == 0 ? 1e9 : 0.0);
+    effects_.regressors(s, regressors_);
+    gyro += regressors_.gyro * block.duration_s;
+    accel += regressors_.accel * block.duration_s;
+    total_s += block.duration_s;
+  }
+  gyro /= total_s;
+  accel /= total_s;
+}
+
+Direction Builder::direction(const RestMean& part, const Matrix3Xd& accel_regressors) const {
+  Direction d;
+  Vector3d f = model_.accel_scale * part.accel - model_.accel_bias_mps2;
+  if (effects_.columns > 0) f -= accel_regressors * effects_.values;
+  d.norm = f.norm();
+  d.u = f / d.norm;
+  if (p_ == 0) return d;
+  d.columns.setZero(3, p_);  // of f, first
+  const auto& indices = rest_parameter_indices();
+  for (int c = 0; c < rest_parameter_count; ++c) {
+    const int index = indices[static_cast<std::size_t>(c)];
+    if (index >= 15)
+      d.columns((index - 15) / 3, c) = unit_[index] * part.accel[(index - 15) % 3];
+    else if (index >= 3 && index < 6)
+      d.columns(index - 3, c) = -unit_[index];
+  }
+  d.columns.rightCols(effects_.columns) = -accel_regressors;
+  return d;
+}
+
+// From derivatives of f to those of f / |f|.
+Matrix3Xd unit_columns(const Direction& d) { return (d.columns - d.u * (d.u.transpose() * d.columns)) / d.norm; }
+
+Builder::RestState Builder::rest_state(const Rest& rest, const Matrix3d& heading_from) {
+  RestState state;
+  const Vector3d f = model_.accel_scale * rest.whole.accel - model_.accel_bias_mps2;
+  state.C_nb = level(heading_from, f);
+  Matrix3Xd accel;
+  Matrix3Xd gyro_of_edge;
+  mean_regressors(rest, rest.whole, f, state.C_nb, state.gyro_regressors, accel);
+  state.whole = direction(rest.whole, accel);
+  mean_regressors(rest, rest.first_edge, f, state.C_nb, gyro_of_edge, accel);
+  state.first_edge = direction(rest.first_edge, accel);
+  mean_regressors(rest, rest.last_edge, f, state.C_nb, gyro_of_edge, accel);
+  state.last_edge = direction(rest.last_edge, accel);
+  return state;
+}
+
+void Builder::add_rest(std::size_t index, const RestState& state) {
+  const Rest& rest = data_.rests[index];
+  const int owner = static_cast<int>(index);
+  const Vector3d accel_white = model_.accel_scale * data_.accel_white;
+  const Vector3d gyro_white = model_.gyro_scale * data_.gyro_white;
+  const Vector3d& u = state.whole.u;
+  Eigen::RowVectorXd columns;
+  if (p_ > 0) columns = u.transpose() * state.whole.columns;
+  add_row(RestKind::norm, owner, state.whole.norm - recording_.info.gravity_mps2, columns,
+          u.cwiseProduct(accel_white).squaredNorm() / rest.whole.duration_s);
+
+  const double t = rest.between_s;
+  const Vector3d middle = (state.first_edge.u + state.last_edge.u).normalized();
+  const Vector3d creep = (state.last_edge.u - state.first_edge.u).cross(middle) / t;
+  const double earth_up = earth_rate_n(recording_.info.latitude_deg)[1];
+  Vector3d w = model_.gyro_scale * rest.gyro_between - model_.gyro_bias_radps - creep - earth_up * u;
+  if (effects_.columns > 0) w -= state.gyro_regressors * effects_.values;
+  Matrix3Xd w_columns;
+  if (p_ > 0) {
+    w_columns.setZero(3, p_);
+    const auto& indices = rest_parameter_indices();
+    for (int c = 0; c < rest_parameter_count; ++c) {
+      const int k = indices[static_cast<std::size_t>(c)];
+      if (k < 3)
+        w_columns(k, c) = -unit_[k];
+      else if (k >= 6 && k < 15)
+        w_columns((k - 6) / 3, c) = unit_[k] * rest.gyro_between[(k - 6) % 3];
+    }
+    w_columns.rightCols(effects_.columns) = -state.gyro_regressors;
+  }
+  const double edge_s = std::min(rest.first_edge.duration_s, rest.last_edge.duration_s);
+  const double tilt = accel_white.squaredNorm() / 3.0 / edge_s / std::pow(recording_.info.gravity_mps2, 2);
+  for (int axis = 0; axis < 3; ++axis) {
+    if (p_ > 0) columns = w_columns.row(axis);
+    add_row(RestKind::gyro, owner, w[axis], columns,
+            std::pow(gyro_white[axis], 2) / t + 2.0 * tilt / (t * t) * (1.0 - u[axis] * u[axis]));
+  }
+}
+
+// The product of the leg's rotations; `turns` collects C_before Jl dr for every column.
+Matrix3d Builder::navigate(const RestLeg& leg, const RestState& from, Matrix3Xd& turns) {
+  Matrix3d C = Matrix3d::Identity();
+  if (p_ > 0) turns.setZero(3, p_);
+  BlockColumns base;
+  const auto& indices = rest_parameter_indices();
+  const std::vector<Block>& blocks = recording_.blocks;
+  const auto rate = [&](std::size_t k) -> Vector3d {
+    return model_.gyro_scale * blocks[k].gyro / blocks[k].duration_s - model_.gyro_bias_radps;
+  };
+  for (std::size_t k = leg.first_block; k < leg.end_block; ++k) {
+    const Block& block = blocks[k];
+    const double t = block.duration_s;
+    BlockMotion motion = evaluate(block, model_, recording_.info.sample_period_s);
+    if (effects_.columns > 0) {
+      BlockState s = block_state(block);
+      s.w_b = motion.rotation / t;
+      const std::size_t a = std::max(k, leg.first_block + 1) - 1;
+      const std::size_t b = std::min(k + 1, leg.end_block - 1);
+      if (b > a) s.w_dot_b = (rate(b) - rate(a)) / (time_of(blocks[b]) - time_of(blocks[a]));
+      s.C_nb = from.C_nb * C * rotation_exp(0.5 * motion.rotation);
+      effects_.regressors(s, regressors_);
+      motion.rotation -= regressors_.gyro * effects_.values * t;
+    }
+    if (p_ > 0) {
+      parameter_columns(block, motion, model_, unit_, base);
+      const Matrix3d turn = C * left_jacobian(motion.rotation);
+      Eigen::Matrix<double, 3, rest_parameter_count> free;
+      for (int c = 0; c < rest_parameter_count; ++c)
+        free.col(c) = base.rotation.col(indices[static_cast<std::size_t>(c)]);
+      turns.leftCols<rest_parameter_count>().noalias() += turn * free;
+      if (effects_.columns > 0) turns.rightCols(effects_.columns).noalias() -= (t * turn) * regressors_.gyro;
+    }
+    C = (C * rotation_exp(motion.rotation)).eval();
+  }
+  return C;
+}
+
+void Builder::add_leg(std::size_t index, const RestState& from, const RestState& to, const Matrix3d& C,
+                      const Matrix3Xd& turns) {
+  const RestLeg& leg = data_.legs[index];
+  const Vector3d& u = from.last_edge.u;
+  const Vector3d& v = to.first_edge.u;
+  const Matrix23 basis = axes_across(v);
+  const Vector3d predicted = C.transpose() * u;
+  const Eigen::Vector2d residual = basis * (predicted - v);
+  Eigen::Matrix<double, 2, Eigen::Dynamic> columns;
+  if (p_ > 0) {
+    const Matrix3Xd du = unit_columns(from.last_edge);
+    // d(C' u) = C' (du - turns x u) = C' (du + [u x] turns)
+    const Matrix3Xd end = C.transpose() * (du + skew(u) * turns);
+    columns = basis * (end - unit_columns(to.first_edge));
+  }
+  const double gyro = (model_.gyro_scale * data_.gyro_white).squaredNorm() / 3.0 * leg.duration_s;
+  const double accel =
+      (model_.accel_scale * data_.accel_white).squaredNorm() / 3.0 / std::pow(recording_.info.gravity_mps2, 2) *
+      (1.0 / data_.rests[leg.from].last_edge.duration_s + 1.0 / data_.rests[leg.from + 1].first_edge.duration_s);
+  Eigen::RowVectorXd row;
+  for (int k = 0; k < 2; ++k) {
+    if (p_ > 0) row = columns.row(k);
+    add_row(RestKind::direction, static_cast<int>(index), residual[k], row, gyro + accel);
+  }
+}
+
+RestSystem Builder::build() {
+  Matrix3d heading_from = Matrix3d::Identity();
+  RestState from;
+  for (std::size_t k = 0; k < data_.rests.size(); ++k) {
+    if (k == 0) {
+      from = rest_state(data_.rests[0], heading_from);
+      add_rest(0, from);
+      continue;
+    }
+    const RestLeg& leg = data_.legs[k - 1];
+    Matrix3Xd turns;
+    const Matrix3d C = navigate(leg, from, turns);
+    RestState to = rest_state(data_.rests[k], from.C_nb * C);
+    add_rest(k, to);
+    if (leg.fault.empty()) add_leg(k - 1, from, to, C, turns);
+    from = std::move(to);
+  }
+  const Eigen::Index rows = static_cast<Eigen::Index>(residual_.size());
+  system_.residual = Eigen::Map<const Eigen::VectorXd>(residual_.data(), rows);
+  system_.white_variance = Eigen::Map<const Eigen::VectorXd>(white_.data(), rows);
+  if (p_ > 0) {
+    system_.jacobian.resize(rows, p_);
+    for (Eigen::Index k = 0; k < rows; ++k) system_.jacobian.row(k) = rows_[static_cast<std::size_t>(k)];
+  }
+  return std::move(system_);
+}
+
+}  // namespace
+
+const std::array<int, rest_parameter_count>& rest_parameter_indices() {
+  static const std::array<int, rest_parameter_count> indices = [] {
+    std::array<int, rest_parameter_count> result{};
+    std::size_t count = 0;
+    for (int k = 0; k < parameter_count; ++k)
+      if (parameter_is_free[static_cast<std::size_t>(k)]) result[count++] = k;
+    return result;
+  }();
+  return indices;
+}
+
+Eigen::Matrix<double, 2, 3> axes_across(const Vector3d& v) {
+  Eigen::Index smallest = 0;
+  v.cwiseAbs().minCoeff(&smallest);
+  Eigen::Matrix<double, 2, 3> basis;
+  basis.row(0) = v.cross(Vector3d::Unit(smallest)).normalized();
+  basis.row(1) = v.cross(basis.row(0).transpose());
+  return basis;
+}
+
+const char* to_string(RestKind kind) {
+  switch (kind) {
+    case RestKind::norm:
+      return "gravity norm at rest";
+    case RestKind::direction:
+      return "gravity direction after a rotation";
+    case RestKind::gyro:
+      return "gyros at rest";
+  }
+  return "?";
+}
+
+RestSystem make_rest_system(const RestData& data, const Parameters& parameters, const EffectModel& effects,
+                            bool with_columns) {
+  return Builder(data, parameters, effects, with_columns).build();
+}
+
+RestErrors rest_errors(const RestSystem& system, const Eigen::VectorXd& residual) {
+  double sum[rest_kind_count] = {};
+  double count[rest_kind_count] = {};
+  for (Eigen::Index k = 0; k < residual.size(); ++k) {
+    if (std::isnan(residual[k])) continue;
+    const auto kind = static_cast<std::size_t>(system.kind[static_cast<std::size_t>(k)]);
+    sum[kind] += residual[k] * residual[k];
+    count[kind] += kind == static_cast<std::size_t>(RestKind::direction) ? 0.5 : 1.0;  // an angle has two components
+  }
+  const auto rms = [&](RestKind kind) {
+    const auto k = static_cast<std::size_t>(kind);
+    return count[k] > 0.0 ? std::sqrt(sum[k] / count[k]) : 0.0;
+  };
+  return {rms(RestKind::norm), rms(RestKind::direction), rms(RestKind::gyro)};
+}
+
+}  // namespace turncal

@@ -1,0 +1,60 @@
+// The observations of a recording without table angles, and their derivatives.
+//
+// For given parameters and effects (w = G x gyro - b - Rg e, f = A x accel - f0 - Ra e, e the effects' values):
+//   norm       |f_k| - g                                             one a rest, m/s^2
+//   gyro       w_k - d_k - w_ie sin(latitude) u_k                    three a rest, rad/s; d_k is what the rest crept:
+//              d_k = (u_last - u_first) x u / T, the turn of gravity between its edges seen by the accelerometers
+//   direction  B (C_k' u_k,last - u_k+1,first)                       two a leg, rad; C_k the product of the leg's
+//   blocks
+// with u = f / |f|, and B two axes across u_k+1. Derivatives: a turn dr of a block moves the end by
+// -C_k' (C_before Jl(r) dr x u_k); the same sum serves parameters and effects.
+//
+// Columns: the 21 free parameters (order of Table 1, file units), then the effects. The basis B and d_k are held for
+// the derivative. Not modelled: the horizontal earth rate (heading is unknown; 0.004 deg/s at most), creep inside an
+// edge.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <vector>
+
+#include "calib/model/effect_columns.h"
+#include "calib/model/parameters.h"
+#include "calib/rests/rest_data.h"
+
+namespace turncal {
+
+inline constexpr int rest_parameter_count = 21;
+// Index in the 24-vector of each of the 21 columns.
+const std::array<int, rest_parameter_count>& rest_parameter_indices();
+
+enum class RestKind : char { norm = 0, direction = 1, gyro = 2 };
+inline constexpr int rest_kind_count = 3;
+const char* to_string(RestKind kind);
+
+struct RestSystem {
+  Eigen::VectorXd residual;        // SI
+  Eigen::MatrixXd jacobian;        // rows x (21 + effects); empty without columns
+  Eigen::VectorXd white_variance;  // what the measured white noise alone would make
+  std::vector<RestKind> kind;      // of each row
+  std::vector<int> owner;          // rest or leg of each row
+};
+
+// Two axes across the unit vector v, in which direction rows are stated: B above.
+Eigen::Matrix<double, 2, 3> axes_across(const Eigen::Vector3d& v);
+
+// Legs with a fault have no rows. Effect regressors are evaluated block by block (BlockState; w and w_dot are zero at
+// rest, the heading of C_nb runs on from an arbitrary start).
+RestSystem make_rest_system(const RestData& data, const Parameters& parameters, const EffectModel& effects,
+                            bool with_columns);
+
+// Plain errors: over rests and legs, of the norm (m/s^2), of the angle between predicted and measured gravity (rad), of
+// the gyros axis by axis (rad/s).
+struct RestErrors {
+  double norm_rms_mps2 = 0.0;
+  double direction_rms_rad = 0.0;
+  double gyro_rms_radps = 0.0;
+};
+RestErrors rest_errors(const RestSystem& system, const Eigen::VectorXd& residual);
+
+}  // namespace turncal

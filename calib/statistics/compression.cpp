@@ -1,0 +1,218 @@
+#include "calib/statistics/compression.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "calib/model/parameters.h"
+
+namespace turncal {
+
+const char* to_string(DataEvent::Kind kind) {
+  switch (kind) {
+    case DataEvent::Kind::gap: return "gap";
+    case DataEvent::Kind::duplicate: return "duplicate";
+    case DataEvent::Kind::invalid: return "invalid";
+    case DataEvent::Kind::gyro_glitch: return "gyro glitch";
+    case DataEvent::Kind::accel_glitch: return "accelerometer glitch";
+  }
+  return "?";
+}
+
+Block merge(const Block& a, const Block& b) {
+  Block m = a;
+  const double total = static_cast<double>(a.samples + b.samples);
+  m.samples += b.samples;
+  m.missing += b.missing;
+  m.temperature_c = static_cast<float>((static_cast<double>(a.temperature_c) * a.samples +
+                                        static_cast<double>(b.temperature_c) * b.samples) / total);
+  m.duration_s += b.duration_s;
+  m.gyro += b.gyro;
+  m.accel += b.accel;
+  m.gyro_time += b.gyro_time + a.duration_s * b.gyro;
+  m.accel_time += b.accel_time + a.duration_s * b.accel;
+  m.coning += b.coning + a.gyro.cross(b.gyro);
+  m.sculling += b.sculling + a.gyro * b.accel.transpose();
+  return m;
+}
+
+Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& options) : options_(options) {
+  recording_.info = info;
+  static_block_samples_ = std::max(1, static_cast<int>(std::lround(options.static_block_s / info.sample_period_s)));
+  const double nominal_rad = info.gyro_increment == IncrementKind::pulses ? 0.93 * rad_per_arcsec : 1.0;
+  static_counts_ = options.static_angle_rad / nominal_rad;
+  rotation_counts_ = options.block_angle_rad / nominal_rad;
+}
+
+void Compressor::begin_segment(const Segment& segment) {
+  assert(!in_segment_);
+  in_segment_ = true;
+  recording_.segments.push_back(segment);
+}
+
+void Compressor::end_segment(SegmentKind final_kind, std::int64_t end_sample) {
+  assert(in_segment_);
+  close_block();
+  in_segment_ = false;
+  Segment& segment = recording_.segments.back();
+  segment.end_sample = end_sample;
+  if (segment.kind != final_kind) {
+    // A dwell that did not count: nobody vouches for rest, so no block of it is a static second.
+    const int index = static_cast<int>(recording_.segments.size()) - 1;
+    for (auto block = recording_.blocks.rbegin(); block != recording_.blocks.rend() && block->segment == index; ++block)
+      block->whole_second = false;
+    segment.kind = final_kind;
+  }
+}
+
+void Compressor::add(std::span<const ImuSample> samples) {
+  assert(in_segment_ || samples.empty());
+  for (const ImuSample& sample : samples) add_one(sample);
+}
+
+void Compressor::add_one(const ImuSample& sample) {
+  std::int32_t missing = 0;
+  if (recording_.samples > 0 && sample.counter != next_counter_) {
+    if (sample.counter < next_counter_) {  // came twice: what the counter says was already counted is not counted again
+      recording_.events.push_back({DataEvent::Kind::duplicate, sample.counter, 1, -1, 0.0});
+      return;
+    }
+    missing = static_cast<std::int32_t>(std::min<std::int64_t>(sample.counter - next_counter_, 1 << 20));
+    recording_.events.push_back({DataEvent::Kind::gap, next_counter_, sample.counter - next_counter_, -1, 0.0});
+  }
+  if ((sample.flags & sample_flag_invalid) != 0)
+    recording_.events.push_back({DataEvent::Kind::invalid, sample.counter, 1, -1, 0.0});
+  look_for_glitch(sample);
+  next_counter_ = sample.counter + 1;
+  ++recording_.samples;
+
+  const double dt = recording_.info.sample_period_s;
+  const Eigen::Vector3d alpha(sample.gyro[0], sample.gyro[1], sample.gyro[2]);
+  const Eigen::Vector3d beta(sample.accel[0], sample.accel[1], sample.accel[2]);
+  Block& b = block_;
+  if (b.samples == 0) {
+    b.start_sample = sample.counter - missing;
+    b.segment = static_cast<std::int32_t>(recording_.segments.size()) - 1;
+  }
+  b.missing += missing;
+  if (!have_previous_ || missing > 0) {
+    previous_gyro_ = alpha;
+    previous_accel_ = beta;
+    have_previous_ = true;
+  }
+  const double s = (static_cast<double>(b.samples + b.missing) + 0.5) * dt;
+  b.coning += (b.gyro + previous_gyro_ / 6.0).cross(alpha);
+  b.sculling += (b.gyro + 0.5 * alpha + previous_gyro_ / 12.0) * beta.transpose() -
+                alpha * (previous_accel_ / 12.0).transpose();
+  b.gyro += alpha;
+  b.accel += beta;
+  b.gyro_time += s * alpha;
+  b.accel_time += s * beta;
+  ++b.samples;
+  previous_gyro_ = alpha;
+  previous_accel_ = beta;
+  if (!std::isnan(sample.temperature_c)) {
+    temperature_sum_ += sample.temperature_c;
+    temperature_total_ += sample.temperature_c;
+    ++temperature_count_;
+  }
+
+  const bool still = recording_.segments.back().kind != SegmentKind::rotate;
+  const int length = b.samples + b.missing;
+  const double most_counts = still ? static_counts_ : rotation_counts_;
+  if (length >= (still ? static_block_samples_ : options_.block_samples) ||
+      b.gyro.squaredNorm() > most_counts * most_counts)
+    close_block();
+}
+
+void Compressor::close_block() {
+  if (block_.samples == 0) return;
+  block_.duration_s = static_cast<double>(block_.samples + block_.missing) * recording_.info.sample_period_s;
+  block_.whole_second = recording_.segments.back().kind != SegmentKind::rotate && block_.missing == 0 &&
+                        block_.samples >= static_block_samples_;
+  block_.temperature_c = recording_.info.has_temperature
+                             ? static_cast<float>(temperature_sum_ / static_cast<double>(block_.samples))
+                             : std::numeric_limits<float>::quiet_NaN();
+  recording_.blocks.push_back(block_);
+  block_ = Block{};
+  temperature_sum_ = 0.0;
+}
+
+void Compressor::look_for_glitch(const ImuSample& sample) {
+  Eigen::Matrix<double, 6, 1> now;
+  now << sample.gyro[0], sample.gyro[1], sample.gyro[2], sample.accel[0], sample.accel[1], sample.accel[2];
+  if (history_ >= 2) {
+    const Eigen::Matrix<double, 6, 1> second_difference = last_ - 0.5 * (now + before_last_);
+    const Eigen::Matrix<double, 6, 1> square = second_difference.cwiseAbs2();
+    const Eigen::Matrix<double, 6, 1> limit = (options_.glitch_ratio * options_.glitch_ratio * mean_square_)
+                                                  .cwiseMax(options_.glitch_counts_min * options_.glitch_counts_min);
+    const bool suspect = history_ > 50 && (square.array() > limit.array()).any();
+    // mean square with a memory of about 100 samples; a suspect does not spoil the scale it is measured against
+    if (!suspect) mean_square_ += (square - mean_square_) * 0.01;
+    for (int channel = 0; suspect && channel < 6; ++channel) {
+      const double value = second_difference[channel];
+      if (square[channel] > limit[channel]) {
+        // The sample in the middle stands out; its two neighbours see half of it with the other sign.
+        const auto kind = channel < 3 ? DataEvent::Kind::gyro_glitch : DataEvent::Kind::accel_glitch;
+        auto known = recording_.events.rbegin();
+        while (known != recording_.events.rend() && known->sample >= sample.counter - 3 &&
+               !(known->kind == kind && known->axis == channel % 3))
+          ++known;
+        if (known == recording_.events.rend() || known->sample < sample.counter - 3) {
+          recording_.events.push_back({kind, sample.counter - 1, 1, channel % 3, value});
+        } else if (std::abs(value) > std::abs(known->size)) {
+          known->sample = sample.counter - 1;
+          known->size = value;
+        }
+      } else {
+        mean_square_[channel] += (square[channel] - mean_square_[channel]) * 0.01;
+      }
+    }
+  }
+  before_last_ = last_;
+  last_ = now;
+  if (history_ < 1000) ++history_;
+}
+
+CompressedRecording Compressor::take() {
+  close_block();
+  recording_.mean_temperature_c = temperature_count_ > 0 ? temperature_total_ / static_cast<double>(temperature_count_)
+                                                         : std::numeric_limits<double>::quiet_NaN();
+  return std::move(recording_);
+}
+
+void SegmentedFeed::add(std::span<const ImuSample> samples) {
+  while (!samples.empty() && index_ < segments_.size()) {
+    const Segment& segment = segments_[index_];
+    if (!open_) {
+      compressor_.begin_segment(segment);
+      open_ = true;
+    }
+    // Duplicates keep their counter, so the border is searched in the chunk rather than computed.
+    const auto border = std::find_if(samples.begin(), samples.end(),
+                                     [&](const ImuSample& s) { return s.counter >= segment.end_sample; });
+    const std::size_t count = static_cast<std::size_t>(border - samples.begin());
+    compressor_.add(samples.first(count));
+    samples = samples.subspan(count);
+    if (samples.empty()) return;
+    compressor_.end_segment(segment.kind, segment.end_sample);
+    open_ = false;
+    ++index_;
+  }
+}
+
+void SegmentedFeed::finish() {
+  if (open_) compressor_.end_segment(segments_[index_].kind, segments_[index_].end_sample);
+  open_ = false;
+}
+
+CompressedRecording compress(const RecordingInfo& info, const Segments& segments, std::span<const ImuSample> samples,
+                             const CompressionOptions& options) {
+  Compressor compressor(info, options);
+  SegmentedFeed feed(compressor, segments);
+  feed.add(samples);
+  feed.finish();
+  return compressor.take();
+}
+
+}  // namespace turncal

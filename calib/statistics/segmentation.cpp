@@ -1,0 +1,270 @@
+#include "calib/statistics/segmentation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace turncal {
+namespace {
+
+constexpr int fewest_rests = 4;  // fewer calibrate nothing
+
+double quantile(std::vector<double> values, double part) {
+  if (values.empty()) return 0.0;
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+std::string rounded(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+}  // namespace
+
+RestFinder::RestFinder(const RecordingInfo& info, const SegmentationOptions& options)
+    : options_(options),
+      period_s_(info.sample_period_s),
+      cell_samples_(std::max(4, static_cast<int>(std::lround(options.cell_s / info.sample_period_s)))) {}
+
+void RestFinder::add(std::span<const ImuSample> samples) {
+  for (const ImuSample& sample : samples) {
+    Eigen::Array<double, 6, 1> x;
+    x << sample.gyro[0], sample.gyro[1], sample.gyro[2], sample.accel[0], sample.accel[1], sample.accel[2];
+    if (!have_origin_) origin_ = x;
+    const bool gap = (have_origin_ && sample.counter != next_) || (sample.flags & sample_flag_invalid) != 0;
+    have_origin_ = true;
+    next_ = sample.counter + 1;
+    if (cells_.empty() || cells_.back().samples == cell_samples_ || gap) {
+      if (!cells_.empty()) cells_.back().end = sample.counter;
+      cells_.emplace_back();
+      cells_.back().start = sample.counter;
+    }
+    Cell& cell = cells_.back();
+    cell.gap = cell.gap || gap;
+    cell.end = sample.counter + 1;
+    ++cell.samples;
+    x -= origin_;  // variances of small differences keep their digits
+    cell.sum += x;
+    cell.squares += x * x;
+  }
+}
+
+std::vector<RestFinder::Window> RestFinder::window_variances() const {
+  const std::size_t width = static_cast<std::size_t>(options_.window_cells);
+  std::vector<Window> windows(cells_.size() < width ? 0 : cells_.size() - width + 1);
+  for (std::size_t k = 0; k < windows.size(); ++k) {
+    Eigen::Array<double, 6, 1> sum = Eigen::Array<double, 6, 1>::Zero();
+    Eigen::Array<double, 6, 1> squares = sum;
+    double n = 0.0;
+    bool gap = false;
+    for (std::size_t c = k; c < k + width; ++c) {
+      sum += cells_[c].sum;
+      squares += cells_[c].squares;
+      n += cells_[c].samples;
+      gap = gap || cells_[c].gap;
+    }
+    const Eigen::Array<double, 6, 1> variance = ((squares - sum * sum / n) / std::max(n - 1.0, 1.0)).max(0.0);
+    windows[k] = {variance.head<3>().mean(), variance.tail<3>().mean()};
+    if (gap) windows[k].gyro = windows[k].accel = INFINITY;
+  }
+  return windows;
+}
+
+double RestFinder::noise_limit() const {
+  // The variance of n samples on three axes has relative deviation sqrt(2 / 3n); noise passes 4.3 of them once in 10^5.
+  const double n = static_cast<double>(options_.window_cells * cell_samples_);
+  return std::max(2.0, 1.0 + 4.3 * std::sqrt(2.0 / (3.0 * n)));
+}
+
+void RestFinder::choose_threshold(const std::vector<double>& ratios, Segmentation& result) const {
+  constexpr double step = 0.1;  // of log10 R
+  const double first = std::log10(noise_limit());
+  double best_length = 0.0;
+  int count_before = -1;
+  double begin = first;
+  const auto judge = [&](double end, int count) {
+    const double length = end - begin;
+    if (count >= fewest_rests && length > best_length + 1e-9) {
+      best_length = length;
+      result.plateau_begin = std::pow(10.0, begin);
+      result.plateau_end = std::pow(10.0, end);
+    }
+  };
+  for (int k = 0; k <= 50; ++k) {
+    const double at = first + k * step;
+    std::vector<Run> runs = runs_below(ratios, std::pow(10.0, at));
+    drop_short(runs);
+    const int count = static_cast<int>(runs.size());
+    if (count != count_before) {
+      judge(at, count_before);
+      begin = at;
+      count_before = count;
+    }
+    if (k == 50) judge(at + step, count);
+  }
+  if (best_length > 2.5 * step) {
+    // Near the lower end: what is above it already holds the first of the motion.
+    result.threshold = result.plateau_begin * std::pow(10.0, std::min(0.5, best_length / 3.0));
+    result.reason = "the number of rests stays the same for thresholds from " + rounded(result.plateau_begin) + " to " +
+                    rounded(result.plateau_end) + ", the longest such stretch; taken near its lower end";
+  } else {
+    result.threshold = 2.0 * noise_limit();
+    result.plateau_begin = result.plateau_end = result.threshold;
+    result.reason = "the number of rests changes with every threshold; taken at twice what noise alone reaches";
+  }
+}
+
+void RestFinder::drop_short(std::vector<Run>& runs) const {
+  const auto guard = static_cast<std::int64_t>(std::lround(options_.guard_s / period_s_));
+  const auto shortest = static_cast<std::int64_t>(std::lround(options_.min_rest_s / period_s_));
+  std::erase_if(runs, [&](const Run& run) {
+    return run.end <= run.first || cells_[run.end - 1].end - cells_[run.first].start - 2 * guard < shortest;
+  });
+}
+
+std::vector<RestFinder::Run> RestFinder::runs_below(const std::vector<double>& ratios, double threshold) const {
+  const std::size_t width = static_cast<std::size_t>(options_.window_cells);
+  std::vector<Run> runs;
+  bool inside = false;
+  std::size_t first = 0;
+  std::size_t last_quiet = 0;
+  const auto close = [&] {
+    // Windows first..last_quiet were quiet: the cells they cover.
+    runs.push_back({first, last_quiet + width});
+    inside = false;
+  };
+  for (std::size_t k = 0; k < ratios.size(); ++k) {
+    const bool quiet = ratios[k] < threshold;
+    if (!inside && quiet) {
+      inside = true;
+      first = k;
+    }
+    if (inside && quiet) last_quiet = k;
+    if (inside && (ratios[k] > 3.0 * threshold || k - last_quiet >= width)) close();
+  }
+  if (inside) close();
+  // Two runs may share cells: the moved cell between them belongs to neither.
+  for (std::size_t k = 1; k < runs.size(); ++k)
+    if (runs[k].first < runs[k - 1].end) {
+      const std::size_t from = runs[k].first;
+      runs[k].first = runs[k - 1].end;
+      runs[k - 1].end = from;
+    }
+  return runs;
+}
+
+Eigen::Vector3d RestFinder::mean_gyro(const Run& run) const {
+  Eigen::Array<double, 6, 1> sum = Eigen::Array<double, 6, 1>::Zero();
+  double n = 0.0;
+  for (std::size_t c = run.first; c < run.end; ++c) {
+    sum += cells_[c].sum;
+    n += cells_[c].samples;
+  }
+  return (sum.head<3>() / n).matrix();
+}
+
+void RestFinder::drop_slow_turns(std::vector<Run>& runs, Segmentation& result) const {
+  if (runs.size() < 4) return;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<double> means;
+    for (const Run& run : runs) means.push_back(mean_gyro(run)[axis]);
+    const double middle = quantile(means, 0.5);
+    std::vector<double> off;
+    for (const double m : means) off.push_back(std::abs(m - middle));
+    const double limit = options_.slow_turn_sigmas * 1.4826 * quantile(off, 0.5) + result.quiet_gyro;
+    const std::size_t before = runs.size();
+    std::erase_if(runs, [&](const Run& run) { return std::abs(mean_gyro(run)[axis] - middle) > limit; });
+    result.slow_turns += static_cast<int>(before - runs.size());
+  }
+}
+
+Segmentation RestFinder::finish() {
+  Segmentation result;
+  const std::vector<Window> windows = window_variances();
+  if (windows.size() < 10) {
+    result.reason = "the recording is too short: fewer than ten windows";
+    return result;
+  }
+  std::vector<double> gyro, accel;
+  for (const Window& w : windows) {
+    gyro.push_back(w.gyro);
+    accel.push_back(w.accel);
+  }
+  // The median of the quietest fifth; a constant channel has no variance to speak of.
+  const double quiet_gyro = std::max(quantile(gyro, 0.1), 1e-300);
+  const double quiet_accel = std::max(quantile(accel, 0.1), 1e-300);
+  result.quiet_gyro = std::sqrt(quiet_gyro);
+  result.quiet_accel = std::sqrt(quiet_accel);
+  std::vector<double> ratios;
+  for (const Window& w : windows) ratios.push_back(std::max(w.gyro / quiet_gyro, w.accel / quiet_accel));
+  choose_threshold(ratios, result);
+  std::vector<Run> runs = runs_below(ratios, result.threshold);
+  const auto guard = static_cast<std::int64_t>(std::lround(options_.guard_s / period_s_));
+  drop_short(runs);
+  drop_slow_turns(runs, result);
+  const std::int64_t first = cells_.front().start;
+  const std::int64_t end = cells_.back().end;
+  std::int64_t at = first;
+  const auto append = [&](SegmentKind kind, std::int64_t from, std::int64_t to) {
+    if (to <= from) return;
+    Segment segment;
+    segment.kind = kind;
+    segment.start_sample = from;
+    segment.end_sample = to;
+    result.segments.push_back(segment);
+  };
+  for (const Run& run : runs) {
+    const std::int64_t from = run.first == 0 ? cells_[run.first].start : cells_[run.first].start + guard;
+    const std::int64_t to = run.end == cells_.size() ? cells_[run.end - 1].end : cells_[run.end - 1].end - guard;
+    append(SegmentKind::rotate, at, from);
+    append(SegmentKind::still, from, to);
+    at = to;
+  }
+  if (!runs.empty()) append(SegmentKind::rotate, at, end);
+  return result;
+}
+
+Segmentation find_rests(const RecordingInfo& info, std::span<const ImuSample> samples,
+                        const SegmentationOptions& options) {
+  RestFinder finder(info, options);
+  finder.add(samples);
+  return finder.finish();
+}
+
+bool without_table_angles(const Segments& segments) {
+  return std::all_of(segments.begin(), segments.end(), [](const Segment& s) {
+    return s.heading_deg == 0.0 && s.pitch_deg == 0.0 && s.roll_deg == 0.0;
+  });
+}
+
+Agreement compare_rests(const Segments& a, const Segments& b, double sample_period_s) {
+  Agreement result;
+  double total_a = 0.0;
+  double total_b = 0.0;
+  for (const Segment& y : b)
+    if (y.kind != SegmentKind::rotate) {
+      ++result.rests_b;
+      total_b += static_cast<double>(y.end_sample - y.start_sample) * sample_period_s;
+    }
+  for (const Segment& x : a) {
+    if (x.kind == SegmentKind::rotate) continue;
+    ++result.rests_a;
+    total_a += static_cast<double>(x.end_sample - x.start_sample) * sample_period_s;
+    double common = 0.0;
+    for (const Segment& y : b)
+      if (y.kind != SegmentKind::rotate)
+        common += static_cast<double>(std::max<std::int64_t>(
+                      0, std::min(x.end_sample, y.end_sample) - std::max(x.start_sample, y.start_sample))) *
+                  sample_period_s;
+    result.matched += common > 0.0 ? 1 : 0;
+    result.common_s += common;
+  }
+  result.only_a_s = total_a - result.common_s;
+  result.only_b_s = total_b - result.common_s;
+  return result;
+}
+
+}  // namespace turncal

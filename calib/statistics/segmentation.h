@@ -1,0 +1,107 @@
+// Finds the rests in a stream of samples by itself, and says by which threshold and why.
+//
+// The stream is summed in cells of about cell_s. For every window of window_cells cells the variance of the samples
+// about their mean is taken, summed over the three axes, for gyros and accelerometers. The quiet level of each triad is
+// the median over the quietest fifth of the windows: the sensor's own noise, provided that a tenth of the recording is
+// at rest. The ratio
+//   R = max(gyro variance / quiet gyro variance, accelerometer variance / quiet accelerometer variance)
+// is near 1 at rest and 10 to 10^7 in motion. A hand that holds the unit shakes it, so the threshold cannot follow from
+// the noise: it is looked for where the outcome does not depend on it. Of all thresholds from what noise reaches to
+// 10^5 times that, in steps of 26 %, the longest stretch over which the number of rests (four or more) stays the same
+// is taken, and in it a point near the lower end. Hysteresis: a rest begins where R falls below the threshold and ends
+// where R rises above three times it, or stays above the threshold for a whole window. Cells of quiet windows are at
+// rest; guard_s is cut at both ends, where a window may still hold the end of a motion; shorter than min_rest_s is no
+// rest. A slow even turn is as quiet as a rest: one whose mean rate stands out from the others (by slow_turn_sigmas
+// robust deviations and more than the sample noise) is taken out.
+//
+// Pure function of the samples; memory: 100 bytes a cell. Not modelled: gaps (a cell with one is in motion).
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/types/recording_types.h"
+
+namespace turncal {
+
+struct SegmentationOptions {
+  double cell_s = 0.1;
+  int window_cells = 5;
+  double min_rest_s = 1.5;
+  double guard_s = 0.3;
+  double slow_turn_sigmas = 8.0;
+};
+
+struct Segmentation {
+  Segments segments;        // contiguous over all samples: still and rotate, step 0, angles 0; empty: no rest found
+  double threshold = 0.0;   // on R
+  double quiet_gyro = 0.0;  // quiet standard deviation a sample and axis, in increments
+  double quiet_accel = 0.0;
+  double plateau_begin = 0.0;  // thresholds between which the number of rests stays the same
+  double plateau_end = 0.0;
+  int slow_turns = 0;  // taken out
+  std::string reason;  // one sentence
+};
+
+// Feeds on chunks of a stream; finish() gives the result.
+class RestFinder {
+ public:
+  explicit RestFinder(const RecordingInfo& info, const SegmentationOptions& options = {});
+  void add(std::span<const ImuSample> samples);
+  Segmentation finish();
+
+ private:
+  struct Cell {
+    std::int64_t start = 0;
+    std::int64_t end = 0;  // counter, exclusive
+    std::int32_t samples = 0;
+    bool gap = false;
+    Eigen::Array<double, 6, 1> sum = Eigen::Array<double, 6, 1>::Zero();  // less the first sample of the stream
+    Eigen::Array<double, 6, 1> squares = Eigen::Array<double, 6, 1>::Zero();
+  };
+  struct Window {
+    double gyro = 0.0;  // mean variance over the axes
+    double accel = 0.0;
+  };
+  struct Run {
+    std::size_t first = 0;  // cells
+    std::size_t end = 0;
+  };
+  std::vector<Window> window_variances() const;
+  double noise_limit() const;
+  void drop_short(std::vector<Run>& runs) const;
+  void choose_threshold(const std::vector<double>& ratios, Segmentation& result) const;
+  std::vector<Run> runs_below(const std::vector<double>& ratios, double threshold) const;
+  void drop_slow_turns(std::vector<Run>& runs, Segmentation& result) const;
+  Eigen::Vector3d mean_gyro(const Run& run) const;
+
+  SegmentationOptions options_;
+  double period_s_;
+  int cell_samples_;
+  bool have_origin_ = false;
+  Eigen::Array<double, 6, 1> origin_ = Eigen::Array<double, 6, 1>::Zero();
+  std::int64_t next_ = 0;
+  std::vector<Cell> cells_;
+};
+
+Segmentation find_rests(const RecordingInfo& info, std::span<const ImuSample> samples,
+                        const SegmentationOptions& options = {});
+
+// No segment has a commanded angle: nothing is known of the attitudes but what the sensors say (rest_model.h).
+bool without_table_angles(const Segments& segments);
+
+// How far two lists of segments agree on what is at rest.
+struct Agreement {
+  int rests_a = 0;
+  int rests_b = 0;
+  int matched = 0;        // rests of a that overlap one of b
+  double common_s = 0.0;  // at rest in both
+  double only_a_s = 0.0;
+  double only_b_s = 0.0;
+};
+Agreement compare_rests(const Segments& a, const Segments& b, double sample_period_s);
+
+}  // namespace turncal

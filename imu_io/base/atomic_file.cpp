@@ -1,0 +1,86 @@
+#include "imu_io/base/atomic_file.h"
+
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <utility>
+
+namespace turncal {
+namespace {
+constexpr std::size_t buffer_bytes = std::size_t{1} << 20;
+}
+
+std::string temporary_name(const std::string& path) {
+  static std::atomic<unsigned> counter{0};
+  const std::size_t slash = path.find_last_of('/');
+  const std::string folder = slash == std::string::npos ? "" : path.substr(0, slash + 1);
+  const std::string name = slash == std::string::npos ? path : path.substr(slash + 1);
+  std::string candidate;
+  // A process with our number may have died and left its temporary: take the next name.
+  do {
+    candidate = folder + "." + name + "." + std::to_string(::getpid()) + "." + std::to_string(counter++) + ".tmp";
+  } while (::access(candidate.c_str(), F_OK) == 0);
+  return candidate;
+}
+
+Status rename_durably(const std::string& from, const std::string& to) {
+  if (std::rename(from.c_str(), to.c_str()) != 0) {
+    return input_error(to + ": cannot rename " + from + " to it: " + std::strerror(errno));
+  }
+  return sync_folder(folder_of(to));
+}
+
+Result<AtomicFile> AtomicFile::create(const std::string& path) {
+  auto file = PosixFile::create_new(temporary_name(path));
+  if (!file) return file.error();
+  return AtomicFile(std::move(*file), path);
+}
+
+AtomicFile::AtomicFile(AtomicFile&& other) noexcept
+    : file_(std::move(other.file_)),
+      path_(std::exchange(other.path_, {})),
+      buffer_(std::move(other.buffer_)),
+      failed_(other.failed_) {}
+
+AtomicFile::~AtomicFile() {
+  if (!path_.empty()) ::unlink(file_.path().c_str());
+}
+
+Status AtomicFile::flush() {
+  Status status = file_.write_all(buffer_);
+  buffer_.clear();
+  if (!status) failed_ = true;
+  return status;
+}
+
+Status AtomicFile::write(std::string_view text) {
+  buffer_.append(text);
+  if (buffer_.size() >= buffer_bytes) return flush();
+  return {};
+}
+
+Status AtomicFile::commit() {
+  if (failed_) return Error{ErrorKind::device, path_ + ": not written, an earlier write failed"};
+  if (Status status = flush(); !status) return status;
+  if (Status status = file_.sync(); !status) return status;
+  const std::string temporary = file_.path();
+  if (Status status = file_.close(); !status) return status;
+  if (std::rename(temporary.c_str(), path_.c_str()) != 0) {
+    return input_error(path_ + ": cannot rename the temporary file to it: " + std::strerror(errno));
+  }
+  // From here on the new file is visible: nothing is left to remove.
+  const std::string folder = folder_of(std::exchange(path_, {}));
+  return sync_folder(folder);
+}
+
+Status write_file_atomically(const std::string& path, std::string_view content) {
+  auto file = AtomicFile::create(path);
+  if (!file) return file.error();
+  if (Status status = file->write(content); !status) return status;
+  return file->commit();
+}
+
+}  // namespace turncal

@@ -1,0 +1,43 @@
+// Writes a file so that nobody ever sees half of it: to a temporary name in the same folder, synced, renamed, folder
+// synced. Until commit() the old file, if any, stays as it was; without commit() the temporary is removed.
+//
+// A process that is killed can leave `.<name>.<pid>.<n>.tmp` behind; nothing reads those names.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "calib/types/status.h"
+#include "imu_io/base/posix_file.h"
+
+namespace turncal {
+
+class AtomicFile {
+ public:
+  static Result<AtomicFile> create(const std::string& path);
+  AtomicFile(AtomicFile&& other) noexcept;
+  AtomicFile& operator=(AtomicFile&&) = delete;
+  ~AtomicFile();
+
+  // Buffered. The first failure is returned and makes commit() fail.
+  Status write(std::string_view text);
+  Status commit();
+
+ private:
+  AtomicFile(PosixFile file, std::string path) : file_(std::move(file)), path_(std::move(path)) {}
+  Status flush();
+
+  PosixFile file_;      // under the temporary name
+  std::string path_;    // the final name; empty once committed or moved from
+  std::string buffer_;
+  bool failed_ = false;
+};
+
+Status write_file_atomically(const std::string& path, std::string_view content);
+
+// A free temporary name for `path` in the same folder.
+std::string temporary_name(const std::string& path);
+// Renames and syncs the folder.
+Status rename_durably(const std::string& from, const std::string& to);
+
+}  // namespace turncal

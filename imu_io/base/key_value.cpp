@@ -1,0 +1,315 @@
+#include "imu_io/base/key_value.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/posix_file.h"
+#include "imu_io/base/text_pieces.h"
+
+namespace turncal {
+namespace {
+
+constexpr std::size_t max_file_bytes = std::size_t{16} << 20;
+
+bool is_key(std::string_view key) {
+  bool part_is_empty = true;
+  for (const char c : key) {
+    const bool letter = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-';
+    if (!letter && (c != '.' || part_is_empty)) return false;
+    part_is_empty = c == '.';
+  }
+  return !part_is_empty;
+}
+
+std::vector<std::string_view> split_at_commas(std::string_view text) {
+  if (text.empty()) return {};
+  return split(text, ',');
+}
+
+std::string joined(std::initializer_list<std::string_view> choices) {
+  std::string result;
+  std::size_t i = 0;
+  for (const std::string_view choice : choices) {
+    if (i > 0) result += i + 1 == choices.size() ? " or " : ", ";
+    result += choice;
+    ++i;
+  }
+  return result;
+}
+
+std::string describe_integer(std::int64_t min, std::int64_t max) {
+  using Limits = std::numeric_limits<std::int64_t>;
+  if (min == Limits::min() && max == Limits::max()) return "a whole number";
+  if (max == Limits::max()) return "a whole number >= " + std::to_string(min);
+  if (min == Limits::min()) return "a whole number <= " + std::to_string(max);
+  return "a whole number between " + std::to_string(min) + " and " + std::to_string(max);
+}
+
+}  // namespace
+
+std::string describe(NumberRange range) {
+  const bool below = std::isfinite(range.min);
+  const bool above = std::isfinite(range.max);
+  const std::string min = format_number(range.min);
+  const std::string max = format_number(range.max);
+  if (below && above) {
+    if (range.min_excluded) return "a number > " + min + " and <= " + max;
+    return "a number between " + min + " and " + max;
+  }
+  if (below) return (range.min_excluded ? "a number > " : "a number >= ") + min;
+  if (above) return "a number <= " + max;
+  return "a number";
+}
+
+Result<KeyValueFile> KeyValueFile::read(const std::string& path) {
+  const auto text = read_whole_file(path, max_file_bytes);
+  if (!text) return text.error();
+  return parse(*text, path);
+}
+
+Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file_name) {
+  KeyValueFile file;
+  file.file_name_ = std::move(file_name);
+  int line_number = 0;
+  const auto defect = [&](const std::string& what) {
+    return input_error(file.file_name_ + ":" + std::to_string(line_number) + ": " + what);
+  };
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);  // byte order mark of some editors
+  while (!text.empty()) {
+    ++line_number;
+    std::string_view line = take_line(text);
+    for (const char c : line) {
+      if ((static_cast<unsigned char>(c) < 0x20 && c != '\t') || c == 0x7F) {
+        return defect("a control character: expected a text file");
+      }
+    }
+    line = trimmed(line.substr(0, line.find('#')));
+    if (line.empty()) continue;
+    const std::size_t equals = line.find('=');
+    if (equals == std::string_view::npos) return defect(quoted(line) + ": expected key = value");
+    const std::string key(trimmed(line.substr(0, equals)));
+    if (!is_key(key)) {
+      return defect("key " + quoted(key) + ": expected letters, digits, '_' and '-', parts joined by '.'");
+    }
+    const auto [place, is_new] = file.index_.emplace(key, file.entries_.size());
+    if (!is_new) {
+      return defect("key " + quoted(key) + " again: it is already in line " +
+                    std::to_string(file.entries_[place->second].line));
+    }
+    file.entries_.push_back({key, std::string(trimmed(line.substr(equals + 1))), line_number, false});
+  }
+  if (file.entries_.empty()) return input_error(file.file_name_ + ": empty file: expected key = value lines");
+  return file;
+}
+
+const KeyValueFile::Entry* KeyValueFile::find(std::string_view key) const {
+  const auto place = index_.find(std::string(key));
+  return place == index_.end() ? nullptr : &entries_[place->second];
+}
+
+KeyValueFile::Entry* KeyValueFile::use(std::string_view key) {
+  const auto place = index_.find(std::string(key));
+  if (place == index_.end()) return nullptr;
+  Entry& entry = entries_[place->second];
+  entry.used = true;
+  return &entry;
+}
+
+KeyValueFile::Entry* KeyValueFile::require(std::string_view key, std::string_view expected) {
+  Entry* entry = use(key);
+  if (entry == nullptr) {
+    remember(
+        input_error(file_name_ + ": key '" + std::string(key) + "' is missing: expected " + std::string(expected)));
+  }
+  return entry;
+}
+
+void KeyValueFile::remember(Error error) {
+  if (!first_defect_) first_defect_ = std::move(error);
+}
+
+std::vector<std::string> KeyValueFile::keys_with_prefix(std::string_view prefix) const {
+  std::vector<std::string> keys;
+  for (const Entry& entry : entries_) {
+    if (entry.key.starts_with(prefix)) keys.push_back(entry.key);
+  }
+  return keys;
+}
+
+int KeyValueFile::line_of(std::string_view key) const {
+  const Entry* entry = find(key);
+  return entry == nullptr ? 0 : entry->line;
+}
+
+Error KeyValueFile::error_at(std::string_view key, std::string_view expected) const {
+  const Entry* entry = find(key);
+  if (entry == nullptr) {
+    return input_error(file_name_ + ": key '" + std::string(key) + "' is missing: expected " + std::string(expected));
+  }
+  return input_error(file_name_ + ":" + std::to_string(entry->line) + ": key '" + entry->key + "' = " +
+                     quoted(entry->value) + ": expected " + std::string(expected));
+}
+
+void KeyValueFile::reject(std::string_view key, std::string_view expected) { remember(error_at(key, expected)); }
+
+Status KeyValueFile::status() const {
+  if (first_defect_) return *first_defect_;
+  return {};
+}
+
+Status KeyValueFile::check_all_used() const {
+  if (first_defect_) return *first_defect_;
+  for (const Entry& entry : entries_) {
+    if (!entry.used) {
+      return input_error(file_name_ + ":" + std::to_string(entry.line) + ": key " + quoted(entry.key) +
+                         " is unknown");
+    }
+  }
+  return {};
+}
+
+// ---- values ----
+
+double KeyValueFile::number_of(const Entry& entry, NumberRange range) {
+  const auto value = parse_number(entry.value);
+  if (value && range.contains(*value)) return *value;
+  reject(entry.key, describe(range));
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
+std::int64_t KeyValueFile::integer_of(const Entry& entry, std::int64_t min, std::int64_t max) {
+  const auto value = parse_integer(entry.value);
+  if (value && *value >= min && *value <= max) return *value;
+  reject(entry.key, describe_integer(min, max));
+  return 0;
+}
+
+bool KeyValueFile::boolean_of(const Entry& entry) {
+  if (entry.value == "true") return true;
+  if (entry.value != "false") reject(entry.key, "true or false");
+  return false;
+}
+
+std::string KeyValueFile::choice_of(const Entry& entry, std::initializer_list<std::string_view> choices) {
+  if (std::find(choices.begin(), choices.end(), entry.value) != choices.end()) return entry.value;
+  reject(entry.key, joined(choices));
+  return {};
+}
+
+std::vector<double> KeyValueFile::numbers_of(const Entry& entry, std::size_t count, NumberRange range) {
+  std::vector<double> values;
+  const auto parts = split_at_commas(entry.value);
+  bool good = count == 0 || parts.size() == count;
+  for (const std::string_view part : parts) {
+    const auto value = parse_number(part);
+    good = good && value && range.contains(*value);
+    values.push_back(value.value_or(std::numeric_limits<double>::quiet_NaN()));
+  }
+  if (good) return values;
+  const std::string how_many = count == 0 ? "numbers" : std::to_string(count) + " numbers";
+  reject(entry.key, how_many + " separated by commas, each " + describe(range));
+  // As many as were wanted, so that the caller may index before it checks.
+  return std::vector<double>(count, std::numeric_limits<double>::quiet_NaN());
+}
+
+std::vector<std::string> KeyValueFile::list_of(const Entry& entry) {
+  std::vector<std::string> values;
+  for (const std::string_view part : split_at_commas(entry.value)) {
+    if (part.empty()) {
+      reject(entry.key, "names separated by commas, none empty");
+      return {};
+    }
+    values.emplace_back(part);
+  }
+  return values;
+}
+
+// ---- required ----
+
+std::string KeyValueFile::text(std::string_view key) {
+  const Entry* entry = require(key, "a text");
+  if (entry == nullptr) return {};
+  if (entry->value.empty()) reject(key, "a text");
+  return entry->value;
+}
+
+double KeyValueFile::number(std::string_view key, NumberRange range) {
+  const Entry* entry = require(key, describe(range));
+  return entry != nullptr ? number_of(*entry, range) : std::numeric_limits<double>::quiet_NaN();
+}
+
+std::int64_t KeyValueFile::integer(std::string_view key, std::int64_t min, std::int64_t max) {
+  const Entry* entry = require(key, describe_integer(min, max));
+  return entry != nullptr ? integer_of(*entry, min, max) : 0;
+}
+
+bool KeyValueFile::boolean(std::string_view key) {
+  const Entry* entry = require(key, "true or false");
+  return entry != nullptr && boolean_of(*entry);
+}
+
+std::string KeyValueFile::one_of(std::string_view key, std::initializer_list<std::string_view> choices) {
+  const Entry* entry = require(key, joined(choices));
+  return entry != nullptr ? choice_of(*entry, choices) : std::string{};
+}
+
+std::vector<double> KeyValueFile::numbers(std::string_view key, std::size_t count, NumberRange range) {
+  const Entry* entry = require(key, "numbers separated by commas");
+  if (entry != nullptr) return numbers_of(*entry, count, range);
+  return std::vector<double>(count, std::numeric_limits<double>::quiet_NaN());
+}
+
+std::vector<std::string> KeyValueFile::list(std::string_view key) {
+  const Entry* entry = require(key, "names separated by commas");
+  return entry != nullptr ? list_of(*entry) : std::vector<std::string>{};
+}
+
+// ---- optional ----
+
+std::string KeyValueFile::text_or(std::string_view key, std::string_view otherwise) {
+  const Entry* entry = use(key);
+  return entry != nullptr ? entry->value : std::string(otherwise);
+}
+
+double KeyValueFile::number_or(std::string_view key, double otherwise, NumberRange range) {
+  const Entry* entry = use(key);
+  return entry != nullptr ? number_of(*entry, range) : otherwise;
+}
+
+std::optional<double> KeyValueFile::number_if(std::string_view key, NumberRange range) {
+  const Entry* entry = use(key);
+  if (entry == nullptr) return {};
+  return number_of(*entry, range);
+}
+
+std::int64_t KeyValueFile::integer_or(std::string_view key, std::int64_t otherwise, std::int64_t min,
+                                      std::int64_t max) {
+  const Entry* entry = use(key);
+  return entry != nullptr ? integer_of(*entry, min, max) : otherwise;
+}
+
+bool KeyValueFile::boolean_or(std::string_view key, bool otherwise) {
+  const Entry* entry = use(key);
+  return entry != nullptr ? boolean_of(*entry) : otherwise;
+}
+
+std::string KeyValueFile::one_of_or(std::string_view key, std::string_view otherwise,
+                                    std::initializer_list<std::string_view> choices) {
+  const Entry* entry = use(key);
+  return entry != nullptr ? choice_of(*entry, choices) : std::string(otherwise);
+}
+
+std::vector<double> KeyValueFile::numbers_or(std::string_view key, std::vector<double> otherwise, std::size_t count,
+                                             NumberRange range) {
+  const Entry* entry = use(key);
+  return entry != nullptr ? numbers_of(*entry, count, range) : otherwise;
+}
+
+std::vector<std::string> KeyValueFile::list_or(std::string_view key, std::vector<std::string> otherwise) {
+  const Entry* entry = use(key);
+  return entry != nullptr ? list_of(*entry) : otherwise;
+}
+
+}  // namespace turncal

@@ -1,0 +1,116 @@
+// The text configuration of this project: `key = value`, one dotted key a line, `#` starts a comment.
+//
+//   KeyValueFile file = ...;                                    // from KeyValueFile::read(path)
+//   options.rate_degps = file.number("table.rate_degps", between(0.1, 100.0));
+//   options.note = file.text_or("note", "");
+//   if (Status status = file.check_all_used(); !status) return status.error();
+//
+// Getters never fail on the spot: the first defect is remembered and the getter returns its default (or NaN, 0, false,
+// "" for a required key). check_all_used() returns that first defect, else the first key that no getter asked for.
+// Until it has returned success the values mean nothing. Every error is one line:
+// `file:line: key 'x' = 'y': expected ...`.
+//
+// Keys: letters, digits, `_`, `-` and `.`; no empty part between dots. A key twice is an error. Values cannot hold `#`
+// or a line break; blanks around them are dropped; a list is separated by commas. LF and CRLF. Not modelled: quoting,
+// sections, includes.
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include "calib/types/status.h"
+
+namespace turncal {
+
+// Which numbers a key accepts.
+struct NumberRange {
+  double min = -std::numeric_limits<double>::infinity();
+  double max = std::numeric_limits<double>::infinity();
+  bool min_excluded = false;
+  bool contains(double x) const { return (min_excluded ? x > min : x >= min) && x <= max; }
+};
+inline constexpr NumberRange any_number{};
+inline constexpr NumberRange positive{0.0, std::numeric_limits<double>::infinity(), true};
+inline constexpr NumberRange not_negative{0.0};
+constexpr NumberRange at_least(double min) { return {min}; }
+constexpr NumberRange between(double min, double max) { return {min, max}; }
+
+class KeyValueFile {
+ public:
+  static Result<KeyValueFile> read(const std::string& path);
+  static Result<KeyValueFile> parse(std::string_view text, std::string file_name);
+
+  const std::string& file_name() const { return file_name_; }
+  bool has(std::string_view key) const { return find(key) != nullptr; }
+  // In file order. Asking for keys does not mark them as used.
+  std::vector<std::string> keys() const { return keys_with_prefix(""); }
+  std::vector<std::string> keys_with_prefix(std::string_view prefix) const;
+
+  // Required: a missing key is a defect. text() also refuses an empty value.
+  std::string text(std::string_view key);
+  double number(std::string_view key, NumberRange range = any_number);
+  std::int64_t integer(std::string_view key, std::int64_t min = std::numeric_limits<std::int64_t>::min(),
+                       std::int64_t max = std::numeric_limits<std::int64_t>::max());
+  bool boolean(std::string_view key);  // true or false
+  std::string one_of(std::string_view key, std::initializer_list<std::string_view> choices);
+  // count: how many numbers are wanted, 0 for any (an empty list then is one too).
+  std::vector<double> numbers(std::string_view key, std::size_t count = 0, NumberRange range = any_number);
+  std::vector<std::string> list(std::string_view key);
+
+  // Optional: the default when the key is missing; a value that is there is checked all the same.
+  std::string text_or(std::string_view key, std::string_view otherwise);
+  double number_or(std::string_view key, double otherwise, NumberRange range = any_number);
+  std::optional<double> number_if(std::string_view key, NumberRange range = any_number);
+  std::int64_t integer_or(std::string_view key, std::int64_t otherwise,
+                          std::int64_t min = std::numeric_limits<std::int64_t>::min(),
+                          std::int64_t max = std::numeric_limits<std::int64_t>::max());
+  bool boolean_or(std::string_view key, bool otherwise);
+  std::string one_of_or(std::string_view key, std::string_view otherwise,
+                        std::initializer_list<std::string_view> choices);
+  std::vector<double> numbers_or(std::string_view key, std::vector<double> otherwise, std::size_t count = 0,
+                                 NumberRange range = any_number);
+  std::vector<std::string> list_or(std::string_view key, std::vector<std::string> otherwise);
+
+  // For the caller's own checks: remembers `file:line: key 'x' = 'y': expected ...` unless there already is a defect.
+  void reject(std::string_view key, std::string_view expected);
+  // The same line as an error to return.
+  Error error_at(std::string_view key, std::string_view expected) const;
+  int line_of(std::string_view key) const;  // 0: no such key
+
+  Status status() const;            // the first defect so far
+  Status check_all_used() const;    // the same, else the first unknown key
+
+ private:
+  struct Entry {
+    std::string key;
+    std::string value;
+    int line = 0;
+    bool used = false;
+  };
+  const Entry* find(std::string_view key) const;
+  Entry* use(std::string_view key);                                        // marks as used; nullptr when missing
+  Entry* require(std::string_view key, std::string_view expected);         // the same; missing is a defect
+  void remember(Error error);
+  double number_of(const Entry& entry, NumberRange range);
+  std::int64_t integer_of(const Entry& entry, std::int64_t min, std::int64_t max);
+  bool boolean_of(const Entry& entry);
+  std::string choice_of(const Entry& entry, std::initializer_list<std::string_view> choices);
+  std::vector<double> numbers_of(const Entry& entry, std::size_t count, NumberRange range);
+  std::vector<std::string> list_of(const Entry& entry);
+
+  std::string file_name_;
+  std::vector<Entry> entries_;
+  std::unordered_map<std::string, std::size_t> index_;
+  std::optional<Error> first_defect_;
+};
+
+// "a number > 0", "a number between -90 and 90": what messages say after "expected".
+std::string describe(NumberRange range);
+
+}  // namespace turncal

@@ -1,0 +1,187 @@
+#include "imu_io/base/posix_file.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+namespace turncal {
+namespace {
+
+// A file the user named and that is not there or not readable is a mistake of input; a disk that fails while we work
+// is a device that failed.
+ErrorKind kind_of(int number) {
+  switch (number) {
+    case ENOSPC:
+    case EDQUOT:
+    case EIO:
+    case EFBIG: return ErrorKind::device;
+    default: return ErrorKind::input;
+  }
+}
+
+Error system_error(const std::string& path, std::string_view what, int number) {
+  return {kind_of(number), path + ": " + std::string(what) + ": " + std::strerror(number)};
+}
+
+template <class Call>
+auto repeat_interrupted(Call call) {
+  decltype(call()) result;
+  do {
+    result = call();
+  } while (result < 0 && errno == EINTR);
+  return result;
+}
+
+}  // namespace
+
+PosixFile::PosixFile(PosixFile&& other) noexcept
+    : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)) {}
+
+PosixFile& PosixFile::operator=(PosixFile&& other) noexcept {
+  if (this != &other) {
+    if (fd_ >= 0) ::close(fd_);
+    fd_ = std::exchange(other.fd_, -1);
+    path_ = std::move(other.path_);
+  }
+  return *this;
+}
+
+PosixFile::~PosixFile() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+Error PosixFile::failure(std::string_view what) const { return system_error(path_, what, errno); }
+
+Result<PosixFile> PosixFile::open_to_read(const std::string& path) {
+  // Non-blocking, so that a pipe named by mistake cannot hang the program.
+  const int fd = repeat_interrupted([&] { return ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK); });
+  if (fd < 0) return system_error(path, "cannot open", errno);
+  PosixFile file(fd, path);
+  struct stat facts{};
+  if (::fstat(fd, &facts) != 0) return file.failure("cannot look at");
+  if (!S_ISREG(facts.st_mode)) return input_error(path + ": not a regular file");
+  return file;
+}
+
+Result<PosixFile> PosixFile::create_new(const std::string& path) {
+  const int fd =
+      repeat_interrupted([&] { return ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666); });
+  if (fd < 0) return system_error(path, "cannot create", errno);
+  return PosixFile(fd, path);
+}
+
+Result<PosixFile> PosixFile::open_to_change(const std::string& path) {
+  const int fd = repeat_interrupted([&] { return ::open(path.c_str(), O_RDWR | O_CLOEXEC); });
+  if (fd < 0) return system_error(path, "cannot open for writing", errno);
+  return PosixFile(fd, path);
+}
+
+Result<std::uint64_t> PosixFile::size() const {
+  struct stat facts{};
+  if (::fstat(fd_, &facts) != 0) return failure("cannot look at");
+  return static_cast<std::uint64_t>(facts.st_size);
+}
+
+Result<std::size_t> PosixFile::read_at(std::uint64_t offset, std::span<std::byte> out) const {
+  std::size_t done = 0;
+  while (done < out.size()) {
+    const ssize_t n = repeat_interrupted(
+        [&] { return ::pread(fd_, out.data() + done, out.size() - done, static_cast<off_t>(offset + done)); });
+    if (n < 0) return failure("cannot read");
+    if (n == 0) break;
+    done += static_cast<std::size_t>(n);
+  }
+  return done;
+}
+
+Status PosixFile::write_all(std::span<const std::byte> data) {
+  while (!data.empty()) {
+    const ssize_t n = repeat_interrupted([&] { return ::write(fd_, data.data(), data.size()); });
+    if (n < 0) return failure("cannot write");
+    data = data.subspan(static_cast<std::size_t>(n));
+  }
+  return {};
+}
+
+Status PosixFile::write_all(std::string_view text) {
+  return write_all(std::as_bytes(std::span(text.data(), text.size())));
+}
+
+Status PosixFile::seek(std::uint64_t offset) {
+  if (::lseek(fd_, static_cast<off_t>(offset), SEEK_SET) < 0) return failure("cannot seek");
+  return {};
+}
+
+Status PosixFile::truncate(std::uint64_t size) {
+  if (repeat_interrupted([&] { return ::ftruncate(fd_, static_cast<off_t>(size)); }) != 0) {
+    return failure("cannot truncate");
+  }
+  return {};
+}
+
+Status PosixFile::sync() {
+  if (repeat_interrupted([&] { return ::fsync(fd_); }) != 0) return failure("cannot sync to disk");
+  return {};
+}
+
+Status PosixFile::lock_exclusive() {
+  if (repeat_interrupted([&] { return ::flock(fd_, LOCK_EX | LOCK_NB); }) == 0) return {};
+  if (errno == EWOULDBLOCK) return input_error(path_ + ": in use by another process");
+  return failure("cannot lock");
+}
+
+Status PosixFile::close() {
+  const int fd = std::exchange(fd_, -1);
+  if (fd >= 0 && ::close(fd) != 0 && errno != EINTR) return failure("cannot close");
+  return {};
+}
+
+Result<std::string> read_whole_file(const std::string& path, std::size_t max_bytes) {
+  auto file = PosixFile::open_to_read(path);
+  if (!file) return file.error();
+  const auto size = file->size();
+  if (!size) return size.error();
+  if (*size > max_bytes) {
+    return input_error(path + ": " + std::to_string(*size) + " bytes: expected at most " + std::to_string(max_bytes));
+  }
+  std::string text(static_cast<std::size_t>(*size), '\0');
+  const auto got = file->read_at(0, std::as_writable_bytes(std::span(text.data(), text.size())));
+  if (!got) return got.error();
+  text.resize(*got);
+  return text;
+}
+
+bool path_exists(const std::string& path) { return ::access(path.c_str(), F_OK) == 0; }
+
+Status make_folder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (error) return input_error(path + ": cannot make folder: " + error.message());
+  return {};
+}
+
+std::string folder_of(const std::string& path) {
+  const std::size_t slash = path.find_last_of('/');
+  if (slash == std::string::npos) return ".";
+  return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+Status sync_folder(const std::string& folder) {
+  const int fd =
+      repeat_interrupted([&] { return ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); });
+  if (fd < 0) return system_error(folder, "cannot open folder", errno);
+  const int result = repeat_interrupted([&] { return ::fsync(fd); });
+  const int number = errno;
+  ::close(fd);
+  if (result != 0) return system_error(folder, "cannot sync folder", number);
+  return {};
+}
+
+}  // namespace turncal

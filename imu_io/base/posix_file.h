@@ -1,0 +1,57 @@
+// A file descriptor that closes itself, with errors that name path and reason. All reading, writing, syncing and
+// renaming of this folder's formats goes through here.
+//
+// Interrupted calls are repeated; a short write is completed or reported. Movable, not copyable; not for concurrent
+// use.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "calib/types/status.h"
+
+namespace turncal {
+
+class PosixFile {
+ public:
+  PosixFile() = default;
+  PosixFile(PosixFile&& other) noexcept;
+  PosixFile& operator=(PosixFile&& other) noexcept;
+  ~PosixFile();
+
+  static Result<PosixFile> open_to_read(const std::string& path);   // a regular file
+  static Result<PosixFile> create_new(const std::string& path);     // fails when it exists
+  static Result<PosixFile> open_to_change(const std::string& path); // read and write, must exist
+
+  const std::string& path() const { return path_; }
+  bool is_open() const { return fd_ >= 0; }
+  Result<std::uint64_t> size() const;
+  // Fills the front of `out` from `offset`; fewer bytes only at the end of the file.
+  Result<std::size_t> read_at(std::uint64_t offset, std::span<std::byte> out) const;
+  Status write_all(std::span<const std::byte> data);                // at the current position
+  Status write_all(std::string_view text);
+  Status seek(std::uint64_t offset);
+  Status truncate(std::uint64_t size);
+  Status sync();
+  Status lock_exclusive();   // fails at once when another process holds it; released by close
+  Status close();            // reports what a destructor must swallow
+
+ private:
+  PosixFile(int fd, std::string path) : fd_(fd), path_(std::move(path)) {}
+  Error failure(std::string_view what) const;
+
+  int fd_ = -1;
+  std::string path_;
+};
+
+// The whole file; an error above max_bytes.
+Result<std::string> read_whole_file(const std::string& path, std::size_t max_bytes = std::size_t{64} << 20);
+bool path_exists(const std::string& path);
+Status make_folder(const std::string& path);  // with its parents; fine when it exists
+Status sync_folder(const std::string& folder);
+std::string folder_of(const std::string& path);  // "." when path names none
+
+}  // namespace turncal

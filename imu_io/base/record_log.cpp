@@ -1,0 +1,112 @@
+#include "imu_io/base/record_log.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cstring>
+
+#include "imu_io/base/bytes.h"
+#include "imu_io/base/crc32c.h"
+
+namespace turncal {
+namespace {
+constexpr std::size_t checked_header_bytes = record_header_bytes - 4;
+constexpr std::uint64_t block_bytes = std::uint64_t{1} << 20;
+}  // namespace
+
+std::size_t begin_record(std::vector<std::byte>& out, std::uint32_t magic, std::uint32_t type, std::uint32_t number) {
+  const std::size_t begun_at = out.size();
+  append_bytes(out, magic);
+  append_bytes(out, type);
+  append_bytes(out, number);
+  append_bytes(out, std::uint32_t{0});  // length and header checksum: end_record
+  append_bytes(out, std::uint32_t{0});
+  return begun_at;
+}
+
+void end_record(std::vector<std::byte>& out, std::size_t begun_at) {
+  const std::size_t length = out.size() - begun_at - record_header_bytes;
+  assert(length <= max_record_payload_bytes);
+  const auto length32 = static_cast<std::uint32_t>(length);
+  std::byte* header = out.data() + begun_at;
+  std::memcpy(header + 12, &length32, 4);
+  const std::uint32_t header_crc = crc32c(std::span<const std::byte>(header, checked_header_bytes));
+  std::memcpy(header + checked_header_bytes, &header_crc, 4);
+  append_bytes(out, crc32c(std::span<const std::byte>(header + record_header_bytes, length), header_crc));
+}
+
+RecordScanner::RecordScanner(const PosixFile& file, std::uint64_t end, std::uint32_t magic)
+    : file_(file), end_(end), magic_(magic) {}
+
+// At least `wanted` bytes from `offset` on, fewer only when the file ends.
+Result<std::span<const std::byte>> RecordScanner::window(std::uint64_t offset, std::uint64_t wanted) {
+  wanted = std::min(wanted, end_ - offset);
+  const bool inside = offset >= buffer_offset_ && offset + wanted <= buffer_offset_ + buffer_filled_;
+  if (!inside) {
+    const std::uint64_t size = std::min(std::max(wanted, block_bytes), end_ - offset);
+    if (buffer_.size() < size) buffer_.resize(static_cast<std::size_t>(size));
+    const auto got = file_.read_at(offset, std::span(buffer_.data(), static_cast<std::size_t>(size)));
+    if (!got) return got.error();
+    if (*got < size) end_ = offset + *got;  // the file was cut while we read it
+    buffer_offset_ = offset;
+    buffer_filled_ = *got;
+  }
+  return std::span<const std::byte>(buffer_.data(), buffer_filled_)
+      .subspan(static_cast<std::size_t>(offset - buffer_offset_));
+}
+
+// Offset of the next magic at or after `offset`; end_ when there is none.
+Result<std::uint64_t> RecordScanner::find_magic(std::uint64_t offset) {
+  std::byte pattern[4];
+  std::memcpy(pattern, &magic_, 4);
+  while (offset + 4 <= end_) {
+    const auto view = window(offset, 4);
+    if (!view) return view.error();
+    const auto found = std::search(view->begin(), view->end(), std::begin(pattern), std::end(pattern));
+    if (found != view->end()) return offset + static_cast<std::uint64_t>(found - view->begin());
+    if (view->size() < 4) break;
+    offset += view->size() - 3;  // the magic may straddle two blocks
+  }
+  return end_;
+}
+
+Result<bool> RecordScanner::next(Record& record) {
+  while (position_ + record_overhead_bytes <= end_) {
+    auto view = window(position_, record_overhead_bytes);
+    if (!view) return view.error();
+    if (view->size() < record_overhead_bytes) break;
+    const std::byte* header = view->data();
+    const std::uint32_t header_crc = crc32c(view->first(checked_header_bytes));
+    const auto number = load_bytes<std::uint32_t>(header + 8);
+    const auto length = load_bytes<std::uint32_t>(header + 12);
+    const bool good_header = load_bytes<std::uint32_t>(header) == magic_ &&
+                             load_bytes<std::uint32_t>(header + checked_header_bytes) == header_crc &&
+                             length <= max_record_payload_bytes && number >= next_number_ &&
+                             length <= end_ - position_ - record_overhead_bytes;
+    if (!good_header) {
+      const auto found = find_magic(position_ + 1);
+      if (!found) return found.error();
+      position_ = *found;
+      continue;
+    }
+    const auto type = load_bytes<std::uint32_t>(header + 4);
+    const std::uint64_t total = record_overhead_bytes + length;
+    view = window(position_, total);
+    if (!view) return view.error();
+    if (view->size() < total) break;
+    const auto payload = view->subspan(record_header_bytes, length);
+    const std::uint32_t crc = crc32c(payload, header_crc);
+    const std::uint64_t start = position_;
+    position_ += total;  // the header vouches for the length also when the payload is damaged
+    if (load_bytes<std::uint32_t>(payload.data() + length) != crc) continue;
+    records_dropped_ += number - next_number_;
+    bytes_dropped_ += start - good_end_;
+    last_bytes_ = total;
+    good_end_ = position_;
+    next_number_ = number + 1;
+    record = {type, number, payload};
+    return true;
+  }
+  return false;
+}
+
+}  // namespace turncal

@@ -1,0 +1,106 @@
+// Bytes in, samples out, by a frame description. Pure: no device, no clock; the caller says when bytes arrived.
+//
+//   decoder.space() <- bytes;  decoder.added(count, {earliest, latest});
+//   while (decoder.next(sample) == FrameDecoder::Next::sample) ...
+//
+// What is done about each defect (docs/imu-frames.md, "Faults"): a frame with a wrong sync, length, id, check or tail is not used,
+// and the search goes on at its second byte. A number that is not finite, or pulses that are not whole or beyond 32 bits, make a
+// frame bad. A status that says invalid, or a raw number outside its range, sets sample_flag_invalid. Frames of a counter that
+// cannot be true are dropped; three in a row that agree with each other mean that the unit began anew: Next::restarted.
+// With a weak check the first frame, and one behind a gap, wait for a following one that agrees with them.
+// A cumulative field gives no sample at the beginning and behind a gap: one row never holds more than one period.
+// No allocation after construction.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "imu_io/frames/counter_tracker.h"
+#include "imu_io/frames/frame_scanner.h"
+#include "imu_io/recordings/imu_source.h"
+
+namespace turncal {
+
+class FrameDecoder {
+ public:
+  explicit FrameDecoder(const FrameDescription& frame);
+
+  std::span<std::byte> space() { return scanner_.space(); }
+  void added(std::size_t count, const Arrival& arrival);
+  enum class Next { sample, more, restarted };
+  Next next(ImuSample& sample);
+  // The link was down: the bytes held are thrown away, the counter goes on where it can.
+  void rejoin();
+
+  ImuLinkCounters counters() const;
+  std::uint64_t strays() const { return strays_; }        // frames of an impossible counter
+  std::uint64_t invalid() const { return invalid_; }      // samples flagged
+  const ScanCounters& scan() const { return scanner_.counters(); }
+  // When the last sample's frame arrived.
+  const Arrival& arrival() const { return arrival_; }
+  double wrap_s() const { return state_.tracker.wrap_s(); }
+
+ private:
+  struct Element {
+    FieldCodec field;
+    double zero = 0.0;
+    double factor = 1.0;  // to an increment of the body axis, sign included
+    double low = 0.0, high = 0.0;
+    std::uint64_t modulus = 0;  // cumulative; 0: 2^64
+    bool cumulative = false;
+    bool pulses = false;
+  };
+  struct Status {
+    FieldCodec field;
+    std::uint64_t mask, good;
+  };
+  struct Variant {
+    std::size_t length = 0;
+    std::array<Element, 6> element;  // gyro x y z, accel x y z, body axes
+    std::vector<FieldCodec> temperature;
+    double temperature_zero = 0.0, temperature_scale = 1.0;
+    bool multiplexed = false;
+    FieldCodec multiplexer;
+    std::uint64_t when = 0;
+    bool has_counter = false;
+    FieldCodec counter;
+    std::vector<Status> status;
+  };
+  // What a frame that turns out not to be believed must not have changed.
+  struct State {
+    CounterTracker tracker;
+    std::array<std::uint64_t, 6> base{};
+    bool has_base = false;
+    float temperature_c = std::numeric_limits<float>::quiet_NaN();
+    std::uint64_t lost = 0;
+  };
+  // False: the numbers are impossible.
+  bool read_values(const Variant& variant, const std::byte* frame, ImuSample& sample) const;
+  void take(const ScannedFrame& scanned);
+  void take_stray(double raw);
+  void believe(const PlacedCounter& placed, double raw, const Variant& variant, const std::byte* frame, ImuSample& sample);
+  void emit(const ImuSample& sample);
+
+  FrameScanner scanner_;
+  std::vector<Variant> variants_;
+  bool any_cumulative_ = false;
+  bool weak_;
+  double step_, modulus_;
+  State state_;
+  State before_;               // while waiting_
+  bool waiting_ = false;       // the last frame has to be confirmed
+  bool waiting_has_sample_ = false;
+  ImuSample waiting_sample_;
+  Arrival arrival_;
+  std::array<ImuSample, 2> ready_;
+  std::size_t ready_count_ = 0, ready_given_ = 0;
+  double stray_raw_ = 0.0;
+  int strays_in_row_ = 0;
+  bool restarted_ = false;
+  std::uint64_t samples_ = 0, duplicates_ = 0, unusable_ = 0, strays_ = 0, invalid_ = 0;
+};
+
+}  // namespace turncal

@@ -1,0 +1,323 @@
+#include "imu_io/frames/frame_description.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numbers>
+#include <span>
+
+#include "imu_io/frames/frame_keys.h"
+#include "imu_io/base/key_value.h"
+
+namespace turncal {
+namespace {
+
+constexpr double degree = std::numbers::pi / 180.0;
+constexpr double standard_gravity = 9.80665;
+
+struct Unit {
+  std::string_view name;
+  double si;
+  bool is_rate;
+};
+constexpr Unit gyro_units[] = {{"rad", 1.0, false},    {"deg", degree, false},    {"arcsec", degree / 3600.0, false},
+                               {"rad/s", 1.0, true},   {"deg/s", degree, true},   {"deg/h", degree / 3600.0, true}};
+constexpr Unit accel_units[] = {{"m/s", 1.0, false},   {"ft/s", 0.3048, false},   {"m/s^2", 1.0, true},
+                                {"g", standard_gravity, true},                    {"mg", 1e-3 * standard_gravity, true}};
+
+void read_axes(FrameKeys& keys, const std::string& key, FrameTriad& triad) {
+  const std::vector<std::string> axes = keys.file().list_or(keys.name(key), {"+x", "+y", "+z"});
+  bool good = axes.size() == 3;
+  std::array<bool, 3> seen{};
+  for (std::size_t k = 0; good && k < 3; ++k) {
+    const std::string& axis = axes[k];
+    good = axis.size() == 2 && (axis[0] == '+' || axis[0] == '-') && axis[1] >= 'x' && axis[1] <= 'z';
+    if (!good) break;
+    const int from = axis[1] - 'x';
+    good = !seen[static_cast<std::size_t>(from)];
+    seen[static_cast<std::size_t>(from)] = true;
+    triad.from[k] = from;
+    triad.sign[k] = axis[0] == '-' ? -1.0 : 1.0;
+  }
+  if (!good) keys.file().reject(keys.name(key), "three axes such as '+x, -z, +y', each letter once");
+}
+
+FrameTriad read_triad(FrameKeys& keys, const std::string& prefix, std::span<const Unit> units) {
+  FrameTriad triad;
+  const std::vector<FrameField> elements = keys.fields(prefix, "i32", 3);
+  std::copy_n(elements.begin(), 3, triad.element.begin());
+  read_axes(keys, prefix + ".axes", triad);
+  KeyValueFile& file = keys.file();
+  const std::string unit_key = keys.name(prefix + ".unit");
+  const std::string unit = file.text(unit_key);
+  const auto known = std::find_if(units.begin(), units.end(), [&](const Unit& u) { return u.name == unit; });
+  triad.pulses = unit == "pulses";
+  if (!triad.pulses && known == units.end()) {
+    std::string expected = "pulses";
+    for (const Unit& u : units) expected += ", " + std::string(u.name);
+    file.reject(unit_key, "one of " + expected);
+  }
+  if (triad.pulses) {
+    for (const char* key : {".scale", ".zero"}) {
+      if (keys.has(prefix + key)) file.reject(keys.name(prefix + key), "no such key with unit = pulses: they are counted as they come");
+    }
+  } else {
+    triad.zero = keys.three(prefix + ".zero", 0.0);
+    triad.scale = keys.three(prefix + ".scale", 1.0);
+    for (double& scale : triad.scale) {
+      if (!(std::abs(scale) > 0.0)) file.reject(keys.name(prefix + ".scale"), "numbers other than 0");
+      if (known != units.end()) scale *= known->si;
+    }
+    if (known != units.end() && known->is_rate) triad.kind = FieldKind::rate;
+  }
+  const bool integer = triad.element[0].form.type != NumberType::floating;
+  if (file.one_of_or(keys.name(prefix + ".kind"), "each", {"each", "cumulative"}) == "cumulative") {
+    if (!integer || triad.kind == FieldKind::rate) {
+      file.reject(keys.name(prefix + ".kind"), "'each' unless the field is a whole number of increments");
+    }
+    triad.kind = FieldKind::cumulative;
+    triad.modulus = keys.bits(prefix + ".modulus", 0);
+    const int bits = used_bits(triad.element[0].form);
+    if (triad.modulus == 1 || (bits < 64 && triad.modulus > (std::uint64_t{1} << bits))) {
+      file.reject(keys.name(prefix + ".modulus"), "2 to 2^" + std::to_string(bits));
+    }
+  }
+  const std::vector<double> range = file.numbers_or(keys.name(prefix + ".range"), {-1e300, 1e300}, 2);
+  triad.low = range[0];
+  triad.high = range[1];
+  if (!(triad.low < triad.high)) file.reject(keys.name(prefix + ".range"), "lowest, highest");
+  return triad;
+}
+
+FrameCounter read_counter(FrameKeys& keys) {
+  FrameCounter counter;
+  KeyValueFile& file = keys.file();
+  counter.field = keys.field("counter", "u32");
+  counter.step = file.number_or(keys.name("counter.step"), 1.0, positive);
+  counter.modulus = file.number_or(keys.name("counter.modulus"), 0.0, not_negative);
+  const bool integer = counter.field.form.type != NumberType::floating;
+  const double all = integer ? std::ldexp(1.0, used_bits(counter.field.form)) : 0x1p53;
+  if (counter.field.form.type == NumberType::signed_integer) {
+    file.reject(keys.name("counter.type"), "an unsigned or floating type");
+  }
+  if (integer && used_bits(counter.field.form) > 53) {
+    file.reject(keys.name("counter.type"), "a counter of at most 53 bits: a mask can leave the upper ones out");
+  }
+  if (counter.modulus == 0.0) counter.modulus = integer ? all : 0x1p53 * counter.step;
+  if (integer && (counter.modulus > all || counter.modulus != std::floor(counter.modulus) ||
+                  counter.step != std::floor(counter.step))) {
+    file.reject(keys.name("counter.offset"), "a whole step and a whole modulus that fits the field");
+  }
+  const double wrap = counter.modulus / counter.step;
+  if (!(wrap >= 4.0) || std::abs(wrap - std::nearbyint(wrap)) > 1e-6 * std::max(1.0, 1e-6 * wrap)) {
+    file.reject(keys.name(keys.has("counter.step") ? "counter.step" : "counter.offset"),
+                "a step that divides the modulus into 4 samples or more");
+  }
+  return counter;
+}
+
+FrameVariant read_variant(FrameKeys& keys, const std::string& name, const FrameDescription& frame) {
+  KeyValueFile& file = keys.file();
+  FrameVariant variant;
+  variant.name = name;
+  variant.length = static_cast<std::size_t>(
+      std::max<std::int64_t>(file.integer(keys.name("length"), 2, static_cast<std::int64_t>(longest_frame)), 0));
+  if (frame.id) variant.id = keys.bits("id.value", std::nullopt);
+  variant.gyro = read_triad(keys, "gyro", gyro_units);
+  variant.accel = read_triad(keys, "accel", accel_units);
+  if (keys.has("mux.offset")) variant.multiplexer = keys.field("mux", "u8");
+  if (keys.has("temperature.offset")) {
+    FrameScalar scalar;
+    scalar.places = keys.fields("temperature", "i16", 0);
+    scalar.zero = file.number_or(keys.name("temperature.zero"), 0.0);
+    scalar.scale = file.number_or(keys.name("temperature.scale"), 1.0);
+    if (keys.has("temperature.when")) {
+      scalar.when = keys.bits("temperature.when", std::nullopt);
+      if (!variant.multiplexer) file.reject(keys.name("temperature.when"), "a key mux.offset beside it");
+    }
+    variant.temperature = scalar;
+  }
+  if (keys.has("counter.offset")) variant.counter = read_counter(keys);
+  for (const std::string prefix : {"status", "status2", "status3"}) {
+    if (!keys.has(prefix + ".offset")) continue;
+    FrameStatus status;
+    // Not the field's own mask: a status mask may have holes.
+    status.mask = keys.bits(prefix + ".bits", ~std::uint64_t{0});
+    status.good = keys.bits(prefix + ".good", 0);
+    for (const FrameField& field : keys.fields(prefix, "u8", 0)) {
+      status.field = field;
+      variant.status.push_back(status);
+    }
+  }
+  return variant;
+}
+
+void read_check(FrameKeys& keys, FrameCheck& check) {
+  KeyValueFile& file = keys.file();
+  const std::string kind = file.one_of("check", {"none", "sum8", "sum16", "sum32", "xor8", "crc"});
+  if (kind == "none" || kind.empty()) return;
+  check.kind = kind == "crc" ? CheckKind::crc : kind == "xor8" ? CheckKind::exclusive_or : CheckKind::sum;
+  int width = kind == "sum16" ? 16 : kind == "sum32" ? 32 : 8;
+  if (check.kind == CheckKind::crc) {
+    width = static_cast<int>(file.integer("crc.width", 8, 32));
+    if (width % 8 != 0) file.reject("crc.width", "8, 16, 24 or 32");
+    width = std::clamp(width / 8 * 8, 8, 32);
+    const std::uint64_t most = (std::uint64_t{1} << width) - 1;
+    const auto read_bits = [&](const char* key, std::optional<std::uint64_t> otherwise) {
+      const std::uint64_t value = keys.bits(key, otherwise);
+      if (value > most) file.reject(key, "at most " + std::to_string(width) + " bits");
+      return static_cast<std::uint32_t>(value & most);
+    };
+    check.crc.width = width;
+    check.crc.polynomial = read_bits("crc.polynomial", std::nullopt);
+    check.crc.initial = read_bits("crc.initial", 0);
+    check.crc.final_xor = read_bits("crc.final_xor", 0);
+    check.crc.reflect_input = file.boolean_or("crc.reflect_input", false);
+    check.crc.reflect_output = file.boolean_or("crc.reflect_output", false);
+  }
+  check.field.form.bytes = width / 8;
+  const std::string order_key = file.has("check.order") ? "check.order" : "order";
+  check.field.form.big_endian = file.one_of_or(order_key, "little", {"little", "big"}) == "big";
+  constexpr auto far = static_cast<std::int64_t>(longest_frame);
+  const std::int64_t offset = file.integer("check.offset", -far, far);
+  check.from_end = offset < 0;
+  check.field.offset = static_cast<std::size_t>(std::abs(offset));
+  check.start = static_cast<std::size_t>(file.integer_or("check.start", 0, 0, far));
+  check.gap = static_cast<std::size_t>(file.integer_or("check.gap", 0, 0, far));
+  check.pad = static_cast<std::size_t>(file.integer_or("check.pad", 1, 1, 64));
+}
+
+void read_line(KeyValueFile& file, SerialSettings& line) {
+  line.baud = static_cast<std::uint32_t>(file.integer_or("line.baud", 115200, 50, 20'000'000));
+  line.data_bits = static_cast<int>(file.integer_or("line.data_bits", 8, 7, 8));
+  line.stop_bits = static_cast<int>(file.integer_or("line.stop_bits", 1, 1, 2));
+  const std::string parity = file.one_of_or("line.parity", "none", {"none", "even", "odd"});
+  line.parity = parity == "even" ? SerialParity::even : parity == "odd" ? SerialParity::odd : SerialParity::none;
+}
+
+// Everything inside its frame, and nothing contradicting.
+void check_layout(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
+  const auto inside = [&](const FrameField& field, const char* key) {
+    if (field.offset + static_cast<std::size_t>(field.form.bytes) <= variant.length) return;
+    const FrameKeys keys(file, variant.name);
+    file.reject(keys.name(key), "a place inside the frame of " + std::to_string(variant.length) + " bytes");
+  };
+  for (const FrameField& field : variant.gyro.element) inside(field, "gyro.offset");
+  for (const FrameField& field : variant.accel.element) inside(field, "accel.offset");
+  if (variant.temperature) {
+    for (const FrameField& field : variant.temperature->places) inside(field, "temperature.offset");
+  }
+  if (variant.counter) inside(variant.counter->field, "counter.offset");
+  for (const FrameStatus& status : variant.status) inside(status.field, "status.offset");
+  if (variant.multiplexer) inside(*variant.multiplexer, "mux.offset");
+  if (frame.id) inside(*frame.id, "id.offset");
+  if (frame.length) inside(*frame.length, "length.offset");
+  if (frame.sync.size() + frame.tail.size() > variant.length) {
+    file.reject("length", "room for sync and tail");
+  }
+  if (frame.check.kind != CheckKind::none) {
+    const std::size_t place = check_offset(frame.check, variant.length);
+    if (place + static_cast<std::size_t>(frame.check.bytes()) + frame.tail.size() > variant.length ||
+        frame.check.start + frame.check.gap >= place) {
+      file.reject("check.offset", "a place inside the frame, behind what the check covers and before the tail");
+    }
+  }
+  const FrameVariant& first = frame.variants.front();
+  if (variant.gyro.pulses != first.gyro.pulses || variant.accel.pulses != first.accel.pulses) {
+    file.reject("variants", "variants of the same increments: pulses or not");
+  }
+  if (variant.counter.has_value() != first.counter.has_value()) file.reject("variants", "all with a counter or none");
+  if (variant.counter && (variant.counter->modulus != first.counter->modulus || variant.counter->step != first.counter->step)) {
+    file.reject("variants", "variants that count alike");
+  }
+  for (const FrameVariant& other : frame.variants) {
+    if (&other != &variant && other.id == variant.id) file.reject("variants", "another id for each variant");
+  }
+}
+
+Result<FrameDescription> frame_from(KeyValueFile& file) {
+  FrameDescription frame;
+  frame.file = file.file_name();
+  FrameKeys keys(file, "");
+  file.integer("format", 1, 1);
+  frame.name = file.text_or("name", frame.file);
+  frame.sync = keys.bytes("sync");
+  if (frame.sync.empty()) file.reject("sync", "at least one byte");
+  if (!file.has("sync")) file.text("sync");
+  frame.sync_mask = keys.bytes("sync.mask");
+  if (!file.has("sync.mask")) frame.sync_mask.assign(frame.sync.size(), std::byte{0xFF});
+  if (frame.sync_mask.size() != frame.sync.size()) file.reject("sync.mask", "as many bytes as sync");
+  frame.tail = keys.bytes("tail");
+  if (file.has("id.offset")) frame.id = keys.field("id", "u8");
+  if (file.has("length.offset")) {
+    frame.length = keys.field("length", "u8");
+    frame.length_scale = file.integer_or("length.scale", 1, 1, 64);
+    frame.length_add = file.integer_or("length.add", 0, -1024, 1024);
+  }
+  frame.sample_period_s = file.number("sample_period_s", {1e-5, 10.0});
+  read_check(keys, frame.check);
+  read_line(file, frame.line);
+  for (const std::string& name : file.list_or("variants", {""})) {
+    FrameKeys own(file, name);
+    frame.variants.push_back(read_variant(own, name, frame));
+    if (frame.variants.size() > 16) file.reject("variants", "at most 16");
+    if (!file.status()) break;
+  }
+  if (frame.variants.empty()) {  // refused already, as an empty list
+    return file.error_at("variants", "names separated by commas");
+  }
+  if (!frame.variants.front().accel.pulses && file.has("accel.pulse_mps")) {
+    file.reject("accel.pulse_mps", "no such key unless accel.unit = pulses");
+  }
+  if (frame.variants.front().accel.pulses) frame.accel_pulse_mps = file.number("accel.pulse_mps", positive);
+  if (frame.variants.size() > 1 && !frame.id) file.reject("variants", "a key id.offset beside it");
+  if (Status status = file.check_all_used(); !status) return status.error();
+  for (const FrameVariant& variant : frame.variants) {
+    check_layout(file, frame, variant);
+    frame.longest = std::max(frame.longest, variant.length);
+  }
+  if (frame.length) frame.longest = longest_frame;
+  if (Status status = file.status(); !status) return status.error();
+  return frame;
+}
+
+}  // namespace
+
+int used_shift(const FieldForm& form) { return form.mask == 0 ? 0 : std::countr_zero(form.mask); }
+
+int used_bits(const FieldForm& form) {
+  const int width = 8 * form.bytes;
+  const std::uint64_t room = width == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << width) - 1;
+  return std::max(64 - std::countl_zero(form.mask & room) - used_shift(form), 1);
+}
+
+std::size_t check_offset(const FrameCheck& check, std::size_t frame_length) {
+  if (!check.from_end) return check.field.offset;
+  return check.field.offset <= frame_length ? frame_length - check.field.offset : frame_length;
+}
+
+bool FrameDescription::has_temperature() const {
+  return std::any_of(variants.begin(), variants.end(), [](const FrameVariant& v) { return v.temperature.has_value(); });
+}
+
+void FrameDescription::describe(RecordingInfo& info) const {
+  info.sample_period_s = sample_period_s;
+  info.gyro_increment = variants.front().gyro.pulses ? IncrementKind::pulses : IncrementKind::physical;
+  info.accel_increment = variants.front().accel.pulses ? IncrementKind::pulses : IncrementKind::physical;
+  info.accel_pulse_mps = accel_pulse_mps;
+  info.has_temperature = has_temperature();
+}
+
+Result<FrameDescription> read_frame_description(const std::string& path) {
+  auto file = KeyValueFile::read(path);
+  if (!file) return file.error();
+  return frame_from(*file);
+}
+
+Result<FrameDescription> parse_frame_description(std::string_view text, const std::string& file_name) {
+  auto file = KeyValueFile::parse(text, file_name);
+  if (!file) return file.error();
+  return frame_from(*file);
+}
+
+}  // namespace turncal

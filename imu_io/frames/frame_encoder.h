@@ -1,0 +1,39 @@
+// Samples into bytes by the same description that the decoder reads: for the twin and for tests.
+//
+// decode(encode(x)) == x for pulses. For units that send rad or rates the value is rounded to the frame's number, and what the
+// rounding left out goes into the next frame (as a unit's own integrator does), so that no angle is lost.
+// The first variant is used. Bytes that the description does not name are 0; a multiplexed temperature is in every frame.
+// An invalid sample gets a status that differs from the good one in its lowest judged bit.
+// Errors (kind input): a number that does not fit the frame's field; the message names axis and value.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "calib/types/recording_types.h"
+#include "calib/types/status.h"
+#include "imu_io/frames/frame_description.h"
+#include "imu_io/frames/frame_field.h"
+
+namespace turncal {
+
+class FrameEncoder {
+ public:
+  explicit FrameEncoder(const FrameDescription& frame);
+  std::size_t length() const { return frame_.variants.front().length; }
+  // Writes one frame to the front of `out`; out.size() >= length().
+  Status encode(const ImuSample& sample, std::span<std::byte> out);
+
+ private:
+  Status put_triad(const FrameTriad& triad, const std::array<double, 3>& value, std::size_t first, const char* name,
+                   std::byte* out);
+
+  FrameDescription frame_;
+  Crc crc_;
+  std::array<double, 6> left_{};            // what rounding left out, by element
+  std::array<std::uint64_t, 6> total_{};    // of cumulative fields
+};
+
+}  // namespace turncal

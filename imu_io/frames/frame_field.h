@@ -1,0 +1,83 @@
+// Numbers in and out of frames: a FieldForm compiled into shifts, so that one loop serves every byte and word order.
+#pragma once
+
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "imu_io/frames/frame_description.h"
+
+namespace turncal {
+
+class FieldCodec {
+ public:
+  FieldCodec() = default;
+  explicit FieldCodec(const FrameField& field) : offset_(field.offset), form_(field.form) {
+    for (int i = 0; i < 8 && i < form_.bytes; ++i) {
+      // Place of byte i in significance: within its word, then of the word.
+      int place = i;
+      if (form_.big_endian) place = form_.bytes - 1 - place;
+      if (form_.swap_words) place = (form_.bytes / 2 - 1 - place / 2) * 2 + place % 2;
+      shift_[i] = static_cast<unsigned char>(8 * place);
+    }
+    const int width = 8 * form_.bytes;
+    mask_ = form_.mask & (width == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << width) - 1);
+    down_ = used_shift(form_);
+    bits_ = used_bits(form_);
+    used_ = bits_ == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits_) - 1;
+  }
+
+  std::size_t offset() const { return offset_; }
+  std::size_t bytes() const { return static_cast<std::size_t>(form_.bytes); }
+  // 2^bits - 1: the values that fit.
+  std::uint64_t largest_bits() const { return used_; }
+  int bits() const { return bits_; }
+  NumberType type() const { return form_.type; }
+
+  // REQUIRES of all below: `frame` reaches to offset + bytes.
+  std::uint64_t bits_at(const std::byte* place) const {
+    std::uint64_t value = 0;
+    for (int i = 0; i < form_.bytes; ++i) value |= std::to_integer<std::uint64_t>(place[i]) << shift_[i];
+    return (value & mask_) >> down_;
+  }
+  std::uint64_t bits_of(const std::byte* frame) const { return bits_at(frame + offset_); }
+  // Integers beyond 2^53 lose their last bits; may be NaN or infinite for floats.
+  double number(const std::byte* frame) const { return number_from(bits_of(frame)); }
+  double number_from(std::uint64_t value) const {
+    switch (form_.type) {
+      case NumberType::unsigned_integer: return static_cast<double>(value);
+      case NumberType::signed_integer: return static_cast<double>(signed_from(value));
+      case NumberType::floating: break;
+    }
+    if (form_.bytes == 4) return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(value)));
+    return std::bit_cast<double>(value);
+  }
+  std::int64_t signed_from(std::uint64_t value) const {
+    const std::uint64_t sign = std::uint64_t{1} << (bits_ - 1);
+    return static_cast<std::int64_t>((value ^ sign) - sign);
+  }
+
+  // Leaves the bits outside the mask as they are; what does not fit is cut off.
+  void put_bits_at(std::byte* place, std::uint64_t value) const {
+    const std::uint64_t placed = (value << down_) & mask_;
+    for (int i = 0; i < form_.bytes; ++i) {
+      const auto keep = std::to_integer<std::uint64_t>(place[i]) & ~(mask_ >> shift_[i]);
+      place[i] = static_cast<std::byte>((keep | (placed >> shift_[i])) & 0xFFU);
+    }
+  }
+  void put_bits(std::byte* frame, std::uint64_t value) const { put_bits_at(frame + offset_, value); }
+  // False when the number does not fit the field.
+  bool put_number(std::byte* frame, double value) const;
+
+ private:
+  std::size_t offset_ = 0;
+  FieldForm form_;
+  unsigned char shift_[8] = {};
+  std::uint64_t mask_ = 0xFF;
+  std::uint64_t used_ = 0xFF;
+  int down_ = 0;
+  int bits_ = 8;
+};
+
+}  // namespace turncal

@@ -1,0 +1,184 @@
+#include "imu_io/lines/serial_port.h"
+
+// <asm/termbits.h> has termios2 and must not meet <termios.h>.
+#include <asm/termbits.h>
+#include <fcntl.h>
+#include <linux/serial.h>
+#include <poll.h>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "imu_io/base/deadline.h"
+
+namespace turncal {
+
+std::string describe(const SerialSettings& settings) {
+  const char parity = settings.parity == SerialParity::none ? 'N' : settings.parity == SerialParity::even ? 'E' : 'O';
+  return settings.device + " " + std::to_string(settings.baud) + " " + std::to_string(settings.data_bits) + parity +
+         std::to_string(settings.stop_bits);
+}
+
+SerialPort::SerialPort(SerialPort&& other) noexcept
+    : fd_(std::exchange(other.fd_, -1)), device_(std::move(other.device_)) {}
+
+SerialPort& SerialPort::operator=(SerialPort&& other) noexcept {
+  if (this != &other) {
+    close();
+    fd_ = std::exchange(other.fd_, -1);
+    device_ = std::move(other.device_);
+  }
+  return *this;
+}
+
+SerialPort::~SerialPort() { close(); }
+
+void SerialPort::close() {
+  if (fd_ < 0) return;
+  ::ioctl(fd_, TIOCNXCL);  // or a descriptor held elsewhere would keep the port shut
+  ::close(std::exchange(fd_, -1));
+}
+
+Error SerialPort::failure(std::string_view what, int number) const {
+  return device_error(device_ + ": " + std::string(what) + ": " + std::strerror(number));
+}
+
+Result<SerialPort> SerialPort::open(const SerialSettings& settings) {
+  SerialPort port;
+  port.device_ = settings.device;
+  do {
+    port.fd_ = ::open(settings.device.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+  } while (port.fd_ < 0 && errno == EINTR);
+  if (port.fd_ < 0) {
+    if (errno == EBUSY) return device_error(settings.device + ": in use by another program");
+    return port.failure("cannot open", errno);
+  }
+  if (::flock(port.fd_, LOCK_EX | LOCK_NB) != 0) {
+    const int number = errno;
+    // Not close(): that would take the owner's TIOCEXCL away.
+    ::close(std::exchange(port.fd_, -1));
+    if (number == EWOULDBLOCK) return device_error(settings.device + ": in use by another process");
+    return port.failure("cannot lock", number);
+  }
+  if (Status status = port.configure(settings); !status) return status.error();
+  if (Status status = port.discard_input(); !status) return status.error();
+  return port;
+}
+
+Status SerialPort::configure(const SerialSettings& settings) {
+  struct termios2 line {};
+  if (::ioctl(fd_, TCGETS2, &line) != 0) {
+    if (errno == ENOTTY) return device_error(device_ + ": not a serial port");
+    return failure("cannot read the line settings", errno);
+  }
+  if (::ioctl(fd_, TIOCEXCL) != 0) return failure("cannot get for itself alone", errno);
+  line.c_iflag = IGNBRK;
+  if (settings.parity != SerialParity::none) line.c_iflag |= INPCK;
+  line.c_oflag = 0;
+  line.c_lflag = 0;
+  line.c_cflag = CREAD | CLOCAL | BOTHER | static_cast<tcflag_t>(settings.data_bits == 7 ? CS7 : CS8);
+  if (settings.parity != SerialParity::none) line.c_cflag |= PARENB;
+  if (settings.parity == SerialParity::odd) line.c_cflag |= PARODD;
+  if (settings.stop_bits == 2) line.c_cflag |= CSTOPB;
+  line.c_ispeed = settings.baud;
+  line.c_ospeed = settings.baud;
+  line.c_cc[VMIN] = 1;  // so that 0 bytes mean unplugged
+  line.c_cc[VTIME] = 0;
+  if (::ioctl(fd_, TCSETS2, &line) != 0) return failure("cannot set " + describe(settings), errno);
+  struct termios2 got {};
+  if (::ioctl(fd_, TCGETS2, &got) != 0) return failure("cannot read the line settings", errno);
+  const double wanted = settings.baud;
+  for (const double rate : {static_cast<double>(got.c_ispeed), static_cast<double>(got.c_ospeed)}) {
+    if (std::abs(rate - wanted) > 0.03 * wanted) {
+      return device_error(device_ + ": asked for " + std::to_string(settings.baud) + " baud, the port runs at " +
+                          std::to_string(static_cast<std::uint64_t>(rate)));
+    }
+  }
+  return {};
+}
+
+Result<bool> SerialPort::wait(short events, double timeout_s) const {
+  const Deadline deadline(timeout_s);
+  for (;;) {
+    pollfd which{fd_, events, 0};
+    const int n = ::poll(&which, 1, deadline.left_ms());
+    if (n > 0) {
+      if ((which.revents & POLLNVAL) != 0) return device_error(device_ + ": not open");
+      return true;
+    }
+    if (n < 0 && errno != EINTR) return failure("cannot wait", errno);
+    if (deadline.passed()) return false;
+  }
+}
+
+Result<std::size_t> SerialPort::read(std::span<std::byte> out, double timeout_s) {
+  if (fd_ < 0) return device_error(device_ + ": read while closed");
+  if (out.empty()) return std::size_t{0};
+  const Deadline deadline(timeout_s);
+  for (;;) {
+    const auto ready = wait(POLLIN, deadline.left_s());
+    if (!ready) return ready.error();
+    if (!*ready) return std::size_t{0};
+    const ssize_t n = ::read(fd_, out.data(), out.size());
+    if (n > 0) return static_cast<std::size_t>(n);
+    if (n == 0) return device_error(device_ + ": unplugged");
+    if (errno == EIO || errno == ENXIO || errno == ENODEV) return device_error(device_ + ": unplugged");
+    if (errno != EINTR && errno != EAGAIN) return failure("cannot read", errno);
+    if (deadline.passed()) return std::size_t{0};
+  }
+}
+
+Status SerialPort::write_all(std::span<const std::byte> data, double timeout_s) {
+  if (fd_ < 0) return device_error(device_ + ": write while closed");
+  const Deadline deadline(timeout_s);
+  while (!data.empty()) {
+    const ssize_t n = ::write(fd_, data.data(), data.size());
+    if (n > 0) {
+      data = data.subspan(static_cast<std::size_t>(n));
+      continue;
+    }
+    if (n < 0 && (errno == EIO || errno == ENXIO || errno == ENODEV)) return device_error(device_ + ": unplugged");
+    if (n < 0 && errno != EINTR && errno != EAGAIN) return failure("cannot write", errno);
+    const auto ready = wait(POLLOUT, deadline.left_s());
+    if (!ready) return ready.error();
+    if (!*ready || deadline.passed()) {
+      return device_error(device_ + ": " + std::to_string(data.size()) + " bytes could not be sent in time");
+    }
+  }
+  return {};
+}
+
+Status SerialPort::write_all(std::string_view text, double timeout_s) {
+  return write_all(std::as_bytes(std::span(text.data(), text.size())), timeout_s);
+}
+
+Status SerialPort::discard_input() {
+  if (::ioctl(fd_, TCFLSH, TCIFLUSH) != 0) return failure("cannot throw away old input", errno);
+  return {};
+}
+
+Result<bool> SerialPort::discard_until_quiet(double quiet_s, double limit_s) {
+  const Deadline limit(limit_s);
+  std::array<std::byte, 256> rubbish;
+  while (!limit.passed()) {
+    const auto n = read(rubbish, quiet_s);
+    if (!n) return n.error();
+    if (*n == 0) return true;
+  }
+  return false;
+}
+
+std::optional<LineErrors> SerialPort::line_errors() const {
+  struct serial_icounter_struct counts {};
+  if (fd_ < 0 || ::ioctl(fd_, TIOCGICOUNT, &counts) != 0) return {};
+  const auto of = [](int n) { return static_cast<std::uint64_t>(static_cast<std::uint32_t>(n)); };
+  return LineErrors{of(counts.overrun) + of(counts.buf_overrun), of(counts.frame), of(counts.parity)};
+}
+
+}  // namespace turncal

@@ -1,0 +1,79 @@
+// A serial line: raw bytes, any baud rate, held by one process alone, every wait with a deadline.
+//
+// The port is opened with O_NOCTTY | O_NONBLOCK | O_CLOEXEC and locked twice: flock() keeps every other turncal out, root's
+// too, and TIOCEXCL keeps out other users' programs that do not ask for locks. termios2 with BOTHER sets any rate; the rate
+// is read back and must be within 3 % (half a bit in the ten of a character is 5 %).
+// Errors have kind device and name the device and what was being done. A port that was unplugged (hang-up, or 0 bytes where
+// poll() promised some) is an error of read and write; the port is then only good for close(). Use /dev/serial/by-id names:
+// an adapter that comes back may have become ttyUSB1.
+// Not modelled: hardware and software flow control (both off), break, modem lines (ignored: CLOCAL).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "calib/types/status.h"
+
+namespace turncal {
+
+enum class SerialParity { none, even, odd };
+
+struct SerialSettings {
+  std::string device;
+  std::uint32_t baud = 115200;
+  int data_bits = 8;  // 7 or 8
+  SerialParity parity = SerialParity::none;
+  int stop_bits = 1;  // 1 or 2
+};
+
+// "/dev/ttyUSB0 115200 8N1"
+std::string describe(const SerialSettings& settings);
+
+// What the port's driver has counted since it was loaded.
+struct LineErrors {
+  std::uint64_t overrun = 0;
+  std::uint64_t framing = 0;
+  std::uint64_t parity = 0;
+};
+
+class SerialPort {
+ public:
+  SerialPort() = default;  // closed
+  SerialPort(SerialPort&& other) noexcept;
+  SerialPort& operator=(SerialPort&& other) noexcept;
+  ~SerialPort();
+
+  // What the line held before opening is thrown away.
+  static Result<SerialPort> open(const SerialSettings& settings);
+  bool is_open() const { return fd_ >= 0; }
+  const std::string& device() const { return device_; }
+  int descriptor() const { return fd_; }  // for poll() beside others
+
+  // What there is, at most out.size() bytes; waits for the first byte at most timeout_s. 0: nothing came.
+  Result<std::size_t> read(std::span<std::byte> out, double timeout_s);
+  // All of it, or an error after timeout_s. Returns when the kernel has the bytes, not when they are on the wire.
+  Status write_all(std::span<const std::byte> data, double timeout_s);
+  Status write_all(std::string_view text, double timeout_s);
+  // Throws away what has arrived and was not read.
+  Status discard_input();
+  // Reads and throws away until nothing came for quiet_s. False: the line was still talking after limit_s.
+  Result<bool> discard_until_quiet(double quiet_s, double limit_s);
+  // Empty where the port does not count (a pty does not).
+  std::optional<LineErrors> line_errors() const;
+  void close();
+
+ private:
+  Error failure(std::string_view what, int number) const;
+  Status configure(const SerialSettings& settings);
+  // Whether `events` or trouble came within timeout_s.
+  Result<bool> wait(short events, double timeout_s) const;
+
+  int fd_ = -1;
+  std::string device_;
+};
+
+}  // namespace turncal

@@ -1,0 +1,73 @@
+// The result of a calibration as a file: the 24 parameters, their standard deviations, added effects, and what is
+// needed to know what they belong to. Format: docs/recording-format.md.
+//
+// Writing what was read gives the same bytes: numbers are written in their shortest round-trip form, in fixed order;
+// the last line is the CRC-32C of all bytes above it. The checksum tells damage and careless editing, not forgery.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "calib/model/parameters.h"
+#include "calib/types/recording_types.h"
+#include "calib/types/status.h"
+
+namespace turncal {
+
+// One component of an effect; names and units: docs/effect-components.md.
+struct EffectValue {
+  std::string name;       // accel_size_effect
+  std::string component;  // x_rx
+  double value = 0.0;
+  std::optional<double> sigma;
+  bool operator==(const EffectValue&) const = default;
+};
+
+struct ParameterFile {
+  ParameterVector parameters = to_vector(Parameters{});              // units and order: calib/model/parameters.h
+  std::array<std::optional<double>, parameter_count> sigma{};        // the same units; empty: not estimated
+  std::vector<EffectValue> effects;                                  // in the order in which they were added
+  std::optional<double> reference_temperature_c;                     // what temperature effects are referred to
+
+  std::string unit_serial;
+  std::string recording_hash;
+  std::string model;             // base, extended
+  std::string method;            // closed-form, joint
+  std::string software_version;
+  std::string time_utc;          // format_utc of imu_io/base/clock.h
+  double latitude_deg = 0.0;
+  double gravity_mps2 = 0.0;
+  double sample_period_s = 0.0;
+  IncrementKind gyro_increment = IncrementKind::pulses;
+  IncrementKind accel_increment = IncrementKind::pulses;
+  double accel_pulse_mps = 0.0;
+  bool simulated = false;        // made from simulated data: not for a real unit
+
+  // Further keys in order, for noise estimates and records. Each begins with one of further_key_prefixes.
+  std::vector<std::pair<std::string, std::string>> further;
+
+  void add_further(std::string key, std::string value) { further.emplace_back(std::move(key), std::move(value)); }
+  void add_further(std::string key, double value);
+};
+
+inline constexpr std::array<std::string_view, 4> further_key_prefixes = {"noise.", "quality.", "record.", "verdict."};
+
+// The site, unit and increments of a recording, taken over.
+void describe_recording(const RecordingInfo& info, ParameterFile& file);
+
+// An error when a value is not finite, a text cannot stand in the file, or a key is there twice.
+Result<std::string> format_parameter_file(const ParameterFile& file);
+Status write_parameter_file(const ParameterFile& file, const std::string& path);
+
+Result<ParameterFile> parse_parameter_file(std::string_view text, const std::string& file_name);
+Result<ParameterFile> read_parameter_file(const std::string& path);
+
+// Whether the parameters may be applied to this recording: same unit, same increments and pulse weight, and not
+// simulated parameters on a real unit. `file_name` is for the message.
+Status check_applicable(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info);
+
+}  // namespace turncal

@@ -1,0 +1,72 @@
+#include "imu_io/recordings/recording_check.h"
+
+#include <cmath>
+
+#include "imu_io/base/format_number.h"
+
+namespace turncal {
+namespace {
+
+Error defect(const std::string& where, const char* field, const std::string& value, const std::string& expected) {
+  return input_error(where + ": " + field + " = '" + value + "': expected " + expected);
+}
+
+}  // namespace
+
+bool is_plain_text(const std::string& text) {
+  if (text.empty() || text.front() == ' ' || text.back() == ' ') return false;
+  for (const char c : text) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F || c == '#') return false;
+  }
+  return true;
+}
+
+Status check_info(const RecordingInfo& info, const std::string& where) {
+  if (!(info.sample_period_s > 0.0) || !std::isfinite(info.sample_period_s)) {
+    return defect(where, "sample_period_s", format_number(info.sample_period_s), "a number > 0");
+  }
+  if (!(std::abs(info.latitude_deg) <= 90.0)) {
+    return defect(where, "latitude_deg", format_number(info.latitude_deg), "a number between -90 and 90");
+  }
+  if (!(info.gravity_mps2 >= min_gravity_mps2 && info.gravity_mps2 <= max_gravity_mps2)) {
+    return defect(where, "gravity_mps2", format_number(info.gravity_mps2), "a number between 9 and 11");
+  }
+  if (!std::isfinite(info.accel_pulse_mps) || info.accel_pulse_mps < 0.0 ||
+      (info.accel_increment == IncrementKind::pulses && info.accel_pulse_mps == 0.0)) {
+    return defect(where, "accel_pulse_mps", format_number(info.accel_pulse_mps), "a number > 0");
+  }
+  if (!is_plain_text(info.unit_serial) || info.unit_serial.size() > 200) {
+    return input_error(where + ": unit_serial: expected 1 to 200 printable characters without '#'");
+  }
+  return {};
+}
+
+Status check_segments(const Segments& segments, std::int64_t first_counter, std::int64_t last_counter,
+                      const std::function<std::string(std::size_t)>& where) {
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    const Segment& segment = segments[i];
+    const std::string start = std::to_string(segment.start_sample);
+    const std::string end = std::to_string(segment.end_sample);
+    if (i > 0 && segment.start_sample != segments[i - 1].end_sample) {
+      return defect(where(i), "start_sample", start,
+                    std::to_string(segments[i - 1].end_sample) + ", where the segment before ends");
+    }
+    if (segment.end_sample <= segment.start_sample) {
+      return defect(where(i), "end_sample", end, "more than start_sample, " + start);
+    }
+    if (segment.start_sample < first_counter) {
+      return defect(where(i), "start_sample", start, "at least the first sample, " + std::to_string(first_counter));
+    }
+    // Not last_counter + 1, which can overflow.
+    if (segment.end_sample - 1 > last_counter) {
+      return defect(where(i), "end_sample", end,
+                    "at most one more than the last sample, " + std::to_string(last_counter));
+    }
+    if (!std::isfinite(segment.heading_deg) || !std::isfinite(segment.pitch_deg) || !std::isfinite(segment.roll_deg)) {
+      return input_error(where(i) + ": an angle is not finite");
+    }
+  }
+  return {};
+}
+
+}  // namespace turncal

@@ -1,0 +1,33 @@
+// What every recording must fulfil, whoever writes or reads it. Messages name the field; the caller puts the file in
+// front.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "calib/types/recording_types.h"
+#include "calib/types/status.h"
+
+namespace turncal {
+
+// Accepted gravity at the site; a value outside is a slip of unit or of pen.
+inline constexpr double min_gravity_mps2 = 9.0;
+inline constexpr double max_gravity_mps2 = 11.0;
+// Counters stay within +-max_counter, so that differences and ends cannot overflow.
+inline constexpr std::int64_t max_counter = std::int64_t{1} << 62;
+
+// Period, latitude, gravity, pulse weight, serial. `where` begins every message ("recording.conf").
+Status check_info(const RecordingInfo& info, const std::string& where);
+
+// Segments contiguous, not empty, angles finite, inside the samples first_counter..last_counter. No segment at all is
+// accepted: a recording may still have to be segmented. where(i) begins the message on segment i ("segments.csv:7").
+Status check_segments(const Segments& segments, std::int64_t first_counter, std::int64_t last_counter,
+                      const std::function<std::string(std::size_t)>& where);
+
+// A serial or other short text that can stand as a value in a text file: not empty, printable, no '#', no blank at an
+// end.
+bool is_plain_text(const std::string& text);
+
+}  // namespace turncal

@@ -1,0 +1,120 @@
+#include "imu_io/recordings/recording_source.h"
+
+#include <sys/stat.h>
+#include <xxhash.h>
+
+#include <cerrno>
+#include <cstring>
+#include <type_traits>
+
+#include "imu_io/recordings/binary_recording.h"
+#include "imu_io/base/bytes.h"
+#include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/recording_text.h"
+#include "imu_io/recordings/recording_writer.h"
+
+namespace turncal {
+namespace {
+
+// Samples are hashed as they lie in memory: 64 bytes, no padding, little-endian (bytes.h checks that).
+static_assert(sizeof(ImuSample) == 64 && std::is_trivially_copyable_v<ImuSample>);
+
+std::string hash_as_hex(XXH128_hash_t hash) {
+  XXH128_canonical_t canonical;
+  XXH128_canonicalFromHash(&canonical, hash);
+  std::string text;
+  for (const unsigned char byte : canonical.digest) {
+    text += "0123456789abcdef"[byte >> 4];
+    text += "0123456789abcdef"[byte & 15];
+  }
+  return text;
+}
+
+class ContentHasher {
+ public:
+  ContentHasher() : state_(XXH3_createState()) { XXH3_128bits_reset(state_); }
+  ~ContentHasher() { XXH3_freeState(state_); }
+  ContentHasher(const ContentHasher&) = delete;
+  ContentHasher& operator=(const ContentHasher&) = delete;
+
+  void add(const void* data, std::size_t size) { XXH3_128bits_update(state_, data, size); }
+
+  void add(const RecordingInfo& info, const Segments& segments) {
+    std::vector<std::byte> bytes;
+    append_bytes(bytes, std::string_view("turncal recording 1\n"));
+    append_bytes(bytes, info.sample_period_s);
+    append_bytes(bytes, info.latitude_deg);
+    append_bytes(bytes, info.gravity_mps2);
+    append_bytes(bytes, info.accel_pulse_mps);
+    append_bytes(bytes, static_cast<std::uint8_t>(info.gyro_increment == IncrementKind::pulses ? 0 : 1));
+    append_bytes(bytes, static_cast<std::uint8_t>(info.accel_increment == IncrementKind::pulses ? 0 : 1));
+    append_bytes(bytes, static_cast<std::uint8_t>(info.has_temperature ? 1 : 0));
+    append_bytes(bytes, static_cast<std::uint8_t>(info.simulated ? 1 : 0));
+    append_bytes(bytes, static_cast<std::uint32_t>(info.unit_serial.size()));
+    append_bytes(bytes, std::string_view(info.unit_serial));
+    append_bytes(bytes, static_cast<std::uint64_t>(segments.size()));
+    for (const Segment& segment : segments) {
+      append_bytes(bytes, static_cast<std::int64_t>(segment.step));
+      append_bytes(bytes, static_cast<std::uint8_t>(segment.kind));
+      append_bytes(bytes, segment.start_sample);
+      append_bytes(bytes, segment.end_sample);
+      append_bytes(bytes, segment.heading_deg);
+      append_bytes(bytes, segment.pitch_deg);
+      append_bytes(bytes, segment.roll_deg);
+    }
+    add(bytes.data(), bytes.size());
+  }
+
+  std::string hex() const { return hash_as_hex(XXH3_128bits_digest(state_)); }
+
+ private:
+  XXH3_state_t* state_;
+};
+
+}  // namespace
+
+std::string hash_of_text(std::string_view text) { return hash_as_hex(XXH3_128bits(text.data(), text.size())); }
+
+Result<std::unique_ptr<RecordingSource>> RecordingSource::open(const std::string& path) {
+  struct stat facts{};
+  if (::stat(path.c_str(), &facts) != 0) return input_error(path + ": cannot open: " + std::strerror(errno));
+  if (!S_ISDIR(facts.st_mode)) return open_binary_recording(path);
+  const std::string binary = path + "/" + binary_recording_name;
+  if (path_exists(binary)) return open_binary_recording(binary);
+  if (path_exists(path + "/recording.conf")) return open_text_recording(path);
+  return input_error(path + ": neither " + binary_recording_name + " nor recording.conf in it: expected a recording");
+}
+
+Status RecordingSource::read(const Sink& sink) {
+  ContentHasher hasher;
+  hasher.add(info_, segments_);
+  Status status = stream([&](std::span<const ImuSample> samples) {
+    hasher.add(samples.data(), samples.size_bytes());
+    return sink(samples);
+  });
+  if (status) hash_ = hasher.hex();
+  return status;
+}
+
+Result<std::string> RecordingSource::content_hash() {
+  if (hash_.empty()) {
+    if (Status status = read([](std::span<const ImuSample>) { return Status(); }); !status) return status.error();
+  }
+  return hash_;
+}
+
+std::string describe(const RecordingDamage& damage) {
+  std::string text;
+  const auto say = [&](const std::string& what) { text += (text.empty() ? "" : ", ") + what; };
+  if (damage.records_dropped > 0 || damage.bytes_dropped > 0) {
+    std::string what = std::to_string(damage.records_dropped) + " damaged records dropped (" +
+                       std::to_string(damage.bytes_dropped) + " bytes";
+    if (damage.samples_dropped > 0) what += ", " + std::to_string(damage.samples_dropped) + " samples";
+    say(what + ")");
+  }
+  if (!damage.complete) say("no end mark: the capture was interrupted");
+  if (damage.torn_tail_bytes > 0) say("torn tail of " + std::to_string(damage.torn_tail_bytes) + " bytes ignored");
+  return text;
+}
+
+}  // namespace turncal

@@ -1,0 +1,72 @@
+// Writes the binary recording of docs/recording-format.md: append-only records, each with a checksum, so that a capture
+// survives kill -9 and power loss up to the last sync().
+//
+//   begin_segment(s1) add(...) add(...) end_segment(...) sync()   begin_segment(s2) ...   finish()
+//
+// Samples are buffered and written block_samples at a time, and whenever a segment begins or ends; what
+// is buffered when the process is killed is lost. After an error the writer refuses everything: the file is good up to
+// the last whole record and can be reopened. One writer a file, enforced by a lock; not for concurrent use.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/types/axis.h"
+#include "calib/types/recording_types.h"
+#include "calib/types/status.h"
+#include "imu_io/base/posix_file.h"
+
+namespace turncal {
+
+// The usual name inside a recording's folder.
+inline constexpr const char* binary_recording_name = "recording.tcr";
+
+class RecordingWriter {
+ public:
+  static constexpr std::size_t block_samples = 1024;
+
+  // Fails when the file exists or `info` is not a valid one.
+  static Result<RecordingWriter> create(const std::string& path, const RecordingInfo& info);
+
+  // Goes on with a capture that was interrupted. The torn tail is cut. keep: everything else stays, and a segment that
+  // was open is open still. drop: what came after the last ended segment is cut off too, so that an interrupted dwell
+  // leaves no trace; with last_end_sample also every segment that ends behind that sample. A finished recording cannot be
+  // reopened.
+  enum class OpenSegment { keep, drop };
+  static Result<RecordingWriter> reopen(const std::string& path, OpenSegment open_segment,
+                                        std::optional<std::int64_t> last_end_sample = {});
+
+  RecordingWriter(RecordingWriter&&) noexcept;
+  RecordingWriter& operator=(RecordingWriter&&) = delete;
+  ~RecordingWriter();  // closes without an end mark; buffered samples are written, not synced
+
+  // `segment` as planned: end_sample is ignored, the angles are where the table is told to go. It starts where the
+  // segment before ended.
+  Status begin_segment(const Segment& segment);
+  // What it became: a dwell that must be repeated is closed as rotate. end_sample is exclusive.
+  Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg);
+  Status add(std::span<const ImuSample> samples);  // counters must increase
+  Status sync();                                   // everything handed over is on disk
+  // Checks that the segments lie inside the samples, writes the end mark, syncs, closes.
+  Status finish();
+
+  const RecordingInfo& info() const;
+  const Segments& segments() const;                 // ended ones
+  std::optional<Segment> open_segment() const;
+  std::uint64_t sample_count() const;
+  std::optional<std::int64_t> first_counter() const;
+  std::optional<std::int64_t> last_counter() const;
+  std::uint64_t cut_bytes() const;                  // what reopen() cut off
+
+ private:
+  struct State;
+  explicit RecordingWriter(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace turncal

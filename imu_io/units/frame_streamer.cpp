@@ -1,0 +1,95 @@
+#include "imu_io/units/frame_streamer.h"
+
+#include <time.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "imu_io/base/deadline.h"
+#include "imu_io/base/format_number.h"
+
+namespace turncal {
+namespace {
+
+constexpr std::size_t batch = 32;
+
+}  // namespace
+
+FrameStreamer::FrameStreamer(ImuSource& source, const FrameDescription& frame, Pty& line, double speedup,
+                             double patience_s)
+    : source_(source),
+      frame_(frame),
+      encoder_(frame),
+      line_(line),
+      speedup_(speedup),
+      patience_s_(patience_s),
+      samples_(batch),
+      bytes_(batch * encoder_.length()) {}
+
+Status FrameStreamer::start(double now_s) {
+  if (Status status = source_.open(); !status) return status;
+  RecordingInfo from;
+  RecordingInfo to;
+  source_.describe(from);
+  frame_.describe(to);
+  const auto mismatch = [&](const std::string& what) {
+    return input_error(frame_.name + ": the frame's " + what + " is not the source's");
+  };
+  if (std::abs(from.sample_period_s - to.sample_period_s) > 1e-9 * to.sample_period_s) {
+    return mismatch("sample period of " + format_number(to.sample_period_s) + " s");
+  }
+  if (from.gyro_increment != to.gyro_increment) return mismatch("gyro increment (pulses or rad)");
+  if (from.accel_increment != to.accel_increment) return mismatch("accelerometer increment (pulses or m/s)");
+  if (to.accel_increment == IncrementKind::pulses && from.accel_pulse_mps != to.accel_pulse_mps) {
+    return mismatch("pulse weight of " + format_number(to.accel_pulse_mps) + " m/s");
+  }
+  start_s_ = now_s;
+  steps_ = 0;
+  return {};
+}
+
+Status FrameStreamer::send(std::span<const ImuSample> samples) {
+  const std::size_t length = encoder_.length();
+  std::size_t used = 0;
+  for (const ImuSample& sample : samples) {
+    if (Status status = encoder_.encode(sample, std::span(bytes_).subspan(used, length)); !status) return status;
+    used += length;
+  }
+  // A listener that does not read loses what it has no room for. It is waited for once, not at every batch: time goes on.
+  const bool sent = line_.write_all(std::span<const std::byte>(bytes_).first(used), listener_reads_ ? patience_s_ : 0.0).ok();
+  listener_reads_ = sent;
+  if (sent) {
+    frames_sent_ += samples.size();
+  } else {
+    ++batches_dropped_;
+  }
+  return {};
+}
+
+Result<std::size_t> FrameStreamer::pump(double now_s) {
+  const double due = std::floor((now_s - start_s_) * speedup_ / frame_.sample_period_s + 1e-6);
+  std::size_t passed = 0;
+  while (static_cast<double>(steps_) < due) {
+    const auto count = static_cast<std::size_t>(std::min(due - static_cast<double>(steps_), static_cast<double>(batch)));
+    const auto got =
+        source_.read(std::span(samples_).first(count), static_cast<double>(count) * frame_.sample_period_s);
+    if (!got) return got.error();
+    steps_ += count;
+    passed += count;
+    if (Status status = send(std::span<const ImuSample>(samples_).first(*got)); !status) return status.error();
+  }
+  return passed;
+}
+
+Status FrameStreamer::run(double seconds, const std::atomic<bool>& stop) {
+  const Deadline deadline(seconds);
+  while (!stop && !deadline.passed()) {
+    const auto passed = pump(monotonic_s());
+    if (!passed) return passed.error();
+    const timespec pause{0, 2'000'000};
+    ::nanosleep(&pause, nullptr);
+  }
+  return {};
+}
+
+}  // namespace turncal

@@ -1,0 +1,163 @@
+#include "imu_io/units/serial_imu.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <sstream>
+
+#include "imu_io/base/deadline.h"
+#include "imu_io/base/format_number.h"
+
+namespace turncal {
+namespace {
+
+constexpr double slice_s = 0.02;          // at most so long is one wait
+constexpr double skew_judged_after_s = 10.0;
+constexpr double largest_skew = 2e-3;
+constexpr double least_lateness_s = 0.1;  // below this a busy host may be the reason
+
+SerialSettings line_of(const FrameDescription& frame, const std::string& device) {
+  SerialSettings line = frame.line;
+  line.device = device;
+  return line;
+}
+
+}  // namespace
+
+SerialImu::SerialImu(const FrameDescription& frame, const SerialImuSettings& settings)
+    : frame_(frame), settings_(settings), decoder_(frame) {}
+
+Status SerialImu::open() {
+  close();
+  auto port = SerialPort::open(line_of(frame_, settings_.device));
+  if (!port) return port.error();
+  port_ = std::move(*port);
+  decoder_.rejoin();
+  fit_.restart();
+  restarted_ = false;
+  empty_s_ = line_checked_s_ = monotonic_s();
+  line_at_open_ = port_.line_errors();
+  line_errors_ = {};
+  return {};
+}
+
+void SerialImu::close() { port_.close(); }
+
+Result<ImuIdentity> SerialImu::identify() {
+  if (!port_.is_open()) return device_error(settings_.device + ": identify before open");
+  return ImuIdentity{settings_.unit_serial, frame_.name + " on " + turncal::describe(line_of(frame_, settings_.device))};
+}
+
+void SerialImu::describe(RecordingInfo& info) const {
+  frame_.describe(info);
+  info.simulated = settings_.simulated;
+}
+
+Error SerialImu::lost(const std::string& why) {
+  close();
+  return device_error(settings_.device + ": " + why);
+}
+
+std::size_t SerialImu::take_ready(std::span<ImuSample> out) {
+  std::size_t count = 0;
+  while (count < out.size()) {
+    const auto next = decoder_.next(out[count]);
+    if (next == FrameDecoder::Next::sample) {
+      ++count;
+      continue;
+    }
+    restarted_ = next == FrameDecoder::Next::restarted;
+    // All that came is used up: the last sample is the one that came last.
+    if (count > 0) {
+      const double unit_s = static_cast<double>(out[count - 1].counter) * frame_.sample_period_s;
+      fit_.add(unit_s, decoder_.arrival().latest_s);
+    }
+    break;
+  }
+  if (count > 0) last_counter_ = out[count - 1].counter;
+  return count;
+}
+
+Result<std::size_t> SerialImu::receive(double timeout_s) {
+  const double began_s = monotonic_s();
+  const auto room = decoder_.space();
+  const auto count = port_.read(room, timeout_s);
+  if (!count) return count.error();
+  const double now_s = monotonic_s();
+  count_line_errors(now_s);
+  if (*count == 0) {
+    empty_s_ = began_s + timeout_s;
+    return std::size_t{0};
+  }
+  decoder_.added(*count, {empty_s_ * settings_.speedup, now_s * settings_.speedup});
+  if (*count < room.size()) empty_s_ = began_s;
+  return *count;
+}
+
+void SerialImu::count_line_errors(double now_s) {
+  if (!line_at_open_ || now_s - line_checked_s_ < 1.0) return;
+  line_checked_s_ = now_s;
+  if (const auto now = port_.line_errors()) {
+    line_errors_ = {now->overrun - line_at_open_->overrun, now->framing - line_at_open_->framing,
+                    now->parity - line_at_open_->parity};
+  }
+}
+
+std::string SerialImu::summary() const {
+  const ImuLinkCounters link = decoder_.counters();
+  std::ostringstream text;
+  text << link.samples << " samples, " << link.lost_samples << " lost, " << link.duplicates << " duplicates, " << decoder_.strays()
+       << " strays, " << decoder_.invalid() << " flagged, " << link.bad_frames << " bad frames, " << link.resyncs << " resyncs; ";
+  if (line_at_open_) {
+    text << "line errors: " << line_errors_.overrun << " overrun, " << line_errors_.framing << " framing, " << line_errors_.parity << " parity";
+  } else {
+    text << "line errors not counted by the port";
+  }
+  const std::optional<ArrivalEstimate> arrival = fit_.estimate();
+  if (!arrival || arrival->skew_uncertainty == 0.0) return text.str();
+  char clock[160];
+  // A unit that is slow takes more of the host's time.
+  std::snprintf(clock, sizeof clock, "; the unit's clock against the host's %+.2f ppm (+- %.2f), largest arrival delay %.1f ms",
+                -1e6 * arrival->skew, 1e6 * arrival->skew_uncertainty, 1e3 * arrival->largest_delay_s);
+  return text.str() + clock;
+}
+
+Status SerialImu::judge_arrivals() const {
+  if (settings_.speedup != 1.0) return {};
+  const auto estimate = fit_.estimate();
+  if (!estimate || estimate->span_s < skew_judged_after_s) return {};
+  if (std::abs(estimate->skew) > largest_skew) {
+    return device_error("samples come every " + format_number(frame_.sample_period_s * (1.0 + estimate->skew)) +
+                        " s, the frame description says every " + format_number(frame_.sample_period_s) + " s");
+  }
+  const double late_s = fit_.persistent_delay_s();
+  if (late_s > std::max(0.5 * decoder_.wrap_s(), least_lateness_s)) {
+    return device_error("samples come " + format_number(late_s) +
+                        " s later than before: more were lost than the unit's counter can tell");
+  }
+  return {};
+}
+
+Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) {
+  if (!port_.is_open()) return device_error(settings_.device + ": read before open");
+  if (out.empty()) return std::size_t{0};
+  const Deadline deadline(std::min(timeout_s / settings_.speedup, slice_s));
+  for (;;) {
+    if (const std::size_t count = take_ready(out); count > 0) {
+      if (Status status = judge_arrivals(); !status) return lost(status.error().message);
+      return count;
+    }
+    if (restarted_) {
+      return lost("the unit's counter began anew after sample " + std::to_string(last_counter_) +
+                  ": it was switched off or reset");
+    }
+    const auto received = receive(deadline.left_s());
+    if (!received) {
+      close();
+      return received.error();
+    }
+    if (*received == 0 && deadline.passed()) return std::size_t{0};
+  }
+}
+
+}  // namespace turncal

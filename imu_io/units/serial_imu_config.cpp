@@ -1,0 +1,36 @@
+#include "imu_io/units/serial_imu_config.h"
+
+#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/base/posix_file.h"
+
+namespace turncal {
+
+Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
+  SerialImuConfig config;
+  config.settings.device = file.text("imu.device");
+  std::string name = file.text("imu.frame");
+  config.settings.unit_serial = file.text_or("imu.unit_serial", "");
+  config.settings.simulated = file.boolean_or("imu.simulated", false);
+  config.settings.speedup = file.number_or("imu.speedup", 1.0, between(0.01, 1000.0));
+  if (config.settings.speedup != 1.0 && !config.settings.simulated) {
+    file.reject("imu.speedup", "1 unless imu.simulated is true");
+  }
+  if (Status status = file.status(); !status) return status.error();
+  const bool is_file = name.find('/') != std::string::npos || name.ends_with(".frame");
+  if (is_file && !name.starts_with('/')) name = folder_of(file.file_name()) + "/" + name;
+  auto frame = find_frame(name);
+  if (!frame && !is_file) file.reject("imu.frame", "a built-in frame or a file: " + frame.error().message);
+  if (Status status = file.status(); !status) return status.error();
+  if (!frame) return frame.error();
+  config.frame = std::move(*frame);
+  config.frame.line.baud =
+      static_cast<std::uint32_t>(file.integer_or("imu.baud", config.frame.line.baud, 50, 20'000'000));
+  if (file.has("imu.accel_pulse_mps") && config.frame.accel_pulse_mps == 0.0) {
+    file.reject("imu.accel_pulse_mps", "no such key: the frame's accelerometers do not send pulses");
+  }
+  config.frame.accel_pulse_mps = file.number_if("imu.accel_pulse_mps", positive).value_or(config.frame.accel_pulse_mps);
+  if (Status status = file.status(); !status) return status.error();
+  return config;
+}
+
+}  // namespace turncal

@@ -1,0 +1,244 @@
+#include "orchestrator/commands/command_batch.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <memory>
+
+#include "imu_io/base/clock.h"
+#include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/recording_writer.h"
+#include "orchestrator/commands/command_run.h"
+#include "orchestrator/devices/mounting.h"
+#include "orchestrator/records/parameter_store.h"
+#include "orchestrator/commands/command_diagnose.h"
+#include "orchestrator/report/report_format.h"
+#include "orchestrator/jobs/run_job.h"
+#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/devices/stop_signals.h"
+#include "orchestrator/records/unit_queue.h"
+
+namespace turncal {
+
+namespace {
+
+struct BatchOptions {
+  std::string queue, out;
+  std::size_t at_once = 1;
+  RunRequest request;
+};
+
+std::string now_utc() {
+  return format_utc(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count());
+}
+
+// A unit that is done again gets a folder of its own: NAME, NAME.2, NAME.3 ..., the first without a whole recording.
+std::string folder_for(const std::string& out, const std::string& unit, const UnitOutcome* before) {
+  const std::string name = out + "/" + name_of_unit(unit);
+  std::string folder = name;
+  for (int i = 2; before && path_exists(folder + "/" + binary_recording_name); ++i) folder = name + "." + std::to_string(i);
+  return folder;
+}
+
+struct Turn {
+  std::vector<std::string> units;
+  std::string folder;
+};
+
+// Several units at once are a run in OUT/group.1, group.2, ...; the last of these may have been interrupted.
+Result<std::optional<Turn>> interrupted_group(const std::string& out, const std::vector<std::string>& to_do,
+                                              const std::vector<UnitOutcome>& outcomes) {
+  int last = 0;
+  while (path_exists(out + "/group." + std::to_string(last + 1))) ++last;
+  const std::string folder = out + "/group." + std::to_string(last);
+  if (last == 0 || !path_exists(folder + "/" + journal_name)) return std::optional<Turn>();
+  const Result<JournalContents> journal = read_journal(folder + "/" + journal_name);
+  if (!journal) return journal.error();
+  const bool over = is_over(*journal);
+  for (const std::string& unit : journal->units()) {
+    if (std::find(to_do.begin(), to_do.end(), unit) == to_do.end()) continue;
+    // A run that is over has told the queue of all its units, unless it was interrupted just then.
+    if (!over || !find_outcome(outcomes, unit)) return std::optional(Turn{journal->units(), folder});
+  }
+  return std::optional<Turn>();
+}
+
+Result<Turn> next_turn(const BatchOptions& options) {
+  const Result<std::vector<std::string>> queue = read_queue(options.queue);
+  if (!queue) return queue.error();
+  const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(options.queue);
+  if (!outcomes) return outcomes.error();
+  const std::vector<std::string> to_do = next_units(*queue, *outcomes, queue->size());
+  const Result<std::optional<Turn>> interrupted = interrupted_group(options.out, to_do, *outcomes);
+  if (!interrupted) return interrupted.error();
+  if (*interrupted) return **interrupted;
+  Turn turn{next_units(*queue, *outcomes, options.at_once), ""};
+  if (turn.units.size() == 1) {
+    turn.folder = folder_for(options.out, turn.units.front(), find_outcome(*outcomes, turn.units.front()));
+  } else if (!turn.units.empty()) {
+    int next = 1;
+    while (path_exists(options.out + "/group." + std::to_string(next))) ++next;
+    turn.folder = options.out + "/group." + std::to_string(next);
+  }
+  return turn;
+}
+
+// What is to be said of a unit, or the error that stops the batch.
+Result<std::string> outcome_of(const Status& run) {
+  if (run) return std::string("pass");
+  switch (run.error().kind) {
+    case ErrorKind::unit_failed: return std::string("fail");
+    case ErrorKind::input: return std::string("refused");  // the station's own files were checked before the first unit
+    case ErrorKind::aborted:
+    case ErrorKind::device:
+    case ErrorKind::internal:
+    case ErrorKind::interrupted: break;
+  }
+  return run.error();
+}
+
+// A unit that dropped out while others went on is not the station's fault.
+Result<std::string> outcome_of(const RunEnd::Unit& unit) {
+  if (unit.dropped && unit.status.error().kind != ErrorKind::input) return std::string("dropped");
+  return outcome_of(unit.status);
+}
+
+struct Tally {
+  int passed = 0, not_passed = 0;
+};
+
+// One run, and what became of each of its units.
+Status take_turn(const BatchOptions& options, const Turn& turn, const std::string& tag, Tally& tally, CommandContext& context) {
+  const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + join(turn.units);
+  context.out << tag << name << " in " << turn.folder << std::endl;
+  RunRequest request = options.request;
+  request.units = turn.units;
+  RunRequest resumed;
+  resumed.listen = request.listen;
+  resumed.pace = request.pace;
+  RunEnd end = path_exists(turn.folder + "/" + journal_name) ? take_up_run(turn.folder, resumed, context)
+                                                             : begin_run(request, turn.folder, context);
+  if (!end.to_the_end) {
+    if (const Result<std::string> outcome = outcome_of(end.status); !outcome) {
+      return Error{outcome.error().kind, name + ": " + outcome.error().message};
+    }
+    end.units.clear();
+    for (const std::string& unit : turn.units) end.units.push_back({unit, turn.folder, false, end.status});
+  }
+  Status stops;
+  for (const RunEnd::Unit& unit : end.units) {
+    const Result<std::string> outcome = outcome_of(unit);
+    if (!outcome) {
+      stops = Error{outcome.error().kind, "unit " + unit.serial + ": " + outcome.error().message};
+      continue;
+    }
+    if (Status status = record_outcome(options.queue, {unit.serial, *outcome, now_utc()}); !status) return status;
+    diagnose_run(unit.folder, unit.status, context);
+    context.out << tag << "unit " << unit.serial << ": " << *outcome << (unit.status ? "" : ": " + unit.status.error().message)
+                << std::endl;
+    ++(unit.status ? tally.passed : tally.not_passed);
+  }
+  return stops;
+}
+
+// False: one was skipped, and the turn is another.
+Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn, const std::string& tag,
+                         Tally& tally, CommandContext& context) {
+  for (const std::string& unit : turn.units) {
+    const Result<Mounted> mounted = mount_unit(station, unit, turn.folder, STDIN_FILENO, context.out, tag);
+    if (!mounted) return mounted.error();
+    if (!mounted->skipped) continue;
+    if (Status status = record_outcome(options.queue, {unit, "skipped", now_utc(), *mounted->skipped}); !status) return status.error();
+    context.out << tag << "unit " << unit << ": skipped: " << *mounted->skipped << std::endl;
+    ++tally.not_passed;
+    return false;
+  }
+  return true;
+}
+
+Status run_batch(const BatchOptions& options, CommandContext& context) {
+  if (options.request.dry_run) context.tag = dry_run_tag;
+  RunRequest check = options.request;
+  check.units = {"X"};
+  const Result<PreparedRun> prepared = prepare(check);
+  if (!prepared) return prepared.error();
+  if (options.at_once > places(*prepared)) {
+    return input_error("--at-once " + std::to_string(options.at_once) + ": expected at most " + std::to_string(places(*prepared)) +
+                       ", the places on the table");
+  }
+  const std::string tag = options.request.dry_run ? "[dry run] [batch] " : "[batch] ";
+  Tally tally;
+  for (;;) {
+    const Result<Turn> turn = next_turn(options);
+    if (!turn) return turn.error();
+    if (turn->units.empty()) break;
+    const Result<bool> all = options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared->station, *turn, tag, tally, context);
+    if (!all) return all.error();
+    if (!*all) continue;
+    if (Status status = take_turn(options, *turn, tag, tally, context); !status) return status;
+    if (StopSignals::any()) {  // asked for when the results were being made
+      return Error{ErrorKind::interrupted, "paused behind unit " + join(turn->units) + "; the same command goes on with the next"};
+    }
+  }
+  context.out << tag << "queue done: " << tally.passed << " passed, " << tally.not_passed << " not" << std::endl;
+  if (tally.not_passed == 0) return {};
+  return Error{ErrorKind::unit_failed, std::to_string(tally.not_passed) + " of " + std::to_string(tally.passed + tally.not_passed) +
+                                           " units did not pass; see turncal queue " + options.queue};
+}
+
+struct QueueOptions {
+  std::string queue;
+  QueueChange change;
+};
+
+Status show_queue(const QueueOptions& options, std::ostream& out) {
+  const QueueChange& change = options.change;
+  if (!change.add.empty() || !change.remove.empty() || !change.again.empty()) {
+    if (Status status = change_queue(options.queue, change); !status) return status;
+  }
+  const Result<std::vector<std::string>> queue = read_queue(options.queue);
+  if (!queue) return queue.error();
+  const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(options.queue);
+  if (!outcomes) return outcomes.error();
+  for (const std::string& unit : *queue) {
+    const UnitOutcome* outcome = find_outcome(*outcomes, unit);
+    out << unit << "  " << (outcome ? outcome->outcome + " " + outcome->time_utc : "waits") << (outcome && !outcome->reason.empty() ? ": " + outcome->reason : "") << '\n';
+  }
+  return {};
+}
+
+}  // namespace
+
+void add_batch_command(CLI::App& app, CommandContext& context) {
+  const auto options = std::make_shared<BatchOptions>();
+  RunRequest& request = options->request;
+  CLI::App* command = app.add_subcommand("batch", "calibrate the units of a queue, one after the other, unattended");
+  command->add_option("queue", options->queue, "file with one serial number a line")->required();
+  command->add_option("--out", options->out, "folder for the units' folders")->required();
+  command->add_option("--at-once", options->at_once, "how many units of the queue are on the table together; default: 1")
+      ->check(CLI::Range(1, 16));
+  command->add_flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
+  command->add_option("--rig", request.rig, "rig configuration; default: the built-in one");
+  command->add_option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
+  command->add_option("--station", request.station, "station configuration; default: the built-in rig station");
+  add_record_options(*command, request);
+  add_view_options(*command, request);
+  command->callback([options, &context] {
+    if (Status status = run_batch(*options, context); !status) context.fail(status.error());
+  });
+}
+
+void add_queue_command(CLI::App& app, CommandContext& context) {
+  const auto options = std::make_shared<QueueOptions>();
+  CLI::App* command = app.add_subcommand("queue", "show a batch's queue, add and remove units; also while it runs");
+  command->add_option("queue", options->queue, "file with one serial number a line")->required();
+  command->add_option("--add", options->change.add, "serial numbers to add at the end");
+  command->add_option("--remove", options->change.remove, "serial numbers to take out");
+  command->add_option("--again", options->change.again, "serial numbers whose outcome is forgotten: they are done again");
+  command->callback([options, &context] {
+    if (Status status = show_queue(*options, context.out); !status) context.fail(status.error());
+  });
+}
+
+}  // namespace turncal

@@ -1,0 +1,124 @@
+#include "orchestrator/commands/command_check.h"
+
+#include <array>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+#include "turntable_drivers/rig/rig_config.h"
+
+namespace turncal {
+
+namespace {
+
+[[gnu::format(printf, 1, 2)]] std::string formatted(const char* format, ...) {
+  std::array<char, 512> buffer{};
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(buffer.data(), buffer.size(), format, arguments);
+  va_end(arguments);
+  return buffer.data();
+}
+
+std::string clock_text(double seconds) {
+  const long long whole = std::llround(seconds);
+  return formatted("%lld:%02lld:%02lld", whole / 3600, whole / 60 % 60, whole % 60);
+}
+
+std::string determines_text(const Step& step) {
+  std::string text;
+  for (const std::string& key : step.determines) {
+    text += (text.empty() ? "  determines " : " ") + key;
+  }
+  return text;
+}
+
+void print_item(const PlannedItem& item, std::ostream& out) {
+  const std::string start = clock_text(item.start_s);
+  if (item.kind == SequenceItem::Kind::dwell) {
+    out << formatted("  %8s  %-6s  %-28s %26s %8.1f s  %lld samples\n", start.c_str(),
+                     item.dwell_kind == SegmentKind::align ? "align" : "dwell", "", "", item.duration_s,
+                     static_cast<long long>(item.samples));
+    return;
+  }
+  out << formatted("  %8s  %-6s  %-7s %8.6g -> %-8.6g %6.6g deg/s %6.6g deg/s^2 %8.1f s%s\n", start.c_str(), "rotate",
+                   to_string(item.axis), item.from_deg, item.to_deg, item.rate_degps, item.acceleration_degps2,
+                   item.duration_s, item.positioning ? "  to the initial position" : "");
+}
+
+void print_totals(const StationConfig& station, const Plan& plan, std::ostream& out) {
+  out << "\nTravel, deg   planned            soft limits        cable wound / allowed   turned in all\n";
+  for (const Axis axis : all_axes) {
+    const AxisLimits& limit = station.axis[static_cast<std::size_t>(axis)];
+    const std::string allowed = limit.wrap_deg > 0.0 ? formatted("%.6g", limit.wrap_deg) : "no limit";
+    out << formatted("  %-8s %7.6g to %-7.6g %7.6g to %-7.6g %9.6g / %-9s %12.6g\n", to_string(axis),
+                     plan.travel_min_deg[axis], plan.travel_max_deg[axis], limit.soft_min_deg, limit.soft_max_deg,
+                     plan.wrap_used_deg[axis], allowed.c_str(), plan.turned_deg[axis]);
+  }
+  out << formatted("\nMoves       %d\nDwells      %d (%d alignments, %d static)\nSamples     %lld\n", plan.moves,
+                   plan.align_dwells + plan.still_dwells, plan.align_dwells, plan.still_dwells,
+                   static_cast<long long>(plan.samples));
+  out << formatted("Total time  %s (%.10g s), of it moving %s (%.10g s)\n", clock_text(plan.station_s).c_str(),
+                   plan.station_s, clock_text(plan.moving_s).c_str(), plan.moving_s);
+}
+
+// The unit's sample period: of its frame, or the rig's.
+Result<double> sample_period_of(const StationConfig& station) {
+  if (station.imu) {
+    return station.imu->frame.sample_period_s;
+  }
+  if (station.rig_file.empty()) {
+    return default_rig_config().sample_period_s;
+  }
+  Result<RigConfig> rig = read_rig_config(station.rig_file);
+  if (!rig) {
+    return rig.error();
+  }
+  return rig->sample_period_s;
+}
+
+}  // namespace
+
+void print_plan(const Sequence& sequence, const StationConfig& station, const Plan& plan, std::ostream& out) {
+  const double period_s = plan.samples > 0 ? plan.station_s / static_cast<double>(plan.samples) : 0.0;
+  out << "Sequence  " << sequence.file << " (" << sequence.name << ", " << sequence.steps.size() << " steps)\n";
+  out << "Station   " << (station.file.empty() ? "built in" : station.file) << " (" << station.name << ")\n";
+  out << formatted("Site      latitude %.10g deg, gravity %.10g m/s^2; IMU at %.6g Hz; settling %.6g s\n",
+                   station.latitude_deg, station.gravity_mps2, 1.0 / period_s, station.motion.settle_s);
+  out << formatted("Start     heading %.6g, pitch %.6g, roll %.6g deg\n", sequence.start_deg[Axis::heading],
+                   sequence.start_deg[Axis::pitch], sequence.start_deg[Axis::roll]);
+  std::size_t shown_steps = 0;
+  for (const PlannedItem& item : plan.items) {
+    if (item.step_index == shown_steps) {
+      const Step& step = sequence.steps[shown_steps++];
+      out << "\nStep " << step.number << "  " << step.title << determines_text(step) << "\n";
+    }
+    print_item(item, out);
+  }
+  print_totals(station, plan, out);
+}
+
+int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err) {
+  const Result<StationConfig> station =
+      options.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(options.station);
+  const Result<Sequence> sequence = read_sequence(options.sequence);
+  const Result<double> period_s = station ? sample_period_of(*station) : Result<double>(0.0);
+  for (const Error* error : {station ? nullptr : &station.error(), period_s ? nullptr : &period_s.error(),
+                             sequence ? nullptr : &sequence.error()}) {
+    if (error != nullptr) {
+      err << error->message << "\n";
+    }
+  }
+  if (!station || !sequence || !period_s) {
+    return exit_code(ErrorKind::input);
+  }
+  const Plan plan = make_plan(*sequence, plan_limits(*station, *period_s));
+  print_plan(*sequence, *station, plan, out);
+  for (const std::string& violation : plan.violations) {
+    err << violation << "\n";
+  }
+  out << (plan.ok() ? "\nThe station can run this sequence.\n" : "\nThe station cannot run this sequence.\n");
+  return plan.ok() ? 0 : exit_code(ErrorKind::input);
+}
+
+}  // namespace turncal

@@ -1,0 +1,25 @@
+// `turncal check`: validates station and sequence before anything moves, and prints the plan.
+//
+// Exit code 0 and the plan on `out` when the station may run the sequence; 1 and one line for each problem on `err`
+// otherwise (the plan is printed too when both files could be read). Nothing is written, opened or moved.
+#pragma once
+
+#include <ostream>
+#include <string>
+
+#include "orchestrator/station/station_config.h"
+#include "sequences/plan.h"
+
+namespace turncal {
+
+struct CheckOptions {
+  std::string station;   // file; empty: the built-in rig station
+  std::string sequence;  // file
+};
+
+int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err);
+
+// The table that run_check prints.
+void print_plan(const Sequence& sequence, const StationConfig& station, const Plan& plan, std::ostream& out);
+
+}  // namespace turncal

@@ -1,0 +1,85 @@
+#include "orchestrator/commands/command_commission.h"
+
+#include <memory>
+
+#include "orchestrator/devices/commissioning.h"
+#include "orchestrator/devices/live_devices.h"
+#include "orchestrator/jobs/run_request.h"
+#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/devices/stop_signals.h"
+
+namespace turncal {
+
+namespace {
+
+struct Options {
+  std::string station;
+  std::optional<double> heading, pitch, roll;  // where the axes stand now
+  double tolerance_deg = 0.1;
+  CommissioningSettings settings;
+};
+
+bool is_commissioned(const StationConfig& station) {
+  return station.table.map ? station.table.map->commissioned : station.table.dialect->commissioned;
+}
+
+Status commission(const Options& options, const StationConfig& station, LiveDevices& live, const std::string& tag,
+                  std::ostream& out) {
+  const StationDevices devices = live.devices();
+  if (Status status = devices.table.connect(); !status) return status;
+  const Result<TableIdentity> table = devices.table.identify();
+  if (!table) return table.error();
+  out << tag << table->description << std::endl;
+  if (options.heading) {
+    const AxisTriple known{*options.heading, *options.pitch, *options.roll};
+    if (Status status = live.commission_table(known, options.tolerance_deg); !status) return status;
+    out << tag << "every axis reads where it stands; no other word order, sign or scale would" << std::endl;
+  } else if (!is_commissioned(station)) {
+    return input_error("the table is not commissioned: expected --heading, --pitch and --roll, the angles (not 0) at which its axes stand");
+  }
+  if (!is_commissioned(station)) {
+    out << tag << "nothing was moved: write commissioned = true into your copy of the table's file, then call this again without angles"
+        << std::endl;
+    return {};
+  }
+  if (Status status = devices.imu.open(); !status) return status;
+  if (Status status = try_axes(devices, station, options.settings, StopSignals::requests(), tag, out); !status) return status;
+  out << tag << "every axis turns the unit as it should; the table rests, its drives are off" << std::endl;
+  return {};
+}
+
+Status run_commission(const Options& options, CommandContext& context) {
+  const Result<StationConfig> station = read_station_config(options.station);
+  if (!station) return station.error();
+  if (Status status = check_real_devices(*station); !status) return status;
+  if (station->table.driver == TableDriver::manual) {
+    return input_error("station '" + station->name + "': a table turned by hand has nothing to commission");
+  }
+  const StopSignals signals;
+  Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
+  if (!live) return live.error();
+  return commission(options, *station, **live, station->simulated() ? std::string(simulated_tag) : "", context.out);
+}
+
+}  // namespace
+
+void add_commission_command(CLI::App& app, CommandContext& context) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("commission", "compare a table with known angles, then move each axis a little and see the unit feel it");
+  command->add_option("--station", options->station, "station configuration")->required();
+  CLI::Option* heading = command->add_option("--heading", options->heading, "angle at which the axis stands now, degrees; not 0");
+  CLI::Option* pitch = command->add_option("--pitch", options->pitch, "the same");
+  CLI::Option* roll = command->add_option("--roll", options->roll, "the same");
+  heading->needs(pitch)->needs(roll);
+  pitch->needs(heading);
+  roll->needs(heading);
+  command->add_option("--tolerance", options->tolerance_deg, "of these angles, degrees")->check(CLI::PositiveNumber);
+  command->add_option("--move", options->settings.move_deg, "how far each axis is moved, degrees")->check(CLI::Range(0.5, 30.0));
+  command->add_option("--gyro-pulse-arcsec", options->settings.gyro_pulse_arcsec, "nominal weight of a gyro pulse, to check the turn's size")
+      ->check(CLI::PositiveNumber);
+  command->callback([options, &context] {
+    if (Status status = run_commission(*options, context); !status) context.fail(status.error());
+  });
+}
+
+}  // namespace turncal

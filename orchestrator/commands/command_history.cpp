@@ -1,0 +1,204 @@
+#include "orchestrator/commands/command_history.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/base/format_number.h"
+#include "orchestrator/report/history_page.h"
+#include "orchestrator/records/parameter_history.h"
+#include "orchestrator/records/parameter_store.h"
+#include "orchestrator/records/results_database.h"
+
+namespace turncal {
+
+namespace {
+
+using Calibrations = std::vector<StoredCalibration>;
+
+struct HistoryOptions {
+  std::string database, unit, parameter, csv, report;
+  std::vector<std::int64_t> compare;
+  bool control = false, simulated = false;
+};
+
+template <class... Values>
+void print(std::ostream& out, const char* format, Values... values) {
+  char text[400];
+  std::snprintf(text, sizeof text, format, values...);
+  out << text << '\n';
+}
+
+void print_list(const Calibrations& all, std::ostream& out) {
+  print(out, "%5s  %-20s  %-20s  %-16s  %s", "id", "unit", "time", "verdict", "folder");
+  for (const StoredCalibration& c : all) {
+    print(out, "%5lld  %-20s  %-20s  %-16s  %s%s", static_cast<long long>(c.id), c.unit.c_str(), c.time_utc.c_str(),
+          c.verdict.c_str(), c.folder.c_str(), c.simulated ? "  [simulated]" : "");
+  }
+}
+
+Status print_comparison(const Calibrations& all, const std::vector<std::int64_t>& ids, std::ostream& out) {
+  const StoredCalibration* pair[2] = {};
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (const StoredCalibration& c : all) {
+      if (c.id == ids[i]) pair[i] = &c;
+    }
+    if (!pair[i]) return input_error("--compare " + std::to_string(ids[i]) + ": expected the id of a calibration in the list");
+  }
+  const auto& [a, b] = pair;
+  if (a->unit != b->unit) {
+    return input_error("--compare: " + std::to_string(ids[0]) + " is of unit '" + a->unit + "', " + std::to_string(ids[1]) +
+                       " of unit '" + b->unit + "': expected two of one unit");
+  }
+  out << "unit " << a->unit << ": " << a->time_utc << " (" << a->verdict << ") and " << b->time_utc << " (" << b->verdict << ")\n";
+  print(out, "%-5s %18s %18s %12s %12s", "", "first", "second", "difference", "/ sigma");
+  for (const StoredValue& value : a->values) {
+    const auto other = std::find_if(b->values.begin(), b->values.end(), [&](const auto& v) { return v.key == value.key; });
+    if (other == b->values.end()) continue;
+    const double difference = other->value - value.value;
+    const double sigma = std::hypot(value.sigma.value_or(0.0), other->sigma.value_or(0.0));
+    char ratio[40] = "-";
+    if (sigma > 0.0) std::snprintf(ratio, sizeof ratio, "%.2f", difference / sigma);
+    print(out, "%-5s %18.10g %18.10g %12.3e %12s", value.key.c_str(), value.value, other->value, difference, ratio);
+  }
+  return {};
+}
+
+std::string number(std::optional<double> value, const char* format = "%.8g") {
+  char text[40] = "-";
+  if (value) std::snprintf(text, sizeof text, format, *value);
+  return text;
+}
+
+void print_control(const Calibrations& all, std::ostream& out) {
+  print(out, "%-5s %5s %15s %15s %15s %8s %8s", "", "n", "mean", "lower", "upper", "outside", "Cpk");
+  for (const std::string_view key : free_parameter_keys()) {
+    const ParameterHistory history = parameter_history(all, key);
+    const ControlChart& chart = history.chart;
+    print(out, "%-5s %5zu %15.8g %15s %15s %8zu %8s", std::string(key).c_str(), chart.count, chart.mean,
+          number(chart.lower).c_str(), number(chart.upper).c_str(), chart.outside.size(), number(chart.cpk, "%.2f").c_str());
+  }
+}
+
+Status print_parameter(const Calibrations& all, const std::string& key, std::ostream& out) {
+  if (std::find(parameter_keys.begin(), parameter_keys.end(), key) == parameter_keys.end()) {
+    return input_error("--parameter '" + key + "': expected one of the 24 keys, N01 to a33");
+  }
+  const ParameterHistory history = parameter_history(all, key);
+  const ControlChart& chart = history.chart;
+  for (std::size_t i = 0; i < history.values.size(); ++i) {
+    const bool outside = std::find(chart.outside.begin(), chart.outside.end(), i) != chart.outside.end();
+    print(out, "%5lld  %-20s  %-20s  %15.8g  %10s%s", static_cast<long long>(history.of[i]->id), history.of[i]->unit.c_str(),
+          history.of[i]->time_utc.c_str(), history.values[i], number(history.sigmas[i], "%.2e").c_str(),
+          outside ? "  outside the control limits" : "");
+  }
+  print(out, "%s: n %zu, mean %.8g, control limits %s .. %s, limits %s .. %s, Cpk %s", key.c_str(), chart.count, chart.mean,
+        number(chart.lower).c_str(), number(chart.upper).c_str(), number(history.limit.min).c_str(),
+        number(history.limit.max).c_str(), number(chart.cpk, "%.2f").c_str());
+  return {};
+}
+
+// RFC 4180: quoted where a text could be mistaken.
+std::string csv_text(const std::string& text) {
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+std::string as_csv(const Calibrations& all) {
+  std::string text = "id,unit,time_utc,verdict,station,operator,simulated,sessions,recording_hash,folder";
+  for (const std::string_view key : parameter_keys) text += "," + std::string(key) + ",sigma." + std::string(key);
+  text += "\n";
+  for (const StoredCalibration& c : all) {
+    text += std::to_string(c.id);
+    for (const std::string* field : {&c.unit, &c.time_utc, &c.verdict, &c.station, &c.operator_name}) text += "," + csv_text(*field);
+    text += std::string(c.simulated ? ",true," : ",false,") + std::to_string(c.sessions) + "," + c.recording_hash + "," +
+            csv_text(c.folder);
+    for (const StoredValue& value : c.values) {
+      text += "," + format_number(value.value) + "," + (value.sigma ? format_number(*value.sigma) : "");
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+Status show_history(const HistoryOptions& options, std::ostream& out) {
+  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(options.database);
+  if (!database) return database.error();
+  Result<Calibrations> all = database->list(options.unit, "");
+  if (!all) return all.error();
+  // Simulated and real units are never in one list of numbers.
+  if (options.control || !options.parameter.empty() || !options.report.empty()) {
+    std::erase_if(*all, [&](const StoredCalibration& c) { return c.simulated != options.simulated; });
+  }
+  if (!options.csv.empty()) {
+    if (Status status = write_file_atomically(options.csv, as_csv(*all)); !status) return status;
+    out << all->size() << " calibrations in " << options.csv << '\n';
+    return {};
+  }
+  if (!options.compare.empty()) return print_comparison(*all, options.compare, out);
+  if (!options.report.empty()) {
+    const std::string source = options.database + (options.unit.empty() ? "" : ", unit " + options.unit);
+    if (Status status = write_file_atomically(options.report, history_page(*all, source)); !status) return status;
+    out << "control charts of " << all->size() << " calibrations in " << options.report << '\n';
+    return {};
+  }
+  if (!options.parameter.empty()) return print_parameter(*all, options.parameter, out);
+  options.control ? print_control(*all, out) : print_list(*all, out);
+  return {};
+}
+
+struct RestoreOptions {
+  std::string store, unit;
+  int version = 0;
+  bool simulated = false;
+};
+
+Status restore(const RestoreOptions& options, std::ostream& out) {
+  if (options.version > 0) {
+    if (Status status = restore_version(options.store, options.unit, options.version, options.simulated); !status) return status;
+  }
+  const Result<std::vector<StoredVersion>> versions = stored_versions(options.store, options.unit, options.simulated);
+  if (!versions) return versions.error();
+  for (const StoredVersion& version : *versions) {
+    print(out, "%4d  %-20s  recording %s%s%s", version.number, version.file.time_utc.c_str(),
+          version.file.recording_hash.c_str(), version.file.simulated ? "  [simulated]" : "", version.in_use ? "  in use" : "");
+  }
+  return {};
+}
+
+}  // namespace
+
+void add_history_command(CLI::App& app, CommandContext& context) {
+  const auto options = std::make_shared<HistoryOptions>();
+  CLI::App* command = app.add_subcommand("history", "list, compare and export what is in the results database");
+  command->add_option("database", options->database, "the station's record.database")->required();
+  command->add_option("--unit", options->unit, "calibrations of this unit only");
+  CLI::Option* compare = command->add_option("--compare", options->compare, "two ids: the differences of one unit's parameters");
+  compare->expected(2);
+  command->add_flag("--control", options->control, "every parameter over all calibrations: control limits and Cpk");
+  command->add_option("--parameter", options->parameter, "one parameter, calibration by calibration");
+  command->add_option("--report", options->report, "writes a page (HTML) with the control charts of every parameter");
+  command->add_flag("--simulated", options->simulated, "of the dry runs, for --control, --parameter and --report");
+  command->add_option("--csv", options->csv, "writes the calibrations with all values to this file");
+  command->callback([options, &context] {
+    if (Status status = show_history(*options, context.out); !status) context.fail(status.error());
+  });
+}
+
+void add_restore_command(CLI::App& app, CommandContext& context) {
+  const auto options = std::make_shared<RestoreOptions>();
+  CLI::App* command = app.add_subcommand("restore", "list the versions of a unit's parameter file, bring one back into use");
+  command->add_option("store", options->store, "the station's record.store")->required();
+  command->add_option("--unit", options->unit, "serial number of the unit")->required();
+  command->add_option("--version", options->version, "the version to bring back; without it they are listed")->check(CLI::PositiveNumber);
+  command->add_flag("--simulated", options->simulated, "of the dry runs");
+  command->callback([options, &context] {
+    if (Status status = restore(*options, context.out); !status) context.fail(status.error());
+  });
+}
+
+}  // namespace turncal

@@ -1,0 +1,154 @@
+#include "orchestrator/commands/command_monitor.h"
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <vector>
+
+#include "orchestrator/devices/live_devices.h"
+#include "orchestrator/jobs/run_request.h"
+#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/devices/stop_signals.h"
+#include "turntable_drivers/table/table_state.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr double line_every_s = 1.0;
+constexpr double look_every_s = 0.1;  // at a signal, and at a unit that is silent
+
+struct Options {
+  std::string station;
+  double seconds = 0.0;  // 0: until a signal
+};
+
+// What came in since the last line.
+struct Second {
+  std::int64_t samples = 0, gaps = 0, lost = 0, flagged = 0;
+  std::array<double, 3> accel{};  // increments
+  double temperature_c = 0.0;
+};
+
+void take(std::span<const ImuSample> samples, std::optional<std::int64_t>& last_counter, Second& second) {
+  for (const ImuSample& sample : samples) {
+    if (last_counter && sample.counter > *last_counter + 1) {
+      ++second.gaps;
+      second.lost += sample.counter - *last_counter - 1;
+    }
+    last_counter = sample.counter;
+    ++second.samples;
+    second.flagged += (sample.flags & sample_flag_invalid) != 0 ? 1 : 0;
+    for (std::size_t i = 0; i < 3; ++i) second.accel[i] += sample.accel[i];
+    second.temperature_c = sample.temperature_c;
+  }
+}
+
+// The state in a word, and what it hides.
+std::string state_text(const AxisStatus& axis) {
+  std::string text;
+  const auto add = [&text](bool set, const char* name) {
+    if (set) text += std::string(text.empty() ? "" : ", ") + name;
+  };
+  add(axis.limit, "limit");
+  add(!axis.remote, "local");
+  add(!axis.enabled, "off");
+  add(!axis.homed, "not homed");
+  return to_string(state_of(axis)) + (text.empty() ? "" : " (" + text + ")");
+}
+
+std::string table_text(Turntable& table) {
+  std::string text;
+  for (const Axis axis : all_axes) {
+    const Result<AxisStatus> status = table.status(axis);
+    char part[160];
+    if (status) {
+      std::snprintf(part, sizeof part, "%c %9.4f deg %8.4f deg/s %s; ", to_string(axis)[0] - 'a' + 'A', status->position_deg,
+                    status->rate_degps, state_text(*status).c_str());
+      text += part;
+    } else {
+      text += std::string(to_string(axis)) + ' ' + to_string(TableState::link_lost) + "; ";
+    }
+  }
+  return text;
+}
+
+std::string unit_text(const Second& second, const RecordingInfo& info, double seconds) {
+  if (second.samples == 0) return "no samples";
+  const double weight = info.accel_increment == IncrementKind::pulses ? info.accel_pulse_mps : 1.0;
+  const double per_s = weight / (static_cast<double>(second.samples) * info.sample_period_s);
+  char text[200];
+  std::snprintf(text, sizeof text, "%.1f samples/s, %lld gaps (%lld lost), %lld flagged, |f| %.4f m/s^2",
+                static_cast<double>(second.samples) / seconds, static_cast<long long>(second.gaps),
+                static_cast<long long>(second.lost), static_cast<long long>(second.flagged),
+                per_s * std::hypot(second.accel[0], second.accel[1], second.accel[2]));
+  std::string whole = text;
+  if (info.has_temperature) {
+    std::snprintf(text, sizeof text, ", %.2f C", second.temperature_c);
+    whole += text;
+  }
+  return whole;
+}
+
+Status watch(LiveDevices& live, const std::string& tag, double seconds, std::ostream& out) {
+  const StationDevices devices = live.devices();
+  if (Status status = devices.table.connect(); !status) return status;
+  const Result<TableIdentity> table = devices.table.identify();
+  if (!table) return table.error();
+  if (Status status = devices.imu.open(); !status) return status;
+  const Result<ImuIdentity> unit = devices.imu.identify();
+  if (!unit) return unit.error();
+  RecordingInfo info;
+  devices.imu.describe(info);
+  out << tag << table->description << "; " << unit->description << std::endl;
+
+  std::vector<ImuSample> buffer(1024);
+  std::optional<std::int64_t> last_counter;
+  std::uint64_t bad_frames_before = 0;
+  const double began_s = devices.clock.now_s();
+  for (double line_s = began_s; StopSignals::requests() == 0 && (seconds == 0.0 || line_s - began_s < seconds);) {
+    Second second;
+    double now_s = devices.clock.now_s();
+    for (; now_s - line_s < line_every_s && StopSignals::requests() == 0; now_s = devices.clock.now_s()) {
+      const Result<std::size_t> got = devices.imu.read(buffer, look_every_s);
+      if (!got) return got.error();
+      take(std::span(buffer).first(*got), last_counter, second);
+    }
+    char time[32];
+    std::snprintf(time, sizeof time, "%8.1f s  ", now_s - began_s);
+    const std::uint64_t bad_frames = devices.imu.counters().bad_frames;
+    out << tag << time << table_text(devices.table) << unit_text(second, info, now_s - line_s);
+    if (bad_frames > bad_frames_before) out << ", " << bad_frames - bad_frames_before << " bad frames";
+    out << std::endl;
+    bad_frames_before = bad_frames;
+    line_s = now_s;
+  }
+  out << tag << "unit: " << live.unit_summary(0) << std::endl;
+  return {};
+}
+
+Status run_monitor(const Options& options, CommandContext& context) {
+  const Result<StationConfig> station = read_station_config(options.station);
+  if (!station) return station.error();
+  if (Status status = check_real_devices(*station); !status) return status;
+  const StopSignals signals;
+  Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
+  if (!live) return live.error();
+  return watch(**live, station->simulated() ? std::string(simulated_tag) : "", options.seconds, context.out);
+}
+
+}  // namespace
+
+void add_monitor_command(CLI::App& app, CommandContext& context) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("monitor", "look at a station's table and unit, one line a second; nothing is moved");
+  command->add_option("--station", options->station, "station configuration")->required();
+  command->add_option("--seconds", options->seconds, "how long, in the station's time; default: until a signal")
+      ->check(CLI::PositiveNumber);
+  command->callback([options, &context] {
+    if (Status status = run_monitor(*options, context); !status) context.fail(status.error());
+  });
+}
+
+}  // namespace turncal

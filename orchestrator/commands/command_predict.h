@@ -1,0 +1,49 @@
+// `turncal predict --sequence FILE [--sequence FILE ...]`: what each sequence would determine and how well, before anything is
+// run (calib/prediction/predict.h). Several sequences stand side by side, each with its sigma over that of the first.
+//
+//   --station FILE             site, settling time and unit; default: the built-in rig station
+//   --latitude, --gravity      another site, deg and m/s^2
+//   --arw, --vrw               angle random walk, deg/sqrt(h); velocity random walk, ug/sqrt(Hz)
+//   --gyro-bias-instability, --accel-bias-instability
+//                              sigma of the bias's slow part (Gauss-Markov, 600 s), deg/h and ug; 0: none
+//   --effects                  also what every effect of the catalogue would have to be to be caught, and which are confused
+//   --temperature-rise, --temperature-tau   C and s; with --effects. Without it effects of temperature are not looked at
+//
+// Nothing is written or moved. Exit code 0 also when parameters are not determined: they are named. A sequence that the
+// station cannot run is predicted all the same, with a note.
+#pragma once
+
+#include <optional>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "calib/prediction/planned_motion.h"
+#include "calib/types/status.h"
+#include "orchestrator/commands/command_line.h"
+#include "orchestrator/station/station_config.h"
+#include "sequences/plan.h"
+
+namespace turncal {
+
+struct PredictRequest {
+  std::vector<std::string> sequences;  // files
+  std::string station;                 // file; empty: built in
+  std::optional<double> latitude_deg;
+  std::optional<double> gravity_mps2;
+  double arw_deg_per_rt_h = 0.002;
+  double vrw_ug_per_rt_hz = 8.0;
+  double gyro_bias_instability_degph = 0.0;
+  double accel_bias_instability_ug = 0.0;
+  bool effects = false;
+  double temperature_rise_c = 0.0;     // 0: the temperature stands still
+  double temperature_tau_s = 2400.0;
+};
+
+Status run_predict(const PredictRequest& request, std::ostream& out);
+void add_predict_command(CLI::App& app, CommandContext& context);
+
+// A plan as the pure functions of calib take it.
+PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan);
+
+}  // namespace turncal

@@ -1,0 +1,109 @@
+#include "orchestrator/commands/command_segment.h"
+
+#include <cstdio>
+#include <memory>
+
+#include "calib/statistics/segmentation.h"
+#include "imu_io/recordings/csv_map_import.h"
+#include "imu_io/recordings/recording_source.h"
+#include "imu_io/recordings/recording_text.h"
+#include "imu_io/recordings/recording_writer.h"
+#include "orchestrator/records/output_folder.h"
+
+namespace turncal {
+
+namespace {
+
+struct SegmentOptions {
+  std::string source;
+  std::string out;
+  double min_rest_s = SegmentationOptions{}.min_rest_s;
+};
+
+template <class... Numbers>
+std::string formatted(const char* format, Numbers... numbers) {
+  char text[200];
+  std::snprintf(text, sizeof text, format, numbers...);
+  return text;
+}
+
+void print_segmentation(const Segmentation& found, const RecordingInfo& info, std::int64_t first, std::ostream& out) {
+  const double period = info.sample_period_s;
+  out << formatted("threshold %.3g on the ratio of variance to quiet variance: ", found.threshold) << found.reason
+      << '\n';
+  if (info.gyro_increment == IncrementKind::physical) {
+    out << formatted("quiet level: gyros %.3g rad/s, accelerometers %.3g m/s^2 a sample\n", found.quiet_gyro / period,
+                     found.quiet_accel / period);
+  } else {
+    out << formatted("quiet level: gyros %.3g, accelerometers %.3g pulses a sample\n", found.quiet_gyro,
+                     found.quiet_accel);
+  }
+  if (found.slow_turns > 0) {
+    out << found.slow_turns << " quiet stretches taken out: their mean rate is that of a slow turn\n";
+  }
+  int rest = 0;
+  out << "rest      from s        to s    length s\n";
+  for (const Segment& s : found.segments) {
+    if (s.kind != SegmentKind::still) continue;
+    out << formatted("%4d  %10.2f  %10.2f  %10.2f\n", ++rest, static_cast<double>(s.start_sample - first) * period,
+                     static_cast<double>(s.end_sample - first) * period,
+                     static_cast<double>(s.end_sample - s.start_sample) * period);
+  }
+}
+
+Status segment_recording(const SegmentOptions& options, CommandContext& context) {
+  Result<std::unique_ptr<RecordingSource>> opened = RecordingSource::open(options.source);
+  if (!opened) return opened.error();
+  RecordingSource& source = **opened;
+  Result<OutputFolder> folder = OutputFolder::prepare(options.out, {binary_recording_name});
+  if (!folder) return folder.error();
+  SegmentationOptions segmentation;
+  segmentation.min_rest_s = options.min_rest_s;
+  RestFinder finder(source.info(), segmentation);
+  const Status read = source.read([&](std::span<const ImuSample> samples) {
+    finder.add(samples);
+    return Status();
+  });
+  if (!read) return read;
+  const Segmentation found = finder.finish();
+  if (found.segments.empty()) return input_error(options.source + ": no rest found: " + found.reason);
+  print_segmentation(found, source.info(), found.segments.front().start_sample, context.out);
+  if (Status status = import_binary(source, found.segments, folder->file(binary_recording_name)); !status)
+    return status;
+  folder->keep();
+  context.out << "written to " << folder->path() << ": " << found.segments.size() << " segments" << std::endl;
+  return {};
+}
+
+}  // namespace
+
+Status import_mapped_csv(const std::string& map_path, const std::string& csv, const std::string& out,
+                         CommandContext& context) {
+  const Result<CsvMap> map = read_csv_map(map_path);
+  if (!map) return map.error();
+  const Result<CsvImport> content = import_csv(*map, csv);
+  if (!content) return content.error();
+  Result<OutputFolder> folder = OutputFolder::prepare(out, {binary_recording_name});
+  if (!folder) return folder.error();
+  if (Status status = write_recording(*content, folder->file(binary_recording_name)); !status) return status;
+  folder->keep();
+  context.out << "imported into " << folder->path() << ": " << content->samples.size() << " samples of "
+              << content->rows << " rows"
+              << formatted(", mean period %.6g ms, jitter %.3g ms rms, ", 1e3 * content->info.sample_period_s,
+                           1e3 * content->jitter_s)
+              << content->saturated << " saturated rows dropped, " << content->gaps << " gaps" << std::endl;
+  return {};
+}
+
+void add_segment_command(CLI::App& app, CommandContext& context) {
+  const auto options = std::make_shared<SegmentOptions>();
+  CLI::App* sub = app.add_subcommand("segment", "find the rests of a recording and write it with segments");
+  sub->add_option("source", options->source, "recording: a folder or a .tcr file")->required();
+  sub->add_option("--out", options->out, "folder to write to; must not hold a recording yet")->required();
+  sub->add_option("--min-rest", options->min_rest_s, "shortest rest, s")->check(CLI::PositiveNumber);
+  sub->callback([options, &context] {
+    if (Status status = segment_recording(*options, context); !status) context.fail(status.error());
+  });
+}
+
+}  // namespace turncal

@@ -1,0 +1,37 @@
+// First contact of a station with its table: a small move of every axis, seen by the unit's gyros.
+//
+// With the unit level and all axes at 0 (docs/rig.md: C_nb = Ry(-H) Rz(P) Rx(R)) a turn of +d alone is felt as
+//   heading: -d about y    pitch: +d about z    roll: +d about x
+// The gyros' sum over the move, less what they show at rest before it, must point there within direction_deg; its size must be d to
+// size_tolerance where the size is known (increments in rad, or a nominal pulse weight). The axis then goes back.
+//
+// Every wait has a deadline and ends at the operator's stop; whatever happens every axis is stopped, and seen at rest.
+#pragma once
+
+#include <atomic>
+#include <ostream>
+#include <string>
+
+#include "orchestrator/station/station_config.h"
+#include "orchestrator/run/station_run.h"
+
+namespace turncal {
+
+struct CommissioningSettings {
+  double move_deg = 5.0;
+  double rate_degps = 1.0;
+  double acceleration_degps2 = 2.0;
+  double rest_s = 2.0;            // at rest, before each move
+  double direction_deg = 5.0;
+  double size_tolerance = 0.05;   // of 1
+  double gyro_pulse_arcsec = 0.0; // nominal; 0: not known
+};
+
+// REQUIRES: table connected, unit open. Prints one line an axis.
+Status try_axes(const StationDevices& devices, const StationConfig& station, const CommissioningSettings& settings,
+                const std::atomic<int>& stop_requests, const std::string& tag, std::ostream& out);
+
+// What the sum of the gyros says about a turn of `axis` by move_deg; the error names axis, expected and found.
+Status judge_turn(Axis axis, const std::array<double, 3>& sum, IncrementKind kind, const CommissioningSettings& settings);
+
+}  // namespace turncal

@@ -1,0 +1,70 @@
+#include "orchestrator/devices/live_devices.h"
+
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cassert>
+
+#include "imu_io/base/deadline.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr double first_turn_s = 60.0;  // until a person has shown how long one takes
+
+}  // namespace
+
+LiveClock::LiveClock(double speed_up) : speed_up_(speed_up), start_s_(monotonic_s()) {}
+
+double LiveClock::now_s() const { return speed_up_ * (monotonic_s() - start_s_); }
+
+double LiveClock::utc_s() const {
+  timespec now{};
+  ::clock_gettime(CLOCK_REALTIME, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+LiveDevices::LiveDevices(const StationConfig& station, std::size_t units)
+    : speed_up_(station.clock_speed_up),
+      clock_(speed_up_),
+      imu_(station.imu->frame, station.imu->settings),
+      watched_(imu_, station.imu->frame.sample_period_s) {
+  for (std::size_t place = 1; place < units; ++place) {
+    further_.push_back(std::make_unique<SerialImu>(station.imu->frame, station.imu_settings(place)));
+  }
+}
+
+Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& station, const std::atomic<int>& stop_requests,
+                                                       std::ostream& out, std::size_t units) {
+  assert(station.imu);
+  std::unique_ptr<LiveDevices> live(new LiveDevices(station, units));
+  const GravityWatch& watched = live->watched_;
+  Result<std::unique_ptr<TableDevice>> table =
+      make_table(station, {live->clock_, &stop_requests, STDIN_FILENO, &out, [&watched] { return watched.mean(); }});
+  if (!table) return table.error();
+  live->table_ = std::move(*table);
+  return live;
+}
+
+StationDevices LiveDevices::devices() {
+  return {table_->table(), watched_, clock_, [this](double seconds) { wait_a_little(seconds / speed_up_); }};
+}
+
+void LiveDevices::wait_a_little(double wall_s) {
+  constexpr double longest_s = 0.02;
+  timespec pause{};
+  pause.tv_nsec = static_cast<long>(1e9 * std::clamp(wall_s, 0.0, longest_s));
+  ::nanosleep(&pause, nullptr);
+}
+
+RunObserver* LiveDevices::prompts(const Sequence& sequence, const std::string& tag) {
+  ManualTurntable* manual = table_->manual();
+  if (!manual) return nullptr;
+  manual->set_tag(tag);
+  prompts_ = std::make_unique<OperatorPrompts>(*manual, sequence, first_turn_s);
+  return prompts_.get();
+}
+
+}  // namespace turncal

@@ -1,0 +1,61 @@
+// The devices of a live run: the station's table and units, the machine's clocks, and waiting that really waits.
+//
+// Nothing is opened here; the run does that. clock.speed_up other than 1 is for twins (docs/twin.md): all of the station's times then
+// pass so many times faster. A table turned by hand is told why each move is asked for, and what the first unit
+// senses of gravity.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <ostream>
+#include <vector>
+
+#include "imu_io/base/clock.h"
+#include "imu_io/units/serial_imu.h"
+#include "orchestrator/devices/gravity_watch.h"
+#include "orchestrator/devices/operator_prompts.h"
+#include "orchestrator/run/station_run.h"
+#include "orchestrator/devices/table_device.h"
+
+namespace turncal {
+
+class LiveClock : public Clock {
+ public:
+  explicit LiveClock(double speed_up);
+  double now_s() const override;  // CLOCK_MONOTONIC since construction, times speed_up
+  double utc_s() const override;  // CLOCK_REALTIME, never sped up
+
+ private:
+  double speed_up_;
+  double start_s_;
+};
+
+class LiveDevices {
+ public:
+  // REQUIRES: station.imu, units <= station.imu_places(). The count and the stream (prompts of a table turned by hand, whose answers are read from the terminal)
+  // must outlive the devices.
+  static Result<std::unique_ptr<LiveDevices>> make(const StationConfig& station, const std::atomic<int>& stop_requests,
+                                                   std::ostream& out, std::size_t units = 1);
+  StationDevices devices();  // valid as long as this object
+  ImuSource& imu(std::size_t place) { return place == 0 ? static_cast<ImuSource&>(watched_) : *further_[place - 1]; }
+  std::string unit_summary(std::size_t place) const { return (place == 0 ? imu_ : *further_[place - 1]).summary(); }
+  // At most 20 ms, so that whoever waits finds out about a stop in time; a signal ends it earlier.
+  static void wait_a_little(double wall_s);
+  Status commission_table(const AxisTriple& known_deg, double tolerance_deg) { return table_->commission(known_deg, tolerance_deg); }
+
+  // Of a table turned by hand: what its operator is told, each line with `tag`; else null. The sequence must outlive the devices.
+  RunObserver* prompts(const Sequence& sequence, const std::string& tag);
+
+ private:
+  LiveDevices(const StationConfig& station, std::size_t units);
+
+  double speed_up_;
+  LiveClock clock_;
+  SerialImu imu_;
+  GravityWatch watched_;
+  std::vector<std::unique_ptr<SerialImu>> further_;
+  std::unique_ptr<TableDevice> table_;
+  std::unique_ptr<OperatorPrompts> prompts_;
+};
+
+}  // namespace turncal

@@ -1,0 +1,75 @@
+#include "orchestrator/devices/mounting.h"
+
+#include <poll.h>
+#include <unistd.h>
+
+#include <cerrno>
+
+#include "imu_io/recordings/recording_check.h"
+#include "imu_io/base/text_pieces.h"
+#include "orchestrator/devices/stop_signals.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr int look_ms = 200;  // for a request to stop that came between two looks
+
+Error not_mounted(const std::string& unit, const std::string& why) {
+  return {ErrorKind::interrupted, "unit " + unit + " is not mounted: " + why + "; the same command goes on with it"};
+}
+
+// A line without its end; empty: the input has ended, or somebody asked to stop.
+std::optional<std::string> read_line(int input) {
+  std::string line;
+  while (!StopSignals::any()) {
+    pollfd which{input, POLLIN, 0};
+    if (::poll(&which, 1, look_ms) <= 0) continue;
+    char c = 0;
+    const ssize_t got = ::read(input, &c, 1);
+    if (got < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+    if (got <= 0) return {};
+    if (c == '\n') return std::string(trimmed(line));
+    line += c;
+  }
+  return {};
+}
+
+Result<Mounted> ask(const std::string& unit, int input, std::ostream& out, const std::string& tag) {
+  for (;;) {
+    out << tag << "Mount unit " << unit << ", then press Enter (or skip REASON, quit): " << std::flush;
+    const std::optional<std::string> line = read_line(input);
+    if (!line) {
+      out << std::endl;
+      return not_mounted(unit, StopSignals::any() ? "interrupted" : "the input ended");
+    }
+    if (line->empty()) return Mounted{};
+    if (*line == "quit") return not_mounted(unit, "the operator quit");
+    const std::string reason = line->starts_with("skip ") ? std::string(trimmed(std::string_view(*line).substr(5))) : "";
+    if (!reason.empty() && is_plain_text(reason)) return Mounted{reason};
+    out << tag << (*line == "skip" ? "Why? Type skip and the reason." : quoted(*line) + ": expected Enter, skip and a reason without '#', or quit.")
+        << std::endl;
+  }
+}
+
+}  // namespace
+
+Result<Mounted> mount_unit(const StationConfig& station, const std::string& unit, const std::string& folder, int input,
+                           std::ostream& out, const std::string& tag) {
+  const StopSignals signals(FirstInterrupt::pauses);
+  const auto tell_operator = [&](Error error) {
+    const Status told = run_hook(station.hooks, {"needs_operator", unit, folder, error.message, false});
+    if (!told) out << tag << told.error().message << std::endl;
+    return error;
+  };
+  if (!station.hooks.mount.empty()) {
+    out << tag << "unit " << unit << ": mounting" << std::endl;
+    const Status mounted = run_hook(station.hooks, {"mount", unit, folder, "", false}, station.hooks.mount_time_s, &StopSignals::any);
+    if (mounted) return Mounted{};
+    return tell_operator(not_mounted(unit, mounted.error().message));
+  }
+  if (::isatty(input) == 1) return ask(unit, input, out, tag);
+  return tell_operator(not_mounted(unit, "nobody to ask: expected a terminal, or hook.mount in the station file"));
+}
+
+}  // namespace turncal

@@ -1,0 +1,27 @@
+#include "orchestrator/devices/rehearsal_devices.h"
+
+#include "orchestrator/devices/table_device.h"
+#include "turntable_drivers/twins/rehearsed_table.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr double rehearsed_turn_s = 2.0;  // beyond its planned time: the comparison with gravity
+
+}  // namespace
+
+RehearsalDevices::RehearsalDevices(const RigConfig& config, const StationConfig& station, const Sequence& sequence, int input,
+                                   std::ostream& out, const std::string& tag)
+    : rig_(config),
+      watched_(rig_.imu, config.sample_period_s),
+      manual_(station.table.manual, rig_.clock, input, out, [this] { return watched_.mean(); }),
+      limited_(manual_, motion_limits(station)),
+      prompts_(manual_, sequence, rehearsed_turn_s) {
+  manual_.rehearse_on(rehearsed_table(rig_.rig));
+  manual_.set_tag(tag);
+}
+
+StationDevices RehearsalDevices::devices() { return {limited_, watched_, rig_.clock, rig_.devices().wait}; }
+
+}  // namespace turncal

@@ -1,0 +1,182 @@
+#include "orchestrator/devices/rig_twin.h"
+
+#include <poll.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <mutex>
+#include <thread>
+
+#include "imu_io/base/deadline.h"
+#include "imu_io/base/format_number.h"
+#include "turntable_drivers/twins/dialect_twin.h"
+#include "turntable_drivers/twins/drive_twin.h"
+#include "turntable_drivers/twins/table_server.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr double unit_patience_s = 5.0;  // of the host, for a station that is busy
+constexpr int unit_pause_ms = 1;
+
+class GuardedImu : public ImuSource {
+ public:
+  GuardedImu(ImuSource& source, std::mutex& mutex) : source_(source), mutex_(mutex) {}
+  Status open() override {
+    const std::lock_guard lock(mutex_);
+    return source_.open();
+  }
+  Result<ImuIdentity> identify() override { return source_.identify(); }
+  void describe(RecordingInfo& info) const override { source_.describe(info); }
+  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
+    const std::lock_guard lock(mutex_);
+    return source_.read(out, timeout_s);
+  }
+  ImuLinkCounters counters() const override { return source_.counters(); }
+  void close() override { source_.close(); }
+
+ private:
+  ImuSource& source_;
+  std::mutex& mutex_;
+};
+
+std::string port_of(const std::string& address) { return address.substr(address.rfind(':') + 1); }
+
+}  // namespace
+
+RigTwin::RigTwin(const RigConfig& rig, std::size_t units) : group_(rig, units) {}
+RigTwin::~RigTwin() = default;
+
+Status RigTwin::open_table(const StationConfig& station, const std::string& given) {
+  bool tcp = false;
+  std::string address;
+  if (station.table.map) {
+    drives_ = std::make_unique<DriveTwin>(*station.table.map, group_.table(), group_);
+    if (Status status = drives_->power_on(); !status) return status;
+    server_ = std::make_unique<TableServer>(*drives_);
+    tcp = station.table.map->link.tcp;
+    address = station.table.map->link.address;
+  } else {
+    dialect_ = std::make_unique<DialectTwin>(*station.table.dialect, group_.table());
+    if (Status status = dialect_->power_on(); !status) return status;
+    server_ = std::make_unique<DialectServer>(*dialect_);
+    tcp = station.table.dialect->link.tcp;
+    address = station.table.dialect->link.address;
+  }
+  std::string where = given;
+  if (where.empty()) where = tcp ? "tcp:" + port_of(address) : "pty:" + address;
+  if (where == "pty" || where.starts_with("pty:")) return server_->open_pty(where == "pty" ? "" : where.substr(4));
+  const std::optional<int> port = where.starts_with("tcp:") ? parse_integer<int>(where.substr(4)) : std::nullopt;
+  if (!port || *port < 0 || *port > 65535) {
+    return input_error("the twin's table at '" + where + "': expected tcp:PORT, pty or pty:LINK");
+  }
+  return server_->listen_tcp(*port);
+}
+
+Result<std::unique_ptr<RigTwin>> RigTwin::open(const StationConfig& station, const RigConfig& rig,
+                                               const TwinSettings& settings) {
+  if (!station.table.map && !station.table.dialect) {
+    return input_error("station '" + station.name + "': a twin needs table.driver = modbus or serial");
+  }
+  if (!station.imu) return input_error("station '" + station.name + "': a twin needs imu.driver = serial");
+  std::unique_ptr<RigTwin> twin(new RigTwin(rig, station.imu_places()));
+  if (Status status = twin->open_table(station, settings.table); !status) return status.error();
+  for (std::size_t unit = 0; unit < station.imu_places(); ++unit) {
+    if (Status status = twin->open_line(station, unit, settings.speed_up); !status) return status.error();
+  }
+  return twin;
+}
+
+Status RigTwin::open_line(const StationConfig& station, std::size_t unit, double speed_up) {
+  Result<Pty> line = Pty::create(station.imu_settings(unit).device);
+  if (!line) return line.error();
+  auto made = std::make_unique<UnitLine>();
+  made->line = std::move(*line);
+  made->guarded = std::make_unique<GuardedImu>(group_.imu(unit), server_->mutex);
+  made->streamer = std::make_unique<FrameStreamer>(*made->guarded, station.imu->frame, made->line, speed_up, unit_patience_s);
+  lines_.push_back(std::move(made));
+  // Once now, so that a frame that does not fit the rig is said before anybody waits for it.
+  return lines_.back()->streamer->start(monotonic_s());
+}
+
+double RigTwin::rig_time_s() {
+  const std::lock_guard lock(server_->mutex);
+  return group_.now_s();
+}
+
+std::string RigTwin::imu_devices() const {
+  std::string text;
+  for (const auto& line : lines_) text += (text.empty() ? "" : ", ") + line->line.device();
+  return text;
+}
+
+std::uint64_t RigTwin::batches_dropped() const {
+  std::uint64_t sum = 0;
+  for (const auto& line : lines_) sum += line->streamer->batches_dropped();
+  return sum;
+}
+
+Status RigTwin::pump(double now_s) {
+  Status gone;
+  bool any = false;
+  for (const auto& line : lines_) {
+    if (!line->line.is_open()) continue;
+    if (const Result<std::size_t> passed = line->streamer->pump(now_s); !passed) {
+      gone = passed.error();
+      line->line.unplug();
+    } else {
+      any = true;
+    }
+  }
+  return any ? Status{} : gone;
+}
+
+void RigTwin::watch(const std::function<void(const std::string&)>& say) {
+  if (!drives_) return;
+  const std::lock_guard lock(server_->mutex);
+  std::string angles;
+  bool tripped = false, moving = false;
+  for (const Axis axis : all_axes) {
+    tripped = tripped || drives_->watchdog_tripped(axis);
+    const Rig::AxisState state = group_.rig(0).axis(axis);
+    moving = moving || state.moving || state.rate_degps != 0.0;
+    char text[60];
+    std::snprintf(text, sizeof text, ", %s %.4f deg", to_string(axis), state.position_deg);
+    angles += text;
+  }
+  const std::string when = format_number(group_.now_s()) + " s of rig time" + angles;
+  if (tripped && !tripped_told_) say("watchdog tripped at " + when);
+  if (tripped && !moving && !rest_told_) say("at rest after that at " + when);
+  tripped_told_ = tripped;
+  rest_told_ = tripped && !moving;
+}
+
+Status RigTwin::run(const std::atomic<int>& stop_requests, const std::function<void(const std::string&)>& say) {
+  std::atomic<bool> done = false;
+  std::thread table([&] {
+    while (!done) {
+      server_->run_once(0.02);
+      watch(say);
+    }
+  });
+  Status status;
+  bool started = false;
+  while (status && stop_requests.load() == 0) {
+    const double now_s = monotonic_s();
+    if (started) {
+      status = pump(now_s);
+    } else if (std::any_of(lines_.begin(), lines_.end(), [](const auto& line) { return line->line.has_peer(); })) {
+      started = true;
+      for (const auto& line : lines_) {
+        if (status) status = line->streamer->start(now_s);
+      }
+    }
+    ::poll(nullptr, 0, unit_pause_ms);
+  }
+  done = true;
+  table.join();
+  return status;
+}
+
+}  // namespace turncal

@@ -1,0 +1,67 @@
+// The rig, served outside the program: its table behind the station's register map or dialect (TCP or pseudo-terminal), a unit for each
+// place of the station as frames on a pseudo-terminal. What `turncal twin` runs; docs/twin.md.
+//
+// Rig time stands still until somebody opens a unit's line, so that the data are those of a dry run that begins then; from there on it
+// runs speed_up times as fast as the wall clock. One thread serves the table, run() the units; the server's mutex guards the rigs.
+// A unit that a fault of the rig unplugs hangs up its line; without any line left the twin ends.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "imu_io/units/frame_streamer.h"
+#include "orchestrator/station/station_config.h"
+#include "turntable_drivers/twins/line_server.h"
+#include "turntable_drivers/rig/rig_group.h"
+
+namespace turncal {
+
+class DriveTwin;
+class DialectTwin;
+
+struct TwinSettings {
+  double speed_up = 1.0;
+  std::string table;  // "tcp:PORT" (0: any free one), "pty" or "pty:LINK"; empty: as the station reaches it
+};
+
+class RigTwin {
+ public:
+  // Opens both lines. Errors: kind input for a station that no twin can stand in for, device for a line that cannot be opened.
+  static Result<std::unique_ptr<RigTwin>> open(const StationConfig& station, const RigConfig& rig, const TwinSettings& settings);
+  ~RigTwin();
+  RigTwin(const RigTwin&) = delete;
+  RigTwin& operator=(const RigTwin&) = delete;
+
+  std::string table_address() const { return server_->address(); }
+  std::string imu_devices() const;  // separated by ", "
+  // Serves until the count of requests to stop is not 0. `say` hears, from another thread, of a watchdog that tripped and of the
+  // table's coming to rest after that.
+  Status run(const std::atomic<int>& stop_requests, const std::function<void(const std::string&)>& say);
+  double rig_time_s();
+  std::uint64_t batches_dropped() const;  // not read in time
+
+ private:
+  RigTwin(const RigConfig& rig, std::size_t units);
+  void watch(const std::function<void(const std::string&)>& say);
+  Status open_table(const StationConfig& station, const std::string& where);
+
+  struct UnitLine {
+    std::unique_ptr<ImuSource> guarded;  // the unit, with the mutex held
+    Pty line;
+    std::unique_ptr<FrameStreamer> streamer;
+  };
+  Status open_line(const StationConfig& station, std::size_t unit, double speed_up);
+  Status pump(double now_s);  // every line that is left
+
+  RigGroup group_;
+  std::unique_ptr<DriveTwin> drives_;
+  std::unique_ptr<DialectTwin> dialect_;
+  std::unique_ptr<LineServer> server_;
+  std::vector<std::unique_ptr<UnitLine>> lines_;
+  bool tripped_told_ = false, rest_told_ = false;
+};
+
+}  // namespace turncal

@@ -1,0 +1,52 @@
+#include "orchestrator/devices/table_device.h"
+
+#include <cassert>
+
+#include "turntable_drivers/modbus/modbus_turntable.h"
+#include "turntable_drivers/ascii/serial_turntable.h"
+
+namespace turncal {
+
+TableDevice::~TableDevice() {
+  // Not connected, or the link is gone: nobody is left to tell.
+  if (Status stopped = limited_.stop_all(); !stopped) return;
+}
+
+Status TableDevice::commission(const AxisTriple& known_deg, double tolerance_deg) {
+  if (auto* modbus = dynamic_cast<ModbusTurntable*>(driver_.get())) return modbus->commission(known_deg, tolerance_deg);
+  if (auto* serial = dynamic_cast<SerialTurntable*>(driver_.get())) return serial->commission(known_deg, tolerance_deg);
+  return input_error("this table has nothing to commission");
+}
+
+std::array<MotionLimits, 3> motion_limits(const StationConfig& station) {
+  std::array<MotionLimits, 3> limits;
+  for (std::size_t i = 0; i < limits.size(); ++i) {
+    const AxisLimits& axis = station.axis[i];
+    limits[i] = {axis.soft_min_deg, axis.soft_max_deg, axis.max_rate_degps, axis.max_acceleration_degps2, axis.wrap_deg};
+  }
+  return limits;
+}
+
+Result<std::unique_ptr<TableDevice>> make_table(const StationConfig& station, const TableContext& context) {
+  std::unique_ptr<Turntable> driver;
+  switch (station.table.driver) {
+    case TableDriver::mock:
+      return input_error("station '" + station.name + "': table.driver = mock has no table to turn: expected modbus, serial or manual");
+    case TableDriver::modbus:
+      assert(station.table.map);
+      driver = std::make_unique<ModbusTurntable>(*station.table.map, context.clock, context.stop_requests);
+      break;
+    case TableDriver::serial:
+      assert(station.table.dialect);
+      driver = std::make_unique<SerialTurntable>(*station.table.dialect, context.clock, context.stop_requests);
+      break;
+    case TableDriver::manual:
+      assert(context.operator_output);
+      driver = std::make_unique<ManualTurntable>(station.table.manual, context.clock, context.operator_input,
+                                                 *context.operator_output, context.gravity);
+      break;
+  }
+  return std::make_unique<TableDevice>(std::move(driver), motion_limits(station));
+}
+
+}  // namespace turncal

@@ -1,0 +1,50 @@
+// The table of a live run, made from the station's configuration, with the station's motion limits around it.
+//
+// Nothing is opened here: connect() does that. Whatever ends the run, an exception too, the table is told to stop when this object
+// goes; what ends the process without that (kill -9) is the affair of the drive's watchdog. The mock has no live table; a dry run makes its own (dry_run_devices.h).
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <ostream>
+
+#include "imu_io/base/clock.h"
+#include "orchestrator/station/station_config.h"
+#include "turntable_drivers/table/limited_turntable.h"
+#include "turntable_drivers/manual/manual_turntable.h"
+#include "turntable_drivers/table/turntable.h"
+
+namespace turncal {
+
+class TableDevice {
+ public:
+  TableDevice(std::unique_ptr<Turntable> driver, const std::array<MotionLimits, 3>& limits)
+      : driver_(std::move(driver)), limited_(*driver_, limits) {}
+  ~TableDevice();
+  TableDevice(const TableDevice&) = delete;
+  TableDevice& operator=(const TableDevice&) = delete;
+  Turntable& table() { return limited_; }
+  // Of a table turned by hand, to say why a move is asked for; else null.
+  ManualTurntable* manual() { return dynamic_cast<ManualTurntable*>(driver_.get()); }
+  // The driver's comparison with known angles; an error for a driver that has none.
+  Status commission(const AxisTriple& known_deg, double tolerance_deg);
+
+ private:
+  std::unique_ptr<Turntable> driver_;
+  LimitedTurntable limited_;
+};
+
+// What the drivers need of the program. All must outlive the table.
+struct TableContext {
+  const Clock& clock;
+  const std::atomic<int>* stop_requests = nullptr;  // a change of the count cuts a wait for the device short
+  int operator_input = 0;                           // of a table turned by hand: file descriptor
+  std::ostream* operator_output = nullptr;
+  GravitySense gravity{};
+};
+
+Result<std::unique_ptr<TableDevice>> make_table(const StationConfig& station, const TableContext& context);
+
+std::array<MotionLimits, 3> motion_limits(const StationConfig& station);
+
+}  // namespace turncal

@@ -1,0 +1,37 @@
+// From a recording to a parameter file: the one place where an estimator is called.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/types/status.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "imu_io/recordings/recording_source.h"
+
+namespace turncal {
+
+// What --method may be; the first one is the default. joint: least squares over every static second, any sequence, with
+// standard deviations. closed-form: the paper's fourteen steps and formulas.
+inline constexpr const char* calibration_methods[] = {"joint", "closed-form"};
+
+// What a recording without table angles is calibrated by, whatever joint asks for: its rests (calib/rests/rest_model.h).
+inline constexpr const char* rest_method = "rests";
+
+struct CalibrationRequest {
+  std::string method = calibration_methods[0];
+  std::string time_utc;  // for the record
+  bool partial = false;  // accept parameters that the recording does not determine; they stay at their start values
+};
+
+struct CalibrationOutput {
+  ParameterFile file;
+  std::optional<double> mean_temperature_c;
+  std::optional<double> min_temperature_c, max_temperature_c;  // of the blocks of a few samples up to a second
+  std::vector<std::string> notes;  // for the operator: what the data lacked, how the solution went
+};
+
+// Errors: kind input for a recording that cannot be calibrated, unit_failed when the solution does not settle.
+Result<CalibrationOutput> calibrate_recording(RecordingSource& source, const CalibrationRequest& request);
+
+}  // namespace turncal

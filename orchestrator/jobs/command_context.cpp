@@ -1,0 +1,22 @@
+#include "orchestrator/jobs/command_context.h"
+
+#include <algorithm>
+
+namespace turncal {
+
+namespace {
+
+std::string one_line(std::string text) {
+  while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
+}
+
+}  // namespace
+
+void CommandContext::fail(const Error& error) {
+  err << tag << "turncal: " << one_line(error.message) << std::endl;
+  exit_code = turncal::exit_code(error.kind);
+}
+
+}  // namespace turncal

@@ -1,0 +1,86 @@
+#include "orchestrator/jobs/effect_terms.h"
+
+#include <algorithm>
+
+#include "calib/model/effects.h"
+#include "calib/joint/joint_estimate.h"
+#include "calib/joint/joint_faults.h"
+#include "calib/statistics/segmentation.h"
+#include "orchestrator/jobs/compress_source.h"
+
+namespace turncal {
+namespace {
+
+bool needs_attitude(const std::string& name) { return name == "earth_rate" || name == "gyro_magnetic"; }
+
+Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info,
+                                             bool has_attitude, Eigen::VectorXd& values) {
+  std::vector<EffectColumn> columns;
+  std::vector<double> found;
+  for (const EffectValue& effect : file.effects) {
+    const std::string key = "effect." + effect.name + "." + effect.component;
+    const EffectEntry* entry = find_effect(effect.name);
+    if (entry == nullptr) return input_error(file_name + ": '" + key + "' is no effect of the catalogue");
+    if (effect.component == "tau_s") continue;
+    const auto at = std::find(entry->components.begin(), entry->components.end(), effect.component);
+    if (at == entry->components.end()) return input_error(file_name + ": '" + key + "' is no component of " + effect.name);
+    if (entry->needs_temperature && !info.has_temperature)
+      return input_error(file_name + ": '" + key + "' depends on temperature, which the recording does not have");
+    if (needs_attitude(effect.name) && !has_attitude)
+      return input_error(file_name + ": '" + key + "' depends on the attitude, which a recording without table angles does not tell");
+    EffectColumn column{entry, static_cast<int>(at - entry->components.begin()), 0.0};
+    if (!entry->taus_s.empty()) {
+      const auto tau = std::find_if(file.effects.begin(), file.effects.end(), [&](const EffectValue& e) {
+        return e.name == effect.name && e.component == "tau_s";
+      });
+      if (tau == file.effects.end()) return input_error(file_name + ": missing key 'effect." + effect.name + ".tau_s'");
+      column.tau_s = tau->value;
+    }
+    columns.push_back(column);
+    found.push_back(effect.value);
+  }
+  values = Eigen::Map<Eigen::VectorXd>(found.data(), static_cast<Eigen::Index>(found.size()));
+  return columns;
+}
+
+}  // namespace
+
+Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string& file_name, RecordingSource& source) {
+  EffectTerms terms;
+  if (file.effects.empty()) return terms;
+  const bool by_hand = without_table_angles(source.segments());
+  Eigen::VectorXd values;
+  const Result<std::vector<EffectColumn>> columns = columns_of(file, file_name, source.info(), !by_hand, values);
+  if (!columns) return columns.error();
+  const auto nowhere = [&] { return input_error(source.path() + ": has no segments, expected some to evaluate effects over"); };
+  if (source.segments().empty()) return nowhere();
+  const Result<CompressedRecording> compressed = compress_source(source);
+  if (!compressed) return compressed.error();
+  const CompressedRecording& recording = *compressed;
+  if (recording.blocks.empty()) return nowhere();
+
+  EffectModel model = make_effect_model(*columns, {recording.info.latitude_deg}, file.reference_temperature_c.value_or(0.0));
+  model.values = values;
+  FilterSetup setup;
+  setup.with_columns = false;
+  setup.keep_motions = true;
+  setup.initial_tilt_sigma_rad = 0.2;
+  setup.noise.accel_pulse_mps = recording.info.accel_increment == IncrementKind::pulses ? recording.info.accel_pulse_mps : 0.0;
+  faults_from_events(recording, setup.breaks);
+  const FilterResult result = run_filter(recording, from_vector(file.parameters), model, setup);
+  for (std::size_t k = 0; k < recording.blocks.size(); ++k) {
+    const double t = recording.blocks[k].duration_s;
+    terms.starts_.push_back(recording.blocks[k].start_sample);
+    terms.terms_.push_back({result.taken_off[k].turn_rad / t, result.taken_off[k].push_mps / t});
+  }
+  return terms;
+}
+
+const EffectTerms::Term& EffectTerms::at(std::int64_t counter) {
+  static const Term none;
+  if (terms_.empty()) return none;
+  while (index_ + 1 < starts_.size() && counter >= starts_[index_ + 1]) ++index_;
+  return terms_[index_];
+}
+
+}  // namespace turncal

@@ -1,0 +1,195 @@
+#include "orchestrator/jobs/run_attempt.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <deque>
+#include <thread>
+
+#include "imu_io/base/clock.h"
+#include "orchestrator/watch/live_view.h"
+#include "orchestrator/watch/progress.h"
+#include "orchestrator/records/recording_sink.h"
+#include "orchestrator/report/report_format.h"
+#include "orchestrator/records/results_database.h"
+#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/run/station_run.h"
+#include "orchestrator/watch/status_page.h"
+#include "orchestrator/devices/stop_signals.h"
+
+namespace turncal {
+
+namespace {
+
+// Feeds the run's log and what the operator sees from the same events.
+class Fanout : public RunObserver {
+ public:
+  explicit Fanout(std::vector<RunObserver*> observers) : observers_(std::move(observers)) {}
+  void on_transition(const TransitionRecord& record) override {
+    for (RunObserver* observer : observers_) observer->on_transition(record);
+  }
+  void on_dropout(const Dropout& dropout) override {
+    for (RunObserver* observer : observers_) observer->on_dropout(dropout);
+  }
+  void on_progress(const RunSnapshot& snapshot) override {
+    for (RunObserver* observer : observers_) observer->on_progress(snapshot);
+  }
+
+ private:
+  std::vector<RunObserver*> observers_;
+};
+
+// Holds virtual time back to `pace` times the wall clock.
+class PaceKeeper : public RunObserver {
+ public:
+  explicit PaceKeeper(double pace) : pace_(pace) {}
+  void on_transition(const TransitionRecord&) override {}
+  void on_progress(const RunSnapshot& snapshot) override {
+    if (pace_ <= 0.0) return;
+    if (!began_s_) began_s_ = steady_wall_s() - snapshot.time_s / pace_;
+    const double ahead_s = snapshot.time_s / pace_ - (steady_wall_s() - *began_s_);
+    if (ahead_s > 0.0) std::this_thread::sleep_for(std::chrono::duration<double>(std::min(ahead_s, 1.0)));
+  }
+
+ private:
+  double pace_;
+  std::optional<double> began_s_;
+};
+
+// The newest results on record, one line each.
+std::vector<std::string> last_results(const PreparedRun& run) {
+  constexpr std::size_t shown = 10;
+  std::vector<std::string> lines;
+  if (run.station.database.empty() || !path_exists(run.station.database)) return lines;
+  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(run.station.database);
+  const auto all = database ? database->list("", "N01") : Result<std::vector<StoredCalibration>>(database.error());
+  if (!all) return {all.error().message};
+  for (std::size_t i = all->size() - std::min(all->size(), shown); i < all->size(); ++i) {
+    const StoredCalibration& c = (*all)[i];
+    lines.push_back(c.time_utc + "  " + c.unit + "  " + c.verdict + (c.simulated ? "  [simulated]" : ""));
+  }
+  return lines;
+}
+
+std::string verdicts_of(const std::vector<UnitRun>& units) {
+  std::string text;
+  for (const UnitRun& unit : units) {
+    const std::string verdict(unit.dropped ? "dropped out" : !unit.status ? "not calibrated" : to_string(unit.results.verdict.verdict));
+    text += (text.empty() ? "" : ", ") + (units.size() > 1 ? unit.run.unit() + " " : "") + verdict;
+  }
+  return text;
+}
+
+// How far every unit came, and what is known of it before there are results.
+void take_outcome(const RunOutcome& outcome, double sample_period_s, std::vector<UnitRun>& units) {
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    const RunOutcome::Unit& end = outcome.units[i];
+    UnitRun& unit = units[i];
+    unit.counts.recorded_s = static_cast<double>(end.recorded_samples) * sample_period_s;
+    unit.counts.repeated_dwells = outcome.repeated_dwells;
+    unit.counts.lost_samples = end.lost_samples;
+    if (!end.dropped_out || unit.dropped) continue;
+    unit.dropped = true;
+    unit.status = Error{end.dropped_out->kind, "unit " + unit.run.unit() + " dropped out at " + end.dropped_out->message};
+  }
+}
+
+}  // namespace
+
+Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context) {
+  RunDevices made;
+  const std::string tag(tag_of(run));
+  if (run.request.rehearsal()) {
+    made.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, run.sequence, STDIN_FILENO, context.out, tag);
+    made.prompts = &made.rehearsal->prompts();
+    return made;
+  }
+  if (run.request.dry_run) {
+    made.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
+    return made;
+  }
+  Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(run.station, StopSignals::requests(), context.out,
+                                                                 run.request.units.size());
+  if (!live) return live.error();
+  made.live = std::move(*live);
+  made.prompts = made.live->prompts(run.sequence, tag);
+  return made;
+}
+
+// One attempt with the devices, up to the verdicts.
+RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
+  const StationDevices devices = made.devices();
+  const std::string tag(tag_of(a.run));
+  const double began_s = steady_wall_s();
+  // A line redrawn in place would run over the operator's answers.
+  const bool in_place = context.out_is_terminal && !made.prompts;
+  ProgressView view(context.out, in_place ? context.terminal_columns : 0, tag, steady_wall_s, stdout_takes_more);
+  LiveView live(join(a.run.request.units), a.run.station.name, a.run.sequence.name, a.run.request.dry_run, last_results(a.run),
+                steady_wall_s);
+  std::unique_ptr<StatusPage> page;
+  if (!a.run.request.listen.empty()) {
+    Result<std::unique_ptr<StatusPage>> opened = StatusPage::open(a.run.request.listen, live);
+    if (!opened) return opened.error();
+    page = std::move(*opened);
+    context.out << tag << "status page " << page->url() << std::endl;
+  }
+  PaceKeeper pace(a.run.request.pace);
+  std::vector<RunObserver*> told{&a.log, &view, &live, &pace};
+  if (made.prompts) told.push_back(made.prompts);
+  Fanout observers(told);
+  std::deque<RecordingSink> recordings;
+  for (UnitRun& unit : a.units) {
+    recordings.emplace_back(unit.folder);
+    unit.counts.sessions = a.sessions;
+  }
+  LiveSink shown(recordings.front(), live);  // the page plots the first unit
+  std::vector<StationUnit> lanes;
+  for (std::size_t i = 0; i < a.units.size(); ++i) {
+    RunSink& sink = i == 0 ? static_cast<RunSink&>(shown) : recordings[i];
+    lanes.push_back({made.imu(i), sink, a.units[i].run.unit()});
+  }
+  const StopSignals signals(FirstInterrupt::pauses);
+  StationRun* running = nullptr;
+  const auto calibrate = [&]() -> Status {
+    take_outcome(running->outcome(), a.sample_period_s, a.units);
+    return calibrate_units(a.units, devices.clock.utc_s(), a.journal);
+  };
+  StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume, a.sessions > 1}, lanes,
+                 {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
+  running = &run;
+  const RunOutcome outcome = run.run();
+  for (std::size_t i = 0; made.live && i < a.units.size(); ++i) {
+    a.log.line("unit " + a.units[i].run.unit() + ": " + made.live->unit_summary(i));
+  }
+  view.clear();
+  take_outcome(outcome, a.sample_period_s, a.units);
+  const bool done = outcome.state == RunState::done;
+  live.end(done ? "done: " + verdicts_of(a.units) : outcome.error.message);
+  if (page) page->say_goodbye();
+  if (!done) {
+    a.log.line(outcome.error.message);
+    const bool recorded = std::any_of(a.units.begin(), a.units.end(), [](const UnitRun& unit) { return unit.counts.recorded_s > 0.0; });
+    Error whole = outcome.error;
+    for (UnitRun& unit : a.units) {
+      if (unit.dropped) whole.message += "; " + unit.status.error().message;
+      else unit.status = outcome.error;
+    }
+    if (outcome.state == RunState::interrupted) {
+      whole.message += "; go on with: turncal resume " + a.folder;
+    } else if (recorded) {
+      context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
+    }
+    return whole;
+  }
+  if (!a.log.status()) return a.log.status();
+  for (const UnitRun& unit : a.units) {
+    if (!unit.dropped && !unit.status) a.log.line("unit " + unit.run.unit() + ": " + unit.status.error().message);
+  }
+  conclude_units(a.units, steady_wall_s() - began_s, a.folder + "/" + log_name, context.out);
+  RunEnd end(status_of(a.units));
+  end.to_the_end = true;
+  return end;
+}
+
+}  // namespace turncal

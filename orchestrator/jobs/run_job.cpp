@@ -1,0 +1,250 @@
+#include "orchestrator/jobs/run_job.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "imu_io/base/clock.h"
+#include "orchestrator/station/hooks.h"
+#include "orchestrator/records/output_folder.h"
+#include "orchestrator/watch/progress.h"
+#include "orchestrator/records/recording_sink.h"
+#include "orchestrator/report/report_format.h"
+#include "orchestrator/jobs/run_attempt.h"
+#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/station/version.h"
+
+namespace turncal {
+
+namespace {
+
+Status check_plan(const Plan& plan) {
+  if (plan.ok()) return {};
+  const std::size_t more = plan.violations.size() - 1;
+  return input_error(plan.violations.front() +
+                     (more > 0 ? " (and " + std::to_string(more) + " more; see turncal check)" : ""));
+}
+
+// A table whose calibration is overdue is used only with a reason.
+Status check_due(const PreparedRun& run, double utc_s) {
+  const std::string& due = run.station.table_calibration_due;
+  const std::string today = format_utc(utc_s).substr(0, 10);
+  if (due.empty() || today <= due) return {};  // days as 2026-12-31 sort as they follow each other
+  if (!run.request.overdue_reason.empty()) return {};
+  return input_error("the calibration of table '" + run.station.table_id + "' was due on " + due + ", today is " + today +
+                     ": expected a calibrated table, or --override-due REASON, which goes on record");
+}
+
+std::string first_line(const PreparedRun& run) {
+  return std::string("turncal ") + software_version() + (run.request.units.size() > 1 ? ", units " : ", unit ") + join(run.request.units) +
+         ", station " + run.station.name + ", sequence " + run.sequence.name +
+         (run.request.dry_run ? ", rig seed " + std::to_string(run.rig.seed) : run.simulated() ? ", simulated devices" : "");
+}
+
+// What the station wants told of every unit; the run's outcome is not changed by it.
+RunEnd told(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
+  for (UnitRun& unit : units) {
+    if (!end.to_the_end && unit.status) unit.status = end.status;
+    HookCall call = call_for(unit.status);
+    call.unit = unit.run.unit();
+    call.folder = unit.folder;
+    call.dry_run = unit.run.request.dry_run;
+    if (Status status = run_hook(unit.run.station.hooks, call); !status && log) log->line(status.error().message);
+    end.units.push_back({unit.run.unit(), unit.folder, unit.dropped, unit.status});
+  }
+  return end;
+}
+
+// Everything is recorded: no device is needed any more.
+RunEnd finish_sealed(std::vector<UnitRun>& units, const std::string& folder, const JournalContents& contents,
+                     JournalFile& journal, CommandContext& context) {
+  const double began_s = steady_wall_s();
+  if (Status status = take_counts(units, contents); !status) return status;
+  if (Status status = calibrate_units(units, *contents.seal_utc_s, journal); !status) return status;
+  conclude_units(units, steady_wall_s() - began_s, folder + "/" + log_name, context.out);
+  RunEnd end(status_of(units));
+  end.to_the_end = true;
+  return end;
+}
+
+Plan plan_of(const PreparedRun& run, double sample_period_s) {
+  return make_plan(run.sequence, plan_limits(run.station, sample_period_s));
+}
+
+// Whoever had dropped out. late: also those behind the last completed dwell, which a run that goes on takes back.
+void mark_dropped(const JournalContents& contents, bool late, std::vector<UnitRun>& units) {
+  for (UnitRun& unit : units) {
+    unit.dropped = false;
+    unit.status = {};
+  }
+  for (const JournalContents::DroppedUnit& dropped : contents.dropped) {
+    if (dropped.unit >= units.size() || (dropped.behind_last_dwell && !late)) continue;
+    UnitRun& unit = units[dropped.unit];
+    unit.dropped = true;
+    unit.status = Error{dropped.why.kind, "unit " + unit.run.unit() + " dropped out at " + dropped.why.message};
+  }
+}
+
+// Of one unit, the only one of its run or not; null: none yet.
+const JournalFields* verdict_of(const JournalContents& contents, const std::string& unit) {
+  const bool alone = contents.units().size() == 1;
+  const std::pair<std::string, std::string> mark("unit", unit);
+  const JournalFields* last = nullptr;
+  for (const JournalFields& verdict : contents.verdicts) {
+    if (alone || std::find(verdict.begin(), verdict.end(), mark) != verdict.end()) last = &verdict;
+  }
+  return last;
+}
+
+RunEnd say_over(const JournalContents& contents, const std::string& folder, std::ostream& out) {
+  PreparedRun named;
+  named.request.units = contents.units();
+  std::vector<UnitRun> units = units_of(named, folder);
+  mark_dropped(contents, true, units);
+  for (UnitRun& unit : units) {
+    if (unit.dropped) continue;
+    const std::string& result = verdict_of(contents, unit.run.unit())->front().second;
+    out << tag_of(contents) << "The run of unit " << unit.run.unit()
+        << " is complete, verdict " << result << ": nothing to resume." << std::endl;
+    if (result == to_string(UnitVerdict::fail) || result == to_string(UnitVerdict::conditional_fail)) {
+      unit.status = Error{ErrorKind::unit_failed, unit.folder + ": the unit's verdict is " + result};
+    }
+  }
+  RunEnd end(status_of(units));
+  end.to_the_end = true;
+  for (const UnitRun& unit : units) end.units.push_back({unit.run.unit(), unit.folder, unit.dropped, unit.status});
+  return end;
+}
+
+// What the journal says was asked for, with what is given now.
+Result<RunRequest> request_again(const JournalContents& contents, const RunRequest& now) {
+  RunRequest request = request_of(contents);
+  if (!now.units.empty() && now.units != request.units) {
+    const auto list = [](const std::vector<std::string>& units) {
+      std::string text;
+      for (const std::string& unit : units) text += (text.empty() ? "'" : ", '") + unit + "'";
+      return text;
+    };
+    return input_error("--unit " + list(now.units) + ": expected " + list(request.units) + ", whose run this is");
+  }
+  if (!now.station.empty()) request.station = now.station;
+  if (!now.sequence.empty()) request.sequence = now.sequence;
+  if (!now.rig.empty()) request.rig = now.rig;
+  if (request.overdue_reason.empty()) request.overdue_reason = now.overdue_reason;
+  request.listen = now.listen;
+  request.pace = now.pace;
+  return request;
+}
+
+}  // namespace
+
+bool is_over(const JournalContents& journal) {
+  if (journal.verdicts.empty()) return false;
+  const std::vector<std::string> units = journal.units();
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    const bool dropped = std::any_of(journal.dropped.begin(), journal.dropped.end(), [i](const auto& gone) { return gone.unit == i; });
+    if (!dropped && !verdict_of(journal, units[i])) return false;
+  }
+  return true;
+}
+
+RunEnd begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
+  if (request.dry_run) context.tag = dry_run_tag;
+  Result<PreparedRun> prepared = prepare(request);
+  if (!prepared) return prepared.error();
+  context.tag = tag_of(*prepared);
+  const double period_s = prepared->sample_period_s();
+  const Plan plan = plan_of(*prepared, period_s);
+  if (Status status = check_plan(plan); !status) return status;
+  Result<RunDevices> devices = make_devices(*prepared, context);
+  if (!devices) return devices.error();
+  if (Status status = check_due(*prepared, devices->devices().clock.utc_s()); !status) return status;
+
+  Result<OutputFolder> folder = OutputFolder::prepare(folder_path, {binary_recording_name, partial_recording_name,
+                                                                    parameters_name, truth_name, log_name, journal_name});
+  if (!folder) return folder.error();
+  std::vector<UnitRun> units = units_of(*prepared, folder->path());
+  std::vector<OutputFolder> unit_folders;
+  for (std::size_t i = 0; units.size() > 1 && i < units.size(); ++i) {
+    Result<OutputFolder> own = OutputFolder::prepare(
+        units[i].folder, {binary_recording_name, partial_recording_name, parameters_name, truth_name});
+    if (!own) return own.error();
+    unit_folders.push_back(std::move(*own));
+  }
+  Result<JournalFile> journal = JournalFile::create(folder->file(journal_name), begin_fields(*prepared));
+  if (!journal) return journal.error();
+  Result<RunLog> log = RunLog::create(folder->file(log_name), std::string(tag_of(*prepared)));
+  if (!log) return log.error();
+  log->line(first_line(*prepared));
+
+  RunEnd end = attempt({*prepared, plan, period_s, units, folder->path(), *journal, *log, std::nullopt, 1}, *devices, context);
+  const bool interrupted = !end.status && end.status.error().kind == ErrorKind::interrupted;  // there is something to go on with
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    if (units[i].counts.recorded_s <= 0.0 && !interrupted) continue;
+    folder->keep();
+    if (!unit_folders.empty()) unit_folders[i].keep();
+  }
+  return told(std::move(end), units, &*log);
+}
+
+RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
+  const std::string path = folder + "/" + journal_name;
+  if (!path_exists(path)) return input_error(folder + ": holds no " + journal_name + ": expected the folder of a run");
+  Result<JournalFile> journal = JournalFile::reopen(path);  // its lock: nobody else goes on with this run
+  if (!journal) return journal.error();
+  const Result<JournalContents> contents = read_journal(path);
+  if (!contents) return contents.error();
+  if (contents->begin_value("live") != "true") context.tag = dry_run_tag;
+  if (is_over(*contents)) return say_over(*contents, folder, context.out);
+  const Result<RunRequest> request = request_again(*contents, now);
+  if (!request) return request.error();
+  Result<PreparedRun> prepared = prepare(*request);
+  if (!prepared) return prepared.error();
+  context.tag = tag_of(*prepared);
+  if (Status status = check_unchanged(*prepared, *contents); !status) return status;
+
+  std::vector<UnitRun> units = units_of(*prepared, folder);
+  mark_dropped(*contents, true, units);
+  const Result<bool> sealed = sealed_recordings(units);
+  if (!sealed) return sealed.error();
+  if (*sealed) return told(finish_sealed(units, folder, *contents, *journal, context), units, nullptr);
+
+  mark_dropped(*contents, false, units);
+  const double period_s = prepared->sample_period_s();
+  const Plan plan = plan_of(*prepared, period_s);
+  if (Status status = check_plan(plan); !status) return status;
+  Result<RunDevices> devices = make_devices(*prepared, context);
+  if (!devices) return devices.error();
+  std::optional<ResumePoint> resume;
+  std::string what = "no dwell was complete: begins anew";
+  if (contents->last_dwell) {
+    if (contents->last_dwell->item >= plan.items.size()) return input_error(path + ": names an item that the plan has not");
+    if (contents->last_dwell->units.size() != units.size()) return input_error(path + ": a dwell is not of all units of the run");
+    resume = ResumePoint{*contents->last_dwell, devices->rig != nullptr};
+    for (const UnitRun& unit : units) resume->dropped.push_back(unit.dropped);
+    if (devices->rig) {
+      if (Status status = devices->rig->put_back(contents->commands, contents->last_dwell->time_s); !status) return status;
+    }
+    if (devices->rehearsal) {
+      if (Status status = devices->rehearsal->pass_until(contents->last_dwell->time_s); !status) return status;
+    }
+    what = "goes on behind item " + std::to_string(contents->last_dwell->item + 1) + " of " +
+           std::to_string(plan.items.size());
+  } else {
+    std::error_code ignored;
+    for (const UnitRun& unit : units) {
+      std::filesystem::create_directories(unit.folder, ignored);
+      std::filesystem::remove(unit.folder + "/" + partial_recording_name, ignored);
+    }
+  }
+  if (Status status = check_due(*prepared, devices->devices().clock.utc_s()); !status) return status;
+  const JournalFields resumed = {{"software_version", software_version()}, {"what", what},
+                                 {"overdue_reason", prepared->request.overdue_reason}};
+  if (Status status = journal->append(JournalType::resume, resumed); !status) return status;
+  Result<RunLog> log = RunLog::append(folder + "/" + log_name, std::string(tag_of(*prepared)));
+  if (!log) return log.error();
+  log->line("resumed by turncal " + std::string(software_version()) + ": " + what);
+  const Attempt again{*prepared, plan, period_s, units, folder, *journal, *log, resume, contents->sessions + 1};
+  return told(attempt(again, *devices, context), units, &*log);
+}
+
+}  // namespace turncal

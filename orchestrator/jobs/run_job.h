@@ -1,0 +1,40 @@
+// A run from beginning to end: `begin_run` in a new folder, `take_up_run` where one was interrupted.
+//
+// The folder holds journal.tcj and run.log; there, or below it for each of several units (unit_run.h), are recording.partial.tcr
+// (recording.tcr once sealed), parameters.conf, and after a dry run truth.conf. A run that failed before its first sample leaves
+// nothing; one that failed later can be taken up.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "orchestrator/jobs/command_context.h"
+#include "orchestrator/records/journal_file.h"
+#include "orchestrator/jobs/run_request.h"
+
+namespace turncal {
+
+struct RunEnd {
+  Status status;  // of the whole run: what the command returns
+  struct Unit {
+    std::string serial, folder;
+    bool dropped = false;  // before the end; the others went on
+    Status status;
+  };
+  std::vector<Unit> units;   // none: refused before anything was made
+  bool to_the_end = false;   // whatever became of single units, the table and the run are in order
+
+  RunEnd(Status how) : status(std::move(how)) {}
+  RunEnd(Error why) : status(std::move(why)) {}
+};
+
+// Every unit that is left has its verdict: nothing to resume.
+bool is_over(const JournalContents& journal);
+
+RunEnd begin_run(const RunRequest& request, const std::string& folder, CommandContext& context);
+
+// `now`: where the files are now that the journal names (station, sequence, rig); empty: where they were; and listen and pace.
+// The devices must be the same kind (simulated or not), the units and every hash those of the journal.
+RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandContext& context);
+
+}  // namespace turncal

@@ -1,0 +1,208 @@
+#include "orchestrator/jobs/run_request.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <tuple>
+#include <utility>
+
+#include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/recording_check.h"
+#include "imu_io/recordings/recording_source.h"
+#include "orchestrator/station/builtin_sequence.h"
+#include "orchestrator/station/version.h"
+
+namespace turncal {
+
+namespace {
+
+// The text of a file, or of what is built in: then only the version says what it was.
+Result<std::string> text_of(std::string& path, const std::string& built_in) {
+  if (path.empty()) return built_in;
+  std::error_code error;
+  const std::filesystem::path absolute = std::filesystem::absolute(path, error);
+  if (!error) path = absolute.lexically_normal().string();
+  return read_whole_file(path);
+}
+
+std::string of_this_version(const char* what) { return std::string(what) + " of turncal " + software_version(); }
+
+// `given`: the path as the user gave it, for messages.
+Result<StationConfig> station_from(const std::string& path, const std::string& text, const std::string& given) {
+  if (path.empty()) return default_station_config();
+  Result<StationConfig> station = parse_station_config(text, given);
+  if (station) station->file = path;
+  return station;
+}
+
+Status check_words(const RunRequest& request) {
+  for (const std::string& unit : request.units) {
+    if (!is_plain_text(unit)) {
+      return input_error("--unit '" + unit + "': expected a serial number of printable characters without '#'");
+    }
+    if (std::count(request.units.begin(), request.units.end(), unit) > 1) {
+      return input_error("--unit '" + unit + "': given twice, expected every unit once");
+    }
+  }
+  const std::pair<const char*, const std::string*> words[] = {{"--operator", &request.operator_name},
+                                                              {"--part", &request.part},
+                                                              {"--revision", &request.revision},
+                                                              {"--ambient", &request.ambient},
+                                                              {"--override-due", &request.overdue_reason}};
+  for (const auto& [name, word] : words) {
+    if (!word->empty() && !is_plain_text(*word)) {
+      return input_error(std::string(name) + " '" + *word + "': expected printable characters without '#'");
+    }
+  }
+  return {};
+}
+
+// A live run needs devices that are there.
+Status check_live(const PreparedRun& run) {
+  if (!run.request.rig.empty()) return input_error("--rig describes a simulated table and unit: it needs --dry-run");
+  if (run.request.pace > 0.0) return input_error("--pace holds back virtual time: it needs --dry-run");
+  return check_real_devices(run.station);
+}
+
+// What the operator may type has to count as arrived.
+void turn_by_hand(StationConfig& station) {
+  station.table.driver = TableDriver::manual;
+  station.motion.position_tolerance_deg =
+      std::max(station.motion.position_tolerance_deg, 1.1 * station.table.manual.tolerance_deg);
+}
+
+Status prepare_rig(PreparedRun& run) {
+  RunRequest& wanted = run.request;
+  const std::string rig_given = wanted.rig.empty() ? run.station.rig_file : wanted.rig;
+  wanted.rig = rig_given;
+  const Result<std::string> rig_text = text_of(wanted.rig, of_this_version("built-in rig"));
+  if (!rig_text) return rig_text.error();
+  run.rig = default_rig_config();
+  if (!wanted.rig.empty()) {
+    Result<RigConfig> rig = read_rig_config(rig_given);
+    if (!rig) return rig.error();
+    run.rig = std::move(*rig);
+  }
+  run.rig_hash = hash_of_text(*rig_text);
+  if (wanted.station.empty()) {  // the built-in station stands where the rig does
+    run.station.latitude_deg = run.rig.site.latitude_deg;
+    run.station.gravity_mps2 = run.rig.site.gravity_mps2;
+  }
+  return {};
+}
+
+}  // namespace
+
+std::size_t places(const PreparedRun& run) { return run.request.dry_run ? most_units : run.station.imu_places(); }
+
+Status check_real_devices(const StationConfig& station) {
+  const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
+  if (mock && rig) {
+    return input_error("station '" + station.name +
+                       "' has only mock devices (table.driver = mock, imu.driver = rig): nothing real would be "
+                       "calibrated; use --dry-run to rehearse");
+  }
+  if (mock || rig) {
+    return input_error("station '" + station.name + "' has " + (mock ? "a mock table (table.driver = mock)" : "a mock unit (imu.driver = rig)") +
+                       ": expected table and unit both real, or --dry-run to rehearse");
+  }
+  return {};
+}
+
+Result<PreparedRun> prepare(const RunRequest& request) {
+  PreparedRun run;
+  run.request = request;
+  RunRequest& wanted = run.request;
+  if (Status status = check_words(wanted); !status) return status.error();
+
+  const Result<std::string> station_text = text_of(wanted.station, of_this_version("built-in station"));
+  if (!station_text) return station_text.error();
+  Result<StationConfig> station = station_from(wanted.station, *station_text, request.station);
+  if (!station) return station.error();
+  run.station = std::move(*station);
+  if (wanted.manual) turn_by_hand(run.station);
+  if (wanted.rehearsal() && wanted.units.size() > 1) {
+    return input_error("--manual --dry-run with " + std::to_string(wanted.units.size()) + " units: expected one, a rehearsal has one rig");
+  }
+  run.station_hash = hash_of_text(*station_text);
+
+  if (wanted.dry_run) {
+    if (Status status = prepare_rig(run); !status) return status.error();
+  } else if (Status status = check_live(run); !status) {
+    return status.error();
+  }
+
+  if (wanted.units.size() > places(run)) {
+    return input_error("--unit: " + std::to_string(wanted.units.size()) + " units: expected at most " +
+                       std::to_string(places(run)) +
+                       (wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)"));
+  }
+
+  const Result<std::string> sequence_text = text_of(wanted.sequence, builtin_sequence_text());
+  if (!sequence_text) return sequence_text.error();
+  Result<Sequence> sequence =
+      parse_sequence(*sequence_text, wanted.sequence.empty() ? builtin_sequence_name() : request.sequence);
+  if (!sequence) return sequence.error();
+  run.sequence = std::move(*sequence);
+  run.sequence_hash = hash_of_text(*sequence_text);
+  return run;
+}
+
+JournalFields begin_fields(const PreparedRun& run) {
+  const RunRequest& request = run.request;
+  JournalFields fields = {{"format", "1"},
+          {"software_version", software_version()},
+          {"simulated", run.simulated() ? "true" : "false"},
+          {"live", request.dry_run ? "" : "true"},
+          {"manual", request.manual ? "true" : ""},
+          {"capture_only", request.capture_only ? "true" : "false"},
+          {"unit", request.units.front()},
+          {"station", request.station},
+          {"station_hash", run.station_hash},
+          {"rig", request.rig},
+          {"rig_hash", run.rig_hash},
+          {"sequence", request.sequence},
+          {"sequence_hash", run.sequence_hash},
+          {"operator", request.operator_name},
+          {"part", request.part},
+          {"revision", request.revision},
+          {"ambient", request.ambient},
+          {"overdue_reason", request.overdue_reason}};
+  for (std::size_t unit = 1; unit < request.units.size(); ++unit) {
+    fields.emplace_back("unit." + std::to_string(unit + 1), request.units[unit]);
+  }
+  return fields;
+}
+
+RunRequest request_of(const JournalContents& journal) {
+  RunRequest request;
+  request.dry_run = journal.begin_value("live") != "true";
+  request.manual = journal.begin_value("manual") == "true";
+  request.capture_only = journal.begin_value("capture_only") == "true";
+  request.units = journal.units();
+  request.station = journal.begin_value("station");
+  request.rig = journal.begin_value("rig");
+  request.sequence = journal.begin_value("sequence");
+  request.operator_name = journal.begin_value("operator");
+  request.part = journal.begin_value("part");
+  request.revision = journal.begin_value("revision");
+  request.ambient = journal.begin_value("ambient");
+  request.overdue_reason = journal.begin_value("overdue_reason");
+  return request;
+}
+
+Status check_unchanged(const PreparedRun& run, const JournalContents& journal) {
+  const RunRequest& request = run.request;
+  const std::tuple<const char*, const std::string&, const std::string&> parts[] = {
+      {"station", request.station, run.station_hash},
+      {"rig", request.rig, run.rig_hash},
+      {"sequence", request.sequence, run.sequence_hash}};
+  for (const auto& [name, path, hash] : parts) {
+    if (journal.begin_value(std::string(name) + "_hash") == hash) continue;
+    return input_error((path.empty() ? std::string("the built-in ") + name : path) + ": is not the " + name +
+                       " that the run began with: expected hash " + journal.begin_value(std::string(name) + "_hash") +
+                       ", found " + hash);
+  }
+  return {};
+}
+
+}  // namespace turncal

@@ -1,0 +1,49 @@
+// From a sealed recording to what a run leaves behind, in the order in which it becomes durable:
+//
+//   truth.conf (dry run) -> parameters.conf -> journal `results` -> database -> parameter store -> journal `verdict`
+//
+// Only then is a verdict printed. Every step can be done again: a run that was interrupted in between repeats them all with the
+// same bytes.
+#pragma once
+
+#include <optional>
+#include <ostream>
+#include <string>
+#include <string_view>
+
+#include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/run_request.h"
+#include "orchestrator/station/verdict.h"
+
+namespace turncal {
+
+inline constexpr const char* parameters_name = "parameters.conf";
+inline constexpr const char* truth_name = "truth.conf";
+// Before every line that a dry run prints or logs, so that none passes for a real one.
+inline constexpr std::string_view dry_run_tag = "[dry run] ";
+inline constexpr std::string_view simulated_tag = "[simulated] ";  // the same of a live run with a twin
+std::string_view tag_of(const PreparedRun& run);
+std::string_view tag_of(const JournalContents& journal);
+
+struct RunCounts {
+  double recorded_s = 0.0;
+  int repeated_dwells = 0;
+  std::uint64_t lost_samples = 0;
+  int sessions = 1;  // how often the run was begun or taken up again
+};
+
+struct RunResults {
+  std::optional<CalibrationOutput> output;  // empty: only captured
+  VerdictReport verdict;
+};
+
+// utc_s: when the recording was sealed. mark: goes behind the other fields of the journal's records.
+Status write_results(const PreparedRun& run, const std::string& folder, double utc_s, const RunCounts& counts,
+                     JournalFile& journal, const JournalFields& mark, RunResults& results);
+
+void print_summary(const PreparedRun& run, const std::string& folder, const RunCounts& counts, const RunResults& results,
+                   double wall_s, const std::string& log, std::ostream& out);
+// An error of kind unit_failed when the verdict is not one to accept.
+Status verdict_status(const std::string& unit, const VerdictReport& report);
+
+}  // namespace turncal

@@ -1,0 +1,131 @@
+#include "orchestrator/jobs/unit_run.h"
+
+#include <algorithm>
+
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/recordings/recording_source.h"
+#include "orchestrator/records/parameter_store.h"
+#include "orchestrator/records/recording_sink.h"
+
+namespace turncal {
+
+namespace {
+
+std::string recording_of(const UnitRun& unit) { return unit.folder + "/" + binary_recording_name; }
+std::string partial_of(const UnitRun& unit) { return unit.folder + "/" + partial_recording_name; }
+
+// A recording that was finished but not yet renamed when the run was interrupted. Returns whether there is a sealed one.
+Result<bool> sealed_recording(const UnitRun& unit) {
+  if (path_exists(recording_of(unit))) return true;
+  if (!path_exists(partial_of(unit))) return false;
+  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(partial_of(unit));
+  if (!source || !(*source)->damage().complete) return false;
+  if (Status status = rename_durably(partial_of(unit), recording_of(unit)); !status) return status.error();
+  return true;
+}
+
+// Every recording was synced whole before the first was finished: what is missing is the end mark.
+Status seal_like(const UnitRun& unit, const UnitRun& sealed) {
+  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(recording_of(sealed));
+  if (!source) return source.error();
+  Result<RecordingWriter> writer = RecordingWriter::reopen(partial_of(unit), RecordingWriter::OpenSegment::drop);
+  if (!writer) return writer.error();
+  if (writer->segments().size() != (*source)->segments().size()) {
+    return input_error(partial_of(unit) + ": holds " + std::to_string(writer->segments().size()) + " segments, expected " +
+                       std::to_string((*source)->segments().size()) + " as in " + recording_of(sealed));
+  }
+  if (Status status = writer->finish(); !status) return status;
+  return rename_durably(partial_of(unit), recording_of(unit));
+}
+
+}  // namespace
+
+std::vector<UnitRun> units_of(const PreparedRun& run, const std::string& folder) {
+  std::vector<UnitRun> units;
+  const bool alone = run.request.units.size() == 1;
+  for (std::size_t i = 0; i < run.request.units.size(); ++i) {
+    const std::string& serial = run.request.units[i];
+    UnitRun unit{.run = run, .folder = alone ? folder : folder + "/" + name_of_unit(serial), .mark = {}};
+    unit.run.request.units = {serial};
+    unit.run.rig = rig_of_unit(run.rig, i);
+    if (!alone) unit.mark = {{"unit", serial}};
+    units.push_back(std::move(unit));
+  }
+  return units;
+}
+
+Status calibrate_units(std::vector<UnitRun>& units, double utc_s, JournalFile& journal) {
+  bool any = false;
+  Status first;
+  for (UnitRun& unit : units) {
+    if (unit.dropped) continue;
+    unit.status = write_results(unit.run, unit.folder, utc_s, unit.counts, journal, unit.mark, unit.results);
+    if (unit.status) any = true;
+    else if (first) first = unit.status;
+  }
+  return any ? Status{} : first;
+}
+
+void conclude_units(std::vector<UnitRun>& units, double wall_s, const std::string& log, std::ostream& out) {
+  for (UnitRun& unit : units) {
+    if (unit.dropped || !unit.status) continue;
+    if (units.size() > 1) out << tag_of(unit.run) << "unit " << unit.run.unit() << ":\n";
+    print_summary(unit.run, unit.folder, unit.counts, unit.results, wall_s, log, out);
+    unit.status = verdict_status(unit.run.unit(), unit.results.verdict);
+  }
+}
+
+Status status_of(const std::vector<UnitRun>& units) {
+  if (units.size() == 1) return units.front().status;
+  Error worst{ErrorKind::input, ""};
+  for (const UnitRun& unit : units) {
+    if (unit.status) continue;
+    const Error& error = unit.status.error();
+    const ErrorKind kind = unit.dropped ? ErrorKind::device : error.kind;
+    if (exit_code(kind) > exit_code(worst.kind)) worst.kind = kind;
+    const std::string name = "unit " + unit.run.unit();
+    const bool named = error.message.starts_with(name);
+    worst.message += (worst.message.empty() ? "" : "; ") + (named ? "" : name + ": ") + error.message;
+  }
+  return worst.message.empty() ? Status{} : worst;
+}
+
+Result<bool> sealed_recordings(const std::vector<UnitRun>& units) {
+  const UnitRun* sealed = nullptr;
+  std::vector<const UnitRun*> open;
+  for (const UnitRun& unit : units) {
+    if (unit.dropped) continue;
+    const Result<bool> is_sealed = sealed_recording(unit);
+    if (!is_sealed) return is_sealed.error();
+    if (*is_sealed) sealed = &unit;
+    else open.push_back(&unit);
+  }
+  if (!sealed) return false;
+  for (const UnitRun* unit : open) {
+    if (Status status = seal_like(*unit, *sealed); !status) return status.error();
+  }
+  return true;
+}
+
+Status take_counts(std::vector<UnitRun>& units, const JournalContents& contents) {
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    UnitRun& unit = units[i];
+    if (unit.dropped) continue;
+    if (!contents.seal_utc_s || !contents.last_dwell) {
+      return input_error(unit.folder + ": the recording is complete, but the journal knows nothing of it");
+    }
+    Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(recording_of(unit));
+    if (!source) return source.error();
+    if ((*source)->info().simulated != unit.run.simulated() || (*source)->info().unit_serial != unit.run.unit()) {
+      return input_error(unit.folder + ": the recording is of unit " + (*source)->info().unit_serial + " and " +
+                         ((*source)->info().simulated ? "simulated" : "real") + ", the journal is of another");
+    }
+    unit.counts.repeated_dwells = contents.last_dwell->repeated_dwells;
+    unit.counts.lost_samples = contents.last_dwell->units[i].lost_samples;
+    unit.counts.sessions = contents.sessions + 1;
+    unit.counts.recorded_s = static_cast<double>((*source)->segments().back().end_sample) * (*source)->info().sample_period_s;
+  }
+  return {};
+}
+
+}  // namespace turncal

@@ -1,0 +1,42 @@
+// One unit's part of a run: its folder, its recording and what is made of it. A run of one unit has them in its own folder, a
+// run of several in FOLDER/SERIAL (name_of_unit) each, with journal.tcj and run.log in FOLDER.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "orchestrator/jobs/command_context.h"
+#include "orchestrator/records/journal_file.h"
+#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/run/station_run.h"
+
+namespace turncal {
+
+struct UnitRun {
+  PreparedRun run;  // of this unit alone: its serial number and its rig
+  std::string folder;
+  JournalFields mark;  // "unit", of a run of several: which unit a record of the journal is about
+  RunCounts counts{};
+  RunResults results{};
+  bool dropped = false;
+  Status status{};  // how it ended
+};
+
+std::vector<UnitRun> units_of(const PreparedRun& run, const std::string& folder);
+
+// Parameters and verdict of every unit that is left, from sealed recordings; counts as they are. One that cannot be calibrated
+// leaves the others running. An error when there is none that can be.
+Status calibrate_units(std::vector<UnitRun>& units, double utc_s, JournalFile& journal);
+// Prints the results and sets the status of every unit that is left and was calibrated.
+void conclude_units(std::vector<UnitRun>& units, double wall_s, const std::string& log, std::ostream& out);
+
+// Of the whole run: success, or the worst kind and a line that names every unit that has something to say.
+Status status_of(const std::vector<UnitRun>& units);
+
+// Recordings that were complete when the run was interrupted, one that had no time to be finished among them. False: they are
+// not, and the run has to go on with devices.
+Result<bool> sealed_recordings(const std::vector<UnitRun>& units);
+// What the journal says about them then.
+Status take_counts(std::vector<UnitRun>& units, const JournalContents& contents);
+
+}  // namespace turncal

@@ -1,0 +1,79 @@
+// The run's journal on disk, `journal.tcj`: append-only numbered records with checksums (imu_io/base/record_log.h), each synced
+// before append returns. A record's payload is `key = value` text; docs/journal.md lists the types and keys.
+//
+// The file appears whole with its first record or not at all. A torn last record, as a power loss leaves it, is cut off when
+// the journal is opened again; a hole in the middle is damage, and the run it belongs to is not taken up. One process at a
+// time, enforced by a lock.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "imu_io/base/posix_file.h"
+#include "orchestrator/run/run_journal.h"
+
+namespace turncal {
+
+inline constexpr const char* journal_name = "journal.tcj";
+
+enum class JournalType : std::uint32_t { begin = 1, transition, home, move, dwell, seal, resume, results, verdict, dropout };
+std::string_view to_string(JournalType type);
+
+using JournalFields = std::vector<std::pair<std::string, std::string>>;  // an empty value is left out of the record
+
+class JournalFile : public RunJournal {
+ public:
+  static Result<JournalFile> create(const std::string& path, const JournalFields& begin);
+  static Result<JournalFile> reopen(const std::string& path);  // the torn tail is cut
+
+  // On disk when this returns success. After an error every further append is refused.
+  Status append(JournalType type, const JournalFields& fields);
+
+  Status transition(const TransitionRecord& record) override;
+  Status home(double time_s) override;
+  Status move(const Move& move, double time_s) override;
+  Status dwell(const CompletedDwell& dwell) override;
+  Status dropout(const Dropout& dropout) override;
+  Status seal(double utc_s) override;
+
+ private:
+  JournalFile(PosixFile file, std::uint32_t next_number) : file_(std::move(file)), next_number_(next_number) {}
+  PosixFile file_;
+  std::uint32_t next_number_ = 0;
+  bool failed_ = false;
+};
+
+// A command to the table, on the station's clock. No move: home.
+struct JournalCommand {
+  double time_s = 0.0;
+  std::optional<Move> move;
+};
+
+// What a journal says about its run.
+struct JournalContents {
+  JournalFields begin;
+  std::optional<CompletedDwell> last_dwell;
+  std::vector<JournalCommand> commands;   // up to last_dwell, without those of attempts that were taken back
+  std::optional<double> seal_utc_s;       // of the last attempt to seal
+  int sessions = 1;                       // 1 + resumes
+  std::vector<JournalFields> verdicts;    // one a unit, as they came
+  struct DroppedUnit {
+    std::size_t unit = 0;
+    Error why;
+    bool behind_last_dwell = false;       // taken back with all that is behind it, unless the recordings are sealed
+  };
+  std::vector<DroppedUnit> dropped;
+
+  std::vector<std::string> units() const;  // their serial numbers
+
+  const std::string& begin_value(std::string_view key) const;  // "" when missing
+};
+
+Result<JournalContents> read_journal(const std::string& path);
+// One line a record, for people: "  12 move       time_s = 7  axis = pitch ...".
+Result<std::string> journal_as_text(const std::string& path);
+
+}  // namespace turncal

@@ -1,0 +1,104 @@
+#include "orchestrator/records/parameter_store.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/base/format_number.h"
+
+namespace turncal {
+
+namespace fs = std::filesystem;
+
+std::string name_of_unit(const std::string& unit) {
+  std::string name;
+  for (const char c : unit) {
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+    char code[8];
+    std::snprintf(code, sizeof code, plain ? "%c" : "%%%02x", static_cast<unsigned char>(c));
+    name += code;
+  }
+  return name;
+}
+
+namespace {
+
+constexpr const char* in_use_name = "parameters.conf";
+
+std::string unit_folder(const std::string& store, const std::string& unit, bool simulated) {
+  return store + (simulated ? "/simulated/" : "/") + name_of_unit(unit);
+}
+
+std::string version_path(const std::string& folder, int number) {
+  char name[40];
+  std::snprintf(name, sizeof name, "/versions/%04d.conf", number);
+  return folder + name;
+}
+
+std::vector<int> version_numbers(const std::string& folder) {
+  std::vector<int> numbers;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder + "/versions", error)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with(".") || entry.path().extension() != ".conf") continue;
+    if (const auto number = parse_integer<int>(entry.path().stem().string())) numbers.push_back(*number);
+  }
+  std::sort(numbers.begin(), numbers.end());
+  return numbers;
+}
+
+}  // namespace
+
+Status put_in_use(const std::string& store, const ParameterFile& file) {
+  const Result<std::string> text = format_parameter_file(file);
+  if (!text) return text.error();
+  const std::string folder = unit_folder(store, file.unit_serial, file.simulated);
+  if (Status status = make_folder(folder + "/versions"); !status) return status;
+  for (const std::string& made : {folder, folder_of(folder), store}) {
+    if (Status status = sync_folder(made); !status) return status;
+  }
+  const std::vector<int> numbers = version_numbers(folder);
+  const int newest = numbers.empty() ? 0 : numbers.back();
+  const Result<std::string> old = newest > 0 ? read_whole_file(version_path(folder, newest)) : Result<std::string>("");
+  if (!old) return old.error();
+  if (*old != *text) {
+    if (Status status = write_file_atomically(version_path(folder, newest + 1), *text); !status) return status;
+  }
+  return write_file_atomically(folder + "/" + in_use_name, *text);
+}
+
+Status restore_version(const std::string& store, const std::string& unit, int version, bool simulated) {
+  const std::string folder = unit_folder(store, unit, simulated);
+  const std::string path = version_path(folder, version);
+  const Result<ParameterFile> file = read_parameter_file(path);
+  if (!file) return file.error();
+  if (file->unit_serial != unit || file->simulated != simulated) {
+    return input_error(path + ": is of unit '" + file->unit_serial + "'" + (file->simulated ? " and simulated" : "") +
+                       ": expected unit '" + unit + "'");
+  }
+  const Result<std::string> text = read_whole_file(path);
+  if (!text) return text.error();
+  return write_file_atomically(folder + "/" + in_use_name, *text);
+}
+
+Result<std::vector<StoredVersion>> stored_versions(const std::string& store, const std::string& unit, bool simulated) {
+  const std::string folder = unit_folder(store, unit, simulated);
+  const std::vector<int> numbers = version_numbers(folder);
+  if (numbers.empty()) return input_error(folder + ": holds no parameter file of unit '" + unit + "'");
+  const Result<std::string> in_use = read_whole_file(folder + "/" + in_use_name);
+  std::vector<StoredVersion> versions;
+  for (const int number : numbers) {
+    StoredVersion version{number, version_path(folder, number), false, {}};
+    const Result<std::string> text = read_whole_file(version.path);
+    if (!text) return text.error();
+    Result<ParameterFile> file = parse_parameter_file(*text, version.path);
+    if (!file) return file.error();
+    version.file = std::move(*file);
+    version.in_use = in_use && *in_use == *text;
+    versions.push_back(std::move(version));
+  }
+  return versions;
+}
+
+}  // namespace turncal

@@ -1,0 +1,157 @@
+#include "orchestrator/records/unit_queue.h"
+
+#include <algorithm>
+#include <chrono>
+#include <thread>
+
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/recordings/recording_check.h"
+#include "imu_io/base/text_pieces.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr const char* again_outcome = "again";
+
+std::string state_path(const std::string& path) { return path + ".state"; }
+
+std::string serial_in(std::string_view line) {
+  line = line.substr(0, line.find('#'));
+  const std::size_t first = line.find_first_not_of(" \t");
+  if (first == std::string_view::npos) return "";
+  return std::string(line.substr(first, line.find_last_not_of(" \t") - first + 1));
+}
+
+Result<PosixFile> locked(const std::string& path) {
+  const std::string lock = path + ".lock";
+  if (!path_exists(lock)) {
+    Result<PosixFile> made = PosixFile::create_new(lock);
+    if (!made && !path_exists(lock)) return made.error();
+  }
+  Result<PosixFile> file = PosixFile::open_to_change(lock);
+  if (!file) return file.error();
+  Status status = file->lock_exclusive();
+  for (int tries = 0; !status && tries < 50; ++tries) {  // changes take milliseconds
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    status = file->lock_exclusive();
+  }
+  if (!status) return status.error();
+  return file;
+}
+
+Status write_outcomes(const std::string& path, const std::vector<UnitOutcome>& outcomes) {
+  std::string text;
+  for (const UnitOutcome& o : outcomes) text += o.outcome + " " + o.time_utc + " " + o.unit + (o.reason.empty() ? "" : " # " + o.reason) + "\n";
+  return write_file_atomically(state_path(path), text);
+}
+
+bool holds(const std::vector<std::string>& list, const std::string& unit) {
+  return std::find(list.begin(), list.end(), unit) != list.end();
+}
+
+}  // namespace
+
+Result<std::vector<std::string>> read_queue(const std::string& path) {
+  const Result<std::string> text = read_whole_file(path);
+  if (!text) return text.error();
+  std::vector<std::string> units;
+  std::string_view rest = *text;
+  for (int line = 1; !rest.empty(); ++line) {
+    const std::string unit = serial_in(take_line(rest));
+    if (unit.empty()) continue;
+    const std::string where = path + ":" + std::to_string(line) + ": ";
+    if (!is_plain_text(unit)) return input_error(where + quoted(unit) + ": expected a serial number of printable characters");
+    if (holds(units, unit)) return input_error(where + quoted(unit) + ": is in the queue already");
+    units.push_back(unit);
+  }
+  return units;
+}
+
+Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path) {
+  std::vector<UnitOutcome> outcomes;
+  const std::string state = state_path(path);
+  if (!path_exists(state)) return outcomes;
+  const Result<std::string> text = read_whole_file(state);
+  if (!text) return text.error();
+  std::string_view rest = *text;
+  for (int number = 1; !rest.empty(); ++number) {
+    std::string line(take_line(rest)), reason;
+    if (const std::size_t mark = line.find(" # "); mark != std::string::npos) {
+      reason = line.substr(mark + 3);
+      line.resize(mark);
+    }
+    const std::size_t time = line.find(' '), unit = time == std::string::npos ? time : line.find(' ', time + 1);
+    if (unit == std::string::npos || unit + 1 >= line.size()) {
+      return input_error(state + ":" + std::to_string(number) + ": " + quoted(line) + ": expected outcome, time and serial number");
+    }
+    outcomes.push_back({line.substr(unit + 1), line.substr(0, time), line.substr(time + 1, unit - time - 1), reason});
+  }
+  return outcomes;
+}
+
+const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const std::string& unit) {
+  const auto found = std::find_if(outcomes.begin(), outcomes.end(), [&](const UnitOutcome& o) { return o.unit == unit; });
+  return found == outcomes.end() ? nullptr : &*found;
+}
+
+std::vector<std::string> next_units(const std::vector<std::string>& queue, const std::vector<UnitOutcome>& outcomes,
+                                    std::size_t most) {
+  std::vector<std::string> units;
+  for (const std::string& unit : queue) {
+    const UnitOutcome* outcome = find_outcome(outcomes, unit);
+    if (units.size() < most && (!outcome || outcome->outcome == again_outcome)) units.push_back(unit);
+  }
+  return units;
+}
+
+Status record_outcome(const std::string& path, const UnitOutcome& outcome) {
+  const Result<PosixFile> lock = locked(path);
+  if (!lock) return lock.error();
+  Result<std::vector<UnitOutcome>> outcomes = read_outcomes(path);
+  if (!outcomes) return outcomes.error();
+  std::erase_if(*outcomes, [&](const UnitOutcome& o) { return o.unit == outcome.unit; });
+  outcomes->push_back(outcome);
+  return write_outcomes(path, *outcomes);
+}
+
+Status change_queue(const std::string& path, const QueueChange& change) {
+  const Result<PosixFile> lock = locked(path);
+  if (!lock) return lock.error();
+  const Result<std::string> old = path_exists(path) ? read_whole_file(path) : Result<std::string>("");
+  if (!old) return old.error();
+  const Result<std::vector<std::string>> units = path_exists(path) ? read_queue(path) : Result<std::vector<std::string>>(std::vector<std::string>{});
+  if (!units) return units.error();
+  for (const std::string& unit : change.remove) {
+    if (!holds(*units, unit)) return input_error(path + ": holds no unit '" + unit + "'");
+  }
+  std::string text;
+  std::string_view rest = *old;
+  while (!rest.empty()) {
+    const std::string_view line = take_line(rest);
+    const std::string unit = serial_in(line);
+    if (unit.empty() || !holds(change.remove, unit)) text += std::string(line) + "\n";
+  }
+  for (std::size_t i = 0; i < change.add.size(); ++i) {
+    const std::string& unit = change.add[i];
+    const bool twice = holds({change.add.begin(), change.add.begin() + static_cast<std::ptrdiff_t>(i)}, unit);
+    if (twice || (holds(*units, unit) && !holds(change.remove, unit))) return input_error(path + ": holds unit '" + unit + "' already");
+    if (!is_plain_text(unit)) return input_error("'" + unit + "': expected a serial number of printable characters without '#'");
+    text += unit + "\n";
+  }
+  if (!change.again.empty()) {
+    Result<std::vector<UnitOutcome>> outcomes = read_outcomes(path);
+    if (!outcomes) return outcomes.error();
+    for (const std::string& unit : change.again) {
+      if (!find_outcome(*outcomes, unit)) return input_error(path + ": unit '" + unit + "' has no outcome yet");
+      for (UnitOutcome& outcome : *outcomes) {
+        if (outcome.unit == unit) outcome.outcome = again_outcome;
+      }
+    }
+    if (Status status = write_outcomes(path, *outcomes); !status) return status;
+  }
+  if (text == *old) return {};
+  return write_file_atomically(path, text);
+}
+
+}  // namespace turncal

@@ -1,0 +1,39 @@
+// The queue of a batch: two text files that survive whatever happens.
+//
+//   QUEUE         one serial number a line, `#` begins a comment: the operator's, changed by `turncal queue` or any editor
+//   QUEUE.state   what became of units: "pass 2026-01-31T12:00:00Z SN1" a line, a reason behind `#`; the batch's, replaced whole after each unit
+//
+// The batch reads QUEUE again before every unit, so units may be added and removed while it runs. A unit with a line in the
+// state file is not done again until `turncal queue --again`.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/types/status.h"
+
+namespace turncal {
+
+struct UnitOutcome {
+  std::string unit;
+  std::string outcome;   // pass, fail, refused, dropped, skipped; again: to be done once more
+  std::string time_utc;
+  std::string reason = {};  // of a skipped one
+};
+
+Result<std::vector<std::string>> read_queue(const std::string& path);
+Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path);  // of QUEUE.state; none when it is not there
+const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const std::string& unit);
+// The first units of the queue, `most` at most, that have no outcome yet or are to be done again.
+std::vector<std::string> next_units(const std::vector<std::string>& queue, const std::vector<UnitOutcome>& outcomes,
+                                    std::size_t most);
+
+// Durable on success. Two changes at a time exclude each other by a lock on QUEUE.lock.
+Status record_outcome(const std::string& path, const UnitOutcome& outcome);
+struct QueueChange {
+  std::vector<std::string> add, remove, again;
+};
+// Adding what is there, or removing what is not, is an error: nothing is changed then. Comments and order stay.
+Status change_queue(const std::string& path, const QueueChange& change);
+
+}  // namespace turncal

@@ -1,0 +1,169 @@
+#include "orchestrator/report/diagnosis_file.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/base/format_number.h"
+#include "orchestrator/station/version.h"
+#include "orchestrator/report/report.h"
+#include "orchestrator/report/report_format.h"
+
+namespace turncal {
+namespace {
+
+class Lines {
+ public:
+  void comment(const std::string& text) {
+    std::string line = "# " + text;
+    std::replace_if(line.begin(), line.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
+    text_ += line + "\n";
+  }
+  void value(const std::string& key, const std::string& value) { text_ += key + " =" + (value.empty() ? "" : " " + value) + "\n"; }
+  void list(const std::string& key, const std::vector<std::string>& names) { value(key, join(names)); }
+  void number(const std::string& key, double number) { value(key, std::isfinite(number) ? format_number(number) : ""); }
+  std::string take() { return std::move(text_); }
+
+ private:
+  std::string text_;
+};
+
+std::vector<const EstimatedEffect*> of_effect(const JointResult& result, std::string_view name) {
+  std::vector<const EstimatedEffect*> found;
+  for (const EstimatedEffect& e : result.effects)
+    if (e.column.entry != nullptr && e.column.entry->name == name) found.push_back(&e);
+  return found;
+}
+
+double holdout_value(const HoldoutError& error, double value) {
+  return error.observations > 0 ? value : std::numeric_limits<double>::quiet_NaN();
+}
+
+// Effects in the order of their strongest component.
+std::vector<std::string> by_strength(const JointResult& result) {
+  std::vector<const EstimatedEffect*> order;
+  for (const EstimatedEffect& e : result.effects)
+    if (e.column.entry != nullptr) order.push_back(&e);
+  std::stable_sort(order.begin(), order.end(), [](auto* a, auto* b) {
+    return std::abs(a->value) * b->sigma > std::abs(b->value) * a->sigma;
+  });
+  std::vector<std::string> names;
+  for (const EstimatedEffect* e : order)
+    if (std::find(names.begin(), names.end(), e->column.entry->name) == names.end()) names.emplace_back(e->column.entry->name);
+  return names;
+}
+
+void add_noise(const JointResult& result, bool given, ParameterFile& file) {
+  static constexpr const char* axes[] = {"x", "y", "z"};
+  file.add_further("noise.source", std::string(given ? "given" : "measured"));
+  for (int k = 0; k < 3; ++k)
+    file.add_further(std::string("noise.angle_random_walk.") + axes[k] + "_deg_per_rt_h",
+                     result.noise.angle_random_walk[k] / radprs_per_degprh);
+  for (int k = 0; k < 3; ++k)
+    file.add_further(std::string("noise.velocity_random_walk.") + axes[k] + "_ug_per_rt_hz",
+                     result.noise.velocity_random_walk[k] / mpsprs_per_ugprHz);
+  file.add_further("noise.gyro_bias_instability_degph", result.noise.gyro_bias_instability_radps / radps_per_degph);
+  file.add_further("noise.accel_bias_instability_ug",
+                   result.noise.accel_bias_instability_mps2 / standard_gravity_mps2 * 1e6);
+  file.add_further("noise.bias_correlation_s", result.noise.bias_correlation_s);
+  file.add_further("noise.gyro_pulse_arcsec", result.noise.gyro_pulse_rad / rad_per_arcsec);
+  file.add_further("noise.accel_pulse_mps", result.noise.accel_pulse_mps);
+}
+
+}  // namespace
+
+std::string format_diagnosis(const Diagnosis& d) {
+  Lines lines;
+  lines.comment("turncal diagnosis: which effect the 24 parameters lack, and the error before and after it was added");
+  if (!d.reason.empty()) lines.comment("reason: " + d.reason);
+  lines.value("verdict", to_string(d.verdict));
+  lines.list("effects", d.effect_names);
+  for (const std::string& name : d.effect_names) {
+    const auto parts = of_effect(d.extended, name);
+    for (const EstimatedEffect* e : parts) {
+      lines.number("effect." + e->column.key(), e->value);
+      lines.number("sigma.effect." + e->column.key(), e->sigma);
+    }
+    if (!parts.empty() && parts.front()->column.tau_s > 0.0)
+      lines.number("effect." + name + ".tau_s", parts.front()->column.tau_s);
+  }
+  for (const std::string& name : d.effect_names) {
+    const auto found = d.aliases.find(name);
+    lines.list("alias." + name, found == d.aliases.end() ? std::vector<std::string>{} : found->second);
+  }
+  lines.list("undetectable", d.undetectable);
+  for (const CandidateScore& c : d.candidates)
+    if (c.visible && c.column.entry != nullptr && std::isfinite(c.detectable))
+      lines.number("detectable." + c.column.key(), c.detectable);
+  lines.number("error.before", d.error_before);
+  lines.number("error.after", d.error_after);
+  lines.number("holdout.before", holdout_value(d.holdout_before, d.holdout_before.normalised_rms));
+  lines.number("holdout.after", holdout_value(d.holdout_after, d.holdout_after.normalised_rms));
+  lines.number("holdout.velocity_rms_before_mps", holdout_value(d.holdout_before, d.holdout_before.velocity_rms_mps));
+  lines.number("holdout.velocity_rms_after_mps", holdout_value(d.holdout_after, d.holdout_after.velocity_rms_mps));
+  lines.value("holdout.source", d.holdout_source);
+  return lines.take();
+}
+
+void describe_model(const JointResult& result, const CompressedRecording& recording, ParameterFile& file) {
+  file.parameters = to_vector(result.parameters);
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
+    const double sigma = result.sigma[static_cast<Eigen::Index>(k)];
+    file.sigma[k] = sigma > 0.0 ? std::optional(sigma) : std::nullopt;
+  }
+  if (std::isfinite(recording.mean_temperature_c)) file.reference_temperature_c = result.reference_temperature_c;
+  file.effects.clear();
+  for (const std::string& name : by_strength(result)) {
+    const auto parts = of_effect(result, name);
+    for (const EstimatedEffect* e : parts)
+      file.effects.push_back({name, std::string(e->column.entry->components[static_cast<std::size_t>(e->column.component)]), e->value,
+                              e->sigma > 0.0 ? std::optional(e->sigma) : std::nullopt});
+    if (parts.front()->column.tau_s > 0.0) file.effects.push_back({name, "tau_s", parts.front()->column.tau_s, std::nullopt});
+  }
+  file.model = result.effects.empty() ? "base" : "extended";
+}
+
+void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given, ParameterFile& file) {
+  describe_model(result, recording, file);
+  add_noise(result, noise_given, file);
+  file.add_further("quality.normalised_rms", result.normalised_rms);
+  file.add_further("quality.innovation_level", result.whiteness.level);
+  file.add_further("quality.innovations_white", std::string(result.whiteness.white ? "true" : "false"));
+  file.add_further("quality.faults", static_cast<double>(result.faults.size()));
+  if (!result.undetermined.empty())
+    file.add_further("quality.undetermined_directions", static_cast<double>(result.undetermined.size()));
+}
+
+ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  ParameterFile file;
+  describe_recording(context.recording.info, file);
+  describe_estimate(diagnosis.extended, context.recording, context.noise_given, file);
+  complete_parameters(diagnosis, context, file);
+  return file;
+}
+
+void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context, ParameterFile& file) {
+  file.recording_hash = context.recording_hash;
+  file.method = context.method;
+  file.software_version = software_version();
+  file.time_utc = context.time_utc;
+  file.add_further("verdict.diagnosis", std::string(to_string(diagnosis.verdict)));
+}
+
+Result<WrittenDiagnosis> write_diagnosis(const std::string& folder, const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  // Everything is made before anything is written, so that a failure leaves the folder as it was.
+  const Result<std::string> parameters = format_parameter_file(diagnosis_parameters(diagnosis, context));
+  if (!parameters) return parameters.error();
+  const std::string simulated = context.recording.info.simulated ? "# Simulated data: a dry run, or a twin.\n" : "";
+  return write_diagnosis_files(folder, make_report(diagnosis, context), simulated + format_diagnosis(diagnosis), *parameters);
+}
+
+Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report, const std::string& diagnosis,
+                                               const std::string& parameters) {
+  if (Status s = write_file_atomically(folder + "/" + report_name, report.html); !s) return s.error();
+  if (Status s = write_file_atomically(folder + "/" + diagnosis_name, diagnosis); !s) return s.error();
+  if (Status s = write_file_atomically(folder + "/" + parameters_name_of_diagnosis, parameters); !s) return s.error();
+  return WrittenDiagnosis{report.plot_problem};
+}
+
+}  // namespace turncal

@@ -1,0 +1,43 @@
+// What a diagnosis leaves on disk: diagnosis.conf, parameters.conf and report.html, each written whole or not at all.
+//
+// diagnosis.conf (docs/report.md): verdict, effects added, their values, aliases, what this recording could not see and what it
+// would have caught, error before and after on fitted and held-out data. Every key stands in every file; a list that is
+// empty and a number that is not known are empty values. Numbers: shortest round trip, units of docs/effect-components.md.
+#pragma once
+
+#include <string>
+
+#include "calib/diagnosis/diagnosis.h"
+#include "calib/types/status.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/report/diagnosis_context.h"
+
+namespace turncal {
+
+inline constexpr const char* diagnosis_name = "diagnosis.conf";
+inline constexpr const char* parameters_name_of_diagnosis = "parameters.conf";
+inline constexpr const char* report_name = "report.html";
+
+std::string format_diagnosis(const Diagnosis& diagnosis);
+
+// Parameters, sigmas, effects (strongest first, with tau_s where an effect has a time constant), noise and quality of a joint
+// estimate. What belongs to the recording (describe_recording, hash) and method, time and version is the caller's.
+void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given, ParameterFile& file);
+
+// The part of it that is not about noise or quality.
+void describe_model(const JointResult& result, const CompressedRecording& recording, ParameterFile& file);
+// What belongs to the work: hash, method, version, time, verdict.
+void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context, ParameterFile& file);
+
+ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context);
+
+struct WrittenDiagnosis {
+  std::string plot_problem;  // one line when the report has no plots, else empty
+};
+// All three into `folder`, which exists; parameters.conf last.
+struct Report;
+Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report, const std::string& diagnosis,
+                                               const std::string& parameters);
+Result<WrittenDiagnosis> write_diagnosis(const std::string& folder, const Diagnosis& diagnosis, const DiagnosisContext& context);
+
+}  // namespace turncal

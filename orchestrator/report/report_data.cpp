@@ -1,0 +1,138 @@
+#include "orchestrator/report/report_data.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "orchestrator/report/report_dwells.h"
+#include "orchestrator/report/report_format.h"
+
+namespace turncal {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+constexpr std::size_t points_a_curve = 3000;
+constexpr std::array<const char*, 3> body_names = {"x", "y", "z"};
+constexpr std::array<const char*, 3> n_names = {"north", "up", "east"};
+
+// A few branches that a fault has thrown far out must not flatten all others: then the frame is three times what 97 % need.
+double frame_limit(const Panel& panel, bool& cut) {
+  std::vector<double> sizes;
+  for (const Series& series : panel.series)
+    for (const auto& [x, y] : series.points)
+      if (std::isfinite(x) && std::isfinite(y)) sizes.push_back(std::abs(y));
+  if (sizes.empty()) return 0.0;
+  const auto place = sizes.begin() + static_cast<std::ptrdiff_t>(0.97 * static_cast<double>(sizes.size() - 1));
+  std::nth_element(sizes.begin(), place, sizes.end());
+  const double limit = 3.0 * *place;
+  if (*std::max_element(place, sizes.end()) <= limit || limit <= 0.0) return 0.0;
+  cut = true;
+  return limit;
+}
+
+}  // namespace
+
+bool has_after(const Diagnosis& diagnosis) { return !diagnosis.effect_names.empty(); }
+
+std::vector<Series> before_after_series(bool with_after) {
+  std::vector<Series> series(with_after ? 2 : 1);
+  series[0].colour = with_after ? Colour::before : Colour::after;
+  series[0].label = with_after ? "before (24 parameters)" : "residual";
+  if (with_after) {
+    series[1].colour = Colour::after;
+    series[1].label = "after (with the effects added)";
+  }
+  return series;
+}
+
+Figure time_figure(const Diagnosis& diagnosis) {
+  Figure figure;
+  figure.id = "time";
+  figure.label = "Residual velocity against time, north, up and east";
+  figure.caption =
+      "The unit stands still in every second shown: any velocity is an error. It is navigated freely from the beginning of the "
+      "last rotation on; every rotation starts a new branch, which is shown for two minutes.";
+  figure.panel_height = 185;
+  figure.stacked = true;
+  std::vector<std::pair<std::size_t, std::size_t>> parts = rests(diagnosis.residuals);
+  std::erase_if(parts, [&](const auto& part) { return before_any_rotation(diagnosis.residuals[part.first]); });
+  for (auto& [first, last] : parts)
+    while (last > first && diagnosis.residuals[last - 1].time_s - diagnosis.residuals[first].time_s > fit_window_s) --last;
+  double largest = 0.0;
+  for (const auto& [first, last] : parts)
+    for (std::size_t i = first; i < last; ++i) {
+      const ResidualPoint& p = diagnosis.residuals[i];
+      largest = std::max({largest, p.velocity_before_mps.cwiseAbs().maxCoeff(), p.velocity_after_mps.cwiseAbs().maxCoeff()});
+    }
+  const DisplayUnit unit = velocity_unit(largest);
+  bool cut = false;
+  for (int axis = 0; axis < 3; ++axis) {
+    Panel panel;
+    panel.y_label = std::string(n_names[static_cast<std::size_t>(axis)]) + ", " + unit.unit;
+    if (axis == 2) panel.x_label = "time, h";
+    panel.series = before_after_series(has_after(diagnosis));
+    for (std::size_t s = 0; s < panel.series.size(); ++s) {
+      std::vector<std::pair<double, double>> points;
+      for (const auto& [first, last] : parts) {
+        for (std::size_t i = first; i < last; ++i) {
+          const ResidualPoint& p = diagnosis.residuals[i];
+          points.emplace_back(p.time_s / 3600.0, (s == 0 ? p.velocity_before_mps : p.velocity_after_mps)[axis] * unit.factor);
+        }
+        points.emplace_back(nan, nan);
+      }
+      panel.series[s].points = outline(points, points_a_curve);
+    }
+    panel.y_limit = frame_limit(panel, cut);
+    figure.panels.push_back(std::move(panel));
+  }
+  if (figure.panels.front().empty()) figure.panels.clear();
+  if (cut) figure.caption += " Single branches, as after a fault in the data, leave the frame.";
+  return figure;
+}
+
+Figure allan_figure(const AllanResult& allan) {
+  Figure figure;
+  figure.id = "allan";
+  figure.label = "Allan deviation of the six sensors with the fitted model";
+  figure.caption = "Markers: overlapping Allan deviation of all dwells. Lines: quantisation, random walk, bias instability and rate "
+                   "random walk fitted to it (IEEE 952).";
+  figure.columns = 2;
+  figure.panel_width = 480;
+  figure.panel_height = 330;
+  for (const bool gyro : {true, false}) {
+    double largest = 0.0;
+    for (std::size_t k = gyro ? 0 : 3; k < (gyro ? 3u : 6u); ++k)
+      for (const AllanPoint& p : allan.axes[k].points) largest = std::max(largest, p.deviation);
+    const DisplayUnit unit = gyro ? rate_unit(largest) : acceleration_unit(largest);
+    Panel panel;
+    panel.title = gyro ? "gyros" : "accelerometers";
+    panel.x_label = "averaging time τ, s";
+    panel.y_label = "Allan deviation, " + unit.unit;
+    panel.logarithmic = true;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const AllanAxis& a = allan.axes[axis + (gyro ? 0 : 3)];
+      Series markers;
+      markers.label = body_names[axis];
+      markers.style = axis == 0 ? Series::Style::dot : axis == 1 ? Series::Style::triangle : Series::Style::square;
+      markers.colour = axis == 0 ? Colour::x : axis == 1 ? Colour::y : Colour::z;
+      Series line;
+      line.colour = markers.colour;
+      for (const AllanPoint& p : a.points) {
+        if (!(p.deviation > 0.0) || !(p.tau_s > 0.0)) continue;
+        markers.points.emplace_back(p.tau_s, p.deviation * unit.factor);
+        const AllanFit& f = a.fit;
+        const double variance = 3.0 * f.quantisation * f.quantisation / (p.tau_s * p.tau_s) +
+                                f.random_walk * f.random_walk / p.tau_s + std::pow(0.664 * f.bias_instability, 2) +
+                                f.rate_random_walk * f.rate_random_walk * p.tau_s / 3.0;
+        if (variance > 0.0) line.points.emplace_back(p.tau_s, std::sqrt(variance) * unit.factor);
+      }
+      panel.series.push_back(std::move(line));
+      panel.series.push_back(std::move(markers));
+    }
+    if (!panel.empty()) figure.panels.push_back(std::move(panel));
+  }
+  return figure;
+}
+
+}  // namespace turncal

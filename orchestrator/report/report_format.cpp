@@ -1,0 +1,202 @@
+#include "orchestrator/report/report_format.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "calib/model/parameters.h"
+
+namespace turncal {
+namespace {
+
+// Length of the UTF-8 sequence at text[at], 0 when there is none.
+std::size_t utf8_length(std::string_view text, std::size_t at) {
+  const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(text[k]); };
+  const unsigned char lead = byte(at);
+  const std::size_t length = lead < 0x80 ? 1 : lead >= 0xc2 && lead < 0xe0 ? 2 : lead >= 0xe0 && lead < 0xf0 ? 3
+                             : lead >= 0xf0 && lead < 0xf5                ? 4
+                                                                          : 0;
+  if (length == 0 || at + length > text.size()) return 0;
+  for (std::size_t k = at + 1; k < at + length; ++k) {
+    if ((byte(k) & 0xc0) != 0x80) return 0;
+  }
+  // Overlong forms, surrogates and what lies above the last code point.
+  if ((lead == 0xe0 && byte(at + 1) < 0xa0) || (lead == 0xed && byte(at + 1) > 0x9f) ||
+      (lead == 0xf0 && byte(at + 1) < 0x90) || (lead == 0xf4 && byte(at + 1) > 0x8f)) {
+    return 0;
+  }
+  return length;
+}
+
+std::string fixed(double value, int decimals) {
+  char text[400];
+  std::snprintf(text, sizeof text, "%.*f", decimals, value);
+  // "-0.00" is a zero
+  if (text[0] == '-' && std::string_view(text).find_first_of("123456789") == std::string_view::npos) return text + 1;
+  return text;
+}
+
+std::string superscript(int number) {
+  static constexpr const char* digits[] = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
+  std::string result = number < 0 ? "⁻" : "";
+  for (const char c : std::to_string(std::abs(number))) result += digits[c - '0'];
+  return result;
+}
+
+// Decimal exponent of |value| once it is rounded to `digits` significant digits.
+int exponent_of(double value, int digits) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*e", digits - 1, value);
+  return std::stoi(std::string(text).substr(std::string(text).find('e') + 1));
+}
+
+std::string with_exponent(double value, int digits, Alphabet alphabet) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*e", digits - 1, value);
+  if (alphabet == Alphabet::plain) return text;
+  const std::string all = text;
+  const std::size_t e = all.find('e');
+  return all.substr(0, e) + "×10" + superscript(std::stoi(all.substr(e + 1)));
+}
+
+}  // namespace
+
+std::string html_escape(std::string_view text) {
+  std::string result;
+  result.reserve(text.size());
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t length = utf8_length(text, at);
+    if (length == 0) {
+      result += '?';
+      ++at;
+      continue;
+    }
+    const char c = text[at];
+    if (length > 1) result += text.substr(at, length);
+    else if (c == '&') result += "&amp;";
+    else if (c == '<') result += "&lt;";
+    else if (c == '>') result += "&gt;";
+    else if (c == '"') result += "&quot;";
+    else if (c == '\'') result += "&#39;";
+    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) result += ' ';
+    else result += c;
+    at += length;
+  }
+  return result;
+}
+
+std::string significant(double value, int digits, Alphabet alphabet) {
+  if (!std::isfinite(value)) return "-";
+  if (value == 0.0) return "0";
+  const int exponent = exponent_of(value, digits);
+  if (exponent < -4 || exponent > 6) return with_exponent(value, digits, alphabet);
+  return fixed(value, std::max(0, digits - 1 - exponent));
+}
+
+std::string value_with_sigma(double value, double sigma, Alphabet alphabet) {
+  if (!std::isfinite(value)) return "-";
+  if (!std::isfinite(sigma) || sigma <= 0.0) return significant(value, 6, alphabet);
+  const int decimals = 1 - exponent_of(sigma, 2);
+  if (decimals > 12) return significant(value, 6, alphabet);
+  return fixed(value, std::max(0, decimals));
+}
+
+std::string quantity(double value, double sigma, std::string_view unit, Alphabet alphabet) {
+  std::string text = value_with_sigma(value, sigma, alphabet);
+  if (std::isfinite(sigma) && sigma > 0.0) {
+    text += alphabet == Alphabet::plain ? " +- " : " ± ";
+    text += value_with_sigma(sigma, sigma, alphabet);
+  }
+  return text + " " + unit_text(unit, alphabet);
+}
+
+std::string ratio(double value) { return std::isfinite(value) ? value < 100.0 ? fixed(value, 3) : significant(value, 4) : "-"; }
+
+std::string percent_change(double before, double after) {
+  if (!std::isfinite(before) || !std::isfinite(after) || before <= 0.0) return "-";
+  const double percent = 100.0 * (after / before - 1.0);
+  const std::string text = fixed(percent, std::abs(percent) < 9.95 && std::abs(percent) >= 0.05 ? 1 : 0);
+  return (percent > 0.0 && text != "0" ? "+" : "") + text + " %";
+}
+
+std::string signed_number(double value, int decimals) {
+  if (!std::isfinite(value)) return "-";
+  const std::string text = fixed(value, decimals);
+  return text[0] == '-' ? text : "+" + text;
+}
+
+std::string clock_time(double seconds) {
+  if (!std::isfinite(seconds)) return "-";
+  const long long whole = std::llround(std::max(0.0, seconds));
+  char text[40];
+  std::snprintf(text, sizeof text, "%lld:%02lld:%02lld", whole / 3600, whole / 60 % 60, whole % 60);
+  return text;
+}
+
+std::string unit_text(std::string_view unit, Alphabet alphabet) {
+  if (alphabet == Alphabet::plain) return std::string(unit);
+  std::string result;
+  for (std::size_t at = 0; at < unit.size();) {
+    const bool begins = at == 0 || unit[at - 1] == '/' || unit[at - 1] == ' ';
+    const auto take = [&](std::string_view word, std::string_view by) {
+      if (!unit.substr(at).starts_with(word)) return false;
+      result += by;
+      at += word.size();
+      return true;
+    };
+    if (begins && (take("ug", "µg") || take("arcsec", "″") || take("deg", "°") || (at > 0 && take("C", "°C")))) continue;
+    if (take("^2", "²") || take("^3", "³") || take("sqrt(h)", "√h") || take("sqrt(Hz)", "√Hz")) continue;
+    result += unit[at++];
+  }
+  return result;
+}
+
+DisplayUnit velocity_unit(double largest_mps) {
+  if (largest_mps < 1e-4) return {1e6, "µm/s"};
+  return largest_mps < 2.0 ? DisplayUnit{1e3, "mm/s"} : DisplayUnit{1.0, "m/s"};
+}
+DisplayUnit acceleration_unit(double largest_mps2) {
+  constexpr double g = standard_gravity_mps2;
+  if (largest_mps2 < 3e-3 * g) return {1e6 / g, "µg"};
+  return largest_mps2 < 1.0 * g ? DisplayUnit{1e3 / g, "mg"} : DisplayUnit{1.0 / g, "g"};
+}
+DisplayUnit rate_unit(double largest_radps) {
+  return largest_radps < 300.0 * radps_per_degph ? DisplayUnit{1.0 / radps_per_degph, "°/h"}
+                                                 : DisplayUnit{1.0 / rad_per_deg, "°/s"};
+}
+DisplayUnit angle_unit(double largest_rad) {
+  return largest_rad < 2e-3 ? DisplayUnit{1.0 / rad_per_arcsec, "″"} : DisplayUnit{1e3, "mrad"};
+}
+
+std::string join(const std::vector<std::string>& parts, std::string_view separator) {
+  std::string result;
+  for (const std::string& part : parts) {
+    if (!result.empty()) result += separator;
+    result += part;
+  }
+  return result;
+}
+
+std::vector<std::string> wrap(std::string_view text, std::size_t width) {
+  std::vector<std::string> lines(1);
+  for (std::size_t at = 0; at < text.size();) {
+    if (text[at] == ' ') {
+      ++at;
+      continue;
+    }
+    const std::size_t end = std::min(text.find(' ', at), text.size());
+    const std::string_view word = text.substr(at, end - at);
+    if (!lines.back().empty() && lines.back().size() + 1 + word.size() > width) lines.emplace_back();
+    if (!lines.back().empty()) lines.back() += ' ';
+    lines.back() += word;
+    at = end;
+  }
+  return lines;
+}
+
+std::string shorten(std::string_view text, std::size_t width) {
+  if (text.size() <= width) return std::string(text);
+  return std::string(text.substr(0, width - 3)) + "...";
+}
+
+}  // namespace turncal

@@ -1,0 +1,296 @@
+#include "orchestrator/report/report_plots.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "calib/joint/score_algebra.h"
+#include "imu_io/base/format_number.h"
+#include "orchestrator/report/report_format.h"
+
+namespace turncal {
+namespace {
+
+constexpr const char* ink = "#333333";
+constexpr const char* grid_grey = "#D9D9D9";
+
+std::string terminal(int width, int height) {
+  return "reset session\nset encoding utf8\nset terminal svg size " + std::to_string(width) + "," + std::to_string(height) +
+         " dynamic noenhanced font 'Sans,13' background rgb 'white'\n"
+         "set border 3 lw 1 lc rgb '" + ink + "'\n"
+         "set grid lw 0.7 lc rgb '" + grid_grey + "'\n"
+         "set tics nomirror scale 0.6 textcolor rgb '" + ink + "'\n"
+         "set clip two\n"
+         "unset key\n";
+}
+
+// A text in gnuplot's single quotes. Only our own labels and catalogue names come here.
+std::string quoted(const std::string& text) {
+  std::string result = "'";
+  for (const char c : text) {
+    if (c == '\'') result += '\'';
+    if (c != '\n') result += c;
+  }
+  return result + "'";
+}
+
+// Seven digits are more than a drawing shows.
+void append_number(double value, std::string& script) {
+  char text[40];
+  const auto result = std::to_chars(text, text + sizeof text, value, std::chars_format::general, 7);
+  script.append(text, result.ptr);
+}
+
+void append_data(const std::string& name, const Series& series, std::string& script) {
+  script += name + " << EOD\n";
+  bool broken = true;  // a block does not begin with a break
+  for (const auto& [x, y] : series.points) {
+    if (!std::isfinite(x) || !std::isfinite(y)) {
+      if (!broken) script += '\n';
+      broken = true;
+      continue;
+    }
+    append_number(x, script);
+    script += ' ';
+    append_number(y, script);
+    script += '\n';
+    broken = false;
+  }
+  script += "EOD\n";
+}
+
+std::string style_of(const Series& series) {
+  const std::string colour = " lc rgb '" + std::string(html_colour(series.colour)) + "'";
+  switch (series.style) {
+    case Series::Style::line: return "lines lw 1.4" + colour;
+    case Series::Style::dashed: return "lines dt 2 lw 1.4" + colour;
+    case Series::Style::open_circle: return "points pt 6 ps 0.75 lw 1.5" + colour;
+    case Series::Style::dot: return "points pt 7 ps 0.5" + colour;
+    case Series::Style::triangle: return "points pt 9 ps 0.6" + colour;
+    case Series::Style::square: return "points pt 5 ps 0.45" + colour;
+  }
+  return "lines";
+}
+
+struct Range {
+  double low = 0.0, high = 0.0;
+};
+Range range_of(const Panel& panel, bool of_x) {
+  Range r{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+  for (const Series& series : panel.series)
+    for (const auto& [x, y] : series.points) {
+      if (!std::isfinite(x) || (!of_x && !std::isfinite(y))) continue;  // a point that is not known keeps its place
+      r.low = std::min(r.low, of_x ? x : y);
+      r.high = std::max(r.high, of_x ? x : y);
+    }
+  if (!(r.low <= r.high)) return {0.0, 1.0};
+  return r;
+}
+
+// Room at both ends; a range of nothing gets some width.
+Range widened(Range r, double share) {
+  double room = share * (r.high - r.low);
+  if (!(room > 1e-12 * std::max(std::abs(r.low), std::abs(r.high)))) room = std::max(0.05 * std::abs(r.low), 1e-9);
+  return {r.low - room, r.high + room};
+}
+
+// 1, 2 or 5 times a power of ten (for angles a part of the circle), such that at most `most` fit into the range.
+double tick_step(Range r, int most, bool angle) {
+  const double least = (r.high - r.low) / most;
+  if (angle)
+    for (const double step : {5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0, 720.0})
+      if (step >= least) return step;
+  const double power = std::pow(10.0, std::floor(std::log10(least)));
+  for (const double step : {1.0, 2.0, 5.0})
+    if (step * power >= least) return step * power;
+  return 10.0 * power;
+}
+
+void set_axis(const char* axis, Range r, int ticks, bool angle, std::string& script) {
+  script += std::string("set ") + axis + "range [";
+  append_number(r.low, script);
+  script += ':';
+  append_number(r.high, script);
+  script += std::string("]\nset ") + axis + "tics ";
+  append_number(tick_step(r, ticks, angle), script);
+  script += '\n';
+}
+
+// Whole decades around the data.
+void set_decades(const char* axis, Range r, std::string& script) {
+  script += std::string("set ") + axis + "range [";
+  append_number(std::pow(10.0, std::floor(std::log10(r.low) + 1e-9)), script);
+  script += ':';
+  append_number(std::pow(10.0, std::ceil(std::log10(r.high) - 1e-9)), script);
+  script += std::string("]\nset ") + axis + "tics autofreq\n";
+}
+
+bool has_points(const Series& series) {
+  return std::any_of(series.points.begin(), series.points.end(),
+                     [](const auto& p) { return std::isfinite(p.first) && std::isfinite(p.second); });
+}
+
+void append_panel(const Panel& panel, const std::string& id, int width, std::string& script) {
+  std::string plot;
+  for (std::size_t s = 0; s < panel.series.size(); ++s) {
+    if (!has_points(panel.series[s])) continue;
+    const std::string name = "$" + id + "s" + std::to_string(s);
+    append_data(name, panel.series[s], script);
+    plot += (plot.empty() ? "plot " : ", ") + name + " using 1:2 with " + style_of(panel.series[s]) + " notitle";
+  }
+  if (plot.empty()) plot = "plot NaN notitle";
+  script += panel.title.empty() ? "unset title\n" : "set title " + quoted(panel.title) + " offset 0,-0.6\n";
+  script += panel.x_label.empty() ? "unset xlabel\n" : "set xlabel " + quoted(panel.x_label) + " offset 0,0.4\n";
+  script += "set ylabel " + quoted(panel.y_label) + " offset 0.5,0\n";
+  if (panel.logarithmic) {
+    script += "set logscale xy\nset format xy '%g'\n";
+    set_decades("x", range_of(panel, true), script);
+    set_decades("y", range_of(panel, false), script);
+  } else {
+    script += "unset logscale\nset format xy '%g'\n";
+    const bool lines = !panel.series.empty() && panel.series.front().style == Series::Style::line;
+    const Range x = range_of(panel, true);
+    set_axis("x", lines ? Range{std::min(0.0, x.low), x.high} : widened(x, 0.06), std::max(5, width / 65), panel.angle, script);
+    Range y = widened(range_of(panel, false), 0.08);
+    if (panel.y_limit > 0.0) y = {std::max(y.low, -panel.y_limit), std::min(y.high, panel.y_limit)};
+    set_axis("y", y, 6, false, script);
+    script += "set xzeroaxis lw 1 lc rgb '#777777'\n";
+  }
+  script += plot + "\n";
+}
+
+}  // namespace
+
+double family_threshold_z(const Diagnosis& diagnosis, double false_alarm) {
+  const auto visible = std::count_if(diagnosis.candidates.begin(), diagnosis.candidates.end(),
+                                     [](const CandidateScore& c) { return c.visible; });
+  return std::sqrt(chi_square_1_limit(false_alarm / static_cast<double>(std::max<std::ptrdiff_t>(visible, 1))));
+}
+
+std::vector<ScoreBar> score_bars(const Diagnosis& diagnosis, double threshold_z) {
+  std::vector<ScoreBar> bars;
+  for (const EffectEntry& entry : effect_catalogue()) {
+    ScoreBar bar;
+    bar.name = entry.name;
+    bool listed = false;
+    bool visible = false;
+    std::string strongest;
+    for (const CandidateScore& c : diagnosis.candidates) {
+      if (c.column.entry == nullptr || c.column.entry->name != entry.name) continue;
+      listed = true;
+      if (!c.visible || !std::isfinite(c.z)) continue;
+      visible = true;
+      bar.components.push_back(std::abs(c.z));
+      if (std::abs(c.z) < bar.z && !strongest.empty()) continue;
+      bar.z = std::abs(c.z);
+      strongest = entry.components[static_cast<std::size_t>(c.column.component)];
+    }
+    const bool added = std::find(diagnosis.effect_names.begin(), diagnosis.effect_names.end(), entry.name) !=
+                       diagnosis.effect_names.end();
+    using Role = ScoreBar::Role;
+    bar.role = !visible ? Role::invisible : added ? Role::added : bar.z > threshold_z ? Role::above : Role::below;
+    bar.remark = visible ? significant(bar.z, bar.z < 10.0 ? 2 : 3) + "  (" + strongest + ")"
+                 : listed ? "cannot be seen in this recording"
+                          : entry.needs_temperature ? "needs a recorded temperature" : "not tested";
+    bars.push_back(std::move(bar));
+  }
+  std::stable_sort(bars.begin(), bars.end(), [](const ScoreBar& a, const ScoreBar& b) {
+    const bool a_seen = a.role != ScoreBar::Role::invisible;
+    const bool b_seen = b.role != ScoreBar::Role::invisible;
+    return a_seen != b_seen ? a_seen : a.z > b.z;
+  });
+  return bars;
+}
+
+Drawing draw(const Figure& figure) {
+  const int columns = std::min<int>(figure.columns, std::max<int>(1, static_cast<int>(figure.panels.size())));
+  const int rows = (static_cast<int>(figure.panels.size()) + columns - 1) / std::max(columns, 1);
+  const int width = figure.panel_width * columns;
+  Drawing drawing{figure.id, figure.label, {}, width};
+  std::string& script = drawing.script;
+  script = terminal(width, figure.panel_height * std::max(rows, 1));
+  const bool stacked = figure.stacked;
+  script += "set multiplot layout " + std::to_string(std::max(rows, 1)) + "," + std::to_string(columns) + "\n";
+  script += stacked ? "set lmargin 9\nset rmargin 2\nset tmargin 0.7\n" : "set lmargin 9.5\nset rmargin 2.5\nset bmargin 3.2\n";
+  for (std::size_t k = 0; k < figure.panels.size(); ++k) {
+    if (stacked) script += figure.panels[k].x_label.empty() ? "set bmargin 1.6\n" : "set bmargin 3.2\n";
+    else script += figure.panels[k].title.empty() ? "set tmargin 0.7\n" : "set tmargin 1.8\n";
+    append_panel(figure.panels[k], figure.id + "p" + std::to_string(k), figure.panel_width, script);
+  }
+  script += "unset multiplot\n";
+  return drawing;
+}
+
+Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z) {
+  // The axis is the square root of |z|: small scores stay apart and large ones on the page.
+  Drawing drawing{"scores", "Score of every effect of the catalogue against the threshold", {}, 960};
+  std::string& script = drawing.script;
+  const int rows = static_cast<int>(bars.size());
+  script = terminal(960, 24 * rows + 80);
+  double largest = 2.0 * threshold_z;
+  for (const ScoreBar& bar : bars) largest = std::max(largest, bar.z);
+  script += "set lmargin 30\nset rmargin 26\nset tmargin 2.2\nset bmargin 3.4\nunset grid\nset border 1\n";
+  script += "set yrange [" + std::to_string(rows) + ":-1]\n";
+  script += "set xrange [0:" + significant(std::sqrt(largest) * 1.04, 6) + "]\n";
+  script += "set xlabel 'score |z| of the strongest component (square-root scale); dots: the other components'\n";
+  script += "set xtics (";
+  bool first = true;
+  for (const double tick : {0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 1e4, 2e4, 5e4}) {
+    if (tick > largest) break;
+    // ticks that would crowd the left end of a long axis are left out
+    if (tick > 0.0 && tick < largest / 150.0) continue;
+    script += (first ? "" : ", ") + quoted(format_number(tick)) + " " + significant(std::sqrt(tick), 7);
+    first = false;
+  }
+  script += ")\nset ytics scale 0 (";
+  for (int k = 0; k < rows; ++k)
+    script += (k > 0 ? ", " : "") + quoted(bars[static_cast<std::size_t>(k)].name) + " " + std::to_string(k);
+  script += ")\n";
+  const std::string x = significant(std::sqrt(threshold_z), 7);
+  script += "set arrow 1 from " + x + ",-0.8 to " + x + "," + significant(rows - 0.4, 6) + " nohead front dt 2 lw 1.5 lc rgb '" +
+            ink + "'\n";
+  script += "set label 1 " + quoted("family-wise threshold " + significant(threshold_z, 2)) + " at " + x +
+            ",-1.25 center textcolor rgb '" + ink + "'\n";
+  const auto colour = [](ScoreBar::Role role) {
+    return role == ScoreBar::Role::added ? 0x0072B2 : role == ScoreBar::Role::above ? 0xE69F00 : 0xB8B8B8;
+  };
+  script += "$bars << EOD\n";
+  for (int k = 0; k < rows; ++k) {
+    const ScoreBar& bar = bars[static_cast<std::size_t>(k)];
+    const double right = std::sqrt(bar.z);
+    script += significant(0.5 * right, 7) + " " + std::to_string(k) + " 0 " + significant(right, 7) + " " +
+              significant(k - 0.36, 6) + " " + significant(k + 0.36, 6) + " " + std::to_string(colour(bar.role)) + "\n";
+  }
+  script += "EOD\n";
+  for (int k = 0; k < rows; ++k) {
+    const ScoreBar& bar = bars[static_cast<std::size_t>(k)];
+    script += "set label " + std::to_string(k + 2) + " " + quoted(bar.remark) + " at graph 1.03, first " + std::to_string(k) +
+              " left textcolor rgb '" + ink + "'\n";
+  }
+  script += "$dots << EOD\n";
+  bool any = false;
+  for (int k = 0; k < rows; ++k)
+    for (const double z : bars[static_cast<std::size_t>(k)].components)
+      if (z < bars[static_cast<std::size_t>(k)].z) {
+        script += significant(std::sqrt(z), 7) + " " + std::to_string(k) + "\n";
+        any = true;
+      }
+  script += "EOD\nset style fill solid 1.0 noborder\n";
+  script += "plot $bars using 1:2:3:4:5:6:7 with boxxyerror lc rgb variable notitle";
+  if (any) script += ", $dots using 1:2 with points pt 7 ps 0.3 lc rgb '" + std::string(ink) + "' notitle";
+  script += "\n";
+  return drawing;
+}
+
+Result<std::vector<std::string>> render(const std::vector<Drawing>& drawings, const GnuplotOptions& options) {
+  std::string script;
+  for (const Drawing& drawing : drawings) script += drawing.script;
+  Result<std::vector<std::string>> svgs = run_gnuplot(script, drawings.size(), options);
+  if (!svgs) return svgs.error();
+  for (std::size_t k = 0; k < drawings.size(); ++k)
+    (*svgs)[k] = embeddable_svg((*svgs)[k], drawings[k].id, drawings[k].label,
+                                std::to_string(100 * std::min(drawings[k].width, 960) / 960) + "%");
+  return svgs;
+}
+
+}  // namespace turncal

@@ -1,0 +1,329 @@
+#include "orchestrator/report/rest_view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "calib/joint/score_algebra.h"
+#include "orchestrator/report/diagnosis_file.h"
+#include "orchestrator/report/report_data.h"
+#include "orchestrator/report/report_format.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::Vector3d;
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+constexpr double loaded_share = 0.5;  // of gravity that an axis must carry to be charged with an error of the norm
+constexpr double level_share = 0.5;   // what must be left of an axis across gravity to show a tilt about it
+
+JointResult as_joint(const RestFit& fit, const std::vector<RestEffect>& effects, const RestData& data) {
+  JointResult r;
+  r.converged = fit.converged;
+  r.message = fit.message;
+  r.iterations = fit.iterations;
+  r.parameters = fit.parameters;
+  for (int k = 0; k < parameter_count; ++k) {
+    const double sigma = fit.sigma[k];
+    r.determined[static_cast<std::size_t>(k)] = sigma > 0.0;
+    r.sigma[k] = sigma > 0.0 ? sigma : 0.0;
+  }
+  for (const RestEffect& e : effects) r.effects.push_back({e.column, e.value, e.sigma});
+  for (const std::string& key : fit.undetermined) r.undetermined.push_back({{{key, 1.0}}});
+  r.reference_temperature_c = rest_reference_temperature_c(data);
+  const SensorModel model = sensor_model(fit.parameters, data.recording->info);
+  r.noise.angle_random_walk = (model.gyro_scale * data.gyro_white).cwiseAbs();
+  r.noise.velocity_random_walk = (model.accel_scale * data.accel_white).cwiseAbs();
+  for (const RestLeg& leg : data.legs) {
+    if (leg.fault.empty()) continue;
+    Fault fault;
+    const std::vector<Block>& blocks = data.recording->blocks;
+    if (leg.first_block < leg.end_block) {
+      fault.first_sample = blocks[leg.first_block].start_sample;
+      fault.last_sample = blocks[leg.end_block - 1].start_sample + blocks[leg.end_block - 1].samples - 1;
+    }
+    fault.what = leg.fault;
+    fault.action = "rotation set aside";
+    r.faults.push_back(fault);
+  }
+  return r;
+}
+
+void add_candidates(const RestDiagnosis& result, Diagnosis& d) {
+  for (const RestCandidate& candidate : result.candidates) {
+    const EffectEntry* entry = find_effect(candidate.effect);
+    if (entry == nullptr) continue;
+    bool any = false;
+    for (std::size_t k = 0; k < entry->components.size(); ++k) {
+      CandidateScore c;
+      c.column = {entry, static_cast<int>(k), candidate.tau_s};
+      c.visible = k < candidate.detectable.size() && std::isfinite(candidate.detectable[k]);
+      if (c.visible) {
+        c.value = candidate.values[k];
+        c.sigma = candidate.sigmas[k];
+        c.z = c.value / c.sigma;
+        c.detectable = candidate.detectable[k];
+        any = true;
+      }
+      d.candidates.push_back(c);
+    }
+    if (!any) d.undetectable.push_back(candidate.effect);
+    else
+      d.groups.push_back({candidate.effect, candidate.score, candidate.rank, static_cast<int>(entry->components.size()),
+                          chi_square_tail(candidate.score, candidate.rank)});
+  }
+}
+
+const RestErrors& held_out_errors(const RestDiagnosis& r, bool after) {
+  if (r.holdout_before.observations > 0) return (after ? r.holdout_after : r.holdout_before).errors;
+  return (after ? r.final : r.base).left_out;
+}
+
+std::string change_text(const RestDiagnosis& r, Alphabet alphabet) {
+  const RestErrors& was = held_out_errors(r, false);
+  const RestErrors& is = held_out_errors(r, true);
+  const auto part = [&](const char* what, double a, double b, const char* unit) {
+    return std::string(what) + " from " + significant(a, 3) + " to " + significant(b, 3) + " " + unit_text(unit, alphabet) +
+           " rms (" + percent_change(a, b) + ")";
+  };
+  return part("gravity's direction after a rotation", 1e3 * was.direction_rms_rad, 1e3 * is.direction_rms_rad, "mrad") + ", " +
+         part("gyros at rest", was.gyro_rms_radps / rad_per_deg, is.gyro_rms_radps / rad_per_deg, "deg/s") + ", " +
+         part("gravity's norm", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s^2");
+}
+
+std::string remainder_text(const RestDiagnosis& r) {
+  std::vector<std::string> parts;
+  for (const RestKind kind : {RestKind::direction, RestKind::gyro, RestKind::norm}) {
+    const double ratio = r.final.white_ratio[static_cast<std::size_t>(kind)];
+    if (ratio > 2.0) parts.push_back(std::string(to_string(kind)) + " (" + significant(ratio, 2) + " times)");
+  }
+  return parts.empty() ? "nothing stays above twice the white noise" : "above the white noise stay " + join(parts);
+}
+
+std::string strongest_text(const RestDiagnosis& r) {
+  const RestCandidate* best = nullptr;
+  for (const RestCandidate& c : r.candidates)
+    if (c.remark.empty() && (best == nullptr || c.p_value < best->p_value)) best = &c;
+  if (best == nullptr) return "no candidate is visible";
+  return "the strongest candidate, " + best->effect + "." + best->best_component + ", has a probability of " +
+         significant(best->p_value, 2) + " over all tests where 0.005 is asked for";
+}
+
+std::string sentence_of(const RestDiagnosis& r, const RestData& data, const Diagnosis& d, Alphabet alphabet) {
+  const std::string title = verdict_title(d.verdict) + ": ";
+  const std::string where = d.holdout_source == "second recording" ? "on the second recording"
+                                                                    : "with each rest and rotation left out in turn";
+  if (d.verdict == Verdict::extended)
+    return title + effects_clause(d, alphabet) + "; " + where + ": " + change_text(r, alphabet) + alias_clause(d) + "; " +
+           remainder_text(r) + ".";
+  std::string text = title + (d.verdict == Verdict::clean ? "the 21 parameters explain the data: "
+                              : r.not_tested.empty()      ? "a residual is left that is not white noise and that no effect explains: "
+                                                          : "a residual is left that is not white noise, and too few data to name it: ");
+  text += error_text(r.final.errors, alphabet) + "; " + remainder_text(r);
+  if (!r.not_tested.empty()) return text + "; no effect was looked for, because " + r.not_tested + ".";
+  text += "; " + strongest_text(r);
+  if (!r.struck_out.empty()) text += "; tried and struck out: " + join(r.struck_out, "; ");
+  return text + " (" + std::to_string(data.rests.size()) + " rests).";
+}
+
+struct Rows {  // residuals of one system by rest
+  std::vector<double> norm;
+  std::vector<Vector3d> gyro;
+  std::vector<Eigen::Vector2d> direction;  // of the leg before the rest; NaN: none
+};
+Rows rows_of(const RestSystem& system, std::size_t rests) {
+  Rows rows;
+  rows.norm.assign(rests, nan);
+  rows.gyro.assign(rests, Vector3d::Constant(nan));
+  rows.direction.assign(rests, Eigen::Vector2d::Constant(nan));
+  std::vector<int> gyros(rests, 0), directions(rests, 0);
+  for (Eigen::Index k = 0; k < system.residual.size(); ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    const auto owner = static_cast<std::size_t>(system.owner[at]);
+    switch (system.kind[at]) {
+      case RestKind::norm: rows.norm[owner] = system.residual[k]; break;
+      case RestKind::gyro: rows.gyro[owner][gyros[owner]++] = system.residual[k]; break;
+      case RestKind::direction: rows.direction[owner + 1][directions[owner + 1]++] = system.residual[k]; break;
+    }
+  }
+  return rows;
+}
+
+struct BothRows {
+  Rows before, after;
+};
+BothRows both_rows(const RestDiagnosis& r, const RestData& data) {
+  const double reference = rest_reference_temperature_c(data);
+  return {rows_of(rest_system_at(data, r.base, {}, reference), data.rests.size()),
+          rows_of(rest_system_at(data, r.final, r.effects, reference), data.rests.size())};
+}
+
+double middle_s(const Rest& rest) { return rest.start_s + 0.5 * rest.whole.duration_s; }
+
+}  // namespace
+
+Diagnosis as_diagnosis(const RestDiagnosis& r, const RestData& data) {
+  Diagnosis d;
+  d.verdict = r.verdict == RestDiagnosis::Verdict::clean      ? Verdict::clean
+              : r.verdict == RestDiagnosis::Verdict::extended ? Verdict::extended
+                                                              : Verdict::unexplained;
+  d.reason = r.not_tested.empty() ? "" : "no effect was looked for: " + r.not_tested;
+  d.base = as_joint(r.base, {}, data);
+  d.extended = as_joint(r.final, r.effects, data);
+  std::vector<EstimatedEffect> order = d.extended.effects;
+  std::stable_sort(order.begin(), order.end(), [](const EstimatedEffect& a, const EstimatedEffect& b) {
+    return std::abs(a.value) * b.sigma > std::abs(b.value) * a.sigma;
+  });
+  d.extended.effects = order;
+  for (const EstimatedEffect& e : order)
+    if (std::find(d.effect_names.begin(), d.effect_names.end(), e.column.entry->name) == d.effect_names.end())
+      d.effect_names.emplace_back(e.column.entry->name);
+  for (const std::string& name : d.effect_names) d.aliases[name];
+  for (const auto& [name, others] : r.aliases) {
+    if (!d.aliases.contains(name)) continue;
+    d.aliases[name] = others;
+    std::vector<std::string> by;
+    for (const std::string& other : others)
+      if (const EffectEntry* entry = find_effect(other)) by.push_back(other + ": " + std::string(entry->seen_by));
+    if (!by.empty()) d.separate_by[name] = join(by, "; ");
+  }
+  add_candidates(r, d);
+  d.gated_out = r.struck_out;
+  d.error_before = r.error_before;
+  d.error_after = r.error_after;
+  const bool second = r.holdout_before.observations > 0;
+  d.holdout_source = second ? "second recording" : "rests and rotations left out in turn";
+  d.holdout_before = {second ? r.holdout_before.normalised_rms : r.left_out_before, nan, nan, 1};
+  d.holdout_after = {second ? r.holdout_after.normalised_rms : r.left_out_after, nan, nan, 1};
+  return d;
+}
+
+std::string error_text(const RestErrors& e, Alphabet alphabet) {
+  return "gravity norm at rest " + significant(1e3 * e.norm_rms_mps2, 3) + " " + unit_text("mm/s^2", alphabet) + " rms, direction after a rotation " +
+         significant(1e3 * e.direction_rms_rad, 3) + " mrad, gyros at rest " + significant(e.gyro_rms_radps / rad_per_deg, 3) +
+         " " + unit_text("deg/s", alphabet);
+}
+
+DiagnosisWords rest_words(const RestDiagnosis& r, const RestData& data, const Diagnosis& d, Alphabet alphabet) {
+  DiagnosisWords words;
+  words.sentence = sentence_of(r, data, d, alphabet);
+  const auto add = [&](const std::string& where, const RestErrors& was, const RestErrors& is, double before, double after) {
+    words.errors.push_back({where + "gravity direction after a rotation rms", 1e3 * was.direction_rms_rad,
+                            1e3 * is.direction_rms_rad, "mrad", false});
+    words.errors.push_back({where + "gyros at rest rms", was.gyro_rms_radps / rad_per_deg, is.gyro_rms_radps / rad_per_deg, "deg/s", false});
+    words.errors.push_back({where + "gravity norm at rest rms", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s^2", false});
+    words.errors.push_back({where + "normalised residual rms", before, after, "1 is what the final model expects", true});
+  };
+  add("fitted: ", r.base.errors, r.final.errors, r.error_before, r.error_after);
+  add(r.holdout_before.observations > 0 ? "second recording: " : "left out in turn: ", held_out_errors(r, false),
+      held_out_errors(r, true), d.holdout_before.normalised_rms, d.holdout_after.normalised_rms);
+  const NoiseModel& n = d.extended.noise;
+  const auto times = [&](RestKind kind) { return significant(r.final.white_ratio[static_cast<std::size_t>(kind)], 2); };
+  words.noise = "white, measured in the rests: gyros " + significant(n.angle_random_walk.mean() / radprs_per_degprh, 3) + " " +
+                (alphabet == Alphabet::plain ? "deg/sqrt(h)" : "°/√h") + ", accelerometers " +
+                significant(n.velocity_random_walk.mean() / mpsprs_per_ugprHz, 3) +
+                (alphabet == Alphabet::plain ? " ug/sqrt(Hz)" : " µg/√Hz") + "; residual over it: direction " +
+                times(RestKind::direction) + ", gyros " + times(RestKind::gyro) + ", norm " + times(RestKind::norm);
+  return words;
+}
+
+std::vector<DwellResidual> rest_residuals(const RestDiagnosis& r, const RestData& data) {
+  const CompressedRecording& recording = *data.recording;
+  const SensorModel model = sensor_model(r.final.parameters, recording.info);
+  const BothRows rows = both_rows(r, data);
+  std::vector<DwellResidual> result;
+  for (std::size_t k = 0; k < data.rests.size(); ++k) {
+    const Rest& rest = data.rests[k];
+    DwellResidual d;
+    d.segment = recording.blocks[rest.whole.first_block].segment;
+    d.time_s = middle_s(rest);
+    d.table_deg.setConstant(nan);
+    const Vector3d f = model.accel_scale * rest.whole.accel - model.accel_bias_mps2;
+    d.f_b_g = f / standard_gravity_mps2;
+    d.level_share.setOnes();
+    double temperature = 0.0;
+    for (std::size_t b = rest.whole.first_block; b < rest.whole.end_block; ++b) temperature += recording.blocks[b].temperature_c;
+    d.temperature_c =
+        recording.info.has_temperature ? temperature / static_cast<double>(rest.whole.end_block - rest.whole.first_block) : nan;
+    if (k > 0)
+      for (std::size_t b = data.legs[k - 1].first_block; b < data.legs[k - 1].end_block; ++b) {
+        const Block& block = recording.blocks[b];
+        const Vector3d turn = model.gyro_scale * block.gyro - model.gyro_bias_radps * block.duration_s;
+        d.turned_rad += turn;
+        const Vector3d rate = turn / block.duration_s;
+        for (int axis = 0; axis < 3; ++axis)
+          if (std::abs(rate[axis]) > std::abs(d.fastest_radps[axis])) d.fastest_radps[axis] = rate[axis];
+      }
+    const Vector3d u = f.normalized();
+    const Vector3d v = (model.accel_scale * rest.first_edge.accel - model.accel_bias_mps2).normalized();
+    const auto fill = [&](const Rows& from, DwellResidual::Side& side) {
+      side.velocity_mps.setConstant(nan);
+      side.gyro_radps = from.gyro[k];
+      side.tilt_rad = v.cross(axes_across(v).transpose() * from.direction[k]);
+      for (int axis = 0; axis < 3; ++axis) {
+        side.accel_mps2[axis] = std::abs(u[axis]) > loaded_share ? from.norm[k] / u[axis] : nan;
+        if (1.0 - v[axis] * v[axis] < level_share) side.tilt_rad[axis] = nan;
+      }
+    };
+    fill(rows.before, d.before);
+    fill(rows.after, d.after);
+    result.push_back(d);
+  }
+  return result;
+}
+
+Figure rest_time_figure(const RestDiagnosis& r, const RestData& data) {
+  const BothRows rows = both_rows(r, data);
+  Figure figure;
+  figure.id = "time";
+  figure.label = "Errors of gravity's direction and norm and of the gyros at rest, against time";
+  figure.caption = "One point a rest. Direction: the angle between gravity as the rotation before the rest predicts it and as the "
+                   "accelerometers see it. Gyros: length of the rate vector that is left at rest.";
+  figure.panel_height = 170;
+  figure.stacked = true;
+  struct Quantity {
+    const char* label;
+    double (*of)(const Rows&, std::size_t);
+  };
+  static constexpr Quantity quantities[] = {
+      {"direction, mrad", [](const Rows& x, std::size_t k) { return 1e3 * x.direction[k].norm(); }},
+      {"gyros, °/s", [](const Rows& x, std::size_t k) { return x.gyro[k].norm() / rad_per_deg; }},
+      {"norm, mm/s²", [](const Rows& x, std::size_t k) { return 1e3 * x.norm[k]; }}};
+  const bool both = !r.effects.empty();
+  for (const Quantity& quantity : quantities) {
+    Panel panel;
+    if (figure.panels.size() + 1 == std::size(quantities)) panel.x_label = "time, s";
+    panel.y_label = quantity.label;
+    panel.series = before_after_series(both);
+    for (std::size_t s = 0; s < panel.series.size(); ++s) {
+      panel.series[s].style = both && s == 0 ? Series::Style::open_circle : Series::Style::dot;
+      for (std::size_t k = 0; k < data.rests.size(); ++k) {
+        const double y = quantity.of(s == 0 ? rows.before : rows.after, k);
+        panel.series[s].points.emplace_back(middle_s(data.rests[k]), y);  // NaN before the first rotation
+      }
+    }
+    figure.panels.push_back(std::move(panel));
+  }
+  return figure;
+}
+
+void describe_rest_fit(const RestFit& fit, const std::vector<RestEffect>& effects, const RestData& data, ParameterFile& file) {
+  const JointResult joint = as_joint(fit, effects, data);
+  describe_model(joint, *data.recording, file);
+  for (int k = 0; k < 3; ++k)
+    file.add_further(std::string("noise.angle_random_walk.") + "xyz"[k] + "_deg_per_rt_h",
+                     joint.noise.angle_random_walk[k] / radprs_per_degprh);
+  for (int k = 0; k < 3; ++k)
+    file.add_further(std::string("noise.velocity_random_walk.") + "xyz"[k] + "_ug_per_rt_hz",
+                     joint.noise.velocity_random_walk[k] / mpsprs_per_ugprHz);
+  const auto errors = [&](const std::string& key, const RestErrors& e) {
+    file.add_further("quality." + key + ".norm_rms_mps2", e.norm_rms_mps2);
+    file.add_further("quality." + key + ".direction_rms_rad", e.direction_rms_rad);
+    file.add_further("quality." + key + ".gyro_rms_degps", e.gyro_rms_radps / rad_per_deg);
+  };
+  errors("fitted", fit.errors);
+  errors("left_out", fit.left_out);
+  file.add_further("quality.rests", static_cast<double>(data.rests.size()));
+}
+
+}  // namespace turncal

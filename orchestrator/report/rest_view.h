@@ -1,0 +1,33 @@
+// A diagnosis of hand-turned data (calib/diagnosis/rest_diagnosis.h) in the form that files, tables and figures know, and what is said
+// differently there: the errors are those of gravity's norm and direction and of the gyros at rest, not velocities.
+#pragma once
+
+#include <vector>
+
+#include "calib/diagnosis/diagnosis.h"
+#include "calib/diagnosis/rest_diagnosis.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/report/diagnosis_context.h"
+#include "orchestrator/report/diagnosis_text.h"
+#include "orchestrator/report/report_dwells.h"
+#include "orchestrator/report/report_figure.h"
+
+namespace turncal {
+
+Diagnosis as_diagnosis(const RestDiagnosis& result, const RestData& data);
+
+// Everything in words; the left-out errors are those of the second recording where there is one.
+DiagnosisWords rest_words(const RestDiagnosis& result, const RestData& data, const Diagnosis& d, Alphabet alphabet);
+// "gravity norm at rest 0.93 mm/s^2 rms, direction after a rotation 6.80 mrad, gyros at rest 0.067 deg/s"
+std::string error_text(const RestErrors& errors, Alphabet alphabet = Alphabet::plain);
+
+// One a rest: its residuals before and after as errors of the sensors, and what they may depend on. accel: the error of the
+// norm laid on each axis that carries more than half of gravity; tilt: of the direction after the rotation before; NaN: none.
+std::vector<DwellResidual> rest_residuals(const RestDiagnosis& result, const RestData& data);
+// Norm, direction and gyros against time.
+Figure rest_time_figure(const RestDiagnosis& result, const RestData& data);
+
+// Parameters, sigmas, effects, white noise and errors of a fit.
+void describe_rest_fit(const RestFit& fit, const std::vector<RestEffect>& effects, const RestData& data, ParameterFile& file);
+
+}  // namespace turncal

@@ -1,0 +1,105 @@
+#include "orchestrator/run/dwell_monitor.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "calib/model/parameters.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr std::array<const char*, 6> channel_names = {"gyro x",          "gyro y",          "gyro z",
+                                                      "accelerometer x", "accelerometer y", "accelerometer z"};
+
+std::string line(const char* format, const char* name, double value, const char* unit, double limit, double second) {
+  char text[200];
+  std::snprintf(text, sizeof text, format, name, value, unit, limit, unit, second);
+  return text;
+}
+
+}  // namespace
+
+DwellMonitor::DwellMonitor(const DwellConfig& config, const RecordingInfo& info) : config_(config) {
+  window_samples_ = std::max<std::int64_t>(1, std::llround(config.stillness_window_s / info.sample_period_s));
+  const double window_s = static_cast<double>(window_samples_) * info.sample_period_s;
+  const Parameters start = start_parameters(info);
+  const ParameterVector si = si_per_unit(info);
+  const double rad_per_count = start.n(0, 0) * si[6];
+  const double mps_per_count = start.a(0, 0) * si[15];
+  for (int i = 0; i < 3; ++i) {
+    unit_[static_cast<std::size_t>(i)] = rad_per_count / rad_per_deg / window_s;
+    unit_[static_cast<std::size_t>(3 + i)] = mps_per_count / window_s;
+  }
+}
+
+void DwellMonitor::start(std::int64_t first_counter, std::int64_t samples) {
+  first_counter_ = next_counter_ = first_counter;
+  samples_ = samples;
+  defect_.reset();
+  window_sum_ = {};
+  in_window_ = windows_ = 0;
+  origin_ = sum_ = square_ = lowest_ = highest_ = {};
+}
+
+const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const ImuSample> samples) {
+  for (const ImuSample& sample : samples) {
+    if (defect_) break;
+    if (sample.counter != next_counter_) {
+      defect_ = Defect{ErrorKind::device, std::to_string(sample.counter - next_counter_) + " samples lost at sample " +
+                                              std::to_string(next_counter_)};
+      break;
+    }
+    if ((sample.flags & sample_flag_invalid) != 0) {
+      defect_ = Defect{ErrorKind::unit_failed,
+                       "the unit flagged its data as bad at sample " + std::to_string(sample.counter)};
+      break;
+    }
+    ++next_counter_;
+    for (std::size_t i = 0; i < 3; ++i) {
+      window_sum_[i] += sample.gyro[i];
+      window_sum_[3 + i] += sample.accel[i];
+    }
+    if (++in_window_ == window_samples_) close_window();
+  }
+  return defect_;
+}
+
+void DwellMonitor::close_window() {
+  for (std::size_t i = 0; i < channels; ++i) {
+    const double mean = window_sum_[i] * unit_[i];
+    if (windows_ == 0) origin_[i] = mean;
+    const double d = mean - origin_[i];
+    sum_[i] += d;
+    square_[i] += d * d;
+    lowest_[i] = std::min(lowest_[i], d);
+    highest_[i] = std::max(highest_[i], d);
+  }
+  window_sum_ = {};
+  in_window_ = 0;
+  ++windows_;
+  const double count = static_cast<double>(windows_);
+  for (std::size_t i = 0; i < channels; ++i) {
+    const bool gyro = i < 3;
+    const double centre = sum_[i] / count;
+    const double deviation = std::sqrt(std::max(0.0, square_[i] / count - centre * centre));
+    const double peak = std::max(highest_[i] - centre, centre - lowest_[i]);
+    const double max_deviation = gyro ? config_.max_gyro_std_degps : config_.max_accel_std_mps2;
+    const double max_peak = gyro ? config_.max_gyro_peak_degps : config_.max_accel_peak_mps2;
+    const char* unit = gyro ? "deg/s" : "m/s^2";
+    const double at_s = count * config_.stillness_window_s;
+    if (!(peak <= max_peak)) {
+      defect_ = Defect{ErrorKind::device, line("not still: %s mean jumps by %.4g %s (limit %.4g %s) within %.0f s",
+                                               channel_names[i], peak, unit, max_peak, at_s)};
+      return;
+    }
+    if (!(deviation <= max_deviation)) {
+      defect_ = Defect{ErrorKind::device, line("not still: %s means scatter by %.4g %s (limit %.4g %s) within %.0f s",
+                                               channel_names[i], deviation, unit, max_deviation, at_s)};
+      return;
+    }
+  }
+}
+
+}  // namespace turncal

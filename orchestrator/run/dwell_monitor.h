@@ -1,0 +1,59 @@
+// Does a dwell count? Pure logic on its samples: counted by the unit's counter, every sample there and good, and the unit
+// at rest by its own account.
+//
+// Stillness: the mean rate and mean specific force of each sensor over consecutive windows of stillness_window_s; their
+// standard deviation over the dwell so far and the largest distance of one from the mean of all must stay below the
+// configured limits (a single sample says nothing: one pulse of a laser gyro in 5 ms is already 0.05 deg/s). Judged at
+// the end of every window, so that a knock in a long dwell does not cost the rest of it.
+//
+// Units: counts become deg/s and m/s^2 by the nominal scale factors of the recording (start values of calib/model/parameters.h);
+// a per cent of scale error does not matter here. That the table reads elsewhere is the caller's to see.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "calib/types/recording_types.h"
+#include "calib/types/status.h"
+#include "orchestrator/station/station_config.h"
+
+namespace turncal {
+
+class DwellMonitor {
+ public:
+  struct Defect {
+    ErrorKind kind = ErrorKind::device;  // what it means when no repeat is left
+    std::string reason;
+  };
+
+  DwellMonitor(const DwellConfig& config, const RecordingInfo& info);
+
+  void start(std::int64_t first_counter, std::int64_t samples);
+  // The next samples of the stream. The first defect, if there is one so far.
+  const std::optional<Defect>& add(std::span<const ImuSample> samples);
+
+  bool complete() const { return next_counter_ >= first_counter_ + samples_; }
+  std::int64_t remaining() const { return first_counter_ + samples_ - next_counter_; }
+
+ private:
+  static constexpr int channels = 6;  // gyro x y z, accelerometer x y z
+  void close_window();
+
+  DwellConfig config_;
+  std::array<double, channels> unit_{};  // deg/s or m/s^2 per count and window
+  std::int64_t window_samples_ = 200;
+  std::int64_t first_counter_ = 0;
+  std::int64_t samples_ = 0;
+  std::int64_t next_counter_ = 0;
+  std::optional<Defect> defect_;
+  // The running window, and what the closed ones sum up to; values relative to the first window of the dwell.
+  std::array<double, channels> window_sum_{};
+  std::int64_t in_window_ = 0;
+  std::int64_t windows_ = 0;
+  std::array<double, channels> origin_{}, sum_{}, square_{}, lowest_{}, highest_{};
+};
+
+}  // namespace turncal

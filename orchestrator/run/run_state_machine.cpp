@@ -1,0 +1,66 @@
+#include "orchestrator/run/run_state_machine.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr std::array<std::string_view, run_state_count> state_names = {
+    "idle",     "connecting", "homing",  "resting",     "selecting", "moving", "settling", "dwelling",
+    "step_done", "parking",   "calibrating", "stopping", "done",      "failed", "aborted",  "interrupted"};
+
+constexpr std::array<std::string_view, run_event_count> event_names = {
+    "start",          "connected",          "connect_failed",   "homed",        "rest_over",  "back_in_place", "move_next",  "dwell_next",
+    "step_complete",  "step_next",          "sequence_complete", "arrived",     "unsettled",  "settled",
+    "dwell_complete", "dwell_bad",          "calibration_ok",   "calibration_failed", "stopped_verified", "stall",
+    "deadline",       "table_fault",        "e_stop",           "link_lost",    "imu_lost",   "motion_data_lost",
+    "storage_failed", "pause_wanted",       "operator_stop", "end_wanted"};
+
+constexpr std::array<std::string_view, run_action_count> action_names = {
+    "none",        "connect",     "enable_and_home", "begin_rest", "settle_again", "select_next", "issue_move", "watch_settling",
+    "watch_moving", "close_move", "begin_dwell",     "close_dwell", "discard_dwell", "finish_step",
+    "calibrate",   "stop_table",  "abort_table",     "announce"};
+
+constexpr std::array<std::string_view, run_guard_count> guard_names = {
+    "always", "rest_due", "no_rest_due", "repeats_left", "no_repeats_left", "by_operator", "by_error", "by_interruption", "abort_sent", "abort_not_sent"};
+
+}  // namespace
+
+bool holds(RunGuard guard, const RunGuards& guards) {
+  switch (guard) {
+    case RunGuard::always: return true;
+    case RunGuard::rest_due: return guards.rest_due;
+    case RunGuard::no_rest_due: return !guards.rest_due;
+    case RunGuard::repeats_left: return guards.repeats_left;
+    case RunGuard::no_repeats_left: return !guards.repeats_left;
+    case RunGuard::by_operator: return guards.stop_cause == StopCause::by_operator;
+    case RunGuard::by_error: return guards.stop_cause == StopCause::error;
+    case RunGuard::by_interruption: return guards.stop_cause == StopCause::interruption;
+    case RunGuard::abort_sent: return guards.abort_sent;
+    case RunGuard::abort_not_sent: return !guards.abort_sent;
+  }
+  return false;
+}
+
+Transition next(RunState state, RunEvent event, const RunGuards& guards) {
+  for (const TransitionRow& row : transition_table) {
+    if (row.event == event && row.from.contains(state) && holds(row.guard, guards)) {
+      return {Transition::Outcome::taken, row.to, row.action};
+    }
+  }
+  for (const IgnoredRow& row : ignored_events) {
+    if (row.in.contains(state) && row.events.contains(event)) {
+      return {Transition::Outcome::ignored, state, RunAction::none};
+    }
+  }
+  const bool drives_may_be_on = live_states.contains(state) || state == RunState::stopping ||
+                                state == RunState::calibrating;
+  if (drives_may_be_on) return {Transition::Outcome::unexpected, RunState::stopping, RunAction::stop_table};
+  return {Transition::Outcome::unexpected, RunState::failed, RunAction::announce};
+}
+
+std::string_view to_string(RunState state) { return state_names[static_cast<std::size_t>(state)]; }
+std::string_view to_string(RunEvent event) { return event_names[static_cast<std::size_t>(event)]; }
+std::string_view to_string(RunAction action) { return action_names[static_cast<std::size_t>(action)]; }
+std::string_view to_string(RunGuard guard) { return guard_names[static_cast<std::size_t>(guard)]; }
+
+}  // namespace turncal

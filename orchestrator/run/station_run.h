@@ -1,0 +1,225 @@
+// One run of the station: walks a sequence, moves the table, captures the IMU, and calibrates.
+//
+// The loop pumps the IMU (reading it is what makes time pass), polls the table, turns what it sees into events, looks the
+// transition up in run_state_machine, and carries the action out. It never blocks for a motion. Every decision is in the
+// transition table, the arrival rule in arrival_monitor, the rule for a dwell in dwell_monitor.
+//
+// - The recording begins with the first item of the sequence; connecting, homing and the way to the start position are not
+//   in it, and its counter starts at 0.
+// - The table is polled every poll_moving_s (poll_idle_s in a dwell), and at the very sample at which a motion or settle time
+//   can be over, so that a table that keeps to its profile gives the segments of planned_segments() to the sample.
+// - Before any item every axis must stand where the plan says; one that does not is moved there first (roll, pitch, heading).
+//   That serves the start, a table that drifted, and a run that goes on after an interruption.
+// - Samples lost or flagged while the table turns stay as they are in the recording and are said in the log; the estimators
+//   see the gap by the counter and deal with it (or refuse).
+// - A run that goes on (StationJob::resume) begins behind its last completed dwell: it homes (or, where no time has passed,
+//   verifies that the encoders are homed and stand where they did), rests for resume.rest_s, goes back to where that dwell stood,
+//   not recorded, settles inside a rotate segment that begins with a gap of one sample, and does what came behind that dwell. A run that is taken up clears a fault that a drive
+//   still shows (its watchdog stopped it when the last program died); what the drive says then decides. No other run does.
+// - On any error: stop to all axes, drives off at rest, both verified by their status; fastest stop when that fails; a lost link is tried again, for
+//   the stop only. The outcome names reason and place in one line.
+//
+// - A pause lets the item that goes on come to its end, and homing; then the table is stopped and its drives go off, both verified
+//   as above. Once everything is recorded a pause changes nothing.
+//
+// Several units ride on one table: one motion, one journal, and for each a lane (unit_lane.h) with its own recording.
+// - What befalls a unit (gone, silent, another one than asked for, its recording not writable, too slow) is that unit's alone as
+//   long as another is left: it drops out, which is journalled and told, and the others go on. The last one fails the run. What
+//   the table does concerns all.
+// - Every living lane is read in every turn: the first that the run waits for with the time until the next poll, the others
+//   without waiting. Silence is judged lane by lane.
+// - A dwell is complete when it is in every living lane. A defect in one repeats it for all, at once; a lane whose own defects
+//   have used up dwell.max_repeats drops out instead, and the attempt goes on for the others. A table that moved repeats the
+//   dwell as long as one living lane has a repeat left.
+// - Units whose samples come a few samples apart need no care: the settle time lies between a move and a dwell. One that has
+//   fallen behind the others by more than half of it since the move began is waited for before the dwell, imu.timeout_s
+//   at most: a counter that is short may not tell what was lost.
+//
+// One thread; only the counts of StationHooks may be touched by others.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/types/status.h"
+#include "imu_io/base/clock.h"
+#include "orchestrator/run/arrival_monitor.h"
+#include "orchestrator/run/run_journal.h"
+#include "orchestrator/run/run_observer.h"
+#include "orchestrator/run/run_state_machine.h"
+#include "orchestrator/station/station_config.h"
+#include "orchestrator/run/unit_lane.h"
+#include "sequences/plan.h"
+#include "sequences/sequence.h"
+#include "turntable_drivers/table/turntable.h"
+
+namespace turncal {
+
+struct StationDevices {
+  Turntable& table;
+  ImuSource& imu;  // of the first place; a run of several units is given each of them
+  const Clock& clock;
+  std::function<void(double seconds)> wait;  // lets time pass while the IMU cannot be read
+};
+
+// REQUIRES: plan == make_plan(sequence, plan_limits(station, period of the IMU)) and plan.ok().
+struct StationJob {
+  const Sequence& sequence;
+  const Plan& plan;
+  const StationConfig& station;
+  std::string unit_serial;  // of a run of one unit
+  std::optional<ResumePoint> resume = std::nullopt;  // the sinks then hold everything up to there
+  bool taken_up = false;  // somebody goes on with an interrupted run: a fault that a drive still shows is cleared
+};
+
+struct StationHooks {
+  RunObserver* observer = nullptr;
+  const std::atomic<int>* stop_requests = nullptr;  // counts the requests to stop now
+  std::function<Status()> calibrate;                // after the recording is sealed; results must be durable on success
+  RunJournal* journal = nullptr;
+  const std::atomic<int>* pause_requests = nullptr;  // above 0: stop at the next safe point
+  const std::atomic<int>* end_requests = nullptr;    // those of stop_requests that the operator did not make
+};
+
+struct RunOutcome {
+  RunState state = RunState::failed;
+  Error error{ErrorKind::internal, "the run did not end"};  // meaningful unless done
+  int repeated_dwells = 0;
+  struct Unit {
+    std::int64_t recorded_samples = 0;    // periods, lost ones included
+    std::uint64_t lost_samples = 0;       // by the unit's counter, from the first recorded sample on
+    std::uint64_t duplicate_samples = 0;  // dropped
+    std::optional<Error> dropped_out;     // before the end
+  };
+  std::vector<Unit> units;  // as given
+};
+
+class StationRun {
+ public:
+  StationRun(StationDevices devices, StationJob job, const std::vector<StationUnit>& units, StationHooks hooks);
+  StationRun(const StationDevices& devices, const StationJob& job, RunSink& sink, const StationHooks& hooks)  // of one unit
+      : StationRun(devices, job, {StationUnit{devices.imu, sink, job.unit_serial}}, hooks) {}
+  RunOutcome run();
+  RunOutcome outcome() const;  // so far
+
+ private:
+  using MaybeEvent = std::optional<RunEvent>;
+
+  // One event, and those that its action raises.
+  void handle(RunEvent event);
+  MaybeEvent perform(RunAction action, RunEvent cause);
+  // An event together with why: the first reason of a failing run is the one reported.
+  RunEvent raise(RunEvent event, ErrorKind kind, const std::string& reason);
+  // The table refused or failed. A driver that gave up because the operator asked for it, or is gone, is no fault of the table.
+  RunEvent raise_table(RunEvent event, const Error& error, const std::string& before = "");
+  // Of one unit: it drops out, or the run fails with it where no other is left.
+  MaybeEvent fail(UnitLane& lane, RunEvent event, const Error& error);
+  // A step of the recording, in every living lane.
+  MaybeEvent in_every_lane(const std::function<Status(UnitLane&)>& step);
+  template <class Holds>
+  bool any_living(Holds holds) const {
+    return std::any_of(lanes_.begin(), lanes_.end(), [&](const UnitLane& lane) { return lane.alive() && holds(lane); });
+  }
+  std::string named(const UnitLane& lane, const std::string& text) const;  // "unit SN2: ..." where there are several
+
+  MaybeEvent asked();                                   // what is newly asked for from outside
+  RunEvent raise_stop();                                // by the operator, or from outside
+  RunEvent pause();                                     // here and now
+  bool pause_asked() const { return hooks_.pause_requests && hooks_.pause_requests->load() > 0; }
+
+  void take_up(const ResumePoint& resume);
+  bool at_rest() const;                                 // every axis, by the last status read
+  bool stands_as_left() const;                          // homed, and where the completed dwell was
+  MaybeEvent keep(const Status& status);                // of the journal or the recording
+
+  MaybeEvent connect();
+  MaybeEvent enable_and_home();
+  MaybeEvent send_home();
+  MaybeEvent begin_rest();
+  MaybeEvent settle_again(bool in_place);
+  MaybeEvent select_next();
+  MaybeEvent issue_move();
+  MaybeEvent close_move();
+  MaybeEvent begin_dwell();
+  MaybeEvent close_dwell();
+  MaybeEvent discard_dwell();
+  MaybeEvent finish_step();
+  MaybeEvent calibrate();
+  MaybeEvent stop_table();
+  MaybeEvent abort_table();
+
+  MaybeEvent pump();                                    // reads the IMU until the next poll is due
+  UnitLane* lead();                                     // the lane that the run waits for; null: none is open
+  MaybeEvent take_all();                                // what the lanes have received; is the dwell complete?
+  MaybeEvent take(UnitLane& lane);
+  bool apart() const;                                   // a unit's samples are so late that some may be from the move
+  MaybeEvent receive_all(UnitLane& lane);               // that has arrived, without waiting for more
+  MaybeEvent catch_up();                                // with the samples that have arrived, without waiting for more
+  MaybeEvent poll();                                    // reads the table and judges
+  MaybeEvent read_table();                              // three tries; e-stop, faults and limits while live
+  MaybeEvent judge(double now_s);
+  MaybeEvent judge_dwell();
+  MaybeEvent judge_defect(UnitLane& lane, const DwellMonitor::Defect& defect);
+  MaybeEvent judge_homing(double now_s);
+  MaybeEvent judge_stop(double now_s);
+  void try_to_reconnect(double now_s);
+  void schedule_poll(double now_s);
+
+  void begin_segment(SegmentKind kind);
+  MaybeEvent end_segment(SegmentKind kind);
+  std::optional<Axis> displaced_axis() const;           // first of roll, pitch, heading that is not where it should be
+  bool out_of_tolerance(Axis axis, double from_deg) const;
+  std::string place() const;
+  RunSnapshot snapshot() const;
+  void tell_progress();
+
+  StationDevices devices_;
+  StationJob job_;
+  StationHooks hooks_;
+  std::vector<UnitLane> lanes_;
+
+  RunState state_ = RunState::idle;
+  int repeated_dwells_ = 0;
+  std::optional<Error> first_error_;
+  std::string detail_;             // of the event to be handled next
+  ErrorKind raised_kind_ = ErrorKind::internal;
+  StopCause stop_cause_ = StopCause::error;
+  bool pause_told_ = false;
+  bool abort_sent_ = false;
+  bool drives_off_sent_ = false;
+  bool home_sent_ = false;
+  bool fault_left_ = false;
+  bool enabled_ = false;
+  int stops_seen_ = 0;
+
+  std::size_t item_ = 0;           // the next item of the plan, or the one going on
+  std::size_t step_ = 0;           // index into sequence.steps
+  bool item_running_ = false;      // plan.items[item_] is going on (not: a move back to where the table should stand)
+  std::optional<Move> pending_move_;
+  AxisTriple commanded_deg_;
+  ArrivalMonitor arrival_;
+  AxisTriple dwell_start_deg_;
+  int repeats_ = 0;                // of the present dwell
+  UnitLane* bad_lane_ = nullptr;   // whose defect repeats it; null: the table moved
+
+  bool recording_ = false;
+  bool unit_awaited_ = false;      // settled, but for a unit that is behind
+  double await_until_s_ = 0.0;     // then it goes on without; a bad dwell is repeated
+  bool rest_due_ = false;          // the run goes on after an interruption in which time passed
+
+  TableStatus status_{};
+  double started_s_ = 0.0;
+  double next_poll_s_ = 0.0;
+  double phase_deadline_s_ = 0.0;
+  double rest_until_s_ = 0.0;
+  double reconnect_at_s_ = 0.0;
+  double reconnect_wait_s_ = 0.5;
+  bool link_down_ = false;
+};
+
+}  // namespace turncal

@@ -1,0 +1,198 @@
+// The eyes of a run: polling the table, and what is made of it.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "orchestrator/run/station_run.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr int status_tries = 3;
+constexpr double reconnect_wait_min_s = 0.5;
+constexpr double reconnect_wait_max_s = 5.0;
+
+bool by_operator(const Error& error) { return error.kind == ErrorKind::aborted || error.kind == ErrorKind::interrupted; }
+
+}  // namespace
+
+StationRun::MaybeEvent StationRun::poll() {
+  const double now_s = devices_.clock.now_s();
+  MaybeEvent event = read_table();
+  if (state_ == RunState::stopping) {
+    detail_.clear();  // a link that fails now is no new reason
+    event = judge_stop(now_s);
+  } else if (!event) {
+    event = judge(now_s);
+  }
+  // A line that takes longer to ask than the time between two polls must not keep the unit from being read.
+  schedule_poll(devices_.clock.now_s());
+  return event;
+}
+
+StationRun::MaybeEvent StationRun::judge(double now_s) {
+  switch (state_) {
+    case RunState::homing: return judge_homing(now_s);
+    case RunState::resting:
+      if (now_s < rest_until_s_ - time_slack_s) return std::nullopt;
+      return RunEvent::rest_over;
+    case RunState::parking: return judge_stop(now_s);
+    case RunState::dwelling: return judge_dwell();
+    case RunState::moving:
+    case RunState::settling: break;
+    default: return std::nullopt;
+  }
+  const MaybeEvent event = arrival_.update(status_, now_s);
+  if (event == RunEvent::settled) {
+    // What the unit sent while the table still turned belongs to the move, not to the dwell that follows.
+    if (const MaybeEvent late = catch_up()) return late;
+    if (!unit_awaited_) await_until_s_ = now_s + job_.station.imu_timeout_s;
+    unit_awaited_ = recording_ && apart() && now_s < await_until_s_;
+    if (unit_awaited_) return std::nullopt;
+  }
+  const char* axis = arrival_.move() ? to_string(arrival_.move()->axis) : "table";
+  char text[120];
+  if (event == RunEvent::stall) {
+    std::snprintf(text, sizeof text, "%s has made no progress for %g s (stall)", axis, job_.station.motion.stall_s);
+    return raise(*event, ErrorKind::device, text);
+  }
+  if (event == RunEvent::deadline) {
+    std::snprintf(text, sizeof text, "%s has not settled within the %.1f s it may take", axis, arrival_.allowed_s());
+    return raise(*event, ErrorKind::device, text);
+  }
+  return event;
+}
+
+StationRun::MaybeEvent StationRun::read_table() {
+  for (Axis axis : all_axes) {
+    Error error;
+    bool answered = false;
+    for (int i = 0; i < status_tries && !answered; ++i) {
+      if (Result<AxisStatus> status = devices_.table.status(axis)) {
+        status_[static_cast<std::size_t>(axis)] = std::move(*status);
+        answered = true;
+      } else {
+        error = status.error();
+        if (by_operator(error)) break;
+      }
+    }
+    if (!answered && by_operator(error)) return raise_table(RunEvent::link_lost, error);
+    if (!answered) {
+      link_down_ = true;
+      return raise(RunEvent::link_lost, ErrorKind::device,
+                   std::string("the table does not answer for axis ") + to_string(axis) + ": " + error.message);
+    }
+  }
+  link_down_ = false;
+  if (!live_states.contains(state_)) return std::nullopt;
+  for (Axis axis : all_axes) {
+    const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
+    const std::string text = status.text.empty() ? "" : ": " + status.text;
+    const std::string name = to_string(axis);
+    if (status.emergency_stop) {
+      return raise(RunEvent::e_stop, ErrorKind::device, "emergency stop is pressed" + text);
+    }
+    if (status.fault) return raise(RunEvent::table_fault, ErrorKind::device, "fault of axis " + name + text);
+    if (status.limit) return raise(RunEvent::table_fault, ErrorKind::device, "limit switch of axis " + name + text);
+    if (!status.remote) return raise(RunEvent::table_fault, ErrorKind::device, "axis " + name + " is not in remote mode");
+    if (state_ == RunState::homing || state_ == RunState::parking) continue;
+    if (!status.enabled) return raise(RunEvent::table_fault, ErrorKind::device, "drive of axis " + name + " is off" + text);
+    if (!status.homed) return raise(RunEvent::table_fault, ErrorKind::device, "axis " + name + " lost its zero" + text);
+  }
+  return std::nullopt;
+}
+
+bool StationRun::at_rest() const {
+  return std::all_of(status_.begin(), status_.end(), [this](const AxisStatus& axis) {
+    return !axis.moving && std::abs(axis.rate_degps) <= job_.station.motion.settle_rate_degps;
+  });
+}
+
+StationRun::MaybeEvent StationRun::judge_homing(double now_s) {
+  if (!home_sent_ && at_rest()) return send_home();
+  const bool homed = std::all_of(status_.begin(), status_.end(),
+                                 [](const AxisStatus& axis) { return axis.homed && axis.enabled && !axis.moving; });
+  if (home_sent_ && homed) return RunEvent::homed;
+  if (now_s > phase_deadline_s_) return raise(RunEvent::deadline, ErrorKind::device, "the axes did not find their zero");
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::judge_dwell() {
+  bad_lane_ = nullptr;
+  for (Axis axis : all_axes) {
+    const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
+    char text[120];
+    if (out_of_tolerance(axis, dwell_start_deg_[axis]) || out_of_tolerance(axis, commanded_deg_[axis])) {
+      std::snprintf(text, sizeof text, "the table moved: %s from %.4f to %.4f deg", to_string(axis),
+                    dwell_start_deg_[axis], status.position_deg);
+      return raise(RunEvent::dwell_bad, ErrorKind::device, text);
+    }
+    if (status.moving || !(std::abs(status.rate_degps) <= job_.station.motion.settle_rate_degps)) {
+      std::snprintf(text, sizeof text, "the table moves: %s at %.4g deg/s", to_string(axis), status.rate_degps);
+      return raise(RunEvent::dwell_bad, ErrorKind::device, text);
+    }
+  }
+  if (devices_.clock.now_s() <= phase_deadline_s_) return std::nullopt;
+  for (UnitLane& lane : lanes_) {
+    if (!lane.alive() || lane.dwell_complete()) continue;
+    const Error slow = device_error("the IMU's samples come too slowly for its period");
+    if (const MaybeEvent event = fail(lane, RunEvent::deadline, slow)) return event;
+  }
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::judge_stop(double now_s) {
+  if (link_down_) {
+    try_to_reconnect(now_s);
+  } else {
+    const bool off = std::none_of(status_.begin(), status_.end(), [](const AxisStatus& axis) { return axis.enabled; });
+    if (at_rest() && off) return RunEvent::stopped_verified;
+    if (at_rest() && !drives_off_sent_) {
+      drives_off_sent_ = true;
+      link_down_ = !devices_.table.abort_all().ok();
+    }
+  }
+  if (now_s > phase_deadline_s_) {
+    if (state_ == RunState::parking) return raise(RunEvent::deadline, ErrorKind::device, "the drives do not go off");
+    return RunEvent::deadline;
+  }
+  return std::nullopt;
+}
+
+// For the stop only: a motion is never taken up again.
+void StationRun::try_to_reconnect(double now_s) {
+  if (now_s < reconnect_at_s_) return;
+  reconnect_at_s_ = now_s + reconnect_wait_s_;
+  reconnect_wait_s_ = std::min(2.0 * std::max(reconnect_wait_s_, reconnect_wait_min_s), reconnect_wait_max_s);
+  if (!devices_.table.connect()) return;
+  link_down_ = false;
+  if (Status status = devices_.table.stop_all(); !status) {
+    abort_sent_ = true;
+    link_down_ = !devices_.table.abort_all().ok();
+  }
+}
+
+void StationRun::schedule_poll(double now_s) {
+  const MotionConfig& motion = job_.station.motion;
+  const bool resting =
+      state_ == RunState::dwelling || state_ == RunState::homing || state_ == RunState::resting;
+  next_poll_s_ = now_s + (resting ? motion.poll_idle_s : motion.poll_moving_s);
+  if (state_ == RunState::moving || state_ == RunState::settling) {
+    if (!unit_awaited_) next_poll_s_ = std::min(next_poll_s_, arrival_.moment_of_interest_s(now_s));
+  }
+}
+
+std::optional<Axis> StationRun::displaced_axis() const {
+  for (Axis axis : {Axis::roll, Axis::pitch, Axis::heading}) {
+    if (out_of_tolerance(axis, commanded_deg_[axis])) return axis;
+  }
+  return std::nullopt;
+}
+
+bool StationRun::out_of_tolerance(Axis axis, double from_deg) const {
+  return !(std::abs(status_[static_cast<std::size_t>(axis)].position_deg - from_deg) <=
+           job_.station.motion.position_tolerance_deg);
+}
+
+}  // namespace turncal

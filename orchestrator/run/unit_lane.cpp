@@ -1,0 +1,125 @@
+#include "orchestrator/run/unit_lane.h"
+
+#include <algorithm>
+
+namespace turncal {
+
+void UnitLane::drop(Error why) {
+  failure_ = std::move(why);
+  close();
+}
+
+void UnitLane::close() {
+  open_ = false;
+  waiting_.clear();
+  unit_.imu.close();
+}
+
+void UnitLane::take_up(const RecordingPoint& left, bool no_time_passed) {
+  next_sample_ = left.next_sample;
+  lost_samples_ = left.lost_samples;
+  duplicate_samples_ = left.duplicate_samples;
+  gap_due_ = !no_time_passed;
+  if (gap_due_) return;
+  first_counter_ = left.first_counter;
+  last_received_ = left.last_counter;
+}
+
+RecordingPoint UnitLane::point() const {
+  const std::int64_t first = first_counter_.value_or(0);
+  return {.next_sample = next_sample_,
+          .first_counter = first,
+          .last_counter = first_counter_ ? first + next_sample_ - 1 : 0,
+          .lost_samples = lost_samples_,
+          .duplicate_samples = duplicate_samples_};
+}
+
+Result<std::string> UnitLane::connect(const StationConfig& station, bool table_simulated, bool resumed, double now_s) {
+  if (Status status = unit_.imu.open(); !status) return status.error();
+  open_ = true;
+  const Result<ImuIdentity> imu = unit_.imu.identify();
+  if (!imu) return imu.error();
+  if (!imu->unit_serial.empty() && imu->unit_serial != unit_.serial) {
+    return input_error("the unit on the table says it is '" + imu->unit_serial + "', asked for was '" + unit_.serial + "'");
+  }
+  unit_.imu.describe(info_);
+  info_.latitude_deg = station.latitude_deg;
+  info_.gravity_mps2 = station.gravity_mps2;
+  info_.unit_serial = unit_.serial;
+  info_.simulated = info_.simulated || table_simulated;
+  dwell_.emplace(station.dwell, info_);
+  const Status begun = resumed ? unit_.sink.resume(info_, next_sample_) : unit_.sink.start(info_);
+  if (!begun) return begun.error();
+  last_sample_s_ = now_s;
+  return imu->description;
+}
+
+Result<std::size_t> UnitLane::receive(std::size_t count, double timeout_s) {
+  const std::size_t before = waiting_.size();
+  waiting_.resize(before + count);
+  const Result<std::size_t> got = unit_.imu.read(std::span(waiting_).subspan(before), timeout_s);
+  if (!got) {
+    waiting_.resize(before);
+    open_ = false;
+    return got;
+  }
+  // A sample that came twice is dropped here; the recording wants counters that increase.
+  std::size_t kept = before;
+  for (std::size_t i = before; i < before + *got; ++i) {
+    if (last_received_ && waiting_[i].counter <= *last_received_) {
+      ++duplicate_samples_;
+      continue;
+    }
+    last_received_ = waiting_[i].counter;
+    waiting_[kept++] = waiting_[i];
+  }
+  waiting_.resize(kept);
+  return got;
+}
+
+Result<UnitLane::Taken> UnitLane::take(bool dwelling) {
+  Taken taken;
+  std::size_t count = waiting_.size();
+  if (dwelling) count = std::min(count, static_cast<std::size_t>(std::max<std::int64_t>(dwell_->remaining(), 0)));
+  if (!segment_) waiting_.clear();
+  if (waiting_.empty() || count == 0) return taken;
+  const std::span<ImuSample> samples = std::span(waiting_).first(count);
+  if (!segment_written_) {
+    segment_written_ = true;
+    if (Status status = unit_.sink.begin_segment(*segment_); !status) return status.error();
+  }
+  if (gap_due_) {
+    // One sample stands for all that was missed: the unit's counter may have begun anew, and the table is back where it was.
+    ++next_sample_;
+    first_counter_ = samples.front().counter - next_sample_;
+    gap_due_ = false;
+  }
+  if (!first_counter_) first_counter_ = samples.front().counter;
+  for (ImuSample& sample : samples) {
+    sample.counter -= *first_counter_;
+    taken.flagged = taken.flagged || (sample.flags & sample_flag_invalid) != 0;
+  }
+  const auto lost = static_cast<std::uint64_t>(samples.back().counter + 1 - next_sample_) - samples.size();
+  lost_samples_ += lost;
+  taken.gap = lost != 0;
+  next_sample_ = samples.back().counter + 1;
+  if (Status status = unit_.sink.add(samples); !status) return status.error();
+  if (dwelling) taken.defect = dwell_->add(samples);
+  waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
+  return taken;
+}
+
+void UnitLane::begin_segment(const Segment& segment) {
+  segment_ = segment;
+  segment_->start_sample = segment_->end_sample = next_sample_;
+  segment_written_ = false;
+  came_before_ = next_sample_ + static_cast<std::int64_t>(waiting_.size());
+}
+
+Status UnitLane::end_segment(SegmentKind kind, const AxisTriple& angles_deg) {
+  const bool written = segment_ && segment_written_;
+  segment_.reset();
+  return written ? unit_.sink.end_segment(kind, next_sample_, angles_deg) : Status{};
+}
+
+}  // namespace turncal

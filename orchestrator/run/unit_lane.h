@@ -1,0 +1,105 @@
+// One unit of a run: its source, its recording, and everything that is counted for it alone. The motion, the table and the
+// state machine are StationRun's, which may have several lanes on one table.
+//
+// - What the source gives is received at once and waits here until it is taken, so that no line overflows because of another
+//   unit. Samples that came twice are dropped when they are received.
+// - A dwell takes exactly the planned number of samples in every lane, counted from where the lane stood when it began. Units
+//   whose samples come a little apart are complete a little apart; what comes meanwhile waits for the next segment.
+// - A lane that drops out is closed and does nothing any more. Its recording keeps its partial name.
+//
+// Counters here are those of the recording (0: its first sample) unless they are said to be the unit's own. One thread.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/types/recording_types.h"
+#include "calib/types/status.h"
+#include "imu_io/recordings/imu_source.h"
+#include "orchestrator/run/dwell_monitor.h"
+#include "orchestrator/run/run_journal.h"
+#include "orchestrator/run/run_sink.h"
+#include "orchestrator/station/station_config.h"
+
+namespace turncal {
+
+struct StationUnit {
+  ImuSource& imu;
+  RunSink& sink;
+  std::string serial;  // as asked for; a unit that tells another one is refused
+};
+
+class UnitLane {
+ public:
+  explicit UnitLane(StationUnit unit) : unit_(std::move(unit)) {}
+
+  const std::string& serial() const { return unit_.serial; }
+  bool alive() const { return !failure_; }
+  const std::optional<Error>& failure() const { return failure_; }
+  void drop(Error why);
+  void close();
+
+  // Goes on behind a completed dwell. No time passed: the unit's next sample is the recording's next.
+  void take_up(const RecordingPoint& left, bool no_time_passed);
+  void expect_gap() { gap_due_ = true; }  // the next recorded sample is the first after an interruption
+  RecordingPoint point() const;
+  std::uint64_t lost_samples() const { return lost_samples_; }
+  std::int64_t next_sample() const { return next_sample_; }
+  std::int64_t came_in_segment() const { return next_sample_ - came_before_; }  // periods, of what was taken
+
+  // Opens the source, begins the recording or goes on with it. Returns how the unit describes itself.
+  Result<std::string> connect(const StationConfig& station, bool table_simulated, bool resumed, double now_s);
+  bool is_open() const { return open_; }
+  double sample_period_s() const { return info_.sample_period_s; }
+
+  // Reads up to `count` samples. Error: the unit is gone, and the lane closed. Returns how many came, those that came twice too.
+  Result<std::size_t> receive(std::size_t count, double timeout_s);
+  void heard(double now_s) { last_sample_s_ = now_s; }
+  double last_sample_s() const { return last_sample_s_; }
+
+  struct Taken {
+    std::optional<DwellMonitor::Defect> defect;  // while dwelling
+    bool gap = false;                            // samples are missing among these
+    bool flagged = false;                        // by the unit, as bad
+  };
+  // What waits goes into the open segment, in a dwell no more than it needs; outside a segment it is dropped. Error: the
+  // recording cannot be written.
+  Result<Taken> take(bool dwelling);
+
+  // Where the recording stands. A segment in which no sample came (units a little apart, a defect in another one's first sample)
+  // is not written: the recording begins it with its first sample.
+  void begin_segment(const Segment& segment);
+  void leave_segment() { segment_.reset(); }  // what comes from now on is not recorded
+  Status end_segment(SegmentKind kind, const AxisTriple& angles_deg);
+  void begin_dwell(std::int64_t samples) { dwell_->start(next_sample_, samples); }
+  bool dwell_complete() const { return dwell_->complete(); }
+  std::int64_t dwell_remaining() const { return dwell_->remaining(); }
+  Status sync() { return unit_.sink.sync(); }
+  Status finish() { return unit_.sink.finish(); }
+
+  int repeats = 0;                 // of the present dwell, that this unit or the table made necessary
+  bool motion_loss_told = false;   // once a move is enough
+
+ private:
+  StationUnit unit_;
+  std::optional<Error> failure_;
+  RecordingInfo info_;
+  std::optional<DwellMonitor> dwell_;
+  std::vector<ImuSample> waiting_;             // counters are the unit's own
+  bool open_ = false;
+  std::optional<Segment> segment_;             // the open one
+  bool segment_written_ = false;
+  bool gap_due_ = false;
+  std::optional<std::int64_t> last_received_;  // the unit's own
+  std::optional<std::int64_t> first_counter_;  // the unit's own, of the recording's first sample
+  std::int64_t next_sample_ = 0;
+  std::int64_t came_before_ = 0;               // the segment began: what was recorded, and what waited
+  std::uint64_t lost_samples_ = 0;             // by the unit's counter, from the first recorded sample on
+  std::uint64_t duplicate_samples_ = 0;        // dropped
+  double last_sample_s_ = 0.0;
+};
+
+}  // namespace turncal

@@ -1,0 +1,71 @@
+#include "orchestrator/station/hooks.h"
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <thread>
+#include <vector>
+
+extern char** environ;
+
+namespace turncal {
+
+HookCall call_for(const Status& outcome) {
+  HookCall call;
+  call.event = outcome ? "done" : outcome.error().kind == ErrorKind::unit_failed ? "fail" : "needs_operator";
+  call.message = outcome ? "" : outcome.error().message;
+  return call;
+}
+
+Status run_hook(const HookCommands& commands, const HookCall& call, double time_s, bool (*give_up)()) {
+  const std::string& command = call.event == "done"    ? commands.done
+                               : call.event == "fail"  ? commands.fail
+                               : call.event == "mount" ? commands.mount
+                                                       : commands.needs_operator;
+  if (command.empty()) return {};
+  const auto failed = [&call](const std::string& what) { return device_error("hook." + call.event + ": " + what); };
+
+  // Everything is allocated before the fork: there may be other threads.
+  std::vector<std::string> texts = {"TURNCAL_EVENT=" + call.event, "TURNCAL_UNIT=" + call.unit, "TURNCAL_FOLDER=" + call.folder,
+                                    "TURNCAL_MESSAGE=" + call.message,
+                                    std::string("TURNCAL_DRY_RUN=") + (call.dry_run ? "true" : "false")};
+  std::vector<char*> environment;
+  for (std::string& text : texts) environment.push_back(text.data());
+  for (char** entry = environ; *entry; ++entry) {
+    if (std::strncmp(*entry, "TURNCAL_", 8) != 0) environment.push_back(*entry);
+  }
+  environment.push_back(nullptr);
+  std::string text = command, shell = "/bin/sh", option = "-c";
+  char* const arguments[] = {shell.data(), option.data(), text.data(), nullptr};
+
+  const pid_t pid = ::fork();
+  if (pid < 0) return failed(std::string("cannot be started: ") + std::strerror(errno));
+  if (pid == 0) {
+    ::setpgid(0, 0);
+    ::execve(shell.c_str(), arguments, environment.data());
+    ::_exit(127);
+  }
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(time_s);
+  for (;;) {
+    int status = 0;
+    const pid_t ended = ::waitpid(pid, &status, WNOHANG);
+    if (ended == pid) {
+      if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return {};
+      return failed(WIFEXITED(status) ? "ended with code " + std::to_string(WEXITSTATUS(status))
+                                      : "was ended by signal " + std::to_string(WTERMSIG(status)));
+    }
+    if (ended < 0 && errno != EINTR) return failed(std::string("cannot be waited for: ") + std::strerror(errno));
+    const bool late = std::chrono::steady_clock::now() >= deadline;
+    if (late || (give_up && give_up())) {
+      ::kill(-pid, SIGKILL);
+      ::waitpid(pid, &status, 0);
+      return failed(late ? "did not end within its time and was killed" : "was interrupted and killed");
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+}
+
+}  // namespace turncal

@@ -1,0 +1,37 @@
+// Commands of the station that are run when somebody or something should know: a unit is done, has failed its limits, or an
+// operator is needed. Given to /bin/sh with what happened in the environment:
+//
+//   TURNCAL_EVENT (done, fail, needs_operator, mount)  TURNCAL_UNIT  TURNCAL_FOLDER  TURNCAL_MESSAGE  TURNCAL_DRY_RUN (true, false)
+//
+// A hook runs when the table stands and the results are durable, and has hook_time_s; then it and its children are killed.
+// What a hook does or fails to do changes nothing of the run; but without a mount that succeeds none begins.
+#pragma once
+
+#include <string>
+
+#include "calib/types/status.h"
+
+namespace turncal {
+
+struct HookCommands {  // empty: none
+  std::string done, fail, needs_operator;
+  std::string mount;             // before a unit of a batch (mounting.h)
+  double mount_time_s = 3600.0;
+};
+
+struct HookCall {
+  std::string event, unit, folder, message;
+  bool dry_run = false;
+};
+
+inline constexpr double hook_time_s = 60.0;
+
+// Which hook a finished run calls: done on success, fail when the unit failed, needs_operator otherwise.
+HookCall call_for(const Status& outcome);
+
+// An error when it could not be run, did not end in time, or ended with another code than 0. An empty command is fine.
+// `give_up` is asked while it runs: true kills it.
+Status run_hook(const HookCommands& commands, const HookCall& call, double time_s = hook_time_s,
+                bool (*give_up)() = nullptr);
+
+}  // namespace turncal

@@ -1,0 +1,298 @@
+#include "orchestrator/station/station_config.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <limits>
+
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/key_value.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr double longest_time_s = 3600.0;  // of any time in the file; more is a typing mistake
+constexpr std::size_t most_imu_places = 16;
+constexpr NumberRange some_time{0.0, longest_time_s, true};
+constexpr NumberRange time_or_zero{0.0, longest_time_s};
+constexpr NumberRange angle{-3600.0, 3600.0};
+
+// A path in the file is relative to the file's folder.
+std::string beside(const KeyValueFile& file, const std::string& path) {
+  return (std::filesystem::path(file.file_name()).parent_path() / path).string();
+}
+
+// Defects of a map or dialect come with their own file and line; those of this file stay with it, as with all its keys.
+Status read_table(KeyValueFile& file, TableConfig& table) {
+  const std::string driver = file.one_of("table.driver", {"mock", "modbus", "serial", "manual"});
+  // Any table may be turned by hand (run --manual).
+  ManualSettings& manual = table.manual;
+  manual.tolerance_deg = file.number_or("table.tolerance_deg", manual.tolerance_deg, {0.0, 10.0, true});
+  manual.gravity_tolerance_deg = file.number_or("table.gravity_tolerance_deg", manual.gravity_tolerance_deg, {0.0, 90.0, true});
+  manual.answer_timeout_s = file.number_or("table.answer_timeout_s", manual.answer_timeout_s, between(1.0, 86400.0));
+  manual.pause_limit_s = file.number_or("table.pause_limit_s", manual.pause_limit_s, between(1.0, 86400.0));
+  if (driver == "mock" || driver.empty()) {
+    return {};
+  }
+  table.simulated = file.boolean_or("table.simulated", false);
+  if (driver == "manual") {
+    table.driver = TableDriver::manual;
+    return {};
+  }
+  const std::string address = file.text_or("table.address", "");
+  if (driver == "modbus") {
+    table.driver = TableDriver::modbus;
+    const std::string path = file.text("table.map");
+    if (path.empty()) return {};
+    Result<RegisterMap> map = read_register_map(beside(file, path));
+    if (!map) return map.error();
+    table.map = std::move(*map);
+    if (!address.empty()) table.map->link.address = address;
+    table.map->simulated = table.simulated;
+    return {};
+  }
+  table.driver = TableDriver::serial;
+  const std::string path = file.text("table.dialect");
+  if (path.empty()) return {};
+  Result<Dialect> dialect = read_dialect(beside(file, path));
+  if (!dialect) return dialect.error();
+  table.dialect = std::move(*dialect);
+  if (!address.empty()) table.dialect->link.address = address;
+  table.dialect->simulated = table.simulated;
+  return {};
+}
+
+void read_axes(KeyValueFile& file, std::array<AxisLimits, 3>& axes) {
+  for (const Axis axis : all_axes) {
+    AxisLimits& limit = axes[static_cast<std::size_t>(axis)];
+    const std::string prefix = "axis." + std::string(to_string(axis)) + ".";
+    limit.soft_min_deg = file.number_or(prefix + "soft_min_deg", limit.soft_min_deg, angle);
+    limit.soft_max_deg = file.number_or(prefix + "soft_max_deg", limit.soft_max_deg, angle);
+    limit.max_rate_degps = file.number_or(prefix + "max_rate_degps", limit.max_rate_degps, positive);
+    limit.max_acceleration_degps2 =
+        file.number_or(prefix + "max_acceleration_degps2", limit.max_acceleration_degps2, positive);
+    limit.wrap_deg = file.number_or(prefix + "wrap_deg", limit.wrap_deg, not_negative);
+  }
+}
+
+void read_motion(KeyValueFile& file, MotionConfig& motion) {
+  motion.position_tolerance_deg =
+      file.number_or("motion.position_tolerance_deg", motion.position_tolerance_deg, {0.0, 1.0, true});
+  motion.settle_rate_degps = file.number_or("motion.settle_rate_degps", motion.settle_rate_degps, {0.0, 1.0, true});
+  motion.settle_s = file.number_or("motion.settle_s", motion.settle_s, time_or_zero);
+  motion.poll_moving_s = file.number_or("motion.poll_moving_s", motion.poll_moving_s, some_time);
+  motion.poll_idle_s = file.number_or("motion.poll_idle_s", motion.poll_idle_s, some_time);
+  motion.stall_s = file.number_or("motion.stall_s", motion.stall_s, some_time);
+  motion.deadline_margin_s = file.number_or("motion.deadline_margin_s", motion.deadline_margin_s, some_time);
+}
+
+void read_dwell(KeyValueFile& file, DwellConfig& dwell) {
+  dwell.max_repeats = static_cast<int>(file.integer_or("dwell.max_repeats", dwell.max_repeats, 0, 100));
+  dwell.stillness_window_s = file.number_or("dwell.stillness_window_s", dwell.stillness_window_s, between(0.1, 60.0));
+  dwell.max_gyro_std_degps = file.number_or("dwell.max_gyro_std_degps", dwell.max_gyro_std_degps, positive);
+  dwell.max_gyro_peak_degps = file.number_or("dwell.max_gyro_peak_degps", dwell.max_gyro_peak_degps, positive);
+  dwell.max_accel_std_mps2 = file.number_or("dwell.max_accel_std_mps2", dwell.max_accel_std_mps2, positive);
+  dwell.max_accel_peak_mps2 = file.number_or("dwell.max_accel_peak_mps2", dwell.max_accel_peak_mps2, positive);
+}
+
+// Two keys that cannot both be meant. One may stand at its default, so the line names the one that is in the file and
+// shows the other's value.
+void contradiction(KeyValueFile& file, const std::string& key, double value, const std::string& relation,
+                   const std::string& other_key, double other_value) {
+  const std::string suffix = file.has(other_key) ? "" : ", its default";
+  if (file.has(key)) {
+    file.reject(key, "a number " + relation + " " + other_key + " (" + format_number(other_value) + suffix + ")");
+  } else {
+    file.reject(other_key, "a number such that " + key + " (" + format_number(value) + ", its default) is " + relation +
+                               " it");
+  }
+}
+
+void reject_contradictions(KeyValueFile& file, const StationConfig& station) {
+  const auto require = [&file](bool good, const std::string& key, double value, const std::string& relation,
+                               const std::string& other_key, double other_value) {
+    if (!good) {
+      contradiction(file, key, value, relation, other_key, other_value);
+    }
+  };
+  for (const Axis axis : all_axes) {
+    const AxisLimits& limit = station.axis[static_cast<std::size_t>(axis)];
+    const std::string prefix = "axis." + std::string(to_string(axis)) + ".";
+    require(limit.soft_min_deg < limit.soft_max_deg, prefix + "soft_min_deg", limit.soft_min_deg, "below",
+            prefix + "soft_max_deg", limit.soft_max_deg);
+  }
+  const MotionConfig& motion = station.motion;
+  require(motion.poll_moving_s <= motion.poll_idle_s, "motion.poll_moving_s", motion.poll_moving_s, "not above",
+          "motion.poll_idle_s", motion.poll_idle_s);
+  // Progress can only be seen between two polls.
+  require(motion.stall_s >= 2.0 * motion.poll_moving_s, "motion.stall_s", motion.stall_s, "at least twice",
+          "motion.poll_moving_s", motion.poll_moving_s);
+  // The settling happens inside the margin.
+  require(motion.deadline_margin_s > motion.settle_s, "motion.deadline_margin_s", motion.deadline_margin_s, "above",
+          "motion.settle_s", motion.settle_s);
+  const DwellConfig& dwell = station.dwell;
+  require(dwell.max_gyro_peak_degps >= dwell.max_gyro_std_degps, "dwell.max_gyro_peak_degps",
+          dwell.max_gyro_peak_degps, "not below", "dwell.max_gyro_std_degps", dwell.max_gyro_std_degps);
+  require(dwell.max_accel_peak_mps2 >= dwell.max_accel_std_mps2, "dwell.max_accel_peak_mps2",
+          dwell.max_accel_peak_mps2, "not below", "dwell.max_accel_std_mps2", dwell.max_accel_std_mps2);
+}
+
+// What the table's own file and the station's disagree about.
+void reject_table_contradictions(KeyValueFile& file, const StationConfig& station) {
+  const TableConfig& table = station.table;
+  const double plausible_rate_degps = table.map       ? table.map->plausible_rate_degps
+                                      : table.dialect ? table.dialect->plausible_rate_degps
+                                                      : std::numeric_limits<double>::infinity();
+  for (const Axis axis : all_axes) {
+    const AxisLimits& limit = station.axis[static_cast<std::size_t>(axis)];
+    if (limit.max_rate_degps > plausible_rate_degps) {
+      file.reject("axis." + std::string(to_string(axis)) + ".max_rate_degps",
+                  "at most plausible.rate_degps of the table's file (" + format_number(plausible_rate_degps) + ")");
+    }
+  }
+  // What the operator may type has to count as arrived.
+  if (table.driver == TableDriver::manual && station.motion.position_tolerance_deg < table.manual.tolerance_deg) {
+    contradiction(file, "motion.position_tolerance_deg", station.motion.position_tolerance_deg, "not below",
+                  "table.tolerance_deg", table.manual.tolerance_deg);
+  }
+  // Heartbeats go out with the polls: the drive would stop in the first dwell.
+  if (table.map && table.map->heartbeat_address && 2.0 * station.motion.poll_idle_s > table.map->watchdog_s) {
+    file.reject(file.has("motion.poll_idle_s") ? "motion.poll_idle_s" : "table.map",
+                "motion.poll_idle_s (" + format_number(station.motion.poll_idle_s) +
+                    ") at most half of heartbeat.watchdog_s of the map (" + format_number(table.map->watchdog_s) + ")");
+  }
+}
+
+// Time that runs faster is for twins only, and for all of the station alike.
+void reject_clock_contradictions(KeyValueFile& file, StationConfig& station) {
+  const bool twins = station.table.simulated && station.imu && station.imu->settings.simulated;
+  if (station.clock_speed_up != 1.0 && !twins) {
+    file.reject("clock.speed_up", "1 unless table.simulated and imu.simulated are true");
+  }
+  if (!station.imu) return;
+  if (file.has("imu.speedup") && station.imu->settings.speedup != station.clock_speed_up) {
+    file.reject("imu.speedup", "clock.speed_up (" + format_number(station.clock_speed_up) + ")");
+  }
+  station.imu->settings.speedup = station.clock_speed_up;
+}
+
+bool is_date(const std::string& text) {
+  if (text.size() != 10 || text[4] != '-' || text[7] != '-') return false;
+  const auto month = parse_integer<int>(text.substr(5, 2)), day = parse_integer<int>(text.substr(8, 2));
+  return parse_integer<int>(text.substr(0, 4)) && month && *month >= 1 && *month <= 12 && day && *day >= 1 && *day <= 31;
+}
+
+// imu.2.device, imu.3.device, ...: contiguous, every line once.
+void read_further_places(KeyValueFile& file, StationConfig& station) {
+  const auto key = [](std::size_t place) { return "imu." + std::to_string(place) + ".device"; };
+  std::vector<std::string> taken = {station.imu->settings.device};
+  for (std::size_t place = 2; place <= most_imu_places; ++place) {
+    if (!file.has(key(place))) continue;
+    const std::string device = file.text(key(place));
+    if (place != taken.size() + 1) {
+      file.reject(key(place), key(taken.size() + 1) + " before it: places are numbered without a gap");
+      return;
+    }
+    if (std::find(taken.begin(), taken.end(), device) != taken.end()) {
+      file.reject(key(place), "a line that no other place has");
+      return;
+    }
+    taken.push_back(device);
+  }
+  station.further_imu_devices.assign(taken.begin() + 1, taken.end());
+}
+
+Result<StationConfig> station_from(KeyValueFile& file) {
+  StationConfig station;
+  station.file = file.file_name();
+  file.integer("format", 1, 1);
+  station.name = file.text_or("station.name", "unnamed");
+  station.latitude_deg = file.number("site.latitude_deg", between(-90.0, 90.0));
+  station.gravity_mps2 = file.number("site.gravity_mps2", between(9.7, 9.9));  // anywhere on the earth's surface
+  if (Status status = read_table(file, station.table); !status) {
+    return status.error();
+  }
+  if (file.one_of("imu.driver", {"rig", "serial"}) == "serial") {
+    Result<SerialImuConfig> imu = read_serial_imu_config(file);
+    if (!imu) return imu.error();
+    station.imu_driver = ImuDriver::serial;
+    station.imu = std::move(*imu);
+    read_further_places(file, station);
+  }
+  station.clock_speed_up = file.number_or("clock.speed_up", 1.0, between(0.01, 1000.0));
+  station.imu_timeout_s = file.number_or("imu.timeout_s", station.imu_timeout_s, some_time);
+  read_axes(file, station.axis);
+  read_motion(file, station.motion);
+  read_dwell(file, station.dwell);
+  station.resume_rest_s = file.number_or("resume.rest_s", station.resume_rest_s, {0.0, 86400.0});
+  station.limits = read_limits(file);
+  station.hooks.done = file.text_or("hook.done", "");
+  station.hooks.fail = file.text_or("hook.fail", "");
+  station.hooks.needs_operator = file.text_or("hook.needs_operator", "");
+  station.hooks.mount = file.text_or("hook.mount", "");
+  station.hooks.mount_time_s = file.number_or("hook.mount_time_s", station.hooks.mount_time_s, between(1.0, 86400.0));
+  station.table_id = file.text_or("table.id", "");
+  station.table_calibration_due = file.text_or("table.calibration_due", "");
+  if (!station.table_calibration_due.empty() && !is_date(station.table_calibration_due)) {
+    file.reject("table.calibration_due", "a day as 2026-12-31");
+  }
+  const auto path_of = [&file](const char* key) { return file.has(key) ? beside(file, file.text(key)) : std::string(); };
+  station.rig_file = path_of("rig.file");
+  station.database = path_of("record.database");
+  station.store = path_of("record.store");
+  // An unknown key first: a misspelt one would show up as a contradiction with a default.
+  if (Status status = file.check_all_used(); !status) {
+    return status.error();
+  }
+  reject_contradictions(file, station);
+  reject_table_contradictions(file, station);
+  reject_clock_contradictions(file, station);
+  if (Status status = file.status(); !status) {
+    return status.error();
+  }
+  return station;
+}
+
+}  // namespace
+
+SerialImuSettings StationConfig::imu_settings(std::size_t place) const {
+  SerialImuSettings settings = imu->settings;
+  if (place == 0) return settings;
+  settings.device = further_imu_devices[place - 1];
+  settings.unit_serial.clear();
+  return settings;
+}
+
+StationConfig default_station_config() {
+  StationConfig station;
+  station.latitude_deg = 29.53;
+  station.gravity_mps2 = 9.7914;
+  station.motion.settle_s = 0.5;
+  return station;
+}
+
+Result<StationConfig> read_station_config(const std::string& path) {
+  Result<KeyValueFile> file = KeyValueFile::read(path);
+  if (!file) {
+    return file.error();
+  }
+  return station_from(*file);
+}
+
+Result<StationConfig> parse_station_config(const std::string& text, const std::string& file_name) {
+  Result<KeyValueFile> file = KeyValueFile::parse(text, file_name);
+  if (!file) {
+    return file.error();
+  }
+  return station_from(*file);
+}
+
+PlanLimits plan_limits(const StationConfig& station, double sample_period_s) {
+  PlanLimits limits;
+  limits.axis = station.axis;
+  limits.settle_s = station.motion.settle_s;
+  limits.sample_period_s = sample_period_s;
+  return limits;
+}
+
+}  // namespace turncal

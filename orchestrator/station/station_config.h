@@ -1,0 +1,107 @@
+// The station: site, table, IMU and the numbers that judge motion and dwells. Read from a text file
+// (orchestrator/stations/mock.station shows every key); the built-in rig station needs no file.
+//
+// Units as the suffix says: degrees, deg/s, deg/s^2, seconds, m/s^2. Every value has a default except format, those of
+// the site and the two drivers. An unknown key, a value out of range and options that contradict each other are errors
+// of one line that name file, line and key.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/types/status.h"
+#include "imu_io/units/serial_imu_config.h"
+#include "orchestrator/station/hooks.h"
+#include "orchestrator/station/verdict.h"
+#include "sequences/plan.h"
+#include "turntable_drivers/ascii/dialect.h"
+#include "turntable_drivers/manual/manual_turntable.h"
+#include "turntable_drivers/modbus/register_map.h"
+
+namespace turncal {
+
+enum class TableDriver {
+  mock,    // the rig's own table: dry runs only
+  modbus,  // table.map
+  serial,  // table.dialect
+  manual   // turned by hand
+};
+enum class ImuDriver {
+  rig,    // the rig's own IMU, coupled to its table: dry runs only
+  serial  // units on serial lines: keys of imu_io/units/serial_imu_config.h; imu.2.device, imu.3.device ... are further places
+};
+
+// When a move has arrived, when it is late, and how often the table is asked.
+struct MotionConfig {
+  double position_tolerance_deg = 0.01;  // abs(position - target)
+  double settle_rate_degps = 0.01;       // abs(rate) below this for settle_s
+  double settle_s = 1.0;
+  double poll_moving_s = 0.1;
+  double poll_idle_s = 0.5;
+  double stall_s = 2.0;                  // no progress for this long while commanded
+  double deadline_margin_s = 10.0;       // deadline = angle/rate + 2 rate/acceleration + margin
+};
+
+// When a dwell counts. Stillness is judged on the means of the IMU's own rates and accelerations over consecutive
+// windows of stillness_window_s: their standard deviation over the dwell, and the largest distance of one from the
+// dwell's mean.
+// (Means, since one pulse of a laser gyro in one 5 ms sample is already 0.05 deg/s.)
+struct DwellConfig {
+  int max_repeats = 2;  // of one dwell, after the first attempt
+  double stillness_window_s = 1.0;
+  double max_gyro_std_degps = 0.002;
+  double max_gyro_peak_degps = 0.01;
+  double max_accel_std_mps2 = 0.005;
+  double max_accel_peak_mps2 = 0.02;
+};
+
+// How the station reaches its table; orchestrator/devices/table_device.h makes it. table.simulated says that a twin answers: recordings are
+// marked and never make a production file.
+struct TableConfig {
+  TableDriver driver = TableDriver::mock;
+  std::optional<RegisterMap> map;    // modbus; its link.address is table.address where that is given
+  std::optional<Dialect> dialect;    // serial; the same
+  ManualSettings manual;
+  bool simulated = false;
+};
+
+struct StationConfig {
+  std::string file;  // empty: built in
+  std::string name = "built-in rig";
+  double latitude_deg = 0.0;
+  double gravity_mps2 = 0.0;
+  TableConfig table;
+  ImuDriver imu_driver = ImuDriver::rig;
+  std::optional<SerialImuConfig> imu;  // serial; of the first place
+  std::vector<std::string> further_imu_devices;  // the lines of the places 2, 3, ...: same frame, same settings
+  double clock_speed_up = 1.0;         // seconds of the station a second of the wall clock; 1 unless twins answer
+  std::array<AxisLimits, 3> axis{};  // indexed by Axis
+  MotionConfig motion;
+  DwellConfig dwell;
+  double imu_timeout_s = 2.0;        // no sample for this long: the link is lost
+  double resume_rest_s = 600.0;      // after an interruption, before the first dwell: unit and table come to temperature
+  HookCommands hooks;
+  VerdictLimits limits;
+  std::string table_id;              // for the record; empty: not given
+  std::string table_calibration_due;  // "2026-12-31"; a run after that day is refused unless overridden; empty: not given
+  std::string database;              // results (results_database.h); empty: none; relative to the station file's folder
+  std::string store;                 // parameter files in use (parameter_store.h); the same
+  std::string rig_file;              // empty: the built-in rig configuration; relative to the station file's folder
+  std::size_t imu_places() const { return imu ? 1 + further_imu_devices.size() : 0; }
+  SerialImuSettings imu_settings(std::size_t place) const;  // from 0; only the first unit may have imu.unit_serial
+  // Of a live run: a twin answers, at one end at least.
+  bool simulated() const { return table.simulated || (imu && imu->settings.simulated); }
+};
+
+// The built-in station of a dry run: 29.53 deg, 9.7914 m/s^2, mock table and rig IMU, settle_s 0.5.
+StationConfig default_station_config();
+
+Result<StationConfig> read_station_config(const std::string& path);
+Result<StationConfig> parse_station_config(const std::string& text, const std::string& file_name);
+
+// What the planner needs of a station.
+PlanLimits plan_limits(const StationConfig& station, double sample_period_s);
+
+}  // namespace turncal

@@ -1,0 +1,115 @@
+#include "orchestrator/station/verdict.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "imu_io/base/format_number.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr std::string_view names[] = {"not_judged", "pass", "conditional_pass", "conditional_fail", "fail"};
+
+std::string number(std::optional<double> value) { return value ? format_number(*value) : "none"; }
+
+void judge_into(VerdictReport& report, std::string key, std::optional<double> value, std::optional<double> sigma,
+                const Limit& limit, double guard_factor) {
+  if (!limit.min && !limit.max) return;
+  JudgedValue judged{std::move(key), value, limit, 2.0 * guard_factor * sigma.value_or(0.0), UnitVerdict::fail};
+  if (value) judged.verdict = judge_value(*value, sigma, limit, guard_factor);
+  report.verdict = std::max(report.verdict, judged.verdict);
+  report.values.push_back(std::move(judged));
+}
+
+std::optional<double> residual_of(const ParameterFile& file) {
+  for (const auto& [key, value] : file.further) {
+    if (key == "quality.normalised_rms") return parse_number(value);
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::string_view to_string(UnitVerdict verdict) { return names[static_cast<std::size_t>(verdict)]; }
+
+bool VerdictLimits::any() const {
+  const auto set = [](const Limit& limit) { return limit.min || limit.max; };
+  return std::any_of(parameter.begin(), parameter.end(), set) || set(temperature_c) || residual_max ||
+         std::any_of(sigma_max.begin(), sigma_max.end(), [](const auto& limit) { return limit.has_value(); });
+}
+
+VerdictLimits read_limits(KeyValueFile& file) {
+  VerdictLimits limits;
+  const auto read = [&file](const std::string& key, Limit& limit) {
+    limit.min = file.number_if(key + ".min");
+    limit.max = file.number_if(key + ".max");
+    if (limit.min && limit.max && !(*limit.min < *limit.max)) {
+      file.reject(key + ".min", "a number below " + key + ".max (" + format_number(*limit.max) + ")");
+    }
+  };
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
+    if (!parameter_is_free[i]) continue;  // three are 0 by the choice of the body frame: a limit on them is a mistake
+    const std::string key = "limit." + std::string(parameter_keys[i]);
+    read(key, limits.parameter[i]);
+    limits.sigma_max[i] = file.number_if(key + ".sigma_max", positive);
+  }
+  limits.residual_max = file.number_if("limit.residual_max", positive);
+  read("limit.temperature_c", limits.temperature_c);
+  limits.guard_factor = file.number_or("limit.guard_factor", limits.guard_factor, between(0.0, 10.0));
+  return limits;
+}
+
+UnitVerdict judge_value(double value, std::optional<double> sigma, const Limit& limit, double guard_factor) {
+  constexpr double far = std::numeric_limits<double>::infinity();
+  if (!std::isfinite(value) || (sigma && !std::isfinite(*sigma))) return UnitVerdict::fail;
+  const double margin = std::min(limit.min ? value - *limit.min : far, limit.max ? *limit.max - value : far);
+  if (!sigma) return margin >= 0.0 ? UnitVerdict::conditional_pass : UnitVerdict::fail;
+  const double guard_band = 2.0 * guard_factor * *sigma;
+  if (margin >= guard_band) return UnitVerdict::pass;
+  if (margin >= 0.0) return UnitVerdict::conditional_pass;
+  return margin >= -guard_band ? UnitVerdict::conditional_fail : UnitVerdict::fail;
+}
+
+VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c, const VerdictLimits& limits) {
+  VerdictReport report;
+  if (!limits.any()) return report;
+  report.rule = "ILAC-G8:09/2019 4.2.3, U = 2 sigma, guard band " + format_number(limits.guard_factor) + " U";
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
+    const std::string key(parameter_keys[i]);
+    judge_into(report, key, file.parameters[static_cast<Eigen::Index>(i)], file.sigma[i], limits.parameter[i],
+               limits.guard_factor);
+    judge_into(report, "sigma." + key, file.sigma[i], 0.0, {std::nullopt, limits.sigma_max[i]}, 0.0);
+  }
+  judge_into(report, "residual", residual_of(file), 0.0, {std::nullopt, limits.residual_max}, 0.0);
+  if (limits.temperature_c.min || limits.temperature_c.max) {
+    judge_into(report, "temperature_c.min", temperature_range_c.min, 0.0, limits.temperature_c, 0.0);
+    judge_into(report, "temperature_c.max", temperature_range_c.max, 0.0, limits.temperature_c, 0.0);
+  }
+  return report;
+}
+
+void add_verdict(const VerdictReport& report, ParameterFile& file) {
+  if (report.verdict == UnitVerdict::not_judged) return;
+  file.add_further("verdict.result", std::string(to_string(report.verdict)));
+  file.add_further("verdict.rule", report.rule);
+  for (const JudgedValue& judged : report.values) {
+    file.add_further("verdict." + judged.key, std::string(to_string(judged.verdict)) + ", limits " + number(judged.limit.min) +
+                                                  " .. " + number(judged.limit.max) + ", guard band " +
+                                                  format_number(judged.guard_band));
+  }
+}
+
+std::vector<std::string> describe(const VerdictReport& report) {
+  std::vector<std::string> lines;
+  for (const JudgedValue& judged : report.values) {
+    if (judged.verdict == UnitVerdict::pass) continue;
+    lines.push_back(judged.key + " = " + number(judged.value) + ", limits " + number(judged.limit.min) + " .. " +
+                    number(judged.limit.max) + ", guard band " + format_number(judged.guard_band) + ": " +
+                    std::string(to_string(judged.verdict)));
+  }
+  return lines;
+}
+
+}  // namespace turncal

@@ -1,0 +1,65 @@
+// Does a calibrated unit keep its limits? The decision rule is that of ILAC-G8:09/2019, 4.2.3 (non-binary, with guard band):
+//
+//   U = 2 sigma, guard band w = guard_factor U, margin m = distance to the nearer limit, negative outside
+//   pass m >= w | conditional pass 0 <= m < w | conditional fail -w <= m < 0 | fail m < -w
+//
+// What has no uncertainty (sigma itself, the residual, temperatures) is judged with w = 0. A parameter without a sigma can at
+// best pass conditionally, and a value that a limit asks for and that is missing fails. A unit's verdict is that of its worst
+// value. The rule and every judged value go into the parameter file (`verdict.*`).
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "calib/model/parameters.h"
+#include "imu_io/base/key_value.h"
+#include "imu_io/recordings/parameter_file.h"
+
+namespace turncal {
+
+struct Limit {
+  std::optional<double> min, max;
+};
+
+// Of the station file's keys limit.*; units of the parameter file.
+struct VerdictLimits {
+  std::array<Limit, parameter_count> parameter{};     // limit.<key>.min, .max
+  std::array<std::optional<double>, parameter_count> sigma_max{};  // limit.<key>.sigma_max
+  std::optional<double> residual_max;                 // limit.residual_max, of quality.normalised_rms
+  Limit temperature_c;                                // limit.temperature_c.min, .max: every second of the recording
+  double guard_factor = 1.0;                          // limit.guard_factor
+  bool any() const;
+};
+
+VerdictLimits read_limits(KeyValueFile& file);
+
+enum class UnitVerdict { not_judged, pass, conditional_pass, conditional_fail, fail };  // from good to bad
+std::string_view to_string(UnitVerdict verdict);
+constexpr bool is_accepted(UnitVerdict verdict) { return verdict <= UnitVerdict::conditional_pass; }
+
+struct JudgedValue {
+  std::string key;  // "N01", "sigma.N01", "residual", "temperature_c.min"
+  std::optional<double> value;
+  Limit limit;
+  double guard_band = 0.0;
+  UnitVerdict verdict = UnitVerdict::not_judged;
+};
+
+struct VerdictReport {
+  UnitVerdict verdict = UnitVerdict::not_judged;  // not judged: there are no limits
+  std::string rule;
+  std::vector<JudgedValue> values;        // those with a limit
+};
+
+// One value by the rule above. No sigma: nothing is known of its uncertainty.
+UnitVerdict judge_value(double value, std::optional<double> sigma, const Limit& limit, double guard_factor);
+
+VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c, const VerdictLimits& limits);
+void add_verdict(const VerdictReport& report, ParameterFile& file);
+// "FAIL: N01 = 0.021, limits -0.01 .. 0.01, guard band 0.002 (fail)": one line a value that does not plainly pass.
+std::vector<std::string> describe(const VerdictReport& report);
+
+}  // namespace turncal

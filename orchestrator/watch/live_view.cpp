@@ -1,0 +1,204 @@
+#include "orchestrator/watch/live_view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "calib/model/parameters.h"
+#include "imu_io/base/clock.h"
+#include "imu_io/base/format_number.h"
+#include "orchestrator/watch/run_log.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr std::size_t transitions_kept = 12;
+constexpr std::size_t seconds_shown = 600;  // of a long dwell the newest
+
+std::string quoted_json(std::string_view text) {
+  std::string result = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      result += std::string("\\") + c;
+    } else if (static_cast<unsigned char>(c) < 0x20 || c == '<') {  // '<': also safe inside a script of the page
+      char code[8];
+      std::snprintf(code, sizeof code, "\\u%04x", static_cast<unsigned>(c));
+      result += code;
+    } else {
+      result += c;
+    }
+  }
+  return result + "\"";
+}
+
+std::string json_number(double value) { return std::isfinite(value) ? format_number(value) : "null"; }
+
+class Object {
+ public:
+  void raw(const char* key, const std::string& json) {
+    text_ += (text_.size() > 1 ? "," : "") + quoted_json(key) + ":" + json;
+  }
+  void text(const char* key, std::string_view value) { raw(key, quoted_json(value)); }
+  void number(const char* key, double value) { raw(key, json_number(value)); }
+  void texts(const char* key, const std::vector<std::string>& values) {
+    std::string list;
+    for (const std::string& value : values) list += (list.empty() ? "" : ",") + quoted_json(value);
+    raw(key, "[" + list + "]");
+  }
+  void triple(const char* key, const AxisTriple& value) {
+    raw(key, "[" + json_number(value[Axis::heading]) + "," + json_number(value[Axis::pitch]) + "," +
+                 json_number(value[Axis::roll]) + "]");
+  }
+  std::string end() { return text_ + "}"; }
+
+ private:
+  std::string text_ = "{";
+};
+
+}  // namespace
+
+LiveView::LiveView(std::string unit, std::string station, std::string sequence, bool simulated,
+                   std::vector<std::string> results, std::function<double()> wall_s)
+    : unit_(std::move(unit)),
+      station_(std::move(station)),
+      sequence_(std::move(sequence)),
+      simulated_(simulated),
+      results_(std::move(results)),
+      wall_s_(std::move(wall_s)),
+      heartbeat_s_(wall_s_()) {}
+
+void LiveView::on_transition(const TransitionRecord& record) {
+  const std::lock_guard lock(mutex_);
+  transitions_.push_back(format_transition(record, ""));
+  if (transitions_.size() > transitions_kept) transitions_.erase(transitions_.begin());
+  if (record.event == RunEvent::pause_wanted) {
+    pause_ = record.detail;
+    return;
+  }
+  const bool bad = record.to == RunState::stopping || record.to == RunState::failed || record.event == RunEvent::dwell_bad ||
+                   record.event == RunEvent::motion_data_lost;
+  if (bad && !record.detail.empty()) last_error_ = record.detail;
+}
+
+void LiveView::on_dropout(const Dropout& dropout) {
+  const std::lock_guard lock(mutex_);
+  last_error_ = "unit " + dropout.serial + " dropped out at " + dropout.why.message;
+}
+
+void LiveView::on_progress(const RunSnapshot& snapshot) {
+  const std::lock_guard lock(mutex_);
+  snapshot_ = snapshot;
+  heartbeat_s_ = wall_s_();
+}
+
+void LiveView::begin(const RecordingInfo& info) {
+  const std::lock_guard lock(mutex_);
+  const Parameters start = start_parameters(info);
+  const ParameterVector si = si_per_unit(info);
+  second_samples_ = static_cast<std::size_t>(std::max(1.0, std::round(1.0 / info.sample_period_s)));
+  const double second_s = static_cast<double>(second_samples_) * info.sample_period_s;
+  for (std::size_t i = 0; i < 3; ++i) {
+    per_count_[i] = start.n(0, 0) * si[6] / rad_per_deg / second_s;
+    per_count_[3 + i] = start.a(0, 0) * si[15] / second_s;
+  }
+}
+
+void LiveView::begin_segment(SegmentKind kind) {
+  const std::lock_guard lock(mutex_);
+  dwelling_ = kind != SegmentKind::rotate;
+  if (!dwelling_) return;
+  dwell_.clear();
+  sum_ = {};
+  in_sum_ = 0;
+}
+
+void LiveView::add(std::span<const ImuSample> samples) {
+  const std::lock_guard lock(mutex_);
+  if (samples.empty()) return;
+  has_temperature_ = !std::isnan(samples.back().temperature_c);
+  temperature_c_ = samples.back().temperature_c;
+  if (!dwelling_) return;
+  for (const ImuSample& sample : samples) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      sum_[i] += sample.gyro[i];
+      sum_[3 + i] += sample.accel[i];
+    }
+    if (++in_sum_ < second_samples_) continue;
+    Second second;
+    for (std::size_t i = 0; i < 6; ++i) second.mean[i] = sum_[i] * per_count_[i];
+    if (dwell_.size() == seconds_shown) dwell_.erase(dwell_.begin());
+    dwell_.push_back(second);
+    sum_ = {};
+    in_sum_ = 0;
+  }
+}
+
+void LiveView::end(const std::string& how) {
+  const std::lock_guard lock(mutex_);
+  ended_ = how;
+  heartbeat_s_ = wall_s_();
+}
+
+std::string LiveView::json() const {
+  const std::lock_guard lock(mutex_);
+  const RunSnapshot& s = snapshot_;
+  Object o;
+  o.text("unit", unit_);
+  o.text("station", station_);
+  o.text("sequence", sequence_);
+  o.raw("simulated", simulated_ ? "true" : "false");
+  o.number("step", s.step);
+  o.number("step_place", static_cast<double>(s.step_place));
+  o.number("step_count", static_cast<double>(s.step_count));
+  o.text("phase", s.dwell_kind ? (*s.dwell_kind == SegmentKind::align ? "align" : "dwell") : to_string(s.state));
+  o.number("phase_fraction", s.phase_fraction);
+  o.number("run_fraction", s.run_fraction);
+  o.text("table", to_string(s.table));
+  o.triple("position_deg", s.position_deg);
+  o.triple("rate_degps", s.rate_degps);
+  o.number("eta_s", s.eta_s);
+  o.text("eta_utc", s.utc_s > 0.0 ? format_utc(s.utc_s + s.eta_s) : "");
+  o.text("time_utc", s.utc_s > 0.0 ? format_utc(s.utc_s) : "");
+  o.number("repeats", s.repeats);
+  o.number("lost_samples", static_cast<double>(s.lost_samples));
+  std::string units;
+  for (const UnitSnapshot& unit : s.units) {
+    Object one;
+    one.text("serial", unit.serial);
+    one.number("samples", static_cast<double>(unit.recorded_samples));
+    one.number("lost_samples", static_cast<double>(unit.lost_samples));
+    one.text("dropped_out", unit.dropped_out);
+    units += (units.empty() ? "" : ",") + one.end();
+  }
+  o.raw("units", "[" + units + "]");
+  o.raw("temperature_c", has_temperature_ ? json_number(static_cast<double>(temperature_c_)) : "null");
+  o.number("heartbeat_age_s", wall_s_() - heartbeat_s_);
+  o.text("last_error", last_error_);
+  o.text("pause", pause_);
+  o.text("ended", ended_);
+  o.texts("transitions", transitions_);
+  o.texts("results", results_);
+  // Second by second, relative to the first; and the largest standard deviation of a triad, which is what stillness means here.
+  std::array<double, 2> stillness{};
+  std::string series;
+  for (std::size_t i = 0; i < 6; ++i) {
+    std::string points;
+    double sum = 0.0, square = 0.0;
+    for (const Second& second : dwell_) {
+      const double x = second.mean[i] - dwell_.front().mean[i];
+      sum += x;
+      square += x * x;
+      points += (points.empty() ? "" : ",") + json_number(x);
+    }
+    series += (i > 0 ? ",[" : "[") + points + "]";
+    const auto n = static_cast<double>(dwell_.size());
+    if (n > 1.0) stillness[i / 3] = std::max(stillness[i / 3], std::sqrt(std::max(0.0, (square - sum * sum / n) / (n - 1.0))));
+  }
+  o.number("still_gyro_degps", stillness[0]);
+  o.number("still_accel_mps2", stillness[1]);
+  o.raw("dwell", "[" + series + "]");
+  return o.end();
+}
+
+}  // namespace turncal

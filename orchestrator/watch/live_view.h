@@ -1,0 +1,88 @@
+// What the status page shows of a run: the newest snapshot, every unit's state, the running dwell (of the first unit) second by second, the last transitions and how it
+// ended. Fed by the run's thread, read by the page's: every member is behind one lock, held for microseconds.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "orchestrator/run/run_observer.h"
+#include "orchestrator/run/run_sink.h"
+
+namespace turncal {
+
+class LiveView : public RunObserver {
+ public:
+  // wall_s: seconds on a steady clock, for the age of the heartbeat. results: of earlier runs, shown as they are.
+  LiveView(std::string unit, std::string station, std::string sequence, bool simulated, std::vector<std::string> results,
+           std::function<double()> wall_s);
+
+  void on_transition(const TransitionRecord& record) override;
+  void on_dropout(const Dropout& dropout) override;
+  void on_progress(const RunSnapshot& snapshot) override;
+  void begin(const RecordingInfo& info);
+  void begin_segment(SegmentKind kind);
+  void add(std::span<const ImuSample> samples);
+  void end(const std::string& how);  // after the run: "done: pass", or the error
+
+  // The page polls this. Numbers in degrees, deg/s, m/s^2, seconds.
+  std::string json() const;
+
+ private:
+  struct Second {
+    std::array<double, 6> mean{};  // gyro x y z [deg/s], accelerometer x y z [m/s^2]
+  };
+  mutable std::mutex mutex_;
+  std::string unit_, station_, sequence_;
+  bool simulated_ = false;
+  std::vector<std::string> results_;
+  std::function<double()> wall_s_;
+  double heartbeat_s_ = 0.0;
+  RunSnapshot snapshot_;
+  std::string last_error_, pause_, ended_;
+  std::vector<std::string> transitions_;  // the newest last
+  std::array<double, 6> per_count_{};     // of a sum over one second
+  std::size_t second_samples_ = 200;
+  std::vector<Second> dwell_;
+  std::array<double, 6> sum_{};
+  std::size_t in_sum_ = 0;
+  bool dwelling_ = false;
+  float temperature_c_ = 0.0F;
+  bool has_temperature_ = false;
+};
+
+// A sink that shows the samples on their way to the recording.
+class LiveSink : public RunSink {
+ public:
+  LiveSink(RunSink& sink, LiveView& view) : sink_(sink), view_(view) {}
+  Status start(const RecordingInfo& info) override {
+    view_.begin(info);
+    return sink_.start(info);
+  }
+  Status resume(const RecordingInfo& info, std::int64_t end_sample) override {
+    view_.begin(info);
+    return sink_.resume(info, end_sample);
+  }
+  Status begin_segment(const Segment& segment) override {
+    view_.begin_segment(segment.kind);
+    return sink_.begin_segment(segment);
+  }
+  Status add(std::span<const ImuSample> samples) override {
+    view_.add(samples);
+    return sink_.add(samples);
+  }
+  Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
+    return sink_.end_segment(kind, end_sample, angles_deg);
+  }
+  Status sync() override { return sink_.sync(); }
+  Status finish() override { return sink_.finish(); }
+
+ private:
+  RunSink& sink_;
+  LiveView& view_;
+};
+
+}  // namespace turncal

@@ -1,0 +1,258 @@
+#include "turntable_drivers/ascii/dialect.h"
+
+#include <charconv>
+
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/key_value.h"
+#include "imu_io/base/text_pieces.h"
+
+namespace turncal {
+namespace {
+
+std::optional<DriveBit> drive_bit(std::string_view name) {
+  for (int i = 0; i < drive_bit_count; ++i) {
+    if (name == to_string(static_cast<DriveBit>(i))) return static_cast<DriveBit>(i);
+  }
+  return {};
+}
+
+bool placeholder_is_known(const std::string& name) {
+  for (const char* const own : {"axis", "position", "rate", "acceleration", "status", "*"}) {
+    if (name == own) return true;
+  }
+  for (const Axis axis : all_axes) {
+    for (const char* const quantity : {"position.", "rate.", "acceleration.", "status."}) {
+      if (name == quantity + std::string(to_string(axis))) return true;
+    }
+  }
+  return false;
+}
+
+std::optional<SentenceTemplate> sentence(KeyValueFile& file, const std::string& key) {
+  const auto result = SentenceTemplate::parse(file.text(key));
+  bool good = result.has_value();
+  if (good) {
+    for (const std::string& name : result->names()) good = good && placeholder_is_known(name);
+  }
+  if (!good) {
+    file.reject(key, "a sentence with {axis} {position} {rate} {acceleration} {status} {*} or one of these with .heading "
+                     ".pitch .roll, something between any two of them");
+    return {};
+  }
+  return result;
+}
+
+std::string escaped_text(KeyValueFile& file, const std::string& key, const std::string& otherwise) {
+  if (!file.has(key)) return otherwise;
+  const auto text = unescaped(file.text_or(key, ""));
+  if (!text) file.reject(key, "text with \\r \\n \\t or \\\\");
+  return text.value_or("");
+}
+
+void read_link(KeyValueFile& file, DialectLink& link) {
+  constexpr NumberRange some_time{0.0, 60.0, true};
+  link.tcp = file.one_of("link.kind", {"serial", "tcp"}) == "tcp";
+  link.address = file.text_or("link.address", "");
+  link.serial.device = link.address;
+  if (!link.tcp) {
+    link.serial.baud = static_cast<std::uint32_t>(file.integer_or("link.baud", 9600, 50, 4000000));
+    link.serial.data_bits = static_cast<int>(file.integer_or("link.data_bits", 8, 7, 8));
+    const std::string parity = file.one_of_or("link.parity", "none", {"none", "even", "odd"});
+    link.serial.parity = parity == "none" ? SerialParity::none : parity == "even" ? SerialParity::even : SerialParity::odd;
+    link.serial.stop_bits = static_cast<int>(file.integer_or("link.stop_bits", 1, 1, 2));
+  }
+  link.terminator_out = escaped_text(file, "link.terminator_out", "\r");
+  link.terminator_in = escaped_text(file, "link.terminator_in", "\n");
+  if (link.terminator_in.empty()) file.reject("link.terminator_in", "at least one character");
+  link.prompt = escaped_text(file, "link.prompt", "");
+  link.echo = file.boolean_or("link.echo", false);
+  link.prefix = file.text_or("link.prefix", "");
+  const std::string check = file.one_of_or("link.check", "none", {"none", "sum8", "xor"});
+  link.check = check == "none" ? SentenceCheck::none : check == "sum8" ? SentenceCheck::sum8 : SentenceCheck::exclusive_or;
+  link.check_mark = file.text_or("link.check_mark", "*");
+  link.reply_timeout_s = file.number_or("link.reply_timeout_s", link.reply_timeout_s, some_time);
+  link.quiet_s = file.number_or("link.quiet_s", link.quiet_s, some_time);
+  link.gap_s = file.number_or("link.gap_s", link.gap_s, between(0.0, 0.05));
+  link.read_retries = static_cast<int>(file.integer_or("link.read_retries", link.read_retries, 0, 10));
+}
+
+void read_steps(KeyValueFile& file, Dialect& dialect) {
+  for (int i = 0; i < dialect_operation_count; ++i) {
+    const auto operation = static_cast<DialectOperation>(i);
+    const std::string name = to_string(operation);
+    DialectSteps& steps = dialect.steps[static_cast<std::size_t>(i)];
+    steps.each_axis = file.one_of_or(name + ".scope", "axis", {"axis", "table"}) == "axis";
+    for (int number = 1; file.has(name + "." + std::to_string(number)); ++number) {
+      const std::string key = name + "." + std::to_string(number);
+      Exchange exchange;
+      if (const auto send = sentence(file, key)) exchange.send = *send;
+      if (file.has(key + ".expect")) exchange.expect = sentence(file, key + ".expect");
+      steps.exchanges.push_back(std::move(exchange));
+    }
+    const bool needed = operation == DialectOperation::home || operation == DialectOperation::move ||
+                        operation == DialectOperation::status || operation == DialectOperation::stop ||
+                        operation == DialectOperation::abort;
+    if (needed && steps.exchanges.empty()) file.text(name + ".1");  // the defect: it is missing
+  }
+  bool tells_position = false;
+  for (const Exchange& exchange : dialect.of(DialectOperation::status).exchanges) {
+    if (!exchange.expect) continue;
+    tells_position = tells_position || exchange.expect->has("position") ||
+                     (exchange.expect->has("position.heading") && exchange.expect->has("position.pitch") &&
+                      exchange.expect->has("position.roll"));
+  }
+  if (!tells_position && file.has("status.1")) {
+    file.reject("status.1", "an answer (status.1.expect) with {position}, or with {position.heading}, .pitch and .roll");
+  }
+}
+
+void read_status(KeyValueFile& file, DialectStatus& status) {
+  status.by_bits = file.one_of("status.kind", {"codes", "bits"}) == "bits";
+  const auto flag_list = [&](const std::string& key) {
+    std::vector<DriveBit> flags;
+    for (const std::string& name : file.list(key)) {
+      if (name == "none") continue;
+      const auto bit = drive_bit(name);
+      if (!bit) {
+        file.reject(key, "none, or some of enabled, in_position, fault, moving, homed, limit_positive, limit_negative, "
+                         "emergency_stop, remote");
+        return flags;
+      }
+      flags.push_back(*bit);
+    }
+    return flags;
+  };
+  if (!status.by_bits) {
+    for (const std::string& key : file.keys_with_prefix("status.code.")) status.codes[key.substr(12)] = flag_list(key);
+    if (status.codes.empty()) file.text("status.code.0");  // the defect: it is missing
+  } else {
+    status.base = file.one_of_or("status.base", "10", {"10", "16"}) == "16" ? 16 : 10;
+    for (int i = 0; i < drive_bit_count; ++i) {
+      const std::string key = std::string("status.bit.") + to_string(static_cast<DriveBit>(i));
+      if (file.has(key)) status.mask[static_cast<std::size_t>(i)] = 1u << file.integer(key, 0, 31);
+    }
+    if (file.has("status.active_low")) {
+      for (const DriveBit bit : flag_list("status.active_low")) status.active_low[static_cast<std::size_t>(bit)] = true;
+    }
+  }
+  if (!status.tells(DriveBit::in_position)) {
+    file.reject("status.kind", "a code or a bit for in_position: what does not say that it has arrived never has");
+  }
+}
+
+Result<Dialect> dialect_from(KeyValueFile& file) {
+  Dialect dialect;
+  dialect.file = file.file_name();
+  file.integer("format", 1, 1);
+  dialect.name = file.text("name");
+  dialect.verified_on_hardware = file.boolean_or("verified_on_hardware", false);
+  dialect.commissioned = file.boolean_or("commissioned", false);
+  read_link(file, dialect.link);
+  for (const Axis which : all_axes) {
+    DialectAxis& axis = dialect.axis[static_cast<std::size_t>(which)];
+    const std::string prefix = "axis." + std::string(to_string(which)) + ".";
+    axis.name = file.text(prefix + "name");
+    axis.sign = file.one_of_or(prefix + "sign", "1", {"1", "-1"}) == "-1" ? -1 : 1;
+    axis.zero_deg = file.number_or(prefix + "zero_deg", 0.0, between(-360.0, 360.0));
+    axis.units_per_degree = file.number_or(prefix + "units_per_degree", 1.0, positive);
+  }
+  dialect.decimals = static_cast<int>(file.integer_or("number.decimals", dialect.decimals, 0, 9));
+  read_steps(file, dialect);
+  if (file.has("error.texts")) dialect.errors = file.list("error.texts");
+  read_status(file, dialect.status);
+  dialect.moving_rate_degps = file.number_or("moving.rate_degps", dialect.moving_rate_degps, positive);
+  dialect.plausible_deg = file.number_or("plausible.angle_deg", dialect.plausible_deg, positive);
+  dialect.plausible_rate_degps = file.number_or("plausible.rate_degps", dialect.plausible_rate_degps, positive);
+  if (Status status = file.check_all_used(); !status) return status.error();
+  return dialect;
+}
+
+}  // namespace
+
+const char* to_string(DialectOperation operation) {
+  constexpr std::array<const char*, dialect_operation_count> names = {"prepare", "identify", "enable", "home", "move",
+                                                                      "status",  "stop",     "abort",  "clear_fault"};
+  return names[static_cast<std::size_t>(operation)];
+}
+
+bool DialectStatus::tells(DriveBit bit) const {
+  if (by_bits) return mask[static_cast<std::size_t>(bit)] != 0;
+  for (const auto& [code, flags] : codes) {
+    for (const DriveBit flag : flags) {
+      if (flag == bit) return true;
+    }
+  }
+  return false;
+}
+
+Result<Dialect> read_dialect(const std::string& path) {
+  Result<KeyValueFile> file = KeyValueFile::read(path);
+  if (!file) return file.error();
+  return dialect_from(*file);
+}
+
+Result<Dialect> parse_dialect(const std::string& text, const std::string& file_name) {
+  Result<KeyValueFile> file = KeyValueFile::parse(text, file_name);
+  if (!file) return file.error();
+  return dialect_from(*file);
+}
+
+DialectFlags flags_of(const DialectStatus& status, const std::string& word) {
+  DialectFlags result;
+  std::uint32_t bits = 0;
+  const char* const end = word.data() + word.size();
+  const auto parsed = std::from_chars(word.data(), end, bits, status.by_bits ? status.base : 10);
+  const bool is_number = parsed.ec == std::errc{} && parsed.ptr == end && !word.empty();
+  result.raw = is_number ? bits : 0;
+  const auto code = status.codes.find(word);
+  result.known = status.by_bits ? is_number : code != status.codes.end();
+  for (int i = 0; i < drive_bit_count; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const auto bit = static_cast<DriveBit>(i);
+    if (!status.tells(bit)) continue;
+    if (!result.known) {
+      result.flag[at] = bit == DriveBit::moving;
+    } else if (status.by_bits) {
+      result.flag[at] = ((bits & status.mask[at]) != 0) != status.active_low[at];
+    } else {
+      bool named = false;
+      for (const DriveBit flag : code->second) named = named || flag == bit;
+      result.flag[at] = named;
+    }
+  }
+  return result;
+}
+
+std::string word_of(const DialectStatus& status, const std::array<bool, drive_bit_count>& flags) {
+  if (status.by_bits) {
+    std::uint32_t bits = 0;
+    for (std::size_t i = 0; i < flags.size(); ++i) {
+      if (flags[i] != status.active_low[i]) bits |= status.mask[i];
+    }
+    std::array<char, 16> buffer;
+    const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), bits, status.base);
+    return {buffer.data(), result.ptr};
+  }
+  // The code whose flags agree most; faults count more than all the rest. A device that only knows moving and done says done
+  // after a stop.
+  std::string best;
+  int best_score = -1000000;
+  for (const auto& [code, named] : status.codes) {
+    int score = 0;
+    for (std::size_t i = 0; i < flags.size(); ++i) {
+      const auto bit = static_cast<DriveBit>(i);
+      if (!status.tells(bit)) continue;
+      bool says = false;
+      for (const DriveBit flag : named) says = says || flag == bit;
+      const bool grave = bit == DriveBit::fault || bit == DriveBit::emergency_stop;
+      score += (says == flags[i] ? 1 : -1) * (grave ? 100 : bit == DriveBit::moving ? 20 : bit == DriveBit::in_position ? 10 : 1);
+    }
+    if (score > best_score) {
+      best_score = score;
+      best = code;
+    }
+  }
+  return best;
+}
+
+}  // namespace turncal

@@ -1,0 +1,117 @@
+#include "turntable_drivers/ascii/sentence.h"
+
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
+
+namespace turncal {
+
+std::optional<SentenceTemplate> SentenceTemplate::parse(std::string_view text) {
+  SentenceTemplate result;
+  result.text_ = text;
+  while (!text.empty()) {
+    if (text.front() == '}') return {};
+    if (text.front() != '{') {
+      const std::size_t end = text.find_first_of("{}");
+      result.pieces_.push_back({std::string(text.substr(0, end)), ""});
+      text.remove_prefix(end == std::string_view::npos ? text.size() : end);
+      continue;
+    }
+    const std::size_t close = text.find_first_of("{}", 1);
+    if (close == std::string_view::npos || text[close] != '}' || close == 1) return {};
+    if (!result.pieces_.empty() && !result.pieces_.back().name.empty()) return {};
+    result.pieces_.push_back({"", std::string(text.substr(1, close - 1))});
+    text.remove_prefix(close + 1);
+  }
+  return result;
+}
+
+std::string SentenceTemplate::fill(const std::function<std::string(const std::string&)>& value) const {
+  std::string text;
+  for (const Piece& piece : pieces_) text += piece.name.empty() ? piece.literal : value(piece.name);
+  return text;
+}
+
+std::optional<std::map<std::string, std::string>> SentenceTemplate::match(std::string_view sentence) const {
+  std::map<std::string, std::string> values;
+  for (std::size_t i = 0; i < pieces_.size(); ++i) {
+    const Piece& piece = pieces_[i];
+    if (piece.name.empty()) {
+      if (!sentence.starts_with(piece.literal)) return {};
+      sentence.remove_prefix(piece.literal.size());
+      continue;
+    }
+    const bool last = i + 1 == pieces_.size();
+    const std::size_t end = last ? sentence.size() : sentence.find(pieces_[i + 1].literal, piece.name == "*" ? 0 : 1);
+    if (end == std::string_view::npos) return {};
+    const std::string_view value = sentence.substr(0, end);
+    if (piece.name != "*") {
+      if (value.empty() || value.find_first_of(", \t") != std::string_view::npos) return {};
+      values[piece.name] = value;
+    }
+    sentence.remove_prefix(end);
+  }
+  if (!sentence.empty()) return {};
+  return values;
+}
+
+bool SentenceTemplate::has(std::string_view name) const {
+  for (const Piece& piece : pieces_) {
+    if (piece.name == name) return true;
+  }
+  return false;
+}
+
+std::vector<std::string> SentenceTemplate::names() const {
+  std::vector<std::string> result;
+  for (const Piece& piece : pieces_) {
+    if (!piece.name.empty()) result.push_back(piece.name);
+  }
+  return result;
+}
+
+std::string check_digits(std::string_view body, SentenceCheck check) {
+  unsigned value = 0;
+  for (const char c : body) {
+    const auto byte = static_cast<unsigned char>(c);
+    value = check == SentenceCheck::sum8 ? value + byte : value ^ byte;
+  }
+  constexpr const char* digits = "0123456789ABCDEF";
+  return {digits[value >> 4 & 15], digits[value & 15]};
+}
+
+std::optional<std::string> unescaped(std::string_view text) {
+  std::string result;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] != '\\') {
+      result += text[i];
+      continue;
+    }
+    if (++i == text.size()) return {};
+    switch (text[i]) {
+      case 'r': result += '\r'; break;
+      case 'n': result += '\n'; break;
+      case 't': result += '\t'; break;
+      case '\\': result += '\\'; break;
+      default: return {};
+    }
+  }
+  return result;
+}
+
+std::string visible(std::string_view text) {
+  std::string result;
+  for (const char c : text.substr(0, 80)) {
+    if (c == '\r') {
+      result += "\\r";
+    } else if (c == '\n') {
+      result += "\\n";
+    } else if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) >= 0x7F) {
+      result += '?';
+    } else {
+      result += c;
+    }
+  }
+  return result + (text.size() > 80 ? "..." : "");
+}
+
+}  // namespace turncal

@@ -1,0 +1,349 @@
+#include "turntable_drivers/ascii/serial_turntable.h"
+
+#include <cmath>
+#include <cstdio>
+
+#include "imu_io/base/format_number.h"
+#include "turntable_drivers/table/drive_rules.h"
+#include "imu_io/base/text_pieces.h"
+
+namespace turncal {
+namespace {
+
+std::string fixed(double value, int decimals) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.*f", decimals, value);
+  // "-0.0000" confuses some parsers.
+  bool zero = true;
+  for (const char* c = text; *c != '\0'; ++c) zero = zero && (*c == '-' || *c == '0' || *c == '.');
+  return zero && text[0] == '-' ? text + 1 : text;
+}
+
+}  // namespace
+
+SerialTurntable::SerialTurntable(Dialect dialect, const Clock& clock, const std::atomic<int>* stop_requests)
+    : dialect_(std::move(dialect)), clock_(clock), stop_(stop_requests), line_(dialect_.link, stop_) {}
+
+Error SerialTurntable::table_error(const std::string& what) const { return device_error("table " + dialect_.name + ": " + what); }
+
+Error SerialTurntable::axis_error(Axis axis, const std::string& what) const {
+  return table_error(std::string(to_string(axis)) + ": " + what);
+}
+
+Status SerialTurntable::connected() const {
+  if (!connected_) return table_error("not connected");
+  if (lost_ || !line_.is_open()) return table_error("link lost (" + lost_reason_ + "): expected it connected again");
+  return {};
+}
+
+// ---- exchanges ----
+
+std::string SerialTurntable::filled(const SentenceTemplate& sentence, Axis axis, const std::array<Command, 3>& commands) const {
+  return sentence.fill([&](const std::string& name) -> std::string {
+    if (name == "axis") return dialect_.of(axis).name;
+    Axis which = axis;
+    std::string quantity = name;
+    for (const Axis other : all_axes) {
+      const std::string suffix = std::string(".") + to_string(other);
+      if (!name.ends_with(suffix)) continue;
+      which = other;
+      quantity = name.substr(0, name.size() - suffix.size());
+    }
+    const DialectAxis& scale = dialect_.of(which);
+    const Command& command = commands[index(which)];
+    if (quantity == "position") {
+      return fixed(scale.sign * scale.units_per_degree * (command.position_deg - scale.zero_deg), dialect_.decimals);
+    }
+    if (quantity == "rate") return fixed(scale.units_per_degree * command.rate_degps, dialect_.decimals);
+    if (quantity == "acceleration") return fixed(scale.units_per_degree * command.acceleration_degps2, dialect_.decimals);
+    return "";
+  });
+}
+
+Result<SerialTurntable::Values> SerialTurntable::talk(const Exchange& exchange, Axis axis, const std::array<Command, 3>& commands) {
+  const std::string body = filled(exchange.send, axis, commands);
+  const Result<std::string> answer = line_.exchange(body, exchange.expect.has_value());
+  const auto about = [&](const std::string& what) { return axis_error(axis, "'" + visible(body) + "': " + what); };
+  if (!answer) return Error{answer.error().kind, about(answer.error().message).message};
+  for (const std::string& text : dialect_.errors) {
+    if (answer->find(text) != std::string::npos) return about("the device says '" + visible(*answer) + "'");
+  }
+  if (!exchange.expect) {
+    if (!answer->empty()) return about("answer '" + visible(*answer) + "': expected none");
+    return Values();
+  }
+  const std::optional<Values> values = exchange.expect->match(*answer);
+  if (!values) return about("answer '" + visible(*answer) + "': expected '" + exchange.expect->text() + "'");
+  const auto named = values->find("axis");
+  if (named != values->end() && named->second != dialect_.of(axis).name) return about("axis '" + named->second + "' answered");
+  return *values;
+}
+
+Status SerialTurntable::carry_out(DialectOperation operation, Axis axis, const std::array<Command, 3>& commands) {
+  for (const Exchange& exchange : dialect_.of(operation).exchanges) {
+    const Result<Values> values = talk(exchange, axis, commands);
+    if (!values) return Error{values.error().kind, std::string(to_string(operation)) + ": " + values.error().message};
+  }
+  return {};
+}
+
+Status SerialTurntable::carry_out_for_all(DialectOperation operation) {
+  for (const Axis axis : all_axes) {
+    if (Status status = carry_out(operation, axis, commands_); !status) return status;
+    if (!dialect_.of(operation).each_axis) break;
+  }
+  return {};
+}
+
+// ---- reading ----
+
+Result<double> SerialTurntable::number(Axis axis, const Values& values, const std::string& quantity) const {
+  auto place = values.find(quantity);
+  if (place == values.end()) place = values.find(quantity + "." + to_string(axis));
+  if (place == values.end()) return axis_error(axis, "no " + quantity + " in the answer");
+  const std::optional<double> value = device_number(place->second);
+  if (!value) return axis_error(axis, quantity + " '" + visible(place->second) + "': expected a number");
+  return *value;
+}
+
+Result<SerialTurntable::Reading> SerialTurntable::read_once(Axis axis) {
+  const DialectAxis& scale = dialect_.of(axis);
+  const std::string suffix = std::string(".") + to_string(axis);
+  std::optional<double> position_deg;
+  Reading reading;
+  bool status_told = false;
+  for (const Exchange& exchange : dialect_.of(DialectOperation::status).exchanges) {
+    const Result<Values> values = talk(exchange, axis, commands_);
+    if (!values) return values.error();
+    const auto tells = [&](const std::string& name) { return values->count(name) != 0 || values->count(name + suffix) != 0; };
+    if (tells("position")) {
+      const Result<double> value = number(axis, *values, "position");
+      if (!value) return value.error();
+      position_deg = scale.sign * *value / scale.units_per_degree + scale.zero_deg;
+    }
+    if (tells("rate")) {
+      const Result<double> value = number(axis, *values, "rate");
+      if (!value) return value.error();
+      reading.rate_degps = scale.sign * *value / scale.units_per_degree;
+    }
+    if (tells("status")) {
+      const auto place = values->find("status");
+      reading.flags = flags_of(dialect_.status, place != values->end() ? place->second : values->at("status" + suffix));
+      status_told = true;
+    }
+  }
+  if (!position_deg || !status_told) return axis_error(axis, "no position or no status in the answers");
+  reading.position_deg = *position_deg;
+  return reading;
+}
+
+Result<SerialTurntable::Reading> SerialTurntable::read(Axis axis, bool believed_only) {
+  const AxisMemory& memory = memory_[index(axis)];
+  Error last;
+  bool answered = false;
+  for (int i = 0; i <= dialect_.link.read_retries; ++i) {
+    Result<Reading> reading = read_once(axis);
+    answered = reading.ok();
+    if (!reading) {
+      last = reading.error();
+      lost_reason_ = last.message;
+      if (last.kind == ErrorKind::aborted || !line_.is_open()) return last;
+      continue;
+    }
+    if (!believed_only ||
+        memory.believable(reading->position_deg, clock_.now_s(), dialect_.plausible_deg, dialect_.plausible_rate_degps)) {
+      return reading;
+    }
+    last = axis_error(axis, "position " + degrees(reading->position_deg) + " is not believed: expected one that can be reached from " +
+                                (memory.position_deg ? degrees(*memory.position_deg) : "here"));
+  }
+  lost_ = !answered;
+  return last;
+}
+
+Result<AxisStatus> SerialTurntable::status(Axis axis) {
+  if (Status status = connected(); !status) return status.error();
+  const Result<Reading> reading = read(axis, true);
+  if (!reading) return reading.error();
+  AxisMemory& memory = memory_[index(axis)];
+  const double now_s = clock_.now_s();
+  memory.note(reading->position_deg, now_s);
+  const DialectFlags& flags = reading->flags;
+  AxisStatus report;
+  report.position_deg = reading->position_deg;
+  report.rate_degps = reading->rate_degps.value_or(memory.rate_degps);
+  report.in_position = flags[DriveBit::in_position].value_or(false);
+  report.moving = flags[DriveBit::moving].value_or(!(std::abs(report.rate_degps) <= dialect_.moving_rate_degps)) || !flags.known;
+  report.enabled = enable_called_ && flags.known && flags[DriveBit::enabled].value_or(true);
+  const bool tells_homed = dialect_.status.tells(DriveBit::homed);
+  const bool homed = tells_homed ? flags[DriveBit::homed].value_or(false)
+                                 : memory.homed || (memory.home_called && report.in_position && !report.moving);
+  // Without a flag of its own, "arrived" may be the old one: it counts from the fourth reading on, or once it was seen gone.
+  report.homed = memory.judge_homed(homed, report.moving || (!tells_homed && !report.in_position && !memory.homed));
+  report.limit = flags[DriveBit::limit_positive].value_or(false) || flags[DriveBit::limit_negative].value_or(false);
+  report.fault = flags[DriveBit::fault].value_or(false);
+  report.emergency_stop = flags[DriveBit::emergency_stop].value_or(false);
+  report.remote = flags[DriveBit::remote].value_or(true);
+  report.raw = flags.raw;
+  report.time_s = now_s;
+  if (!flags.known) report.text = "unknown status";
+  return report;
+}
+
+// ---- commands ----
+
+Status SerialTurntable::connect() {
+  connected_ = false;
+  lost_ = false;
+  enable_called_ = false;
+  memory_ = {};
+  if (Status status = line_.open(); !status) return status;
+  Status status = carry_out_for_all(DialectOperation::prepare);
+  for (const Axis axis : all_axes) {
+    if (!status) break;
+    const Result<Reading> reading = read(axis, true);
+    if (!reading) {
+      status = reading.error();
+    } else {
+      commands_[index(axis)] = {reading->position_deg, 1.0, 1.0};
+    }
+  }
+  if (!status) {
+    line_.close();
+    return status;
+  }
+  connected_ = true;
+  return {};
+}
+
+Result<TableIdentity> SerialTurntable::identify() {
+  if (Status status = connected(); !status) return status.error();
+  std::string description = dialect_.name + " at " + dialect_.link.address;
+  for (const Exchange& exchange : dialect_.of(DialectOperation::identify).exchanges) {
+    const Result<std::string> answer = line_.exchange(filled(exchange.send, Axis::heading, commands_), exchange.expect.has_value());
+    if (!answer) return answer.error();
+    description += ", " + visible(*answer);
+  }
+  return TableIdentity{description + (dialect_.verified_on_hardware ? "" : ", dialect not verified on hardware"),
+                       dialect_.simulated};
+}
+
+Status SerialTurntable::enable() {
+  for (const Axis axis : all_axes) {
+    const Result<AxisStatus> now = status(axis);
+    if (!now) return now.error();
+    if (now->emergency_stop || now->fault) return axis_error(axis, "enable: fault or emergency stop: expected it cleared");
+  }
+  if (Status status = carry_out_for_all(DialectOperation::enable); !status) return status;
+  enable_called_ = true;
+  return {};
+}
+
+Status SerialTurntable::home() {
+  if (Status status = connected(); !status) return status;
+  if (!dialect_.commissioned) {
+    return input_error(table_error("not commissioned: expected sign and scale checked and commissioned = true in the dialect").message);
+  }
+  for (const Axis axis : all_axes) {
+    const Result<AxisStatus> now = status(axis);
+    if (!now) return now.error();
+    if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
+  }
+  for (AxisMemory& memory : memory_) memory.homing_began();
+  targets_void_ = true;
+  return carry_out_for_all(DialectOperation::home);
+}
+
+Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
+  if (Status status = connected(); !status) return status;
+  if (!dialect_.commissioned) {
+    return input_error(table_error("not commissioned: expected sign and scale checked and commissioned = true in the dialect").message);
+  }
+  if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, dialect_.plausible_deg, dialect_.plausible_rate_degps)) {
+    return axis_error(axis, *refusal);
+  }
+  const Result<AxisStatus> now = status(axis);
+  if (!now) return now.error();
+  if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
+  if (!now->homed) return axis_error(axis, "not homed");
+  // A table that takes all three angles at once must not go on with a motion that was stopped.
+  if (targets_void_) {
+    for (const Axis other : all_axes) {
+      const Result<AxisStatus> there = other == axis ? now : status(other);
+      if (!there) return there.error();
+      commands_[index(other)].position_deg = there->position_deg;
+    }
+    targets_void_ = false;
+  }
+  std::array<Command, 3> commands = commands_;
+  commands[index(axis)] = {position_deg, rate_degps, acceleration_degps2};
+  const Status sent = carry_out(DialectOperation::move, axis, commands);
+  if (sent) {
+    commands_ = commands;
+    return {};
+  }
+  if (sent.error().kind == ErrorKind::aborted || !line_.is_open()) return sent;
+  return with_state(sent.error(), status(axis));
+}
+
+Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
+  if (!connected_) return table_error("not connected");
+  stop_.handled();
+  if (!line_.is_open()) {
+    enable_called_ = false;
+    if (Status status = line_.open(); !status) return status;
+    lost_ = false;
+  }
+  const DialectSteps& steps = dialect_.of(operation);
+  // Sentence by sentence, each to every axis: what follows the first of one axis must not keep it from the next.
+  std::array<bool, 3> taken{true, true, true};
+  for (const Exchange& exchange : steps.exchanges) {
+    for (const Axis axis : all_axes) {
+      if (!line_.send_at_once(filled(exchange.send, axis, commands_), exchange.expect, stop_ack_s)) taken[index(axis)] = false;
+      if (!steps.each_axis) break;
+    }
+  }
+  Status first_failure;
+  for (const Axis axis : all_axes) {
+    if (taken[index(axis)]) continue;
+    if (Status status = carry_out(operation, axis, commands_); !status && first_failure.ok()) first_failure = status;
+  }
+  targets_void_ = true;
+  return first_failure;
+}
+
+Status SerialTurntable::stop_all() { return carry_out_at_once(DialectOperation::stop); }
+
+Status SerialTurntable::abort_all() {
+  const Status status = carry_out_at_once(DialectOperation::abort);
+  enable_called_ = false;
+  return status;
+}
+
+Status SerialTurntable::clear_fault() {
+  if (Status status = connected(); !status) return status;
+  return carry_out_for_all(DialectOperation::clear_fault);
+}
+
+Status SerialTurntable::commission(const AxisTriple& known_deg, double tolerance_deg) {
+  if (Status status = connected(); !status) return status;
+  for (const Axis axis : all_axes) {
+    const Result<Reading> reading = read(axis, false);
+    if (!reading) return reading.error();
+    const DialectAxis& scale = dialect_.of(axis);
+    if (std::abs(reading->position_deg - known_deg[axis]) <= tolerance_deg) {
+      if (std::abs(2.0 * (known_deg[axis] - scale.zero_deg)) <= 2.0 * tolerance_deg) {
+        return input_error(axis_error(axis, "at " + degrees(known_deg[axis]) + " the other sign fits as well: expected another angle").message);
+      }
+      continue;
+    }
+    const double other_deg = 2.0 * scale.zero_deg - reading->position_deg;
+    return input_error(axis_error(axis, "reads " + degrees(reading->position_deg) + ", stands at " + degrees(known_deg[axis]) +
+                                            (std::abs(other_deg - known_deg[axis]) <= tolerance_deg
+                                                 ? ": expected sign = " + std::to_string(-scale.sign)
+                                                 : ": expected other units_per_degree or zero_deg")).message);
+  }
+  return {};
+}
+
+}  // namespace turncal

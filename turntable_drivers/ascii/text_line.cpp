@@ -1,0 +1,218 @@
+#include "turntable_drivers/ascii/text_line.h"
+
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "imu_io/base/deadline.h"
+#include "turntable_drivers/table/tcp_connection.h"
+
+namespace turncal {
+namespace {
+
+constexpr double slice_s = 1e-3 * StopSignal::longest_look_away_ms;
+constexpr double write_timeout_s = 0.01;   // the kernel takes a sentence at once; a line that does not is dead
+constexpr std::size_t longest_answer = 4096;
+constexpr double longest_drain = 10.0;     // times quiet_s
+
+}  // namespace
+
+TextLine::TextLine(DialectLink link, const StopSignal& stop) : link_(std::move(link)), stop_(stop) {
+  link_.serial.device = link_.address;
+}
+
+TextLine::~TextLine() { close(); }
+
+void TextLine::close() {
+  if (link_.tcp && descriptor_ >= 0) ::close(descriptor_);
+  port_.close();
+  descriptor_ = -1;
+}
+
+Error TextLine::failure(const std::string& what) const { return device_error(link_.address + ": " + what); }
+
+Error TextLine::given_up() const { return {ErrorKind::aborted, link_.address + ": given up for a stop"}; }
+
+Error TextLine::hang_up(const std::string& what) {
+  close();
+  return failure(what);
+}
+
+Status TextLine::open() {
+  close();
+  buffer_.clear();
+  stale_ = false;
+  if (!link_.tcp) {
+    if (link_.address.empty()) return input_error("link.address: expected a serial device");
+    Result<SerialPort> port = SerialPort::open(link_.serial);
+    if (!port) return port.error();
+    port_ = std::move(*port);
+    descriptor_ = port_.descriptor();
+    return {};
+  }
+  const Result<int> socket = connect_tcp(link_.address, link_.reply_timeout_s, stop_);
+  if (!socket) return socket.error();
+  descriptor_ = *socket;
+  return {};
+}
+
+Status TextLine::receive_some(double wait_s, bool& any) {
+  any = false;
+  std::array<char, 512> chunk;
+  if (!link_.tcp) {
+    const Result<std::size_t> n = port_.read(std::as_writable_bytes(std::span(chunk)), wait_s);
+    if (!n) {
+      const Error error = n.error();
+      close();
+      return error;
+    }
+    buffer_.append(chunk.data(), *n);
+    any = *n > 0;
+    return {};
+  }
+  pollfd which{descriptor_, POLLIN, 0};
+  if (::poll(&which, 1, static_cast<int>(1e3 * wait_s)) <= 0) return {};
+  const ssize_t n = ::recv(descriptor_, chunk.data(), chunk.size(), MSG_DONTWAIT);
+  if (n < 0 && (errno == EAGAIN || errno == EINTR)) return {};
+  if (n <= 0) return hang_up("the other end hung up");
+  buffer_.append(chunk.data(), static_cast<std::size_t>(n));
+  any = true;
+  return {};
+}
+
+Status TextLine::drain() {
+  const Deadline limit(longest_drain * link_.quiet_s);
+  double quiet_since_s = monotonic_s();
+  while (monotonic_s() - quiet_since_s < link_.quiet_s) {
+    if (stop_.pending()) return given_up();
+    if (limit.passed()) return failure("the line does not become quiet");
+    bool any = false;
+    if (Status status = receive_some(slice_s, any); !status) return status;
+    if (any) quiet_since_s = monotonic_s();
+    buffer_.clear();
+  }
+  stale_ = false;
+  return {};
+}
+
+Status TextLine::write(const std::string& body) {
+  std::string frame = link_.prefix + body;
+  if (link_.check != SentenceCheck::none) frame += link_.check_mark + check_digits(body, link_.check);
+  frame += link_.terminator_out;
+  last_sent_s_ = monotonic_s();
+  if (!link_.tcp) return port_.write_all(frame, write_timeout_s);
+  const ssize_t n = ::send(descriptor_, frame.data(), frame.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+  if (n != static_cast<ssize_t>(frame.size())) return hang_up("cannot send");
+  return {};
+}
+
+Result<std::string> TextLine::read_until(const std::string& end, double timeout_s, bool at_once) {
+  const Deadline deadline(timeout_s);
+  for (;;) {
+    if (const std::size_t place = buffer_.find(end); place != std::string::npos) {
+      std::string text = buffer_.substr(0, place);
+      buffer_.erase(0, place + end.size());
+      return text;
+    }
+    if (buffer_.size() > longest_answer) {
+      stale_ = true;
+      return failure("rubbish: no end of an answer in " + std::to_string(buffer_.size()) + " characters");
+    }
+    if (!at_once && stop_.pending()) {
+      stale_ = true;
+      return given_up();
+    }
+    if (deadline.passed()) {
+      stale_ = true;
+      const std::string so_far = buffer_.empty() ? "" : ", only '" + visible(buffer_) + "'";
+      return failure("no answer within " + std::to_string(static_cast<int>(1e3 * timeout_s)) + " ms" + so_far);
+    }
+    bool any = false;
+    if (Status status = receive_some(std::min(slice_s, deadline.left_s()), any); !status) return status.error();
+  }
+}
+
+Result<std::string> TextLine::body_of(std::string frame) const {
+  const auto wrong = [&](const std::string& what) { return failure("answer '" + visible(frame) + "': " + what); };
+  if (!frame.starts_with(link_.prefix)) return wrong("expected it to begin with " + link_.prefix);
+  std::string body = frame.substr(link_.prefix.size());
+  if (link_.check == SentenceCheck::none) return body;
+  const std::size_t tail = link_.check_mark.size() + 2;
+  if (body.size() < tail || body.substr(body.size() - tail, link_.check_mark.size()) != link_.check_mark) {
+    return wrong("no checksum");
+  }
+  const std::string digits = body.substr(body.size() - 2);
+  body.resize(body.size() - tail);
+  const std::string expected = check_digits(body, link_.check);
+  if (digits != expected) return wrong("checksum " + digits + ", expected " + expected);
+  return body;
+}
+
+Result<std::string> TextLine::exchange(const std::string& body, bool answered) {
+  if (!is_open()) return failure("not open");
+  if (stop_.pending()) return given_up();
+  bool any = false;
+  if (Status status = receive_some(0.0, any); !status) return status.error();
+  if (stale_) {
+    if (Status status = drain(); !status) return status.error();
+  }
+  buffer_.clear();
+  if (!stop_.pause(last_sent_s_ + link_.gap_s - monotonic_s())) return given_up();
+  if (Status status = write(body); !status) return status.error();
+  if (link_.echo) {
+    const Result<std::string> echo = read_until(link_.terminator_out, link_.reply_timeout_s, false);
+    if (!echo) return echo.error();
+    if (!echo->ends_with(body)) {
+      stale_ = true;
+      return failure("echo '" + visible(*echo) + "': expected '" + visible(body) + "'");
+    }
+  }
+  if (!answered && link_.prompt.empty()) return std::string();
+  Result<std::string> frame = read_until(link_.prompt.empty() ? link_.terminator_in : link_.prompt, link_.reply_timeout_s, false);
+  if (!frame) return frame.error();
+  if (!link_.prompt.empty()) {
+    // What stands before the prompt is one line, or none.
+    if (frame->ends_with(link_.terminator_in)) frame->resize(frame->size() - link_.terminator_in.size());
+    if (frame->find(link_.terminator_in) != std::string::npos) {
+      stale_ = true;
+      return failure("answer '" + visible(*frame) + "': expected one line");
+    }
+    if (!answered && frame->empty()) return std::string();
+  }
+  if (Status status = receive_some(0.0, any); !status) return status.error();
+  if (!buffer_.empty()) {
+    stale_ = true;
+    return failure("answer '" + visible(*frame) + "': more behind it: '" + visible(buffer_) + "'");
+  }
+  Result<std::string> result = body_of(*frame);
+  if (!result) stale_ = true;
+  return result;
+}
+
+Status TextLine::send_at_once(const std::string& body, const std::optional<SentenceTemplate>& expect, double timeout_s) {
+  if (!is_open()) return failure("not open");
+  if (Status status = write(body); !status) return status;
+  if (!expect) {
+    stale_ = true;  // the answer to what was interrupted may still come
+    return {};
+  }
+  const Deadline deadline(timeout_s);
+  const std::string& end = link_.prompt.empty() ? link_.terminator_in : link_.prompt;
+  Error last = failure("no answer");
+  stale_ = true;
+  do {
+    Result<std::string> frame = read_until(end, deadline.left_s(), true);
+    if (!frame) return frame.error();
+    const Result<std::string> text = body_of(*frame);
+    if (text && expect->match(*text)) return {};
+    last = text ? failure("answer '" + visible(*text) + "': expected '" + expect->text() + "'") : text.error();
+  } while (!deadline.passed());
+  return last;
+}
+
+}  // namespace turncal

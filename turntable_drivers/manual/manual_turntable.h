@@ -1,0 +1,144 @@
+// ManualTurntable: the table is turned by hand. The operator is told which axis to turn to which angle and why, turns it, and types the
+// angle reached.
+//
+// - A typed angle is taken when it lies within tolerance_deg of the one wanted (whole turns are understood: a dial shows 90 where
+//   450 is meant) and when gravity, as the unit senses it in the seconds after the answer, agrees with the tilt that follows (heading
+//   cannot be seen by it, nor whole turns). Anything else is answered and asked again.
+// - Homing asks where all three axes stand: 0, or any angle read off. Pitch is checked together with roll.
+// - Nothing is ever assumed: no answer within answer_timeout_s pauses; a pause ends when the operator types `continue`. One that
+//   holds a question up for longer than pause_limit_s ends the run, to be taken up again.
+// - Besides an angle: `repeat` shows the question again, `skip REASON`, `pause`, `continue`, `leave`, `abort`, `help`. The first letter
+//   will do.
+// - `skip`, a pause that is too long, `leave`, and the end of the input are errors of kind interrupted: of every call that asks for
+//   something, and of status() while something is asked. A dwell, for which nobody is needed, is so completed first. `abort` is an
+//   error of kind aborted of every call. Nothing moves by itself, so all of this is safe; once stop_all() was called status()
+//   answers again, so that the stop can be verified.
+// - Several moves may be asked for at once; they are put to the operator one after another.
+// - After a stop in the middle of a turn the angle is not known: the axis is not in position until a move to somewhere is answered.
+//
+// Expected direction of gravity's reaction in the body, from C_nb = Ry(-H) Rz(P) Rx(R) and f_n = (0, g, 0):
+//   f_b / g = (sin P, cos P cos R, -cos P sin R)
+// Calls do not block: the input is looked at in status(). One thread.
+//
+// A rehearsal (rehearse_on): a simulated table is turned to the typed angle instead, at the rate of the move. Since nothing happens in its time
+// while somebody thinks, status() then waits for an answer (up to 1 s of the wall clock, and again at the next call), time limits
+// are those of the wall clock, and a line is read only when it is needed, so that answers can come from a file. What a person
+// does wrong can be rehearsed: `turn AXIS ANGLE` turns any axis and answers nothing, `say ANGLE` answers and turns nothing.
+#pragma once
+
+#include <array>
+#include <deque>
+#include <functional>
+#include <optional>
+#include <ostream>
+#include <string>
+#include <utility>
+
+#include "imu_io/base/clock.h"
+#include "turntable_drivers/table/turntable.h"
+
+namespace turncal {
+
+struct ManualSettings {
+  double tolerance_deg = 0.1;
+  // A unit not calibrated yet: scale factors 8 % apart turn gravity by 2.2 deg at 45 deg, and not at all at a quarter turn.
+  double gravity_tolerance_deg = 5.0;
+  double answer_timeout_s = 600.0;
+  double pause_limit_s = 3600.0;
+};
+
+// Mean specific force in body axes over the last second, any unit; empty: not known (no samples, or the unit moves).
+using GravitySense = std::function<std::optional<std::array<double, 3>>()>;
+
+// The table that a rehearsal turns instead of a person.
+struct RehearsedTable {
+  std::function<void(Axis axis, double angle_deg, double rate_degps, double acceleration_degps2)> turn;
+  std::function<bool()> moving;  // any axis
+  std::function<void()> stop;
+};
+
+class ManualTurntable : public Turntable {
+ public:
+  // `input` is a file descriptor (0: the terminal); clock and stream must outlive the table.
+  ManualTurntable(ManualSettings settings, const Clock& clock, int input, std::ostream& out, GravitySense sense = {});
+  void rehearse_on(RehearsedTable rehearsed) { rehearsed_ = std::move(rehearsed); }
+  void set_tag(const std::string& tag) { tag_ = tag; }  // in front of every line
+
+  Status connect() override;
+  Result<TableIdentity> identify() override;
+  Status enable() override;
+  Status home() override;
+  Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override;
+  Status stop_all() override;
+  Status abort_all() override;
+  Status clear_fault() override;
+  Result<AxisStatus> status(Axis axis) override;
+  bool needs_operator() const override { return true; }
+
+  // Why, and how far the run is, for the questions from now on: a line above the first.
+  void set_reason(const std::string& reason) {
+    reason_ = reason;
+    reason_told_ = false;
+  }
+  struct Wanted {
+    Axis axis = Axis::heading;
+    double target_deg = 0.0;
+    bool homing = false;  // any angle will do
+    double rate_degps = 10.0;
+    double acceleration_degps2 = 20.0;
+  };
+  std::optional<Wanted> wanted() const;  // what the operator is asked for now
+  bool paused() const { return paused_; }
+
+ private:
+  struct Hand {
+    double position_deg = 0.0;
+    bool known = false;  // an answer was taken, and no stop has interrupted a turn since
+    bool homed = false;
+  };
+  struct Answer {  // taken once gravity agrees
+    double angle_deg = 0.0;
+    double since_s = 0.0;  // nothing has turned since
+  };
+  Status usable();  // connected, and what was asked for can still be answered
+  void look_at_input();
+  bool read_input(bool wait);  // whether there may be more
+  void take_lines();
+  void keep_limits();
+  void answer(const std::string& line);
+  void take_angle(const std::string& text, bool turned);
+  void turn_rehearsed(const std::string& axis_and_angle);
+  void check_answer();
+  std::optional<std::string> gravity_objection(Axis axis, double angle_deg) const;
+  void accept(double angle_deg);
+  void pause(const std::string& why);
+  void end(ErrorKind kind, const std::string& why);
+  void ask();
+  void say(const std::string& text);
+  double patience_s() const;  // the clock of time limits
+  bool waits_for_answer() const { return !queue_.empty() && !answered_ && !end_; }
+
+  ManualSettings settings_;
+  const Clock& clock_;
+  int input_;
+  std::ostream& out_;
+  GravitySense sense_;
+  std::optional<RehearsedTable> rehearsed_;
+  std::string tag_;
+  std::string reason_;
+  bool reason_told_ = false;
+  std::string typed_;  // lines not taken yet, and the one that is not complete
+  std::deque<Wanted> queue_;
+  std::optional<Answer> answered_;  // to the first of the queue
+  std::array<Hand, 3> hands_;
+  double asked_s_ = 0.0;
+  double paused_s_ = 0.0;
+  bool connected_ = false;
+  bool enabled_ = false;
+  bool paused_ = false;
+  bool input_ended_ = false;
+  bool stopped_ = false;      // and nothing was asked for since
+  std::optional<Error> end_;  // nothing more can be asked for
+};
+
+}  // namespace turncal

@@ -1,0 +1,397 @@
+#include "turntable_drivers/modbus/modbus_turntable.h"
+
+#include <cmath>
+
+#include "imu_io/base/format_number.h"
+#include "turntable_drivers/table/angle.h"
+#include "turntable_drivers/table/drive_rules.h"
+
+namespace turncal {
+namespace {
+
+// A pulse of the stop itself is not cut short.
+void hold(double seconds) { static_cast<void>(StopSignal().pause(seconds)); }
+
+}  // namespace
+
+ModbusTurntable::ModbusTurntable(RegisterMap map, const Clock& clock, const std::atomic<int>* stop_requests)
+    : map_(std::move(map)), clock_(clock), stop_(stop_requests), link_(map_.link, stop_) {}
+
+Error ModbusTurntable::axis_error(Axis axis, const std::string& what) const {
+  return device_error("table " + map_.name + ": " + to_string(axis) + ": " + what);
+}
+
+Status ModbusTurntable::connected() const {
+  if (!connected_) return device_error("table " + map_.name + ": not connected");
+  if (link_.lost()) return device_error("table " + map_.name + ": link lost (" + link_.lost_reason() + "): expected it connected again");
+  return {};
+}
+
+Status ModbusTurntable::connect() {
+  connected_ = false;
+  enable_called_ = false;
+  memory_ = {};
+  if (Status status = link_.open(); !status) return status;
+  for (const Axis axis : all_axes) {
+    if (Status status = write_list(axis, DriveOperation::setup, {}); !status) {
+      link_.close();
+      return status;
+    }
+    // Every drive has to answer, with a block that makes sense.
+    Result<std::vector<std::uint16_t>> block = read_block(axis);
+    Status status;
+    if (!block) {
+      status = block.error();
+    } else if (!believed_position(axis, *block, clock_.now_s())) {
+      status = axis_error(axis, "position " + degrees(angle_of(map_.of(axis), raw_counts(*block, map_.layout))) +
+                                    " is not plausible: expected a map with the drive's word order and scale");
+    }
+    if (!status) {
+      link_.close();
+      return status;
+    }
+  }
+  memory_ = {};
+  connected_ = true;
+  return {};
+}
+
+Result<TableIdentity> ModbusTurntable::identify() {
+  if (Status status = connected(); !status) return status.error();
+  return TableIdentity{map_.name + " at " + map_.link.address +
+                           (map_.verified_on_hardware ? "" : ", map not verified on hardware"),
+                       map_.simulated};
+}
+
+// ---- reading ----
+
+double ModbusTurntable::raw_counts(const std::vector<std::uint16_t>& block, WordLayout layout) const {
+  const auto from = map_.place_of(map_.position.address);
+  return decode_words(std::span(block).subspan(from), map_.position.type, layout);
+}
+
+std::optional<bool> ModbusTurntable::bit(const std::vector<std::uint16_t>& block, DriveBit which) const {
+  const std::optional<StatusBit>& described = map_.bit(which);
+  if (!described) return {};
+  const bool high = (block[map_.place_of(described->address)] & described->mask) != 0;
+  return high == described->active_high;
+}
+
+Result<std::vector<std::uint16_t>> ModbusTurntable::read_block(Axis axis) {
+  const MapAxis& place = map_.of(axis);
+  std::vector<std::uint16_t> block;
+  const auto append = [&](int address, int count) -> Status {
+    if (count == 0) return {};
+    // Longer by the axis, so that no two requests have the same length; what is beyond is thrown away.
+    std::vector<std::uint16_t> registers(static_cast<std::size_t>(count) + index(axis));
+    if (Status status = link_.read(place.unit, map_.status_function, address + place.address_offset, registers); !status) {
+      return Error{status.error().kind, axis_error(axis, status.error().message).message};
+    }
+    block.insert(block.end(), registers.begin(), registers.begin() + count);
+    return {};
+  };
+  if (Status status = append(map_.status_address, map_.status_count); !status) return status.error();
+  if (Status status = append(map_.status2_address, map_.status2_count); !status) return status.error();
+  return block;
+}
+
+std::optional<double> ModbusTurntable::believed_position(Axis axis, const std::vector<std::uint16_t>& block, double now_s) {
+  const MapAxis& scale = map_.of(axis);
+  const AxisMemory& memory = memory_[index(axis)];
+  double position_deg = angle_of(scale, raw_counts(block, map_.layout));
+  if (scale.modulo_deg > 0.0 && std::isfinite(position_deg)) {
+    position_deg = unwrapped_deg(position_deg, memory.position_deg.value_or(0.0), scale.modulo_deg);
+  }
+  if (!memory.believable(position_deg, now_s, map_.plausible_deg, map_.plausible_rate_degps)) return {};
+  return position_deg;
+}
+
+AxisStatus ModbusTurntable::status_from(Axis axis, const std::vector<std::uint16_t>& block, double position_deg,
+                                        double now_s) {
+  AxisMemory& memory = memory_[index(axis)];
+  const MapAxis& scale = map_.of(axis);
+  AxisStatus report;
+  report.position_deg = position_deg;
+  memory.note(position_deg, now_s);
+  report.rate_degps = memory.rate_degps;
+  if (map_.rate) {
+    const auto from = map_.place_of(map_.rate->address);
+    report.rate_degps = scale.sign * decode_words(std::span(block).subspan(from), map_.rate->type, map_.layout) /
+                        scale.measured_rate_scale;
+  }
+
+  report.enabled = enable_called_ && bit(block, DriveBit::enabled).value_or(false);
+  report.moving = bit(block, DriveBit::moving).value_or(!(std::abs(report.rate_degps) <= map_.moving_rate_degps));
+  report.in_position = bit(block, DriveBit::in_position).value_or(false);
+  if (map_.bit(DriveBit::in_position)->pulse) {
+    memory.arrived_seen = memory.arrived_seen || report.in_position;
+    report.in_position = memory.arrived_seen && !report.moving;
+  }
+  const bool drive_homed = map_.home_by_encoder ? memory.home_called : bit(block, DriveBit::homed).value_or(false);
+  // A device that knows only a circle has forgotten the turns after a lost link: it has to be homed again.
+  const bool turns_known = scale.modulo_deg == 0.0 || memory.home_called;
+  report.homed = memory.judge_homed(drive_homed && turns_known, report.moving);
+  report.limit = bit(block, DriveBit::limit_positive).value_or(false) || bit(block, DriveBit::limit_negative).value_or(false);
+  report.fault = bit(block, DriveBit::fault).value_or(true);
+  report.emergency_stop = bit(block, DriveBit::emergency_stop).value_or(false);
+  report.remote = bit(block, DriveBit::remote).value_or(true);
+  for (int i = 0; i < drive_bit_count; ++i) {
+    report.raw |= bit(block, static_cast<DriveBit>(i)).value_or(false) ? 1u << i : 0u;
+  }
+  if (map_.alarm) {
+    const auto from = map_.place_of(map_.alarm->address);
+    const double code = decode_words(std::span(block).subspan(from), map_.alarm->type, map_.layout);
+    if (code != 0.0) {
+      report.text = "alarm " + format_number(code);
+      const auto text = map_.alarm_text.find(static_cast<long>(code));
+      if (text != map_.alarm_text.end()) report.text += " (" + text->second + ")";
+    }
+  }
+  report.time_s = now_s;
+  return report;
+}
+
+Status ModbusTurntable::beat() {
+  if (!map_.heartbeat_address) return {};
+  const double now_s = clock_.now_s();
+  // Another value each time, so that a drive can tell it from one that is stuck.
+  const auto value = static_cast<std::uint16_t>(1 + static_cast<long long>(now_s / map_.heartbeat_period_s) % 0xFFFF);
+  Status first_failure;
+  for (const Axis axis : all_axes) {
+    AxisMemory& memory = memory_[index(axis)];
+    if (now_s - memory.heartbeat_s < map_.heartbeat_period_s) continue;
+    const MapAxis& place = map_.of(axis);
+    const Status status = link_.write(place.unit, map_.write_function, *map_.heartbeat_address + place.address_offset,
+                                      std::span(&value, 1));
+    if (status) {
+      memory.heartbeat_s = now_s;
+    } else if (first_failure) {
+      first_failure = Error{status.error().kind, axis_error(axis, "heartbeat: " + status.error().message).message};
+    }
+  }
+  return first_failure;
+}
+
+Result<AxisStatus> ModbusTurntable::status(Axis axis) {
+  if (Status status = connected(); !status) return status.error();
+  // A heartbeat that was not acknowledged is due again; the reading says whether the drive is there.
+  const Status heartbeat = beat();
+  double seen_deg = 0.0;
+  for (int i = 0; i <= map_.link.read_retries; ++i) {
+    const Result<std::vector<std::uint16_t>> block = read_block(axis);
+    if (!block) return block.error();
+    const double now_s = clock_.now_s();
+    if (const std::optional<double> position_deg = believed_position(axis, *block, now_s)) {
+      if (!heartbeat && heartbeat.error().kind == ErrorKind::input) return heartbeat.error();
+      return status_from(axis, *block, *position_deg, now_s);
+    }
+    seen_deg = angle_of(map_.of(axis), raw_counts(*block, map_.layout));
+  }
+  const std::optional<double>& last_deg = memory_[index(axis)].position_deg;
+  return axis_error(axis, "position " + degrees(seen_deg) + " is not believed: expected one that can be reached from " +
+                              (last_deg ? degrees(*last_deg) : "here"));
+}
+
+Status ModbusTurntable::commission(const AxisTriple& known_deg, double tolerance_deg) {
+  if (Status status = connected(); !status) return status;
+  for (const Axis axis : all_axes) {
+    const Result<std::vector<std::uint16_t>> block = read_block(axis);
+    if (!block) return block.error();
+    const MapAxis& scale = map_.of(axis);
+    // How far the reading is from the known angle if words, bytes and sign were like this.
+    const auto fits = [&](WordLayout layout, int sign) {
+      MapAxis other = scale;
+      other.sign = sign;
+      double angle_deg = angle_of(other, raw_counts(*block, layout));
+      if (scale.modulo_deg > 0.0 && std::isfinite(angle_deg)) {
+        angle_deg = unwrapped_deg(angle_deg, known_deg[axis], scale.modulo_deg);
+      }
+      return std::abs(angle_deg - known_deg[axis]) <= tolerance_deg;
+    };
+    std::string others;
+    for (const bool high_first : {true, false}) {
+      for (const bool swap : {false, true}) {
+        for (const int sign : {1, -1}) {
+          const WordLayout layout{high_first, swap};
+          const bool is_maps = high_first == map_.layout.high_word_first && swap == map_.layout.swap_bytes && sign == scale.sign;
+          const bool one_word = register_count(map_.position.type) == 1;
+          if (is_maps || (one_word && high_first != map_.layout.high_word_first) || !fits(layout, sign)) continue;
+          others += std::string(others.empty() ? "" : "; ") + "words.order = " + (high_first ? "high_first" : "low_first") +
+                    ", words.swap_bytes = " + (swap ? "true" : "false") + ", sign = " + std::to_string(sign);
+        }
+      }
+    }
+    if (!fits(map_.layout, scale.sign)) {
+      return input_error(axis_error(axis, "reads " + degrees(angle_of(scale, raw_counts(*block, map_.layout))) + ", stands at " +
+                                              degrees(known_deg[axis]) +
+                                              (others.empty() ? ": expected other counts_per_degree or zero_deg"
+                                                              : ": expected " + others)).message);
+    }
+    if (!others.empty()) {
+      return input_error(axis_error(axis, "at " + degrees(known_deg[axis]) +
+                                              " other settings fit as well: expected an angle that tells them apart")
+                             .message);
+    }
+  }
+  return {};
+}
+
+// ---- writing ----
+
+Result<std::vector<std::uint16_t>> ModbusTurntable::words_of(const WriteStep& step, Axis axis,
+                                                             const MoveNumbers& numbers) const {
+  const MapAxis& scale = map_.of(axis);
+  std::vector<std::uint16_t> words;
+  for (const WriteOperand& operand : step.operands) {
+    double value = operand.constant;
+    switch (operand.kind) {
+      case WriteOperand::Kind::constant: break;
+      case WriteOperand::Kind::position: value = counts_of(scale, numbers.position_deg); break;
+      case WriteOperand::Kind::distance: value = scale.signed_counts_per_degree() * numbers.distance_deg; break;
+      case WriteOperand::Kind::rate: value = scale.rate_scale * numbers.rate_degps; break;
+      case WriteOperand::Kind::acceleration:
+        value = map_.acceleration_is_ramp_time ? scale.acceleration_scale / numbers.acceleration_degps2
+                                               : scale.acceleration_scale * numbers.acceleration_degps2;
+        break;
+    }
+    const std::optional<Words> encoded = encode_words(value, operand.type, map_.layout);
+    const bool vanishes = operand.kind == WriteOperand::Kind::rate && operand.type != WordType::f32 && std::round(value) == 0.0;
+    if (!encoded || vanishes) {
+      return axis_error(axis, "the drive cannot be told " + format_number(value) + " in register " + std::to_string(step.address));
+    }
+    words.insert(words.end(), encoded->span().begin(), encoded->span().end());
+  }
+  return words;
+}
+
+Status ModbusTurntable::write_list(Axis axis, DriveOperation operation, const MoveNumbers& numbers) {
+  // Everything is encoded before anything is sent.
+  std::vector<std::vector<std::uint16_t>> requests;
+  for (const WriteStep& step : map_.list(operation)) {
+    Result<std::vector<std::uint16_t>> words = words_of(step, axis, numbers);
+    if (!words) return words.error();
+    requests.push_back(std::move(*words));
+  }
+  const MapAxis& place = map_.of(axis);
+  for (std::size_t i = 0; i < requests.size(); ++i) {
+    const WriteStep& step = map_.list(operation)[i];
+    if (step.operands.empty()) {
+      if (!stop_.pause(step.wait_s)) return Error{ErrorKind::aborted, axis_error(axis, "given up for a stop").message};
+      continue;
+    }
+    if (Status status = link_.write(place.unit, function_for(requests[i].size()), step.address + place.address_offset, requests[i]);
+        !status) {
+      return Error{status.error().kind,
+                   axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
+    }
+  }
+  return {};
+}
+
+Status ModbusTurntable::enable() {
+  for (const Axis axis : all_axes) {
+    const Result<AxisStatus> now = status(axis);
+    if (!now) return now.error();
+    if (now->emergency_stop) return axis_error(axis, "enable: emergency stop is pressed");
+    if (now->fault) return axis_error(axis, "enable: drive fault: expected it cleared");
+    if (Status status = write_list(axis, DriveOperation::enable, {}); !status) return status;
+  }
+  enable_called_ = true;
+  return {};
+}
+
+Status ModbusTurntable::home() {
+  if (!map_.commissioned && !map_.home_by_encoder) {
+    return input_error("table " + map_.name + ": not commissioned: expected word order, scale and sign checked and commissioned = true in the map");
+  }
+  for (const Axis axis : all_axes) {
+    const Result<AxisStatus> now = status(axis);
+    if (!now) return now.error();
+    if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
+  }
+  for (const Axis axis : all_axes) {
+    AxisMemory& memory = memory_[index(axis)];
+    memory.homing_began();
+    if (map_.home_by_encoder) continue;
+    if (Status status = write_list(axis, DriveOperation::home, {}); !status) return status;
+  }
+  return {};
+}
+
+Status ModbusTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
+  if (!map_.commissioned) {
+    return input_error("table " + map_.name + ": not commissioned: expected word order, scale and sign checked and commissioned = true in the map");
+  }
+  if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, map_.plausible_deg, map_.plausible_rate_degps)) {
+    return axis_error(axis, *refusal);
+  }
+  const Result<AxisStatus> now = status(axis);
+  if (!now) return now.error();
+  if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
+  if (!now->homed) return axis_error(axis, "not homed");
+  memory_[index(axis)].arrived_seen = false;
+  const MoveNumbers numbers{position_deg, position_deg - now->position_deg, rate_degps, acceleration_degps2};
+  const Status written = write_list(axis, DriveOperation::move, numbers);
+  if (written || written.error().kind == ErrorKind::aborted || link_.lost()) return written;
+  return with_state(written.error(), status(axis));
+}
+
+Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
+  if (!connected_) return device_error("table " + map_.name + ": not connected");
+  stop_.handled();
+  if (!link_.is_open()) {
+    enable_called_ = false;  // whoever comes back finds it not ready
+    if (Status status = link_.open(); !status) return status;
+  }
+  const auto send = [&](Axis axis, const WriteStep& step, bool at_once) -> Status {
+    const MapAxis& place = map_.of(axis);
+    const Result<std::vector<std::uint16_t>> words = words_of(step, axis, {});
+    if (!words) return words.error();
+    const int function = function_for(words->size());
+    const int address = step.address + place.address_offset;
+    const Status status = at_once ? link_.write_at_once(place.unit, function, address, *words, stop_ack_s)
+                                  : link_.write(place.unit, function, address, *words);
+    if (status) return {};
+    return Error{status.error().kind, axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
+  };
+  // Step by step, each to every axis: what follows the first step of one axis must not keep it from the next.
+  std::array<bool, 3> taken{true, true, true};
+  for (const WriteStep& step : map_.list(operation)) {
+    if (step.operands.empty()) hold(step.wait_s);
+    for (const Axis axis : all_axes) {
+      if (step.operands.empty() || !taken[index(axis)]) continue;
+      taken[index(axis)] = send(axis, step, true).ok();
+    }
+  }
+  Status first_failure;
+  for (const Axis axis : all_axes) {
+    if (taken[index(axis)]) continue;
+    Status status;
+    for (const WriteStep& step : map_.list(operation)) {
+      if (!status) break;
+      status = step.operands.empty() ? Status() : send(axis, step, false);
+      if (step.operands.empty()) hold(step.wait_s);
+    }
+    if (!status && first_failure.ok()) first_failure = status;
+  }
+  return first_failure;
+}
+
+Status ModbusTurntable::stop_all() { return write_to_all_at_once(DriveOperation::stop); }
+
+Status ModbusTurntable::abort_all() {
+  const Status status = write_to_all_at_once(DriveOperation::abort);
+  enable_called_ = false;
+  return status;
+}
+
+Status ModbusTurntable::clear_fault() {
+  for (const Axis axis : all_axes) {
+    const Result<AxisStatus> now = status(axis);
+    if (!now) return now.error();
+    if (Status status = write_list(axis, DriveOperation::clear_fault, {}); !status) return status;
+  }
+  return {};
+}
+
+}  // namespace turncal

@@ -1,0 +1,323 @@
+#include "turntable_drivers/modbus/register_map.h"
+
+#include <charconv>
+#include <cmath>
+
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
+
+namespace turncal {
+namespace {
+
+constexpr int longest_block = 120;      // registers of one request; the protocol ends at 125
+constexpr double longest_pause_s = 0.05;  // a stop must not wait behind it
+
+// Decimal, or hexadecimal with 0x.
+std::optional<long> whole_number(std::string_view text) {
+  int base = 10;
+  if (text.starts_with("0x") || text.starts_with("0X")) {
+    text.remove_prefix(2);
+    base = 16;
+  }
+  long value = 0;
+  const auto result = std::from_chars(text.data(), text.data() + text.size(), value, base);
+  if (text.empty() || result.ec != std::errc{} || result.ptr != text.data() + text.size()) return {};
+  return value;
+}
+
+long hex_or_decimal(KeyValueFile& file, const std::string& key, long min, long max) {
+  const std::string text = file.text(key);
+  const std::optional<long> value = whole_number(text);
+  if (value && *value >= min && *value <= max) return *value;
+  if (!text.empty()) {
+    file.reject(key, "a whole number between " + std::to_string(min) + " and " + std::to_string(max) +
+                         ", decimal or with 0x");
+  }
+  return min;
+}
+
+std::optional<WordType> word_type(std::string_view name) {
+  if (name == "u16") return WordType::u16;
+  if (name == "s16") return WordType::s16;
+  if (name == "u32") return WordType::u32;
+  if (name == "s32") return WordType::s32;
+  if (name == "f32") return WordType::f32;
+  return {};
+}
+
+std::vector<std::string_view> words_of(std::string_view text) {
+  std::vector<std::string_view> words;
+  for (const std::string_view part : split(text, ' ')) {
+    if (!part.empty()) words.push_back(part);
+  }
+  return words;
+}
+
+RegisterField field(KeyValueFile& file, const std::string& prefix) {
+  RegisterField result;
+  result.address = static_cast<int>(hex_or_decimal(file, prefix + ".address", 0, 65535));
+  result.type = *word_type(file.one_of_or(prefix + ".type", "s32", {"u16", "s16", "u32", "s32", "f32"}));
+  return result;
+}
+
+// One operand: TYPE VALUE.
+std::optional<WriteOperand> operand_of(std::string_view text) {
+  const auto words = words_of(text);
+  if (words.size() != 2) return {};
+  const std::optional<WordType> type = word_type(words[0]);
+  if (!type) return {};
+  WriteOperand operand;
+  operand.type = *type;
+  using Kind = WriteOperand::Kind;
+  if (words[1] == "position") {
+    operand.kind = Kind::position;
+  } else if (words[1] == "distance") {
+    operand.kind = Kind::distance;
+  } else if (words[1] == "rate") {
+    operand.kind = Kind::rate;
+  } else if (words[1] == "acceleration") {
+    operand.kind = Kind::acceleration;
+  } else if (const auto number = whole_number(words[1])) {
+    operand.constant = static_cast<double>(*number);
+  } else if (const auto real = parse_number(words[1])) {
+    operand.constant = *real;
+  } else {
+    return {};
+  }
+  return operand;
+}
+
+std::optional<WriteStep> step_of(std::string_view text) {
+  WriteStep step;
+  const auto words = words_of(text);
+  if (words.size() == 2 && words[0] == "wait") {
+    const auto seconds = parse_number(words[1]);
+    if (!seconds || !(*seconds > 0.0 && *seconds <= longest_pause_s)) return {};
+    step.wait_s = *seconds;
+    return step;
+  }
+  if (words.empty()) return {};
+  const auto address = whole_number(words[0]);
+  if (!address || *address < 0 || *address > 65535) return {};
+  step.address = static_cast<int>(*address);
+  for (const std::string_view part : split(text.substr(words[0].size()), '+')) {
+    const auto operand = operand_of(part);
+    if (!operand) return {};
+    step.operands.push_back(*operand);
+  }
+  if (step.length() > longest_block || step.address + step.length() > 65536) return {};
+  return step;
+}
+
+WriteList write_list(KeyValueFile& file, const std::string& key, const WordLayout& layout) {
+  WriteList list;
+  if (!file.has(key)) return list;
+  for (const std::string& text : file.list(key)) {
+    const auto step = step_of(trimmed(text));
+    if (!step) {
+      file.reject(key, "steps 'ADDRESS TYPE VALUE' or 'ADDRESS TYPE VALUE + TYPE VALUE ...' or 'wait SECONDS' (at most " +
+                           format_number(longest_pause_s) +
+                           "), VALUE a number, position, distance, rate or acceleration; wrong is " + quoted(text));
+      return {};
+    }
+    for (const WriteOperand& operand : step->operands) {
+      if (operand.kind == WriteOperand::Kind::constant && !encode_words(operand.constant, operand.type, layout)) {
+        file.reject(key, "numbers that fit their type; wrong is " + quoted(text));
+        return {};
+      }
+    }
+    list.push_back(*step);
+  }
+  return list;
+}
+
+void read_link(KeyValueFile& file, ModbusLinkSettings& link) {
+  constexpr NumberRange some_time{0.0, 60.0, true};
+  link.tcp = file.one_of("link.kind", {"tcp", "rtu"}) == "tcp";
+  link.address = file.text_or("link.address", "");
+  if (!link.tcp) {
+    link.baud = static_cast<std::uint32_t>(file.integer_or("link.baud", link.baud, 300, 4000000));
+    const std::string parity = file.one_of_or("link.parity", "even", {"none", "even", "odd"});
+    link.parity = parity == "none" ? SerialParity::none : parity == "even" ? SerialParity::even : SerialParity::odd;
+    link.stop_bits = static_cast<int>(file.integer_or("link.stop_bits", link.stop_bits, 1, 2));
+  }
+  link.response_timeout_s = file.number_or("link.response_timeout_s", link.response_timeout_s, some_time);
+  link.byte_timeout_s = file.number_or("link.byte_timeout_s", link.byte_timeout_s, some_time);
+  link.quiet_s = file.number_or("link.quiet_s", link.quiet_s, some_time);
+  link.gap_s = file.number_or("link.gap_s", link.gap_s, between(0.0, 0.05));
+  link.read_retries = static_cast<int>(file.integer_or("link.read_retries", link.read_retries, 0, 10));
+}
+
+void read_axes(KeyValueFile& file, RegisterMap& map) {
+  for (const Axis which : all_axes) {
+    MapAxis& axis = map.axis[static_cast<std::size_t>(which)];
+    const std::string prefix = "axis." + std::string(to_string(which)) + ".";
+    axis.unit = static_cast<int>(file.integer(prefix + "unit", 1, 247));
+    if (file.has(prefix + "address_offset")) {
+      axis.address_offset = static_cast<int>(hex_or_decimal(file, prefix + "address_offset", 0, 65535));
+    }
+    axis.counts_per_degree = file.number(prefix + "counts_per_degree", positive);
+    axis.sign = file.one_of_or(prefix + "sign", "1", {"1", "-1"}) == "-1" ? -1 : 1;
+    axis.zero_deg = file.number_or(prefix + "zero_deg", 0.0, between(-360.0, 360.0));
+    axis.modulo_deg = file.number_or(prefix + "modulo_deg", 0.0, between(0.0, 3600.0));
+    axis.rate_scale = file.number_or(prefix + "rate_scale", axis.counts_per_degree, positive);
+    axis.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", axis.rate_scale, positive);
+    axis.acceleration_scale = file.number_or(prefix + "acceleration_scale", axis.counts_per_degree, positive);
+  }
+}
+
+void read_status_block(KeyValueFile& file, RegisterMap& map) {
+  map.status_function = static_cast<int>(file.integer_or("status.function", 3, 3, 4));
+  map.status_address = static_cast<int>(hex_or_decimal(file, "status.address", 0, 65535));
+  map.status_count = static_cast<int>(file.integer("status.count", 1, longest_block));
+  if (file.has("status2.address")) {
+    map.status2_address = static_cast<int>(hex_or_decimal(file, "status2.address", 0, 65535));
+    map.status2_count = static_cast<int>(file.integer("status2.count", 1, longest_block));
+    if (std::abs(map.status2_count - map.status_count) < 3) {
+      file.reject("status2.count", "at least 3 more or less than status.count: every request has its own length");
+    }
+  }
+  const auto inside = [&](const std::string& key, int address, int length) {
+    const auto within = [&](int from, int count) { return address >= from && address + length <= from + count; };
+    if (!within(map.status_address, map.status_count) && !within(map.status2_address, map.status2_count)) {
+      file.reject(key, "an address inside the status block (status.address, status.count, status2.*)");
+    }
+  };
+  const auto block_field = [&](const std::string& prefix) {
+    const RegisterField result = field(file, prefix);
+    inside(prefix + ".address", result.address, register_count(result.type));
+    return result;
+  };
+  map.position = block_field("position");
+  if (file.has("rate.address")) map.rate = block_field("rate");
+  if (file.has("alarm.address")) map.alarm = block_field("alarm");
+  for (const std::string& key : file.keys_with_prefix("alarm.text.")) {
+    const auto code = whole_number(std::string_view(key).substr(11));
+    if (!code) file.reject(key, "a key alarm.text.NUMBER");
+    map.alarm_text[code.value_or(0)] = file.text(key);
+  }
+  for (int i = 0; i < drive_bit_count; ++i) {
+    const auto which = static_cast<DriveBit>(i);
+    const std::string prefix = "bit." + std::string(to_string(which));
+    const bool required =
+        which == DriveBit::enabled || which == DriveBit::in_position || which == DriveBit::fault;
+    if (!required && !file.has(prefix + ".address")) continue;
+    StatusBit bit;
+    bit.address = static_cast<int>(hex_or_decimal(file, prefix + ".address", 0, 65535));
+    inside(prefix + ".address", bit.address, 1);
+    bit.mask = static_cast<std::uint16_t>(hex_or_decimal(file, prefix + ".mask", 1, 65535));
+    bit.active_high = file.one_of_or(prefix + ".active", "high", {"high", "low"}) == "high";
+    bit.pulse = file.one_of_or(prefix + ".kind", "level", {"level", "pulse"}) == "pulse";
+    if (bit.pulse && which != DriveBit::in_position) {
+      file.reject(prefix + ".kind", "level: only in_position can be a pulse");
+    }
+    map.bits[static_cast<std::size_t>(i)] = bit;
+  }
+  map.moving_rate_degps = file.number_or("moving.rate_degps", map.moving_rate_degps, positive);
+  map.plausible_deg = file.number_or("plausible.angle_deg", map.plausible_deg, positive);
+  map.plausible_rate_degps = file.number_or("plausible.rate_degps", map.plausible_rate_degps, positive);
+}
+
+void read_writes(KeyValueFile& file, RegisterMap& map) {
+  map.write_function = file.one_of_or("write.function", "6", {"6", "16"}) == "6" ? 6 : 16;
+  for (int i = 0; i < drive_operation_count; ++i) {
+    const auto operation = static_cast<DriveOperation>(i);
+    const std::string key = "write." + std::string(to_string(operation));
+    map.writes[static_cast<std::size_t>(i)] = write_list(file, key, map.layout);
+    const bool optional = operation == DriveOperation::setup || operation == DriveOperation::clear_fault ||
+                          operation == DriveOperation::enable ||
+                          (operation == DriveOperation::home && map.home_by_encoder);
+    if (!optional && !file.has(key)) file.text(key);  // the defect: it is missing
+    for (const WriteStep& step : map.list(operation)) {
+      for (const WriteOperand& operand : step.operands) {
+        if (operation != DriveOperation::move && operand.kind != WriteOperand::Kind::constant) {
+          file.reject(key, "numbers: position, distance, rate and acceleration belong to write.move");
+        }
+      }
+    }
+  }
+  const auto asks_for = [&](WriteOperand::Kind kind) {
+    for (const WriteStep& step : map.list(DriveOperation::move)) {
+      for (const WriteOperand& operand : step.operands) {
+        if (operand.kind == kind) return true;
+      }
+    }
+    return false;
+  };
+  using Kind = WriteOperand::Kind;
+  if (asks_for(Kind::position) == asks_for(Kind::distance) || !asks_for(Kind::rate)) {
+    file.reject("write.move", "either position or distance in it, and rate");
+  }
+  for (const MapAxis& axis : map.axis) {
+    if (axis.modulo_deg > 0.0 && asks_for(Kind::position)) {
+      file.reject("write.move", "distance: with modulo_deg a position does not say how many turns to go");
+    }
+  }
+  if (file.has("heartbeat.address")) {
+    map.heartbeat_address = static_cast<int>(hex_or_decimal(file, "heartbeat.address", 0, 65535));
+    map.heartbeat_period_s = file.number_or("heartbeat.period_s", map.heartbeat_period_s, {0.0, 60.0, true});
+    map.watchdog_s = file.number_or("heartbeat.watchdog_s", map.watchdog_s, {0.0, 600.0, true});
+    if (map.watchdog_s < 2.0 * map.heartbeat_period_s) {
+      file.reject(file.has("heartbeat.watchdog_s") ? "heartbeat.watchdog_s" : "heartbeat.period_s",
+                  "heartbeat.watchdog_s at least twice heartbeat.period_s");
+    }
+  }
+}
+
+Result<RegisterMap> map_from(KeyValueFile& file) {
+  RegisterMap map;
+  map.file = file.file_name();
+  file.integer("format", 1, 1);
+  map.name = file.text("name");
+  map.verified_on_hardware = file.boolean_or("verified_on_hardware", false);
+  map.commissioned = file.boolean_or("commissioned", false);
+  map.layout.high_word_first = file.one_of("words.order", {"high_first", "low_first"}) == "high_first";
+  map.layout.swap_bytes = file.boolean_or("words.swap_bytes", false);
+  map.acceleration_is_ramp_time =
+      file.one_of_or("acceleration.kind", "proportional", {"proportional", "ramp_time"}) == "ramp_time";
+  map.home_by_encoder = file.one_of_or("home.kind", "search", {"search", "encoder"}) == "encoder";
+  read_link(file, map.link);
+  read_axes(file, map);
+  read_status_block(file, map);
+  read_writes(file, map);
+  if (!map.home_by_encoder && !map.bit(DriveBit::homed)) {
+    file.text("bit.homed.address");  // the defect: it is missing
+  }
+  // A misspelt key first: it would show up as another that is missing.
+  if (Status status = file.check_all_used(); !status) return status.error();
+  return map;
+}
+
+}  // namespace
+
+int WriteStep::length() const {
+  int count = 0;
+  for (const WriteOperand& operand : operands) count += register_count(operand.type);
+  return count;
+}
+
+const char* to_string(DriveOperation operation) {
+  constexpr std::array<const char*, drive_operation_count> names = {"setup", "enable", "home",       "move",
+                                                                    "stop",  "abort",  "clear_fault"};
+  return names[static_cast<std::size_t>(operation)];
+}
+
+Result<RegisterMap> read_register_map(const std::string& path) {
+  Result<KeyValueFile> file = KeyValueFile::read(path);
+  if (!file) return file.error();
+  return map_from(*file);
+}
+
+Result<RegisterMap> parse_register_map(const std::string& text, const std::string& file_name) {
+  Result<KeyValueFile> file = KeyValueFile::parse(text, file_name);
+  if (!file) return file.error();
+  return map_from(*file);
+}
+
+double counts_of(const MapAxis& axis, double angle_deg) {
+  return axis.signed_counts_per_degree() * (angle_deg - axis.zero_deg);
+}
+
+double angle_of(const MapAxis& axis, double counts) { return counts / axis.signed_counts_per_degree() + axis.zero_deg; }
+
+}  // namespace turncal

@@ -1,0 +1,139 @@
+// A Modbus drive described in configuration: link, registers, scales, bits, and the writes that make it move. docs/tables.md
+// lists the keys; turntable_drivers/modbus/maps/ has maps for three makers' drives.
+//
+// One map serves three axes that speak the same language: three drives on one bus (a unit id each), or one controller (the same
+// unit id, an address offset each). All reading of an axis is one contiguous block, so that its values belong together, or two
+// where the drive scatters them. All blocks have different lengths (status.count, + 1, + 2, likewise status2.count): a stale
+// reply of another request then has the wrong length and is refused.
+//
+// Angles:  register = sign * counts_per_degree * (angle_deg - zero_deg), taken modulo counts of modulo_deg if that is not 0.
+//
+// Not modelled: coils and discrete inputs, several links, function codes 22 and 23.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/types/axis.h"
+#include "calib/types/status.h"
+#include "imu_io/base/key_value.h"
+#include "imu_io/lines/serial_port.h"
+#include "turntable_drivers/table/drive_bit.h"
+#include "turntable_drivers/modbus/register_words.h"
+
+namespace turncal {
+
+struct ModbusLinkSettings {
+  bool tcp = true;
+  std::string address;             // host:port, or the device (a name of /dev/serial/by-id)
+  std::uint32_t baud = 115200;     // rtu, with parity and stop bits
+  SerialParity parity = SerialParity::even;
+  int stop_bits = 1;
+  double response_timeout_s = 1.0;
+  double byte_timeout_s = 0.1;     // silence inside a reply
+  double quiet_s = 0.5;            // after trouble the line is read empty until it has been quiet for this long
+  double gap_s = 0.0;              // silence before a request, which some drives need
+  int read_retries = 2;            // the third failure in a row is a lost link
+};
+
+struct RegisterField {
+  int address = 0;
+  WordType type = WordType::u16;
+};
+
+struct StatusBit {
+  int address = 0;
+  std::uint16_t mask = 0;
+  bool active_high = true;
+  bool pulse = false;  // shows only for a moment: once seen after a command it counts as set
+};
+
+// One number of a write: a constant, or what the move asks for.
+struct WriteOperand {
+  enum class Kind { constant, position, distance, rate, acceleration };
+  Kind kind = Kind::constant;
+  WordType type = WordType::u16;
+  double constant = 0.0;
+};
+
+// One request (operands at consecutive addresses), or a pause.
+struct WriteStep {
+  int address = 0;
+  std::vector<WriteOperand> operands;
+  double wait_s = 0.0;  // a pause when there are no operands
+  int length() const;   // registers
+};
+using WriteList = std::vector<WriteStep>;
+
+enum class DriveOperation { setup, enable, home, move, stop, abort, clear_fault };
+inline constexpr int drive_operation_count = 7;
+const char* to_string(DriveOperation operation);
+
+struct MapAxis {
+  int unit = 1;
+  int address_offset = 0;          // added to every address
+  double counts_per_degree = 1.0;
+  int sign = 1;
+  double zero_deg = 0.0;           // the angle at which the register reads 0
+  double modulo_deg = 0.0;         // 0: the register is cumulative; 360: it knows only a circle
+  double rate_scale = 1.0;         // commanded rate register = rate_scale * deg/s
+  double measured_rate_scale = 1.0;
+  double acceleration_scale = 1.0; // register = scale * deg/s^2, or scale / (deg/s^2) when acceleration is a ramp time
+  double signed_counts_per_degree() const { return sign * counts_per_degree; }
+};
+
+struct RegisterMap {
+  std::string file;
+  std::string name;
+  bool verified_on_hardware = false;
+  bool simulated = false;          // a twin answers; not a key of the file: the station says it
+  bool commissioned = false;       // word order, scale and sign were checked against a known angle; else no motion
+  ModbusLinkSettings link;
+  WordLayout layout;
+  std::array<MapAxis, 3> axis;     // indexed by Axis
+  bool acceleration_is_ramp_time = false;
+  bool home_by_encoder = false;    // absolute encoder: homing moves nothing
+
+  int status_function = 3;         // 3 or 4
+  int status_address = 0;
+  int status_count = 0;
+  int status2_address = 0;
+  int status2_count = 0;           // 0: one block
+  RegisterField position;
+  std::optional<RegisterField> rate;
+  std::array<std::optional<StatusBit>, drive_bit_count> bits;
+  std::optional<RegisterField> alarm;
+  std::map<long, std::string> alarm_text;
+  double moving_rate_degps = 0.01;     // without a moving bit: faster than this is moving
+  double plausible_deg = 7200.0;       // a position beyond this is not believed
+  double plausible_rate_degps = 400.0; // nor is one that the axis cannot have reached since the last
+
+  int write_function = 6;              // of single registers: 6 or 16
+  std::array<WriteList, drive_operation_count> writes;
+
+  std::optional<int> heartbeat_address;
+  double heartbeat_period_s = 0.2;
+  double watchdog_s = 1.0;             // what the drive is set to: it stops when no heartbeat came for this long
+
+  const MapAxis& of(Axis which) const { return axis[static_cast<std::size_t>(which)]; }
+  const WriteList& list(DriveOperation operation) const { return writes[static_cast<std::size_t>(operation)]; }
+  const std::optional<StatusBit>& bit(DriveBit which) const { return bits[static_cast<std::size_t>(which)]; }
+  // Where a status register stands in the two blocks put together.
+  std::size_t place_of(int address) const {
+    const bool in_first = address >= status_address && address < status_address + status_count;
+    return static_cast<std::size_t>(in_first ? address - status_address : status_count + address - status2_address);
+  }
+};
+
+Result<RegisterMap> read_register_map(const std::string& path);
+Result<RegisterMap> parse_register_map(const std::string& text, const std::string& file_name);
+
+// Angle to register value and back; `modulo_deg` is not applied.
+double counts_of(const MapAxis& axis, double angle_deg);
+double angle_of(const MapAxis& axis, double counts);
+
+}  // namespace turncal

@@ -1,0 +1,65 @@
+// The rig's three axes in time: commanded motion, motion by fault, creep, and the encoder between angle and reading.
+//
+//   reading e   = command + slip that the encoder sees
+//   true angle  = e (1 + scale) + offset + harmonic sin(order e + phase) + slip it does not see + creep
+//   creep       = sum over past motions of +-c (1 - exp(-t/tau)), t from the end of the motion, in its direction
+//
+// Time is counted in samples of one period; every command takes effect at a sample boundary.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <span>
+
+#include "turntable_drivers/rig/rig_geometry.h"
+#include "turntable_drivers/rig/rig_motion.h"
+#include "turntable_drivers/rig/rig_truth.h"
+
+namespace turncal::rig_model {
+
+class RigAxis {
+ public:
+  RigAxis() = default;
+  RigAxis(double position_deg, const TableErrorsInForce::Encoder& encoder, double creep_deg, double creep_tau_s,
+          double period_s);
+
+  // All at sample boundary k.
+  void move(std::int64_t k, double target_deg, double rate_degps, double acceleration_degps2);
+  void brake(std::int64_t k, double acceleration_degps2);
+  void halt(std::int64_t k);  // within one sample
+  void slip(std::int64_t k, double angle_deg, double rate_degps, bool hidden);
+
+  AxisPoint reading(std::int64_t k, double offset_s) const;
+  // At offset_s into sample k.
+  TrueAxis truth(std::int64_t k, double offset_s) const;
+  bool turning(std::int64_t k) const;       // a motion that the encoder sees
+  bool standing(std::int64_t k) const;      // nothing moves any more, creep included, until the next command
+  // Rig time at which the last motion (slip included, not creep) ends or ended; -infinity: there was none.
+  double motion_end_s() const { return motion_end_s_; }
+  double command_end_s() const { return command_end_s_; }
+  // Corners of the motion within sample k (offsets in (0, period)), written to `out`; returns how many.
+  std::size_t corners(std::int64_t k, std::span<double> out) const;
+  static constexpr std::size_t max_corners = 15;
+
+ private:
+  struct Leg {
+    AxisProfile profile;
+    std::int64_t start = 0;
+  };
+  double elapsed_s(const Leg& leg, std::int64_t k) const { return static_cast<double>(k - leg.start) * period_s_; }
+  bool running(const Leg& leg, std::int64_t k) const { return elapsed_s(leg, k) < leg.profile.duration_s(); }
+  void replace_command(std::int64_t k, const AxisProfile& profile);
+  void note_end(const Leg& leg);
+  double creep_at(double since_s) const;
+
+  TableErrorsInForce::Encoder encoder_;
+  double creep_deg_ = 0.0, creep_tau_s_ = 1.0, period_s_ = 0.005;
+  Leg command_, seen_slip_, hidden_slip_;
+  double motion_end_s_ = -std::numeric_limits<double>::infinity();
+  double command_end_s_ = 0.0;
+  double creep_base_deg_ = 0.0;     // what earlier motions left
+  double creep_direction_ = 0.0;    // of the creep that follows the command in force; 0: none
+};
+
+}  // namespace turncal::rig_model

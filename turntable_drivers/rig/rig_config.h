@@ -1,0 +1,139 @@
+// Everything that can be set on the rig. docs/rig.md lists the keys of the text form with their defaults.
+//
+// Values that are not set are drawn from the seed (truth and table errors) with the magnitudes the paper's unit has, so
+// that every seed is another unit on another table; `random_truth = false` and `random_table_arcmin = 0` turn that off.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/types/axis.h"
+#include "calib/types/status.h"
+#include "turntable_drivers/rig/rig_effects.h"
+#include "turntable_drivers/rig/rig_faults.h"
+
+namespace turncal {
+
+// How the mock table's in_position flag behaves. All but honest are lies seen on real tables (docs/rig.md).
+enum class InPositionFlag {
+  honest,      // true when the axis stands at the target it was last sent to
+  servo_on,    // true whenever the axis is enabled, also while it moves
+  after_stop,  // also true after a stop short of the target
+  stale,       // for in_position_time_s after a move was started the answer is still the old one: arrived
+  late,        // true only in_position_time_s after the arrival
+  flicker      // from in_position_time_s before the arrival to as long after it, alternates every 50 ms
+};
+
+struct RigSite {
+  double latitude_deg = 29.53;
+  double gravity_mps2 = 9.7914;
+  double earth_rate_radps = 7.292115e-5;
+  Triple magnetic_field_gauss = {0.34, -0.36, -0.015};  // north, up, east
+};
+
+struct RigNoise {
+  double gyro_random_walk_deg_per_rt_h = 0.002;      // angle random walk: sigma of the angle after t is N sqrt(t)
+  double accel_random_walk_ug_per_rt_hz = 8.0;       // velocity random walk: sigma of the velocity after t is N sqrt(t)
+  double gyro_bias_instability_degph = 0.0005;       // B of IEEE 952: Allan deviation floor 0.664 B
+  double accel_bias_instability_ug = 0.3;
+  double gyro_rate_random_walk_degph_per_rt_h = 0.0;  // K: sigma of the bias change after t is K sqrt(t)
+  double accel_acceleration_random_walk_ug_per_rt_h = 0.0;
+  // Flicker noise is a sum of stationary first-order Markov processes; this is the longest time constant. Beyond about
+  // half of it the Allan deviation falls below 0.664 B, and the mean over a long run is that of N0 and A0.
+  double flicker_longest_s = 1000.0;
+};
+
+struct RigTemperature {  // T = start + rise (1 - exp(-t/tau)), recorded to 0.001 C
+  double start_c = 24.0;
+  double rise_c = 6.0;
+  double tau_s = 2400.0;
+  std::optional<double> reference_c;  // T_ref of the temperature effects; not set: start_c
+};
+
+// Angles of the table that are not as they should be; a value not set is drawn. C_nb of docs/rig.md:
+//   C_nb = R(tilt_north, north, tilt_east) Ry(-H) Rx(heading_pitch) Rz(P) Ry(pitch_roll) Rx(R) R(mounting)
+// R(v): rotation by the rotation vector v, exact.
+struct RigTableErrors {
+  double random_arcmin = 3.0;  // drawn angles lie between half of this and all of it, either sign; 0: none are drawn
+  std::optional<double> tilt_north_arcmin;  // base turned about north (positive: up leans to east)
+  std::optional<double> tilt_east_arcmin;   // base turned about east (positive: north leans to up)
+  std::optional<double> north_arcmin;       // base turned about up: true heading = H - north
+  std::optional<double> heading_pitch_arcmin;  // pitch axis not square to the heading axis
+  std::optional<double> pitch_roll_arcmin;     // roll axis not square to the pitch axis
+  std::array<std::optional<double>, 3> mounting_arcmin;  // unit in the fixture, about x y z
+  // True angle = e (1 + scale) + offset + harmonic sin(order e + phase), e the encoder's reading. Drawn if not set:
+  // offset up to 5 arcsec, scale up to 1 ppm, harmonic up to 2 arcsec.
+  struct Encoder {
+    std::optional<double> offset_arcsec;
+    std::optional<double> scale_ppm;
+    std::optional<double> harmonic_arcsec;
+    std::optional<double> phase_deg;
+    int order = 2;
+  };
+  std::array<Encoder, 3> encoder;      // by Axis
+  Triple creep_arcsec{};  // by Axis: after a motion the axis goes on in its direction by c (1 - exp(-t/tau))
+  double creep_tau_s = 20.0;
+};
+
+struct RigTableBehaviour {
+  Triple power_on_deg{};                           // encoder reading at start, by Axis
+  Triple limit_min_deg = {-3600.0, -3600.0, -3600.0};
+  Triple limit_max_deg = {3600.0, 3600.0, 3600.0};
+  Triple max_rate_degps = {100.0, 100.0, 100.0};
+  Triple max_acceleration_degps2 = {200.0, 200.0, 200.0};
+  double home_rate_degps = 10.0;
+  double home_acceleration_degps2 = 10.0;
+  double home_time_s = 2.0;                        // homing takes at least this long
+  double encoder_resolution_deg = 1e-4;
+  double in_position_tolerance_deg = 0.002;
+  InPositionFlag in_position = InPositionFlag::honest;
+  double in_position_time_s = 1.0;                 // of stale, late, flicker
+};
+
+enum class RigQuantisation { floor, round, off };  // off: real-valued pulses
+
+struct RigConfig {
+  std::uint64_t seed = 1;          // of truth and table errors
+  std::optional<std::uint64_t> noise_seed;  // not set: seed
+  std::optional<std::uint64_t> unit_seed;   // of the truth; not set: seed
+  std::string unit_serial;         // what identify() says; empty: the unit does not tell
+  double start_utc_s = 1767225600.0;  // 2026-01-01T00:00:00Z
+  double sample_period_s = 0.005;
+  std::int64_t first_counter = 0;  // the unit's counter at the rig's first sample
+  int quadrature_substeps = 1;     // motion: each piece of a sample is cut into so many, for checks of the quadrature
+  double gyro_pulse_arcsec = 0.932920;  // start value of the diagonal of n
+  double accel_pulse_mps = 0.0005;
+  RigQuantisation quantisation = RigQuantisation::floor;
+  bool random_truth = true;        // false: parameters not set are the paper's start values
+  std::array<std::optional<double>, 24> truth;  // Table 1 order; units of the parameter file
+  RigSite site;
+  RigNoise noise;
+  RigTemperature temperature;
+  RigTableErrors table_errors;
+  RigTableBehaviour table;
+  RigEffects effects;
+  RigOutsideEffects outside;
+  std::vector<RigFault> faults;
+};
+
+// Names of Table 1 in its order, for truth[].
+extern const std::array<const char*, 24> rig_truth_keys;
+
+RigConfig default_rig_config();
+// A rig without noise, table errors, parameter errors or quantisation: what is left is geometry, gravity and earth
+// rate.
+RigConfig perfect_rig_config();
+// Errors (kind input) name file, line, key, value and what was expected; an unknown key is an error.
+Result<RigConfig> read_rig_config(const std::string& path);
+Result<RigConfig> parse_rig_config(const std::string& text, const std::string& file_name);
+// The rig of one of several units on the table, from 0. The first is the rig as configured. The others have a truth and noise of
+// their own, do not tell a serial number, and have their own faults; site, table, effects and temperature are the same for all.
+RigConfig rig_of_unit(const RigConfig& config, std::size_t unit);
+// What read_rig_config also checks: ranges, and that a value makes sense with the others.
+Status check(const RigConfig& config);
+
+}  // namespace turncal

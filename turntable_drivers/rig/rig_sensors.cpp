@@ -1,0 +1,157 @@
+#include "turntable_drivers/rig/rig_sensors.h"
+
+#include <cmath>
+
+#include <Eigen/LU>
+
+namespace turncal::rig_model {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+Matrix3d matrix(const Nine& nine) {
+  Matrix3d m;
+  for (int i = 0; i < 9; ++i) m(i / 3, i % 3) = nine[static_cast<std::size_t>(i)];
+  return m;
+}
+
+template <class Array>
+bool any(const Array& values) {
+  for (double value : values) {
+    if (value != 0.0) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+SensorEffects::SensorEffects(const RigConfig& config)
+    : effects_(config.effects),
+      outside_(config.outside),
+      reference_c_(config.temperature.reference_c.value_or(config.temperature.start_c)),
+      cross_(matrix(effects_.accel_cross_coupling) * mps2_per_ug),
+      arms_m_(matrix(effects_.accel_size_effect) * 1e-3),
+      g_sensitivity_(matrix(effects_.gyro_g_sensitivity) * radps_per_degph),
+      magnetic_(matrix(effects_.gyro_magnetic) * radps_per_degph),
+      flexure_(matrix(effects_.gyro_accel_flexure) * (pi / 180.0 / 3600.0)),
+      delay_s_(effects_.accel_delay * 1e-3) {
+  const RigEffects& e = effects_;
+  has_standing_accel_ = any(e.accel_second_order) || any(e.accel_scale_asymmetry) || any(e.accel_odd_quadratic) ||
+                        any(e.accel_third_order) || any(e.accel_cross_coupling);
+  has_motion_accel_ = any(e.accel_size_effect) || e.accel_delay != 0.0;
+  has_standing_gyro_ = any(e.gyro_scale_asymmetry) || any(e.gyro_rate_nonlinearity);
+  has_matrix_gyro_ = any(e.gyro_g_sensitivity) || any(e.gyro_magnetic) || any(e.gyro_accel_flexure);
+  has_running_ = any(e.accel_bias_temperature) || any(e.accel_scale_temperature) || any(e.accel_bias_drift) ||
+                 any(e.gyro_bias_temperature) || any(e.gyro_scale_temperature) || any(e.gyro_bias_drift) ||
+                 any(e.gyro_warm_up) || any(e.post_rotation_relaxation) || outside_.gyro_bias_step.size != 0.0 ||
+                 outside_.accel_bias_step.size != 0.0 || outside_.accel_time_periodic.size_ug != 0.0;
+}
+
+Reading SensorEffects::standing(const BodyMotion& motion, const std::array<TrueAxis, 3>& axes,
+                                double hysteresis_state) const {
+  const RigEffects& e = effects_;
+  const Vector3d& w = motion.rate_ib_b;
+  const Vector3d f_g = motion.force_b / standard_gravity_mps2;
+  Reading reading{w + motion.earth_error_b, motion.force_b};
+  if (has_standing_accel_) {
+    for (int i = 0; i < 3; ++i) {
+      const std::size_t k = static_cast<std::size_t>(i);
+      const double f = f_g[i], size = std::abs(f);
+      reading.accel[i] += mps2_per_ug * (e.accel_second_order[k] * f * f + e.accel_scale_asymmetry[k] * size +
+                                         e.accel_odd_quadratic[k] * f * size + e.accel_third_order[k] * f * f * f);
+    }
+    reading.accel += cross_ * Vector3d(f_g[0] * f_g[1], f_g[0] * f_g[2], f_g[1] * f_g[2]);
+  }
+  if (has_motion_accel_) {
+    for (int i = 0; i < 3; ++i) {
+      const Vector3d arm = arms_m_.row(i).transpose();
+      reading.accel[i] += (motion.acceleration_b.cross(arm) + w.cross(w.cross(arm)))[i];
+    }
+    reading.accel += delay_s_ * w.cross(motion.force_b);
+  }
+  if (has_standing_gyro_) {
+    for (int i = 0; i < 3; ++i) {
+      const std::size_t k = static_cast<std::size_t>(i);
+      constexpr double reference_rate_radps = 10.0 * pi / 180.0;
+      reading.gyro[i] += 1e-6 * std::abs(w[i]) *
+                         (e.gyro_scale_asymmetry[k] + e.gyro_rate_nonlinearity[k] * w[i] / reference_rate_radps);
+    }
+  }
+  if (has_matrix_gyro_) {
+    reading.gyro += g_sensitivity_ * f_g + magnetic_ * motion.field_b + (flexure_ * f_g).cross(w);
+  }
+  const auto& periodic = outside_.gyro_angle_periodic;
+  if (periodic.size_degph != 0.0) {
+    // sin(order * angle + phase) by angle addition: only the sine and cosine of the axis are at hand.
+    SinCos sum = sin_cos_deg(periodic.phase_deg);
+    const SinCos& angle = axes[static_cast<std::size_t>(periodic.table_axis)].angle;
+    for (int i = 0; i < periodic.order; ++i) {
+      sum = {sum.sin * angle.cos + sum.cos * angle.sin, sum.cos * angle.cos - sum.sin * angle.sin};
+    }
+    reading.gyro[periodic.axis] += radps_per_degph * periodic.size_degph * sum.sin;
+  }
+  reading.accel[outside_.accel_hysteresis.axis] += mps2_per_ug * outside_.accel_hysteresis.size_ug * hysteresis_state;
+  return reading;
+}
+
+void SensorEffects::add_running(const BodyMotion& motion, const RigMoment& moment, Reading& reading) const {
+  const RigEffects& e = effects_;
+  const double warmer_c = moment.temperature_c - reference_c_;
+  const double time_h = moment.time_s / 3600.0;
+  const double warm_up = any(e.gyro_warm_up) ? exp_of(-moment.time_s / e.gyro_warm_up_tau_s) : 0.0;
+  const double relaxation = any(e.post_rotation_relaxation) && moment.since_motion_s >= 0.0
+                                ? exp_of(-moment.since_motion_s / e.post_rotation_relaxation_tau_s)
+                                : 0.0;
+  for (int i = 0; i < 3; ++i) {
+    const std::size_t k = static_cast<std::size_t>(i);
+    reading.accel[i] += mps2_per_ug * (e.accel_bias_temperature[k] * warmer_c + e.accel_bias_drift[k] * time_h) +
+                        1e-6 * motion.force_b[i] *
+                            (e.accel_scale_temperature[k] * warmer_c + e.post_rotation_relaxation[k] * relaxation);
+    reading.gyro[i] += radps_per_degph * (e.gyro_bias_temperature[k] * warmer_c + e.gyro_bias_drift[k] * time_h +
+                                          e.gyro_warm_up[k] * warm_up) +
+                       1e-6 * motion.rate_ib_b[i] * e.gyro_scale_temperature[k] * warmer_c;
+  }
+  const auto& gyro_step = outside_.gyro_bias_step;
+  if (moment.time_s >= gyro_step.time_s) reading.gyro[gyro_step.axis] += radps_per_degph * gyro_step.size;
+  const auto& accel_step = outside_.accel_bias_step;
+  if (moment.time_s >= accel_step.time_s) reading.accel[accel_step.axis] += mps2_per_ug * accel_step.size;
+  const auto& periodic = outside_.accel_time_periodic;
+  if (periodic.size_ug != 0.0) {
+    const double angle_deg = 360.0 * (moment.time_s / periodic.period_s) + periodic.phase_deg;
+    reading.accel[periodic.axis] += mps2_per_ug * periodic.size_ug * sin_cos_deg(angle_deg).sin;
+  }
+}
+
+double SensorEffects::next_hysteresis_state(const BodyMotion& motion, double state) const {
+  const double f_g = motion.force_b[outside_.accel_hysteresis.axis] / standard_gravity_mps2;
+  return f_g > 0.5 ? 1.0 : f_g < -0.5 ? -1.0 : state;
+}
+
+PulseCounter::PulseCounter(const Matrix3d& scale, const Vector3d& bias, double period_s, RigQuantisation quantisation)
+    : quantisation_(quantisation) {
+  const Matrix3d inverse = scale.inverse();
+  const Vector3d offset = inverse * bias * period_s;
+  for (int i = 0; i < 3; ++i) {
+    offset_[static_cast<std::size_t>(i)] = offset[i];
+    for (int j = 0; j < 3; ++j) inverse_[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)] = inverse(i, j);
+  }
+}
+
+std::array<double, 3> PulseCounter::count(const std::array<double, 3>& increment) {
+  std::array<double, 3> pulses;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::array<double, 3>& row = inverse_[i];
+    const double real = row[0] * increment[0] + row[1] * increment[1] + row[2] * increment[2] + offset_[i];
+    if (quantisation_ == RigQuantisation::off) {
+      pulses[i] = real;
+    } else {
+      rest_[i] += real;
+      pulses[i] = floor_of(quantisation_ == RigQuantisation::floor ? rest_[i] : rest_[i] + 0.5);
+      rest_[i] -= pulses[i];
+    }
+  }
+  return pulses;
+}
+
+}  // namespace turncal::rig_model

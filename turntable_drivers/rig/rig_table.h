@@ -1,0 +1,45 @@
+// RigTable: the mock table. The rig's axes behind the interface that every table driver has.
+//
+// It has the manners of a real one: connect, enable and home before a move; limits on angle, rate and acceleration; one
+// move an axis at a time; faults latched until clear_fault(); an emergency stop latched until the operator has released
+// it (Rig::release_emergency_stop) and clear_fault() was called. After clear_fault() the axes are not enabled. status()
+// reads the encoder (rounded to its resolution) and never moves time. raw: bit 0 enabled, 1 homed, 2 moving,
+// 3 in position, 4 limit, 5 fault, 6 emergency stop, 7 homing.
+#pragma once
+
+#include <array>
+
+#include "turntable_drivers/rig/rig.h"
+#include "turntable_drivers/table/turntable.h"
+
+namespace turncal {
+
+class RigTable : public Turntable {
+ public:
+  explicit RigTable(Rig& rig);  // the rig must outlive the table
+
+  Status connect() override;
+  Result<TableIdentity> identify() override;
+  Status enable() override;
+  Status home() override;
+  Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override;
+  Status stop_all() override;
+  Status abort_all() override;
+  Status clear_fault() override;
+  Result<AxisStatus> status(Axis axis) override;
+
+ private:
+  Status reachable();   // connected and the link holds
+  Status ready(Axis axis);  // and no emergency stop, no fault, enabled
+  void update();        // notes what has happened in the rig since the last call
+  bool in_position(Axis axis, const Rig::AxisState& state) const;
+
+  Rig& rig_;
+  bool connected_ = false;
+  std::array<bool, 3> enabled_{};
+  std::array<bool, 3> homed_{};
+  std::array<bool, 3> homing_{};
+  double homing_ends_s_ = 0.0;
+};
+
+}  // namespace turncal

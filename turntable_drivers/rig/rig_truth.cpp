@@ -1,0 +1,108 @@
+#include "turntable_drivers/rig/rig_truth.h"
+
+#include "turntable_drivers/rig/rig_random.h"
+
+namespace turncal::rig_model {
+namespace {
+
+constexpr std::uint64_t truth_stream = 101;
+constexpr std::uint64_t table_stream = 102;
+
+double cut_normal(RandomStream& random) {
+  for (;;) {
+    const double value = random.normal();
+    if (value > -2.5 && value < 2.5) return value;
+  }
+}
+
+// Between half the size and all of it, either sign.
+double either_sign(RandomStream& random, double size) {
+  const double value = random.uniform(-1.0, 1.0);
+  return size * (value < 0.0 ? 0.5 * value - 0.5 : 0.5 * value + 0.5);
+}
+
+}  // namespace
+
+std::array<double, 24> draw_truth(const RigConfig& config) {
+  RandomStream random(config.unit_seed.value_or(config.seed), truth_stream);
+  std::array<double, 24> truth{};
+  const double nominal = config.gyro_pulse_arcsec;
+  for (std::size_t i = 0; i < 24; ++i) {
+    const bool is_n = i >= 6 && i < 15, is_a = i >= 15;
+    const std::size_t cell = is_n ? i - 6 : i - 15;
+    const bool diagonal = (is_n || is_a) && cell % 4 == 0;
+    const bool below = is_a && (cell == 3 || cell == 6 || cell == 7);
+    const double start = diagonal ? (is_n ? nominal : 1.0) : 0.0;
+    const double drawn = cut_normal(random);
+    double spread = 0.0;
+    if (i < 3) {
+      spread = 0.08;
+    } else if (i < 6) {
+      spread = 4e-3;
+    } else if (is_n) {
+      spread = diagonal ? 3e-4 * nominal : 2e-3;
+    } else if (!below) {
+      spread = diagonal ? 0.03 : 7e-4;
+    }
+    truth[i] = config.truth[i].value_or(config.random_truth ? start + spread * drawn : start);
+  }
+  return truth;
+}
+
+TableErrorsInForce draw_table_errors(const RigConfig& config) {
+  RandomStream random(config.seed, table_stream);
+  const RigTableErrors& set = config.table_errors;
+  const double size = set.random_arcmin;
+  const double on = size > 0.0 ? 1.0 : 0.0;
+  TableErrorsInForce errors;
+  const auto angle = [&](const std::optional<double>& given) {
+    const double drawn = either_sign(random, size);
+    return given.value_or(drawn);
+  };
+  errors.tilt_north_arcmin = angle(set.tilt_north_arcmin);
+  errors.tilt_east_arcmin = angle(set.tilt_east_arcmin);
+  errors.north_arcmin = angle(set.north_arcmin);
+  errors.heading_pitch_arcmin = angle(set.heading_pitch_arcmin);
+  errors.pitch_roll_arcmin = angle(set.pitch_roll_arcmin);
+  for (std::size_t i = 0; i < 3; ++i) errors.mounting_arcmin[i] = angle(set.mounting_arcmin[i]);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double offset = 5.0 * on * random.uniform(-1.0, 1.0), scale = on * random.uniform(-1.0, 1.0);
+    const double harmonic = 2.0 * on * random.uniform(), phase = on * random.uniform(0.0, 360.0);
+    const RigTableErrors::Encoder& given = set.encoder[i];
+    errors.encoder[i] = {given.offset_arcsec.value_or(offset), given.scale_ppm.value_or(scale),
+                         given.harmonic_arcsec.value_or(harmonic), given.phase_deg.value_or(phase), given.order};
+  }
+  return errors;
+}
+
+GeometryAngles TableErrorsInForce::geometry_angles() const {
+  constexpr double rad = pi / 180.0 / 60.0;
+  GeometryAngles angles;
+  angles.base = Eigen::Vector3d(tilt_north_arcmin, north_arcmin, tilt_east_arcmin) * rad;
+  angles.heading_pitch = heading_pitch_arcmin * rad;
+  angles.pitch_roll = pitch_roll_arcmin * rad;
+  angles.mounting = Eigen::Vector3d(mounting_arcmin[0], mounting_arcmin[1], mounting_arcmin[2]) * rad;
+  return angles;
+}
+
+std::vector<std::pair<std::string, double>> TableErrorsInForce::named() const {
+  std::vector<std::pair<std::string, double>> list = {{"tilt_north_arcmin", tilt_north_arcmin},
+                                                      {"tilt_east_arcmin", tilt_east_arcmin},
+                                                      {"north_arcmin", north_arcmin},
+                                                      {"heading_pitch_arcmin", heading_pitch_arcmin},
+                                                      {"pitch_roll_arcmin", pitch_roll_arcmin},
+                                                      {"mounting_x_arcmin", mounting_arcmin[0]},
+                                                      {"mounting_y_arcmin", mounting_arcmin[1]},
+                                                      {"mounting_z_arcmin", mounting_arcmin[2]}};
+  for (Axis axis : all_axes) {
+    const Encoder& e = encoder[static_cast<std::size_t>(axis)];
+    const std::string name = std::string("encoder_") + to_string(axis);
+    list.emplace_back(name + "_offset_arcsec", e.offset_arcsec);
+    list.emplace_back(name + "_scale_ppm", e.scale_ppm);
+    list.emplace_back(name + "_harmonic_arcsec", e.harmonic_arcsec);
+    list.emplace_back(name + "_phase_deg", e.phase_deg);
+  }
+  return list;
+}
+
+}  // namespace turncal::rig_model

@@ -1,0 +1,38 @@
+// How a request to stop cuts a wait for a device short: the station counts requests (from a signal handler), a driver looks at the
+// count while it waits, gives the wait up, and is back in the station's loop within milliseconds. Sending the stop handles it.
+#pragma once
+
+#include <poll.h>
+
+#include <algorithm>
+#include <atomic>
+
+#include "imu_io/base/deadline.h"
+
+namespace turncal {
+
+class StopSignal {
+ public:
+  StopSignal() = default;  // never asked
+  explicit StopSignal(const std::atomic<int>* requests) : requests_(requests), handled_(requests ? requests->load() : 0) {}
+  bool pending() const { return requests_ != nullptr && requests_->load() != handled_; }
+  void handled() {
+    if (requests_ != nullptr) handled_ = requests_->load();
+  }
+  // Waits so long, rounded up to milliseconds. False: given up for a stop.
+  bool pause(double seconds) const {
+    for (const Deadline deadline(seconds); !deadline.passed();) {
+      if (pending()) return false;
+      ::poll(nullptr, 0, std::min(deadline.left_ms(), longest_look_away_ms));
+    }
+    return !pending();
+  }
+
+  static constexpr int longest_look_away_ms = 10;
+
+ private:
+  const std::atomic<int>* requests_ = nullptr;
+  int handled_ = 0;
+};
+
+}  // namespace turncal

@@ -1,0 +1,47 @@
+// The state of an axis and of a table in one word, for people: the monitor, the run's log and the status page. Nothing is decided by
+// it. A pure function of what was read; stopping is what the reader has to say, since a table does not.
+#pragma once
+
+#include <span>
+
+#include "turntable_drivers/table/turntable.h"
+
+namespace turncal {
+
+// From the best to the worst: a table is what its worst axis is. settling: at rest, but not where it was sent. emergency_stop: a person
+// has to release it, clear the drives and begin anew; no command here does.
+enum class TableState { idle, settling, moving, stopping, not_ready, fault, emergency_stop, link_lost };
+
+constexpr TableState state_of(const AxisStatus& axis, bool stopping = false) {
+  if (axis.emergency_stop) return TableState::emergency_stop;
+  if (axis.fault || axis.limit) return TableState::fault;
+  if (axis.moving && stopping) return TableState::stopping;
+  if (!axis.enabled || !axis.homed || !axis.remote) return TableState::not_ready;
+  if (axis.moving) return TableState::moving;
+  return axis.in_position ? TableState::idle : TableState::settling;
+}
+
+constexpr TableState state_of(std::span<const AxisStatus> axes, bool stopping = false) {
+  TableState worst = TableState::idle;
+  for (const AxisStatus& axis : axes) {
+    const TableState state = state_of(axis, stopping);
+    if (worst < state) worst = state;
+  }
+  return worst;
+}
+
+constexpr const char* to_string(TableState state) {
+  switch (state) {
+    case TableState::idle: return "idle";
+    case TableState::settling: return "settling";
+    case TableState::moving: return "moving";
+    case TableState::stopping: return "stopping";
+    case TableState::not_ready: return "not ready";
+    case TableState::fault: return "FAULT";
+    case TableState::emergency_stop: return "E-STOP";
+    case TableState::link_lost: return "link lost";
+  }
+  return "";
+}
+
+}  // namespace turncal

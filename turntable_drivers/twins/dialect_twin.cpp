@@ -1,0 +1,170 @@
+#include "turntable_drivers/twins/dialect_twin.h"
+#include "imu_io/base/text_pieces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace turncal {
+namespace {
+
+std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
+
+// Operations in the order in which a sentence is looked for: what several share is the gentlest.
+constexpr std::array<DialectOperation, dialect_operation_count> search_order = {
+    DialectOperation::status, DialectOperation::stop,    DialectOperation::abort,    DialectOperation::move, DialectOperation::home,
+    DialectOperation::enable, DialectOperation::prepare, DialectOperation::identify, DialectOperation::clear_fault};
+
+}  // namespace
+
+Status DialectTwin::power_on() {
+  if (Status status = table_.connect(); !status) return status;
+  return dialect_.of(DialectOperation::enable).exchanges.empty() ? table_.enable() : Status();
+}
+
+std::optional<std::string> DialectTwin::refusal() const {
+  if (dialect_.errors.empty()) return {};
+  return dialect_.errors.front();
+}
+
+std::optional<std::string> DialectTwin::answer(const std::string& body) {
+  for (const DialectOperation operation : search_order) {
+    const std::vector<Exchange>& exchanges = dialect_.of(operation).exchanges;
+    for (std::size_t i = 0; i < exchanges.size(); ++i) {
+      std::size_t& progress = progress_[static_cast<std::size_t>(operation)];
+      if (i != 0 && i != progress) continue;
+      const std::optional<Values> values = exchanges[i].send.match(body);
+      if (!values) continue;
+      progress = i + 1 == exchanges.size() ? 0 : i + 1;
+      return answer_of(operation, i, *values);
+    }
+  }
+  return refusal();
+}
+
+std::optional<std::string> DialectTwin::answer_of(DialectOperation operation, std::size_t step, const Values& values) {
+  Values& pending = pending_[static_cast<std::size_t>(operation)];
+  if (step == 0) pending.clear();
+  for (const auto& [name, value] : values) pending[name] = value;
+  Axis axis = Axis::heading;
+  if (const auto named = pending.find("axis"); named != pending.end()) {
+    const auto place = std::find_if(all_axes.begin(), all_axes.end(), [&](Axis a) { return dialect_.of(a).name == named->second; });
+    if (place == all_axes.end()) return refusal();
+    axis = *place;
+  }
+  const std::vector<Exchange>& exchanges = dialect_.of(operation).exchanges;
+  if (step + 1 == exchanges.size()) {
+    if (Status done = carry_out(operation, axis, pending); !done) return refusal();
+  }
+  if (!exchanges[step].expect) return {};
+  return exchanges[step].expect->fill([&](const std::string& name) { return value_of(name, axis); });
+}
+
+std::string DialectTwin::value_of(const std::string& name, Axis axis) {
+  if (name == "*") return "0";
+  if (name == "axis") return dialect_.of(axis).name;
+  std::string quantity = name;
+  for (const Axis other : all_axes) {
+    const std::string suffix = std::string(".") + to_string(other);
+    if (!name.ends_with(suffix)) continue;
+    axis = other;
+    quantity = name.substr(0, name.size() - suffix.size());
+  }
+  const Result<AxisStatus> now = table_.status(axis);
+  if (!now) return "?";
+  const DialectAxis& scale = dialect_.of(axis);
+  char text[64];
+  if (quantity == "status") {
+    return word_of(dialect_.status, {now->enabled, now->in_position, now->fault, now->moving, now->homed, now->limit, now->limit,
+                                     now->emergency_stop, now->remote});
+  }
+  const double value = quantity == "position" ? now->position_deg - scale.zero_deg : now->rate_degps;
+  std::snprintf(text, sizeof text, "%.*f", dialect_.decimals, scale.sign * scale.units_per_degree * value);
+  return text;
+}
+
+Status DialectTwin::carry_out(DialectOperation operation, Axis axis, const Values& values) {
+  switch (operation) {
+    case DialectOperation::prepare:
+    case DialectOperation::identify:
+    case DialectOperation::status: return {};
+    case DialectOperation::enable: return table_.enable();
+    case DialectOperation::stop: target_deg_ = {}; return table_.stop_all();
+    case DialectOperation::abort: target_deg_ = {}; return table_.abort_all();
+    case DialectOperation::clear_fault: return table_.clear_fault();
+    case DialectOperation::home: {
+      target_deg_ = {};
+      if (!dialect_.of(DialectOperation::home).each_axis) return table_.home();
+      // The first axis of a round starts them all.
+      bool& done = homed_round_[index(axis)];
+      if (done) homed_round_ = {};
+      const bool begins = homed_round_ == std::array<bool, 3>{};
+      done = true;
+      return begins ? table_.home() : Status();
+    }
+    case DialectOperation::move: return move(axis, values);
+  }
+  return {};
+}
+
+Status DialectTwin::move(Axis axis, const Values& values) {
+  for (const Axis which : all_axes) {
+    const std::string suffix = std::string(".") + to_string(which);
+    const auto number = [&](const std::string& quantity) -> std::optional<double> {
+      auto place = values.find(quantity + suffix);
+      if (place == values.end() && which == axis) place = values.find(quantity);
+      if (place == values.end()) return {};
+      return device_number(place->second);
+    };
+    const DialectAxis& scale = dialect_.of(which);
+    const std::optional<double> position = number("position");
+    if (!position) continue;
+    const double target_deg = scale.sign * *position / scale.units_per_degree + scale.zero_deg;
+    // A sentence for all three axes leaves those alone that are there, or on their way.
+    const Result<AxisStatus> now = table_.status(which);
+    if (!now) return now.error();
+    const bool told = values.count("position") == 0;
+    const double from_deg = target_deg_[index(which)].value_or(now->position_deg);
+    if (told && (std::abs(from_deg - target_deg) < 1e-3 || std::abs(now->position_deg - target_deg) < 1e-3)) continue;
+    target_deg_[index(which)] = target_deg;
+    const double rate_degps = number("rate").value_or(10.0 * scale.units_per_degree) / scale.units_per_degree;
+    const double acceleration_degps2 = number("acceleration").value_or(20.0 * scale.units_per_degree) / scale.units_per_degree;
+    if (Status status = table_.move_absolute(which, target_deg, rate_degps, acceleration_degps2); !status) return status;
+  }
+  return {};
+}
+
+std::optional<AnswerPlan> DialectServer::next_answer(std::vector<std::uint8_t>& bytes) {
+  const DialectLink& link = twin_.dialect().link;
+  const auto end = std::search(bytes.begin(), bytes.end(), link.terminator_out.begin(), link.terminator_out.end());
+  if (end == bytes.end()) return {};
+  const std::string frame(bytes.begin(), end);
+  bytes.erase(bytes.begin(), end + static_cast<std::ptrdiff_t>(link.terminator_out.size()));
+  AnswerPlan plan;
+  if (!frame.starts_with(link.prefix)) return plan;
+  std::string body = frame.substr(link.prefix.size());
+  if (link.check != SentenceCheck::none) {
+    const std::size_t tail = link.check_mark.size() + 2;
+    if (body.size() < tail) return plan;
+    const std::string digits = body.substr(body.size() - 2);
+    body.resize(body.size() - tail);
+    if (digits != check_digits(body, link.check)) return plan;
+  }
+  std::optional<std::string> answer;
+  {
+    const std::lock_guard lock(mutex);
+    answer = twin_.answer(body);
+  }
+  std::string text = link.echo ? frame + link.terminator_out : "";
+  if (answer) {
+    text += link.prefix + *answer;
+    if (link.check != SentenceCheck::none) text += link.check_mark + check_digits(*answer, link.check);
+    text += link.terminator_in;
+  }
+  text += link.prompt;
+  if (!text.empty()) plan.pieces.push_back({{text.begin(), text.end()}, 0.0});
+  if (disturb) disturb(body, plan);
+  return plan;
+}
+
+}  // namespace turncal

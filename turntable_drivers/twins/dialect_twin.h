@@ -1,0 +1,59 @@
+// DialectTwin: a simulated table that speaks the ASCII dialect of a file, with the axes of any Turntable (the rig's mock). It matches
+// what it is sent against the templates the driver fills in, and fills in the templates the driver matches; table_server.h has
+// the same for Modbus. DialectServer puts it on a line (line_server.h says how that is run).
+//
+// A sentence that no template matches, or that the table refuses, is answered with the first of error.texts, or not at all.
+// home, enable, stop and abort of one axis are those of the whole table.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "imu_io/base/clock.h"
+#include "turntable_drivers/ascii/dialect.h"
+#include "turntable_drivers/twins/line_server.h"
+#include "turntable_drivers/table/turntable.h"
+
+namespace turncal {
+
+class DialectTwin {
+ public:
+  DialectTwin(Dialect dialect, Turntable& table) : dialect_(std::move(dialect)), table_(table) {}  // the table must outlive the twin
+
+  Status power_on();  // connects to the table; a table without an enable sentence comes up enabled
+  // The body of the answer; empty: none is due.
+  std::optional<std::string> answer(const std::string& body);
+  const Dialect& dialect() const { return dialect_; }
+
+ private:
+  using Values = std::map<std::string, std::string>;
+  std::optional<std::string> answer_of(DialectOperation operation, std::size_t step, const Values& values);
+  Status carry_out(DialectOperation operation, Axis axis, const Values& values);
+  Status move(Axis axis, const Values& values);
+  std::string value_of(const std::string& name, Axis axis);
+  std::optional<std::string> refusal() const;
+
+  Dialect dialect_;
+  Turntable& table_;
+  std::array<std::size_t, dialect_operation_count> progress_{};
+  std::array<Values, dialect_operation_count> pending_;
+  std::array<std::optional<double>, 3> target_deg_;
+  std::array<bool, 3> homed_round_{};
+};
+
+class DialectServer : public LineServer {
+ public:
+  explicit DialectServer(DialectTwin& twin) : twin_(twin) {}  // the twin must outlive the server
+  std::function<void(const std::string& body, AnswerPlan&)> disturb;
+
+ private:
+  std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) override;
+  void tick() override {}
+
+  DialectTwin& twin_;
+};
+
+}  // namespace turncal

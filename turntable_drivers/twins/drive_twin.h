@@ -1,0 +1,70 @@
+// DriveTwin: three simulated drives behind the registers that a RegisterMap describes. What a drive would do with a request, without
+// any line: table_server.h puts it on one.
+//
+// The axes are those of any Turntable (the rig's mock), so the twin has its manners and its lies. Status registers are made from its
+// status at each reading; a list of writes of the map, seen in full and in order, is carried out when its last register is
+// written. A table that refuses makes exception 4, a register that no list names and no block holds exception 2.
+//
+// - Operations are matched by address and constant, operands are taken on the way: the same registers may serve several lists.
+// - home, enable, abort and stop of one drive are those of the whole table, since a Turntable knows no others.
+// - The watchdog is armed by the first heartbeat of a drive: when none came for watchdog_s every axis is stopped, the drive shows
+//   a fault and refuses moves until the fault is cleared. A drive that is off has nothing to stop: it does not trip, and the next
+//   heartbeat arms it again. Call tick() often; time is the clock's.
+// Not modelled: a drive's own parameters (they take any write and read back), torque, a power-on delay.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "imu_io/base/clock.h"
+#include "turntable_drivers/modbus/modbus_frame.h"
+#include "turntable_drivers/modbus/register_map.h"
+#include "turntable_drivers/table/turntable.h"
+
+namespace turncal {
+
+class DriveTwin {
+ public:
+  // Table and clock must outlive the twin.
+  DriveTwin(RegisterMap map, Turntable& table, const Clock& clock);
+
+  Status power_on();  // connects to the table; drives without an enable write come up enabled
+  struct Answer {
+    int exception = 0;                   // 0: none
+    std::vector<std::uint16_t> values;   // of a read
+  };
+  Answer handle(const ModbusRequest& request);
+  void tick();  // the watchdog
+  bool watchdog_tripped(Axis axis) const { return tripped_[static_cast<std::size_t>(axis)]; }
+  const RegisterMap& map() const { return map_; }
+
+ private:
+  struct Progress {
+    std::size_t step = 0;  // of the list, the next one awaited
+    std::map<WriteOperand::Kind, double> operands;
+  };
+  Answer read(const ModbusRequest& request);
+  Answer write(const ModbusRequest& request);
+  // The status blocks of an axis, one behind the other.
+  std::optional<std::vector<std::uint16_t>> blocks(Axis axis);
+  // Whether the request is the step; operands go into `operands`.
+  bool matches(const WriteStep& step, const MapAxis& axis, const ModbusRequest& request,
+               std::map<WriteOperand::Kind, double>& operands) const;
+  Status carry_out(Axis axis, DriveOperation operation, const std::map<WriteOperand::Kind, double>& operands);
+
+  RegisterMap map_;
+  Turntable& table_;
+  const Clock& clock_;
+  std::map<std::pair<int, int>, std::uint16_t> written_;  // by unit and address
+  std::array<std::array<Progress, drive_operation_count>, 3> progress_;
+  std::array<std::optional<double>, 3> heartbeat_s_;
+  std::array<bool, 3> tripped_{};
+  std::array<bool, 3> homed_round_{};
+};
+
+}  // namespace turncal

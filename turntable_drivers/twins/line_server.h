@@ -1,0 +1,70 @@
+// LineServer: the line of a twin, a TCP port or a pseudo-terminal, with any number of clients (a pseudo-terminal has one). What is
+// said on it is the derived class's affair (table_server.h: Modbus; dialect_server.h: ASCII).
+//
+//   server.listen_tcp(0);                     // or open_pty("table.link")
+//   while (going_on) server.run_once(0.05);   // serves what has arrived, waits at most this long, ticks the twin
+//
+// Faults are made by `disturb` of the derived class, which sees every request with the pieces of its answer before they are sent, and
+// may change them: other bytes, a delay before a piece, none at all, or a hang-up. A delay holds up whatever else has arrived,
+// as on a real line.
+// One thread; `mutex` is held while the twin (and with it the table) is used, so that another may let time pass meanwhile.
+#pragma once
+
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/types/status.h"
+#include "imu_io/lines/pty.h"
+
+namespace turncal {
+
+struct AnswerPiece {
+  std::vector<std::uint8_t> bytes;
+  double delay_s = 0.0;  // before it
+};
+struct AnswerPlan {
+  std::vector<AnswerPiece> pieces;
+  bool hang_up = false;  // after the pieces
+};
+
+class LineServer {
+ public:
+  LineServer() = default;
+  virtual ~LineServer();
+  LineServer(const LineServer&) = delete;
+  LineServer& operator=(const LineServer&) = delete;
+
+  Status listen_tcp(int port, bool every_address = false);  // 0: any free port
+  Status open_pty(const std::string& link_path);            // "": no link
+  int port() const { return port_; }
+  // What link.address of a map or dialect says of this line: "127.0.0.1:PORT", or the device.
+  std::string address() const;
+  void run_once(double timeout_s);
+  void hang_up();  // all clients, or the pseudo-terminal
+
+  std::mutex mutex;
+
+ protected:
+  // Takes the next complete request off the front and answers it; empty: there is none yet.
+  virtual std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) = 0;
+  virtual void tick() = 0;  // with the mutex held
+  bool tcp() const { return listener_ >= 0; }
+
+ private:
+  struct Client {
+    int descriptor = -1;
+    std::vector<std::uint8_t> bytes;
+  };
+  bool serve(Client& client);  // false: it has gone
+  bool send(const Client& client, const AnswerPlan& plan);
+
+  int listener_ = -1;
+  int port_ = 0;
+  Pty pty_;
+  std::vector<Client> clients_;
+};
+
+}  // namespace turncal

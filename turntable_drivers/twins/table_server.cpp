@@ -1,0 +1,28 @@
+#include "turntable_drivers/twins/table_server.h"
+
+#include <algorithm>
+
+namespace turncal {
+
+std::optional<AnswerPlan> TableServer::next_answer(std::vector<std::uint8_t>& bytes) {
+  const std::optional<ModbusRequest> request = take_request(bytes, tcp());
+  if (!request) return {};
+  const auto& axes = twin_.map().axis;
+  const bool ours = std::any_of(axes.begin(), axes.end(), [&](const MapAxis& axis) { return axis.unit == request->unit; });
+  if (!ours) return AnswerPlan();  // another drive on the bus: silence
+  DriveTwin::Answer answer;
+  {
+    const std::lock_guard lock(mutex);
+    answer = twin_.handle(*request);
+  }
+  const bool is_read = request->function == 3 || request->function == 4;
+  AnswerPlan plan;
+  plan.pieces.push_back({answer.exception != 0 ? exception_reply(*request, answer.exception, tcp())
+                         : is_read             ? read_reply(*request, answer.values, tcp())
+                                               : write_reply(*request, tcp()),
+                         0.0});
+  if (disturb) disturb(*request, plan);
+  return plan;
+}
+
+}  // namespace turncal
