@@ -28,7 +28,9 @@ int terminal_columns() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  turncal::CommandContext context{.out = std::cout, .err = std::cerr, .out_is_terminal = isatty(STDOUT_FILENO) == 1,
+  turncal::CommandContext context{.out = std::cout,
+                                  .err = std::cerr,
+                                  .out_is_terminal = isatty(STDOUT_FILENO) == 1,
                                   .terminal_columns = terminal_columns()};
   return turncal::run_command_line(argc, argv,
                                    {

@@ -20,9 +20,7 @@ std::int64_t whole_samples(double duration_s, double period_s) {
 }
 
 // For messages: six decimals at most.
-std::string text_of(double value) {
-  return format_number(std::round(value * 1e6) / 1e6 + 0.0);
-}
+std::string text_of(double value) { return format_number(std::round(value * 1e6) / 1e6 + 0.0); }
 
 // Violations, one line a cause. The same axis going to the same place at forty moves is one cause.
 class Violations {
@@ -125,9 +123,9 @@ class Planner {
     planned.acceleration_degps2 = move.acceleration_degps2;
     planned.positioning = item.positioning;
     const double angle_deg = planned.to_deg - planned.from_deg;
-    planned.samples = whole_samples(
-        move_duration_s(angle_deg, move.rate_degps, move.acceleration_degps2) + limits_.settle_s,
-        limits_.sample_period_s);
+    planned.samples =
+        whole_samples(move_duration_s(angle_deg, move.rate_degps, move.acceleration_degps2) + limits_.settle_s,
+                      limits_.sample_period_s);
     moving_samples_ += planned.samples;
     ++plan_.moves;
     commanded_deg_[axis] = planned.to_deg;

@@ -47,21 +47,21 @@ struct PlannedItem {
   SequenceItem::Kind kind = SequenceItem::Kind::dwell;
   std::size_t step_index = 0;  // sequence.steps[step_index].items[item_index]
   std::size_t item_index = 0;
-  int step = 0;                // the step's number
-  int line = 0;                // in the sequence file
+  int step = 0;  // the step's number
+  int line = 0;  // in the sequence file
   // Move.
   Axis axis = Axis::heading;
   double from_deg = 0.0;
   double to_deg = 0.0;
   double rate_degps = 0.0;
   double acceleration_degps2 = 0.0;
-  bool positioning = false;    // to the step's initial position
+  bool positioning = false;  // to the step's initial position
   // Dwell.
   SegmentKind dwell_kind = SegmentKind::still;
   // Both.
-  AxisTriple commanded_deg;    // at the end of the item
+  AxisTriple commanded_deg;  // at the end of the item
   std::int64_t start_sample = 0;
-  std::int64_t samples = 0;    // of a move: settling included
+  std::int64_t samples = 0;  // of a move: settling included
   double start_s = 0.0;
   double duration_s = 0.0;
 };
@@ -71,13 +71,13 @@ struct Plan {
   int moves = 0;
   int align_dwells = 0;
   int still_dwells = 0;
-  std::int64_t samples = 0;        // of the whole run
-  double station_s = 0.0;          // samples * sample_period_s
-  double moving_s = 0.0;           // of station_s, settling included
-  AxisTriple travel_min_deg;       // cumulative angles reached, start position included
+  std::int64_t samples = 0;   // of the whole run
+  double station_s = 0.0;     // samples * sample_period_s
+  double moving_s = 0.0;      // of station_s, settling included
+  AxisTriple travel_min_deg;  // cumulative angles reached, start position included
   AxisTriple travel_max_deg;
-  AxisTriple wrap_used_deg;        // travel_max - travel_min: what the cable winds
-  AxisTriple turned_deg;           // sum of |angle| over all moves
+  AxisTriple wrap_used_deg;  // travel_max - travel_min: what the cable winds
+  AxisTriple turned_deg;     // sum of |angle| over all moves
   // Why the table must not run this: one line each, "file:line: step N: ...". Repetitions of one cause (the same axis
   // and value) are counted on the first line. Empty: the run may start.
   std::vector<std::string> violations;

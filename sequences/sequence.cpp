@@ -18,11 +18,11 @@ namespace turncal {
 
 namespace {
 
-constexpr std::int64_t shortest_dwell_samples = 200;     // 1 s at 200 Hz: one stillness window
+constexpr std::int64_t shortest_dwell_samples = 200;        // 1 s at 200 Hz: one stillness window
 constexpr std::int64_t longest_dwell_samples = 17'280'000;  // a day at 200 Hz: more is a typing mistake
 constexpr int largest_step_number = 9999;
 constexpr double largest_angle_deg = 3600.0;
-constexpr double smallest_rate = 0.001;                  // deg/s or deg/s^2: any turn ends within a few months
+constexpr double smallest_rate = 0.001;  // deg/s or deg/s^2: any turn ends within a few months
 constexpr double largest_rate = 100'000.0;
 constexpr std::size_t largest_file_bytes = 1'000'000;
 
@@ -163,8 +163,7 @@ class Parser {
     }
     const int previous = sequence_.steps.empty() ? 0 : sequence_.steps.back().number;
     const Token number = take();
-    const std::optional<std::int64_t> value =
-        as_integer(number);
+    const std::optional<std::int64_t> value = as_integer(number);
     if (!value || *value <= previous || *value > largest_step_number) {
       return wrong(number, previous == 0 ? "a step number of 1 to 9999"
                                          : "a step number above " + std::to_string(previous) +
@@ -189,8 +188,9 @@ class Parser {
     do {
       const Token key = take();
       if (key.kind != Token::Kind::word || !is_free_parameter(key.text)) {
-        return wrong(key, "one of the 21 parameters that are estimated (N01 to N03, A01 to A03, n11 to n33, "
-                          "a11 to a33 without a21, a31, a32)");
+        return wrong(key,
+                     "one of the 21 parameters that are estimated (N01 to N03, A01 to A03, n11 to n33, "
+                     "a11 to a33 without a21, a31, a32)");
       }
       if (std::find(step.determines.begin(), step.determines.end(), key.text) != step.determines.end()) {
         return wrong(key, "each parameter once");
@@ -243,8 +243,7 @@ class Parser {
       return wrong(word, first_item_expected);
     }
     const Token length = take();
-    const std::optional<std::int64_t> samples =
-        as_integer(length);
+    const std::optional<std::int64_t> samples = as_integer(length);
     if (!samples || *samples < shortest_dwell_samples || *samples > longest_dwell_samples) {
       return wrong(length, "a whole number of samples from 200 (1 s) to 17280000 (a day)");
     }
@@ -357,7 +356,7 @@ class Parser {
   AxisTriple commanded_deg_;
   std::size_t positioning_moves_ = 0;  // at the front of the current step
   bool has_format_ = false;
-  bool has_initial_ = false;           // the current step
+  bool has_initial_ = false;  // the current step
   bool has_still_dwell_ = false;
 };
 

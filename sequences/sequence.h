@@ -17,7 +17,7 @@ namespace turncal {
 
 struct Move {
   Axis axis = Axis::heading;
-  double target_deg = 0.0;          // absolute, cumulative
+  double target_deg = 0.0;  // absolute, cumulative
   double rate_degps = 0.0;
   double acceleration_degps2 = 0.0;
 };
@@ -31,8 +31,8 @@ struct SequenceItem {
   enum class Kind { move, dwell } kind = Kind::dwell;
   Move move;
   Dwell dwell;
-  int line = 0;             // in the file, for messages; of a move to the initial position: that of `initial`
-  bool positioning = false; // a move to the step's initial position, put there by the parser
+  int line = 0;              // in the file, for messages; of a move to the initial position: that of `initial`
+  bool positioning = false;  // a move to the step's initial position, put there by the parser
 };
 
 struct Step {
@@ -40,18 +40,18 @@ struct Step {
   std::string title;
   std::vector<std::string> determines;  // parameter keys
   AxisTriple initial_deg;
-  std::vector<SequenceItem> items;      // the moves to the initial position are already in front
+  std::vector<SequenceItem> items;  // the moves to the initial position are already in front
   int line = 0;
 };
 
 struct Sequence {
   std::string name;
   std::string file;
-  AxisTriple start_deg;          // where the table must stand before step 1 (its initial position)
-  double rate_degps = 0.0;       // the file's defaults: for rotations that name none, for moves to initial positions,
+  AxisTriple start_deg;     // where the table must stand before step 1 (its initial position)
+  double rate_degps = 0.0;  // the file's defaults: for rotations that name none, for moves to initial positions,
   double acceleration_degps2 = 0.0;  // and for going to start_deg
   std::vector<Step> steps;
-  std::string text;              // the file's bytes, for the hash that goes into records
+  std::string text;  // the file's bytes, for the hash that goes into records
 };
 
 // Grammar, worked example and every refusal: docs/sequence-format.md. An error is one line

@@ -20,8 +20,8 @@
 #include <utility>
 #include <vector>
 
-#include "calib/statistics/compression.h"
 #include "calib/model/parameters.h"
+#include "calib/statistics/compression.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "sequences/plan.h"
 #include "sequences/sequence.h"

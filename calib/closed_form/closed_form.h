@@ -28,8 +28,8 @@
 #include <vector>
 
 #include "calib/closed_form/closed_form_formulas.h"
-#include "calib/statistics/compression.h"
 #include "calib/model/parameters.h"
+#include "calib/statistics/compression.h"
 #include "calib/types/status.h"
 
 namespace turncal {

@@ -13,9 +13,9 @@
 
 #include <Eigen/Core>
 
-#include "calib/types/axis.h"
 #include "calib/closed_form/leg_navigation.h"
 #include "calib/model/parameters.h"
+#include "calib/types/axis.h"
 
 namespace turncal {
 

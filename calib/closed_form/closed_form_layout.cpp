@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "calib/model/attitude.h"
 #include "calib/closed_form/leg_navigation.h"
+#include "calib/model/attitude.h"
 
 namespace turncal {
 namespace {
@@ -19,9 +19,7 @@ std::string fixed(double value, int decimals) {
   return text;
 }
 
-AxisTriple angles_of(const Segment& segment) {
-  return {{segment.heading_deg, segment.pitch_deg, segment.roll_deg}};
-}
+AxisTriple angles_of(const Segment& segment) { return {{segment.heading_deg, segment.pitch_deg, segment.roll_deg}}; }
 
 std::string describe(const AxisTriple& angles) {
   std::string text;
@@ -57,7 +55,9 @@ Eigen::Vector3d table_axis_in_body(Axis axis, const AxisTriple& angles) {
 }  // namespace
 
 ClosedFormLayout::ClosedFormLayout(const CompressedRecording& recording, double min_dwell_s, double max_misfit_deg)
-    : recording_(recording), min_dwell_s_(min_dwell_s), max_misfit_deg_(max_misfit_deg),
+    : recording_(recording),
+      min_dwell_s_(min_dwell_s),
+      max_misfit_deg_(max_misfit_deg),
       first_block_(first_blocks(recording)) {}
 
 Status ClosedFormLayout::find() {

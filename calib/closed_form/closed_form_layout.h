@@ -11,8 +11,8 @@
 #include <Eigen/Core>
 
 #include "calib/closed_form/closed_form_formulas.h"
-#include "calib/statistics/compression.h"
 #include "calib/model/parameters.h"
+#include "calib/statistics/compression.h"
 #include "calib/types/status.h"
 
 namespace turncal {
@@ -51,8 +51,8 @@ class ClosedFormLayout {
   const double min_dwell_s_;
   const double max_misfit_deg_;
   const std::vector<std::size_t> first_block_;
-  std::vector<std::size_t> verticals_;   // segments, in the order of closed_form_verticals
-  std::vector<std::vector<Leg>> legs_;   // by step number
+  std::vector<std::size_t> verticals_;  // segments, in the order of closed_form_verticals
+  std::vector<std::vector<Leg>> legs_;  // by step number
 };
 
 }  // namespace turncal

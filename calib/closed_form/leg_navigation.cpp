@@ -39,10 +39,9 @@ class Navigator {
   void advance(std::size_t index) {
     const Block& block = recording_.blocks[index];
     const double t = block.duration_s;
-    const BlockMotion motion =
-        block.missing > 0 && !lost_in_motion(recording_, index, model_)
-            ? evaluate(stretched(block), model_, recording_.info.sample_period_s)
-            : evaluate(block, model_, recording_.info.sample_period_s);
+    const BlockMotion motion = block.missing > 0 && !lost_in_motion(recording_, index, model_)
+                                   ? evaluate(stretched(block), model_, recording_.info.sample_period_s)
+                                   : evaluate(block, model_, recording_.info.sample_period_s);
     const Eigen::Matrix3d half_turn = rotation_exp(-0.5 * t * earth_);
     velocity += half_turn * (C_nb * motion.velocity) - Eigen::Vector3d(0.0, recording_.info.gravity_mps2 * t, 0.0);
     C_nb = half_turn * half_turn * C_nb * rotation_exp(motion.rotation);
@@ -92,8 +91,8 @@ LegMotion navigate_leg(const CompressedRecording& recording, const std::vector<s
                        std::size_t from_segment, std::size_t to_segment, const SensorModel& model,
                        const Eigen::Vector3d& axis_b) {
   const Segment& from = recording.segments[from_segment];
-  const Eigen::Matrix3d commanded = attitude_from_angles(from.heading_deg * rad_per_deg, from.pitch_deg * rad_per_deg,
-                                                         from.roll_deg * rad_per_deg);
+  const Eigen::Matrix3d commanded =
+      attitude_from_angles(from.heading_deg * rad_per_deg, from.pitch_deg * rad_per_deg, from.roll_deg * rad_per_deg);
   LegMotion leg;
   leg.C_nb_start = level(commanded, mean_specific_force(recording, first_block, from_segment, model));
   Navigator navigator(recording, model, leg.C_nb_start);

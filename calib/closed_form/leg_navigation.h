@@ -22,8 +22,8 @@
 
 #include <Eigen/Core>
 
-#include "calib/statistics/compression.h"
 #include "calib/model/parameters.h"
+#include "calib/statistics/compression.h"
 #include "calib/types/status.h"
 
 namespace turncal {
@@ -39,13 +39,13 @@ Eigen::Vector3d mean_specific_force(const CompressedRecording& recording, const 
 bool lost_in_motion(const CompressedRecording& recording, std::size_t index, const SensorModel& model);
 
 struct LegMotion {
-  Eigen::Vector3d velocity_mps;   // n frame, gained in the dwell: from its first sample to its last
-  double dwell_s = 0.0;           // T
-  double before_dwell_s = 0.0;    // from levelling to the start of the dwell
+  Eigen::Vector3d velocity_mps;     // n frame, gained in the dwell: from its first sample to its last
+  double dwell_s = 0.0;             // T
+  double before_dwell_s = 0.0;      // from levelling to the start of the dwell
   double heading_change_rad = 0.0;  // since levelling, clockwise; for legs that do not turn
-  Eigen::Matrix3d C_nb_start;     // levelled
-  Eigen::Matrix3d C_nb_arrived;   // at the start of the dwell
-  double turned_rad = 0.0;        // about axis_b, signed, on the way (0 when axis_b is zero)
+  Eigen::Matrix3d C_nb_start;       // levelled
+  Eigen::Matrix3d C_nb_arrived;     // at the start of the dwell
+  double turned_rad = 0.0;          // about axis_b, signed, on the way (0 when axis_b is zero)
 };
 
 // `axis_b`: the body axis about which the table turns on the way; zero when it does not.

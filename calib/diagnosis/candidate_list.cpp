@@ -45,8 +45,10 @@ void list_candidates(const DiagnosisModel& m, const Scores& s, Diagnosis& d) {
     // Of variants with different time constants the best one stands for the component.
     const auto same = std::find_if(d.candidates.begin(), d.candidates.end(),
                                    [&](const CandidateScore& o) { return o.column.key() == c.column.key(); });
-    if (same == d.candidates.end()) d.candidates.push_back(c);
-    else if (c.visible && (!same->visible || std::abs(c.z) > std::abs(same->z))) *same = c;
+    if (same == d.candidates.end())
+      d.candidates.push_back(c);
+    else if (c.visible && (!same->visible || std::abs(c.z) > std::abs(same->z)))
+      *same = c;
   }
   for (const EffectEntry& entry : effect_catalogue()) {
     const bool any = std::any_of(d.candidates.begin(), d.candidates.end(),

@@ -18,7 +18,8 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
   // Where even the noise does not fit, neither names nor patterns mean anything.
   if (!m.current.whiteness.white) {
     d.verdict = Verdict::noise_model;
-    d.reason = m.current.whiteness.message + (noise_given ? " (the noise was given, not measured)" : "") + ": no claim on effects";
+    d.reason = m.current.whiteness.message + (noise_given ? " (the noise was given, not measured)" : "") +
+               ": no claim on effects";
     m.chosen.clear();
     d.aliases.clear();
     d.separate_by.clear();
@@ -33,8 +34,9 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
   }
   if (m.chosen.empty()) {
     d.verdict = Verdict::clean;
-    d.reason = d.gated_out.empty() ? "the base model explains the data"
-                                     : "the base model explains the data; what was found on them did not help on held-out data";
+    d.reason = d.gated_out.empty()
+                   ? "the base model explains the data"
+                   : "the base model explains the data; what was found on them did not help on held-out data";
     return;
   }
   d.verdict = Verdict::extended;
@@ -65,12 +67,15 @@ void collect_residuals(const DiagnosisModel& m, Diagnosis& d) {
     const Innovation& a = after.innovations[i];
     for (; next < b.block; ++next)
       if (m.recording.segments[m.recording.blocks[next].segment].kind == SegmentKind::rotate)
-        rotation_end = static_cast<double>(m.recording.blocks[next].start_sample - m.recording.blocks.front().start_sample) *
-                           m.recording.info.sample_period_s + m.recording.blocks[next].duration_s;
+        rotation_end =
+            static_cast<double>(m.recording.blocks[next].start_sample - m.recording.blocks.front().start_sample) *
+                m.recording.info.sample_period_s +
+            m.recording.blocks[next].duration_s;
     const Block& block = m.recording.blocks[b.block];
     d.residuals.push_back({b.block, block.segment, b.time_s, b.normalised, a.normalised, b.free_velocity_mps,
-                            a.free_velocity_mps, model.accel_scale * block.accel / block.duration_s - model.accel_bias_mps2,
-                            block.temperature_c, b.time_s - rotation_end});
+                           a.free_velocity_mps,
+                           model.accel_scale * block.accel / block.duration_s - model.accel_bias_mps2,
+                           block.temperature_c, b.time_s - rotation_end});
   }
 }
 
@@ -80,7 +85,8 @@ std::vector<std::string> strongest_first(std::vector<EstimatedEffect> effects) {
   });
   std::vector<std::string> names;
   for (const EstimatedEffect& e : effects)
-    if (std::find(names.begin(), names.end(), e.column.entry->name) == names.end()) names.emplace_back(e.column.entry->name);
+    if (std::find(names.begin(), names.end(), e.column.entry->name) == names.end())
+      names.emplace_back(e.column.entry->name);
   return names;
 }
 

@@ -31,33 +31,33 @@ enum class Verdict { clean, extended, unexplained, noise_model };
 const char* to_string(Verdict verdict);
 
 struct DiagnosisOptions {
-  JointOptions estimate;                   // start, fixed noise, ... (effects and candidates are set here)
+  JointOptions estimate;  // start, fixed noise, ... (effects and candidates are set here)
   const CompressedRecording* holdout = nullptr;
-  double false_alarm = 0.005;              // family-wise, a stage
+  double false_alarm = 0.005;  // family-wise, a stage
   int max_components = 12;
 };
 
-struct CandidateScore {                    // of one component, beside the base model
+struct CandidateScore {  // of one component, beside the base model
   EffectColumn column;
-  double value = 0.0;                      // what it would come to if added alone
+  double value = 0.0;  // what it would come to if added alone
   double sigma = 0.0;
-  double z = 0.0;                          // value / sigma
-  double detectable = 0.0;                 // 5 sigma
-  bool visible = true;                     // false: this recording cannot see it
+  double z = 0.0;           // value / sigma
+  double detectable = 0.0;  // 5 sigma
+  bool visible = true;      // false: this recording cannot see it
 };
 
-struct GroupScore {                        // of one effect with all its components (best time constant)
+struct GroupScore {  // of one effect with all its components (best time constant)
   std::string name;
-  double chi_square = 0.0;                 // s' Q^-1 s on the visible directions
+  double chi_square = 0.0;  // s' Q^-1 s on the visible directions
   int rank = 0;
   int components = 0;
-  double p_value = 1.0;                    // single test
+  double p_value = 1.0;  // single test
 };
 
 struct SelectionStage {
   EffectColumn chosen;
-  double z = 0.0;                          // score when nominated
-  double gain = 0.0;                       // 2 (log L after - before), noise fitted in both
+  double z = 0.0;     // score when nominated
+  double gain = 0.0;  // 2 (log L after - before), noise fitted in both
   double threshold = 0.0;
   bool accepted = false;
   std::string note;
@@ -79,7 +79,7 @@ struct ResidualPoint {
 
 struct HoldoutError {
   double normalised_rms = 0.0;
-  double velocity_rms_mps = 0.0;           // plain velocity error, see ResidualPoint
+  double velocity_rms_mps = 0.0;  // plain velocity error, see ResidualPoint
   double chi_square = 0.0;
   std::int64_t observations = 0;
 };
@@ -87,20 +87,20 @@ struct HoldoutError {
 struct Diagnosis {
   Verdict verdict = Verdict::unexplained;
   std::string reason = "not run";
-  JointResult base;                        // before
-  JointResult extended;                    // after: base with the effects (a copy of base when there are none)
-  std::vector<std::string> effect_names;   // added, strongest first
+  JointResult base;                       // before
+  JointResult extended;                   // after: base with the effects (a copy of base when there are none)
+  std::vector<std::string> effect_names;  // added, strongest first
   std::map<std::string, std::vector<std::string>> aliases;  // of each added effect
   std::map<std::string, std::string> separate_by;           // what would tell the class apart
-  std::vector<CandidateScore> candidates;  // at the base model, best variant of each
+  std::vector<CandidateScore> candidates;                   // at the base model, best variant of each
   std::vector<GroupScore> groups;
   std::vector<std::string> undetectable;
   std::vector<SelectionStage> stages;
-  std::vector<std::string> gated_out;      // found but not confirmed on held-out data
-  std::string unexplained_pattern;         // what the unexplained residual looks like
+  std::vector<std::string> gated_out;            // found but not confirmed on held-out data
+  std::string unexplained_pattern;               // what the unexplained residual looks like
   double error_before = 0.0, error_after = 0.0;  // rms normalised residual, both with the noise of the final model
   HoldoutError holdout_before, holdout_after;
-  std::string holdout_source;              // "second recording" or "dwells left out in turn"
+  std::string holdout_source;  // "second recording" or "dwells left out in turn"
   std::vector<ResidualPoint> residuals;
 };
 

@@ -12,7 +12,9 @@ constexpr double slow_correlation_s = 2400.0;
 
 }  // namespace
 
-double minus_two_log_likelihood(const JointResult& result) { return result.last.chi_square + result.last.log_determinant; }
+double minus_two_log_likelihood(const JointResult& result) {
+  return result.last.chi_square + result.last.log_determinant;
+}
 
 bool visible(const Scores& scores, int column) { return scores.kept[column] > 1e-9 && scores.Q(column, column) > 0.0; }
 
@@ -34,14 +36,16 @@ JointOptions DiagnosisModel::estimate_options(const std::vector<EffectColumn>& e
   return o;
 }
 
-JointResult DiagnosisModel::fit(const std::vector<EffectColumn>& effects, const JointResult& from, const NoiseModel* noise) const {
+JointResult DiagnosisModel::fit(const std::vector<EffectColumn>& effects, const JointResult& from,
+                                const NoiseModel* noise) const {
   JointOptions o = estimate_options(effects, &from);
   o.faults_of = &from;
   if (noise) o.noise = *noise;
   return joint_estimate(recording, o);
 }
 
-double DiagnosisModel::misfit_beside_slow_noise(const std::vector<EffectColumn>& effects, const JointResult& from) const {
+double DiagnosisModel::misfit_beside_slow_noise(const std::vector<EffectColumn>& effects,
+                                                const JointResult& from) const {
   JointOptions o = estimate_options(effects, &from);
   o.faults_of = &from;
   o.start_noise = current.noise;
@@ -57,8 +61,7 @@ Scores DiagnosisModel::scores(const std::vector<EffectColumn>& candidates, bool 
   EffectModel model = make_effect_model(all, {recording.info.latitude_deg}, current.reference_temperature_c);
   for (int k = 0; k < effects; ++k) model.values[k] = current.effects[static_cast<std::size_t>(k)].value;
   FilterSetup setup = current.setup;
-  if (without_bias_instability)
-    setup.noise.gyro_bias_instability_radps = setup.noise.accel_bias_instability_mps2 = 0.0;
+  if (without_bias_instability) setup.noise.gyro_bias_instability_radps = setup.noise.accel_bias_instability_mps2 = 0.0;
   setup.narrow_columns = static_cast<int>(std::count_if(candidates.begin(), candidates.end(), is_pattern));
   setup.narrow_against = parameter_count + effects;
   const FilterResult filtered = run_filter(recording, current.parameters, model, setup);

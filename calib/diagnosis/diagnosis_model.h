@@ -23,7 +23,8 @@ struct DiagnosisModel {
 
   JointOptions estimate_options(const std::vector<EffectColumn>& effects, const JointResult* from) const;
   // A trial beside a finished fit: its faults are known, and its noise is a good start; or `noise` is taken for its own.
-  JointResult fit(const std::vector<EffectColumn>& effects, const JointResult& from, const NoiseModel* noise = nullptr) const;
+  JointResult fit(const std::vector<EffectColumn>& effects, const JointResult& from,
+                  const NoiseModel* noise = nullptr) const;
   // -2 log L when the bias instability is as slow as a third of a run. Flicker noise wanders on every time scale, and what
   // a process of ten minutes cannot follow must not be taken for a drift: what an effect gains must hold here too.
   double misfit_beside_slow_noise(const std::vector<EffectColumn>& effects, const JointResult& from) const;

@@ -24,7 +24,8 @@ std::vector<std::string> names_of(const std::vector<EffectColumn>& columns) {
 }
 
 // The effect of `name` did not help on held-out data; does another of its alias class, in its place?
-bool take_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name, double error_without, const HoldoutGate& check) {
+bool take_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name, double error_without,
+                const HoldoutGate& check) {
   for (SelectionStage& stage : d.stages) {
     if (!stage.accepted || stage.chosen.entry->name != name) continue;
     for (const EffectColumn& rival : stage.rival_columns) {
@@ -53,15 +54,17 @@ bool take_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name, double
 }  // namespace
 
 void gate_effects(DiagnosisModel& m, Diagnosis& d) {
-  const HoldoutGate check(m.recording, m.options.holdout, [&m](const std::vector<EffectColumn>& effects, const JointResult& from,
-                                                               const std::vector<char>& unobserved) {
-    JointOptions o = m.estimate_options(effects, &from);
-    o.unobserved = unobserved;
-    o.noise = m.current.noise;
-    o.faults_of = &from;
-    o.one_step = true;  // a quarter of the dwells moves no parameter by more than a few sigma: the problem is linear there
-    return joint_estimate(m.recording, o);
-  });
+  const HoldoutGate check(
+      m.recording, m.options.holdout,
+      [&m](const std::vector<EffectColumn>& effects, const JointResult& from, const std::vector<char>& unobserved) {
+        JointOptions o = m.estimate_options(effects, &from);
+        o.unobserved = unobserved;
+        o.noise = m.current.noise;
+        o.faults_of = &from;
+        o.one_step =
+            true;  // a quarter of the dwells moves no parameter by more than a few sigma: the problem is linear there
+        return joint_estimate(m.recording, o);
+      });
   d.holdout_source = check.source();
   std::optional<HoldoutError> of_current, of_base;  // at the noise of m.current
   for (bool changed = true; changed && !m.chosen.empty();) {

@@ -21,8 +21,8 @@ double penalty(const EffectColumn& column, std::int64_t observations) {
 }
 
 struct Nominee {
-  int candidate = -1;      // index into the columns
-  double z_square = 0.0;   // after the penalty
+  int candidate = -1;     // index into the columns
+  double z_square = 0.0;  // after the penalty
 };
 
 // A nominee with the model fitted again.
@@ -40,7 +40,8 @@ Nominee best(const DiagnosisModel& m, const Scores& s, bool patterns) {
   for (int k = 0; k < static_cast<int>(m.columns.size()); ++k) {
     const EffectColumn& column = m.columns[static_cast<std::size_t>(k)];
     if (is_pattern(column) != patterns || !visible(s, k)) continue;
-    const bool taken = std::any_of(m.chosen.begin(), m.chosen.end(), [&](const EffectColumn& c) { return c.key() == column.key(); });
+    const bool taken =
+        std::any_of(m.chosen.begin(), m.chosen.end(), [&](const EffectColumn& c) { return c.key() == column.key(); });
     if (taken && !patterns) continue;
     const double z_square = s.s[k] * s.s[k] / s.Q(k, k) - penalty(column, m.current.last.observations);
     if (z_square > top.z_square) top = {k, z_square};
@@ -83,7 +84,8 @@ std::vector<Trial> nominate(const DiagnosisModel& m, const Scores& fitted, const
         nominees.insert(nominees.end(), rivals.begin(), rivals.end());
       }
       for (const Nominee& one : nominees)
-        if (std::none_of(trials.begin(), trials.end(), [&](const Trial& t) { return t.nominee.candidate == one.candidate; }))
+        if (std::none_of(trials.begin(), trials.end(),
+                         [&](const Trial& t) { return t.nominee.candidate == one.candidate; }))
           trials.push_back({one, s, m.columns[static_cast<std::size_t>(one.candidate)], {}, 0.0, 0.0});
       if (s == &bare || &fitted == &bare) break;
     }
@@ -164,11 +166,13 @@ void stop_unexplained(DiagnosisModel& m, Diagnosis& d, const Trial& pattern) {
 // One stage; false when nothing more is to be added.
 bool select_one(DiagnosisModel& m, Diagnosis& d) {
   const std::optional<NoiseFit>& noise = m.current.noise_fit;
-  const bool has_instability = noise && noise->gyro_bias_instability_gain + noise->accel_bias_instability_gain > hiding_gain;
+  const bool has_instability =
+      noise && noise->gyro_bias_instability_gain + noise->accel_bias_instability_gain > hiding_gain;
   const Scores fitted = m.scores(m.columns, false);
   if (d.candidates.empty()) list_candidates(m, fitted, d);
   // Slow effects hide in the fitted bias instability: they are looked for without it, and judged with the noise fitted again.
-  const std::optional<Scores> without_instability = has_instability ? std::optional(m.scores(m.columns, true)) : std::nullopt;
+  const std::optional<Scores> without_instability =
+      has_instability ? std::optional(m.scores(m.columns, true)) : std::nullopt;
   const Scores& bare = without_instability ? *without_instability : fitted;
 
   std::vector<Trial> trials = nominate(m, fitted, bare);
@@ -189,7 +193,8 @@ bool select_one(DiagnosisModel& m, Diagnosis& d) {
   if (pattern && pattern->gain > m.threshold && pattern->plain_gain > (effect ? effect->plain_gain : 0.0) + margin) {
     stage.chosen = pattern->column;
     stage.gain = pattern->gain;
-    stage.note = "a pattern without a name in the catalogue explains the residual better: " + describe_pattern(stage.chosen);
+    stage.note =
+        "a pattern without a name in the catalogue explains the residual better: " + describe_pattern(stage.chosen);
     d.stages.push_back(stage);
     stop_unexplained(m, d, *pattern);
     return false;

@@ -39,7 +39,8 @@ EffectModel effect_model_of(const JointResult& result, double latitude_deg) {
   std::vector<EffectColumn> columns;
   for (const EstimatedEffect& e : result.effects) columns.push_back(e.column);
   EffectModel model = make_effect_model(columns, {latitude_deg}, result.reference_temperature_c);
-  for (std::size_t k = 0; k < result.effects.size(); ++k) model.values[static_cast<Eigen::Index>(k)] = result.effects[k].value;
+  for (std::size_t k = 0; k < result.effects.size(); ++k)
+    model.values[static_cast<Eigen::Index>(k)] = result.effects[k].value;
   return model;
 }
 
@@ -80,7 +81,8 @@ HoldoutError HoldoutGate::error(const JointResult& result, const NoiseModel& noi
     }
   }
   HoldoutError error = sums.error;
-  error.normalised_rms = std::sqrt(error.chi_square / static_cast<double>(std::max<std::int64_t>(error.observations, 1)));
+  error.normalised_rms =
+      std::sqrt(error.chi_square / static_cast<double>(std::max<std::int64_t>(error.observations, 1)));
   error.velocity_rms_mps = std::sqrt(sums.velocity_square / std::max(sums.velocity_count, 1.0));
   return error;
 }

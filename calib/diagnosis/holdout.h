@@ -19,7 +19,8 @@ EffectModel effect_model_of(const JointResult& result, double latitude_deg);
 class HoldoutGate {
  public:
   // Fits a model with some static seconds left out, starting from another fit.
-  using Refit = std::function<JointResult(const std::vector<EffectColumn>&, const JointResult& from, const std::vector<char>&)>;
+  using Refit =
+      std::function<JointResult(const std::vector<EffectColumn>&, const JointResult& from, const std::vector<char>&)>;
   HoldoutGate(const CompressedRecording& recording, const CompressedRecording* holdout, Refit refit);
   std::string source() const { return holdout_ ? "second recording" : "dwells left out in turn"; }
   // With the noise of the result, or with a given one so that two models are measured with the same rule.

@@ -88,7 +88,8 @@ void fill_candidates(const RestDiagnosisModel& m, const RestScores& scores, Rest
       }
     }
     candidate.p_value = std::min(1.0, candidate.p_value * tests);
-    if (candidate.rank == 0) candidate.remark = "leaves no trace in rests and in gravity's direction after rotations";
+    if (candidate.rank == 0)
+      candidate.remark = "leaves no trace in rests and in gravity's direction after rotations";
     else if (candidate.best_component.empty())
       candidate.remark = "would have to be larger than any sensor has it to be caught";
   }

@@ -25,7 +25,7 @@ int best_component(const RestDiagnosisModel& m, const RestScores& scores, const 
   int tests = 0;
   for (int k = 0; k < static_cast<int>(m.testable.size()); ++k) tests += scores.of(k).visible ? 1 : 0;
   const double limit = m.options.false_alarm / std::max(1, 2 * tests);  // single components, and groups
-  const double charge = std::log(m.rows());                              // BIC: of one more parameter
+  const double charge = std::log(m.rows());                             // BIC: of one more parameter
   int best = -1;
   double highest = 0.0;
   for (int k = 0; k < static_cast<int>(m.testable.size()); ++k) {
@@ -104,8 +104,8 @@ void note_aliases(const RestDiagnosisModel& m, const RestScores& scores, int cho
     const std::string name(other.entry->name);
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
   }
-  const auto known = std::find_if(d.aliases.begin(), d.aliases.end(),
-                                  [&](const auto& item) { return item.first == entry->name; });
+  const auto known =
+      std::find_if(d.aliases.begin(), d.aliases.end(), [&](const auto& item) { return item.first == entry->name; });
   if (known == d.aliases.end()) d.aliases.emplace_back(entry->name, names);
 }
 

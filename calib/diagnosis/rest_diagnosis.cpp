@@ -25,8 +25,9 @@ std::string why_not_tested(const RestDiagnosisModel& m, const RestFit& base) {
           std::to_string(static_cast<int>(std::lround(m.options.least_redundancy))) + " are wanted";
   const auto hangs = [&](RestKind kind, double left_out, double fitted) {
     if (!(left_out > m.options.most_leverage * fitted)) return;
-    why += (why.empty() ? "the fit hangs on single rests: left out in turn, " : " and ") + std::string("the error of ") +
-           to_string(kind) + " is " + std::to_string(static_cast<int>(std::lround(left_out / fitted))) + " times the fitted one";
+    why += (why.empty() ? "the fit hangs on single rests: left out in turn, " : " and ") +
+           std::string("the error of ") + to_string(kind) + " is " +
+           std::to_string(static_cast<int>(std::lround(left_out / fitted))) + " times the fitted one";
   };
   if (why.empty() && base.undetermined.empty()) {
     hangs(RestKind::norm, base.left_out.norm_rms_mps2, base.errors.norm_rms_mps2);
@@ -75,16 +76,14 @@ void conclude(const RestDiagnosisModel& m, RestDiagnosis& d) {
   d.final = m.model.fit;
   for (std::size_t k = 0; k < m.model.columns.size(); ++k)
     d.effects.push_back({m.model.columns[k], m.model.fit.effect_values[static_cast<Eigen::Index>(k)],
-                               m.model.fit.sigma[parameter_count + static_cast<Eigen::Index>(k)]});
+                         m.model.fit.sigma[parameter_count + static_cast<Eigen::Index>(k)]});
   const EffectModel none = m.effect_model({}, Eigen::VectorXd());
   const RestSystem before = make_rest_system(m.data, d.base.parameters, none, true);
-  const RestSystem after =
-      make_rest_system(m.data, m.model.fit.parameters, m.effect_model(m.model), true);
+  const RestSystem after = make_rest_system(m.data, m.model.fit.parameters, m.effect_model(m.model), true);
   const Eigen::VectorXd weights = rest_weights(after, m.model.fit.floors);
   d.error_before = std::sqrt(mean_square(before.residual, weights));
   d.error_after = std::sqrt(mean_square(after.residual, weights));
-  d.left_out_before =
-      std::sqrt(mean_square(left_out_residual(before, rest_weights(before, d.base.floors)), weights));
+  d.left_out_before = std::sqrt(mean_square(left_out_residual(before, rest_weights(before, d.base.floors)), weights));
   d.left_out_after = std::sqrt(mean_square(left_out_residual(after, weights), weights));
   d.holdout_before = on_holdout(m, d.base, {});
   d.holdout_after = on_holdout(m, d.final, d.effects);
@@ -95,8 +94,8 @@ void conclude(const RestDiagnosisModel& m, RestDiagnosis& d) {
     if (ratio > 2.0) d.remainder.push_back(to_string(kind));
   }
   d.verdict = !m.model.columns.empty()              ? RestDiagnosis::Verdict::extended
-                    : worst > m.options.unexplained_ratio ? RestDiagnosis::Verdict::unexplained
-                                                         : RestDiagnosis::Verdict::clean;
+              : worst > m.options.unexplained_ratio ? RestDiagnosis::Verdict::unexplained
+                                                    : RestDiagnosis::Verdict::clean;
   std::stable_sort(d.candidates.begin(), d.candidates.end(),
                    [](const RestCandidate& a, const RestCandidate& b) { return a.score > b.score; });
 }
@@ -130,14 +129,18 @@ bool select_one(RestDiagnosisModel& m, RestDiagnosis& d, bool& table_filled) {
   const bool first = !m.in_model(column.entry);
   const RestModelFit extended = m.refit(column);
   const ColumnScore& score = scores.of(choice);
-  RestStage stage{column, score.statistic, std::min(1.0, score.p_value * 2.0 * static_cast<double>(m.testable.size())), false,
-                  "accepted"};
+  RestStage stage{column, score.statistic, std::min(1.0, score.p_value * 2.0 * static_cast<double>(m.testable.size())),
+                  false, "accepted"};
   const double value = extended.fit.effect_values[extended.fit.effect_values.size() - 1];
-  if (!extended.fit.converged) stage.note = "the fit with it does not settle";
+  if (!extended.fit.converged)
+    stage.note = "the fit with it does not settle";
   else if (std::abs(value) > absurd_magnitude(*column.entry, m.duration_s))
-    stage.note = "it would come to " + std::to_string(value) + " " + std::string(column.entry->unit) + ", which no sensor has";
-  else if (!passes_gate(m, m.model, extended, first)) stage.note = "the error on data left out of the fit does not fall";
-  else stage.accepted = true;
+    stage.note =
+        "it would come to " + std::to_string(value) + " " + std::string(column.entry->unit) + ", which no sensor has";
+  else if (!passes_gate(m, m.model, extended, first))
+    stage.note = "the error on data left out of the fit does not fall";
+  else
+    stage.accepted = true;
   d.stages.push_back(stage);
   if (!stage.accepted) {
     if (first) {
@@ -162,12 +165,9 @@ bool select_one(RestDiagnosisModel& m, RestDiagnosis& d, bool& table_filled) {
 
 const char* to_string(RestDiagnosis::Verdict verdict) {
   switch (verdict) {
-    case RestDiagnosis::Verdict::clean:
-      return "clean";
-    case RestDiagnosis::Verdict::extended:
-      return "extended";
-    case RestDiagnosis::Verdict::unexplained:
-      return "unexplained";
+    case RestDiagnosis::Verdict::clean: return "clean";
+    case RestDiagnosis::Verdict::extended: return "extended";
+    case RestDiagnosis::Verdict::unexplained: return "unexplained";
   }
   return "?";
 }

@@ -39,10 +39,10 @@ struct RestDiagnosisOptions {
   double false_alarm = 0.01;  // family-wise, for the first component
   double alias_margin = 10.0;
   int max_components = 18;
-  double gate_gain = 0.02;         // the left-out error must fall by this part of itself
-  double unexplained_ratio = 3.0;  // residual over white noise above which "clean" is not said
-  double least_redundancy = 20.0;  // observations beyond the 21 parameters
-  double most_leverage = 5.0;      // left-out error over fitted error, kind by kind
+  double gate_gain = 0.02;            // the left-out error must fall by this part of itself
+  double unexplained_ratio = 3.0;     // residual over white noise above which "clean" is not said
+  double least_redundancy = 20.0;     // observations beyond the 21 parameters
+  double most_leverage = 5.0;         // left-out error over fitted error, kind by kind
   const RestData* holdout = nullptr;  // a second recording of the unit, not used in the fit
 };
 

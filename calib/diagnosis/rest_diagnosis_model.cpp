@@ -22,7 +22,8 @@ RestDiagnosisModel::RestDiagnosisModel(const RestData& the_data, const RestDiagn
                data.recording->info.sample_period_s;
 }
 
-EffectModel RestDiagnosisModel::effect_model(const std::vector<EffectColumn>& columns, const Eigen::VectorXd& values) const {
+EffectModel RestDiagnosisModel::effect_model(const std::vector<EffectColumn>& columns,
+                                             const Eigen::VectorXd& values) const {
   EffectModel result = make_effect_model(columns, site, reference_c);
   result.values.setZero(result.columns);
   result.values.head(values.size()) = values;
@@ -51,7 +52,8 @@ std::vector<int> RestDiagnosisModel::members(const EffectEntry& entry, double ta
 }
 
 bool RestDiagnosisModel::in_model(const EffectEntry* entry) const {
-  return std::any_of(model.columns.begin(), model.columns.end(), [&](const EffectColumn& c) { return c.entry == entry; });
+  return std::any_of(model.columns.begin(), model.columns.end(),
+                     [&](const EffectColumn& c) { return c.entry == entry; });
 }
 
 }  // namespace turncal

@@ -44,10 +44,8 @@ double mean_square(const VectorXd& residual, const VectorXd& weights) {
 }
 
 bool passes_gate(const RestDiagnosisModel& m, const RestModelFit& before, const RestModelFit& after, bool first) {
-  const RestSystem a =
-      make_rest_system(m.data, before.fit.parameters, m.effect_model(before), true);
-  const RestSystem b =
-      make_rest_system(m.data, after.fit.parameters, m.effect_model(after), true);
+  const RestSystem a = make_rest_system(m.data, before.fit.parameters, m.effect_model(before), true);
+  const RestSystem b = make_rest_system(m.data, after.fit.parameters, m.effect_model(after), true);
   const VectorXd yardstick = rest_weights(a, before.fit.floors);
   VectorXd error_before = left_out_residual(a, yardstick);
   VectorXd error_after = left_out_residual(b, rest_weights(b, after.fit.floors));

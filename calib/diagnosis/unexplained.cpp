@@ -72,7 +72,8 @@ constexpr int steps_in_run = 12;
 double length_s(const CompressedRecording& recording) {
   if (recording.blocks.empty()) return 0.0;
   const Block& last = recording.blocks.back();
-  return static_cast<double>(last.start_sample - recording.blocks.front().start_sample) * recording.info.sample_period_s +
+  return static_cast<double>(last.start_sample - recording.blocks.front().start_sample) *
+             recording.info.sample_period_s +
          last.duration_s;
 }
 

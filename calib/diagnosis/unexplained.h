@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/statistics/compression.h"
 #include "calib/model/effects.h"
+#include "calib/statistics/compression.h"
 
 namespace turncal {
 

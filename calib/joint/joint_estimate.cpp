@@ -45,7 +45,9 @@ Eigen::VectorXd all_ranges(const CompressedRecording& recording, const std::vect
 class JointRun {
  public:
   JointRun(const CompressedRecording& recording, const JointOptions& options)
-      : recording_(recording), options_(options), ranges_(all_ranges(recording, options.effects)),
+      : recording_(recording),
+        options_(options),
+        ranges_(all_ranges(recording, options.effects)),
         reference_temperature_c_(options.reference_temperature_c.value_or(
             std::isnan(recording.mean_temperature_c) ? 0.0 : recording.mean_temperature_c)) {
     effects_ = make_effect_model(options.effects, {recording.info.latitude_deg}, reference_temperature_c_);
@@ -72,9 +74,9 @@ class JointRun {
   const double reference_temperature_c_;
   EffectModel effects_;
   std::vector<int> subset_;
-  Eigen::VectorXd start_;   // where the parameters of the subset began
+  Eigen::VectorXd start_;  // where the parameters of the subset began
   SubsetSolution solution_;
-  double misfit_ = 0.0;     // chi-square an observation before the last step of iterate()
+  double misfit_ = 0.0;  // chi-square an observation before the last step of iterate()
   JointResult result_;
 };
 
@@ -94,9 +96,12 @@ JointResult JointRun::run() {
   }
   r.allan = options_.faults_of ? options_.faults_of->allan : allan_deviation(recording_, r.parameters);
   r.reference_temperature_c = reference_temperature_c_;
-  if (options_.noise) r.setup.noise = *options_.noise;
-  else if (options_.start_noise) r.setup.noise = *options_.start_noise;
-  else r.setup.noise = start_noise(recording_, r.allan, sensor_model(r.parameters, recording_.info));
+  if (options_.noise)
+    r.setup.noise = *options_.noise;
+  else if (options_.start_noise)
+    r.setup.noise = *options_.start_noise;
+  else
+    r.setup.noise = start_noise(recording_, r.allan, sensor_model(r.parameters, recording_.info));
   if (options_.faults_of) {
     r.faults = options_.faults_of->faults;
     r.setup.breaks = options_.faults_of->setup.breaks;
@@ -211,8 +216,7 @@ void JointRun::step_within_ranges(const FilterResult& pass, Eigen::VectorXd& ste
   information.diagonal() += weight;
   const Eigen::VectorXd balance = information.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd unit = balance.asDiagonal() * information * balance.asDiagonal();
-  const Eigen::MatrixXd covariance =
-      balance.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd(balance.asDiagonal()));
+  const Eigen::MatrixXd covariance = balance.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd(balance.asDiagonal()));
   step = -covariance * gradient;
   sigma = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
 }
@@ -278,9 +282,9 @@ ParameterVector plausible_ranges(const RecordingInfo& info) {
   // A unit that counts pulses is of navigation grade; one that delivers rad and m/s may be a small one.
   const bool pulses = info.gyro_increment == IncrementKind::pulses;
   ParameterVector ranges;
-  ranges.segment<3>(0).setConstant(pulses ? 1.0 : 2e4);     // deg/h
-  ranges.segment<3>(3).setConstant(pulses ? 0.02 : 0.2);    // g
-  ranges.segment<9>(6).setConstant(pulses ? 0.01 : 0.1);    // of 0.93 or 1
+  ranges.segment<3>(0).setConstant(pulses ? 1.0 : 2e4);   // deg/h
+  ranges.segment<3>(3).setConstant(pulses ? 0.02 : 0.2);  // g
+  ranges.segment<9>(6).setConstant(pulses ? 0.01 : 0.1);  // of 0.93 or 1
   ranges.segment<9>(15).setConstant(pulses ? 0.01 : 0.1);
   return ranges;
 }
@@ -293,7 +297,8 @@ SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::Vec
   // Determined: the data shrink the range to a tenth and less. The scaled matrix is first balanced, so that the small
   // eigenvalues are not lost in the rounding of the large ones.
   const Eigen::VectorXd balance = (A.diagonal().array() + 1.0).sqrt().inverse();
-  const Eigen::MatrixXd B = balance.asDiagonal() * (A + Eigen::MatrixXd::Identity(A.rows(), A.cols())) * balance.asDiagonal();
+  const Eigen::MatrixXd B =
+      balance.asDiagonal() * (A + Eigen::MatrixXd::Identity(A.rows(), A.cols())) * balance.asDiagonal();
   const Eigen::MatrixXd with_prior = balance.asDiagonal() * B.ldlt().solve(Eigen::MatrixXd(balance.asDiagonal()));
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(with_prior);  // sigma^2 / (1 + sigma^2), in ranges
   constexpr double limit = 0.01;                                           // sigma of a tenth of the range
@@ -309,14 +314,16 @@ SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::Vec
         back.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols())) * back.asDiagonal();
   } else {
     // sigma^2 without the prior, on the determined directions only
-    const Eigen::VectorXd variance = eigen.eigenvalues().head(good).array() / (1.0 - eigen.eigenvalues().head(good).array());
+    const Eigen::VectorXd variance =
+        eigen.eigenvalues().head(good).array() / (1.0 - eigen.eigenvalues().head(good).array());
     const Eigen::MatrixXd V = eigen.eigenvectors().leftCols(good);
     solution.covariance = scale.asDiagonal() * V * variance.asDiagonal() * V.transpose() * scale.asDiagonal();
   }
   solution.covariance = (0.5 * (solution.covariance + solution.covariance.transpose())).eval();
   solution.step = -solution.covariance * Eigen::VectorXd(gradient(subset));
   solution.lost.assign(subset.size(), 0);
-  Eigen::VectorXd moved = Eigen::VectorXd::Zero(A.rows());  // variance from the undetermined directions, ranges as prior
+  Eigen::VectorXd moved =
+      Eigen::VectorXd::Zero(A.rows());  // variance from the undetermined directions, ranges as prior
   for (Eigen::Index d = 0; d < solution.undetermined.cols(); ++d)
     moved += eigen.eigenvalues()[good + d] * solution.undetermined.col(d).cwiseProduct(scale).cwiseAbs2();
   for (Eigen::Index i = 0; i < A.rows(); ++i) {
@@ -340,7 +347,9 @@ Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
     return w;
   }
   // A second that stands out (a fault not worth cutting) is limited to 4 sigma: it must not decide alone.
-  const auto value = [&](std::size_t i) -> Eigen::Vector3d { return innovations[i].normalised.cwiseMax(-4.0).cwiseMin(4.0); };
+  const auto value = [&](std::size_t i) -> Eigen::Vector3d {
+    return innovations[i].normalised.cwiseMax(-4.0).cwiseMin(4.0);
+  };
   double square = 0.0;
   double raw = 0.0;
   for (std::size_t i = 0; i < innovations.size(); ++i) {
@@ -354,7 +363,7 @@ Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
   w.level = raw / (3.0 * static_cast<double>(innovations.size()));
   const double worst = w.autocorrelation.cwiseAbs().maxCoeff();
   w.white = worst < 0.1 && w.level > 0.8 && w.level < 1.25;
-  w.message = w.white ? "innovations are white at the noise model"
+  w.message = w.white        ? "innovations are white at the noise model"
               : worst >= 0.1 ? "innovations are correlated in time: the noise model does not fit"
                              : "innovations are larger or smaller than the noise model says";
   return w;

@@ -15,47 +15,48 @@
 #include <string>
 #include <vector>
 
-#include "calib/statistics/allan.h"
-#include "calib/model/effects.h"
 #include "calib/joint/joint_filter.h"
 #include "calib/joint/noise_fit.h"
+#include "calib/model/effects.h"
+#include "calib/statistics/allan.h"
 
 namespace turncal {
 
 struct JointResult;
 
 struct JointOptions {
-  std::optional<Parameters> start;          // default: the paper's start values
-  std::optional<NoiseModel> noise;          // given: not fitted
-  std::optional<NoiseModel> start_noise;    // where the fit begins; default: read off the Allan deviation
+  std::optional<Parameters> start;        // default: the paper's start values
+  std::optional<NoiseModel> noise;        // given: not fitted
+  std::optional<NoiseModel> start_noise;  // where the fit begins; default: read off the Allan deviation
   bool fit_bias_instability = true;
-  std::vector<EffectColumn> effects;        // estimated together with the 21
-  std::vector<EffectColumn> candidates;     // columns of the last pass only
+  std::vector<EffectColumn> effects;              // estimated together with the 21
+  std::vector<EffectColumn> candidates;           // columns of the last pass only
   std::optional<double> reference_temperature_c;  // default: the mean of the recording
-  std::vector<char> unobserved;             // blocks left out (hold-out), see FilterSetup
-  double heading_sigma_rad = 0.02;          // of the heading given at the first sample
+  std::vector<char> unobserved;                   // blocks left out (hold-out), see FilterSetup
+  double heading_sigma_rad = 0.02;                // of the heading given at the first sample
   bool look_for_faults = true;
-  const JointResult* faults_of = nullptr;   // given: its faults and breaks are taken over, none are looked for
+  const JointResult* faults_of = nullptr;  // given: its faults and breaks are taken over, none are looked for
   // With faults_of and noise: one Gauss-Newton step from that fit, parameters and effects' values alone (left-out dwells).
   bool one_step = false;
   int max_iterations = 15;
 };
 
-struct Fault {                               // where the chain was cut, and why
+struct Fault {                                     // where the chain was cut, and why
   std::int64_t first_sample = 0, last_sample = 0;  // the fault lies in [first, last]
   std::size_t block = 0;
-  std::string what;                          // "gap of 1 sample", "velocity step of -0.049 m/s up ...", ...
-  std::string action;                        // "leg set aside", "velocity started anew"
+  std::string what;    // "gap of 1 sample", "velocity step of -0.049 m/s up ...", ...
+  std::string action;  // "leg set aside", "velocity started anew"
 };
 
-struct Undetermined {                        // one direction of parameter space
-  std::vector<std::pair<std::string, double>> combination;  // key, weight (largest first, in file units, norm 1 in ranges)
+struct Undetermined {  // one direction of parameter space
+  std::vector<std::pair<std::string, double>>
+      combination;  // key, weight (largest first, in file units, norm 1 in ranges)
 };
 
 struct Whiteness {
   bool white = false;
-  double level = 0.0;                        // mean square of the normalised innovations; 1 when the noise model is right
-  Eigen::VectorXd autocorrelation;           // lags 1 .. 5 s, mean of the three components
+  double level = 0.0;               // mean square of the normalised innovations; 1 when the noise model is right
+  Eigen::VectorXd autocorrelation;  // lags 1 .. 5 s, mean of the three components
   std::string message;
 };
 
@@ -70,21 +71,21 @@ struct JointResult {
   std::string message = "not run";
   int iterations = 0;
   Parameters parameters;
-  ParameterVector sigma = ParameterVector::Zero();      // file units; 0 for the three fixed and for undetermined ones
+  ParameterVector sigma = ParameterVector::Zero();  // file units; 0 for the three fixed and for undetermined ones
   std::vector<bool> determined = std::vector<bool>(parameter_count, false);
   std::vector<EstimatedEffect> effects;
-  std::vector<int> free;                                // indices into [24 parameters, effects] of the covariance's rows
+  std::vector<int> free;  // indices into [24 parameters, effects] of the covariance's rows
   Eigen::MatrixXd covariance;
-  double reference_temperature_c = 0.0;                 // of temperature effects
+  double reference_temperature_c = 0.0;  // of temperature effects
   NoiseModel noise;
   std::optional<NoiseFit> noise_fit;
   AllanResult allan;
   Whiteness whiteness;
   std::vector<Fault> faults;
   std::vector<Undetermined> undetermined;
-  FilterSetup setup;                                    // as used in the last pass
-  FilterResult last;                                    // information with candidate columns behind the effects
-  double normalised_rms = 0.0;                          // root of the mean square normalised innovation
+  FilterSetup setup;            // as used in the last pass
+  FilterResult last;            // information with candidate columns behind the effects
+  double normalised_rms = 0.0;  // root of the mean square normalised innovation
 };
 
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options = {});
@@ -93,9 +94,9 @@ JointResult joint_estimate(const CompressedRecording& recording, const JointOpti
 ParameterVector plausible_ranges(const RecordingInfo& info);
 // Least-squares step and covariance of a subset of the columns of `result`, with undetermined directions left out.
 struct SubsetSolution {
-  Eigen::VectorXd step;            // of the subset, zero along undetermined directions
+  Eigen::VectorXd step;  // of the subset, zero along undetermined directions
   Eigen::MatrixXd covariance;
-  Eigen::MatrixXd undetermined;    // columns: directions in units of the ranges
+  Eigen::MatrixXd undetermined;  // columns: directions in units of the ranges
   // Of the subset, 1: takes part in an undetermined direction by a tenth and more, or by so little and yet enough to be
   // moved by more than half the sigma it has from the determined ones. Its step and covariance say nothing.
   std::vector<char> lost;

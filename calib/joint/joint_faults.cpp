@@ -48,7 +48,8 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
     if (event.kind == DataEvent::Kind::gap) {
       fault.what = format("gap of %.0f sample(s) in the unit's counter", static_cast<double>(event.count));
       // At rest nothing turned meanwhile but the earth; the block that follows the gap carries it.
-      if (!rotating && event.count < 2000) cut.tilt_sigma_rad = cut.heading_sigma_rad = 1e-6 * static_cast<double>(event.count);
+      if (!rotating && event.count < 2000)
+        cut.tilt_sigma_rad = cut.heading_sigma_rad = 1e-6 * static_cast<double>(event.count);
     } else if (event.kind == DataEvent::Kind::invalid) {
       fault.what = "sample marked invalid by the unit";
     } else {
@@ -57,7 +58,8 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
                    format(", %.0f counts off its neighbours", event.size);
       if (!gyro) cut.tilt_sigma_rad = cut.heading_sigma_rad = 0.0;
     }
-    fault.action = rotating ? "leg set aside: attitude and velocity found anew after it" : "velocity started anew after it";
+    fault.action =
+        rotating ? "leg set aside: attitude and velocity found anew after it" : "velocity started anew after it";
     if (!faults.empty() && faults.back().block == fault.block && faults.back().what == fault.what) {
       faults.back().last_sample = fault.last_sample;
       continue;
@@ -78,7 +80,8 @@ bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Inn
   // What the first seconds after a rotation usually show.
   std::vector<double> after_rotation;
   for (const Innovation& i : innovations)
-    if (i.block > 0 && !recording.blocks[i.block - 1].whole_second) after_rotation.push_back(i.normalised.squaredNorm());
+    if (i.block > 0 && !recording.blocks[i.block - 1].whole_second)
+      after_rotation.push_back(i.normalised.squaredNorm());
   double usual = 0.0;
   if (after_rotation.size() >= 10) {
     const auto rank = after_rotation.begin() + static_cast<std::ptrdiff_t>(after_rotation.size() * 9 / 10);
@@ -110,10 +113,12 @@ bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Inn
   if (in_rotation && std::abs(std::abs(ratio) - std::round(std::abs(ratio))) < 0.1 && std::abs(ratio) > 0.9 &&
       std::abs(ratio) < 20.0)
     fault.what = format(ratio < 0.0 ? "%.0f sample(s) of gravity missing (velocity step down)"
-                                    : "%.0f sample(s) of gravity too many (velocity step up)", std::abs(std::round(ratio)));
+                                    : "%.0f sample(s) of gravity too many (velocity step up)",
+                        std::abs(std::round(ratio)));
   else
     fault.what = format("velocity step of %.3g m/s that no noise explains", worst->velocity_mps.norm());
-  fault.action = in_rotation ? "leg set aside: attitude and velocity found anew after it" : "velocity started anew after it";
+  fault.action =
+      in_rotation ? "leg set aside: attitude and velocity found anew after it" : "velocity started anew after it";
   faults.push_back(fault);
   add_break(breaks, cut);
   return true;

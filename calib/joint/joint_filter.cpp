@@ -5,8 +5,8 @@
 
 #include <Eigen/Cholesky>
 
-#include "calib/model/attitude.h"
 #include "calib/joint/motion_step.h"
+#include "calib/model/attitude.h"
 
 namespace turncal {
 namespace {
@@ -16,7 +16,6 @@ using Eigen::Vector3d;
 // Further from the best attitude nothing is linearised. The first heading, known to 0.02 rad, is nearer.
 constexpr double max_linear_rad = 0.06;
 using Columns = Eigen::MatrixXd;  // one row a parameter, so that all of them move through a 3x3 product together
-
 
 // Takes a turn (rad) and a push (m/s) that the sensors read but the unit did not make off the motion over a block.
 void take_off(const Vector3d& turn, const Vector3d& push, BlockMotion& m) {
@@ -30,8 +29,12 @@ class Filter {
  public:
   Filter(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
          const FilterSetup& setup)
-      : recording_(recording), effects_(effects), setup_(setup), model_(sensor_model(parameters, recording.info)),
-        unit_(si_per_unit(recording.info)), earth_(earth_rate_n(recording.info.latitude_deg)) {}
+      : recording_(recording),
+        effects_(effects),
+        setup_(setup),
+        model_(sensor_model(parameters, recording.info)),
+        unit_(si_per_unit(recording.info)),
+        earth_(earth_rate_n(recording.info.latitude_deg)) {}
 
   FilterResult run();
 
@@ -45,7 +48,8 @@ class Filter {
   BlockMotion model_motion(std::size_t index);
   void block_columns(const Block& block, const BlockMotion& motion);
   void advance(std::size_t index, const BlockMotion& motion);
-  Vector3d navigate(const Block& block, const BlockMotion& motion, const MotionStep& move, const MotionStep& linear, double rho);
+  Vector3d navigate(const Block& block, const BlockMotion& motion, const MotionStep& move, const MotionStep& linear,
+                    double rho);
   void move_columns(const BlockMotion& motion, const Matrix3d& F, const Matrix3d& turn_n, double t);
   void move_columns_by_biases(const Covariance& Phi, double rho);
   void add_bias_noise(double rho, Covariance& Q) const;
@@ -56,7 +60,8 @@ class Filter {
                         const Vector3d& free_mean) const {
     const Block& block = recording_.blocks[index];
     const double before = static_cast<double>(block.start_sample - recording_.blocks.front().start_sample);
-    return {index, (before + 0.5 * block.samples) * recording_.info.sample_period_s, nu, root.matrixL().solve(nu), free_mean};
+    return {index, (before + 0.5 * block.samples) * recording_.info.sample_period_s, nu, root.matrixL().solve(nu),
+            free_mean};
   }
   void accumulate(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root);
   void flush();
@@ -87,10 +92,10 @@ class Filter {
     Matrix3d psi_psi = Matrix3d::Zero(), psi_v = Matrix3d::Zero(), v_v = Matrix3d::Zero();
     double rho = 1.0;
   } deferred_;
-  int p_ = 0;          // parameters and effect components
-  Columns X_;          // p x NS
+  int p_ = 0;             // parameters and effect components
+  Columns X_;             // p x NS
   Columns dr_, dv_, dm_;  // p x 3: derivatives of rotation, velocity and mean velocity of the block, body frame
-  Columns N_;          // p x 3
+  Columns N_;             // p x 3
   BlockColumns base_;
   EffectRegressors regressors_;
   Eigen::MatrixXd buffer_;  // (p + 1) x 48: whitened rows waiting to be added to the information
@@ -150,7 +155,8 @@ void Filter<NS>::start() {
     }
   const Vector3d f_b = model_.accel_scale * level_on->accel / level_on->duration_s - model_.accel_bias_mps2;
   C_nb_ = level(attitude_from_angles(first.heading_deg * rad_per_deg, first.pitch_deg * rad_per_deg,
-                                     first.roll_deg * rad_per_deg), f_b);
+                                     first.roll_deg * rad_per_deg),
+                f_b);
   result_.initial_C_nb = C_nb_;
   linear_C_nb_ = C_nb_;
   free_C_nb_ = C_nb_;
@@ -158,7 +164,8 @@ void Filter<NS>::start() {
   const double tilt = setup_.initial_tilt_sigma_rad * setup_.initial_tilt_sigma_rad;
   const double heading = setup_.initial_heading_sigma_rad * setup_.initial_heading_sigma_rad;
   P_.diagonal().template segment<3>(0) << tilt, heading, tilt;
-  P_.diagonal().template segment<3>(3).setConstant(setup_.initial_velocity_sigma_mps * setup_.initial_velocity_sigma_mps);
+  P_.diagonal().template segment<3>(3).setConstant(setup_.initial_velocity_sigma_mps *
+                                                   setup_.initial_velocity_sigma_mps);
   if constexpr (NS == 12) {
     P_.diagonal().template segment<3>(6).setConstant(std::pow(setup_.noise.gyro_bias_instability_radps, 2));
     P_.diagonal().template segment<3>(9).setConstant(std::pow(setup_.noise.accel_bias_instability_mps2, 2));
@@ -190,19 +197,22 @@ BlockMotion Filter<NS>::model_motion(std::size_t index) {
     const std::size_t after = index + 1 < recording_.blocks.size() ? index + 1 : index;
     const double span = 0.5 * recording_.blocks[before].duration_s + 0.5 * recording_.blocks[after].duration_s +
                         (before != index && after != index ? t : 0.0);
-    s.w_dot_b = after == before || block.whole_second ? Vector3d::Zero().eval() : ((rate(after) - rate(before)) / span).eval();
+    s.w_dot_b =
+        after == before || block.whole_second ? Vector3d::Zero().eval() : ((rate(after) - rate(before)) / span).eval();
     s.C_nb = C_nb_ * rotation_exp(0.5 * motion.rotation);
     s.duration_s = t;
     s.time_s = static_cast<double>(block.start_sample - recording_.blocks.front().start_sample) *
-                   recording_.info.sample_period_s + 0.5 * t;
+                   recording_.info.sample_period_s +
+               0.5 * t;
     const bool rotating = recording_.segments[block.segment].kind == SegmentKind::rotate;
     if (rotating) last_rotation_end_s_ = s.time_s + 0.5 * t;
     s.since_rotation_s = rotating ? 1e9 : s.time_s - last_rotation_end_s_;
     s.temperature_c = std::isnan(block.temperature_c) ? 0.0 : block.temperature_c - effects_.reference_temperature_c;
     const Segment& segment = recording_.segments[block.segment];
     const Segment& from = recording_.segments[rotating && block.segment > 0 ? block.segment - 1 : block.segment];
-    s.table_rad = 0.5 * rad_per_deg * Vector3d(segment.heading_deg + from.heading_deg, segment.pitch_deg + from.pitch_deg,
-                                               segment.roll_deg + from.roll_deg);
+    s.table_rad = 0.5 * rad_per_deg *
+                  Vector3d(segment.heading_deg + from.heading_deg, segment.pitch_deg + from.pitch_deg,
+                           segment.roll_deg + from.roll_deg);
     for (int axis = 0; axis < 3; ++axis)
       if (std::abs(s.f_b[axis]) > 0.5 * standard_gravity_mps2) last_up_[axis] = s.f_b[axis] > 0.0 ? 1.0 : -1.0;
     s.last_up = last_up_;
@@ -242,8 +252,8 @@ void Filter<NS>::block_columns(const Block& block, const BlockMotion& motion) {
 // The unit's motion over a block, navigated: attitude, velocity, biases. Returns the mean velocity of the block, navigated
 // freely since the last rotation began.
 template <int NS>
-Vector3d Filter<NS>::navigate(const Block& block, const BlockMotion& motion, const MotionStep& move, const MotionStep& linear,
-                              double rho) {
+Vector3d Filter<NS>::navigate(const Block& block, const BlockMotion& motion, const MotionStep& move,
+                              const MotionStep& linear, double rho) {
   Vector3d free_mean = v_ + move.mean_dv_n;
   if (setup_.keep_innovations) {
     if (was_static_ && !block.whole_second) {  // a rotation begins: what is known now is all that is used
@@ -251,7 +261,8 @@ Vector3d Filter<NS>::navigate(const Block& block, const BlockMotion& motion, con
       free_v_.setZero();
     }
     was_static_ = block.whole_second;
-    const MotionStep free_move = motion_step(free_C_nb_, motion, earth_, recording_.info.gravity_mps2, block.duration_s);
+    const MotionStep free_move =
+        motion_step(free_C_nb_, motion, earth_, recording_.info.gravity_mps2, block.duration_s);
     free_mean = free_v_ + free_move.mean_dv_n;
     free_C_nb_ = free_move.C_end;
     free_v_ += free_move.dv_n;
@@ -354,8 +365,7 @@ void Filter<NS>::advance(std::size_t index, const BlockMotion& motion) {
   const MotionStep linear = motion_step(linear_C_nb_, motion, earth_, recording_.info.gravity_mps2, t);
   const Matrix3d& C_mid = linear.C_mid;
   // At rest the specific force is known; as measured it would bring its noise into what is taken for certain.
-  const Matrix3d F =
-      block.whole_second ? skew(Vector3d(0.0, recording_.info.gravity_mps2, 0.0)) : linear.F;
+  const Matrix3d F = block.whole_second ? skew(Vector3d(0.0, recording_.info.gravity_mps2, 0.0)) : linear.F;
   const Matrix3d W = C_mid * setup_.noise.angle_random_walk.cwiseAbs2().asDiagonal() * C_mid.transpose();
   const Matrix3d V = C_mid * setup_.noise.velocity_random_walk.cwiseAbs2().asDiagonal() * C_mid.transpose();
   const StepNoise q = step_noise(W, V, F, t);

@@ -20,10 +20,10 @@
 
 #include <Eigen/Core>
 
-#include "calib/statistics/block_motion.h"
-#include "calib/statistics/compression.h"
 #include "calib/model/effect_columns.h"
 #include "calib/model/noise_model.h"
+#include "calib/statistics/block_motion.h"
+#include "calib/statistics/compression.h"
 
 namespace turncal {
 
@@ -41,15 +41,15 @@ struct FilterSetup {
   double initial_tilt_sigma_rad = 0.02;
   double initial_heading_sigma_rad = 0.02;
   double initial_velocity_sigma_mps = 1e-3;
-  bool with_columns = true;           // false: only the likelihood (for the noise fit)
+  bool with_columns = true;  // false: only the likelihood (for the noise fit)
   bool keep_innovations = false;
-  bool keep_motions = false;          // for the noise fit, and to apply effects
+  bool keep_motions = false;  // for the noise fit, and to apply effects
   // The last narrow_columns of the effect columns are scored one at a time: of the information among them only the
   // diagonal is kept, and their products with the first narrow_against columns (of [24 parameters, effects]).
   int narrow_columns = 0;
   int narrow_against = 0;
-  std::vector<Break> breaks;          // in block order
-  std::vector<char> unobserved;       // a block marked 1 is not observed though it is a static second (left-out dwells)
+  std::vector<Break> breaks;     // in block order
+  std::vector<char> unobserved;  // a block marked 1 is not observed though it is a static second (left-out dwells)
 };
 
 // One static second as the filter saw it.
@@ -68,15 +68,15 @@ struct TakenOff {
 };
 
 struct FilterResult {
-  Eigen::MatrixXd information;        // of [24 parameters in file units, effect columns]; rows of fixed ones are there too
-  Eigen::VectorXd gradient;           // sum N' S^-1 nu; the Gauss-Newton step of a free subset is -A^-1 c
-  double chi_square = 0.0;            // sum nu' S^-1 nu
-  double log_determinant = 0.0;       // sum log det S
-  std::int64_t observations = 0;      // scalar ones: three a static second
+  Eigen::MatrixXd information;    // of [24 parameters in file units, effect columns]; rows of fixed ones are there too
+  Eigen::VectorXd gradient;       // sum N' S^-1 nu; the Gauss-Newton step of a free subset is -A^-1 c
+  double chi_square = 0.0;        // sum nu' S^-1 nu
+  double log_determinant = 0.0;   // sum log det S
+  std::int64_t observations = 0;  // scalar ones: three a static second
   std::vector<Innovation> innovations;
-  std::vector<Innovation> left_out;   // of unobserved static seconds: predicted, not used (with keep_innovations)
-  std::vector<BlockMotion> motions;   // of every block, with the values of the effects taken off
-  std::vector<TakenOff> taken_off;    // of every block, with keep_motions
+  std::vector<Innovation> left_out;  // of unobserved static seconds: predicted, not used (with keep_innovations)
+  std::vector<BlockMotion> motions;  // of every block, with the values of the effects taken off
+  std::vector<TakenOff> taken_off;   // of every block, with keep_motions
   Eigen::Matrix3d initial_C_nb = Eigen::Matrix3d::Identity();
 };
 

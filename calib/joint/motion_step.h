@@ -11,16 +11,16 @@
 #include <Eigen/Core>
 
 #include "calib/model/attitude.h"
-#include "calib/statistics/block_motion.h"
 #include "calib/model/noise_model.h"
+#include "calib/statistics/block_motion.h"
 
 namespace turncal {
 
 struct MotionStep {
-  Eigen::Matrix3d turn_n;   // Exp(-w_ie t)
-  Eigen::Matrix3d C_mid;    // C_nb in the middle of the step
-  Eigen::Matrix3d F;        // [f_n x], m/s^2
-  Eigen::Vector3d dv_n;     // v(end) - v
+  Eigen::Matrix3d turn_n;     // Exp(-w_ie t)
+  Eigen::Matrix3d C_mid;      // C_nb in the middle of the step
+  Eigen::Matrix3d F;          // [f_n x], m/s^2
+  Eigen::Vector3d dv_n;       // v(end) - v
   Eigen::Vector3d mean_dv_n;  // mean v - v
   Eigen::Matrix3d C_end;
 };

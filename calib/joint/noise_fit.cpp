@@ -71,7 +71,8 @@ Scoring score(const VelocityLikelihood& likelihood, const std::vector<Group>& gr
     // Variances that stand at zero and want to fall are held there.
     std::vector<Eigen::Index> moving;
     for (std::size_t k = 0; k < n; ++k)
-      if (s[groups[k][0]] > 0.0 || gradient[static_cast<Eigen::Index>(k)] < 0.0) moving.push_back(static_cast<Eigen::Index>(k));
+      if (s[groups[k][0]] > 0.0 || gradient[static_cast<Eigen::Index>(k)] < 0.0)
+        moving.push_back(static_cast<Eigen::Index>(k));
     const Eigen::MatrixXd part = information(moving, moving);
     const Eigen::VectorXd full = part.ldlt().solve(-gradient(moving));
     VelocityLikelihood::Run next;
@@ -115,7 +116,7 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   const std::vector<Group> triads = {{0, 1, 2}, {3, 4, 5}};
   const std::vector<Group> axes = {{0}, {1}, {2}, {3}, {4}, {5}};
   const bool apart_already = options.near_start && (s.segment<3>(0).maxCoeff() > s.segment<3>(0).minCoeff() ||
-                                                     s.segment<3>(3).maxCoeff() > s.segment<3>(3).minCoeff());
+                                                    s.segment<3>(3).maxCoeff() > s.segment<3>(3).minCoeff());
   std::vector<Group> walks;
   if (options.random_walks && apart_already) {
     walks = axes;
@@ -160,7 +161,8 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     const Eigen::MatrixXd covariance = scoring.information.inverse();
     for (std::size_t g = 0; g < walks.size(); ++g)
       for (const int k : walks[g]) {
-        const double sigma = 0.5 * std::sqrt(covariance(static_cast<Eigen::Index>(g), static_cast<Eigen::Index>(g)) / s[k]);
+        const double sigma =
+            0.5 * std::sqrt(covariance(static_cast<Eigen::Index>(g), static_cast<Eigen::Index>(g)) / s[k]);
         (k < 3 ? fit.sigma_angle_random_walk[k] : fit.sigma_velocity_random_walk[k - 3]) = sigma;
       }
   }

@@ -12,16 +12,16 @@
 #include <string>
 #include <vector>
 
-#include "calib/statistics/compression.h"
 #include "calib/joint/joint_filter.h"
 #include "calib/model/noise_model.h"
+#include "calib/statistics/compression.h"
 
 namespace turncal {
 
 struct NoiseFitOptions {
-  bool random_walks = true;        // false: keep those of the start model (configured)
+  bool random_walks = true;  // false: keep those of the start model (configured)
   bool bias_instability = true;
-  bool near_start = false;         // the start model was fitted beside this: axes that agree in it are not looked at apart
+  bool near_start = false;  // the start model was fitted beside this: axes that agree in it are not looked at apart
   int max_iterations = 6;
   int seconds_together = 4;
 };
@@ -29,11 +29,11 @@ struct NoiseFitOptions {
 struct NoiseFit {
   bool converged = false;
   NoiseModel noise;
-  bool axes_differ = false;        // the axes of a triad got values of their own
+  bool axes_differ = false;  // the axes of a triad got values of their own
   // one sigma of the fitted values, in the same order and units as in NoiseModel
   Eigen::Vector3d sigma_angle_random_walk = Eigen::Vector3d::Zero();
   Eigen::Vector3d sigma_velocity_random_walk = Eigen::Vector3d::Zero();
-  double gyro_bias_instability_gain = 0.0;   // 2 (log L - log L without it)
+  double gyro_bias_instability_gain = 0.0;  // 2 (log L - log L without it)
   double accel_bias_instability_gain = 0.0;
   int evaluations = 0;
 };

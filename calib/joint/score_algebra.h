@@ -14,7 +14,7 @@ namespace turncal {
 struct Scores {
   Eigen::MatrixXd Q;
   Eigen::VectorXd s;
-  Eigen::VectorXd kept;   // Q_kk / A_kk: the part of each candidate that the base cannot imitate
+  Eigen::VectorXd kept;  // Q_kk / A_kk: the part of each candidate that the base cannot imitate
 };
 Scores eliminate(const Eigen::MatrixXd& information, const Eigen::VectorXd& gradient, const std::vector<int>& base,
                  const std::vector<int>& candidates);

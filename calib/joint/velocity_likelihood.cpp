@@ -26,7 +26,8 @@ void VelocityLikelihood::add_motion(const Block& block, const BlockMotion& motio
   for (int k = 0; k < 6; ++k) {
     const Vector3d axis = move.C_mid.col(k % 3);
     const Matrix3d unit = axis * axis.transpose();
-    const StepNoise n = k < 3 ? step_noise(unit, Matrix3d::Zero(), move.F, t) : step_noise(Matrix3d::Zero(), unit, move.F, t);
+    const StepNoise n =
+        k < 3 ? step_noise(unit, Matrix3d::Zero(), move.F, t) : step_noise(Matrix3d::Zero(), unit, move.F, t);
     Matrix6 q;
     q << n.psi_psi, n.psi_v, n.psi_v.transpose(), n.v_v;
     interval.q[static_cast<std::size_t>(k)] = phi * interval.q[static_cast<std::size_t>(k)] * phi.transpose() + q;
@@ -60,9 +61,11 @@ void VelocityLikelihood::move_on(const BlockMotion& motion, const Matrix3d& F, c
 }
 
 VelocityLikelihood::VelocityLikelihood(const CompressedRecording& recording, const Parameters& parameters,
-                                       const EffectModel& effects, const FilterSetup& setup, const ParameterVector& ranges,
-                                       int seconds_together)
-    : setup_(setup), earth_(earth_rate_n(recording.info.latitude_deg)), gravity_(recording.info.gravity_mps2),
+                                       const EffectModel& effects, const FilterSetup& setup,
+                                       const ParameterVector& ranges, int seconds_together)
+    : setup_(setup),
+      earth_(earth_rate_n(recording.info.latitude_deg)),
+      gravity_(recording.info.gravity_mps2),
       unit_(si_per_unit(recording.info).cwiseProduct(ranges)) {
   // The motion of every block with the model's effects taken off is what the filter itself navigates on.
   FilterSetup once = setup;
@@ -83,9 +86,7 @@ VelocityLikelihood::VelocityLikelihood(const CompressedRecording& recording, con
       interval.cut_heading += cut->heading_sigma_rad * cut->heading_sigma_rad;
       interval.cut_velocity += cut->velocity_sigma_mps * cut->velocity_sigma_mps;
     }
-    const auto may_join = [&](std::size_t k) {
-      return cut == setup.breaks.end() || cut->block != k;
-    };
+    const auto may_join = [&](std::size_t k) { return cut == setup.breaks.end() || cut->block != k; };
     const auto observed = [&](std::size_t k) {
       return recording.blocks[k].whole_second && (setup.unobserved.empty() || !setup.unobserved[k]);
     };
@@ -126,7 +127,8 @@ VelocityLikelihood::VelocityLikelihood(const CompressedRecording& recording, con
     move_on(motion, move.F, move.turn_n, block.duration_s);
     if (setup.noise.accel_pulse_mps > 0.0)
       for (int axis = 0; axis < 3; ++axis)
-        interval.quantisation[axis] = quantisation_variance(block.accel[axis], block.samples, setup.noise.accel_pulse_mps);
+        interval.quantisation[axis] =
+            quantisation_variance(block.accel[axis], block.samples, setup.noise.accel_pulse_mps);
     intervals_.push_back(interval);
     C_nb_ = move.C_end;
     v_ += move.dv_n;
@@ -137,9 +139,9 @@ VelocityLikelihood::Run VelocityLikelihood::run(const NoiseVariances& s, double 
   Run out;
   out.nu.reserve(intervals_.size());
   out.S.reserve(intervals_.size());
-  Matrix6 P = Matrix6::Zero();    // (psi, v)
-  Matrix6 M = Matrix6::Zero();    // cov((psi, v), (b_g, b_a))
-  Matrix6 B = Matrix6::Zero();    // cov of the biases
+  Matrix6 P = Matrix6::Zero();  // (psi, v)
+  Matrix6 M = Matrix6::Zero();  // cov((psi, v), (b_g, b_a))
+  Matrix6 B = Matrix6::Zero();  // cov of the biases
   P.diagonal().head<3>() << std::pow(setup_.initial_tilt_sigma_rad, 2), std::pow(setup_.initial_heading_sigma_rad, 2),
       std::pow(setup_.initial_tilt_sigma_rad, 2);
   P.diagonal().tail<3>().setConstant(std::pow(setup_.initial_velocity_sigma_mps, 2));
@@ -149,10 +151,10 @@ VelocityLikelihood::Run VelocityLikelihood::run(const NoiseVariances& s, double 
   Eigen::Matrix<double, 6, 1> x = Eigen::Matrix<double, 6, 1>::Zero();
   Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
   const bool biases = s[6] > 0.0 || s[7] > 0.0;
-  Columns6 X = Columns6::Zero();    // as x and b, one column a parameter
+  Columns6 X = Columns6::Zero();  // as x and b, one column a parameter
   Columns6 X_b = Columns6::Zero();
   Eigen::Matrix<double, free_parameter_count, free_parameter_count> A;
-  A.setIdentity();                  // the ranges
+  A.setIdentity();  // the ranges
   for (const Interval& i : intervals_) {
     P.diagonal().head<3>() += Vector3d(i.cut_tilt, i.cut_heading, i.cut_tilt);
     P.diagonal().tail<3>().array() += i.cut_velocity;

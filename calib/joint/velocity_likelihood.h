@@ -17,8 +17,8 @@
 
 #include <Eigen/Core>
 
-#include "calib/statistics/compression.h"
 #include "calib/joint/joint_filter.h"
+#include "calib/statistics/compression.h"
 
 namespace turncal {
 
@@ -34,9 +34,9 @@ class VelocityLikelihood {
                      const FilterSetup& setup, const ParameterVector& ranges, int seconds_together);
 
   struct Run {
-    double value = 0.0;                 // -2 log L, or -2 log L_R
-    double log_det_information = 0.0;   // restricted only
-    std::vector<Eigen::Vector3d> nu;    // innovations and their covariance
+    double value = 0.0;                // -2 log L, or -2 log L_R
+    double log_det_information = 0.0;  // restricted only
+    std::vector<Eigen::Vector3d> nu;   // innovations and their covariance
     std::vector<Eigen::Matrix3d> S;
   };
   Run run(const NoiseVariances& variances, double tau_b, bool restricted) const;
@@ -71,7 +71,7 @@ class VelocityLikelihood {
   Eigen::Vector3d v_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d earth_;
   double gravity_;
-  ParameterVector unit_;   // SI value of a range
+  ParameterVector unit_;           // SI value of a range
   Columns6 X_ = Columns6::Zero();  // d(psi, v)/d(parameters), open loop
   Columns3 dr_, dv_, dm_;          // of the block at hand, body frame
   BlockColumns columns_;

@@ -14,14 +14,14 @@ namespace turncal {
 
 // What a regressor may look at: the motion over one block for the present parameters, SI units.
 struct BlockState {
-  Eigen::Vector3d f_b;            // specific force in the middle of the block, m/s^2
-  Eigen::Vector3d w_b;            // rate, rad/s
-  Eigen::Vector3d w_dot_b;        // angular acceleration, rad/s^2
-  Eigen::Matrix3d C_nb;           // attitude in the middle of the block
+  Eigen::Vector3d f_b;      // specific force in the middle of the block, m/s^2
+  Eigen::Vector3d w_b;      // rate, rad/s
+  Eigen::Vector3d w_dot_b;  // angular acceleration, rad/s^2
+  Eigen::Matrix3d C_nb;     // attitude in the middle of the block
   double duration_s = 0.0;
-  double time_s = 0.0;            // middle of the block, from the first sample
-  double since_rotation_s = 0.0;  // from the end of the last rotation; large before the first
-  double temperature_c = 0.0;     // minus the reference; 0 when not measured
+  double time_s = 0.0;                                  // middle of the block, from the first sample
+  double since_rotation_s = 0.0;                        // from the end of the last rotation; large before the first
+  double temperature_c = 0.0;                           // minus the reference; 0 when not measured
   Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded heading, pitch, roll (half way in a rotation)
   Eigen::Vector3d last_up = Eigen::Vector3d::Zero();    // sign of each f_i when it was last above half a g
 };
@@ -33,9 +33,9 @@ struct EffectRegressors {
 };
 
 struct EffectModel {
-  int columns = 0;                 // number of components
+  int columns = 0;                                                       // number of components
   std::function<void(const BlockState&, EffectRegressors&)> regressors;  // fills all columns
-  Eigen::VectorXd values;          // value of each component in the present model (zero: tested, not used)
+  Eigen::VectorXd values;  // value of each component in the present model (zero: tested, not used)
   double reference_temperature_c = 0.0;
 };
 

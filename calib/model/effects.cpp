@@ -47,89 +47,226 @@ double hours(const BlockState& s) { return s.time_s / 3600.0; }
 
 std::vector<EffectEntry> make_catalogue() {
   std::vector<EffectEntry> c;
-  c.push_back({"accel_second_order", "second-order nonlinearity K2 (IEEE 1293)", "K2 f_i^2", "ug/g^2", xyz, micro_g, {}, false,
+  c.push_back({"accel_second_order",
+               "second-order nonlinearity K2 (IEEE 1293)",
+               "K2 f_i^2",
+               "ug/g^2",
+               xyz,
+               micro_g,
+               {},
+               false,
                "+1 g, -1 g and 0 g on each axis; dwells at 45 deg separate it from the scale asymmetry",
                [](const BlockState& s, const Site&, double, Out, Out a) { diagonal(a, in_g(s).cwiseAbs2()); }});
-  c.push_back({"accel_scale_asymmetry", "scale factor asymmetry (IEEE 1293)", "Ka abs(f_i)", "ppm", xyz, micro_g, {}, false,
+  c.push_back({"accel_scale_asymmetry",
+               "scale factor asymmetry (IEEE 1293)",
+               "Ka abs(f_i)",
+               "ppm",
+               xyz,
+               micro_g,
+               {},
+               false,
                "+1 g, -1 g and 0 g on each axis; dwells at 45 deg separate it from K2",
                [](const BlockState& s, const Site&, double, Out, Out a) { diagonal(a, in_g(s).cwiseAbs()); }});
-  c.push_back({"accel_odd_quadratic", "odd quadratic coefficient (IEEE 1293)", "Ko f_i abs(f_i)", "ug/g^2", xyz, micro_g, {},
-               false, "dwells at 45 deg",
+  c.push_back({"accel_odd_quadratic",
+               "odd quadratic coefficient (IEEE 1293)",
+               "Ko f_i abs(f_i)",
+               "ug/g^2",
+               xyz,
+               micro_g,
+               {},
+               false,
+               "dwells at 45 deg",
                [](const BlockState& s, const Site&, double, Out, Out a) {
                  diagonal(a, in_g(s).cwiseProduct(in_g(s).cwiseAbs()));
                }});
-  c.push_back({"accel_third_order", "third-order nonlinearity K3 (IEEE 1293)", "K3 f_i^3", "ug/g^3", xyz, micro_g, {}, false,
+  c.push_back({"accel_third_order",
+               "third-order nonlinearity K3 (IEEE 1293)",
+               "K3 f_i^3",
+               "ug/g^3",
+               xyz,
+               micro_g,
+               {},
+               false,
                "dwells at 45 deg",
                [](const BlockState& s, const Site&, double, Out, Out a) { diagonal(a, in_g(s).array().cube()); }});
-  c.push_back({"accel_cross_coupling", "cross-coupling Kip, Kio, Kop (IEEE 1293)", "K f_j f_k", "ug/g^2", products, micro_g, {},
-               false, "rotations with velocity carried; dwells at 45 deg",
+  c.push_back({"accel_cross_coupling",
+               "cross-coupling Kip, Kio, Kop (IEEE 1293)",
+               "K f_j f_k",
+               "ug/g^2",
+               products,
+               micro_g,
+               {},
+               false,
+               "rotations with velocity carried; dwells at 45 deg",
                [](const BlockState& s, const Site&, double, Out, Out a) {
                  const Vector3d f = in_g(s);
                  full(a, Vector3d(f.x() * f.y(), f.x() * f.z(), f.y() * f.z()));
                }});
-  c.push_back({"accel_size_effect", "size effect: arm of each accelerometer", "row i of (w' x r_i + w x (w x r_i))", "mm", arms,
-               1e-3, {}, false, "rotations with velocity carried; the common part of the three arms is invisible",
+  c.push_back({"accel_size_effect",
+               "size effect: arm of each accelerometer",
+               "row i of (w' x r_i + w x (w x r_i))",
+               "mm",
+               arms,
+               1e-3,
+               {},
+               false,
+               "rotations with velocity carried; the common part of the three arms is invisible",
                [](const BlockState& s, const Site&, double, Out, Out a) {
                  const Eigen::Matrix3d m = skew(s.w_dot_b) + skew(s.w_b) * skew(s.w_b);
                  for (int i = 0; i < 3; ++i) a.block(i, 3 * i, 1, 3) = m.row(i);
                }});
-  c.push_back({"accel_delay", "time delay of the accelerometers after the gyros", "tau (w x f)", "ms", {"tau"}, 1e-3, {}, false,
+  c.push_back({"accel_delay",
+               "time delay of the accelerometers after the gyros",
+               "tau (w x f)",
+               "ms",
+               {"tau"},
+               1e-3,
+               {},
+               false,
                "rotations with velocity carried",
                [](const BlockState& s, const Site&, double, Out, Out a) { a.col(0) = s.w_b.cross(s.f_b); }});
-  c.push_back({"accel_bias_temperature", "temperature coefficient of bias (IEEE 1293)", "c (T - T_ref)", "ug/C", xyz, micro_g, {},
-               true, "recorded temperature that changes",
-               [](const BlockState& s, const Site&, double, Out, Out a) { diagonal(a, Vector3d::Constant(s.temperature_c)); }});
-  c.push_back({"accel_scale_temperature", "temperature coefficient of scale factor (IEEE 1293)", "c (T - T_ref) f_i", "ppm/C",
-               xyz, micro_g, {}, true, "recorded temperature that changes, +1 g and -1 g at each end",
+  c.push_back(
+      {"accel_bias_temperature",
+       "temperature coefficient of bias (IEEE 1293)",
+       "c (T - T_ref)",
+       "ug/C",
+       xyz,
+       micro_g,
+       {},
+       true,
+       "recorded temperature that changes",
+       [](const BlockState& s, const Site&, double, Out, Out a) { diagonal(a, Vector3d::Constant(s.temperature_c)); }});
+  c.push_back({"accel_scale_temperature",
+               "temperature coefficient of scale factor (IEEE 1293)",
+               "c (T - T_ref) f_i",
+               "ppm/C",
+               xyz,
+               micro_g,
+               {},
+               true,
+               "recorded temperature that changes, +1 g and -1 g at each end",
                [](const BlockState& s, const Site&, double, Out, Out a) { diagonal(a, in_g(s) * s.temperature_c); }});
-  c.push_back({"accel_bias_drift", "bias drift (IEEE 1293)", "c t", "ug/h", xyz, micro_g, {}, false,
-               "a return to an earlier position",
-               [](const BlockState& s, const Site&, double, Out, Out a) { diagonal(a, Vector3d::Constant(hours(s))); }});
-  c.push_back({"accel_warm_up", "warm-up transient of bias (IEEE 1293)", "c exp(-t/tau)", "ug", xyz, micro_g, warm_up_taus_s,
-               false, "a return to an earlier position, dense in the first minutes",
+  c.push_back(
+      {"accel_bias_drift",
+       "bias drift (IEEE 1293)",
+       "c t",
+       "ug/h",
+       xyz,
+       micro_g,
+       {},
+       false,
+       "a return to an earlier position",
+       [](const BlockState& s, const Site&, double, Out, Out a) { diagonal(a, Vector3d::Constant(hours(s))); }});
+  c.push_back({"accel_warm_up", "warm-up transient of bias (IEEE 1293)", "c exp(-t/tau)", "ug", xyz, micro_g,
+               warm_up_taus_s, false, "a return to an earlier position, dense in the first minutes",
                [](const BlockState& s, const Site&, double tau, Out, Out a) {
                  diagonal(a, Vector3d::Constant(std::exp(-s.time_s / tau)));
                }});
-  c.push_back({"gyro_g_sensitivity", "acceleration-sensitive drift (IEEE 952, 647)", "G f", "deg/h/g", nine, radps_per_degph, {},
-               false, "static positions; its symmetric part with heading changes, to tell it from gyro_magnetic",
+  c.push_back({"gyro_g_sensitivity",
+               "acceleration-sensitive drift (IEEE 952, 647)",
+               "G f",
+               "deg/h/g",
+               nine,
+               radps_per_degph,
+               {},
+               false,
+               "static positions; its symmetric part with heading changes, to tell it from gyro_magnetic",
                [](const BlockState& s, const Site&, double, Out g, Out) { full(g, in_g(s)); }});
-  c.push_back({"gyro_scale_asymmetry", "scale factor asymmetry (IEEE 647)", "c abs(w_i)", "ppm", xyz, 1e-6, {}, false,
+  c.push_back({"gyro_scale_asymmetry",
+               "scale factor asymmetry (IEEE 647)",
+               "c abs(w_i)",
+               "ppm",
+               xyz,
+               1e-6,
+               {},
+               false,
                "both senses of rotation",
                [](const BlockState& s, const Site&, double, Out g, Out) { diagonal(g, s.w_b.cwiseAbs()); }});
-  c.push_back({"gyro_rate_nonlinearity", "scale factor nonlinearity (IEEE 647)", "c abs(w_i) w_i / (10 deg/s)", "ppm", xyz, 1e-6, {},
-               false, "different rates (2, 10, 40 deg/s); a single rate aliases the scale factor",
+  c.push_back({"gyro_rate_nonlinearity",
+               "scale factor nonlinearity (IEEE 647)",
+               "c abs(w_i) w_i / (10 deg/s)",
+               "ppm",
+               xyz,
+               1e-6,
+               {},
+               false,
+               "different rates (2, 10, 40 deg/s); a single rate aliases the scale factor",
                [](const BlockState& s, const Site&, double, Out g, Out) {
                  diagonal(g, s.w_b.cwiseAbs().cwiseProduct(s.w_b) / (10.0 * rad_per_deg));
                }});
-  c.push_back({"gyro_bias_temperature", "temperature coefficient of bias (IEEE 647, 952)", "c (T - T_ref)", "deg/h/C", xyz,
-               radps_per_degph, {}, true, "recorded temperature that changes",
-               [](const BlockState& s, const Site&, double, Out g, Out) { diagonal(g, Vector3d::Constant(s.temperature_c)); }});
-  c.push_back({"gyro_scale_temperature", "temperature coefficient of scale factor (IEEE 647, 952)", "c (T - T_ref) w_i", "ppm/C",
-               xyz, 1e-6, {}, true, "recorded temperature that changes, turns at each end",
+  c.push_back(
+      {"gyro_bias_temperature",
+       "temperature coefficient of bias (IEEE 647, 952)",
+       "c (T - T_ref)",
+       "deg/h/C",
+       xyz,
+       radps_per_degph,
+       {},
+       true,
+       "recorded temperature that changes",
+       [](const BlockState& s, const Site&, double, Out g, Out) { diagonal(g, Vector3d::Constant(s.temperature_c)); }});
+  c.push_back({"gyro_scale_temperature",
+               "temperature coefficient of scale factor (IEEE 647, 952)",
+               "c (T - T_ref) w_i",
+               "ppm/C",
+               xyz,
+               1e-6,
+               {},
+               true,
+               "recorded temperature that changes, turns at each end",
                [](const BlockState& s, const Site&, double, Out g, Out) { diagonal(g, s.w_b * s.temperature_c); }});
-  c.push_back({"gyro_bias_drift", "bias drift, rate ramp (IEEE 952)", "c t", "deg/h/h", xyz, radps_per_degph, {}, false,
-               "a longer run, a return to the first position",
-               [](const BlockState& s, const Site&, double, Out g, Out) { diagonal(g, Vector3d::Constant(hours(s))); }});
+  c.push_back(
+      {"gyro_bias_drift",
+       "bias drift, rate ramp (IEEE 952)",
+       "c t",
+       "deg/h/h",
+       xyz,
+       radps_per_degph,
+       {},
+       false,
+       "a longer run, a return to the first position",
+       [](const BlockState& s, const Site&, double, Out g, Out) { diagonal(g, Vector3d::Constant(hours(s))); }});
   c.push_back({"gyro_warm_up", "warm-up transient of bias (IEEE 647)", "c exp(-t/tau)", "deg/h", xyz, radps_per_degph,
                warm_up_taus_s, false, "a longer run, dense in the first minutes",
                [](const BlockState& s, const Site&, double tau, Out g, Out) {
                  diagonal(g, Vector3d::Constant(std::exp(-s.time_s / tau)));
                }});
-  c.push_back({"gyro_magnetic", "magnetic sensitivity (IEEE 647)", "M B_b", "deg/h/G", nine, radps_per_degph, {}, false,
+  c.push_back({"gyro_magnetic",
+               "magnetic sensitivity (IEEE 647)",
+               "M B_b",
+               "deg/h/G",
+               nine,
+               radps_per_degph,
+               {},
+               false,
                "heading changes at each tilt",
                [](const BlockState& s, const Site& site, double, Out g, Out) {
                  full(g, s.C_nb.transpose() * magnetic_field_n(site));
                }});
-  c.push_back({"earth_rate", "error of the earth rate used (latitude)", "C_bn dw_ie", "deg/h", {"north", "up"}, radps_per_degph,
-               {}, false, "lies inside gyro_magnetic; a known latitude",
+  c.push_back({"earth_rate",
+               "error of the earth rate used (latitude)",
+               "C_bn dw_ie",
+               "deg/h",
+               {"north", "up"},
+               radps_per_degph,
+               {},
+               false,
+               "lies inside gyro_magnetic; a known latitude",
                [](const BlockState& s, const Site&, double, Out g, Out) { g = s.C_nb.transpose().leftCols<2>(); }});
-  c.push_back({"post_rotation_relaxation", "relaxation of the accelerometer after a rotation", "c exp(-t/tau) f_i", "ug/g", xyz,
-               micro_g, relaxation_taus_s, false, "first seconds of a dwell",
+  c.push_back({"post_rotation_relaxation", "relaxation of the accelerometer after a rotation", "c exp(-t/tau) f_i",
+               "ug/g", xyz, micro_g, relaxation_taus_s, false, "first seconds of a dwell",
                [](const BlockState& s, const Site&, double tau, Out, Out a) {
                  if (s.since_rotation_s < 1e6) diagonal(a, in_g(s) * std::exp(-s.since_rotation_s / tau));
                }});
-  c.push_back({"gyro_accel_flexure", "elastic misalignment of the gyro triad against the accelerometers", "(E f) x w", "arcsec/g",
-               nine, rad_per_arcsec, {}, false, "rotations about each axis at each tilt",
+  c.push_back({"gyro_accel_flexure",
+               "elastic misalignment of the gyro triad against the accelerometers",
+               "(E f) x w",
+               "arcsec/g",
+               nine,
+               rad_per_arcsec,
+               {},
+               false,
+               "rotations about each axis at each tilt",
                [](const BlockState& s, const Site&, double, Out g, Out) {
                  // E_ij f_j turns the gyro triad about axis i: e_i x w f_j
                  const Vector3d f = in_g(s);
@@ -164,8 +301,7 @@ double absurd_magnitude(const EffectEntry& entry, double duration_s) {
 std::span<const std::string_view> unobservable_quantities() {
   static constexpr std::array<std::string_view, 4> names = {
       "error of the local gravity entered for the site (it is the common accelerometer scale factor)",
-      "arm from the table's centre to the unit's centre",
-      "sag of the whole fixture",
+      "arm from the table's centre to the unit's centre", "sag of the whole fixture",
       "error of the table's angles (they are not used as truth beyond the first heading)"};
   return names;
 }
@@ -185,7 +321,8 @@ std::vector<EffectColumn> catalogue_columns(const RecordingInfo& info) {
   return columns;
 }
 
-EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Site& site, double reference_temperature_c) {
+EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Site& site,
+                              double reference_temperature_c) {
   // Consecutive columns of one entry and one tau are written together; a column picks its component from that.
   struct Part {
     const EffectEntry* entry;

@@ -18,20 +18,20 @@
 
 namespace turncal {
 
-struct Site {               // what regressors need to know of the place
+struct Site {  // what regressors need to know of the place
   double latitude_deg = 0.0;
 };
 
 struct EffectEntry {
   std::string_view name;
-  std::string_view term;                    // in the sense of the standards
+  std::string_view term;  // in the sense of the standards
   std::string_view formula;
   std::string_view unit;
   std::vector<std::string_view> components;
-  double si = 1.0;                          // one unit in rad/s (gyro) or m/s^2 (accelerometer) terms of `write`
-  std::vector<double> taus_s;               // variants; empty: none
+  double si = 1.0;             // one unit in rad/s (gyro) or m/s^2 (accelerometer) terms of `write`
+  std::vector<double> taus_s;  // variants; empty: none
   bool needs_temperature = false;
-  std::string_view seen_by;                 // the positions or rates that would show it
+  std::string_view seen_by;  // the positions or rates that would show it
   // Adds one unit of component k to column k of gyro and accel (3 x components, zero before), times si.
   void (*write)(const BlockState& s, const Site& site, double tau_s, Eigen::Ref<Eigen::Matrix3Xd> gyro,
                 Eigen::Ref<Eigen::Matrix3Xd> accel);
@@ -49,13 +49,14 @@ std::span<const std::string_view> unobservable_quantities();
 struct EffectColumn {
   const EffectEntry* entry = nullptr;
   int component = 0;
-  double tau_s = 0.0;                       // 0: the effect has none
-  std::string key() const;                  // "accel_second_order.x"
+  double tau_s = 0.0;       // 0: the effect has none
+  std::string key() const;  // "accel_second_order.x"
 };
 
 // The whole catalogue as columns (with every variant), or a choice of them. Effects that need a temperature are left out
 // when the recording has none.
 std::vector<EffectColumn> catalogue_columns(const RecordingInfo& info);
-EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Site& site, double reference_temperature_c);
+EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Site& site,
+                              double reference_temperature_c);
 
 }  // namespace turncal

@@ -15,10 +15,10 @@ namespace turncal {
 struct NoiseModel {
   Eigen::Vector3d angle_random_walk = Eigen::Vector3d::Constant(5.8e-7);     // rad/sqrt(s)
   Eigen::Vector3d velocity_random_walk = Eigen::Vector3d::Constant(7.8e-5);  // m/s/sqrt(s)
-  double gyro_bias_instability_radps = 0.0;   // sigma_b of the Gauss-Markov process; 0 switches it off
+  double gyro_bias_instability_radps = 0.0;  // sigma_b of the Gauss-Markov process; 0 switches it off
   double accel_bias_instability_mps2 = 0.0;
-  double bias_correlation_s = 300.0;          // tau_b
-  double gyro_pulse_rad = 0.0;                // one-pulse quantisation; 0 for data that are not counted
+  double bias_correlation_s = 300.0;  // tau_b
+  double gyro_pulse_rad = 0.0;        // one-pulse quantisation; 0 for data that are not counted
   double accel_pulse_mps = 0.0;
 };
 

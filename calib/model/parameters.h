@@ -32,7 +32,7 @@ inline constexpr std::array<std::string_view, parameter_count> parameter_keys = 
     "N01", "N02", "N03", "A01", "A02", "A03", "n11", "n12", "n13", "n21", "n22", "n23",
     "n31", "n32", "n33", "a11", "a12", "a13", "a21", "a22", "a23", "a31", "a32", "a33"};
 inline constexpr std::array<bool, parameter_count> parameter_is_free = {
-    true, true, true, true, true, true, true, true, true, true, true, true,
+    true, true, true, true, true, true, true,  true, true, true,  true,  true,
     true, true, true, true, true, true, false, true, true, false, false, true};
 
 using ParameterVector = Eigen::Matrix<double, parameter_count, 1>;
@@ -53,9 +53,9 @@ Parameters start_parameters(const RecordingInfo& info);
 // SI form for computation: increments of one interval of length dt_s are
 //   dtheta_b [rad] = gyro_scale * counts - gyro_bias_radps * dt_s,  dv_b [m/s] = accel_scale * counts - accel_bias_mps2 * dt_s
 struct SensorModel {
-  Eigen::Matrix3d gyro_scale;       // rad per count
+  Eigen::Matrix3d gyro_scale;  // rad per count
   Eigen::Vector3d gyro_bias_radps;
-  Eigen::Matrix3d accel_scale;      // m/s per count
+  Eigen::Matrix3d accel_scale;  // m/s per count
   Eigen::Vector3d accel_bias_mps2;
 };
 SensorModel sensor_model(const Parameters& parameters, const RecordingInfo& info);

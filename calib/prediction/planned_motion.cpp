@@ -20,15 +20,19 @@ using Eigen::Vector3d;
 // A vector that stands still in n, seen from the body while it turns by theta about u: Exp(-theta u) v.
 struct TurningVector {
   Vector3d along, across, third;
-  TurningVector(const Vector3d& v_b, const Vector3d& u) : along(u * u.dot(v_b)), across(v_b - along), third(u.cross(v_b)) {}
+  TurningVector(const Vector3d& v_b, const Vector3d& u)
+      : along(u * u.dot(v_b)), across(v_b - along), third(u.cross(v_b)) {}
   Vector3d at(double cosine, double sine) const { return along + across * cosine - third * sine; }
 };
 
 class Unit {
  public:
   Unit(const RecordingInfo& info, const Parameters& parameters, const std::optional<TemperatureProfile>& temperature)
-      : model_(sensor_model(parameters, info)), gyro_counts_(model_.gyro_scale.inverse()),
-        accel_counts_(model_.accel_scale.inverse()), period_s_(info.sample_period_s), temperature_(temperature),
+      : model_(sensor_model(parameters, info)),
+        gyro_counts_(model_.gyro_scale.inverse()),
+        accel_counts_(model_.accel_scale.inverse()),
+        period_s_(info.sample_period_s),
+        temperature_(temperature),
         compressor_(info, undisturbed()) {}
 
   void begin(const Segment& segment) { compressor_.begin_segment(segment); }
@@ -92,14 +96,16 @@ class Unit {
 };
 
 Matrix3d attitude_at(const AxisTriple& deg) {
-  return attitude_from_angles(deg[Axis::heading] * rad_per_deg, deg[Axis::pitch] * rad_per_deg, deg[Axis::roll] * rad_per_deg);
+  return attitude_from_angles(deg[Axis::heading] * rad_per_deg, deg[Axis::pitch] * rad_per_deg,
+                              deg[Axis::roll] * rad_per_deg);
 }
 
 // The axis of a move in the body, sense of growing angle.
 Vector3d axis_b(Axis axis, const Matrix3d& C_nb, const AxisTriple& at_deg) {
   switch (axis) {
     case Axis::heading: return -C_nb.transpose() * Vector3d::UnitY();
-    case Axis::pitch: return Eigen::AngleAxisd(-at_deg[Axis::roll] * rad_per_deg, Vector3d::UnitX()) * Vector3d::UnitZ();
+    case Axis::pitch:
+      return Eigen::AngleAxisd(-at_deg[Axis::roll] * rad_per_deg, Vector3d::UnitX()) * Vector3d::UnitZ();
     case Axis::roll: return Vector3d::UnitX();
   }
   return Vector3d::UnitX();
@@ -124,7 +130,8 @@ double trapezoid_angle_deg(double angle_deg, double rate_degps, double accelerat
   return std::copysign(t_s <= 0.5 * duration ? gone : std::abs(angle_deg) - gone, angle_deg);
 }
 
-CompressedRecording planned_recording(const RecordingInfo& info_given, const PlannedMotion& motion, const Parameters& parameters,
+CompressedRecording planned_recording(const RecordingInfo& info_given, const PlannedMotion& motion,
+                                      const Parameters& parameters,
                                       const std::optional<TemperatureProfile>& temperature) {
   RecordingInfo info = info_given;
   info.has_temperature = temperature.has_value();
@@ -146,8 +153,13 @@ CompressedRecording planned_recording(const RecordingInfo& info_given, const Pla
     }
     const Vector3d u = move ? axis_b(item.axis, C_nb, at_deg) : Vector3d::UnitX();
     if (move) at_deg[item.axis] = item.to_deg;
-    Segment segment{item.step,  move ? SegmentKind::rotate : item.dwell_kind, start, start + item.samples,
-                    at_deg[Axis::heading], at_deg[Axis::pitch], at_deg[Axis::roll]};
+    Segment segment{item.step,
+                    move ? SegmentKind::rotate : item.dwell_kind,
+                    start,
+                    start + item.samples,
+                    at_deg[Axis::heading],
+                    at_deg[Axis::pitch],
+                    at_deg[Axis::roll]};
     start = segment.end_sample;
     unit.begin(segment);
 

@@ -16,9 +16,9 @@
 #include <optional>
 #include <vector>
 
-#include "calib/types/axis.h"
-#include "calib/statistics/compression.h"
 #include "calib/model/parameters.h"
+#include "calib/statistics/compression.h"
+#include "calib/types/axis.h"
 #include "calib/types/recording_types.h"
 
 namespace turncal {
@@ -26,21 +26,21 @@ namespace turncal {
 struct PlannedMotionItem {
   enum class Kind { move, dwell } kind = Kind::dwell;
   int step = 0;
-  std::int64_t samples = 0;                    // of a move: settling included
-  SegmentKind dwell_kind = SegmentKind::still; // align or still
-  Axis axis = Axis::heading;                   // of a move, as the next four
+  std::int64_t samples = 0;                     // of a move: settling included
+  SegmentKind dwell_kind = SegmentKind::still;  // align or still
+  Axis axis = Axis::heading;                    // of a move, as the next four
   double from_deg = 0.0;
   double to_deg = 0.0;
-  double rate_degps = 0.0;                     // above zero
-  double acceleration_degps2 = 0.0;            // above zero, the same for braking
+  double rate_degps = 0.0;           // above zero
+  double acceleration_degps2 = 0.0;  // above zero, the same for braking
 };
 
 struct PlannedMotion {
-  AxisTriple start_deg;                        // where the table stands at the first sample
-  std::vector<PlannedMotionItem> items;        // in order
+  AxisTriple start_deg;                  // where the table stands at the first sample
+  std::vector<PlannedMotionItem> items;  // in order
 };
 
-struct TemperatureProfile {                    // T = start + rise (1 - exp(-t/tau))
+struct TemperatureProfile {  // T = start + rise (1 - exp(-t/tau))
   double start_c = 24.0;
   double rise_c = 0.0;
   double tau_s = 2400.0;

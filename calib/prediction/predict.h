@@ -14,21 +14,21 @@
 #include <string>
 #include <vector>
 
-#include "calib/model/effects.h"
 #include "calib/joint/joint_estimate.h"
+#include "calib/model/effects.h"
 #include "calib/prediction/planned_motion.h"
 
 namespace turncal {
 
 struct PredictOptions {
-  NoiseModel noise;                  // its pulses are those of the RecordingInfo, whatever is set
-  std::optional<Parameters> unit;    // default: typical_unit(info)
+  NoiseModel noise;                               // its pulses are those of the RecordingInfo, whatever is set
+  std::optional<Parameters> unit;                 // default: typical_unit(info)
   std::optional<TemperatureProfile> temperature;  // without one, effects of temperature are not looked at
-  double heading_sigma_rad = 0.02;   // of the heading given at the first sample
+  double heading_sigma_rad = 0.02;                // of the heading given at the first sample
   bool effects = false;
 };
 
-struct PredictedEffect {             // one component, added alone to the 21 parameters
+struct PredictedEffect {  // one component, added alone to the 21 parameters
   EffectColumn column;
   double sigma = 0.0;
   double detectable = 0.0;           // 5 sigma
@@ -38,16 +38,16 @@ struct PredictedEffect {             // one component, added alone to the 21 par
 };
 
 struct Prediction {
-  std::string message = "not run";   // of the estimator
+  std::string message = "not run";  // of the estimator
   bool valid = false;
   std::int64_t samples = 0;
-  double static_s = 0.0;             // observed static seconds
+  double static_s = 0.0;                            // observed static seconds
   ParameterVector sigma = ParameterVector::Zero();  // 0 for the three fixed and for undetermined ones
   std::vector<int> free;                            // parameter of each row of the covariance
   Eigen::MatrixXd covariance;                       // file units; along determined directions only
   std::vector<bool> determined;
   std::vector<Undetermined> undetermined;
-  std::vector<PredictedEffect> effects;             // catalogue order, every variant
+  std::vector<PredictedEffect> effects;  // catalogue order, every variant
 };
 
 Prediction predict(const RecordingInfo& info, const PlannedMotion& motion, const PredictOptions& options);

@@ -307,12 +307,9 @@ Eigen::Matrix<double, 2, 3> axes_across(const Vector3d& v) {
 
 const char* to_string(RestKind kind) {
   switch (kind) {
-    case RestKind::norm:
-      return "gravity norm at rest";
-    case RestKind::direction:
-      return "gravity direction after a rotation";
-    case RestKind::gyro:
-      return "gyros at rest";
+    case RestKind::norm: return "gravity norm at rest";
+    case RestKind::direction: return "gravity direction after a rotation";
+    case RestKind::gyro: return "gyros at rest";
   }
   return "?";
 }

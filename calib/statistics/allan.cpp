@@ -85,7 +85,7 @@ AllanResult allan_deviation(const CompressedRecording& recording, const Paramete
   int segment = -1;
   for (const Block& block : recording.blocks) {
     const bool joins = block.whole_second && (block.segment == segment || segment < 0 ||
-                       recording.segments[block.segment].kind != SegmentKind::rotate);
+                                              recording.segments[block.segment].kind != SegmentKind::rotate);
     if (!block.whole_second || !joins) {
       close();
       segment = -1;
@@ -98,7 +98,8 @@ AllanResult allan_deviation(const CompressedRecording& recording, const Paramete
     segment = block.segment;
     for (std::size_t axis = 0; axis < 6; ++axis) {
       const double counts = axis < 3 ? block.gyro[static_cast<int>(axis)] : block.accel[static_cast<int>(axis) - 3];
-      const bool pulses = (axis < 3 ? recording.info.gyro_increment : recording.info.accel_increment) == IncrementKind::pulses;
+      const bool pulses =
+          (axis < 3 ? recording.info.gyro_increment : recording.info.accel_increment) == IncrementKind::pulses;
       open[axis].push_back(open[axis].back() + std::llround(pulses ? counts : counts / grid_physical));
     }
   }
@@ -106,7 +107,8 @@ AllanResult allan_deviation(const CompressedRecording& recording, const Paramete
 
   for (std::size_t axis = 0; axis < 6; ++axis) {
     const int k = static_cast<int>(axis % 3);
-    const bool pulses = (axis < 3 ? recording.info.gyro_increment : recording.info.accel_increment) == IncrementKind::pulses;
+    const bool pulses =
+        (axis < 3 ? recording.info.gyro_increment : recording.info.accel_increment) == IncrementKind::pulses;
     const double si = (axis < 3 ? model.gyro_scale(k, k) : model.accel_scale(k, k)) * (pulses ? 1.0 : grid_physical);
     std::size_t longest = 0;
     for (const Series& series : dwells[axis]) longest = std::max(longest, (series.size() - 1) / 3);

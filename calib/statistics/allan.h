@@ -13,22 +13,22 @@
 
 #include <Eigen/Core>
 
-#include "calib/statistics/compression.h"
 #include "calib/model/parameters.h"
+#include "calib/statistics/compression.h"
 
 namespace turncal {
 
 struct AllanPoint {
   double tau_s = 0.0;
-  double deviation = 0.0;   // rad/s or m/s^2
-  double clusters = 0.0;    // independent ones, about
+  double deviation = 0.0;  // rad/s or m/s^2
+  double clusters = 0.0;   // independent ones, about
 };
 
-struct AllanFit {           // SI: rad or m/s, per sqrt(s), per s, per s^1.5
-  double quantisation = 0.0;       // Q
-  double random_walk = 0.0;        // N
-  double bias_instability = 0.0;   // B
-  double rate_random_walk = 0.0;   // K
+struct AllanFit {                 // SI: rad or m/s, per sqrt(s), per s, per s^1.5
+  double quantisation = 0.0;      // Q
+  double random_walk = 0.0;       // N
+  double bias_instability = 0.0;  // B
+  double rate_random_walk = 0.0;  // K
   double longest_tau_s = 0.0;
 };
 
@@ -40,8 +40,9 @@ struct AllanAxis {
 // Axes in the order gyro x y z, accelerometer x y z. Dwells shorter than `min_dwell_s` are left out.
 struct AllanResult {
   std::array<AllanAxis, 6> axes;
-  double total_s = 0.0;     // static time used
+  double total_s = 0.0;  // static time used
 };
-AllanResult allan_deviation(const CompressedRecording& recording, const Parameters& parameters, double min_dwell_s = 50.0);
+AllanResult allan_deviation(const CompressedRecording& recording, const Parameters& parameters,
+                            double min_dwell_s = 50.0);
 
 }  // namespace turncal

@@ -26,14 +26,13 @@ BlockMotion evaluate(const Block& block, const SensorModel& m, double period_s) 
   const Eigen::Vector3d speed_time = m.accel_scale * block.accel_time;
 
   // sum over i < j of (x_i - b dt) x (x_j - b dt): the bias meets first moments only.
-  const Eigen::Vector3d prefix = angle * (t - 0.5 * period_s) - angle_time;   // sum theta_j dt
-  const Eigen::Vector3d before = angle_time - 0.5 * period_s * angle;         // sum t_j alpha_j
+  const Eigen::Vector3d prefix = angle * (t - 0.5 * period_s) - angle_time;  // sum theta_j dt
+  const Eigen::Vector3d before = angle_time - 0.5 * period_s * angle;        // sum t_j alpha_j
   const Eigen::Vector3d coning = cofactor(m.gyro_scale) * block.coning - prefix.cross(b) - b.cross(before);
 
   const Eigen::Vector3d middle = angle * t - angle_time;  // sum x_i dt, x_i the angle at the middle of sample i
-  const Eigen::Vector3d sculling =
-      cross_of_outer(m.gyro_scale * block.sculling * m.accel_scale.transpose()) - middle.cross(f0) -
-      b.cross(speed_time) + 0.5 * t * t * b.cross(f0);
+  const Eigen::Vector3d sculling = cross_of_outer(m.gyro_scale * block.sculling * m.accel_scale.transpose()) -
+                                   middle.cross(f0) - b.cross(speed_time) + 0.5 * t * t * b.cross(f0);
 
   BlockMotion motion;
   motion.rotation = angle - b * t + 0.5 * coning;
@@ -100,8 +99,8 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
       // accelerometer scale and installation
       const int a = 15 + 3 * i + j;
       const Eigen::Vector3d push = e_i * block.accel[j];
-      columns.velocity.col(a) = unit[a] * (push + (gyro_sum.col(j) - block.accel_time[j] * b).cross(e_i) +
-                                           r_skew * (r_skew * push) / 6.0);
+      columns.velocity.col(a) =
+          unit[a] * (push + (gyro_sum.col(j) - block.accel_time[j] * b).cross(e_i) + r_skew * (r_skew * push) / 6.0);
       const Eigen::Vector3d mean_push = e_i * (block.accel[j] - block.accel_time[j] / t);
       columns.mean_velocity.col(a) = unit[a] * (mean_push + r.cross(mean_push) / 3.0);
     }

@@ -16,8 +16,8 @@
 
 #include <Eigen/Core>
 
-#include "calib/statistics/compression.h"
 #include "calib/model/parameters.h"
+#include "calib/statistics/compression.h"
 
 namespace turncal {
 

@@ -24,8 +24,8 @@ Block merge(const Block& a, const Block& b) {
   const double total = static_cast<double>(a.samples + b.samples);
   m.samples += b.samples;
   m.missing += b.missing;
-  m.temperature_c = static_cast<float>((static_cast<double>(a.temperature_c) * a.samples +
-                                        static_cast<double>(b.temperature_c) * b.samples) / total);
+  m.temperature_c = static_cast<float>(
+      (static_cast<double>(a.temperature_c) * a.samples + static_cast<double>(b.temperature_c) * b.samples) / total);
   m.duration_s += b.duration_s;
   m.gyro += b.gyro;
   m.accel += b.accel;
@@ -102,8 +102,8 @@ void Compressor::add_one(const ImuSample& sample) {
   }
   const double s = (static_cast<double>(b.samples + b.missing) + 0.5) * dt;
   b.coning += (b.gyro + previous_gyro_ / 6.0).cross(alpha);
-  b.sculling += (b.gyro + 0.5 * alpha + previous_gyro_ / 12.0) * beta.transpose() -
-                alpha * (previous_accel_ / 12.0).transpose();
+  b.sculling +=
+      (b.gyro + 0.5 * alpha + previous_gyro_ / 12.0) * beta.transpose() - alpha * (previous_accel_ / 12.0).transpose();
   b.gyro += alpha;
   b.accel += beta;
   b.gyro_time += s * alpha;

@@ -49,17 +49,17 @@ Block merge(const Block& first, const Block& second);
 
 struct DataEvent {
   enum class Kind { gap, duplicate, invalid, gyro_glitch, accel_glitch } kind = Kind::gap;
-  std::int64_t sample = 0;   // counter
-  std::int64_t count = 1;    // samples concerned
-  int axis = -1;             // 0 1 2, or -1
-  double size = 0.0;         // glitches: in counts above the neighbours
+  std::int64_t sample = 0;  // counter
+  std::int64_t count = 1;   // samples concerned
+  int axis = -1;            // 0 1 2, or -1
+  double size = 0.0;        // glitches: in counts above the neighbours
 };
 const char* to_string(DataEvent::Kind kind);
 
 struct CompressedRecording {
   RecordingInfo info;
-  Segments segments;            // in the order in which they came, contiguous
-  std::vector<Block> blocks;    // in time order
+  Segments segments;          // in the order in which they came, contiguous
+  std::vector<Block> blocks;  // in time order
   std::vector<DataEvent> events;
   std::int64_t samples = 0;
   double mean_temperature_c = 0.0;  // over all samples; NaN when not measured
@@ -97,14 +97,14 @@ class Compressor {
   Block block_;
   bool in_segment_ = false;
   int static_block_samples_ = 200;
-  double static_counts_ = 0.0;          // |sum alpha| at which a static block is closed early, in counts
-  double rotation_counts_ = 0.0;        // the same for a rotation block
+  double static_counts_ = 0.0;    // |sum alpha| at which a static block is closed early, in counts
+  double rotation_counts_ = 0.0;  // the same for a rotation block
   std::int64_t next_counter_ = 0;
   bool have_previous_ = false;
   Eigen::Vector3d previous_gyro_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d previous_accel_ = Eigen::Vector3d::Zero();
-  double temperature_sum_ = 0.0;        // over the block
-  double temperature_total_ = 0.0;      // over the recording
+  double temperature_sum_ = 0.0;    // over the block
+  double temperature_total_ = 0.0;  // over the recording
   std::int64_t temperature_count_ = 0;
   // Glitch detection: the last two samples and a running mean square of second differences for each of six channels.
   Eigen::Matrix<double, 6, 1> last_ = Eigen::Matrix<double, 6, 1>::Zero();

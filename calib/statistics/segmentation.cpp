@@ -235,9 +235,8 @@ Segmentation find_rests(const RecordingInfo& info, std::span<const ImuSample> sa
 }
 
 bool without_table_angles(const Segments& segments) {
-  return std::all_of(segments.begin(), segments.end(), [](const Segment& s) {
-    return s.heading_deg == 0.0 && s.pitch_deg == 0.0 && s.roll_deg == 0.0;
-  });
+  return std::all_of(segments.begin(), segments.end(),
+                     [](const Segment& s) { return s.heading_deg == 0.0 && s.pitch_deg == 0.0 && s.roll_deg == 0.0; });
 }
 
 Agreement compare_rests(const Segments& a, const Segments& b, double sample_period_s) {

@@ -14,11 +14,11 @@ namespace turncal {
 
 // One row: increments over the sample that ends at counter `counter`. Whole numbers when the unit counts pulses.
 struct ImuSample {
-  std::int64_t counter = 0;             // the unit's counter, unwrapped; a jump of more than 1 is a gap
-  std::array<double, 3> gyro{};         // pulses or rad, body axes x y z
-  std::array<double, 3> accel{};        // pulses or m/s
+  std::int64_t counter = 0;       // the unit's counter, unwrapped; a jump of more than 1 is a gap
+  std::array<double, 3> gyro{};   // pulses or rad, body axes x y z
+  std::array<double, 3> accel{};  // pulses or m/s
   float temperature_c = std::numeric_limits<float>::quiet_NaN();  // NaN: not measured
-  std::uint32_t flags = 0;              // 0 good; bits below
+  std::uint32_t flags = 0;                                        // 0 good; bits below
 };
 inline constexpr std::uint32_t sample_flag_invalid = 1;  // the unit marked its data as bad
 
@@ -33,7 +33,7 @@ struct RecordingInfo {
   IncrementKind accel_increment = IncrementKind::pulses;
   double accel_pulse_mps = 0.0;  // nominal m/s per pulse; used when accel_increment is pulses
   bool has_temperature = false;
-  bool simulated = false;        // made by the rig: never yields a production parameter file
+  bool simulated = false;  // made by the rig: never yields a production parameter file
 };
 
 // align and static: the unit is at rest. rotate: it may be moving (moves, settling, and dwells that were repeated).

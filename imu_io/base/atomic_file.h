@@ -27,8 +27,8 @@ class AtomicFile {
   AtomicFile(PosixFile file, std::string path) : file_(std::move(file)), path_(std::move(path)) {}
   Status flush();
 
-  PosixFile file_;      // under the temporary name
-  std::string path_;    // the final name; empty once committed or moved from
+  PosixFile file_;    // under the temporary name
+  std::string path_;  // the final name; empty once committed or moved from
   std::string buffer_;
   bool failed_ = false;
 };

@@ -15,7 +15,7 @@ namespace turncal {
 static_assert(std::endian::native == std::endian::little, "files are little-endian and written without swapping");
 
 template <class T>
-  requires std::is_arithmetic_v<T>
+requires std::is_arithmetic_v<T>
 void append_bytes(std::vector<std::byte>& out, T value) {
   const std::size_t place = out.size();
   out.resize(place + sizeof value);
@@ -30,8 +30,7 @@ inline void append_bytes(std::vector<std::byte>& out, std::string_view text) {
 
 // REQUIRES: sizeof(T) bytes at `from`.
 template <class T>
-  requires std::is_arithmetic_v<T>
-T load_bytes(const std::byte* from) {
+requires std::is_arithmetic_v<T> T load_bytes(const std::byte* from) {
   T value;
   std::memcpy(&value, from, sizeof value);
   return value;
@@ -43,8 +42,7 @@ class ByteReader {
   explicit ByteReader(std::span<const std::byte> data) : data_(data) {}
 
   template <class T>
-    requires std::is_arithmetic_v<T>
-  T get() {
+  requires std::is_arithmetic_v<T> T get() {
     const auto bytes = take(sizeof(T));
     return bytes.empty() ? T{} : load_bytes<T>(bytes.data());
   }

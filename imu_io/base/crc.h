@@ -11,7 +11,7 @@
 namespace turncal {
 
 struct CrcParameters {
-  int width = 16;  // 8 to 32
+  int width = 16;                     // 8 to 32
   std::uint32_t polynomial = 0x1021;  // without the leading one, highest power in the highest bit
   std::uint32_t initial = 0;          // of the register, not reflected
   bool reflect_input = false;

@@ -20,8 +20,7 @@ using NumberBuffer = std::array<char, 32>;
 // double, float and every integer type. -0.0 gives "-0". From 1e-4 to 1e15 without an exponent, which people read more
 // easily ("0.0005", not "5e-04"); the digits are the same.
 template <class T>
-  requires(std::integral<T> || std::floating_point<T>)
-std::string_view format_number(T value, NumberBuffer& buffer) {
+requires(std::integral<T> || std::floating_point<T>) std::string_view format_number(T value, NumberBuffer& buffer) {
   char* const begin = buffer.data();
   char* const end = begin + buffer.size();
   std::to_chars_result result{};
@@ -36,15 +35,13 @@ std::string_view format_number(T value, NumberBuffer& buffer) {
 }
 
 template <class T>
-  requires(std::integral<T> || std::floating_point<T>)
-std::string format_number(T value) {
+requires(std::integral<T> || std::floating_point<T>) std::string format_number(T value) {
   NumberBuffer buffer;
   return std::string(format_number(value, buffer));
 }
 
 template <class T = double>
-  requires std::floating_point<T>
-std::optional<T> parse_number(std::string_view token) {
+requires std::floating_point<T> std::optional<T> parse_number(std::string_view token) {
   T value{};
   const auto result = std::from_chars(token.data(), token.data() + token.size(), value);
   if (result.ec != std::errc{} || result.ptr != token.data() + token.size() || !std::isfinite(value)) return {};
@@ -53,8 +50,7 @@ std::optional<T> parse_number(std::string_view token) {
 
 // Decimal; out of T's range is a failure.
 template <class T = std::int64_t>
-  requires std::integral<T>
-std::optional<T> parse_integer(std::string_view token) {
+requires std::integral<T> std::optional<T> parse_integer(std::string_view token) {
   T value{};
   const auto result = std::from_chars(token.data(), token.data() + token.size(), value);
   if (result.ec != std::errc{} || result.ptr != token.data() + token.size()) return {};

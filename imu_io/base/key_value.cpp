@@ -148,8 +148,8 @@ Error KeyValueFile::error_at(std::string_view key, std::string_view expected) co
   if (entry == nullptr) {
     return input_error(file_name_ + ": key '" + std::string(key) + "' is missing: expected " + std::string(expected));
   }
-  return input_error(file_name_ + ":" + std::to_string(entry->line) + ": key '" + entry->key + "' = " +
-                     quoted(entry->value) + ": expected " + std::string(expected));
+  return input_error(file_name_ + ":" + std::to_string(entry->line) + ": key '" + entry->key +
+                     "' = " + quoted(entry->value) + ": expected " + std::string(expected));
 }
 
 void KeyValueFile::reject(std::string_view key, std::string_view expected) { remember(error_at(key, expected)); }
@@ -163,8 +163,7 @@ Status KeyValueFile::check_all_used() const {
   if (first_defect_) return *first_defect_;
   for (const Entry& entry : entries_) {
     if (!entry.used) {
-      return input_error(file_name_ + ":" + std::to_string(entry.line) + ": key " + quoted(entry.key) +
-                         " is unknown");
+      return input_error(file_name_ + ":" + std::to_string(entry.line) + ": key " + quoted(entry.key) + " is unknown");
     }
   }
   return {};

@@ -83,8 +83,8 @@ class KeyValueFile {
   Error error_at(std::string_view key, std::string_view expected) const;
   int line_of(std::string_view key) const;  // 0: no such key
 
-  Status status() const;            // the first defect so far
-  Status check_all_used() const;    // the same, else the first unknown key
+  Status status() const;          // the first defect so far
+  Status check_all_used() const;  // the same, else the first unknown key
 
  private:
   struct Entry {
@@ -94,8 +94,8 @@ class KeyValueFile {
     bool used = false;
   };
   const Entry* find(std::string_view key) const;
-  Entry* use(std::string_view key);                                        // marks as used; nullptr when missing
-  Entry* require(std::string_view key, std::string_view expected);         // the same; missing is a defect
+  Entry* use(std::string_view key);                                 // marks as used; nullptr when missing
+  Entry* require(std::string_view key, std::string_view expected);  // the same; missing is a defect
   void remember(Error error);
   double number_of(const Entry& entry, NumberRange range);
   std::int64_t integer_of(const Entry& entry, std::int64_t min, std::int64_t max);

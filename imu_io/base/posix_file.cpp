@@ -41,8 +41,7 @@ auto repeat_interrupted(Call call) {
 
 }  // namespace
 
-PosixFile::PosixFile(PosixFile&& other) noexcept
-    : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)) {}
+PosixFile::PosixFile(PosixFile&& other) noexcept : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)) {}
 
 PosixFile& PosixFile::operator=(PosixFile&& other) noexcept {
   if (this != &other) {
@@ -64,15 +63,14 @@ Result<PosixFile> PosixFile::open_to_read(const std::string& path) {
   const int fd = repeat_interrupted([&] { return ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK); });
   if (fd < 0) return system_error(path, "cannot open", errno);
   PosixFile file(fd, path);
-  struct stat facts{};
+  struct stat facts {};
   if (::fstat(fd, &facts) != 0) return file.failure("cannot look at");
   if (!S_ISREG(facts.st_mode)) return input_error(path + ": not a regular file");
   return file;
 }
 
 Result<PosixFile> PosixFile::create_new(const std::string& path) {
-  const int fd =
-      repeat_interrupted([&] { return ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666); });
+  const int fd = repeat_interrupted([&] { return ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666); });
   if (fd < 0) return system_error(path, "cannot create", errno);
   return PosixFile(fd, path);
 }
@@ -84,7 +82,7 @@ Result<PosixFile> PosixFile::open_to_change(const std::string& path) {
 }
 
 Result<std::uint64_t> PosixFile::size() const {
-  struct stat facts{};
+  struct stat facts {};
   if (::fstat(fd_, &facts) != 0) return failure("cannot look at");
   return static_cast<std::uint64_t>(facts.st_size);
 }
@@ -174,8 +172,7 @@ std::string folder_of(const std::string& path) {
 }
 
 Status sync_folder(const std::string& folder) {
-  const int fd =
-      repeat_interrupted([&] { return ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); });
+  const int fd = repeat_interrupted([&] { return ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); });
   if (fd < 0) return system_error(folder, "cannot open folder", errno);
   const int result = repeat_interrupted([&] { return ::fsync(fd); });
   const int number = errno;

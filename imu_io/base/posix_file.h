@@ -22,22 +22,22 @@ class PosixFile {
   PosixFile& operator=(PosixFile&& other) noexcept;
   ~PosixFile();
 
-  static Result<PosixFile> open_to_read(const std::string& path);   // a regular file
-  static Result<PosixFile> create_new(const std::string& path);     // fails when it exists
-  static Result<PosixFile> open_to_change(const std::string& path); // read and write, must exist
+  static Result<PosixFile> open_to_read(const std::string& path);    // a regular file
+  static Result<PosixFile> create_new(const std::string& path);      // fails when it exists
+  static Result<PosixFile> open_to_change(const std::string& path);  // read and write, must exist
 
   const std::string& path() const { return path_; }
   bool is_open() const { return fd_ >= 0; }
   Result<std::uint64_t> size() const;
   // Fills the front of `out` from `offset`; fewer bytes only at the end of the file.
   Result<std::size_t> read_at(std::uint64_t offset, std::span<std::byte> out) const;
-  Status write_all(std::span<const std::byte> data);                // at the current position
+  Status write_all(std::span<const std::byte> data);  // at the current position
   Status write_all(std::string_view text);
   Status seek(std::uint64_t offset);
   Status truncate(std::uint64_t size);
   Status sync();
-  Status lock_exclusive();   // fails at once when another process holds it; released by close
-  Status close();            // reports what a destructor must swallow
+  Status lock_exclusive();  // fails at once when another process holds it; released by close
+  Status close();           // reports what a destructor must swallow
 
  private:
   PosixFile(int fd, std::string path) : fd_(fd), path_(std::move(path)) {}

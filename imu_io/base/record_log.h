@@ -49,7 +49,7 @@ class RecordScanner {
   std::uint32_t next_number() const { return next_number_; }
   std::uint64_t records_dropped() const { return records_dropped_; }  // between whole records
   std::uint64_t bytes_dropped() const { return bytes_dropped_; }
-  std::uint64_t tail_bytes() const { return end_ - good_end_; }       // once next() returned false
+  std::uint64_t tail_bytes() const { return end_ - good_end_; }  // once next() returned false
 
  private:
   Result<std::span<const std::byte>> window(std::uint64_t offset, std::uint64_t wanted);

@@ -6,13 +6,16 @@
 namespace turncal {
 namespace {
 
-constexpr double off_grid = 0.25;          // of a step: a time stamp may jitter by this much
-constexpr double most_samples = 0x1p53;    // so that counters stay whole numbers
+constexpr double off_grid = 0.25;        // of a step: a time stamp may jitter by this much
+constexpr double most_samples = 0x1p53;  // so that counters stay whole numbers
 
 }  // namespace
 
 CounterTracker::CounterTracker(double period_s, double step, double modulus)
-    : period_s_(period_s), step_(step), modulus_(modulus), wrap_(modulus > 0.0 ? std::nearbyint(modulus / step) : 1.0) {}
+    : period_s_(period_s),
+      step_(step),
+      modulus_(modulus),
+      wrap_(modulus > 0.0 ? std::nearbyint(modulus / step) : 1.0) {}
 
 double CounterTracker::slack_s(double elapsed_s) const {
   return std::min(0.25 * wrap_s(), 0.5) + 2e-4 * std::max(elapsed_s, 0.0);
@@ -52,7 +55,8 @@ PlacedCounter CounterTracker::place_uncounted(double frames_skipped, const Arriv
   double n = 1.0 + std::nearbyint(std::min(frames_skipped, 1e9));
   // Nothing but the time tells of frames that vanished whole. Less than 50 ms may be lateness.
   const double least_s = arrival.earliest_s - last_arrival_.latest_s;
-  if (least_s - std::max(4.0 * period_s_, 0.05) > n * period_s_) n = std::min(std::round(least_s / period_s_), most_samples);
+  if (least_s - std::max(4.0 * period_s_, 0.05) > n * period_s_)
+    n = std::min(std::round(least_s / period_s_), most_samples);
   // After the link was down something is missing.
   if (rejoining_) n = std::max(n, 2.0);
   const auto ahead = static_cast<std::int64_t>(n);

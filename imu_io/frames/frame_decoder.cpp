@@ -41,8 +41,8 @@ FrameDecoder::FrameDecoder(const FrameDescription& frame)
       Element& element = variant.element[i];
       element.field = FieldCodec(triad.element[place]);
       element.zero = triad.zero[place];
-      element.factor = triad.sign[axis] * triad.scale[place] *
-                       (triad.kind == FieldKind::rate ? frame.sample_period_s : 1.0);
+      element.factor =
+          triad.sign[axis] * triad.scale[place] * (triad.kind == FieldKind::rate ? frame.sample_period_s : 1.0);
       element.low = triad.low;
       element.high = triad.high;
       element.cumulative = triad.kind == FieldKind::cumulative;
@@ -118,7 +118,7 @@ bool FrameDecoder::read_values(const Variant& variant, const std::byte* frame, I
       if (raw < element.low || raw > element.high) sample.flags |= sample_flag_invalid;
       value = element.factor * (raw - element.zero);
     }
-    value += 0.0;  // -0 of a sign turned round
+    value += 0.0;                             // -0 of a sign turned round
     if (!std::isfinite(value)) return false;  // of floats
     if (element.pulses && (std::abs(value) > largest_pulses || value != std::nearbyint(value))) return false;
   }

@@ -36,8 +36,8 @@ class FrameDecoder {
   void rejoin();
 
   ImuLinkCounters counters() const;
-  std::uint64_t strays() const { return strays_; }        // frames of an impossible counter
-  std::uint64_t invalid() const { return invalid_; }      // samples flagged
+  std::uint64_t strays() const { return strays_; }    // frames of an impossible counter
+  std::uint64_t invalid() const { return invalid_; }  // samples flagged
   const ScanCounters& scan() const { return scanner_.counters(); }
   // When the last sample's frame arrived.
   const Arrival& arrival() const { return arrival_; }
@@ -81,7 +81,8 @@ class FrameDecoder {
   bool read_values(const Variant& variant, const std::byte* frame, ImuSample& sample) const;
   void take(const ScannedFrame& scanned);
   void take_stray(double raw);
-  void believe(const PlacedCounter& placed, double raw, const Variant& variant, const std::byte* frame, ImuSample& sample);
+  void believe(const PlacedCounter& placed, double raw, const Variant& variant, const std::byte* frame,
+               ImuSample& sample);
   void emit(const ImuSample& sample);
 
   FrameScanner scanner_;
@@ -90,8 +91,8 @@ class FrameDecoder {
   bool weak_;
   double step_, modulus_;
   State state_;
-  State before_;               // while waiting_
-  bool waiting_ = false;       // the last frame has to be confirmed
+  State before_;          // while waiting_
+  bool waiting_ = false;  // the last frame has to be confirmed
   bool waiting_has_sample_ = false;
   ImuSample waiting_sample_;
   Arrival arrival_;

@@ -6,8 +6,8 @@
 #include <numbers>
 #include <span>
 
-#include "imu_io/frames/frame_keys.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/frames/frame_keys.h"
 
 namespace turncal {
 namespace {
@@ -20,10 +20,13 @@ struct Unit {
   double si;
   bool is_rate;
 };
-constexpr Unit gyro_units[] = {{"rad", 1.0, false},    {"deg", degree, false},    {"arcsec", degree / 3600.0, false},
-                               {"rad/s", 1.0, true},   {"deg/s", degree, true},   {"deg/h", degree / 3600.0, true}};
-constexpr Unit accel_units[] = {{"m/s", 1.0, false},   {"ft/s", 0.3048, false},   {"m/s^2", 1.0, true},
-                                {"g", standard_gravity, true},                    {"mg", 1e-3 * standard_gravity, true}};
+constexpr Unit gyro_units[] = {{"rad", 1.0, false},  {"deg", degree, false},  {"arcsec", degree / 3600.0, false},
+                               {"rad/s", 1.0, true}, {"deg/s", degree, true}, {"deg/h", degree / 3600.0, true}};
+constexpr Unit accel_units[] = {{"m/s", 1.0, false},
+                                {"ft/s", 0.3048, false},
+                                {"m/s^2", 1.0, true},
+                                {"g", standard_gravity, true},
+                                {"mg", 1e-3 * standard_gravity, true}};
 
 void read_axes(FrameKeys& keys, const std::string& key, FrameTriad& triad) {
   const std::vector<std::string> axes = keys.file().list_or(keys.name(key), {"+x", "+y", "+z"});
@@ -59,7 +62,8 @@ FrameTriad read_triad(FrameKeys& keys, const std::string& prefix, std::span<cons
   }
   if (triad.pulses) {
     for (const char* key : {".scale", ".zero"}) {
-      if (keys.has(prefix + key)) file.reject(keys.name(prefix + key), "no such key with unit = pulses: they are counted as they come");
+      if (keys.has(prefix + key))
+        file.reject(keys.name(prefix + key), "no such key with unit = pulses: they are counted as they come");
     }
   } else {
     triad.zero = keys.three(prefix + ".zero", 0.0);
@@ -227,7 +231,8 @@ void check_layout(KeyValueFile& file, const FrameDescription& frame, const Frame
     file.reject("variants", "variants of the same increments: pulses or not");
   }
   if (variant.counter.has_value() != first.counter.has_value()) file.reject("variants", "all with a counter or none");
-  if (variant.counter && (variant.counter->modulus != first.counter->modulus || variant.counter->step != first.counter->step)) {
+  if (variant.counter &&
+      (variant.counter->modulus != first.counter->modulus || variant.counter->step != first.counter->step)) {
     file.reject("variants", "variants that count alike");
   }
   for (const FrameVariant& other : frame.variants) {

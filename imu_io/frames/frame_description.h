@@ -34,10 +34,11 @@ enum class NumberType { unsigned_integer, signed_integer, floating };
 // How a number lies in the frame.
 struct FieldForm {
   NumberType type = NumberType::unsigned_integer;
-  int bytes = 1;               // 1, 2, 3, 4 or 8; floating: 4 or 8
-  bool big_endian = false;     // bytes in a 16-bit word, and words too unless swapped
-  bool swap_words = false;     // 16-bit words in the opposite order
-  std::uint64_t mask = ~std::uint64_t{0};  // of the raw bits; the value is what is left, shifted down; its top bit is the sign
+  int bytes = 1;            // 1, 2, 3, 4 or 8; floating: 4 or 8
+  bool big_endian = false;  // bytes in a 16-bit word, and words too unless swapped
+  bool swap_words = false;  // 16-bit words in the opposite order
+  std::uint64_t mask =
+      ~std::uint64_t{0};  // of the raw bits; the value is what is left, shifted down; its top bit is the sign
 };
 
 struct FrameField {
@@ -48,56 +49,56 @@ struct FrameField {
 enum class FieldKind { increment, rate, cumulative };
 
 struct FrameTriad {
-  std::array<FrameField, 3> element;   // in the frame's own order
-  std::array<int, 3> from{0, 1, 2};    // body axis k is element from[k]
+  std::array<FrameField, 3> element;  // in the frame's own order
+  std::array<int, 3> from{0, 1, 2};   // body axis k is element from[k]
   std::array<double, 3> sign{1.0, 1.0, 1.0};
   FieldKind kind = FieldKind::increment;
-  bool pulses = true;                  // whole numbers; scale is then 1
-  std::array<double, 3> zero{};        // raw
+  bool pulses = true;                          // whole numbers; scale is then 1
+  std::array<double, 3> zero{};                // raw
   std::array<double, 3> scale{1.0, 1.0, 1.0};  // rad or m/s an increment, rad/s or m/s^2 a rate, for one raw
-  std::uint64_t modulus = 0;           // of a cumulative field; 0: 2^bits
-  double low = -1e300;                 // raw numbers outside are impossible: the sample is flagged invalid
+  std::uint64_t modulus = 0;                   // of a cumulative field; 0: 2^bits
+  double low = -1e300;                         // raw numbers outside are impossible: the sample is flagged invalid
   double high = 1e300;
 };
 
 struct FrameScalar {
-  std::vector<FrameField> places;      // the value is the mean of all
+  std::vector<FrameField> places;  // the value is the mean of all
   double zero = 0.0;
   double scale = 1.0;
-  std::optional<std::uint64_t> when;   // only in frames whose multiplexer has this value; held in between
+  std::optional<std::uint64_t> when;  // only in frames whose multiplexer has this value; held in between
 };
 
 struct FrameCounter {
   FrameField field;
-  double step = 1.0;                   // the field's own units a sample
-  double modulus = 0.0;                // in the field's own units; without a key 2^bits, floating: as good as none
+  double step = 1.0;     // the field's own units a sample
+  double modulus = 0.0;  // in the field's own units; without a key 2^bits, floating: as good as none
 };
 
 struct FrameStatus {
   FrameField field;
   std::uint64_t mask = ~std::uint64_t{0};
-  std::uint64_t good = 0;              // the data are valid when (raw & mask) == good
+  std::uint64_t good = 0;  // the data are valid when (raw & mask) == good
 };
 
 enum class CheckKind { none, sum, exclusive_or, crc };
 
 struct FrameCheck {
   CheckKind kind = CheckKind::none;
-  FrameField field;                    // offset counts from the frame's end when from_end
+  FrameField field;  // offset counts from the frame's end when from_end
   bool from_end = false;
-  std::size_t start = 0;               // first byte covered
-  std::size_t gap = 0;                 // bytes before the check's place that are not covered
+  std::size_t start = 0;  // first byte covered
+  std::size_t gap = 0;    // bytes before the check's place that are not covered
   int bytes() const { return field.form.bytes; }
   CrcParameters crc;
-  std::size_t pad = 1;                 // covered bytes are filled up with zeros to a multiple of this
+  std::size_t pad = 1;  // covered bytes are filled up with zeros to a multiple of this
   // 8 bits let 0.4 % of damaged frames pass: more has to agree before a frame is believed.
   bool weak() const { return kind == CheckKind::none || bytes() == 1; }
 };
 
 struct FrameVariant {
-  std::string name;                    // empty when there is only one
+  std::string name;  // empty when there is only one
   std::uint64_t id = 0;
-  std::size_t length = 0;              // of the whole frame
+  std::size_t length = 0;  // of the whole frame
   FrameTriad gyro;
   FrameTriad accel;
   std::optional<FrameScalar> temperature;
@@ -110,18 +111,18 @@ struct FrameDescription {
   std::string file;
   std::string name;
   std::vector<std::byte> sync;
-  std::vector<std::byte> sync_mask;    // as long as sync
-  std::vector<std::byte> tail;         // the frame's last bytes
+  std::vector<std::byte> sync_mask;  // as long as sync
+  std::vector<std::byte> tail;       // the frame's last bytes
   std::optional<FrameField> id;
-  std::optional<FrameField> length;    // must say raw * length_scale + length_add bytes; tells how far other ids reach
+  std::optional<FrameField> length;  // must say raw * length_scale + length_add bytes; tells how far other ids reach
   std::int64_t length_scale = 1;
   std::int64_t length_add = 0;
-  std::size_t longest = 0;             // of all variants, and of what the length field may say
+  std::size_t longest = 0;  // of all variants, and of what the length field may say
   FrameCheck check;
   std::vector<FrameVariant> variants;
   double sample_period_s = 0.005;
   double accel_pulse_mps = 0.0;
-  SerialSettings line;                 // device is left empty
+  SerialSettings line;  // device is left empty
 
   bool has_temperature() const;
   // Period, increment kinds, pulse weight, temperature. Site, serial and `simulated` are left as they are.

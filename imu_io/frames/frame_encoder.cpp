@@ -35,8 +35,9 @@ Status FrameEncoder::put_triad(const FrameTriad& triad, const std::array<double,
       const double whole = std::nearbyint(exact);
       left = exact - whole;
       std::uint64_t& total = total_[first + element];
-      const std::uint64_t modulus =
-          triad.modulus != 0 ? triad.modulus : field.bits() < 64 ? std::uint64_t{1} << field.bits() : 0;
+      const std::uint64_t modulus = triad.modulus != 0  ? triad.modulus
+                                    : field.bits() < 64 ? std::uint64_t{1} << field.bits()
+                                                        : 0;
       fits = std::abs(whole) < (modulus != 0 ? 0.5 * static_cast<double>(modulus) : 0x1p62);
       if (fits) {
         const auto step = static_cast<std::int64_t>(whole);

@@ -32,8 +32,8 @@ class FrameEncoder {
 
   FrameDescription frame_;
   Crc crc_;
-  std::array<double, 6> left_{};            // what rounding left out, by element
-  std::array<std::uint64_t, 6> total_{};    // of cumulative fields
+  std::array<double, 6> left_{};          // what rounding left out, by element
+  std::array<std::uint64_t, 6> total_{};  // of cumulative fields
 };
 
 }  // namespace turncal

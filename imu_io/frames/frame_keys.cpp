@@ -53,9 +53,9 @@ std::vector<std::byte> FrameKeys::bytes(const std::string& key) {
 
 FieldForm FrameKeys::form(const std::string& prefix, std::string_view default_type) {
   FieldForm form;
-  std::string type = file_.one_of_or(
-      name(prefix + ".type"), default_type,
-      {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32", "f64"});
+  std::string type =
+      file_.one_of_or(name(prefix + ".type"), default_type,
+                      {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32", "f64"});
   if (type.empty()) type = default_type;  // refused already
   form.type = type[0] == 'u'   ? NumberType::unsigned_integer
               : type[0] == 'i' ? NumberType::signed_integer
@@ -70,7 +70,8 @@ FieldForm FrameKeys::form(const std::string& prefix, std::string_view default_ty
   const std::uint64_t room = form.bytes == 8 ? ~std::uint64_t{0} : (std::uint64_t{1} << (8 * form.bytes)) - 1;
   const std::uint64_t left = form.mask & room;
   if (left == 0 || (floating && left != room)) {
-    file_.reject(name(prefix + ".mask"), floating ? "no mask on a floating field" : "a mask that leaves something of the field");
+    file_.reject(name(prefix + ".mask"),
+                 floating ? "no mask on a floating field" : "a mask that leaves something of the field");
     form.mask = ~std::uint64_t{0};
   } else if (const std::uint64_t run = left >> std::countr_zero(left); (run & (run + 1)) != 0) {
     file_.reject(name(prefix + ".mask"), "a mask of neighbouring bits");
@@ -80,7 +81,7 @@ FieldForm FrameKeys::form(const std::string& prefix, std::string_view default_ty
 }
 
 std::vector<FrameField> FrameKeys::fields(const std::string& prefix, std::string_view default_type,
-                                        std::size_t wanted) {
+                                          std::size_t wanted) {
   const FieldForm shape = form(prefix, default_type);
   const std::string at = name(prefix + ".offset");
   const std::vector<double> offsets = file_.numbers(at, 0, between(0.0, last_offset));

@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "imu_io/frames/frame_description.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/frames/frame_description.h"
 
 namespace turncal {
 
@@ -24,7 +24,7 @@ class FrameKeys {
 
   // Decimal, or hexadecimal behind 0x. Without `otherwise` the key is required.
   std::uint64_t bits(const std::string& key, std::optional<std::uint64_t> otherwise);
-  std::vector<std::byte> bytes(const std::string& key);  // "EB 90"
+  std::vector<std::byte> bytes(const std::string& key);                   // "EB 90"
   std::array<double, 3> three(const std::string& key, double otherwise);  // one number stands for three
   // prefix.type, .order, .word_order, .mask
   FieldForm form(const std::string& prefix, std::string_view default_type);

@@ -116,7 +116,8 @@ FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> rest, std::
   }
   if (rest.size() < length) return Verdict::more;
   const auto frame = rest.first(length);
-  if (!tail_.empty() && !std::equal(tail_.begin(), tail_.end(), frame.end() - static_cast<std::ptrdiff_t>(tail_.size()))) {
+  if (!tail_.empty() &&
+      !std::equal(tail_.begin(), tail_.end(), frame.end() - static_cast<std::ptrdiff_t>(tail_.size()))) {
     return Verdict::bad;
   }
   if (!check_good(frame)) return Verdict::bad;

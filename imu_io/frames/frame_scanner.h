@@ -27,7 +27,7 @@ struct ScanCounters {
 };
 
 struct ScannedFrame {
-  const std::byte* data = nullptr;   // until the next call of the scanner
+  const std::byte* data = nullptr;  // until the next call of the scanner
   std::size_t variant = 0;
   std::uint64_t skipped_before = 0;  // bytes thrown away since the frame before
 };
@@ -67,8 +67,8 @@ class FrameScanner {
 
   std::vector<std::byte> buffer_;
   std::size_t begin_ = 0, end_ = 0;
-  bool in_step_ = false;       // a frame ended right before begin_
-  bool seeking_again_ = false; // a frame was expected and was bad
+  bool in_step_ = false;        // a frame ended right before begin_
+  bool seeking_again_ = false;  // a frame was expected and was bad
   std::uint64_t skipped_ = 0;
   ScanCounters counters_;
 };

@@ -17,7 +17,9 @@
 namespace turncal {
 namespace {
 
-Error failure(const std::string& what) { return device_error("pseudo-terminal: " + what + ": " + std::strerror(errno)); }
+Error failure(const std::string& what) {
+  return device_error("pseudo-terminal: " + what + ": " + std::strerror(errno));
+}
 
 // Waits for events or a hang-up; the events that came, 0 after timeout_s.
 short wait_for(int fd, short events, const Deadline& deadline) {

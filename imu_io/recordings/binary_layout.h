@@ -53,13 +53,13 @@ std::optional<std::uint64_t> parse_end(std::span<const std::byte> payload);
 // One pass over the file with every checksum checked.
 struct RecordingScan {
   RecordingInfo info;
-  Segments segments;                      // contiguous; lost ones stand in as rotate
-  std::optional<Segment> open_segment;    // begun, not ended
+  Segments segments;                    // contiguous; lost ones stand in as rotate
+  std::optional<Segment> open_segment;  // begun, not ended
   std::uint64_t sample_count = 0;
-  std::int64_t first_counter = 0;         // when sample_count > 0
+  std::int64_t first_counter = 0;  // when sample_count > 0
   std::int64_t last_counter = 0;
-  std::uint64_t good_end = 0;             // just after the last whole record
-  std::uint64_t closed_end = 0;           // just after the last segment end (not beyond last_end_sample), or the info records
+  std::uint64_t good_end = 0;    // just after the last whole record
+  std::uint64_t closed_end = 0;  // just after the last segment end (not beyond last_end_sample), or the info records
   std::uint32_t next_number = 0;
   RecordingDamage damage;
 };

@@ -8,9 +8,9 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
+#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_writer.h"
-#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 namespace {

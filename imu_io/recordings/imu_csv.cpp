@@ -5,8 +5,8 @@
 #include <limits>
 
 #include "imu_io/base/format_number.h"
-#include "imu_io/recordings/recording_check.h"
 #include "imu_io/base/text_pieces.h"
+#include "imu_io/recordings/recording_check.h"
 
 namespace turncal {
 namespace {

@@ -15,8 +15,8 @@
 namespace turncal {
 
 struct ImuIdentity {
-  std::string unit_serial;   // empty: the unit does not tell
-  std::string description;   // what stands on the other end, for the log
+  std::string unit_serial;  // empty: the unit does not tell
+  std::string description;  // what stands on the other end, for the log
 };
 
 struct ImuLinkCounters {

@@ -28,24 +28,24 @@ struct EffectValue {
 };
 
 struct ParameterFile {
-  ParameterVector parameters = to_vector(Parameters{});              // units and order: calib/model/parameters.h
-  std::array<std::optional<double>, parameter_count> sigma{};        // the same units; empty: not estimated
-  std::vector<EffectValue> effects;                                  // in the order in which they were added
-  std::optional<double> reference_temperature_c;                     // what temperature effects are referred to
+  ParameterVector parameters = to_vector(Parameters{});        // units and order: calib/model/parameters.h
+  std::array<std::optional<double>, parameter_count> sigma{};  // the same units; empty: not estimated
+  std::vector<EffectValue> effects;                            // in the order in which they were added
+  std::optional<double> reference_temperature_c;               // what temperature effects are referred to
 
   std::string unit_serial;
   std::string recording_hash;
-  std::string model;             // base, extended
-  std::string method;            // closed-form, joint
+  std::string model;   // base, extended
+  std::string method;  // closed-form, joint
   std::string software_version;
-  std::string time_utc;          // format_utc of imu_io/base/clock.h
+  std::string time_utc;  // format_utc of imu_io/base/clock.h
   double latitude_deg = 0.0;
   double gravity_mps2 = 0.0;
   double sample_period_s = 0.0;
   IncrementKind gyro_increment = IncrementKind::pulses;
   IncrementKind accel_increment = IncrementKind::pulses;
   double accel_pulse_mps = 0.0;
-  bool simulated = false;        // made from simulated data: not for a real unit
+  bool simulated = false;  // made from simulated data: not for a real unit
 
   // Further keys in order, for noise estimates and records. Each begins with one of further_key_prefixes.
   std::vector<std::pair<std::string, std::string>> further;

@@ -7,9 +7,9 @@
 #include <cstring>
 #include <type_traits>
 
-#include "imu_io/recordings/binary_recording.h"
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/binary_recording.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
 
@@ -76,7 +76,7 @@ class ContentHasher {
 std::string hash_of_text(std::string_view text) { return hash_as_hex(XXH3_128bits(text.data(), text.size())); }
 
 Result<std::unique_ptr<RecordingSource>> RecordingSource::open(const std::string& path) {
-  struct stat facts{};
+  struct stat facts {};
   if (::stat(path.c_str(), &facts) != 0) return input_error(path + ": cannot open: " + std::strerror(errno));
   if (!S_ISDIR(facts.st_mode)) return open_binary_recording(path);
   const std::string binary = path + "/" + binary_recording_name;

@@ -4,8 +4,8 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/recordings/imu_csv.h"
 #include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/imu_csv.h"
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_writer.h"
 

@@ -129,8 +129,8 @@ Status RecordingWriter::begin_segment(const Segment& segment) {
   if (Status status = s.write_pending(); !status) return status;
   Segment begun = segment;
   begun.end_sample = begun.start_sample;
-  Status status = s.write_record(RecordType::segment_begin,
-                                 [&](std::vector<std::byte>& out) { append_segment(out, begun); });
+  Status status =
+      s.write_record(RecordType::segment_begin, [&](std::vector<std::byte>& out) { append_segment(out, begun); });
   if (status) s.open_segment = begun;
   return status;
 }
@@ -153,8 +153,8 @@ Status RecordingWriter::end_segment(SegmentKind kind, std::int64_t end_sample, c
     return s.refusal("segment with an angle that is not finite");
   }
   if (Status status = s.write_pending(); !status) return status;
-  Status status = s.write_record(RecordType::segment_end,
-                                 [&](std::vector<std::byte>& out) { append_segment(out, segment); });
+  Status status =
+      s.write_record(RecordType::segment_end, [&](std::vector<std::byte>& out) { append_segment(out, segment); });
   if (!status) return status;
   s.segments.push_back(segment);
   s.open_segment.reset();

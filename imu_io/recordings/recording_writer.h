@@ -56,12 +56,12 @@ class RecordingWriter {
   Status finish();
 
   const RecordingInfo& info() const;
-  const Segments& segments() const;                 // ended ones
+  const Segments& segments() const;  // ended ones
   std::optional<Segment> open_segment() const;
   std::uint64_t sample_count() const;
   std::optional<std::int64_t> first_counter() const;
   std::optional<std::int64_t> last_counter() const;
-  std::uint64_t cut_bytes() const;                  // what reopen() cut off
+  std::uint64_t cut_bytes() const;  // what reopen() cut off
 
  private:
   struct State;

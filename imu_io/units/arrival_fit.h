@@ -20,7 +20,7 @@ struct ArrivalEstimate {
   // What the fastest samples of each second scatter by, over the span: about how far off skew may be. 0: not known yet (10 s).
   double skew_uncertainty = 0.0;
   double largest_delay_s = 0.0;  // of a sample, beyond the fastest; counted from the first 10 s on
-  double span_s = 0.0;    // unit time that was fitted
+  double span_s = 0.0;           // unit time that was fitted
 };
 
 class ArrivalFit {
@@ -41,7 +41,7 @@ class ArrivalFit {
   };
   void close_block();
 
-  std::vector<Point> hull_;     // left to right, slopes rising
+  std::vector<Point> hull_;  // left to right, slopes rising
   double sum_unit_s_ = 0.0;
   std::size_t blocks_ = 0;
   bool have_block_ = false;
@@ -51,7 +51,7 @@ class ArrivalFit {
   std::vector<double> recent_;  // delays of the last blocks, against the estimate before each
   double persistent_delay_s_ = 0.0;
   std::optional<ArrivalEstimate> line_;  // as of the last second, once it spans 10 s
-  double square_sum_ = 0.0;     // of the seconds' delays, against the line before each
+  double square_sum_ = 0.0;              // of the seconds' delays, against the line before each
   std::size_t squares_ = 0;
   double largest_delay_s_ = 0.0;
 };

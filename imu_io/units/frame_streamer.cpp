@@ -56,7 +56,8 @@ Status FrameStreamer::send(std::span<const ImuSample> samples) {
     used += length;
   }
   // A listener that does not read loses what it has no room for. It is waited for once, not at every batch: time goes on.
-  const bool sent = line_.write_all(std::span<const std::byte>(bytes_).first(used), listener_reads_ ? patience_s_ : 0.0).ok();
+  const bool sent =
+      line_.write_all(std::span<const std::byte>(bytes_).first(used), listener_reads_ ? patience_s_ : 0.0).ok();
   listener_reads_ = sent;
   if (sent) {
     frames_sent_ += samples.size();
@@ -70,7 +71,8 @@ Result<std::size_t> FrameStreamer::pump(double now_s) {
   const double due = std::floor((now_s - start_s_) * speedup_ / frame_.sample_period_s + 1e-6);
   std::size_t passed = 0;
   while (static_cast<double>(steps_) < due) {
-    const auto count = static_cast<std::size_t>(std::min(due - static_cast<double>(steps_), static_cast<double>(batch)));
+    const auto count =
+        static_cast<std::size_t>(std::min(due - static_cast<double>(steps_), static_cast<double>(batch)));
     const auto got =
         source_.read(std::span(samples_).first(count), static_cast<double>(count) * frame_.sample_period_s);
     if (!got) return got.error();

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "imu_io/frames/frame_encoder.h"
-#include "imu_io/recordings/imu_source.h"
 #include "imu_io/lines/pty.h"
+#include "imu_io/recordings/imu_source.h"
 
 namespace turncal {
 

@@ -11,7 +11,7 @@
 namespace turncal {
 namespace {
 
-constexpr double slice_s = 0.02;          // at most so long is one wait
+constexpr double slice_s = 0.02;  // at most so long is one wait
 constexpr double skew_judged_after_s = 10.0;
 constexpr double largest_skew = 2e-3;
 constexpr double least_lateness_s = 0.1;  // below this a busy host may be the reason
@@ -45,7 +45,8 @@ void SerialImu::close() { port_.close(); }
 
 Result<ImuIdentity> SerialImu::identify() {
   if (!port_.is_open()) return device_error(settings_.device + ": identify before open");
-  return ImuIdentity{settings_.unit_serial, frame_.name + " on " + turncal::describe(line_of(frame_, settings_.device))};
+  return ImuIdentity{settings_.unit_serial,
+                     frame_.name + " on " + turncal::describe(line_of(frame_, settings_.device))};
 }
 
 void SerialImu::describe(RecordingInfo& info) const {
@@ -106,10 +107,12 @@ void SerialImu::count_line_errors(double now_s) {
 std::string SerialImu::summary() const {
   const ImuLinkCounters link = decoder_.counters();
   std::ostringstream text;
-  text << link.samples << " samples, " << link.lost_samples << " lost, " << link.duplicates << " duplicates, " << decoder_.strays()
-       << " strays, " << decoder_.invalid() << " flagged, " << link.bad_frames << " bad frames, " << link.resyncs << " resyncs; ";
+  text << link.samples << " samples, " << link.lost_samples << " lost, " << link.duplicates << " duplicates, "
+       << decoder_.strays() << " strays, " << decoder_.invalid() << " flagged, " << link.bad_frames << " bad frames, "
+       << link.resyncs << " resyncs; ";
   if (line_at_open_) {
-    text << "line errors: " << line_errors_.overrun << " overrun, " << line_errors_.framing << " framing, " << line_errors_.parity << " parity";
+    text << "line errors: " << line_errors_.overrun << " overrun, " << line_errors_.framing << " framing, "
+         << line_errors_.parity << " parity";
   } else {
     text << "line errors not counted by the port";
   }
@@ -117,7 +120,8 @@ std::string SerialImu::summary() const {
   if (!arrival || arrival->skew_uncertainty == 0.0) return text.str();
   char clock[160];
   // A unit that is slow takes more of the host's time.
-  std::snprintf(clock, sizeof clock, "; the unit's clock against the host's %+.2f ppm (+- %.2f), largest arrival delay %.1f ms",
+  std::snprintf(clock, sizeof clock,
+                "; the unit's clock against the host's %+.2f ppm (+- %.2f), largest arrival delay %.1f ms",
                 -1e6 * arrival->skew, 1e6 * arrival->skew_uncertainty, 1e3 * arrival->largest_delay_s);
   return text.str() + clock;
 }

@@ -18,11 +18,11 @@
 #include <optional>
 #include <string>
 
-#include "imu_io/units/arrival_fit.h"
 #include "imu_io/frames/frame_decoder.h"
 #include "imu_io/frames/frame_description.h"
-#include "imu_io/recordings/imu_source.h"
 #include "imu_io/lines/serial_port.h"
+#include "imu_io/recordings/imu_source.h"
+#include "imu_io/units/arrival_fit.h"
 
 namespace turncal {
 
@@ -61,7 +61,7 @@ class SerialImu : public ImuSource {
   FrameDecoder decoder_;
   ArrivalFit fit_;
   bool restarted_ = false;
-  double empty_s_ = 0.0;        // the line was empty then, or later
+  double empty_s_ = 0.0;  // the line was empty then, or later
   double line_checked_s_ = 0.0;
   std::optional<LineErrors> line_at_open_;
   LineErrors line_errors_;

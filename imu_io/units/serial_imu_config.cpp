@@ -1,7 +1,7 @@
 #include "imu_io/units/serial_imu_config.h"
 
-#include "imu_io/frames/builtin_frames.h"
 #include "imu_io/base/posix_file.h"
+#include "imu_io/frames/builtin_frames.h"
 
 namespace turncal {
 

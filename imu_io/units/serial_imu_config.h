@@ -10,8 +10,8 @@
 // Only the first two are required.
 #pragma once
 
-#include "imu_io/frames/frame_description.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/frames/frame_description.h"
 #include "imu_io/units/serial_imu.h"
 
 namespace turncal {

@@ -53,7 +53,8 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
   std::string text = "sample,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps,dv_y_mps,dv_z_mps\n";
   std::int64_t samples = 0;
   Status status = (*source)->read([&](std::span<const ImuSample> block) {
-    for (const ImuSample& sample : block) append_row(sample, model, effects->at(sample.counter), info.sample_period_s, text);
+    for (const ImuSample& sample : block)
+      append_row(sample, model, effects->at(sample.counter), info.sample_period_s, text);
     samples += static_cast<std::int64_t>(block.size());
     Status written = file->write(text);
     text.clear();

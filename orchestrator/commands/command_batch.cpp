@@ -9,15 +9,15 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_writer.h"
+#include "orchestrator/commands/command_diagnose.h"
 #include "orchestrator/commands/command_run.h"
 #include "orchestrator/devices/mounting.h"
-#include "orchestrator/records/parameter_store.h"
-#include "orchestrator/commands/command_diagnose.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/run_job.h"
 #include "orchestrator/jobs/run_results.h"
-#include "orchestrator/devices/stop_signals.h"
+#include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/unit_queue.h"
+#include "orchestrator/report/report_format.h"
 
 namespace turncal {
 
@@ -37,7 +37,8 @@ std::string now_utc() {
 std::string folder_for(const std::string& out, const std::string& unit, const UnitOutcome* before) {
   const std::string name = out + "/" + name_of_unit(unit);
   std::string folder = name;
-  for (int i = 2; before && path_exists(folder + "/" + binary_recording_name); ++i) folder = name + "." + std::to_string(i);
+  for (int i = 2; before && path_exists(folder + "/" + binary_recording_name); ++i)
+    folder = name + "." + std::to_string(i);
   return folder;
 }
 
@@ -109,7 +110,8 @@ struct Tally {
 };
 
 // One run, and what became of each of its units.
-Status take_turn(const BatchOptions& options, const Turn& turn, const std::string& tag, Tally& tally, CommandContext& context) {
+Status take_turn(const BatchOptions& options, const Turn& turn, const std::string& tag, Tally& tally,
+                 CommandContext& context) {
   const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + join(turn.units);
   context.out << tag << name << " in " << turn.folder << std::endl;
   RunRequest request = options.request;
@@ -135,21 +137,22 @@ Status take_turn(const BatchOptions& options, const Turn& turn, const std::strin
     }
     if (Status status = record_outcome(options.queue, {unit.serial, *outcome, now_utc()}); !status) return status;
     diagnose_run(unit.folder, unit.status, context);
-    context.out << tag << "unit " << unit.serial << ": " << *outcome << (unit.status ? "" : ": " + unit.status.error().message)
-                << std::endl;
+    context.out << tag << "unit " << unit.serial << ": " << *outcome
+                << (unit.status ? "" : ": " + unit.status.error().message) << std::endl;
     ++(unit.status ? tally.passed : tally.not_passed);
   }
   return stops;
 }
 
 // False: one was skipped, and the turn is another.
-Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn, const std::string& tag,
-                         Tally& tally, CommandContext& context) {
+Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn,
+                         const std::string& tag, Tally& tally, CommandContext& context) {
   for (const std::string& unit : turn.units) {
     const Result<Mounted> mounted = mount_unit(station, unit, turn.folder, STDIN_FILENO, context.out, tag);
     if (!mounted) return mounted.error();
     if (!mounted->skipped) continue;
-    if (Status status = record_outcome(options.queue, {unit, "skipped", now_utc(), *mounted->skipped}); !status) return status.error();
+    if (Status status = record_outcome(options.queue, {unit, "skipped", now_utc(), *mounted->skipped}); !status)
+      return status.error();
     context.out << tag << "unit " << unit << ": skipped: " << *mounted->skipped << std::endl;
     ++tally.not_passed;
     return false;
@@ -164,8 +167,8 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
   const Result<PreparedRun> prepared = prepare(check);
   if (!prepared) return prepared.error();
   if (options.at_once > places(*prepared)) {
-    return input_error("--at-once " + std::to_string(options.at_once) + ": expected at most " + std::to_string(places(*prepared)) +
-                       ", the places on the table");
+    return input_error("--at-once " + std::to_string(options.at_once) + ": expected at most " +
+                       std::to_string(places(*prepared)) + ", the places on the table");
   }
   const std::string tag = options.request.dry_run ? "[dry run] [batch] " : "[batch] ";
   Tally tally;
@@ -173,17 +176,21 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     const Result<Turn> turn = next_turn(options);
     if (!turn) return turn.error();
     if (turn->units.empty()) break;
-    const Result<bool> all = options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared->station, *turn, tag, tally, context);
+    const Result<bool> all = options.request.dry_run
+                                 ? Result<bool>(true)
+                                 : mount_units(options, prepared->station, *turn, tag, tally, context);
     if (!all) return all.error();
     if (!*all) continue;
     if (Status status = take_turn(options, *turn, tag, tally, context); !status) return status;
     if (StopSignals::any()) {  // asked for when the results were being made
-      return Error{ErrorKind::interrupted, "paused behind unit " + join(turn->units) + "; the same command goes on with the next"};
+      return Error{ErrorKind::interrupted,
+                   "paused behind unit " + join(turn->units) + "; the same command goes on with the next"};
     }
   }
   context.out << tag << "queue done: " << tally.passed << " passed, " << tally.not_passed << " not" << std::endl;
   if (tally.not_passed == 0) return {};
-  return Error{ErrorKind::unit_failed, std::to_string(tally.not_passed) + " of " + std::to_string(tally.passed + tally.not_passed) +
+  return Error{ErrorKind::unit_failed, std::to_string(tally.not_passed) + " of " +
+                                           std::to_string(tally.passed + tally.not_passed) +
                                            " units did not pass; see turncal queue " + options.queue};
 }
 
@@ -203,7 +210,8 @@ Status show_queue(const QueueOptions& options, std::ostream& out) {
   if (!outcomes) return outcomes.error();
   for (const std::string& unit : *queue) {
     const UnitOutcome* outcome = find_outcome(*outcomes, unit);
-    out << unit << "  " << (outcome ? outcome->outcome + " " + outcome->time_utc : "waits") << (outcome && !outcome->reason.empty() ? ": " + outcome->reason : "") << '\n';
+    out << unit << "  " << (outcome ? outcome->outcome + " " + outcome->time_utc : "waits")
+        << (outcome && !outcome->reason.empty() ? ": " + outcome->reason : "") << '\n';
   }
   return {};
 }
@@ -216,7 +224,8 @@ void add_batch_command(CLI::App& app, CommandContext& context) {
   CLI::App* command = app.add_subcommand("batch", "calibrate the units of a queue, one after the other, unattended");
   command->add_option("queue", options->queue, "file with one serial number a line")->required();
   command->add_option("--out", options->out, "folder for the units' folders")->required();
-  command->add_option("--at-once", options->at_once, "how many units of the queue are on the table together; default: 1")
+  command
+      ->add_option("--at-once", options->at_once, "how many units of the queue are on the table together; default: 1")
       ->check(CLI::Range(1, 16));
   command->add_flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
   command->add_option("--rig", request.rig, "rig configuration; default: the built-in one");
@@ -235,7 +244,8 @@ void add_queue_command(CLI::App& app, CommandContext& context) {
   command->add_option("queue", options->queue, "file with one serial number a line")->required();
   command->add_option("--add", options->change.add, "serial numbers to add at the end");
   command->add_option("--remove", options->change.remove, "serial numbers to take out");
-  command->add_option("--again", options->change.again, "serial numbers whose outcome is forgotten: they are done again");
+  command->add_option("--again", options->change.again,
+                      "serial numbers whose outcome is forgotten: they are done again");
   command->callback([options, &context] {
     if (Status status = show_queue(*options, context.out); !status) context.fail(status.error());
   });

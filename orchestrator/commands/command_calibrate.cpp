@@ -5,10 +5,10 @@
 #include <memory>
 
 #include "imu_io/base/clock.h"
+#include "orchestrator/devices/truth.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/result_table.h"
-#include "orchestrator/devices/truth.h"
 
 namespace turncal {
 

@@ -4,9 +4,9 @@
 
 #include "orchestrator/devices/commissioning.h"
 #include "orchestrator/devices/live_devices.h"
+#include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/jobs/run_results.h"
-#include "orchestrator/devices/stop_signals.h"
 
 namespace turncal {
 
@@ -35,15 +35,20 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
     if (Status status = live.commission_table(known, options.tolerance_deg); !status) return status;
     out << tag << "every axis reads where it stands; no other word order, sign or scale would" << std::endl;
   } else if (!is_commissioned(station)) {
-    return input_error("the table is not commissioned: expected --heading, --pitch and --roll, the angles (not 0) at which its axes stand");
+    return input_error(
+        "the table is not commissioned: expected --heading, --pitch and --roll, the angles (not 0) at which its axes "
+        "stand");
   }
   if (!is_commissioned(station)) {
-    out << tag << "nothing was moved: write commissioned = true into your copy of the table's file, then call this again without angles"
+    out << tag
+        << "nothing was moved: write commissioned = true into your copy of the table's file, then call this again "
+           "without angles"
         << std::endl;
     return {};
   }
   if (Status status = devices.imu.open(); !status) return status;
-  if (Status status = try_axes(devices, station, options.settings, StopSignals::requests(), tag, out); !status) return status;
+  if (Status status = try_axes(devices, station, options.settings, StopSignals::requests(), tag, out); !status)
+    return status;
   out << tag << "every axis turns the unit as it should; the table rests, its drives are off" << std::endl;
   return {};
 }
@@ -65,17 +70,22 @@ Status run_commission(const Options& options, CommandContext& context) {
 
 void add_commission_command(CLI::App& app, CommandContext& context) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("commission", "compare a table with known angles, then move each axis a little and see the unit feel it");
+  CLI::App* command = app.add_subcommand(
+      "commission", "compare a table with known angles, then move each axis a little and see the unit feel it");
   command->add_option("--station", options->station, "station configuration")->required();
-  CLI::Option* heading = command->add_option("--heading", options->heading, "angle at which the axis stands now, degrees; not 0");
+  CLI::Option* heading =
+      command->add_option("--heading", options->heading, "angle at which the axis stands now, degrees; not 0");
   CLI::Option* pitch = command->add_option("--pitch", options->pitch, "the same");
   CLI::Option* roll = command->add_option("--roll", options->roll, "the same");
   heading->needs(pitch)->needs(roll);
   pitch->needs(heading);
   roll->needs(heading);
   command->add_option("--tolerance", options->tolerance_deg, "of these angles, degrees")->check(CLI::PositiveNumber);
-  command->add_option("--move", options->settings.move_deg, "how far each axis is moved, degrees")->check(CLI::Range(0.5, 30.0));
-  command->add_option("--gyro-pulse-arcsec", options->settings.gyro_pulse_arcsec, "nominal weight of a gyro pulse, to check the turn's size")
+  command->add_option("--move", options->settings.move_deg, "how far each axis is moved, degrees")
+      ->check(CLI::Range(0.5, 30.0));
+  command
+      ->add_option("--gyro-pulse-arcsec", options->settings.gyro_pulse_arcsec,
+                   "nominal weight of a gyro pulse, to check the turn's size")
       ->check(CLI::PositiveNumber);
   command->callback([options, &context] {
     if (Status status = run_commission(*options, context); !status) context.fail(status.error());

@@ -15,13 +15,13 @@
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/compress_source.h"
+#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/diagnosis_text.h"
-#include "orchestrator/records/output_folder.h"
-#include "orchestrator/watch/progress.h"
 #include "orchestrator/report/rest_report.h"
 #include "orchestrator/report/rest_view.h"
-#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 namespace {
@@ -45,8 +45,10 @@ class Phases {
   ~Phases() { clear(); }
   void begin(const std::string& what) {
     what_ = what;
-    if (terminal_) show("");
-    else out_ << what << std::endl;
+    if (terminal_)
+      show("");
+    else
+      out_ << what << std::endl;
   }
   void samples(std::int64_t count) {
     const double now_s = steady_wall_s();
@@ -99,7 +101,8 @@ Result<LoadedRecording> load(const std::string& path, Phases& phases) {
 
 Status check_same_unit(const std::string& path, const RecordingInfo& holdout, const RecordingInfo& fitted) {
   const auto refuse = [&](const std::string& key, const std::string& value, const std::string& expected) -> Status {
-    return input_error(path + ": " + key + " = '" + value + "': expected '" + expected + "', as in the recording to be fitted");
+    return input_error(path + ": " + key + " = '" + value + "': expected '" + expected +
+                       "', as in the recording to be fitted");
   };
   if (holdout.unit_serial != fitted.unit_serial) return refuse("unit_serial", holdout.unit_serial, fitted.unit_serial);
   const auto kind = [](IncrementKind k) { return std::string(k == IncrementKind::pulses ? "pulses" : "rad or mps"); };
@@ -129,7 +132,8 @@ Status check_out(const DiagnoseOptions& options) {
 Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, const CompressedRecording& recording) {
   if (!options.arw_deg_per_rt_h && !options.vrw_ug_per_rt_hz) {
     if (options.gyro_bias_instability_degph > 0.0 || options.accel_bias_instability_ug > 0.0)
-      return input_error("--gyro-bias-instability and --accel-bias-instability fix the noise: expected --arw and --vrw with them");
+      return input_error(
+          "--gyro-bias-instability and --accel-bias-instability fix the noise: expected --arw and --vrw with them");
     return std::optional<NoiseModel>{};
   }
   if (!options.arw_deg_per_rt_h || !options.vrw_ug_per_rt_hz)
@@ -153,8 +157,9 @@ struct Outcome {
   WrittenDiagnosis written;
 };
 
-Result<Outcome> diagnose_table(const DiagnoseOptions& options, const LoadedRecording& fitted, const LoadedRecording* holdout,
-                               const OutputFolder& folder, DiagnosisContext& report, Phases& phases) {
+Result<Outcome> diagnose_table(const DiagnoseOptions& options, const LoadedRecording& fitted,
+                               const LoadedRecording* holdout, const OutputFolder& folder, DiagnosisContext& report,
+                               Phases& phases) {
   const Result<std::optional<NoiseModel>> noise = noise_given(options, fitted.recording);
   if (!noise) return noise.error();
   DiagnosisOptions settings;
@@ -171,12 +176,14 @@ Result<Outcome> diagnose_table(const DiagnoseOptions& options, const LoadedRecor
   return Outcome{diagnosis.verdict, terminal_table(diagnosis, report), *written};
 }
 
-Result<Outcome> diagnose_hand_turned(const DiagnoseOptions& options, const LoadedRecording& fitted, const LoadedRecording* holdout,
-                                     const OutputFolder& folder, DiagnosisContext& report, Phases& phases) {
+Result<Outcome> diagnose_hand_turned(const DiagnoseOptions& options, const LoadedRecording& fitted,
+                                     const LoadedRecording* holdout, const OutputFolder& folder,
+                                     DiagnosisContext& report, Phases& phases) {
   if (options.arw_deg_per_rt_h || options.vrw_ug_per_rt_hz || options.gyro_bias_instability_degph > 0.0 ||
       options.accel_bias_instability_ug > 0.0)
-    return input_error(options.recording + ": has no table angles: expected no --arw, --vrw or bias instability, the noise is "
-                                           "measured in the rests");
+    return input_error(options.recording +
+                       ": has no table angles: expected no --arw, --vrw or bias instability, the noise is "
+                       "measured in the rests");
   const RestData data = make_rest_data(fitted.recording);
   std::optional<RestData> other;
   RestDiagnosisOptions settings;
@@ -189,7 +196,8 @@ Result<Outcome> diagnose_hand_turned(const DiagnoseOptions& options, const Loade
   const Result<RestDiagnosis> result = diagnose_rests(data, settings);
   if (!result) return Error{result.error().kind, options.recording + ": " + result.error().message};
   if (!result->base.converged)
-    return Error{ErrorKind::unit_failed, options.recording + ": the base model could not be fitted: " + result->base.message};
+    return Error{ErrorKind::unit_failed,
+                 options.recording + ": the base model could not be fitted: " + result->base.message};
   report.false_alarm = settings.false_alarm;
   report.method = rest_method;
   report.hand_turned = true;
@@ -211,9 +219,11 @@ Result<Verdict> diagnose_recording(const DiagnoseOptions& options, CommandContex
   if (!options.holdout.empty()) {
     Result<LoadedRecording> loaded = load(options.holdout, phases);
     if (!loaded) return loaded.error();
-    if (Status s = check_same_unit(options.holdout, loaded->recording.info, fitted->recording.info); !s) return s.error();
+    if (Status s = check_same_unit(options.holdout, loaded->recording.info, fitted->recording.info); !s)
+      return s.error();
     if (loaded->hash == fitted->hash) {
-      return input_error(options.holdout + ": is the recording to be fitted itself: expected data that is not used in the fit");
+      return input_error(options.holdout +
+                         ": is the recording to be fitted itself: expected data that is not used in the fit");
     }
     if (loaded->by_hand != fitted->by_hand)
       return input_error(options.holdout + ": expected a recording " + (fitted->by_hand ? "without" : "with") +
@@ -225,7 +235,8 @@ Result<Verdict> diagnose_recording(const DiagnoseOptions& options, CommandContex
   report.recording_path = options.recording;
   report.recording_hash = fitted->hash;
   report.holdout_path = options.holdout;
-  report.time_utc = format_utc(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count());
+  report.time_utc =
+      format_utc(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count());
   report.notes = fitted->notes;
   if (holdout) report.notes.insert(report.notes.end(), holdout->notes.begin(), holdout->notes.end());
 
@@ -241,7 +252,8 @@ Result<Verdict> diagnose_recording(const DiagnoseOptions& options, CommandContex
   context.out << '\n';
   for (const std::string& line : outcome->table) context.out << line << '\n';
   context.out << '\n';
-  if (!outcome->written.plot_problem.empty()) context.out << "report without plots: " << outcome->written.plot_problem << '\n';
+  if (!outcome->written.plot_problem.empty())
+    context.out << "report without plots: " << outcome->written.plot_problem << '\n';
   context.out << "report      " << folder->file(report_name) << "\ndiagnosis   " << folder->file(diagnosis_name)
               << "\nparameters  " << folder->file("parameters.conf") << "\n"
               << significant(steady_wall_s() - began_s, 2) << " s" << std::endl;
@@ -273,29 +285,34 @@ void diagnose_run(const std::string& folder, const Status& run, CommandContext& 
   std::istringstream lines(text.str());
   for (std::string line; std::getline(lines, line);) context.out << tag << line << '\n';
   context.out << std::flush;
-  if (!verdict) context.fail(verdict.error());
-  else if (*verdict != Verdict::clean && context.exit_code == 0) context.exit_code = exit_code(ErrorKind::unit_failed);
+  if (!verdict)
+    context.fail(verdict.error());
+  else if (*verdict != Verdict::clean && context.exit_code == 0)
+    context.exit_code = exit_code(ErrorKind::unit_failed);
 }
 
 void add_diagnose_command(CLI::App& app, CommandContext& context) {
   const auto options = std::make_shared<DiagnoseOptions>();
-  CLI::App* command =
-      app.add_subcommand("diagnose", "find, name and add an effect that the 24 parameters lack; report the error before and after");
+  CLI::App* command = app.add_subcommand(
+      "diagnose", "find, name and add an effect that the 24 parameters lack; report the error before and after");
   command->add_option("recording", options->recording, "a folder (binary or text form) or a .tcr file")->required();
   command->add_option("--holdout", options->holdout,
                       "another recording of the unit, not used in the fit; default: dwells left out in turn");
   command->add_option("--out", options->out, "folder for parameters.conf, diagnosis.conf and report.html")->required();
   command->add_option("--arw", options->arw_deg_per_rt_h, "angle random walk, deg/sqrt(h): noise given, not measured")
       ->check(CLI::PositiveNumber);
-  command->add_option("--vrw", options->vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)")->check(CLI::PositiveNumber);
+  command->add_option("--vrw", options->vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)")
+      ->check(CLI::PositiveNumber);
   command->add_option("--gyro-bias-instability", options->gyro_bias_instability_degph, "deg/h, with --arw and --vrw")
       ->check(CLI::NonNegativeNumber);
   command->add_option("--accel-bias-instability", options->accel_bias_instability_ug, "ug, with --arw and --vrw")
       ->check(CLI::NonNegativeNumber);
   command->callback([options, &context] {
     const Result<Verdict> verdict = diagnose_recording(*options, context);
-    if (!verdict) context.fail(verdict.error());
-    else if (*verdict != Verdict::clean) context.exit_code = exit_code(ErrorKind::unit_failed);
+    if (!verdict)
+      context.fail(verdict.error());
+    else if (*verdict != Verdict::clean)
+      context.exit_code = exit_code(ErrorKind::unit_failed);
   });
 }
 

@@ -7,10 +7,10 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
-#include "orchestrator/report/history_page.h"
 #include "orchestrator/records/parameter_history.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/report/history_page.h"
 
 namespace turncal {
 
@@ -45,17 +45,20 @@ Status print_comparison(const Calibrations& all, const std::vector<std::int64_t>
     for (const StoredCalibration& c : all) {
       if (c.id == ids[i]) pair[i] = &c;
     }
-    if (!pair[i]) return input_error("--compare " + std::to_string(ids[i]) + ": expected the id of a calibration in the list");
+    if (!pair[i])
+      return input_error("--compare " + std::to_string(ids[i]) + ": expected the id of a calibration in the list");
   }
   const auto& [a, b] = pair;
   if (a->unit != b->unit) {
-    return input_error("--compare: " + std::to_string(ids[0]) + " is of unit '" + a->unit + "', " + std::to_string(ids[1]) +
-                       " of unit '" + b->unit + "': expected two of one unit");
+    return input_error("--compare: " + std::to_string(ids[0]) + " is of unit '" + a->unit + "', " +
+                       std::to_string(ids[1]) + " of unit '" + b->unit + "': expected two of one unit");
   }
-  out << "unit " << a->unit << ": " << a->time_utc << " (" << a->verdict << ") and " << b->time_utc << " (" << b->verdict << ")\n";
+  out << "unit " << a->unit << ": " << a->time_utc << " (" << a->verdict << ") and " << b->time_utc << " ("
+      << b->verdict << ")\n";
   print(out, "%-5s %18s %18s %12s %12s", "", "first", "second", "difference", "/ sigma");
   for (const StoredValue& value : a->values) {
-    const auto other = std::find_if(b->values.begin(), b->values.end(), [&](const auto& v) { return v.key == value.key; });
+    const auto other =
+        std::find_if(b->values.begin(), b->values.end(), [&](const auto& v) { return v.key == value.key; });
     if (other == b->values.end()) continue;
     const double difference = other->value - value.value;
     const double sigma = std::hypot(value.sigma.value_or(0.0), other->sigma.value_or(0.0));
@@ -78,7 +81,8 @@ void print_control(const Calibrations& all, std::ostream& out) {
     const ParameterHistory history = parameter_history(all, key);
     const ControlChart& chart = history.chart;
     print(out, "%-5s %5zu %15.8g %15s %15s %8zu %8s", std::string(key).c_str(), chart.count, chart.mean,
-          number(chart.lower).c_str(), number(chart.upper).c_str(), chart.outside.size(), number(chart.cpk, "%.2f").c_str());
+          number(chart.lower).c_str(), number(chart.upper).c_str(), chart.outside.size(),
+          number(chart.cpk, "%.2f").c_str());
   }
 }
 
@@ -90,12 +94,12 @@ Status print_parameter(const Calibrations& all, const std::string& key, std::ost
   const ControlChart& chart = history.chart;
   for (std::size_t i = 0; i < history.values.size(); ++i) {
     const bool outside = std::find(chart.outside.begin(), chart.outside.end(), i) != chart.outside.end();
-    print(out, "%5lld  %-20s  %-20s  %15.8g  %10s%s", static_cast<long long>(history.of[i]->id), history.of[i]->unit.c_str(),
-          history.of[i]->time_utc.c_str(), history.values[i], number(history.sigmas[i], "%.2e").c_str(),
-          outside ? "  outside the control limits" : "");
+    print(out, "%5lld  %-20s  %-20s  %15.8g  %10s%s", static_cast<long long>(history.of[i]->id),
+          history.of[i]->unit.c_str(), history.of[i]->time_utc.c_str(), history.values[i],
+          number(history.sigmas[i], "%.2e").c_str(), outside ? "  outside the control limits" : "");
   }
-  print(out, "%s: n %zu, mean %.8g, control limits %s .. %s, limits %s .. %s, Cpk %s", key.c_str(), chart.count, chart.mean,
-        number(chart.lower).c_str(), number(chart.upper).c_str(), number(history.limit.min).c_str(),
+  print(out, "%s: n %zu, mean %.8g, control limits %s .. %s, limits %s .. %s, Cpk %s", key.c_str(), chart.count,
+        chart.mean, number(chart.lower).c_str(), number(chart.upper).c_str(), number(history.limit.min).c_str(),
         number(history.limit.max).c_str(), number(chart.cpk, "%.2f").c_str());
   return {};
 }
@@ -114,9 +118,10 @@ std::string as_csv(const Calibrations& all) {
   text += "\n";
   for (const StoredCalibration& c : all) {
     text += std::to_string(c.id);
-    for (const std::string* field : {&c.unit, &c.time_utc, &c.verdict, &c.station, &c.operator_name}) text += "," + csv_text(*field);
-    text += std::string(c.simulated ? ",true," : ",false,") + std::to_string(c.sessions) + "," + c.recording_hash + "," +
-            csv_text(c.folder);
+    for (const std::string* field : {&c.unit, &c.time_utc, &c.verdict, &c.station, &c.operator_name})
+      text += "," + csv_text(*field);
+    text += std::string(c.simulated ? ",true," : ",false,") + std::to_string(c.sessions) + "," + c.recording_hash +
+            "," + csv_text(c.folder);
     for (const StoredValue& value : c.values) {
       text += "," + format_number(value.value) + "," + (value.sigma ? format_number(*value.sigma) : "");
     }
@@ -159,13 +164,15 @@ struct RestoreOptions {
 
 Status restore(const RestoreOptions& options, std::ostream& out) {
   if (options.version > 0) {
-    if (Status status = restore_version(options.store, options.unit, options.version, options.simulated); !status) return status;
+    if (Status status = restore_version(options.store, options.unit, options.version, options.simulated); !status)
+      return status;
   }
   const Result<std::vector<StoredVersion>> versions = stored_versions(options.store, options.unit, options.simulated);
   if (!versions) return versions.error();
   for (const StoredVersion& version : *versions) {
     print(out, "%4d  %-20s  recording %s%s%s", version.number, version.file.time_utc.c_str(),
-          version.file.recording_hash.c_str(), version.file.simulated ? "  [simulated]" : "", version.in_use ? "  in use" : "");
+          version.file.recording_hash.c_str(), version.file.simulated ? "  [simulated]" : "",
+          version.in_use ? "  in use" : "");
   }
   return {};
 }
@@ -177,7 +184,8 @@ void add_history_command(CLI::App& app, CommandContext& context) {
   CLI::App* command = app.add_subcommand("history", "list, compare and export what is in the results database");
   command->add_option("database", options->database, "the station's record.database")->required();
   command->add_option("--unit", options->unit, "calibrations of this unit only");
-  CLI::Option* compare = command->add_option("--compare", options->compare, "two ids: the differences of one unit's parameters");
+  CLI::Option* compare =
+      command->add_option("--compare", options->compare, "two ids: the differences of one unit's parameters");
   compare->expected(2);
   command->add_flag("--control", options->control, "every parameter over all calibrations: control limits and Cpk");
   command->add_option("--parameter", options->parameter, "one parameter, calibration by calibration");
@@ -191,10 +199,12 @@ void add_history_command(CLI::App& app, CommandContext& context) {
 
 void add_restore_command(CLI::App& app, CommandContext& context) {
   const auto options = std::make_shared<RestoreOptions>();
-  CLI::App* command = app.add_subcommand("restore", "list the versions of a unit's parameter file, bring one back into use");
+  CLI::App* command =
+      app.add_subcommand("restore", "list the versions of a unit's parameter file, bring one back into use");
   command->add_option("store", options->store, "the station's record.store")->required();
   command->add_option("--unit", options->unit, "serial number of the unit")->required();
-  command->add_option("--version", options->version, "the version to bring back; without it they are listed")->check(CLI::PositiveNumber);
+  command->add_option("--version", options->version, "the version to bring back; without it they are listed")
+      ->check(CLI::PositiveNumber);
   command->add_flag("--simulated", options->simulated, "of the dry runs");
   command->callback([options, &context] {
     if (Status status = restore(*options, context.out); !status) context.fail(status.error());

@@ -16,6 +16,7 @@ namespace turncal {
 // Adds one subcommand, whose callback leaves its result in the context.
 using AddCommand = void (*)(CLI::App& app, CommandContext& context);
 
-int run_command_line(int argc, const char* const* argv, const std::vector<AddCommand>& commands, CommandContext& context);
+int run_command_line(int argc, const char* const* argv, const std::vector<AddCommand>& commands,
+                     CommandContext& context);
 
 }  // namespace turncal

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "orchestrator/devices/live_devices.h"
+#include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/jobs/run_results.h"
-#include "orchestrator/devices/stop_signals.h"
 #include "turntable_drivers/table/table_state.h"
 
 namespace turncal {
@@ -64,8 +64,8 @@ std::string table_text(Turntable& table) {
     const Result<AxisStatus> status = table.status(axis);
     char part[160];
     if (status) {
-      std::snprintf(part, sizeof part, "%c %9.4f deg %8.4f deg/s %s; ", to_string(axis)[0] - 'a' + 'A', status->position_deg,
-                    status->rate_degps, state_text(*status).c_str());
+      std::snprintf(part, sizeof part, "%c %9.4f deg %8.4f deg/s %s; ", to_string(axis)[0] - 'a' + 'A',
+                    status->position_deg, status->rate_degps, state_text(*status).c_str());
       text += part;
     } else {
       text += std::string(to_string(axis)) + ' ' + to_string(TableState::link_lost) + "; ";
@@ -142,7 +142,8 @@ Status run_monitor(const Options& options, CommandContext& context) {
 
 void add_monitor_command(CLI::App& app, CommandContext& context) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("monitor", "look at a station's table and unit, one line a second; nothing is moved");
+  CLI::App* command =
+      app.add_subcommand("monitor", "look at a station's table and unit, one line a second; nothing is moved");
   command->add_option("--station", options->station, "station configuration")->required();
   command->add_option("--seconds", options->seconds, "how long, in the station's time; default: until a signal")
       ->check(CLI::PositiveNumber);

@@ -20,7 +20,8 @@ Status check_range(const char* option, double value, double min, double max, boo
   const bool good = (min_excluded ? value > min : value >= min) && value <= max;  // false for NaN
   if (good) return {};
   return input_error(std::string(option) + " = " + shown(value) + ": expected a number " +
-                     (min_excluded ? "above " + shown(min) + " and not above " : "from " + shown(min) + " to ") + shown(max));
+                     (min_excluded ? "above " + shown(min) + " and not above " : "from " + shown(min) + " to ") +
+                     shown(max));
 }
 
 Status check_request(const PredictRequest& r) {
@@ -36,7 +37,8 @@ Status check_request(const PredictRequest& r) {
        })
     if (!status) return status;
   if (r.temperature_rise_c != 0.0 && !r.effects)
-    return input_error("--temperature-rise changes nothing without --effects: the 24 parameters do not depend on temperature");
+    return input_error(
+        "--temperature-rise changes nothing without --effects: the 24 parameters do not depend on temperature");
   return {};
 }
 
@@ -46,7 +48,8 @@ struct PlannedUnit {
   Parameters parameters;
 };
 Result<PlannedUnit> planned_unit(const StationConfig& station, const PredictRequest& request) {
-  Result<RigConfig> rig = station.rig_file.empty() ? Result<RigConfig>(default_rig_config()) : read_rig_config(station.rig_file);
+  Result<RigConfig> rig =
+      station.rig_file.empty() ? Result<RigConfig>(default_rig_config()) : read_rig_config(station.rig_file);
   if (!rig) return rig.error();
   PlannedUnit unit;
   unit.info.sample_period_s = rig->sample_period_s;
@@ -72,8 +75,8 @@ void print_premises(const PredictRequest& request, const RecordingInfo& info, st
   out << "Noise     " << shown(request.arw_deg_per_rt_h) << " deg/sqrt(h), " << shown(request.vrw_ug_per_rt_hz)
       << " ug/sqrt(Hz); bias instability " << shown(request.gyro_bias_instability_degph) << " deg/h, "
       << shown(request.accel_bias_instability_ug) << " ug; pulse " << shown(info.accel_pulse_mps) << " m/s\n";
-  out << "Site      latitude " << shown(info.latitude_deg) << " deg, gravity " << shown(info.gravity_mps2) << " m/s^2; IMU at "
-      << shown(std::round(1e6 / info.sample_period_s) / 1e6) << " Hz\n";
+  out << "Site      latitude " << shown(info.latitude_deg) << " deg, gravity " << shown(info.gravity_mps2)
+      << " m/s^2; IMU at " << shown(std::round(1e6 / info.sample_period_s) / 1e6) << " Hz\n";
 }
 
 // Two sequences of one name still need two names.
@@ -91,7 +94,8 @@ PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan) {
   motion.start_deg = sequence.start_deg;
   for (const PlannedItem& item : plan.items) {
     PlannedMotionItem planned;
-    planned.kind = item.kind == SequenceItem::Kind::move ? PlannedMotionItem::Kind::move : PlannedMotionItem::Kind::dwell;
+    planned.kind =
+        item.kind == SequenceItem::Kind::move ? PlannedMotionItem::Kind::move : PlannedMotionItem::Kind::dwell;
     planned.step = item.step;
     planned.samples = item.samples;
     planned.dwell_kind = item.dwell_kind;
@@ -125,9 +129,10 @@ Status run_predict(const PredictRequest& request, std::ostream& out) {
     const Result<Sequence> sequence = read_sequence(file);
     if (!sequence) return sequence.error();
     const Plan plan = make_plan(*sequence, plan_limits(*station, unit->info.sample_period_s));
-    NamedPrediction column{column_name(columns, sequence->name), predict(unit->info, planned_motion(*sequence, plan), options),
-                           plan.station_s};
-    if (!column.prediction.valid) return Error{ErrorKind::internal, file + ": no prediction: " + column.prediction.message};
+    NamedPrediction column{column_name(columns, sequence->name),
+                           predict(unit->info, planned_motion(*sequence, plan), options), plan.station_s};
+    if (!column.prediction.valid)
+      return Error{ErrorKind::internal, file + ": no prediction: " + column.prediction.message};
     columns.push_back(std::move(column));
     refused.push_back(plan.ok() ? "" : plan.violations.front());
   }
@@ -157,7 +162,8 @@ Status run_predict(const PredictRequest& request, std::ostream& out) {
 
 void add_predict_command(CLI::App& app, CommandContext& context) {
   const auto request = std::make_shared<PredictRequest>();
-  CLI::App* command = app.add_subcommand("predict", "the sigma each parameter would have after a sequence; nothing moves");
+  CLI::App* command =
+      app.add_subcommand("predict", "the sigma each parameter would have after a sequence; nothing moves");
   command->add_option("--sequence", request->sequences, "sequence file; several stand side by side")->required();
   command->add_option("--station", request->station, "station configuration; default: the built-in rig station");
   command->add_option("--latitude", request->latitude_deg, "deg; default: the station's");
@@ -167,7 +173,8 @@ void add_predict_command(CLI::App& app, CommandContext& context) {
   command->add_option("--gyro-bias-instability", request->gyro_bias_instability_degph, "deg/h")->capture_default_str();
   command->add_option("--accel-bias-instability", request->accel_bias_instability_ug, "ug")->capture_default_str();
   command->add_flag("--effects", request->effects, "the smallest effects that would be caught, and which are confused");
-  command->add_option("--temperature-rise", request->temperature_rise_c, "C over the run, for --effects")->capture_default_str();
+  command->add_option("--temperature-rise", request->temperature_rise_c, "C over the run, for --effects")
+      ->capture_default_str();
   command->add_option("--temperature-tau", request->temperature_tau_s, "its time constant, s")->capture_default_str();
   command->callback([request, &context] {
     if (Status status = run_predict(*request, context.out); !status) context.fail(status.error());

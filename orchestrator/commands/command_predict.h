@@ -36,7 +36,7 @@ struct PredictRequest {
   double gyro_bias_instability_degph = 0.0;
   double accel_bias_instability_ug = 0.0;
   bool effects = false;
-  double temperature_rise_c = 0.0;     // 0: the temperature stands still
+  double temperature_rise_c = 0.0;  // 0: the temperature stands still
   double temperature_tau_s = 2400.0;
 };
 

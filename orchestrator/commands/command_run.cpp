@@ -39,7 +39,8 @@ void add_record_options(CLI::App& command, RunRequest& request) {
 }
 
 void add_view_options(CLI::App& command, RunRequest& request) {
-  command.add_option("--listen", request.listen, "serve a read-only status page there (127.0.0.1:8080; port 0: any free one)");
+  command.add_option("--listen", request.listen,
+                     "serve a read-only status page there (127.0.0.1:8080; port 0: any free one)");
   command.add_option("--pace", request.pace, "of a dry run: at most this many times as fast as the wall clock")
       ->check(CLI::PositiveNumber);
 }
@@ -49,11 +50,13 @@ void add_run_command(CLI::App& app, CommandContext& context) {
   RunRequest& request = options->request;
   CLI::App* command = app.add_subcommand("run", "run a calibration: move the table, record, calibrate");
   command->add_flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
-  command->add_flag("--manual", request.manual,
-                    "the table is turned by hand, whatever the station names: an operator is told what to do (docs/tables.md)");
+  command->add_flag(
+      "--manual", request.manual,
+      "the table is turned by hand, whatever the station names: an operator is told what to do (docs/tables.md)");
   command
-      ->add_option("--unit", request.units,
-                   "serial number of the unit; once for each of several on the table, in the order of the station's places")
+      ->add_option(
+          "--unit", request.units,
+          "serial number of the unit; once for each of several on the table, in the order of the station's places")
       ->required()
       ->allow_extra_args(false);
   command->add_option("--out", options->folder, "folder for the results; must not hold a run yet")->required();
@@ -72,7 +75,8 @@ void add_run_command(CLI::App& app, CommandContext& context) {
 void add_resume_command(CLI::App& app, CommandContext& context) {
   const auto options = std::make_shared<Options>();
   RunRequest& moved = options->request;
-  CLI::App* command = app.add_subcommand("resume", "go on with a run that was interrupted, behind its last complete dwell");
+  CLI::App* command =
+      app.add_subcommand("resume", "go on with a run that was interrupted, behind its last complete dwell");
   command->add_option("folder", options->folder, "the run's folder")->required();
   command->add_option("--unit", moved.units, "the unit (or units) expected there")->allow_extra_args(false);
   command->add_option("--rig", moved.rig, "where the rig configuration is now, if it was moved");

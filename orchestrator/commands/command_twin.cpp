@@ -28,11 +28,12 @@ Status run_twin(const Options& options, CommandContext& context) {
   const StopSignals signals;
   Result<std::unique_ptr<RigTwin>> twin = RigTwin::open(*station, *rig, settings);
   if (!twin) return twin.error();
-  context.out << "[twin] ready: table " << (station->table.map ? "modbus" : "serial") << " at " << (*twin)->table_address()
-              << (station->imu_places() > 1 ? ", units " : ", unit ") << station->imu->frame.name << " on " << (*twin)->imu_devices() << ", "
+  context.out << "[twin] ready: table " << (station->table.map ? "modbus" : "serial") << " at "
+              << (*twin)->table_address() << (station->imu_places() > 1 ? ", units " : ", unit ")
+              << station->imu->frame.name << " on " << (*twin)->imu_devices() << ", "
               << format_number(settings.speed_up) << " times real time, rig seed " << rig->seed << std::endl;
-  const Status status = (*twin)->run(StopSignals::requests(),
-                                     [&context](const std::string& what) { context.out << "[twin] " << what << std::endl; });
+  const Status status = (*twin)->run(
+      StopSignals::requests(), [&context](const std::string& what) { context.out << "[twin] " << what << std::endl; });
   context.out << "[twin] ends at " << format_number((*twin)->rig_time_s()) << " s of rig time";
   if ((*twin)->batches_dropped() > 0) {
     context.out << "; " << (*twin)->batches_dropped() << " batches of samples were not read in time";
@@ -46,12 +47,18 @@ Status run_twin(const Options& options, CommandContext& context) {
 void add_twin_command(CLI::App& app, CommandContext& context) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("twin", "serve the simulated table and unit of a station on real lines");
-  command->add_option("--station", options->station, "station configuration: which lines, which map or dialect, which frame")
+  command
+      ->add_option("--station", options->station,
+                   "station configuration: which lines, which map or dialect, which frame")
       ->required();
-  command->add_option("--rig", options->rig, "rig configuration (docs/rig.md); default: rig.file of the station, or the built-in one");
-  command->add_option("--speed-up", options->settings.speed_up, "how many times faster than the wall clock; default: clock.speed_up")
+  command->add_option("--rig", options->rig,
+                      "rig configuration (docs/rig.md); default: rig.file of the station, or the built-in one");
+  command
+      ->add_option("--speed-up", options->settings.speed_up,
+                   "how many times faster than the wall clock; default: clock.speed_up")
       ->check(CLI::Range(0.01, 1000.0));
-  command->add_option("--table", options->settings.table, "tcp:PORT (0: any free one), pty or pty:LINK; default: as the station says");
+  command->add_option("--table", options->settings.table,
+                      "tcp:PORT (0: any free one), pty or pty:LINK; default: as the station says");
   command->callback([options, &context] {
     if (Status status = run_twin(*options, context); !status) context.fail(status.error());
   });

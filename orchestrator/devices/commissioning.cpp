@@ -37,8 +37,9 @@ class Trial {
   Status home() {
     if (Status status = devices_.table.enable(); !status) return status;
     if (Status status = devices_.table.home(); !status) return status;
-    return wait_until(homing_deadline_s, "the axes did not find their zero",
-                      [](const TableStatus& axes) { return all_of(axes, [](const AxisStatus& a) { return a.homed && !a.moving; }); });
+    return wait_until(homing_deadline_s, "the axes did not find their zero", [](const TableStatus& axes) {
+      return all_of(axes, [](const AxisStatus& a) { return a.homed && !a.moving; });
+    });
   }
   // The gyros' sum over the move, less the mean before it.
   Result<std::array<double, 3>> turn(Axis axis) {
@@ -116,7 +117,10 @@ class Trial {
         const AxisStatus& a = (*axes)[static_cast<std::size_t>(axis)];
         if (!a.fault && !a.limit && !a.emergency_stop && a.remote) continue;
         return device_error(std::string(to_string(axis)) + ": " +
-                            (a.emergency_stop ? "emergency stop" : a.fault ? "fault" : a.limit ? "limit switch" : "not in remote mode") +
+                            (a.emergency_stop ? "emergency stop"
+                             : a.fault        ? "fault"
+                             : a.limit        ? "limit switch"
+                                              : "not in remote mode") +
                             (a.text.empty() ? "" : ": " + a.text));
       }
       if (over(*axes)) return {};
@@ -125,10 +129,12 @@ class Trial {
     }
   }
   Status move(Axis axis, double to_deg) {
-    if (Status status = devices_.table.move_absolute(axis, to_deg, settings_.rate_degps, settings_.acceleration_degps2); !status) {
+    if (Status status = devices_.table.move_absolute(axis, to_deg, settings_.rate_degps, settings_.acceleration_degps2);
+        !status) {
       return status;
     }
-    const double seconds = settings_.move_deg / settings_.rate_degps + 2.0 * settings_.rate_degps / settings_.acceleration_degps2 +
+    const double seconds = settings_.move_deg / settings_.rate_degps +
+                           2.0 * settings_.rate_degps / settings_.acceleration_degps2 +
                            station_.motion.deadline_margin_s;
     return wait_until(seconds, std::string(to_string(axis)) + " did not arrive in time", [&](const TableStatus& axes) {
       const AxisStatus& a = axes[static_cast<std::size_t>(axis)];
@@ -154,7 +160,8 @@ double to_rad(IncrementKind kind, const CommissioningSettings& settings) {
 
 }  // namespace
 
-Status judge_turn(Axis axis, const std::array<double, 3>& sum, IncrementKind kind, const CommissioningSettings& settings) {
+Status judge_turn(Axis axis, const std::array<double, 3>& sum, IncrementKind kind,
+                  const CommissioningSettings& settings) {
   const Felt expected = felt(axis);
   const double size = std::hypot(sum[0], sum[1], sum[2]);
   const double weight = to_rad(kind, settings);
@@ -162,15 +169,19 @@ Status judge_turn(Axis axis, const std::array<double, 3>& sum, IncrementKind kin
   const bool points_there = size > 0.0 && along >= size * std::cos(settings.direction_deg * std::numbers::pi / 180.0);
   const double turned_deg = size * weight * 180.0 / std::numbers::pi;
   const bool size_known = weight > 0.0;
-  const bool size_fits = !size_known || std::abs(turned_deg - settings.move_deg) <= settings.size_tolerance * settings.move_deg;
+  const bool size_fits =
+      !size_known || std::abs(turned_deg - settings.move_deg) <= settings.size_tolerance * settings.move_deg;
   if (points_there && size_fits) return {};
   char text[320];
   const double shown = size_known ? weight * 180.0 / std::numbers::pi : 1.0;
   std::snprintf(text, sizeof text,
-                "%s turned by %+g deg was felt as %+.3f, %+.3f, %+.3f %s about x, y, z: expected %s about %s alone (sign of the table's axis, "
+                "%s turned by %+g deg was felt as %+.3f, %+.3f, %+.3f %s about x, y, z: expected %s about %s alone "
+                "(sign of the table's axis, "
                 "or axes and signs of the unit's frame)",
-                to_string(axis), settings.move_deg, sum[0] * shown, sum[1] * shown, sum[2] * shown, size_known ? "deg" : "pulses",
-                size_known ? (std::to_string(expected.sign * settings.move_deg) + " deg").c_str() : (expected.sign > 0 ? "plus" : "minus"),
+                to_string(axis), settings.move_deg, sum[0] * shown, sum[1] * shown, sum[2] * shown,
+                size_known ? "deg" : "pulses",
+                size_known ? (std::to_string(expected.sign * settings.move_deg) + " deg").c_str()
+                           : (expected.sign > 0 ? "plus" : "minus"),
                 body_axis[expected.axis]);
   return input_error(text);
 }
@@ -190,7 +201,8 @@ Status try_axes(const StationDevices& devices, const StationConfig& station, con
     char text[160];
     std::snprintf(text, sizeof text, "%-7s %+g deg: felt about %s%s, %.6g %s", to_string(axis), settings.move_deg,
                   felt(axis).sign > 0 ? "+" : "-", body_axis[felt(axis).axis],
-                  info.gyro_increment == IncrementKind::pulses ? settings.move_deg * 3600.0 / size : size * 180.0 / std::numbers::pi,
+                  info.gyro_increment == IncrementKind::pulses ? settings.move_deg * 3600.0 / size
+                                                               : size * 180.0 / std::numbers::pi,
                   info.gyro_increment == IncrementKind::pulses ? "arcsec a pulse" : "deg");
     out << tag << text << std::endl;
   }

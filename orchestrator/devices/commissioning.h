@@ -12,8 +12,8 @@
 #include <ostream>
 #include <string>
 
-#include "orchestrator/station/station_config.h"
 #include "orchestrator/run/station_run.h"
+#include "orchestrator/station/station_config.h"
 
 namespace turncal {
 
@@ -21,10 +21,10 @@ struct CommissioningSettings {
   double move_deg = 5.0;
   double rate_degps = 1.0;
   double acceleration_degps2 = 2.0;
-  double rest_s = 2.0;            // at rest, before each move
+  double rest_s = 2.0;  // at rest, before each move
   double direction_deg = 5.0;
-  double size_tolerance = 0.05;   // of 1
-  double gyro_pulse_arcsec = 0.0; // nominal; 0: not known
+  double size_tolerance = 0.05;    // of 1
+  double gyro_pulse_arcsec = 0.0;  // nominal; 0: not known
 };
 
 // REQUIRES: table connected, unit open. Prints one line an axis.
@@ -32,6 +32,7 @@ Status try_axes(const StationDevices& devices, const StationConfig& station, con
                 const std::atomic<int>& stop_requests, const std::string& tag, std::ostream& out);
 
 // What the sum of the gyros says about a turn of `axis` by move_deg; the error names axis, expected and found.
-Status judge_turn(Axis axis, const std::array<double, 3>& sum, IncrementKind kind, const CommissioningSettings& settings);
+Status judge_turn(Axis axis, const std::array<double, 3>& sum, IncrementKind kind,
+                  const CommissioningSettings& settings);
 
 }  // namespace turncal

@@ -27,7 +27,7 @@ class GravityWatch : public ImuSource {
  private:
   ImuSource& source_;
   int half_samples_;
-  int count_ = 0;                // of the half that is being filled
+  int count_ = 0;  // of the half that is being filled
   std::array<double, 3> sum_{};
   std::optional<std::array<double, 3>> last_, before_;  // means of the two halves
 };

@@ -36,8 +36,9 @@ LiveDevices::LiveDevices(const StationConfig& station, std::size_t units)
   }
 }
 
-Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& station, const std::atomic<int>& stop_requests,
-                                                       std::ostream& out, std::size_t units) {
+Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& station,
+                                                       const std::atomic<int>& stop_requests, std::ostream& out,
+                                                       std::size_t units) {
   assert(station.imu);
   std::unique_ptr<LiveDevices> live(new LiveDevices(station, units));
   const GravityWatch& watched = live->watched_;

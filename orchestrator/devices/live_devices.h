@@ -14,8 +14,8 @@
 #include "imu_io/units/serial_imu.h"
 #include "orchestrator/devices/gravity_watch.h"
 #include "orchestrator/devices/operator_prompts.h"
-#include "orchestrator/run/station_run.h"
 #include "orchestrator/devices/table_device.h"
+#include "orchestrator/run/station_run.h"
 
 namespace turncal {
 
@@ -41,7 +41,9 @@ class LiveDevices {
   std::string unit_summary(std::size_t place) const { return (place == 0 ? imu_ : *further_[place - 1]).summary(); }
   // At most 20 ms, so that whoever waits finds out about a stop in time; a signal ends it earlier.
   static void wait_a_little(double wall_s);
-  Status commission_table(const AxisTriple& known_deg, double tolerance_deg) { return table_->commission(known_deg, tolerance_deg); }
+  Status commission_table(const AxisTriple& known_deg, double tolerance_deg) {
+    return table_->commission(known_deg, tolerance_deg);
+  }
 
   // Of a table turned by hand: what its operator is told, each line with `tag`; else null. The sequence must outlive the devices.
   RunObserver* prompts(const Sequence& sequence, const std::string& tag);

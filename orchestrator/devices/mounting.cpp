@@ -5,8 +5,8 @@
 
 #include <cerrno>
 
-#include "imu_io/recordings/recording_check.h"
 #include "imu_io/base/text_pieces.h"
+#include "imu_io/recordings/recording_check.h"
 #include "orchestrator/devices/stop_signals.h"
 
 namespace turncal {
@@ -45,9 +45,12 @@ Result<Mounted> ask(const std::string& unit, int input, std::ostream& out, const
     }
     if (line->empty()) return Mounted{};
     if (*line == "quit") return not_mounted(unit, "the operator quit");
-    const std::string reason = line->starts_with("skip ") ? std::string(trimmed(std::string_view(*line).substr(5))) : "";
+    const std::string reason =
+        line->starts_with("skip ") ? std::string(trimmed(std::string_view(*line).substr(5))) : "";
     if (!reason.empty() && is_plain_text(reason)) return Mounted{reason};
-    out << tag << (*line == "skip" ? "Why? Type skip and the reason." : quoted(*line) + ": expected Enter, skip and a reason without '#', or quit.")
+    out << tag
+        << (*line == "skip" ? "Why? Type skip and the reason."
+                            : quoted(*line) + ": expected Enter, skip and a reason without '#', or quit.")
         << std::endl;
   }
 }
@@ -64,7 +67,8 @@ Result<Mounted> mount_unit(const StationConfig& station, const std::string& unit
   };
   if (!station.hooks.mount.empty()) {
     out << tag << "unit " << unit << ": mounting" << std::endl;
-    const Status mounted = run_hook(station.hooks, {"mount", unit, folder, "", false}, station.hooks.mount_time_s, &StopSignals::any);
+    const Status mounted =
+        run_hook(station.hooks, {"mount", unit, folder, "", false}, station.hooks.mount_time_s, &StopSignals::any);
     if (mounted) return Mounted{};
     return tell_operator(not_mounted(unit, mounted.error().message));
   }

@@ -11,8 +11,8 @@ constexpr double rehearsed_turn_s = 2.0;  // beyond its planned time: the compar
 
 }  // namespace
 
-RehearsalDevices::RehearsalDevices(const RigConfig& config, const StationConfig& station, const Sequence& sequence, int input,
-                                   std::ostream& out, const std::string& tag)
+RehearsalDevices::RehearsalDevices(const RigConfig& config, const StationConfig& station, const Sequence& sequence,
+                                   int input, std::ostream& out, const std::string& tag)
     : rig_(config),
       watched_(rig_.imu, config.sample_period_s),
       manual_(station.table.manual, rig_.clock, input, out, [this] { return watched_.mean(); }),

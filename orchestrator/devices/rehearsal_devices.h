@@ -11,16 +11,16 @@
 #include "orchestrator/devices/gravity_watch.h"
 #include "orchestrator/devices/operator_prompts.h"
 #include "orchestrator/station/station_config.h"
-#include "turntable_drivers/table/limited_turntable.h"
 #include "turntable_drivers/manual/manual_turntable.h"
+#include "turntable_drivers/table/limited_turntable.h"
 
 namespace turncal {
 
 class RehearsalDevices {
  public:
   // `input`: file descriptor of the answers. Sequence and stream must outlive the devices.
-  RehearsalDevices(const RigConfig& config, const StationConfig& station, const Sequence& sequence, int input, std::ostream& out,
-                   const std::string& tag);
+  RehearsalDevices(const RigConfig& config, const StationConfig& station, const Sequence& sequence, int input,
+                   std::ostream& out, const std::string& tag);
   RehearsalDevices(const RehearsalDevices&) = delete;
   RehearsalDevices& operator=(const RehearsalDevices&) = delete;
 

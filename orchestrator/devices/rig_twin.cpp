@@ -94,7 +94,8 @@ Status RigTwin::open_line(const StationConfig& station, std::size_t unit, double
   auto made = std::make_unique<UnitLine>();
   made->line = std::move(*line);
   made->guarded = std::make_unique<GuardedImu>(group_.imu(unit), server_->mutex);
-  made->streamer = std::make_unique<FrameStreamer>(*made->guarded, station.imu->frame, made->line, speed_up, unit_patience_s);
+  made->streamer =
+      std::make_unique<FrameStreamer>(*made->guarded, station.imu->frame, made->line, speed_up, unit_patience_s);
   lines_.push_back(std::move(made));
   // Once now, so that a frame that does not fit the rig is said before anybody waits for it.
   return lines_.back()->streamer->start(monotonic_s());

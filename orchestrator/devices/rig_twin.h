@@ -14,8 +14,8 @@
 
 #include "imu_io/units/frame_streamer.h"
 #include "orchestrator/station/station_config.h"
-#include "turntable_drivers/twins/line_server.h"
 #include "turntable_drivers/rig/rig_group.h"
+#include "turntable_drivers/twins/line_server.h"
 
 namespace turncal {
 
@@ -30,7 +30,8 @@ struct TwinSettings {
 class RigTwin {
  public:
   // Opens both lines. Errors: kind input for a station that no twin can stand in for, device for a line that cannot be opened.
-  static Result<std::unique_ptr<RigTwin>> open(const StationConfig& station, const RigConfig& rig, const TwinSettings& settings);
+  static Result<std::unique_ptr<RigTwin>> open(const StationConfig& station, const RigConfig& rig,
+                                               const TwinSettings& settings);
   ~RigTwin();
   RigTwin(const RigTwin&) = delete;
   RigTwin& operator=(const RigTwin&) = delete;

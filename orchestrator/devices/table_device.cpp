@@ -2,8 +2,8 @@
 
 #include <cassert>
 
-#include "turntable_drivers/modbus/modbus_turntable.h"
 #include "turntable_drivers/ascii/serial_turntable.h"
+#include "turntable_drivers/modbus/modbus_turntable.h"
 
 namespace turncal {
 
@@ -22,7 +22,8 @@ std::array<MotionLimits, 3> motion_limits(const StationConfig& station) {
   std::array<MotionLimits, 3> limits;
   for (std::size_t i = 0; i < limits.size(); ++i) {
     const AxisLimits& axis = station.axis[i];
-    limits[i] = {axis.soft_min_deg, axis.soft_max_deg, axis.max_rate_degps, axis.max_acceleration_degps2, axis.wrap_deg};
+    limits[i] = {axis.soft_min_deg, axis.soft_max_deg, axis.max_rate_degps, axis.max_acceleration_degps2,
+                 axis.wrap_deg};
   }
   return limits;
 }
@@ -31,7 +32,8 @@ Result<std::unique_ptr<TableDevice>> make_table(const StationConfig& station, co
   std::unique_ptr<Turntable> driver;
   switch (station.table.driver) {
     case TableDriver::mock:
-      return input_error("station '" + station.name + "': table.driver = mock has no table to turn: expected modbus, serial or manual");
+      return input_error("station '" + station.name +
+                         "': table.driver = mock has no table to turn: expected modbus, serial or manual");
     case TableDriver::modbus:
       assert(station.table.map);
       driver = std::make_unique<ModbusTurntable>(*station.table.map, context.clock, context.stop_requests);

@@ -10,8 +10,8 @@
 
 #include "imu_io/base/clock.h"
 #include "orchestrator/station/station_config.h"
-#include "turntable_drivers/table/limited_turntable.h"
 #include "turntable_drivers/manual/manual_turntable.h"
+#include "turntable_drivers/table/limited_turntable.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {

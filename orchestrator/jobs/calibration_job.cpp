@@ -6,13 +6,13 @@
 #include <map>
 
 #include "calib/closed_form/closed_form.h"
-#include "calib/statistics/compression.h"
 #include "calib/joint/joint_estimate.h"
 #include "calib/rests/rest_model.h"
+#include "calib/statistics/compression.h"
 #include "calib/statistics/segmentation.h"
-#include "orchestrator/station/version.h"
 #include "orchestrator/jobs/compress_source.h"
 #include "orchestrator/report/rest_view.h"
+#include "orchestrator/station/version.h"
 
 namespace turncal {
 
@@ -104,8 +104,9 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
                        ": expected more of them, about other axes (--partial writes what there is)");
   }
   describe_rest_fit(*fit, {}, data, output.file);
-  output.notes.push_back("no table angles: " + std::to_string(data.rests.size()) + " rests and " + std::to_string(data.legs.size()) +
-                         " rotations by hand, settled after " + std::to_string(fit->iterations) + " iterations");
+  output.notes.push_back("no table angles: " + std::to_string(data.rests.size()) + " rests and " +
+                         std::to_string(data.legs.size()) + " rotations by hand, settled after " +
+                         std::to_string(fit->iterations) + " iterations");
   output.notes.push_back("errors: " + error_text(fit->errors));
   output.notes.push_back("left out in turn: " + error_text(fit->left_out));
   for (std::size_t k = 0; k < data.legs.size(); ++k)
@@ -132,9 +133,12 @@ Result<CalibrationOutput> calibrate_recording(RecordingSource& source, const Cal
   const bool closed = request.method == "closed-form";
   const bool by_hand = without_table_angles(source.segments());
   if (closed && by_hand)
-    return input_error(source.path() + ": has no table angles: expected the fourteen steps of a table for --method closed-form");
-  if (Status status = by_hand ? rests_by_hand(*recording, request.partial, output)
-                      : closed ? closed_form(*recording, output) : joint(*recording, request.partial, output); !status) {
+    return input_error(source.path() +
+                       ": has no table angles: expected the fourteen steps of a table for --method closed-form");
+  if (Status status = by_hand  ? rests_by_hand(*recording, request.partial, output)
+                      : closed ? closed_form(*recording, output)
+                               : joint(*recording, request.partial, output);
+      !status) {
     return Error{status.error().kind, source.path() + ": " + status.error().message};
   }
   Result<std::string> hash = source.content_hash();

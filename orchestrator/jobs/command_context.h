@@ -13,8 +13,8 @@ struct CommandContext {
   std::ostream& err;
   bool out_is_terminal = false;
   int terminal_columns = 80;  // meaningful when out is a terminal
-  std::string tag = {};  // of errors: "[dry run] ", "[simulated] " or nothing
-  int exit_code = 0;  // what the command that ran has to say
+  std::string tag = {};       // of errors: "[dry run] ", "[simulated] " or nothing
+  int exit_code = 0;          // what the command that ran has to say
 
   // One line on err; sets the exit code.
   void fail(const Error& error);

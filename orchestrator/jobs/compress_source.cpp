@@ -5,12 +5,15 @@
 
 namespace turncal {
 
-Result<CompressedRecording> compress_source(RecordingSource& source, const std::function<void(std::int64_t)>& progress) {
+Result<CompressedRecording> compress_source(RecordingSource& source,
+                                            const std::function<void(std::int64_t)>& progress) {
   if (source.segments().empty()) {
-    return input_error(source.path() + ": the recording has no segments, so nothing says when the unit was at rest: expected segments, "
-                                        "as `turncal segment` finds them");
+    return input_error(source.path() +
+                       ": the recording has no segments, so nothing says when the unit was at rest: expected segments, "
+                       "as `turncal segment` finds them");
   }
-  Compressor compressor(source.info(), without_table_angles(source.segments()) ? rest_compression_options() : CompressionOptions{});
+  Compressor compressor(source.info(),
+                        without_table_angles(source.segments()) ? rest_compression_options() : CompressionOptions{});
   SegmentedFeed feed(compressor, source.segments());
   std::int64_t count = 0;
   const Status status = source.read([&](std::span<const ImuSample> samples) {

@@ -12,6 +12,7 @@ namespace turncal {
 
 // Blocks as short as the recording needs: those of rests found by hand where it has no table angles. `progress`, if given, is
 // told the number of samples read so far. An error when the recording has no segments.
-Result<CompressedRecording> compress_source(RecordingSource& source, const std::function<void(std::int64_t)>& progress = {});
+Result<CompressedRecording> compress_source(RecordingSource& source,
+                                            const std::function<void(std::int64_t)>& progress = {});
 
 }  // namespace turncal

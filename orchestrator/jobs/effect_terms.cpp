@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "calib/model/effects.h"
 #include "calib/joint/joint_estimate.h"
 #include "calib/joint/joint_faults.h"
+#include "calib/model/effects.h"
 #include "calib/statistics/segmentation.h"
 #include "orchestrator/jobs/compress_source.h"
 
@@ -13,8 +13,8 @@ namespace {
 
 bool needs_attitude(const std::string& name) { return name == "earth_rate" || name == "gyro_magnetic"; }
 
-Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info,
-                                             bool has_attitude, Eigen::VectorXd& values) {
+Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const std::string& file_name,
+                                             const RecordingInfo& info, bool has_attitude, Eigen::VectorXd& values) {
   std::vector<EffectColumn> columns;
   std::vector<double> found;
   for (const EffectValue& effect : file.effects) {
@@ -23,11 +23,13 @@ Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const st
     if (entry == nullptr) return input_error(file_name + ": '" + key + "' is no effect of the catalogue");
     if (effect.component == "tau_s") continue;
     const auto at = std::find(entry->components.begin(), entry->components.end(), effect.component);
-    if (at == entry->components.end()) return input_error(file_name + ": '" + key + "' is no component of " + effect.name);
+    if (at == entry->components.end())
+      return input_error(file_name + ": '" + key + "' is no component of " + effect.name);
     if (entry->needs_temperature && !info.has_temperature)
       return input_error(file_name + ": '" + key + "' depends on temperature, which the recording does not have");
     if (needs_attitude(effect.name) && !has_attitude)
-      return input_error(file_name + ": '" + key + "' depends on the attitude, which a recording without table angles does not tell");
+      return input_error(file_name + ": '" + key +
+                         "' depends on the attitude, which a recording without table angles does not tell");
     EffectColumn column{entry, static_cast<int>(at - entry->components.begin()), 0.0};
     if (!entry->taus_s.empty()) {
       const auto tau = std::find_if(file.effects.begin(), file.effects.end(), [&](const EffectValue& e) {
@@ -52,20 +54,24 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
   Eigen::VectorXd values;
   const Result<std::vector<EffectColumn>> columns = columns_of(file, file_name, source.info(), !by_hand, values);
   if (!columns) return columns.error();
-  const auto nowhere = [&] { return input_error(source.path() + ": has no segments, expected some to evaluate effects over"); };
+  const auto nowhere = [&] {
+    return input_error(source.path() + ": has no segments, expected some to evaluate effects over");
+  };
   if (source.segments().empty()) return nowhere();
   const Result<CompressedRecording> compressed = compress_source(source);
   if (!compressed) return compressed.error();
   const CompressedRecording& recording = *compressed;
   if (recording.blocks.empty()) return nowhere();
 
-  EffectModel model = make_effect_model(*columns, {recording.info.latitude_deg}, file.reference_temperature_c.value_or(0.0));
+  EffectModel model =
+      make_effect_model(*columns, {recording.info.latitude_deg}, file.reference_temperature_c.value_or(0.0));
   model.values = values;
   FilterSetup setup;
   setup.with_columns = false;
   setup.keep_motions = true;
   setup.initial_tilt_sigma_rad = 0.2;
-  setup.noise.accel_pulse_mps = recording.info.accel_increment == IncrementKind::pulses ? recording.info.accel_pulse_mps : 0.0;
+  setup.noise.accel_pulse_mps =
+      recording.info.accel_increment == IncrementKind::pulses ? recording.info.accel_pulse_mps : 0.0;
   faults_from_events(recording, setup.breaks);
   const FilterResult result = run_filter(recording, from_vector(file.parameters), model, setup);
   for (std::size_t k = 0; k < recording.blocks.size(); ++k) {

@@ -8,15 +8,15 @@
 #include <thread>
 
 #include "imu_io/base/clock.h"
+#include "orchestrator/devices/stop_signals.h"
+#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/records/recording_sink.h"
+#include "orchestrator/records/results_database.h"
+#include "orchestrator/report/report_format.h"
+#include "orchestrator/run/station_run.h"
 #include "orchestrator/watch/live_view.h"
 #include "orchestrator/watch/progress.h"
-#include "orchestrator/records/recording_sink.h"
-#include "orchestrator/report/report_format.h"
-#include "orchestrator/records/results_database.h"
-#include "orchestrator/jobs/run_results.h"
-#include "orchestrator/run/station_run.h"
 #include "orchestrator/watch/status_page.h"
-#include "orchestrator/devices/stop_signals.h"
 
 namespace turncal {
 
@@ -75,7 +75,9 @@ std::vector<std::string> last_results(const PreparedRun& run) {
 std::string verdicts_of(const std::vector<UnitRun>& units) {
   std::string text;
   for (const UnitRun& unit : units) {
-    const std::string verdict(unit.dropped ? "dropped out" : !unit.status ? "not calibrated" : to_string(unit.results.verdict.verdict));
+    const std::string verdict(unit.dropped   ? "dropped out"
+                              : !unit.status ? "not calibrated"
+                                             : to_string(unit.results.verdict.verdict));
     text += (text.empty() ? "" : ", ") + (units.size() > 1 ? unit.run.unit() + " " : "") + verdict;
   }
   return text;
@@ -91,7 +93,8 @@ void take_outcome(const RunOutcome& outcome, double sample_period_s, std::vector
     unit.counts.lost_samples = end.lost_samples;
     if (!end.dropped_out || unit.dropped) continue;
     unit.dropped = true;
-    unit.status = Error{end.dropped_out->kind, "unit " + unit.run.unit() + " dropped out at " + end.dropped_out->message};
+    unit.status =
+        Error{end.dropped_out->kind, "unit " + unit.run.unit() + " dropped out at " + end.dropped_out->message};
   }
 }
 
@@ -101,7 +104,8 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
   RunDevices made;
   const std::string tag(tag_of(run));
   if (run.request.rehearsal()) {
-    made.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, run.sequence, STDIN_FILENO, context.out, tag);
+    made.rehearsal =
+        std::make_unique<RehearsalDevices>(run.rig, run.station, run.sequence, STDIN_FILENO, context.out, tag);
     made.prompts = &made.rehearsal->prompts();
     return made;
   }
@@ -109,8 +113,8 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
     made.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
     return made;
   }
-  Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(run.station, StopSignals::requests(), context.out,
-                                                                 run.request.units.size());
+  Result<std::unique_ptr<LiveDevices>> live =
+      LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size());
   if (!live) return live.error();
   made.live = std::move(*live);
   made.prompts = made.live->prompts(run.sequence, tag);
@@ -125,8 +129,8 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   // A line redrawn in place would run over the operator's answers.
   const bool in_place = context.out_is_terminal && !made.prompts;
   ProgressView view(context.out, in_place ? context.terminal_columns : 0, tag, steady_wall_s, stdout_takes_more);
-  LiveView live(join(a.run.request.units), a.run.station.name, a.run.sequence.name, a.run.request.dry_run, last_results(a.run),
-                steady_wall_s);
+  LiveView live(join(a.run.request.units), a.run.station.name, a.run.sequence.name, a.run.request.dry_run,
+                last_results(a.run), steady_wall_s);
   std::unique_ptr<StatusPage> page;
   if (!a.run.request.listen.empty()) {
     Result<std::unique_ptr<StatusPage>> opened = StatusPage::open(a.run.request.listen, live);
@@ -155,8 +159,9 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
     take_outcome(running->outcome(), a.sample_period_s, a.units);
     return calibrate_units(a.units, devices.clock.utc_s(), a.journal);
   };
-  StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume, a.sessions > 1}, lanes,
-                 {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
+  StationRun run(
+      devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume, a.sessions > 1}, lanes,
+      {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
   running = &run;
   const RunOutcome outcome = run.run();
   for (std::size_t i = 0; made.live && i < a.units.size(); ++i) {
@@ -169,11 +174,14 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   if (page) page->say_goodbye();
   if (!done) {
     a.log.line(outcome.error.message);
-    const bool recorded = std::any_of(a.units.begin(), a.units.end(), [](const UnitRun& unit) { return unit.counts.recorded_s > 0.0; });
+    const bool recorded =
+        std::any_of(a.units.begin(), a.units.end(), [](const UnitRun& unit) { return unit.counts.recorded_s > 0.0; });
     Error whole = outcome.error;
     for (UnitRun& unit : a.units) {
-      if (unit.dropped) whole.message += "; " + unit.status.error().message;
-      else unit.status = outcome.error;
+      if (unit.dropped)
+        whole.message += "; " + unit.status.error().message;
+      else
+        unit.status = outcome.error;
     }
     if (outcome.state == RunState::interrupted) {
       whole.message += "; go on with: turncal resume " + a.folder;

@@ -11,8 +11,8 @@
 #include "orchestrator/devices/live_devices.h"
 #include "orchestrator/devices/rehearsal_devices.h"
 #include "orchestrator/jobs/run_job.h"
-#include "orchestrator/watch/run_log.h"
 #include "orchestrator/jobs/unit_run.h"
+#include "orchestrator/watch/run_log.h"
 
 namespace turncal {
 

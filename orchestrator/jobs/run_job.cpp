@@ -4,14 +4,14 @@
 #include <filesystem>
 
 #include "imu_io/base/clock.h"
-#include "orchestrator/station/hooks.h"
-#include "orchestrator/records/output_folder.h"
-#include "orchestrator/watch/progress.h"
-#include "orchestrator/records/recording_sink.h"
-#include "orchestrator/report/report_format.h"
 #include "orchestrator/jobs/run_attempt.h"
 #include "orchestrator/jobs/run_results.h"
+#include "orchestrator/records/output_folder.h"
+#include "orchestrator/records/recording_sink.h"
+#include "orchestrator/report/report_format.h"
+#include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
@@ -30,14 +30,16 @@ Status check_due(const PreparedRun& run, double utc_s) {
   const std::string today = format_utc(utc_s).substr(0, 10);
   if (due.empty() || today <= due) return {};  // days as 2026-12-31 sort as they follow each other
   if (!run.request.overdue_reason.empty()) return {};
-  return input_error("the calibration of table '" + run.station.table_id + "' was due on " + due + ", today is " + today +
-                     ": expected a calibrated table, or --override-due REASON, which goes on record");
+  return input_error("the calibration of table '" + run.station.table_id + "' was due on " + due + ", today is " +
+                     today + ": expected a calibrated table, or --override-due REASON, which goes on record");
 }
 
 std::string first_line(const PreparedRun& run) {
-  return std::string("turncal ") + software_version() + (run.request.units.size() > 1 ? ", units " : ", unit ") + join(run.request.units) +
-         ", station " + run.station.name + ", sequence " + run.sequence.name +
-         (run.request.dry_run ? ", rig seed " + std::to_string(run.rig.seed) : run.simulated() ? ", simulated devices" : "");
+  return std::string("turncal ") + software_version() + (run.request.units.size() > 1 ? ", units " : ", unit ") +
+         join(run.request.units) + ", station " + run.station.name + ", sequence " + run.sequence.name +
+         (run.request.dry_run ? ", rig seed " + std::to_string(run.rig.seed)
+          : run.simulated()   ? ", simulated devices"
+                              : "");
 }
 
 // What the station wants told of every unit; the run's outcome is not changed by it.
@@ -103,8 +105,8 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
   for (UnitRun& unit : units) {
     if (unit.dropped) continue;
     const std::string& result = verdict_of(contents, unit.run.unit())->front().second;
-    out << tag_of(contents) << "The run of unit " << unit.run.unit()
-        << " is complete, verdict " << result << ": nothing to resume." << std::endl;
+    out << tag_of(contents) << "The run of unit " << unit.run.unit() << " is complete, verdict " << result
+        << ": nothing to resume." << std::endl;
     if (result == to_string(UnitVerdict::fail) || result == to_string(UnitVerdict::conditional_fail)) {
       unit.status = Error{ErrorKind::unit_failed, unit.folder + ": the unit's verdict is " + result};
     }
@@ -141,7 +143,8 @@ bool is_over(const JournalContents& journal) {
   if (journal.verdicts.empty()) return false;
   const std::vector<std::string> units = journal.units();
   for (std::size_t i = 0; i < units.size(); ++i) {
-    const bool dropped = std::any_of(journal.dropped.begin(), journal.dropped.end(), [i](const auto& gone) { return gone.unit == i; });
+    const bool dropped =
+        std::any_of(journal.dropped.begin(), journal.dropped.end(), [i](const auto& gone) { return gone.unit == i; });
     if (!dropped && !verdict_of(journal, units[i])) return false;
   }
   return true;
@@ -159,8 +162,9 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   if (!devices) return devices.error();
   if (Status status = check_due(*prepared, devices->devices().clock.utc_s()); !status) return status;
 
-  Result<OutputFolder> folder = OutputFolder::prepare(folder_path, {binary_recording_name, partial_recording_name,
-                                                                    parameters_name, truth_name, log_name, journal_name});
+  Result<OutputFolder> folder = OutputFolder::prepare(
+      folder_path,
+      {binary_recording_name, partial_recording_name, parameters_name, truth_name, log_name, journal_name});
   if (!folder) return folder.error();
   std::vector<UnitRun> units = units_of(*prepared, folder->path());
   std::vector<OutputFolder> unit_folders;
@@ -176,8 +180,10 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   if (!log) return log.error();
   log->line(first_line(*prepared));
 
-  RunEnd end = attempt({*prepared, plan, period_s, units, folder->path(), *journal, *log, std::nullopt, 1}, *devices, context);
-  const bool interrupted = !end.status && end.status.error().kind == ErrorKind::interrupted;  // there is something to go on with
+  RunEnd end =
+      attempt({*prepared, plan, period_s, units, folder->path(), *journal, *log, std::nullopt, 1}, *devices, context);
+  const bool interrupted =
+      !end.status && end.status.error().kind == ErrorKind::interrupted;  // there is something to go on with
   for (std::size_t i = 0; i < units.size(); ++i) {
     if (units[i].counts.recorded_s <= 0.0 && !interrupted) continue;
     folder->keep();
@@ -217,12 +223,15 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   std::optional<ResumePoint> resume;
   std::string what = "no dwell was complete: begins anew";
   if (contents->last_dwell) {
-    if (contents->last_dwell->item >= plan.items.size()) return input_error(path + ": names an item that the plan has not");
-    if (contents->last_dwell->units.size() != units.size()) return input_error(path + ": a dwell is not of all units of the run");
+    if (contents->last_dwell->item >= plan.items.size())
+      return input_error(path + ": names an item that the plan has not");
+    if (contents->last_dwell->units.size() != units.size())
+      return input_error(path + ": a dwell is not of all units of the run");
     resume = ResumePoint{*contents->last_dwell, devices->rig != nullptr};
     for (const UnitRun& unit : units) resume->dropped.push_back(unit.dropped);
     if (devices->rig) {
-      if (Status status = devices->rig->put_back(contents->commands, contents->last_dwell->time_s); !status) return status;
+      if (Status status = devices->rig->put_back(contents->commands, contents->last_dwell->time_s); !status)
+        return status;
     }
     if (devices->rehearsal) {
       if (Status status = devices->rehearsal->pass_until(contents->last_dwell->time_s); !status) return status;
@@ -237,8 +246,8 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
     }
   }
   if (Status status = check_due(*prepared, devices->devices().clock.utc_s()); !status) return status;
-  const JournalFields resumed = {{"software_version", software_version()}, {"what", what},
-                                 {"overdue_reason", prepared->request.overdue_reason}};
+  const JournalFields resumed = {
+      {"software_version", software_version()}, {"what", what}, {"overdue_reason", prepared->request.overdue_reason}};
   if (Status status = journal->append(JournalType::resume, resumed); !status) return status;
   Result<RunLog> log = RunLog::append(folder + "/" + log_name, std::string(tag_of(*prepared)));
   if (!log) return log.error();

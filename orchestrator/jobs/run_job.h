@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "orchestrator/jobs/command_context.h"
-#include "orchestrator/records/journal_file.h"
 #include "orchestrator/jobs/run_request.h"
+#include "orchestrator/records/journal_file.h"
 
 namespace turncal {
 
@@ -21,8 +21,8 @@ struct RunEnd {
     bool dropped = false;  // before the end; the others went on
     Status status;
   };
-  std::vector<Unit> units;   // none: refused before anything was made
-  bool to_the_end = false;   // whatever became of single units, the table and the run are in order
+  std::vector<Unit> units;  // none: refused before anything was made
+  bool to_the_end = false;  // whatever became of single units, the table and the run are in order
 
   RunEnd(Status how) : status(std::move(how)) {}
   RunEnd(Error why) : status(std::move(why)) {}

@@ -102,7 +102,8 @@ Status check_real_devices(const StationConfig& station) {
                        "calibrated; use --dry-run to rehearse");
   }
   if (mock || rig) {
-    return input_error("station '" + station.name + "' has " + (mock ? "a mock table (table.driver = mock)" : "a mock unit (imu.driver = rig)") +
+    return input_error("station '" + station.name + "' has " +
+                       (mock ? "a mock table (table.driver = mock)" : "a mock unit (imu.driver = rig)") +
                        ": expected table and unit both real, or --dry-run to rehearse");
   }
   return {};
@@ -121,7 +122,8 @@ Result<PreparedRun> prepare(const RunRequest& request) {
   run.station = std::move(*station);
   if (wanted.manual) turn_by_hand(run.station);
   if (wanted.rehearsal() && wanted.units.size() > 1) {
-    return input_error("--manual --dry-run with " + std::to_string(wanted.units.size()) + " units: expected one, a rehearsal has one rig");
+    return input_error("--manual --dry-run with " + std::to_string(wanted.units.size()) +
+                       " units: expected one, a rehearsal has one rig");
   }
   run.station_hash = hash_of_text(*station_text);
 
@@ -132,9 +134,9 @@ Result<PreparedRun> prepare(const RunRequest& request) {
   }
 
   if (wanted.units.size() > places(run)) {
-    return input_error("--unit: " + std::to_string(wanted.units.size()) + " units: expected at most " +
-                       std::to_string(places(run)) +
-                       (wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)"));
+    return input_error(
+        "--unit: " + std::to_string(wanted.units.size()) + " units: expected at most " + std::to_string(places(run)) +
+        (wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)"));
   }
 
   const Result<std::string> sequence_text = text_of(wanted.sequence, builtin_sequence_text());
@@ -150,23 +152,23 @@ Result<PreparedRun> prepare(const RunRequest& request) {
 JournalFields begin_fields(const PreparedRun& run) {
   const RunRequest& request = run.request;
   JournalFields fields = {{"format", "1"},
-          {"software_version", software_version()},
-          {"simulated", run.simulated() ? "true" : "false"},
-          {"live", request.dry_run ? "" : "true"},
-          {"manual", request.manual ? "true" : ""},
-          {"capture_only", request.capture_only ? "true" : "false"},
-          {"unit", request.units.front()},
-          {"station", request.station},
-          {"station_hash", run.station_hash},
-          {"rig", request.rig},
-          {"rig_hash", run.rig_hash},
-          {"sequence", request.sequence},
-          {"sequence_hash", run.sequence_hash},
-          {"operator", request.operator_name},
-          {"part", request.part},
-          {"revision", request.revision},
-          {"ambient", request.ambient},
-          {"overdue_reason", request.overdue_reason}};
+                          {"software_version", software_version()},
+                          {"simulated", run.simulated() ? "true" : "false"},
+                          {"live", request.dry_run ? "" : "true"},
+                          {"manual", request.manual ? "true" : ""},
+                          {"capture_only", request.capture_only ? "true" : "false"},
+                          {"unit", request.units.front()},
+                          {"station", request.station},
+                          {"station_hash", run.station_hash},
+                          {"rig", request.rig},
+                          {"rig_hash", run.rig_hash},
+                          {"sequence", request.sequence},
+                          {"sequence_hash", run.sequence_hash},
+                          {"operator", request.operator_name},
+                          {"part", request.part},
+                          {"revision", request.revision},
+                          {"ambient", request.ambient},
+                          {"overdue_reason", request.overdue_reason}};
   for (std::size_t unit = 1; unit < request.units.size(); ++unit) {
     fields.emplace_back("unit." + std::to_string(unit + 1), request.units[unit]);
   }

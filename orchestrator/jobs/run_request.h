@@ -18,7 +18,7 @@ struct RunRequest {
   bool manual = false;  // the table is turned by hand, whatever the station says
   bool capture_only = false;
   std::vector<std::string> units;  // serial numbers, by place on the table
-  std::string rig;       // files, made absolute by prepare(); empty: the built-in one
+  std::string rig;                 // files, made absolute by prepare(); empty: the built-in one
   std::string sequence;
   std::string station;
   // For the record; empty: not given.
@@ -39,7 +39,7 @@ struct PreparedRun {
   StationConfig station;
   RigConfig rig;
   Sequence sequence;
-  std::string station_hash, rig_hash, sequence_hash;  // rig_hash: of a dry run
+  std::string station_hash, rig_hash, sequence_hash;                 // rig_hash: of a dry run
   const std::string& unit() const { return request.units.front(); }  // of a run of one
   bool simulated() const { return request.dry_run || station.simulated(); }
   double sample_period_s() const { return request.dry_run ? rig.sample_period_s : station.imu->frame.sample_period_s; }

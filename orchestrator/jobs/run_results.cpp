@@ -6,14 +6,14 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/recordings/recording_source.h"
 #include "imu_io/base/text_pieces.h"
-#include "orchestrator/records/parameter_store.h"
-#include "orchestrator/watch/progress.h"
-#include "orchestrator/records/recording_sink.h"
-#include "orchestrator/report/result_table.h"
-#include "orchestrator/records/results_database.h"
+#include "imu_io/recordings/recording_source.h"
 #include "orchestrator/devices/truth.h"
+#include "orchestrator/records/parameter_store.h"
+#include "orchestrator/records/recording_sink.h"
+#include "orchestrator/records/results_database.h"
+#include "orchestrator/report/result_table.h"
+#include "orchestrator/watch/progress.h"
 #include "turntable_drivers/rig/rig.h"
 
 namespace turncal {
@@ -112,8 +112,9 @@ Status write_results(const PreparedRun& run, const std::string& folder, double u
   if (results.output) {
     if (Status status = keep_results(run, folder, counts, journal, mark, results); !status) return status;
   }
-  return journal.append(JournalType::verdict, marked({{"result", std::string(to_string(results.verdict.verdict))},
-                                                      {"rule", results.verdict.rule}}, mark));
+  return journal.append(
+      JournalType::verdict,
+      marked({{"result", std::string(to_string(results.verdict.verdict))}, {"rule", results.verdict.rule}}, mark));
 }
 
 Status verdict_status(const std::string& unit, const VerdictReport& report) {
@@ -127,12 +128,13 @@ Status verdict_status(const std::string& unit, const VerdictReport& report) {
       if (line.starts_with(judged.key + " = ")) worst = line;
     }
   }
-  return Error{ErrorKind::unit_failed, "unit " + unit + " does not keep its limits: " + worst +
-                                           (lines.size() > 1 ? " (and " + std::to_string(lines.size() - 1) + " more)" : "")};
+  return Error{ErrorKind::unit_failed,
+               "unit " + unit + " does not keep its limits: " + worst +
+                   (lines.size() > 1 ? " (and " + std::to_string(lines.size() - 1) + " more)" : "")};
 }
 
-void print_summary(const PreparedRun& run, const std::string& folder, const RunCounts& counts, const RunResults& results,
-                   double wall_s, const std::string& log, std::ostream& printed) {
+void print_summary(const PreparedRun& run, const std::string& folder, const RunCounts& counts,
+                   const RunResults& results, double wall_s, const std::string& log, std::ostream& printed) {
   std::ostringstream out;
   char text[200];
   std::snprintf(text, sizeof text,

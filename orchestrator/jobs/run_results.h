@@ -41,8 +41,8 @@ struct RunResults {
 Status write_results(const PreparedRun& run, const std::string& folder, double utc_s, const RunCounts& counts,
                      JournalFile& journal, const JournalFields& mark, RunResults& results);
 
-void print_summary(const PreparedRun& run, const std::string& folder, const RunCounts& counts, const RunResults& results,
-                   double wall_s, const std::string& log, std::ostream& out);
+void print_summary(const PreparedRun& run, const std::string& folder, const RunCounts& counts,
+                   const RunResults& results, double wall_s, const std::string& log, std::ostream& out);
 // An error of kind unit_failed when the verdict is not one to accept.
 Status verdict_status(const std::string& unit, const VerdictReport& report);
 

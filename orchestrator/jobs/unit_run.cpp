@@ -31,8 +31,9 @@ Status seal_like(const UnitRun& unit, const UnitRun& sealed) {
   Result<RecordingWriter> writer = RecordingWriter::reopen(partial_of(unit), RecordingWriter::OpenSegment::drop);
   if (!writer) return writer.error();
   if (writer->segments().size() != (*source)->segments().size()) {
-    return input_error(partial_of(unit) + ": holds " + std::to_string(writer->segments().size()) + " segments, expected " +
-                       std::to_string((*source)->segments().size()) + " as in " + recording_of(sealed));
+    return input_error(partial_of(unit) + ": holds " + std::to_string(writer->segments().size()) +
+                       " segments, expected " + std::to_string((*source)->segments().size()) + " as in " +
+                       recording_of(sealed));
   }
   if (Status status = writer->finish(); !status) return status;
   return rename_durably(partial_of(unit), recording_of(unit));
@@ -60,8 +61,10 @@ Status calibrate_units(std::vector<UnitRun>& units, double utc_s, JournalFile& j
   for (UnitRun& unit : units) {
     if (unit.dropped) continue;
     unit.status = write_results(unit.run, unit.folder, utc_s, unit.counts, journal, unit.mark, unit.results);
-    if (unit.status) any = true;
-    else if (first) first = unit.status;
+    if (unit.status)
+      any = true;
+    else if (first)
+      first = unit.status;
   }
   return any ? Status{} : first;
 }
@@ -97,8 +100,10 @@ Result<bool> sealed_recordings(const std::vector<UnitRun>& units) {
     if (unit.dropped) continue;
     const Result<bool> is_sealed = sealed_recording(unit);
     if (!is_sealed) return is_sealed.error();
-    if (*is_sealed) sealed = &unit;
-    else open.push_back(&unit);
+    if (*is_sealed)
+      sealed = &unit;
+    else
+      open.push_back(&unit);
   }
   if (!sealed) return false;
   for (const UnitRun* unit : open) {
@@ -123,7 +128,8 @@ Status take_counts(std::vector<UnitRun>& units, const JournalContents& contents)
     unit.counts.repeated_dwells = contents.last_dwell->repeated_dwells;
     unit.counts.lost_samples = contents.last_dwell->units[i].lost_samples;
     unit.counts.sessions = contents.sessions + 1;
-    unit.counts.recorded_s = static_cast<double>((*source)->segments().back().end_sample) * (*source)->info().sample_period_s;
+    unit.counts.recorded_s =
+        static_cast<double>((*source)->segments().back().end_sample) * (*source)->info().sample_period_s;
   }
   return {};
 }

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "orchestrator/jobs/command_context.h"
-#include "orchestrator/records/journal_file.h"
 #include "orchestrator/jobs/run_results.h"
+#include "orchestrator/records/journal_file.h"
 #include "orchestrator/run/station_run.h"
 
 namespace turncal {

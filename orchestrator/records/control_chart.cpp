@@ -25,7 +25,8 @@ ControlChart control_chart(std::span<const double> values, const Limit& limit) {
   }
   if ((!limit.min && !limit.max) || !(sigma > 0.0)) return chart;
   constexpr double far = std::numeric_limits<double>::infinity();
-  chart.cpk = std::min(limit.max ? *limit.max - chart.mean : far, limit.min ? chart.mean - *limit.min : far) / (3.0 * sigma);
+  chart.cpk =
+      std::min(limit.max ? *limit.max - chart.mean : far, limit.min ? chart.mean - *limit.min : far) / (3.0 * sigma);
   return chart;
 }
 

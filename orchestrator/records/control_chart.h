@@ -21,7 +21,7 @@ struct ControlChart {
   std::optional<double> sigma;  // short-term; empty for fewer than two values
   std::optional<double> lower, upper;
   std::vector<std::size_t> outside;
-  std::optional<double> cpk;    // empty without limits or without spread
+  std::optional<double> cpk;  // empty without limits or without spread
 };
 
 ControlChart control_chart(std::span<const double> values, const Limit& limit);

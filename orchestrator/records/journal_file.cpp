@@ -16,8 +16,8 @@ namespace turncal {
 namespace {
 
 constexpr std::uint32_t journal_magic = 0x4a435489;  // the bytes 0x89 'T' 'C' 'J'
-constexpr std::array<std::string_view, 10> type_names = {"begin", "transition", "home",    "move",   "dwell",
-                                                        "seal",  "resume",     "results", "verdict", "dropout"};
+constexpr std::array<std::string_view, 10> type_names = {"begin", "transition", "home",    "move",    "dwell",
+                                                         "seal",  "resume",     "results", "verdict", "dropout"};
 
 // Any text as one value of a key-value line: '%', '#' and control characters as %XX, and a blank at either end.
 std::string escaped(std::string_view text) {
@@ -93,11 +93,12 @@ CompletedDwell read_dwell(KeyValueFile& file) {
   dwell.item = static_cast<std::size_t>(file.integer("item", 0));
   for (std::size_t unit = 0; unit == 0 || file.has(unit_prefix(unit) + "next_sample"); ++unit) {
     const std::string prefix = unit_prefix(unit);
-    dwell.units.push_back({.next_sample = file.integer(prefix + "next_sample", 0),
-                           .first_counter = file.integer(prefix + "first_counter"),
-                           .last_counter = file.integer(prefix + "last_counter"),
-                           .lost_samples = static_cast<std::uint64_t>(file.integer(prefix + "lost_samples", 0)),
-                           .duplicate_samples = static_cast<std::uint64_t>(file.integer(prefix + "duplicate_samples", 0))});
+    dwell.units.push_back(
+        {.next_sample = file.integer(prefix + "next_sample", 0),
+         .first_counter = file.integer(prefix + "first_counter"),
+         .last_counter = file.integer(prefix + "last_counter"),
+         .lost_samples = static_cast<std::uint64_t>(file.integer(prefix + "lost_samples", 0)),
+         .duplicate_samples = static_cast<std::uint64_t>(file.integer(prefix + "duplicate_samples", 0))});
   }
   dwell.repeated_dwells = static_cast<int>(file.integer("repeated_dwells", 0));
   dwell.time_s = file.number("time_s");
@@ -105,9 +106,8 @@ CompletedDwell read_dwell(KeyValueFile& file) {
   return dwell;
 }
 
-constexpr std::pair<ErrorKind, std::string_view> dropout_kinds[] = {{ErrorKind::input, "input"},
-                                                                    {ErrorKind::unit_failed, "unit_failed"},
-                                                                    {ErrorKind::device, "device"}};
+constexpr std::pair<ErrorKind, std::string_view> dropout_kinds[] = {
+    {ErrorKind::input, "input"}, {ErrorKind::unit_failed, "unit_failed"}, {ErrorKind::device, "device"}};
 
 JournalContents::DroppedUnit read_dropout(KeyValueFile& file) {
   JournalContents::DroppedUnit dropped;
@@ -257,7 +257,8 @@ const std::string& JournalContents::begin_value(std::string_view key) const {
 
 std::vector<std::string> JournalContents::units() const {
   std::vector<std::string> units = {begin_value("unit")};
-  for (std::string serial; !(serial = begin_value("unit." + std::to_string(units.size() + 1))).empty();) units.push_back(serial);
+  for (std::string serial; !(serial = begin_value("unit." + std::to_string(units.size() + 1))).empty();)
+    units.push_back(serial);
   return units;
 }
 
@@ -270,10 +271,12 @@ Result<JournalContents> read_journal(const std::string& path) {
   JournalContents contents;
   std::size_t commands_kept = 0;
   const auto take = [&](const Record& record) -> Status {
-    Result<KeyValueFile> fields = KeyValueFile::parse(text_of(record), path + ": record " + std::to_string(record.number));
+    Result<KeyValueFile> fields =
+        KeyValueFile::parse(text_of(record), path + ": record " + std::to_string(record.number));
     if (!fields) return fields.error();
     const auto type = static_cast<JournalType>(record.type);
-    if ((record.number == 0) != (type == JournalType::begin)) return input_error(path + ": expected `begin` first, and once");
+    if ((record.number == 0) != (type == JournalType::begin))
+      return input_error(path + ": expected `begin` first, and once");
     switch (type) {
       case JournalType::begin: contents.begin = fields_of(*fields); break;
       case JournalType::home: contents.commands.push_back({fields->number("time_s"), std::nullopt}); break;

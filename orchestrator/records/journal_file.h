@@ -19,7 +19,18 @@ namespace turncal {
 
 inline constexpr const char* journal_name = "journal.tcj";
 
-enum class JournalType : std::uint32_t { begin = 1, transition, home, move, dwell, seal, resume, results, verdict, dropout };
+enum class JournalType : std::uint32_t {
+  begin = 1,
+  transition,
+  home,
+  move,
+  dwell,
+  seal,
+  resume,
+  results,
+  verdict,
+  dropout
+};
 std::string_view to_string(JournalType type);
 
 using JournalFields = std::vector<std::pair<std::string, std::string>>;  // an empty value is left out of the record
@@ -56,14 +67,14 @@ struct JournalCommand {
 struct JournalContents {
   JournalFields begin;
   std::optional<CompletedDwell> last_dwell;
-  std::vector<JournalCommand> commands;   // up to last_dwell, without those of attempts that were taken back
-  std::optional<double> seal_utc_s;       // of the last attempt to seal
-  int sessions = 1;                       // 1 + resumes
-  std::vector<JournalFields> verdicts;    // one a unit, as they came
+  std::vector<JournalCommand> commands;  // up to last_dwell, without those of attempts that were taken back
+  std::optional<double> seal_utc_s;      // of the last attempt to seal
+  int sessions = 1;                      // 1 + resumes
+  std::vector<JournalFields> verdicts;   // one a unit, as they came
   struct DroppedUnit {
     std::size_t unit = 0;
     Error why;
-    bool behind_last_dwell = false;       // taken back with all that is behind it, unless the recordings are sealed
+    bool behind_last_dwell = false;  // taken back with all that is behind it, unless the recordings are sealed
   };
   std::vector<DroppedUnit> dropped;
 

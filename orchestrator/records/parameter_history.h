@@ -15,7 +15,7 @@ struct ParameterHistory {
   std::vector<const StoredCalibration*> of;  // those that have the parameter; point into the list given
   std::vector<double> values;
   std::vector<std::optional<double>> sigmas;
-  Limit limit;         // of the newest calibration that was judged by one
+  Limit limit;  // of the newest calibration that was judged by one
   ControlChart chart;
 };
 

@@ -14,7 +14,8 @@ namespace fs = std::filesystem;
 std::string name_of_unit(const std::string& unit) {
   std::string name;
   for (const char c : unit) {
-    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+    const bool plain =
+        (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
     char code[8];
     std::snprintf(code, sizeof code, plain ? "%c" : "%%%02x", static_cast<unsigned char>(c));
     name += code;

@@ -14,8 +14,8 @@ Status RecordingSink::start(const RecordingInfo& info) {
 namespace {
 
 bool same(const RecordingInfo& a, const RecordingInfo& b) {
-  return a.sample_period_s == b.sample_period_s && a.latitude_deg == b.latitude_deg && a.gravity_mps2 == b.gravity_mps2 &&
-         a.unit_serial == b.unit_serial && a.gyro_increment == b.gyro_increment &&
+  return a.sample_period_s == b.sample_period_s && a.latitude_deg == b.latitude_deg &&
+         a.gravity_mps2 == b.gravity_mps2 && a.unit_serial == b.unit_serial && a.gyro_increment == b.gyro_increment &&
          a.accel_increment == b.accel_increment && a.accel_pulse_mps == b.accel_pulse_mps &&
          a.has_temperature == b.has_temperature && a.simulated == b.simulated;
 }
@@ -32,8 +32,9 @@ Status RecordingSink::resume(const RecordingInfo& info, std::int64_t end_sample)
   }
   if (!same(writer->info(), info)) {
     const bool kind = writer->info().simulated != info.simulated;
-    return input_error(path + (kind ? std::string(": simulated and real data cannot be one recording")
-                                    : ": was made with another unit, site or kind of samples than this station has now"));
+    return input_error(path +
+                       (kind ? std::string(": simulated and real data cannot be one recording")
+                             : ": was made with another unit, site or kind of samples than this station has now"));
   }
   writer_.emplace(std::move(*writer));
   return {};

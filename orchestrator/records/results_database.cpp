@@ -23,9 +23,12 @@ CREATE TABLE IF NOT EXISTS value(
   calibration INTEGER NOT NULL REFERENCES calibration(id) ON DELETE CASCADE, key TEXT NOT NULL, value REAL NOT NULL,
   sigma REAL, limit_min REAL, limit_max REAL, verdict TEXT, PRIMARY KEY(calibration, key));
 )";
-constexpr const char* record_columns[] = {"station",  "operator",      "part",     "revision",
-                                          "ambient",  "configuration_hash", "sequence", "sequence_hash",
-                                          "table_id", "table_calibration_due", "overdue_reason", "repeated_dwells",
+constexpr const char* record_columns[] = {"station",        "operator",
+                                          "part",           "revision",
+                                          "ambient",        "configuration_hash",
+                                          "sequence",       "sequence_hash",
+                                          "table_id",       "table_calibration_due",
+                                          "overdue_reason", "repeated_dwells",
                                           "lost_samples"};
 
 class Statement {
@@ -76,7 +79,8 @@ class Statement {
 
 std::string record_value(const ParameterFile& file, const std::string& column) {
   const std::string key = "record." + column;
-  const auto found = std::find_if(file.further.begin(), file.further.end(), [&](const auto& f) { return f.first == key; });
+  const auto found =
+      std::find_if(file.further.begin(), file.further.end(), [&](const auto& f) { return f.first == key; });
   return found == file.further.end() ? "" : found->second;
 }
 
@@ -129,8 +133,9 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
     sqlite3_exec(handle_.get(), "ROLLBACK", nullptr, nullptr, nullptr);
     return status;
   };
-  std::string sql = "INSERT OR REPLACE INTO calibration(unit, time_utc, method, recording_hash, software_version, simulated, "
-                    "verdict, rule, sessions, folder, parameter_file";
+  std::string sql =
+      "INSERT OR REPLACE INTO calibration(unit, time_utc, method, recording_hash, software_version, simulated, "
+      "verdict, rule, sessions, folder, parameter_file";
   std::string places = "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?";
   for (const char* column : record_columns) {
     sql += std::string(", ") + column;
@@ -138,7 +143,11 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
   }
   Statement insert(handle_.get(), sql + ") VALUES(" + places + ")");
   if (!insert) return undo(failure("cannot write"));
-  insert.bind(file.unit_serial).bind(file.time_utc).bind(file.method).bind(file.recording_hash).bind(file.software_version);
+  insert.bind(file.unit_serial)
+      .bind(file.time_utc)
+      .bind(file.method)
+      .bind(file.recording_hash)
+      .bind(file.software_version);
   insert.bind(std::int64_t{file.simulated}).bind(std::string(to_string(verdict.verdict))).bind(verdict.rule);
   insert.bind(std::int64_t{sessions}).bind(std::filesystem::absolute(folder).lexically_normal().string()).bind(*text);
   for (const char* column : record_columns) insert.bind(record_value(file, column));
@@ -185,8 +194,11 @@ Result<std::vector<StoredCalibration>> ResultsDatabase::list(const std::string& 
     if (!values) return failure("cannot read");
     values.bind(c.id).bind(key);
     while (values.row()) {
-      c.values.push_back({values.text(0), values.number(1).value_or(0.0), values.number(2),
-                          {values.number(3), values.number(4)}, values.text(5)});
+      c.values.push_back({values.text(0),
+                          values.number(1).value_or(0.0),
+                          values.number(2),
+                          {values.number(3), values.number(4)},
+                          values.text(5)});
     }
     if (!values.ended_well()) return failure("cannot read");
     found.push_back(std::move(c));

@@ -5,8 +5,8 @@
 #include <thread>
 
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/recordings/recording_check.h"
 #include "imu_io/base/text_pieces.h"
+#include "imu_io/recordings/recording_check.h"
 
 namespace turncal {
 
@@ -42,7 +42,8 @@ Result<PosixFile> locked(const std::string& path) {
 
 Status write_outcomes(const std::string& path, const std::vector<UnitOutcome>& outcomes) {
   std::string text;
-  for (const UnitOutcome& o : outcomes) text += o.outcome + " " + o.time_utc + " " + o.unit + (o.reason.empty() ? "" : " # " + o.reason) + "\n";
+  for (const UnitOutcome& o : outcomes)
+    text += o.outcome + " " + o.time_utc + " " + o.unit + (o.reason.empty() ? "" : " # " + o.reason) + "\n";
   return write_file_atomically(state_path(path), text);
 }
 
@@ -61,7 +62,8 @@ Result<std::vector<std::string>> read_queue(const std::string& path) {
     const std::string unit = serial_in(take_line(rest));
     if (unit.empty()) continue;
     const std::string where = path + ":" + std::to_string(line) + ": ";
-    if (!is_plain_text(unit)) return input_error(where + quoted(unit) + ": expected a serial number of printable characters");
+    if (!is_plain_text(unit))
+      return input_error(where + quoted(unit) + ": expected a serial number of printable characters");
     if (holds(units, unit)) return input_error(where + quoted(unit) + ": is in the queue already");
     units.push_back(unit);
   }
@@ -83,7 +85,8 @@ Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path) {
     }
     const std::size_t time = line.find(' '), unit = time == std::string::npos ? time : line.find(' ', time + 1);
     if (unit == std::string::npos || unit + 1 >= line.size()) {
-      return input_error(state + ":" + std::to_string(number) + ": " + quoted(line) + ": expected outcome, time and serial number");
+      return input_error(state + ":" + std::to_string(number) + ": " + quoted(line) +
+                         ": expected outcome, time and serial number");
     }
     outcomes.push_back({line.substr(unit + 1), line.substr(0, time), line.substr(time + 1, unit - time - 1), reason});
   }
@@ -91,7 +94,8 @@ Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path) {
 }
 
 const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const std::string& unit) {
-  const auto found = std::find_if(outcomes.begin(), outcomes.end(), [&](const UnitOutcome& o) { return o.unit == unit; });
+  const auto found =
+      std::find_if(outcomes.begin(), outcomes.end(), [&](const UnitOutcome& o) { return o.unit == unit; });
   return found == outcomes.end() ? nullptr : &*found;
 }
 
@@ -120,7 +124,8 @@ Status change_queue(const std::string& path, const QueueChange& change) {
   if (!lock) return lock.error();
   const Result<std::string> old = path_exists(path) ? read_whole_file(path) : Result<std::string>("");
   if (!old) return old.error();
-  const Result<std::vector<std::string>> units = path_exists(path) ? read_queue(path) : Result<std::vector<std::string>>(std::vector<std::string>{});
+  const Result<std::vector<std::string>> units =
+      path_exists(path) ? read_queue(path) : Result<std::vector<std::string>>(std::vector<std::string>{});
   if (!units) return units.error();
   for (const std::string& unit : change.remove) {
     if (!holds(*units, unit)) return input_error(path + ": holds no unit '" + unit + "'");
@@ -135,8 +140,10 @@ Status change_queue(const std::string& path, const QueueChange& change) {
   for (std::size_t i = 0; i < change.add.size(); ++i) {
     const std::string& unit = change.add[i];
     const bool twice = holds({change.add.begin(), change.add.begin() + static_cast<std::ptrdiff_t>(i)}, unit);
-    if (twice || (holds(*units, unit) && !holds(change.remove, unit))) return input_error(path + ": holds unit '" + unit + "' already");
-    if (!is_plain_text(unit)) return input_error("'" + unit + "': expected a serial number of printable characters without '#'");
+    if (twice || (holds(*units, unit) && !holds(change.remove, unit)))
+      return input_error(path + ": holds unit '" + unit + "' already");
+    if (!is_plain_text(unit))
+      return input_error("'" + unit + "': expected a serial number of printable characters without '#'");
     text += unit + "\n";
   }
   if (!change.again.empty()) {

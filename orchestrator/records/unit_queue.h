@@ -16,7 +16,7 @@ namespace turncal {
 
 struct UnitOutcome {
   std::string unit;
-  std::string outcome;   // pass, fail, refused, dropped, skipped; again: to be done once more
+  std::string outcome;  // pass, fail, refused, dropped, skipped; again: to be done once more
   std::string time_utc;
   std::string reason = {};  // of a skipped one
 };

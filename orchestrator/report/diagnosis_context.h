@@ -14,13 +14,13 @@ struct DiagnosisContext {
   const CompressedRecording& recording;  // the one that was fitted
   std::string recording_path;
   std::string recording_hash;
-  std::string holdout_path;              // empty: none
+  std::string holdout_path;  // empty: none
   std::string time_utc;
-  double false_alarm = 0.005;            // family-wise, as asked of diagnose()
-  bool noise_given = false;              // configured, not fitted
+  double false_alarm = 0.005;  // family-wise, as asked of diagnose()
+  bool noise_given = false;    // configured, not fitted
   std::string method = "joint";
-  bool hand_turned = false;              // no table angles: rests and rotations by hand
-  std::vector<std::string> notes;        // on the data: damage, lost samples
+  bool hand_turned = false;        // no table angles: rests and rotations by hand
+  std::vector<std::string> notes;  // on the data: damage, lost samples
   GnuplotOptions gnuplot;
 };
 

@@ -5,9 +5,9 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
-#include "orchestrator/station/version.h"
 #include "orchestrator/report/report.h"
 #include "orchestrator/report/report_format.h"
+#include "orchestrator/station/version.h"
 
 namespace turncal {
 namespace {
@@ -16,10 +16,13 @@ class Lines {
  public:
   void comment(const std::string& text) {
     std::string line = "# " + text;
-    std::replace_if(line.begin(), line.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
+    std::replace_if(
+        line.begin(), line.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
     text_ += line + "\n";
   }
-  void value(const std::string& key, const std::string& value) { text_ += key + " =" + (value.empty() ? "" : " " + value) + "\n"; }
+  void value(const std::string& key, const std::string& value) {
+    text_ += key + " =" + (value.empty() ? "" : " " + value) + "\n";
+  }
   void list(const std::string& key, const std::vector<std::string>& names) { value(key, join(names)); }
   void number(const std::string& key, double number) { value(key, std::isfinite(number) ? format_number(number) : ""); }
   std::string take() { return std::move(text_); }
@@ -44,12 +47,12 @@ std::vector<std::string> by_strength(const JointResult& result) {
   std::vector<const EstimatedEffect*> order;
   for (const EstimatedEffect& e : result.effects)
     if (e.column.entry != nullptr) order.push_back(&e);
-  std::stable_sort(order.begin(), order.end(), [](auto* a, auto* b) {
-    return std::abs(a->value) * b->sigma > std::abs(b->value) * a->sigma;
-  });
+  std::stable_sort(order.begin(), order.end(),
+                   [](auto* a, auto* b) { return std::abs(a->value) * b->sigma > std::abs(b->value) * a->sigma; });
   std::vector<std::string> names;
   for (const EstimatedEffect* e : order)
-    if (std::find(names.begin(), names.end(), e->column.entry->name) == names.end()) names.emplace_back(e->column.entry->name);
+    if (std::find(names.begin(), names.end(), e->column.entry->name) == names.end())
+      names.emplace_back(e->column.entry->name);
   return names;
 }
 
@@ -116,14 +119,17 @@ void describe_model(const JointResult& result, const CompressedRecording& record
   for (const std::string& name : by_strength(result)) {
     const auto parts = of_effect(result, name);
     for (const EstimatedEffect* e : parts)
-      file.effects.push_back({name, std::string(e->column.entry->components[static_cast<std::size_t>(e->column.component)]), e->value,
-                              e->sigma > 0.0 ? std::optional(e->sigma) : std::nullopt});
-    if (parts.front()->column.tau_s > 0.0) file.effects.push_back({name, "tau_s", parts.front()->column.tau_s, std::nullopt});
+      file.effects.push_back({name,
+                              std::string(e->column.entry->components[static_cast<std::size_t>(e->column.component)]),
+                              e->value, e->sigma > 0.0 ? std::optional(e->sigma) : std::nullopt});
+    if (parts.front()->column.tau_s > 0.0)
+      file.effects.push_back({name, "tau_s", parts.front()->column.tau_s, std::nullopt});
   }
   file.model = result.effects.empty() ? "base" : "extended";
 }
 
-void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given, ParameterFile& file) {
+void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given,
+                       ParameterFile& file) {
   describe_model(result, recording, file);
   add_noise(result, noise_given, file);
   file.add_further("quality.normalised_rms", result.normalised_rms);
@@ -150,16 +156,18 @@ void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& con
   file.add_further("verdict.diagnosis", std::string(to_string(diagnosis.verdict)));
 }
 
-Result<WrittenDiagnosis> write_diagnosis(const std::string& folder, const Diagnosis& diagnosis, const DiagnosisContext& context) {
+Result<WrittenDiagnosis> write_diagnosis(const std::string& folder, const Diagnosis& diagnosis,
+                                         const DiagnosisContext& context) {
   // Everything is made before anything is written, so that a failure leaves the folder as it was.
   const Result<std::string> parameters = format_parameter_file(diagnosis_parameters(diagnosis, context));
   if (!parameters) return parameters.error();
   const std::string simulated = context.recording.info.simulated ? "# Simulated data: a dry run, or a twin.\n" : "";
-  return write_diagnosis_files(folder, make_report(diagnosis, context), simulated + format_diagnosis(diagnosis), *parameters);
+  return write_diagnosis_files(folder, make_report(diagnosis, context), simulated + format_diagnosis(diagnosis),
+                               *parameters);
 }
 
-Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report, const std::string& diagnosis,
-                                               const std::string& parameters) {
+Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report,
+                                               const std::string& diagnosis, const std::string& parameters) {
   if (Status s = write_file_atomically(folder + "/" + report_name, report.html); !s) return s.error();
   if (Status s = write_file_atomically(folder + "/" + diagnosis_name, diagnosis); !s) return s.error();
   if (Status s = write_file_atomically(folder + "/" + parameters_name_of_diagnosis, parameters); !s) return s.error();

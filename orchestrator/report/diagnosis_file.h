@@ -22,7 +22,8 @@ std::string format_diagnosis(const Diagnosis& diagnosis);
 
 // Parameters, sigmas, effects (strongest first, with tau_s where an effect has a time constant), noise and quality of a joint
 // estimate. What belongs to the recording (describe_recording, hash) and method, time and version is the caller's.
-void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given, ParameterFile& file);
+void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given,
+                       ParameterFile& file);
 
 // The part of it that is not about noise or quality.
 void describe_model(const JointResult& result, const CompressedRecording& recording, ParameterFile& file);
@@ -36,8 +37,9 @@ struct WrittenDiagnosis {
 };
 // All three into `folder`, which exists; parameters.conf last.
 struct Report;
-Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report, const std::string& diagnosis,
-                                               const std::string& parameters);
-Result<WrittenDiagnosis> write_diagnosis(const std::string& folder, const Diagnosis& diagnosis, const DiagnosisContext& context);
+Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report,
+                                               const std::string& diagnosis, const std::string& parameters);
+Result<WrittenDiagnosis> write_diagnosis(const std::string& folder, const Diagnosis& diagnosis,
+                                         const DiagnosisContext& context);
 
 }  // namespace turncal

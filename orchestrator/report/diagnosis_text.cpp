@@ -54,20 +54,21 @@ std::string error_clause(const Diagnosis& d) {
   }
   const double before = d.holdout_before.velocity_rms_mps;
   const double after = d.holdout_after.velocity_rms_mps;
-  return "with " + std::string(d.effect_names.size() == 1 ? "it" : "them") + " the velocity error on " + holdout_name(d) +
-         (after < before ? " falls from " : " goes from ") + in_mm(before) + " to " + in_mm(after) + " mm/s rms (" +
-         percent_change(before, after) + "), and the normalised residual there from " +
+  return "with " + std::string(d.effect_names.size() == 1 ? "it" : "them") + " the velocity error on " +
+         holdout_name(d) + (after < before ? " falls from " : " goes from ") + in_mm(before) + " to " + in_mm(after) +
+         " mm/s rms (" + percent_change(before, after) + "), and the normalised residual there from " +
          ratio(d.holdout_before.normalised_rms) + " to " + ratio(d.holdout_after.normalised_rms);
 }
 
 std::string clean_sentence(const Diagnosis& d, const DiagnosisContext& context) {
   std::string text = "the 24 parameters explain the data to the noise";
   if (const CandidateScore* best = strongest_candidate(d)) {
-    text += "; the strongest of " + std::to_string(d.candidates.size()) + " candidates, " + best->column.key() + ", scores " +
-            significant(std::abs(best->z), 2) + " sigma where " + significant(family_threshold_z(d, context.false_alarm), 2) +
-            " are needed";
+    text += "; the strongest of " + std::to_string(d.candidates.size()) + " candidates, " + best->column.key() +
+            ", scores " + significant(std::abs(best->z), 2) + " sigma where " +
+            significant(family_threshold_z(d, context.false_alarm), 2) + " are needed";
   }
-  if (!d.gated_out.empty()) text += "; " + join(d.gated_out) + " fitted better but did not lower the error on held-out data";
+  if (!d.gated_out.empty())
+    text += "; " + join(d.gated_out) + " fitted better but did not lower the error on held-out data";
   if (known(d.holdout_before)) {
     text += "; on " + holdout_name(d) + " the velocity error is " + in_mm(d.holdout_before.velocity_rms_mps) +
             " mm/s rms and the normalised residual " + ratio(d.holdout_before.normalised_rms);
@@ -97,8 +98,8 @@ std::string pattern_clause(const Diagnosis& d) {
   if (d.unexplained_pattern.empty()) return "";
   std::string text = "; it looks like: " + clause(d.unexplained_pattern);
   if (!d.stages.empty() && !d.stages.back().accepted && d.stages.back().gain > d.stages.back().threshold) {
-    text += " (likelihood gain " + significant(d.stages.back().gain, 3) + " where " + significant(d.stages.back().threshold, 3) +
-            " is needed)";
+    text += " (likelihood gain " + significant(d.stages.back().gain, 3) + " where " +
+            significant(d.stages.back().threshold, 3) + " is needed)";
   }
   return text;
 }
@@ -135,8 +136,8 @@ class Table {
 
 void add_errors(const Diagnosis& d, const std::vector<ErrorRow>& rows, Table& table) {
   char text[160];
-  std::snprintf(text, sizeof text, "%-16s%-48s %10s %10s %9s", "error", "", has_after(d) ? "before" : "", has_after(d) ? "after" : "",
-                has_after(d) ? "change" : "");
+  std::snprintf(text, sizeof text, "%-16s%-48s %10s %10s %9s", "error", "", has_after(d) ? "before" : "",
+                has_after(d) ? "after" : "", has_after(d) ? "change" : "");
   table.line(clause(text));
   for (const ErrorRow& row : rows) {
     const std::string what = row.what + (row.unit.empty() || row.normalised ? "" : ", " + row.unit);
@@ -192,7 +193,8 @@ std::string largest_changes(const Diagnosis& d) {
   std::vector<int> order(parameter_count);
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-    return (std::isfinite(change[a]) ? std::abs(change[a]) : -1.0) > (std::isfinite(change[b]) ? std::abs(change[b]) : -1.0);
+    return (std::isfinite(change[a]) ? std::abs(change[a]) : -1.0) >
+           (std::isfinite(change[b]) ? std::abs(change[b]) : -1.0);
   });
   std::vector<std::string> parts;
   for (const int k : order) {
@@ -206,10 +208,13 @@ void add_limits(const Diagnosis& d, const DiagnosisContext& context, Table& tabl
   for (const auto& [name, others] : d.aliases) {
     if (others.empty()) continue;
     const auto by = d.separate_by.find(name);
-    table.row("not told apart", name + " | " + join(others, " | ") +
-                                    (by != d.separate_by.end() && !by->second.empty() ? "; separated by " + by->second : ""), 2);
+    table.row("not told apart",
+              name + " | " + join(others, " | ") +
+                  (by != d.separate_by.end() && !by->second.empty() ? "; separated by " + by->second : ""),
+              2);
   }
-  if (!d.gated_out.empty()) table.row("not confirmed", join(d.gated_out) + (context.hand_turned ? "" : " (no better on held-out data)"), 2);
+  if (!d.gated_out.empty())
+    table.row("not confirmed", join(d.gated_out) + (context.hand_turned ? "" : " (no better on held-out data)"), 2);
   if (!d.undetectable.empty()) table.row("not visible", join(d.undetectable), 2);
   std::vector<std::string> undetermined;
   for (const Undetermined& u : d.extended.undetermined) {
@@ -233,10 +238,11 @@ std::string effects_clause(const Diagnosis& d, Alphabet alphabet) {
   // The more there are, the less is said of each.
   const std::size_t n = d.effect_names.size();
   std::vector<std::string> effects;
-  for (const std::string& name : d.effect_names) effects.push_back(describe_effect(d, name, n == 1 ? 3 : 1, n < 3, alphabet));
+  for (const std::string& name : d.effect_names)
+    effects.push_back(describe_effect(d, name, n == 1 ? 3 : 1, n < 3, alphabet));
   static constexpr const char* words[] = {"no", "one", "two", "three", "four", "five", "six"};
-  return (n < std::size(words) ? words[n] : std::to_string(n)) + (n == 1 ? " effect" : " effects") + " beyond the 24 parameters " + (n == 1 ? "was" : "were") +
-         " found and added: " + join(effects, "; ");
+  return (n < std::size(words) ? words[n] : std::to_string(n)) + (n == 1 ? " effect" : " effects") +
+         " beyond the 24 parameters " + (n == 1 ? "was" : "were") + " found and added: " + join(effects, "; ");
 }
 
 std::string verdict_title(Verdict verdict) {
@@ -252,7 +258,8 @@ std::string verdict_title(Verdict verdict) {
 const CandidateScore* strongest_candidate(const Diagnosis& diagnosis) {
   const CandidateScore* best = nullptr;
   for (const CandidateScore& c : diagnosis.candidates)
-    if (c.visible && c.column.entry != nullptr && std::isfinite(c.z) && (best == nullptr || std::abs(c.z) > std::abs(best->z)))
+    if (c.visible && c.column.entry != nullptr && std::isfinite(c.z) &&
+        (best == nullptr || std::abs(c.z) > std::abs(best->z)))
       best = &c;
   return best;
 }
@@ -263,8 +270,8 @@ std::string verdict_sentence(const Diagnosis& d, const DiagnosisContext& context
     case Verdict::clean: return title + clean_sentence(d, context) + ".";
     case Verdict::extended: return title + effects_clause(d, alphabet) + "; " + error_clause(d) + alias_clause(d) + ".";
     case Verdict::unexplained:
-      return title + "a residual is left that is not noise and that no effect of the catalogue explains (" + remaining_clause(d) + ")" +
-             pattern_clause(d) +
+      return title + "a residual is left that is not noise and that no effect of the catalogue explains (" +
+             remaining_clause(d) + ")" + pattern_clause(d) +
              (has_after(d) ? "; beside it " + effects_clause(d, alphabet) : "; no effect is named") + ".";
     case Verdict::noise_model:
       return title + "the assumed noise does not fit the data (innovations " + significant(d.base.whiteness.level, 3) +
@@ -285,19 +292,23 @@ double excess_energy(const HoldoutError& error) {
 std::vector<ErrorRow> error_rows(const Diagnosis& d) {
   std::vector<ErrorRow> rows;
   rows.push_back({"fitted recording: normalised residual rms", d.error_before, d.error_after, "", true});
-  rows.push_back({"fitted recording: velocity rms, first 20 s of dwells", 1e3 * velocity_rms_mps(d, false), 1e3 * velocity_rms_mps(d, true), "mm/s", false});
+  rows.push_back({"fitted recording: velocity rms, first 20 s of dwells", 1e3 * velocity_rms_mps(d, false),
+                  1e3 * velocity_rms_mps(d, true), "mm/s", false});
   if (known(d.holdout_before)) {
     const HoldoutError after = known(d.holdout_after) ? d.holdout_after : HoldoutError{nan, nan, nan, 0};
-    rows.push_back({"held-out data: normalised residual rms", d.holdout_before.normalised_rms, after.normalised_rms, "", true});
-    rows.push_back({"held-out data: velocity rms, first 20 s of dwells", 1e3 * d.holdout_before.velocity_rms_mps, 1e3 * after.velocity_rms_mps, "mm/s",
-                    false});
-    rows.push_back({"held-out data: energy beyond noise", 100.0 * excess_energy(d.holdout_before), 100.0 * excess_energy(after), "% of the noise's",
-                    false});
+    rows.push_back(
+        {"held-out data: normalised residual rms", d.holdout_before.normalised_rms, after.normalised_rms, "", true});
+    rows.push_back({"held-out data: velocity rms, first 20 s of dwells", 1e3 * d.holdout_before.velocity_rms_mps,
+                    1e3 * after.velocity_rms_mps, "mm/s", false});
+    rows.push_back({"held-out data: energy beyond noise", 100.0 * excess_energy(d.holdout_before),
+                    100.0 * excess_energy(after), "% of the noise's", false});
   }
   return rows;
 }
 
-std::string error_text(const ErrorRow& row, double value) { return row.normalised ? ratio(value) : significant(value, 3); }
+std::string error_text(const ErrorRow& row, double value) {
+  return row.normalised ? ratio(value) : significant(value, 3);
+}
 
 ParameterVector changes_in_sigma(const Diagnosis& d) {
   const ParameterVector before = to_vector(d.base.parameters);
@@ -311,22 +322,26 @@ ParameterVector changes_in_sigma(const Diagnosis& d) {
 }
 
 std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisContext& context) {
-  return terminal_table(d, context,
-                        {verdict_sentence(d, context, Alphabet::plain), error_rows(d), noise_line(d.extended, context.noise_given)});
+  return terminal_table(
+      d, context,
+      {verdict_sentence(d, context, Alphabet::plain), error_rows(d), noise_line(d.extended, context.noise_given)});
 }
 
-std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisContext& context, const DiagnosisWords& words) {
+std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisContext& context,
+                                        const DiagnosisWords& words) {
   Table table;
   table.row("verdict", words.sentence, 7);
   add_errors(d, words.errors, table);
   add_effects(d, table);
-  if (strongest_candidate(d) != nullptr) table.row("scores", strongest_scores(d, family_threshold_z(d, context.false_alarm)), 2);
+  if (strongest_candidate(d) != nullptr)
+    table.row("scores", strongest_scores(d, family_threshold_z(d, context.false_alarm)), 2);
   if (has_after(d)) table.row("moved most", largest_changes(d));
   table.row("noise", words.noise, 2);
   if (!d.base.faults.empty()) {
     const Fault& fault = d.base.faults.front();
-    table.row("faults", std::to_string(d.base.faults.size()) + ": sample " + std::to_string(fault.first_sample) + ", " + fault.what +
-                            ", " + fault.action + (d.base.faults.size() > 1 ? "; more in the report" : ""));
+    table.row("faults", std::to_string(d.base.faults.size()) + ": sample " + std::to_string(fault.first_sample) + ", " +
+                            fault.what + ", " + fault.action +
+                            (d.base.faults.size() > 1 ? "; more in the report" : ""));
   }
   add_limits(d, context, table);
   return table.take();

@@ -21,7 +21,7 @@ std::string verdict_sentence(const Diagnosis& diagnosis, const DiagnosisContext&
 struct ErrorRow {
   std::string what;
   double before = 0.0, after = 0.0;
-  std::string unit;   // plain alphabet; of the normalised ones what 1 is
+  std::string unit;  // plain alphabet; of the normalised ones what 1 is
   bool normalised = false;
 };
 std::vector<ErrorRow> error_rows(const Diagnosis& diagnosis);
@@ -42,7 +42,8 @@ struct DiagnosisWords {
   std::string noise;
 };
 std::vector<std::string> terminal_table(const Diagnosis& diagnosis, const DiagnosisContext& context);
-std::vector<std::string> terminal_table(const Diagnosis& diagnosis, const DiagnosisContext& context, const DiagnosisWords& words);
+std::vector<std::string> terminal_table(const Diagnosis& diagnosis, const DiagnosisContext& context,
+                                        const DiagnosisWords& words);
 
 // "one effect beyond the 24 parameters was found and added: ..." and "; this recording cannot tell ... from ...".
 std::string effects_clause(const Diagnosis& diagnosis, Alphabet alphabet);

@@ -162,8 +162,8 @@ void remove_all(std::string& text, std::string_view begin, std::string_view end)
 
 Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_t drawings,
                                              const GnuplotOptions& options) {
-  const auto deadline =
-      SteadyClock::now() + std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(options.deadline_s));
+  const auto deadline = SteadyClock::now() + std::chrono::duration_cast<SteadyClock::duration>(
+                                                 std::chrono::duration<double>(options.deadline_s));
   int sockets[2];
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, sockets) != 0) {
     return failure(std::string("cannot make a socket: ") + std::strerror(errno));
@@ -187,7 +187,8 @@ Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_
   std::string messages;
   while (from_child.open() || errors.open()) {
     const double left_s = std::chrono::duration<double>(deadline - SteadyClock::now()).count();
-    if (left_s <= 0.0) return failure(options.program + " took longer than " + significant(options.deadline_s, 3) + " s");
+    if (left_s <= 0.0)
+      return failure(options.program + " took longer than " + significant(options.deadline_s, 3) + " s");
     pollfd fds[3] = {{from_child.get(), POLLIN, 0}, {errors.get(), POLLIN, 0}, {to_child.get(), POLLOUT, 0}};
     const int ready = ::poll(fds, 3, static_cast<int>(1000.0 * left_s) + 1);
     if (ready < 0 && errno != EINTR) return failure(std::string("poll: ") + std::strerror(errno));
@@ -230,7 +231,8 @@ std::string embeddable_svg(std::string_view svg, std::string_view id, std::strin
   replace_all(text, "<tspan >", "<tspan>");
   const std::string open = "<svg";
   if (text.starts_with(open)) {
-    text.insert(open.size(), " role=\"img\" aria-label=\"" + html_escape(label) + "\" style=\"width:" + std::string(width) + "\"");
+    text.insert(open.size(),
+                " role=\"img\" aria-label=\"" + html_escape(label) + "\" style=\"width:" + std::string(width) + "\"");
   }
   return text;
 }

@@ -49,7 +49,8 @@ Panel panel_of(const ParameterHistory& history) {
     }
   }
   Panel panel;
-  panel.title = history.key + " less " + significant(chart.mean, 7) + (chart.cpk ? ", Cpk " + significant(*chart.cpk, 3) : "");
+  panel.title =
+      history.key + " less " + significant(chart.mean, 7) + (chart.cpk ? ", Cpk " + significant(*chart.cpk, 3) : "");
   panel.x_label = "calibration";
   using Style = ::turncal::Series::Style;
   const auto add = [&panel](const char* label, Style style, Colour colour, Points points) {
@@ -70,22 +71,26 @@ std::string cell(std::optional<double> value, int digits) { return cell(value ? 
 
 std::string control_table(const std::vector<ParameterHistory>& histories) {
   std::string html =
-      "<table>\n<thead><tr><th></th><th class=\"n\">n</th><th class=\"n\">mean</th><th class=\"n\">s</th><th class=\"n\">lower "
-      "control limit</th><th class=\"n\">upper</th><th class=\"n\">outside</th><th class=\"n\">lower limit in force</th>"
+      "<table>\n<thead><tr><th></th><th class=\"n\">n</th><th class=\"n\">mean</th><th class=\"n\">s</th><th "
+      "class=\"n\">lower "
+      "control limit</th><th class=\"n\">upper</th><th class=\"n\">outside</th><th class=\"n\">lower limit in "
+      "force</th>"
       "<th class=\"n\">upper</th><th class=\"n\">Cpk</th></tr></thead>\n<tbody>\n";
   for (const ParameterHistory& h : histories) {
     const bool hit = !h.chart.outside.empty() || (h.chart.cpk && *h.chart.cpk < 1.0);
     html += std::string(hit ? "<tr class=\"hit\">" : "<tr>") + "<td class=\"name\">" + h.key + "</td>" +
-            cell(std::to_string(h.chart.count)) + cell(h.chart.mean, 8) + cell(h.chart.sigma, 3) + cell(h.chart.lower, 8) +
-            cell(h.chart.upper, 8) + cell(std::to_string(h.chart.outside.size())) + cell(h.limit.min, 8) + cell(h.limit.max, 8) +
-            cell(h.chart.cpk, 3) + "</tr>\n";
+            cell(std::to_string(h.chart.count)) + cell(h.chart.mean, 8) + cell(h.chart.sigma, 3) +
+            cell(h.chart.lower, 8) + cell(h.chart.upper, 8) + cell(std::to_string(h.chart.outside.size())) +
+            cell(h.limit.min, 8) + cell(h.limit.max, 8) + cell(h.chart.cpk, 3) + "</tr>\n";
   }
-  return html + "</tbody>\n</table>\n<p class=\"soft\">Bold: a calibration outside the control limits, or Cpk below 1.</p>\n";
+  return html +
+         "</tbody>\n</table>\n<p class=\"soft\">Bold: a calibration outside the control limits, or Cpk below 1.</p>\n";
 }
 
 std::string calibration_table(const std::vector<StoredCalibration>& all) {
-  std::string html = "<table>\n<thead><tr><th class=\"n\">calibration</th><th class=\"n\">id</th><th>unit</th><th>time</th>"
-                     "<th>verdict</th><th>operator</th><th>station</th></tr></thead>\n<tbody>\n";
+  std::string html =
+      "<table>\n<thead><tr><th class=\"n\">calibration</th><th class=\"n\">id</th><th>unit</th><th>time</th>"
+      "<th>verdict</th><th>operator</th><th>station</th></tr></thead>\n<tbody>\n";
   for (std::size_t i = 0; i < all.size(); ++i) {
     const StoredCalibration& c = all[i];
     html += "<tr>" + cell(std::to_string(i + 1)) + cell(std::to_string(c.id));
@@ -99,13 +104,20 @@ std::string calibration_table(const std::vector<StoredCalibration>& all) {
 
 }  // namespace
 
-std::string history_page(const std::vector<StoredCalibration>& all, const std::string& source, const GnuplotOptions& gnuplot) {
+std::string history_page(const std::vector<StoredCalibration>& all, const std::string& source,
+                         const GnuplotOptions& gnuplot) {
   std::vector<ParameterHistory> histories;
   for (const std::string_view key : free_parameter_keys()) histories.push_back(parameter_history(all, key));
   Plots plots;
   std::vector<Figure> figures;
   for (const Group& group : groups()) {
-    Figure figure{.id = group.id, .label = group.title, .caption = "", .columns = 3, .panel_width = 320, .panel_height = 220, .panels = {}};
+    Figure figure{.id = group.id,
+                  .label = group.title,
+                  .caption = "",
+                  .columns = 3,
+                  .panel_width = 320,
+                  .panel_height = 220,
+                  .panels = {}};
     for (const ParameterHistory& history : histories) {
       const bool here = std::find(group.keys.begin(), group.keys.end(), history.key) != group.keys.end();
       if (here && !history.values.empty()) figure.panels.push_back(panel_of(history));
@@ -116,8 +128,8 @@ std::string history_page(const std::vector<StoredCalibration>& all, const std::s
 
   const bool simulated = !all.empty() && all.front().simulated;
   Page page("turncal: control charts of " + source);
-  page.raw("<h1>Control charts</h1>\n<p class=\"soft\">" + html_escape(source) + ", " + std::to_string(all.size()) + " calibrations" +
-           (simulated ? " of simulated units" : "") + "</p>\n");
+  page.raw("<h1>Control charts</h1>\n<p class=\"soft\">" + html_escape(source) + ", " + std::to_string(all.size()) +
+           " calibrations" + (simulated ? " of simulated units" : "") + "</p>\n");
   if (all.empty()) page.text("No calibration is on record.");
   if (!all.empty()) {
     page.section("control", "Parameters");

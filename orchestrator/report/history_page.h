@@ -5,12 +5,13 @@
 #include <string>
 #include <vector>
 
-#include "orchestrator/report/gnuplot.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/report/gnuplot.h"
 
 namespace turncal {
 
 // `all`: oldest first, either real or simulated. `source`: where they come from, for the page.
-std::string history_page(const std::vector<StoredCalibration>& all, const std::string& source, const GnuplotOptions& gnuplot = {});
+std::string history_page(const std::vector<StoredCalibration>& all, const std::string& source,
+                         const GnuplotOptions& gnuplot = {});
 
 }  // namespace turncal

@@ -41,7 +41,9 @@ void print_confusions(const NamedPrediction& column, std::ostream& out) {
     if (effect.among_its_own) aliases[std::string(effect.column.entry->name)].insert("its own other components");
     for (const std::string& alias : effect.aliases) aliases[std::string(effect.column.entry->name)].insert(alias);
   }
-  out << "\n" << column.name << ": " << (aliases.empty() ? "no effect is imitated by another" : "imitated by others (~)") << "\n";
+  out << "\n"
+      << column.name << ": " << (aliases.empty() ? "no effect is imitated by another" : "imitated by others (~)")
+      << "\n";
   for (const auto& [name, others] : aliases)
     out << "  " << name << " by " << join({others.begin(), others.end()}) << "\n";
   out << column.name << ": not detectable (-): " << (unseen.empty() ? "none" : join(unseen)) << "\n";
@@ -100,7 +102,8 @@ void print_effects(const std::vector<NamedPrediction>& columns, std::ostream& ou
     out << formatted("%-40s %-9s", row_name(first).c_str(), std::string(first.column.entry->unit).c_str());
     for (const NamedPrediction& column : columns) {
       const PredictedEffect& effect = column.prediction.effects[row];
-      out << (effect.visible ? formatted(" %14.3g%c", effect.detectable, effect.aliases.empty() && !effect.among_its_own ? ' ' : '~')
+      out << (effect.visible ? formatted(" %14.3g%c", effect.detectable,
+                                         effect.aliases.empty() && !effect.among_its_own ? ' ' : '~')
                              : formatted(" %14s ", "-"));
     }
     out << "\n";

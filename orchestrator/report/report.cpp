@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <vector>
 
-#include "orchestrator/station/version.h"
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/report_data.h"
 #include "orchestrator/report/report_dwells.h"
@@ -12,6 +11,7 @@
 #include "orchestrator/report/report_plots.h"
 #include "orchestrator/report/report_tables.h"
 #include "orchestrator/report/report_views.h"
+#include "orchestrator/station/version.h"
 
 namespace turncal {
 namespace {
@@ -20,14 +20,19 @@ void how_to_read(Page& page) {
   page.section("reading", "How to read this");
   page.raw(
       "<ul class=\"soft\">\n"
-      "<li><b>Residual velocity.</b> The unit stands on the table. Navigating its calibrated data must give velocity zero; what it "
+      "<li><b>Residual velocity.</b> The unit stands on the table. Navigating its calibrated data must give velocity "
+      "zero; what it "
       "gives instead is the error that matters in use.</li>\n"
-      "<li><b>Normalised residual.</b> The same, second by second, divided by what the sensors' noise explains. 1 is perfect; "
+      "<li><b>Normalised residual.</b> The same, second by second, divided by what the sensors' noise explains. 1 is "
+      "perfect; "
       "noise alone gives 1.</li>\n"
-      "<li><b>Score.</b> Each effect of the catalogue is offered to the data beside the 24 parameters. z is the value it would get, "
-      "in standard deviations. The threshold holds for all of them together: chance alone crosses it in the stated share of "
+      "<li><b>Score.</b> Each effect of the catalogue is offered to the data beside the 24 parameters. z is the value "
+      "it would get, "
+      "in standard deviations. The threshold holds for all of them together: chance alone crosses it in the stated "
+      "share of "
       "recordings.</li>\n"
-      "<li><b>Held-out data.</b> Data that was not used in the fit. An effect that does not lower the error there is not added.</li>\n"
+      "<li><b>Held-out data.</b> Data that was not used in the fit. An effect that does not lower the error there is "
+      "not added.</li>\n"
       "<li><b>Detectable.</b> Five standard deviations: what this recording would have found.</li>\n"
       "</ul>\n");
 }
@@ -66,19 +71,25 @@ Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) 
   }
 
   page.section("time", "Residual velocity against time");
-  if (time.panels.empty()) page.text("There are no static seconds after a rotation to show.");
-  else page.raw(plots.html(time));
+  if (time.panels.empty())
+    page.text("There are no static seconds after a rotation to show.");
+  else
+    page.raw(plots.html(time));
 
   if (!effects.empty()) {
     page.section("effects", "Residual against what the effect depends on");
     for (std::size_t k = 0; k < effects.size(); ++k) {
       page.subsection(diagnosis.effect_names[k]);
-      if (effects[k].panels.empty()) page.text("No dwell of this recording shows it by itself.");
-      else page.raw(plots.html(effects[k]));
+      if (effects[k].panels.empty())
+        page.text("No dwell of this recording shows it by itself.");
+      else
+        page.raw(plots.html(effects[k]));
     }
     if (diagnosis.effect_names.size() > effects.size())
-      page.text("Not drawn: " + join({diagnosis.effect_names.begin() + static_cast<std::ptrdiff_t>(effects.size()),
-                                      diagnosis.effect_names.end()}) + ".");
+      page.text("Not drawn: " +
+                join({diagnosis.effect_names.begin() + static_cast<std::ptrdiff_t>(effects.size()),
+                      diagnosis.effect_names.end()}) +
+                ".");
   }
   if (nameless) {
     page.section("residual", "Where the residual lies");
@@ -94,9 +105,10 @@ Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) 
   if (diagnosis.candidates.empty()) {
     page.text("No scores were computed.");
   } else {
-    page.raw(plots.html("scores", score_legend(),
-                        "Scores beside the 24 parameters alone. A strong effect lifts the scores of those that resemble it; the "
-                        "selection below takes them one at a time."));
+    page.raw(plots.html(
+        "scores", score_legend(),
+        "Scores beside the 24 parameters alone. A strong effect lifts the scores of those that resemble it; the "
+        "selection below takes them one at a time."));
     page.raw(html_scores(diagnosis, threshold_z));
   }
 
@@ -106,8 +118,10 @@ Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) 
   page.section("allan", "Noise");
   page.raw(html_noise(diagnosis, context));
   page.subsection("Allan deviation");
-  if (allan.panels.empty()) page.text("No dwell is long enough for it.");
-  else page.raw(plots.html(allan));
+  if (allan.panels.empty())
+    page.text("No dwell is long enough for it.");
+  else
+    page.raw(plots.html(allan));
 
   page.section("limits", "What this recording cannot tell");
   page.raw(html_limits(diagnosis, context));
@@ -123,7 +137,8 @@ Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) 
     page.section("components", "Appendix: every component");
     page.raw(html_components(diagnosis, threshold_z));
   }
-  page.raw("<p class=\"soft\">turncal " + html_escape(software_version()) + ", " + html_escape(context.time_utc) + "</p>\n");
+  page.raw("<p class=\"soft\">turncal " + html_escape(software_version()) + ", " + html_escape(context.time_utc) +
+           "</p>\n");
   return {page.finish(), plots.problem};
 }
 

@@ -51,19 +51,22 @@ Figure time_figure(const Diagnosis& diagnosis) {
   figure.id = "time";
   figure.label = "Residual velocity against time, north, up and east";
   figure.caption =
-      "The unit stands still in every second shown: any velocity is an error. It is navigated freely from the beginning of the "
+      "The unit stands still in every second shown: any velocity is an error. It is navigated freely from the "
+      "beginning of the "
       "last rotation on; every rotation starts a new branch, which is shown for two minutes.";
   figure.panel_height = 185;
   figure.stacked = true;
   std::vector<std::pair<std::size_t, std::size_t>> parts = rests(diagnosis.residuals);
   std::erase_if(parts, [&](const auto& part) { return before_any_rotation(diagnosis.residuals[part.first]); });
   for (auto& [first, last] : parts)
-    while (last > first && diagnosis.residuals[last - 1].time_s - diagnosis.residuals[first].time_s > fit_window_s) --last;
+    while (last > first && diagnosis.residuals[last - 1].time_s - diagnosis.residuals[first].time_s > fit_window_s)
+      --last;
   double largest = 0.0;
   for (const auto& [first, last] : parts)
     for (std::size_t i = first; i < last; ++i) {
       const ResidualPoint& p = diagnosis.residuals[i];
-      largest = std::max({largest, p.velocity_before_mps.cwiseAbs().maxCoeff(), p.velocity_after_mps.cwiseAbs().maxCoeff()});
+      largest =
+          std::max({largest, p.velocity_before_mps.cwiseAbs().maxCoeff(), p.velocity_after_mps.cwiseAbs().maxCoeff()});
     }
   const DisplayUnit unit = velocity_unit(largest);
   bool cut = false;
@@ -77,7 +80,8 @@ Figure time_figure(const Diagnosis& diagnosis) {
       for (const auto& [first, last] : parts) {
         for (std::size_t i = first; i < last; ++i) {
           const ResidualPoint& p = diagnosis.residuals[i];
-          points.emplace_back(p.time_s / 3600.0, (s == 0 ? p.velocity_before_mps : p.velocity_after_mps)[axis] * unit.factor);
+          points.emplace_back(p.time_s / 3600.0,
+                              (s == 0 ? p.velocity_before_mps : p.velocity_after_mps)[axis] * unit.factor);
         }
         points.emplace_back(nan, nan);
       }
@@ -95,8 +99,9 @@ Figure allan_figure(const AllanResult& allan) {
   Figure figure;
   figure.id = "allan";
   figure.label = "Allan deviation of the six sensors with the fitted model";
-  figure.caption = "Markers: overlapping Allan deviation of all dwells. Lines: quantisation, random walk, bias instability and rate "
-                   "random walk fitted to it (IEEE 952).";
+  figure.caption =
+      "Markers: overlapping Allan deviation of all dwells. Lines: quantisation, random walk, bias instability and rate "
+      "random walk fitted to it (IEEE 952).";
   figure.columns = 2;
   figure.panel_width = 480;
   figure.panel_height = 330;

@@ -62,9 +62,9 @@ DwellResidual::Side fit_side(const std::vector<ResidualPoint>& points, std::size
 std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<ResidualPoint>& points) {
   std::vector<std::pair<std::size_t, std::size_t>> result;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const bool begins = i == 0 || points[i].since_rotation_s <= points[i - 1].since_rotation_s ||
-                        points[i].time_s - points[i - 1].time_s > 1.5 * (points[i].since_rotation_s -
-                                                                        points[i - 1].since_rotation_s);
+    const bool begins =
+        i == 0 || points[i].since_rotation_s <= points[i - 1].since_rotation_s ||
+        points[i].time_s - points[i - 1].time_s > 1.5 * (points[i].since_rotation_s - points[i - 1].since_rotation_s);
     if (begins) result.emplace_back(i, i);
     result.back().second = i + 1;
   }
@@ -98,7 +98,8 @@ std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const Com
     d.temperature_c = recording.info.has_temperature ? temperature / static_cast<double>(last - first) : nan;
     const Eigen::Matrix3d C_nb =
         level(attitude_from_angles(segment.heading_deg * rad_per_deg, segment.pitch_deg * rad_per_deg,
-                                   segment.roll_deg * rad_per_deg), f);
+                                   segment.roll_deg * rad_per_deg),
+              f);
     d.level_share = (Vector3d::Ones() - C_nb.row(1).transpose().cwiseAbs2()).cwiseMax(0.0).cwiseSqrt();
     d.before = fit_side(points, first, last, false, C_nb, recording.info.gravity_mps2);
     d.after = fit_side(points, first, last, true, C_nb, recording.info.gravity_mps2);

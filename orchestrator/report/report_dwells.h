@@ -16,18 +16,18 @@
 
 #include <Eigen/Core>
 
-#include "calib/statistics/compression.h"
 #include "calib/diagnosis/diagnosis.h"
+#include "calib/statistics/compression.h"
 
 namespace turncal {
 
 struct DwellResidual {
   int segment = 0;
   int step = 0;
-  double time_s = 0.0;                 // middle of the fit, from the first sample
-  Eigen::Vector3d table_deg = Eigen::Vector3d::Zero();  // heading, pitch, roll as commanded, -180..180
-  Eigen::Vector3d f_b_g = Eigen::Vector3d::Zero();      // specific force in g
-  double temperature_c = 0.0;          // NaN: not measured
+  double time_s = 0.0;                                      // middle of the fit, from the first sample
+  Eigen::Vector3d table_deg = Eigen::Vector3d::Zero();      // heading, pitch, roll as commanded, -180..180
+  Eigen::Vector3d f_b_g = Eigen::Vector3d::Zero();          // specific force in g
+  double temperature_c = 0.0;                               // NaN: not measured
   Eigen::Vector3d turned_rad = Eigen::Vector3d::Zero();     // about each body axis, since the dwell before
   Eigen::Vector3d fastest_radps = Eigen::Vector3d::Zero();  // largest rate on that way, with its sign
   Eigen::Vector3d level_share = Eigen::Vector3d::Zero();    // of each body axis: 1 horizontal, 0 vertical

@@ -7,11 +7,11 @@ namespace turncal {
 
 const char* html_colour(Colour colour) {
   switch (colour) {
-    case Colour::before: return "#D55E00";   // vermillion
-    case Colour::after: return "#0072B2";    // blue
+    case Colour::before: return "#D55E00";  // vermillion
+    case Colour::after: return "#0072B2";   // blue
     case Colour::x: return "#0072B2";
     case Colour::y: return "#D55E00";
-    case Colour::z: return "#009E73";        // bluish green
+    case Colour::z: return "#009E73";  // bluish green
     case Colour::neutral: return "#8A8A8A";
   }
   return "#000000";
@@ -24,7 +24,8 @@ bool Panel::empty() const {
   });
 }
 
-std::vector<std::pair<double, double>> outline(const std::vector<std::pair<double, double>>& points, std::size_t limit) {
+std::vector<std::pair<double, double>> outline(const std::vector<std::pair<double, double>>& points,
+                                               std::size_t limit) {
   if (points.size() <= limit) return points;
   // Two points a bucket and room for a break behind it.
   const std::size_t buckets = std::max<std::size_t>(limit / 3, 1);

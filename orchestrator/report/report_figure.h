@@ -23,10 +23,10 @@ struct Panel {
   std::string title;
   std::string x_label, y_label;  // with unit
   std::vector<Series> series;
-  bool logarithmic = false;      // both axes
-  bool angle = false;            // x in degrees: ticks at 30, 45, 90, ...
-  double y_limit = 0.0;          // above 0: the frame ends at +- this
-  bool empty() const;            // nothing to draw
+  bool logarithmic = false;  // both axes
+  bool angle = false;        // x in degrees: ticks at 30, 45, 90, ...
+  double y_limit = 0.0;      // above 0: the frame ends at +- this
+  bool empty() const;        // nothing to draw
 };
 
 struct Figure {
@@ -34,7 +34,7 @@ struct Figure {
   std::string label;    // what it shows, for those who cannot see it
   std::string caption;  // below it
   int columns = 1;
-  bool stacked = false;  // panels over one another that share their x axis
+  bool stacked = false;                       // panels over one another that share their x axis
   int panel_width = 960, panel_height = 200;  // of one panel, in px of the page
   std::vector<Panel> panels;
 };

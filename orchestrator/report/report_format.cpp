@@ -13,9 +13,11 @@ namespace {
 std::size_t utf8_length(std::string_view text, std::size_t at) {
   const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(text[k]); };
   const unsigned char lead = byte(at);
-  const std::size_t length = lead < 0x80 ? 1 : lead >= 0xc2 && lead < 0xe0 ? 2 : lead >= 0xe0 && lead < 0xf0 ? 3
-                             : lead >= 0xf0 && lead < 0xf5                ? 4
-                                                                          : 0;
+  const std::size_t length = lead < 0x80                   ? 1
+                             : lead >= 0xc2 && lead < 0xe0 ? 2
+                             : lead >= 0xe0 && lead < 0xf0 ? 3
+                             : lead >= 0xf0 && lead < 0xf5 ? 4
+                                                           : 0;
   if (length == 0 || at + length > text.size()) return 0;
   for (std::size_t k = at + 1; k < at + length; ++k) {
     if ((byte(k) & 0xc0) != 0x80) return 0;
@@ -72,14 +74,22 @@ std::string html_escape(std::string_view text) {
       continue;
     }
     const char c = text[at];
-    if (length > 1) result += text.substr(at, length);
-    else if (c == '&') result += "&amp;";
-    else if (c == '<') result += "&lt;";
-    else if (c == '>') result += "&gt;";
-    else if (c == '"') result += "&quot;";
-    else if (c == '\'') result += "&#39;";
-    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) result += ' ';
-    else result += c;
+    if (length > 1)
+      result += text.substr(at, length);
+    else if (c == '&')
+      result += "&amp;";
+    else if (c == '<')
+      result += "&lt;";
+    else if (c == '>')
+      result += "&gt;";
+    else if (c == '"')
+      result += "&quot;";
+    else if (c == '\'')
+      result += "&#39;";
+    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
+      result += ' ';
+    else
+      result += c;
     at += length;
   }
   return result;
@@ -110,7 +120,9 @@ std::string quantity(double value, double sigma, std::string_view unit, Alphabet
   return text + " " + unit_text(unit, alphabet);
 }
 
-std::string ratio(double value) { return std::isfinite(value) ? value < 100.0 ? fixed(value, 3) : significant(value, 4) : "-"; }
+std::string ratio(double value) {
+  return std::isfinite(value) ? value < 100.0 ? fixed(value, 3) : significant(value, 4) : "-";
+}
 
 std::string percent_change(double before, double after) {
   if (!std::isfinite(before) || !std::isfinite(after) || before <= 0.0) return "-";
@@ -144,7 +156,8 @@ std::string unit_text(std::string_view unit, Alphabet alphabet) {
       at += word.size();
       return true;
     };
-    if (begins && (take("ug", "µg") || take("arcsec", "″") || take("deg", "°") || (at > 0 && take("C", "°C")))) continue;
+    if (begins && (take("ug", "µg") || take("arcsec", "″") || take("deg", "°") || (at > 0 && take("C", "°C"))))
+      continue;
     if (take("^2", "²") || take("^3", "³") || take("sqrt(h)", "√h") || take("sqrt(Hz)", "√Hz")) continue;
     result += unit[at++];
   }

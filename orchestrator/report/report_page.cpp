@@ -74,8 +74,8 @@ std::string legend(const Figure& figure) {
     for (const Series& series : panel.series) {
       if (series.label.empty() || std::find(seen.begin(), seen.end(), series.label) != seen.end()) continue;
       seen.push_back(series.label);
-      html += "<span><i style=\"color:" + std::string(html_colour(series.colour)) + "\">" + glyph(series.style) + "</i> " +
-              html_escape(series.label) + "</span>";
+      html += "<span><i style=\"color:" + std::string(html_colour(series.colour)) + "\">" + glyph(series.style) +
+              "</i> " + html_escape(series.label) + "</span>";
     }
   return html.empty() ? "" : "<p class=\"legend\">" + html + "</p>\n";
 }
@@ -83,9 +83,10 @@ std::string legend(const Figure& figure) {
 }  // namespace
 
 Page::Page(const std::string& title) {
-  html_ = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-          "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
-          html_escape(title) + "</title>\n<style>" + style_sheet + "</style>\n</head>\n<body>\n<main>\n";
+  html_ =
+      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
+      html_escape(title) + "</title>\n<style>" + style_sheet + "</style>\n</head>\n<body>\n<main>\n";
 }
 void Page::section(const std::string& id, const std::string& title) {
   html_ += "<h2 id=\"" + id + "\">" + html_escape(title) + "</h2>\n";
@@ -121,8 +122,8 @@ std::string score_legend() {
   const auto item = [](const char* colour, const char* text) {
     return "<span><i style=\"color:" + std::string(colour) + "\">■</i> " + text + "</span>";
   };
-  return "<p class=\"legend\">" + item("#0072B2", "added to the model") + item("#E69F00", "above the threshold, not added") +
-         item("#B8B8B8", "below the threshold") + "</p>\n";
+  return "<p class=\"legend\">" + item("#0072B2", "added to the model") +
+         item("#E69F00", "above the threshold, not added") + item("#B8B8B8", "below the threshold") + "</p>\n";
 }
 
 }  // namespace turncal

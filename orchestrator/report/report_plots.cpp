@@ -15,11 +15,18 @@ constexpr const char* ink = "#333333";
 constexpr const char* grid_grey = "#D9D9D9";
 
 std::string terminal(int width, int height) {
-  return "reset session\nset encoding utf8\nset terminal svg size " + std::to_string(width) + "," + std::to_string(height) +
+  return "reset session\nset encoding utf8\nset terminal svg size " + std::to_string(width) + "," +
+         std::to_string(height) +
          " dynamic noenhanced font 'Sans,13' background rgb 'white'\n"
-         "set border 3 lw 1 lc rgb '" + ink + "'\n"
-         "set grid lw 0.7 lc rgb '" + grid_grey + "'\n"
-         "set tics nomirror scale 0.6 textcolor rgb '" + ink + "'\n"
+         "set border 3 lw 1 lc rgb '" +
+         ink +
+         "'\n"
+         "set grid lw 0.7 lc rgb '" +
+         grid_grey +
+         "'\n"
+         "set tics nomirror scale 0.6 textcolor rgb '" +
+         ink +
+         "'\n"
          "set clip two\n"
          "unset key\n";
 }
@@ -150,7 +157,8 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
     script += "unset logscale\nset format xy '%g'\n";
     const bool lines = !panel.series.empty() && panel.series.front().style == Series::Style::line;
     const Range x = range_of(panel, true);
-    set_axis("x", lines ? Range{std::min(0.0, x.low), x.high} : widened(x, 0.06), std::max(5, width / 65), panel.angle, script);
+    set_axis("x", lines ? Range{std::min(0.0, x.low), x.high} : widened(x, 0.06), std::max(5, width / 65), panel.angle,
+             script);
     Range y = widened(range_of(panel, false), 0.08);
     if (panel.y_limit > 0.0) y = {std::max(y.low, -panel.y_limit), std::min(y.high, panel.y_limit)};
     set_axis("y", y, 6, false, script);
@@ -189,9 +197,10 @@ std::vector<ScoreBar> score_bars(const Diagnosis& diagnosis, double threshold_z)
                        diagnosis.effect_names.end();
     using Role = ScoreBar::Role;
     bar.role = !visible ? Role::invisible : added ? Role::added : bar.z > threshold_z ? Role::above : Role::below;
-    bar.remark = visible ? significant(bar.z, bar.z < 10.0 ? 2 : 3) + "  (" + strongest + ")"
-                 : listed ? "cannot be seen in this recording"
-                          : entry.needs_temperature ? "needs a recorded temperature" : "not tested";
+    bar.remark = visible                   ? significant(bar.z, bar.z < 10.0 ? 2 : 3) + "  (" + strongest + ")"
+                 : listed                  ? "cannot be seen in this recording"
+                 : entry.needs_temperature ? "needs a recorded temperature"
+                                           : "not tested";
     bars.push_back(std::move(bar));
   }
   std::stable_sort(bars.begin(), bars.end(), [](const ScoreBar& a, const ScoreBar& b) {
@@ -211,10 +220,13 @@ Drawing draw(const Figure& figure) {
   script = terminal(width, figure.panel_height * std::max(rows, 1));
   const bool stacked = figure.stacked;
   script += "set multiplot layout " + std::to_string(std::max(rows, 1)) + "," + std::to_string(columns) + "\n";
-  script += stacked ? "set lmargin 9\nset rmargin 2\nset tmargin 0.7\n" : "set lmargin 9.5\nset rmargin 2.5\nset bmargin 3.2\n";
+  script += stacked ? "set lmargin 9\nset rmargin 2\nset tmargin 0.7\n"
+                    : "set lmargin 9.5\nset rmargin 2.5\nset bmargin 3.2\n";
   for (std::size_t k = 0; k < figure.panels.size(); ++k) {
-    if (stacked) script += figure.panels[k].x_label.empty() ? "set bmargin 1.6\n" : "set bmargin 3.2\n";
-    else script += figure.panels[k].title.empty() ? "set tmargin 0.7\n" : "set tmargin 1.8\n";
+    if (stacked)
+      script += figure.panels[k].x_label.empty() ? "set bmargin 1.6\n" : "set bmargin 3.2\n";
+    else
+      script += figure.panels[k].title.empty() ? "set tmargin 0.7\n" : "set tmargin 1.8\n";
     append_panel(figure.panels[k], figure.id + "p" + std::to_string(k), figure.panel_width, script);
   }
   script += "unset multiplot\n";
@@ -235,7 +247,8 @@ Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z) {
   script += "set xlabel 'score |z| of the strongest component (square-root scale); dots: the other components'\n";
   script += "set xtics (";
   bool first = true;
-  for (const double tick : {0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 1e4, 2e4, 5e4}) {
+  for (const double tick :
+       {0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 1e4, 2e4, 5e4}) {
     if (tick > largest) break;
     // ticks that would crowd the left end of a long axis are left out
     if (tick > 0.0 && tick < largest / 150.0) continue;
@@ -247,8 +260,8 @@ Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z) {
     script += (k > 0 ? ", " : "") + quoted(bars[static_cast<std::size_t>(k)].name) + " " + std::to_string(k);
   script += ")\n";
   const std::string x = significant(std::sqrt(threshold_z), 7);
-  script += "set arrow 1 from " + x + ",-0.8 to " + x + "," + significant(rows - 0.4, 6) + " nohead front dt 2 lw 1.5 lc rgb '" +
-            ink + "'\n";
+  script += "set arrow 1 from " + x + ",-0.8 to " + x + "," + significant(rows - 0.4, 6) +
+            " nohead front dt 2 lw 1.5 lc rgb '" + ink + "'\n";
   script += "set label 1 " + quoted("family-wise threshold " + significant(threshold_z, 2)) + " at " + x +
             ",-1.25 center textcolor rgb '" + ink + "'\n";
   const auto colour = [](ScoreBar::Role role) {
@@ -264,8 +277,8 @@ Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z) {
   script += "EOD\n";
   for (int k = 0; k < rows; ++k) {
     const ScoreBar& bar = bars[static_cast<std::size_t>(k)];
-    script += "set label " + std::to_string(k + 2) + " " + quoted(bar.remark) + " at graph 1.03, first " + std::to_string(k) +
-              " left textcolor rgb '" + ink + "'\n";
+    script += "set label " + std::to_string(k + 2) + " " + quoted(bar.remark) + " at graph 1.03, first " +
+              std::to_string(k) + " left textcolor rgb '" + ink + "'\n";
   }
   script += "$dots << EOD\n";
   bool any = false;

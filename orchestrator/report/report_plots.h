@@ -13,8 +13,8 @@ namespace turncal {
 // One row of the score chart.
 struct ScoreBar {
   std::string name;
-  std::string remark;             // in the column at the right
-  double z = 0.0;                 // of the strongest component
+  std::string remark;              // in the column at the right
+  double z = 0.0;                  // of the strongest component
   std::vector<double> components;  // |z| of all of them
   enum class Role { added, above, below, invisible } role = Role::below;
 };

@@ -37,7 +37,8 @@ class HtmlTable {
   static std::string row_html(const std::vector<Cell>& cells, const std::string& tag, const std::string& kind) {
     std::string html = kind.empty() ? "<tr>" : "<tr class=\"" + kind + "\">";
     for (const Cell& cell : cells)
-      html += "<" + tag + (cell.kind.empty() ? "" : " class=\"" + cell.kind + "\"") + ">" + cell.html + "</" + tag + ">";
+      html +=
+          "<" + tag + (cell.kind.empty() ? "" : " class=\"" + cell.kind + "\"") + ">" + cell.html + "</" + tag + ">";
     return html + "</tr>\n";
   }
   std::string html_;
@@ -45,12 +46,14 @@ class HtmlTable {
 
 // A number and its percent sign stay on one line.
 std::string unbroken_percent(std::string html) {
-  for (std::size_t at = html.find(" %"); at != std::string::npos; at = html.find(" %", at)) html.replace(at, 1, "&nbsp;");
+  for (std::size_t at = html.find(" %"); at != std::string::npos; at = html.find(" %", at))
+    html.replace(at, 1, "&nbsp;");
   return html;
 }
 
 std::string paragraph(std::string_view plain, const char* kind = nullptr) {
-  return (kind != nullptr ? "<p class=\"" + std::string(kind) + "\">" : std::string("<p>")) + html_escape(plain) + "</p>\n";
+  return (kind != nullptr ? "<p class=\"" + std::string(kind) + "\">" : std::string("<p>")) + html_escape(plain) +
+         "</p>\n";
 }
 std::string item(const std::string& html) { return "<li>" + html + "</li>\n"; }
 std::string heading(std::string_view plain) { return "<h3>" + html_escape(plain) + "</h3>\n"; }
@@ -105,13 +108,17 @@ Cell bar(double value, double largest, bool left) {
   return {"<span class=\"bar\" style=\"width:" + significant(width, 3) + "px\"></span>", kind};
 }
 
-std::string or_dash(double value, const std::string& unit) { return value > 0.0 ? significant(value, 2, typo) + " " + unit : "-"; }
+std::string or_dash(double value, const std::string& unit) {
+  return value > 0.0 ? significant(value, 2, typo) + " " + unit : "-";
+}
 
 std::string combination_text(const Undetermined& u) {
   std::string result;
   for (const auto& [key, weight] : u.combination) {
-    if (!result.empty()) result += weight < 0.0 ? " − " : " + ";
-    else if (weight < 0.0) result += "−";
+    if (!result.empty())
+      result += weight < 0.0 ? " − " : " + ";
+    else if (weight < 0.0)
+      result += "−";
     result += significant(std::abs(weight), 2) + " " + key;
   }
   return result;
@@ -136,14 +143,15 @@ std::string html_identity(const DiagnosisContext& context) {
   if (!context.recording_hash.empty()) line += " (content " + context.recording_hash + ")";
   line += ": " + std::to_string(r.samples) + " samples, " +
           clock_time(static_cast<double>(r.samples) * r.info.sample_period_s) + " h, of which " + clock_time(still_s) +
-          " at rest; latitude " + significant(r.info.latitude_deg, 6) + "°, gravity " + significant(r.info.gravity_mps2, 7) +
-          " m/s²";
+          " at rest; latitude " + significant(r.info.latitude_deg, 6) + "°, gravity " +
+          significant(r.info.gravity_mps2, 7) + " m/s²";
   if (low <= high) line += "; " + significant(low, 3) + " to " + significant(high, 3) + " °C";
   html += paragraph(line + ".", "soft");
   html += paragraph("Held-out data: " +
                         (!context.holdout_path.empty() ? context.holdout_path
-                         : context.hand_turned        ? "rests and rotations of the same recording, left out in turn"
-                                                      : "dwells of the same recording, left out in turn") + ".",
+                         : context.hand_turned         ? "rests and rotations of the same recording, left out in turn"
+                                                       : "dwells of the same recording, left out in turn") +
+                        ".",
                     "soft");
   if (r.info.simulated) html += "<p><b>Simulated data: these are not the parameters of a real unit.</b></p>\n";
   for (const std::string& note : context.notes) html += paragraph("Note: " + note + ".", "soft");
@@ -158,8 +166,8 @@ std::string html_verdict(const Diagnosis& diagnosis, const DiagnosisContext& con
 std::string html_verdict(const Diagnosis& diagnosis, const std::string& sentence, const std::string& reason) {
   const std::size_t colon = sentence.find(':');
   return "<div class=\"verdict " + std::string(to_string(diagnosis.verdict)) + "\"><p><b>" +
-         html_escape(sentence.substr(0, colon + 1)) + "</b>" + unbroken_percent(html_escape(sentence.substr(colon + 1))) +
-         "</p></div>\n" +
+         html_escape(sentence.substr(0, colon + 1)) + "</b>" +
+         unbroken_percent(html_escape(sentence.substr(colon + 1))) + "</p></div>\n" +
          (reason.empty() ? "" : paragraph("Reason: " + reason + ".", "soft"));
 }
 
@@ -175,7 +183,11 @@ std::string html_errors(const Diagnosis& diagnosis, const std::vector<ErrorRow>&
   head.insert(head.begin() + 1, text(""));
   HtmlTable table(head);
   for (const ErrorRow& row : rows) {
-    const Cell unit = {"<span class=\"soft\">" + html_escape(row.normalised && row.unit.empty() ? "1 is what the noise explains" : unit_text(row.unit, typo)) + "</span>", ""};
+    const Cell unit = {"<span class=\"soft\">" +
+                           html_escape(row.normalised && row.unit.empty() ? "1 is what the noise explains"
+                                                                          : unit_text(row.unit, typo)) +
+                           "</span>",
+                       ""};
     std::vector<Cell> cells = {text(row.what), unit};
     const auto value = [&](double v) {
       return Cell{"<span class=\"big\">" + html_escape(error_text(row, v)) + "</span>", "n"};
@@ -193,9 +205,11 @@ std::string html_errors(const Diagnosis& diagnosis, const std::vector<ErrorRow>&
                         "; the noise is the same in both.",
                     "soft");
   if (diagnosis.verdict == Verdict::unexplained && diagnosis.extended.noise_fit)
-    html += paragraph("The noise was measured on the same data and may have taken up a part of the residual: a normalised residual near 1 "
-                      "does not clear it.",
-                      "soft");
+    html += paragraph(
+        "The noise was measured on the same data and may have taken up a part of the residual: a normalised residual "
+        "near 1 "
+        "does not clear it.",
+        "soft");
   return html;
 }
 
@@ -223,10 +237,13 @@ std::string html_scores(const Diagnosis& diagnosis, double threshold_z) {
     for (const CandidateScore& c : diagnosis.candidates)
       if (c.column.entry == entry && c.visible && (best == nullptr || std::abs(c.z) > std::abs(best->z))) best = &c;
     if (best == nullptr) continue;
-    std::vector<Cell> cells = {name(row.name), name(component_text(best->column)),
+    std::vector<Cell> cells = {name(row.name),
+                               name(component_text(best->column)),
                                number(value_with_sigma(best->value, best->sigma, typo)),
-                               number(value_with_sigma(best->sigma, best->sigma, typo)), text(unit_text(entry->unit, typo)),
-                               number(std::abs(best->z)), number(best->detectable, 2)};
+                               number(value_with_sigma(best->sigma, best->sigma, typo)),
+                               text(unit_text(entry->unit, typo)),
+                               number(std::abs(best->z)),
+                               number(best->detectable, 2)};
     const auto group = std::find_if(diagnosis.groups.begin(), diagnosis.groups.end(),
                                     [&](const GroupScore& g) { return g.name == row.name; });
     if (group != diagnosis.groups.end()) {
@@ -238,23 +255,27 @@ std::string html_scores(const Diagnosis& diagnosis, double threshold_z) {
     }
     table.row(cells, row.role == ScoreBar::Role::below ? "" : "hit");
   }
-  return table.finish() +
-         paragraph("χ² tests all components of an effect together, in as many directions as the recording can tell apart; p is for "
-                   "that one test, not for the family.",
-                   "soft");
+  return table.finish() + paragraph(
+                              "χ² tests all components of an effect together, in as many directions as the recording "
+                              "can tell apart; p is for "
+                              "that one test, not for the family.",
+                              "soft");
 }
 
 std::string html_components(const Diagnosis& diagnosis, double threshold_z) {
-  HtmlTable table({text("component"), number("value alone"), number("σ"), text("unit"), number("z"), number("detectable (5 σ)")});
+  HtmlTable table(
+      {text("component"), number("value alone"), number("σ"), text("unit"), number("z"), number("detectable (5 σ)")});
   for (const CandidateScore& c : diagnosis.candidates) {
     if (c.column.entry == nullptr) continue;
     const std::string unit = unit_text(c.column.entry->unit, typo);
     if (!c.visible) {
-      table.row({name(key_text(c.column)), number("not visible"), number("-"), text(unit), number("-"), number("-")}, "dim");
+      table.row({name(key_text(c.column)), number("not visible"), number("-"), text(unit), number("-"), number("-")},
+                "dim");
       continue;
     }
     table.row({name(key_text(c.column)), number(value_with_sigma(c.value, c.sigma, typo)),
-               number(value_with_sigma(c.sigma, c.sigma, typo)), text(unit), number(signed_number(c.z, 1)), number(c.detectable, 2)},
+               number(value_with_sigma(c.sigma, c.sigma, typo)), text(unit), number(signed_number(c.z, 1)),
+               number(c.detectable, 2)},
               std::abs(c.z) > threshold_z ? "hit" : "");
   }
   return table.finish();
@@ -270,7 +291,8 @@ std::string html_parameters(const Diagnosis& diagnosis, const DiagnosisContext& 
     if (std::isfinite(c)) largest = std::max(largest, std::abs(c));
   std::vector<Cell> head = {text("parameter"), text("")};
   if (both) head.push_back(number("before"));
-  for (const Cell& cell : {number(both ? "after" : "value"), number("σ"), text("unit"), number("σ, rel.")}) head.push_back(cell);
+  for (const Cell& cell : {number(both ? "after" : "value"), number("σ"), text("unit"), number("σ, rel.")})
+    head.push_back(cell);
   if (both)
     for (const Cell& cell : {number("change, σ"), Cell{"", "half"}, Cell{"", "half"}}) head.push_back(cell);
   HtmlTable table(head);
@@ -281,7 +303,8 @@ std::string html_parameters(const Diagnosis& diagnosis, const DiagnosisContext& 
     std::vector<Cell> cells = {name(parameter_keys[k]), text(parameter_meaning(k))};
     if (!parameter_is_free[k] || !(sigma > 0.0)) {
       if (both) cells.push_back(number(parameter_is_free[k] ? "not determined" : "0"));
-      for (const Cell& cell : {number(parameter_is_free[k] ? "not determined" : "0"), number("-"), text(""), number("-")})
+      for (const Cell& cell :
+           {number(parameter_is_free[k] ? "not determined" : "0"), number("-"), text(""), number("-")})
         cells.push_back(cell);
       if (both)
         for (const Cell& cell : {number("-"), Cell{"", "half left"}, Cell{"", "half"}}) cells.push_back(cell);
@@ -301,10 +324,12 @@ std::string html_parameters(const Diagnosis& diagnosis, const DiagnosisContext& 
     table.row(cells, both && std::abs(change[row]) > 3.0 ? "hit" : "");
   }
   std::string html = table.finish();
-  html += paragraph("a21, a31 and a32 are zero by definition: the accelerometers define the axes of the unit. The biases of the "
-                    "accelerometers are shown in µg; parameters.conf has them in g.",
-                    "soft");
-  html += paragraph(both ? "σ is one standard deviation with the effects in the model. Bold: the missing effect had moved the parameter "
+  html += paragraph(
+      "a21, a31 and a32 are zero by definition: the accelerometers define the axes of the unit. The biases of the "
+      "accelerometers are shown in µg; parameters.conf has them in g.",
+      "soft");
+  html += paragraph(both ? "σ is one standard deviation with the effects in the model. Bold: the missing effect had "
+                           "moved the parameter "
                            "by more than three of them."
                          : "σ is one standard deviation. No effect was added, so nothing changed.",
                     "soft");
@@ -321,14 +346,16 @@ std::string html_noise(const Diagnosis& diagnosis, const DiagnosisContext& conte
   const JointResult& r = diagnosis.extended;
   const NoiseModel& noise = r.noise;
   constexpr double micro_g = 1e-6 * standard_gravity_mps2;
-  HtmlTable table({text("sensor"), number("random walk used"), text(""), number("Allan: N"), number("Q"), number("B"), number("K")});
+  HtmlTable table({text("sensor"), number("random walk used"), text(""), number("Allan: N"), number("Q"), number("B"),
+                   number("K")});
   for (std::size_t k = 0; k < 6; ++k) {
     const bool gyro = k < 3;
     const auto axis = static_cast<Eigen::Index>(k % 3);
     const double walk = gyro ? radprs_per_degprh : mpsprs_per_ugprHz;
     const double used = (gyro ? noise.angle_random_walk : noise.velocity_random_walk)[axis];
     const double sigma =
-        r.noise_fit ? (gyro ? r.noise_fit->sigma_angle_random_walk : r.noise_fit->sigma_velocity_random_walk)[axis] : 0.0;
+        r.noise_fit ? (gyro ? r.noise_fit->sigma_angle_random_walk : r.noise_fit->sigma_velocity_random_walk)[axis]
+                    : 0.0;
     const AllanFit& f = r.allan.axes[k].fit;
     const double bias = gyro ? radps_per_degph : micro_g;
     const std::string walk_unit = gyro ? "°/√h" : "µg/√Hz";
@@ -341,21 +368,24 @@ std::string html_noise(const Diagnosis& diagnosis, const DiagnosisContext& conte
                number(or_dash(f.rate_random_walk * 60.0 / bias, gyro ? "°/h/√h" : "µg/√h"))});
   }
   std::string html = table.finish();
-  html += paragraph("Allan fit: N random walk, Q quantisation, B bias instability, K rate random walk; - where the dwells show none.", "soft");
-  std::string line = context.noise_given ? "The noise was given in the configuration, not measured. "
-                                         : "The noise was measured on this recording (maximum likelihood, started from the Allan "
-                                           "deviation). ";
+  html += paragraph(
+      "Allan fit: N random walk, Q quantisation, B bias instability, K rate random walk; - where the dwells show none.",
+      "soft");
+  std::string line = context.noise_given
+                         ? "The noise was given in the configuration, not measured. "
+                         : "The noise was measured on this recording (maximum likelihood, started from the Allan "
+                           "deviation). ";
   if (r.noise_fit && r.noise_fit->axes_differ) line += "The axes of a triad differ and have values of their own. ";
   line += "Bias instability used: gyros " + significant(noise.gyro_bias_instability_radps / radps_per_degph, 2, typo) +
-          " °/h, accelerometers " + significant(noise.accel_bias_instability_mps2 / micro_g, 2, typo) + " µg, correlation time " +
-          significant(noise.bias_correlation_s, 3) + " s; one-pulse quantisation " +
+          " °/h, accelerometers " + significant(noise.accel_bias_instability_mps2 / micro_g, 2, typo) +
+          " µg, correlation time " + significant(noise.bias_correlation_s, 3) + " s; one-pulse quantisation " +
           significant(noise.gyro_pulse_rad / rad_per_arcsec, 3, typo) + " ″ and " +
           significant(1e3 * noise.accel_pulse_mps, 3, typo) + " mm/s.";
   html += paragraph(line);
   std::vector<std::string> lags;
   for (const double a : r.whiteness.autocorrelation) lags.push_back(signed_number(a, 2));
-  html += paragraph("Whiteness: " + (r.whiteness.message.empty() ? "not tested" : r.whiteness.message) + " (mean square " +
-                    ratio(r.whiteness.level) + ", 1 expected; autocorrelation at 1 to " +
+  html += paragraph("Whiteness: " + (r.whiteness.message.empty() ? "not tested" : r.whiteness.message) +
+                    " (mean square " + ratio(r.whiteness.level) + ", 1 expected; autocorrelation at 1 to " +
                     std::to_string(lags.size()) + " s: " + (lags.empty() ? "-" : join(lags)) + ").");
   return html;
 }
@@ -374,16 +404,22 @@ std::string html_limits(const Diagnosis& diagnosis, const DiagnosisContext& cont
     html += item(line);
   }
   if (any_alias) html += "</ul>\n";
-  if (any_alias && !context.hand_turned) html += paragraph("The sequence sequences/extended.seq holds such positions and rates; turncal predict shows by how much "
-                                           "they help.", "soft");
+  if (any_alias && !context.hand_turned)
+    html += paragraph(
+        "The sequence sequences/extended.seq holds such positions and rates; turncal predict shows by how much "
+        "they help.",
+        "soft");
   if (!diagnosis.gated_out.empty())
     html += heading("Found but not confirmed") +
-            paragraph(join(diagnosis.gated_out, "; ") +
-                      (context.hand_turned ? "." : ": fitted the recording better but not the held-out data, so not added."));
+            paragraph(
+                join(diagnosis.gated_out, "; ") +
+                (context.hand_turned ? "." : ": fitted the recording better but not the held-out data, so not added."));
   html += heading("Effects it cannot see");
   if (diagnosis.undetectable.empty()) {
-    html += paragraph("Every effect of the catalogue would be seen if it were large enough; the smallest size of each is listed under "
-                      "“detectable”.");
+    html += paragraph(
+        "Every effect of the catalogue would be seen if it were large enough; the smallest size of each is listed "
+        "under "
+        "“detectable”.");
   } else {
     HtmlTable table({text("effect"), text("what would show it")});
     for (const std::string& wanted : diagnosis.undetectable) {
@@ -395,14 +431,18 @@ std::string html_limits(const Diagnosis& diagnosis, const DiagnosisContext& cont
   std::vector<std::string> blind;
   for (const CandidateScore& c : diagnosis.candidates) {
     if (c.visible || c.column.entry == nullptr) continue;
-    if (std::find(diagnosis.undetectable.begin(), diagnosis.undetectable.end(), c.column.entry->name) == diagnosis.undetectable.end())
+    if (std::find(diagnosis.undetectable.begin(), diagnosis.undetectable.end(), c.column.entry->name) ==
+        diagnosis.undetectable.end())
       blind.push_back(key_text(c.column));
   }
   if (!blind.empty()) html += paragraph("Single components it cannot see: " + join(blind) + ".");
-  html += heading(context.hand_turned ? "Never observable without a table" : "Never observable on such a table") + "<ul>\n";
+  html +=
+      heading(context.hand_turned ? "Never observable without a table" : "Never observable on such a table") + "<ul>\n";
   if (context.hand_turned) {
     html += item(html_escape(unobservable_quantities().front())) +
-            item("headings, and with them everything that depends on the heading alone: the horizontal earth rate, the earth's field");
+            item(
+                "headings, and with them everything that depends on the heading alone: the horizontal earth rate, the "
+                "earth's field");
   } else {
     for (const std::string_view quantity_name : unobservable_quantities()) html += item(html_escape(quantity_name));
   }
@@ -417,9 +457,11 @@ std::string html_faults(const Diagnosis& diagnosis, const DiagnosisContext& cont
   const std::int64_t start = context.recording.blocks.empty() ? 0 : context.recording.blocks.front().start_sample;
   for (std::size_t k = 0; k < std::min(most, faults.size()); ++k) {
     const Fault& f = faults[k];
-    table.row({number(std::to_string(f.first_sample) + (f.last_sample > f.first_sample ? " to " + std::to_string(f.last_sample) : "")),
-               number(significant(static_cast<double>(f.first_sample - start) * context.recording.info.sample_period_s, 5)),
-               long_text(f.what), long_text(f.action)});
+    table.row(
+        {number(std::to_string(f.first_sample) +
+                (f.last_sample > f.first_sample ? " to " + std::to_string(f.last_sample) : "")),
+         number(significant(static_cast<double>(f.first_sample - start) * context.recording.info.sample_period_s, 5)),
+         long_text(f.what), long_text(f.action)});
   }
   return table.finish() +
          (faults.size() > most ? paragraph("And " + std::to_string(faults.size() - most) + " more.") : std::string());
@@ -430,21 +472,23 @@ std::string html_selection(const Diagnosis& diagnosis) {
   if (diagnosis.stages.empty()) {
     html += paragraph("No candidate was strong enough to be tried.");
   } else {
-    HtmlTable table({number("stage"), text("tried"), number("z"), number("gain 2 Δ ln L"), number("needed"), text("result"),
-                     text("rivals (their z²)")});
+    HtmlTable table({number("stage"), text("tried"), number("z"), number("gain 2 Δ ln L"), number("needed"),
+                     text("result"), text("rivals (their z²)")});
     for (std::size_t k = 0; k < diagnosis.stages.size(); ++k) {
       const SelectionStage& s = diagnosis.stages[k];
       std::vector<std::string> rivals;
       for (const auto& [rival, z_square] : s.rivals) rivals.push_back(rival + " " + significant(z_square, 3));
       const std::string result = s.note.empty() ? s.accepted ? "accepted" : "not accepted" : s.note;
-      table.row({number(std::to_string(k + 1)), name(key_text(s.chosen)), number(signed_number(s.z, 1)), number(s.gain, 3),
-                 number(s.threshold, 3), long_text(result), long_text(rivals.empty() ? "-" : join(rivals))},
-                s.accepted ? "" : "dim");
+      table.row(
+          {number(std::to_string(k + 1)), name(key_text(s.chosen)), number(signed_number(s.z, 1)), number(s.gain, 3),
+           number(s.threshold, 3), long_text(result), long_text(rivals.empty() ? "-" : join(rivals))},
+          s.accepted ? "" : "dim");
     }
     html += table.finish();
   }
   if (!diagnosis.gated_out.empty())
-    html += paragraph("Taken out again, because the error on held-out data did not fall: " + join(diagnosis.gated_out) + ".");
+    html += paragraph("Taken out again, because the error on held-out data did not fall: " + join(diagnosis.gated_out) +
+                      ".");
   return html;
 }
 

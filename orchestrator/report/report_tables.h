@@ -19,7 +19,8 @@ std::string html_scores(const Diagnosis& diagnosis, double threshold_z);      //
 std::string html_components(const Diagnosis& diagnosis, double threshold_z);  // one line a component, for the appendix
 std::string html_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context);
 std::string html_noise(const Diagnosis& diagnosis, const DiagnosisContext& context);
-std::string html_limits(const Diagnosis& diagnosis, const DiagnosisContext& context);  // aliases, undetectable, undetermined, never visible
+std::string html_limits(const Diagnosis& diagnosis,
+                        const DiagnosisContext& context);  // aliases, undetectable, undetermined, never visible
 std::string html_faults(const Diagnosis& diagnosis, const DiagnosisContext& context);
 std::string html_selection(const Diagnosis& diagnosis);
 

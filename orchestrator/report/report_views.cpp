@@ -93,9 +93,9 @@ Limits limits_of(const std::vector<DwellResidual>& dwells) {
 }
 
 constexpr std::size_t markers_a_series = 300;  // more would make the page heavy, not clearer
-constexpr double horizontal = 0.5;        // level_share above which an axis shows its tilt and its gyro
-constexpr double real_turn_rad = 0.2;     // smaller ones are table errors
-constexpr double loaded_g = 0.3;          // specific force that shows a scale factor
+constexpr double horizontal = 0.5;             // level_share above which an axis shows its tilt and its gyro
+constexpr double real_turn_rad = 0.2;          // smaller ones are table errors
+constexpr double loaded_g = 0.3;               // specific force that shows a scale factor
 
 double abscissa_of(const DwellResidual& d, Abscissa x, const ComponentAxes& axes, int sensor) {
   switch (x) {
@@ -109,7 +109,8 @@ double abscissa_of(const DwellResidual& d, Abscissa x, const ComponentAxes& axes
       if (axis < 0) d.turned_rad.cwiseAbs().maxCoeff(&axis);
       return std::abs(d.turned_rad[axis]) < real_turn_rad ? nan : d.turned_rad[axis] / rad_per_deg;
     }
-    case Abscissa::rate: return std::abs(d.turned_rad[sensor]) < real_turn_rad ? nan : d.fastest_radps[sensor] / rad_per_deg;
+    case Abscissa::rate:
+      return std::abs(d.turned_rad[sensor]) < real_turn_rad ? nan : d.fastest_radps[sensor] / rad_per_deg;
     case Abscissa::heading: return d.table_deg[0];
   }
   return nan;
@@ -123,7 +124,8 @@ std::string abscissa_label(Abscissa x, const ComponentAxes& axes, int sensor) {
     case Abscissa::temperature: return "temperature, °C";
     case Abscissa::time: return "time, min";
     case Abscissa::since_rotation: return "time since rotation, s";
-    case Abscissa::turned: return axes.sensor < 0 ? "turned before the dwell, °" : "turned about " + name(axes.sensor) + ", °";
+    case Abscissa::turned:
+      return axes.sensor < 0 ? "turned before the dwell, °" : "turned about " + name(axes.sensor) + ", °";
     case Abscissa::rate: return "rate about " + name(sensor) + ", °/s";
     case Abscissa::heading: return "heading, °";
   }
@@ -134,14 +136,17 @@ double ordinate_of(const DwellResidual& d, const DwellResidual::Side& side, Ordi
   switch (y) {
     case Ordinate::accel: return side.accel_mps2[axis] * acceleration_unit(l.accel).factor;
     case Ordinate::accel_per_g:
-      return std::abs(d.f_b_g[axis]) < loaded_g ? nan
-                                                : side.accel_mps2[axis] / d.f_b_g[axis] * acceleration_unit(l.accel).factor;
-    case Ordinate::tilt: return d.level_share[axis] < horizontal ? nan : side.tilt_rad[axis] * angle_unit(l.tilt).factor;
+      return std::abs(d.f_b_g[axis]) < loaded_g
+                 ? nan
+                 : side.accel_mps2[axis] / d.f_b_g[axis] * acceleration_unit(l.accel).factor;
+    case Ordinate::tilt:
+      return d.level_share[axis] < horizontal ? nan : side.tilt_rad[axis] * angle_unit(l.tilt).factor;
     case Ordinate::tilt_per_turn:
       return d.level_share[axis] < horizontal || std::abs(d.turned_rad[axis]) < real_turn_rad
                  ? nan
                  : 1e6 * side.tilt_rad[axis] / d.turned_rad[axis];
-    case Ordinate::gyro: return d.level_share[axis] < horizontal ? nan : side.gyro_radps[axis] * rate_unit(l.gyro).factor;
+    case Ordinate::gyro:
+      return d.level_share[axis] < horizontal ? nan : side.gyro_radps[axis] * rate_unit(l.gyro).factor;
     case Ordinate::velocity: return side.velocity_mps[axis] * velocity_unit(l.velocity).factor;
   }
   return nan;
@@ -234,12 +239,15 @@ void arrange(Figure& figure) {
 const char* caption_of(Ordinate y) {
   switch (y) {
     case Ordinate::accel:
-    case Ordinate::accel_per_g: return "One point a dwell: the slope of the residual velocity along the axis of the sensor.";
+    case Ordinate::accel_per_g:
+      return "One point a dwell: the slope of the residual velocity along the axis of the sensor.";
     case Ordinate::tilt:
     case Ordinate::tilt_per_turn:
-      return "One point a dwell in which the axis lay horizontal: the tilt error that the rotation before it left behind.";
+      return "One point a dwell in which the axis lay horizontal: the tilt error that the rotation before it left "
+             "behind.";
     case Ordinate::gyro:
-      return "One point a dwell in which the axis lay horizontal: the curvature of the residual velocity, as an error of the gyro "
+      return "One point a dwell in which the axis lay horizontal: the curvature of the residual velocity, as an error "
+             "of the gyro "
              "along it.";
     case Ordinate::velocity: return "One point a dwell: the velocity that the rotation before it left behind.";
   }
@@ -309,10 +317,11 @@ std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells
     figure.id = accel ? "asAccel" : "asGyro";
     figure.label = "Residual of each dwell as " + std::string(accel ? "accelerometer" : "gyro") +
                    " error, against table angles, specific force, rate, temperature and time";
-    figure.caption = accel ? "One point a dwell and axis: slope of the residual velocity along the axis, as an error of its "
-                             "accelerometer."
-                           : "One point a dwell and horizontal axis: curvature of the residual velocity, as an error of the "
-                             "gyro along it.";
+    figure.caption =
+        accel ? "One point a dwell and axis: slope of the residual velocity along the axis, as an error of its "
+                "accelerometer."
+              : "One point a dwell and horizontal axis: curvature of the residual velocity, as an error of the "
+                "gyro along it.";
     figure.columns = 3;
     figure.panel_width = 320;
     figure.panel_height = 240;
@@ -320,8 +329,8 @@ std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells
       Panel panel;
       panel.x_label = a.label;
       panel.angle = a.angle;
-      panel.y_label = accel ? "accelerometer, " + acceleration_unit(limits.accel).unit
-                            : "gyro, " + rate_unit(limits.gyro).unit;
+      panel.y_label =
+          accel ? "accelerometer, " + acceleration_unit(limits.accel).unit : "gyro, " + rate_unit(limits.gyro).unit;
       for (int axis = 0; axis < 3; ++axis) {
         Series series;
         series.label = body_names[static_cast<std::size_t>(axis)];

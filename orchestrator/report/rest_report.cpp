@@ -1,13 +1,13 @@
 #include "orchestrator/report/rest_report.h"
 
 #include "imu_io/base/format_number.h"
-#include "orchestrator/station/version.h"
 #include "orchestrator/report/report_data.h"
 #include "orchestrator/report/report_format.h"
 #include "orchestrator/report/report_page.h"
 #include "orchestrator/report/report_tables.h"
 #include "orchestrator/report/report_views.h"
 #include "orchestrator/report/rest_view.h"
+#include "orchestrator/station/version.h"
 
 namespace turncal {
 namespace {
@@ -17,18 +17,22 @@ constexpr std::size_t most_effect_figures = 4;
 std::string html_stages(const RestDiagnosis& r) {
   if (r.stages.empty()) return "<p>No candidate was strong enough to be tried.</p>\n";
   std::string html =
-      "<table>\n<thead><tr><th class=\"n\">stage</th><th>tried</th><th class=\"n\">gain T</th><th class=\"n\">p, all tests</th>"
+      "<table>\n<thead><tr><th class=\"n\">stage</th><th>tried</th><th class=\"n\">gain T</th><th class=\"n\">p, all "
+      "tests</th>"
       "<th>result</th></tr></thead>\n<tbody>\n";
   for (std::size_t k = 0; k < r.stages.size(); ++k) {
     const RestStage& s = r.stages[k];
     html += std::string("<tr") + (s.accepted ? "" : " class=\"dim\"") + "><td class=\"n\">" + std::to_string(k + 1) +
-            "</td><td class=\"name\">" + html_escape(s.column.key()) + "</td><td class=\"n\">" + significant(s.gain, 3) +
-            "</td><td class=\"n\">" + significant(s.p_value, 2, Alphabet::typographic) + "</td><td class=\"w\">" +
-            html_escape(s.note) + "</td></tr>\n";
+            "</td><td class=\"name\">" + html_escape(s.column.key()) + "</td><td class=\"n\">" +
+            significant(s.gain, 3) + "</td><td class=\"n\">" + significant(s.p_value, 2, Alphabet::typographic) +
+            "</td><td class=\"w\">" + html_escape(s.note) + "</td></tr>\n";
   }
-  return html + "</tbody>\n</table>\n<p class=\"soft\">T: gain in twice the log likelihood when each kind of observation has a "
-                "variance of its own. An effect's first component must be below 1 % over all tests, alone or as a group; further "
-                "components follow by BIC.</p>\n";
+  return html +
+         "</tbody>\n</table>\n<p class=\"soft\">T: gain in twice the log likelihood when each kind of observation has "
+         "a "
+         "variance of its own. An effect's first component must be below 1 % over all tests, alone or as a group; "
+         "further "
+         "components follow by BIC.</p>\n";
 }
 
 std::string html_remarks(const RestDiagnosis& r) {
@@ -42,21 +46,27 @@ void how_to_read(Page& page) {
   page.section("reading", "How to read this");
   page.raw(
       "<ul class=\"soft\">\n"
-      "<li><b>Direction.</b> The gyros carry gravity from one rest to the next; where it arrives is compared with what the "
+      "<li><b>Direction.</b> The gyros carry gravity from one rest to the next; where it arrives is compared with what "
+      "the "
       "accelerometers see there.</li>\n"
       "<li><b>Norm.</b> Whatever the pose, the accelerometers must show the gravity of the site.</li>\n"
-      "<li><b>Gyros at rest.</b> They must show the earth's rate and nothing else; what the unit creeps is taken off.</li>\n"
+      "<li><b>Gyros at rest.</b> They must show the earth's rate and nothing else; what the unit creeps is taken "
+      "off.</li>\n"
       "<li><b>Left out in turn.</b> Each rest and each rotation is predicted from all others.</li>\n"
-      "<li><b>Normalised.</b> Divided by what the final model expects of that kind of observation: white noise, and a floor that "
+      "<li><b>Normalised.</b> Divided by what the final model expects of that kind of observation: white noise, and a "
+      "floor that "
       "was measured.</li>\n"
-      "<li><b>Score.</b> Each effect of the catalogue beside the 21 parameters alone; z is the value it would get, in standard "
-      "deviations. A missing effect widens the standard deviations of its kind, so scores are smaller than they will be.</li>\n"
+      "<li><b>Score.</b> Each effect of the catalogue beside the 21 parameters alone; z is the value it would get, in "
+      "standard "
+      "deviations. A missing effect widens the standard deviations of its kind, so scores are smaller than they will "
+      "be.</li>\n"
       "</ul>\n");
 }
 
 }  // namespace
 
-Report make_rest_report(const RestDiagnosis& r, const RestData& data, const Diagnosis& d, const DiagnosisContext& context) {
+Report make_rest_report(const RestDiagnosis& r, const RestData& data, const Diagnosis& d,
+                        const DiagnosisContext& context) {
   const DiagnosisWords words = rest_words(r, data, d, Alphabet::typographic);
   const double threshold_z = family_threshold_z(d, context.false_alarm);
   const std::vector<DwellResidual> residuals = rest_residuals(r, data);
@@ -66,9 +76,11 @@ Report make_rest_report(const RestDiagnosis& r, const RestData& data, const Diag
   std::vector<Figure> effects;
   for (std::size_t k = 0; k < std::min(d.effect_names.size(), most_effect_figures); ++k) {
     Figure figure = effect_figure(d, residuals, d.effect_names[k], k);
-    figure.caption = d.effect_names[k].starts_with("gyro")
-                         ? "One point a rest: what the gyro reads too much there, or the tilt that the rotation before it left."
-                         : "One point a rest in which the axis carries more than half of gravity: the error of the norm, laid on it.";
+    figure.caption =
+        d.effect_names[k].starts_with("gyro")
+            ? "One point a rest: what the gyro reads too much there, or the tilt that the rotation before it left."
+            : "One point a rest in which the axis carries more than half of gravity: the error of the norm, laid on "
+              "it.";
     effects.push_back(plots.add(std::move(figure)));
   }
   std::vector<Figure> unexplained;
@@ -95,8 +107,10 @@ Report make_rest_report(const RestDiagnosis& r, const RestData& data, const Diag
   if (!effects.empty()) page.section("effects", "Residual against what the effect depends on");
   for (std::size_t k = 0; k < effects.size(); ++k) {
     page.subsection(d.effect_names[k]);
-    if (effects[k].panels.empty()) page.text("No rest shows it by itself.");
-    else page.raw(plots.html(effects[k]));
+    if (effects[k].panels.empty())
+      page.text("No rest shows it by itself.");
+    else
+      page.raw(plots.html(effects[k]));
   }
   if (!unexplained.empty()) {
     page.section("residual", "Where the residual lies");
@@ -129,7 +143,8 @@ Report make_rest_report(const RestDiagnosis& r, const RestData& data, const Diag
     page.section("components", "Appendix: every component");
     page.raw(html_components(d, threshold_z));
   }
-  page.raw("<p class=\"soft\">turncal " + html_escape(software_version()) + ", " + html_escape(context.time_utc) + "</p>\n");
+  page.raw("<p class=\"soft\">turncal " + html_escape(software_version()) + ", " + html_escape(context.time_utc) +
+           "</p>\n");
   return {page.finish(), plots.problem};
 }
 
@@ -144,7 +159,8 @@ Result<WrittenDiagnosis> write_rest_diagnosis(const std::string& folder, const R
   std::string conf = format_diagnosis(d);
   for (const ErrorRow& row : rest_words(r, data, d, Alphabet::plain).errors)
     if (!row.normalised)
-      conf += "# " + row.what + ": " + format_number(row.before) + " before, " + format_number(row.after) + " after, " + row.unit + "\n";
+      conf += "# " + row.what + ": " + format_number(row.before) + " before, " + format_number(row.after) + " after, " +
+              row.unit + "\n";
   return write_diagnosis_files(folder, make_rest_report(r, data, d, context), conf, *parameters);
 }
 

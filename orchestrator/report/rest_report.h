@@ -9,9 +9,11 @@
 namespace turncal {
 
 // `d` is as_diagnosis(result, data).
-Report make_rest_report(const RestDiagnosis& result, const RestData& data, const Diagnosis& d, const DiagnosisContext& context);
+Report make_rest_report(const RestDiagnosis& result, const RestData& data, const Diagnosis& d,
+                        const DiagnosisContext& context);
 
-Result<WrittenDiagnosis> write_rest_diagnosis(const std::string& folder, const RestDiagnosis& result, const RestData& data,
-                                              const Diagnosis& d, const DiagnosisContext& context);
+Result<WrittenDiagnosis> write_rest_diagnosis(const std::string& folder, const RestDiagnosis& result,
+                                              const RestData& data, const Diagnosis& d,
+                                              const DiagnosisContext& context);
 
 }  // namespace turncal

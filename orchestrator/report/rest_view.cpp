@@ -67,7 +67,8 @@ void add_candidates(const RestDiagnosis& result, Diagnosis& d) {
       }
       d.candidates.push_back(c);
     }
-    if (!any) d.undetectable.push_back(candidate.effect);
+    if (!any)
+      d.undetectable.push_back(candidate.effect);
     else
       d.groups.push_back({candidate.effect, candidate.score, candidate.rank, static_cast<int>(entry->components.size()),
                           chi_square_tail(candidate.score, candidate.rank)});
@@ -83,12 +84,12 @@ std::string change_text(const RestDiagnosis& r, Alphabet alphabet) {
   const RestErrors& was = held_out_errors(r, false);
   const RestErrors& is = held_out_errors(r, true);
   const auto part = [&](const char* what, double a, double b, const char* unit) {
-    return std::string(what) + " from " + significant(a, 3) + " to " + significant(b, 3) + " " + unit_text(unit, alphabet) +
-           " rms (" + percent_change(a, b) + ")";
+    return std::string(what) + " from " + significant(a, 3) + " to " + significant(b, 3) + " " +
+           unit_text(unit, alphabet) + " rms (" + percent_change(a, b) + ")";
   };
-  return part("gravity's direction after a rotation", 1e3 * was.direction_rms_rad, 1e3 * is.direction_rms_rad, "mrad") + ", " +
-         part("gyros at rest", was.gyro_rms_radps / rad_per_deg, is.gyro_rms_radps / rad_per_deg, "deg/s") + ", " +
-         part("gravity's norm", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s^2");
+  return part("gravity's direction after a rotation", 1e3 * was.direction_rms_rad, 1e3 * is.direction_rms_rad, "mrad") +
+         ", " + part("gyros at rest", was.gyro_rms_radps / rad_per_deg, is.gyro_rms_radps / rad_per_deg, "deg/s") +
+         ", " + part("gravity's norm", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s^2");
 }
 
 std::string remainder_text(const RestDiagnosis& r) {
@@ -112,13 +113,14 @@ std::string strongest_text(const RestDiagnosis& r) {
 std::string sentence_of(const RestDiagnosis& r, const RestData& data, const Diagnosis& d, Alphabet alphabet) {
   const std::string title = verdict_title(d.verdict) + ": ";
   const std::string where = d.holdout_source == "second recording" ? "on the second recording"
-                                                                    : "with each rest and rotation left out in turn";
+                                                                   : "with each rest and rotation left out in turn";
   if (d.verdict == Verdict::extended)
-    return title + effects_clause(d, alphabet) + "; " + where + ": " + change_text(r, alphabet) + alias_clause(d) + "; " +
-           remainder_text(r) + ".";
-  std::string text = title + (d.verdict == Verdict::clean ? "the 21 parameters explain the data: "
-                              : r.not_tested.empty()      ? "a residual is left that is not white noise and that no effect explains: "
-                                                          : "a residual is left that is not white noise, and too few data to name it: ");
+    return title + effects_clause(d, alphabet) + "; " + where + ": " + change_text(r, alphabet) + alias_clause(d) +
+           "; " + remainder_text(r) + ".";
+  std::string text =
+      title + (d.verdict == Verdict::clean ? "the 21 parameters explain the data: "
+               : r.not_tested.empty()      ? "a residual is left that is not white noise and that no effect explains: "
+                                      : "a residual is left that is not white noise, and too few data to name it: ");
   text += error_text(r.final.errors, alphabet) + "; " + remainder_text(r);
   if (!r.not_tested.empty()) return text + "; no effect was looked for, because " + r.not_tested + ".";
   text += "; " + strongest_text(r);
@@ -199,27 +201,32 @@ Diagnosis as_diagnosis(const RestDiagnosis& r, const RestData& data) {
 }
 
 std::string error_text(const RestErrors& e, Alphabet alphabet) {
-  return "gravity norm at rest " + significant(1e3 * e.norm_rms_mps2, 3) + " " + unit_text("mm/s^2", alphabet) + " rms, direction after a rotation " +
-         significant(1e3 * e.direction_rms_rad, 3) + " mrad, gyros at rest " + significant(e.gyro_rms_radps / rad_per_deg, 3) +
-         " " + unit_text("deg/s", alphabet);
+  return "gravity norm at rest " + significant(1e3 * e.norm_rms_mps2, 3) + " " + unit_text("mm/s^2", alphabet) +
+         " rms, direction after a rotation " + significant(1e3 * e.direction_rms_rad, 3) + " mrad, gyros at rest " +
+         significant(e.gyro_rms_radps / rad_per_deg, 3) + " " + unit_text("deg/s", alphabet);
 }
 
 DiagnosisWords rest_words(const RestDiagnosis& r, const RestData& data, const Diagnosis& d, Alphabet alphabet) {
   DiagnosisWords words;
   words.sentence = sentence_of(r, data, d, alphabet);
-  const auto add = [&](const std::string& where, const RestErrors& was, const RestErrors& is, double before, double after) {
+  const auto add = [&](const std::string& where, const RestErrors& was, const RestErrors& is, double before,
+                       double after) {
     words.errors.push_back({where + "gravity direction after a rotation rms", 1e3 * was.direction_rms_rad,
                             1e3 * is.direction_rms_rad, "mrad", false});
-    words.errors.push_back({where + "gyros at rest rms", was.gyro_rms_radps / rad_per_deg, is.gyro_rms_radps / rad_per_deg, "deg/s", false});
-    words.errors.push_back({where + "gravity norm at rest rms", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s^2", false});
-    words.errors.push_back({where + "normalised residual rms", before, after, "1 is what the final model expects", true});
+    words.errors.push_back({where + "gyros at rest rms", was.gyro_rms_radps / rad_per_deg,
+                            is.gyro_rms_radps / rad_per_deg, "deg/s", false});
+    words.errors.push_back(
+        {where + "gravity norm at rest rms", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s^2", false});
+    words.errors.push_back(
+        {where + "normalised residual rms", before, after, "1 is what the final model expects", true});
   };
   add("fitted: ", r.base.errors, r.final.errors, r.error_before, r.error_after);
   add(r.holdout_before.observations > 0 ? "second recording: " : "left out in turn: ", held_out_errors(r, false),
       held_out_errors(r, true), d.holdout_before.normalised_rms, d.holdout_after.normalised_rms);
   const NoiseModel& n = d.extended.noise;
   const auto times = [&](RestKind kind) { return significant(r.final.white_ratio[static_cast<std::size_t>(kind)], 2); };
-  words.noise = "white, measured in the rests: gyros " + significant(n.angle_random_walk.mean() / radprs_per_degprh, 3) + " " +
+  words.noise = "white, measured in the rests: gyros " +
+                significant(n.angle_random_walk.mean() / radprs_per_degprh, 3) + " " +
                 (alphabet == Alphabet::plain ? "deg/sqrt(h)" : "°/√h") + ", accelerometers " +
                 significant(n.velocity_random_walk.mean() / mpsprs_per_ugprHz, 3) +
                 (alphabet == Alphabet::plain ? " ug/sqrt(Hz)" : " µg/√Hz") + "; residual over it: direction " +
@@ -242,9 +249,11 @@ std::vector<DwellResidual> rest_residuals(const RestDiagnosis& r, const RestData
     d.f_b_g = f / standard_gravity_mps2;
     d.level_share.setOnes();
     double temperature = 0.0;
-    for (std::size_t b = rest.whole.first_block; b < rest.whole.end_block; ++b) temperature += recording.blocks[b].temperature_c;
-    d.temperature_c =
-        recording.info.has_temperature ? temperature / static_cast<double>(rest.whole.end_block - rest.whole.first_block) : nan;
+    for (std::size_t b = rest.whole.first_block; b < rest.whole.end_block; ++b)
+      temperature += recording.blocks[b].temperature_c;
+    d.temperature_c = recording.info.has_temperature
+                          ? temperature / static_cast<double>(rest.whole.end_block - rest.whole.first_block)
+                          : nan;
     if (k > 0)
       for (std::size_t b = data.legs[k - 1].first_block; b < data.legs[k - 1].end_block; ++b) {
         const Block& block = recording.blocks[b];
@@ -277,8 +286,9 @@ Figure rest_time_figure(const RestDiagnosis& r, const RestData& data) {
   Figure figure;
   figure.id = "time";
   figure.label = "Errors of gravity's direction and norm and of the gyros at rest, against time";
-  figure.caption = "One point a rest. Direction: the angle between gravity as the rotation before the rest predicts it and as the "
-                   "accelerometers see it. Gyros: length of the rate vector that is left at rest.";
+  figure.caption =
+      "One point a rest. Direction: the angle between gravity as the rotation before the rest predicts it and as the "
+      "accelerometers see it. Gyros: length of the rate vector that is left at rest.";
   figure.panel_height = 170;
   figure.stacked = true;
   struct Quantity {
@@ -307,7 +317,8 @@ Figure rest_time_figure(const RestDiagnosis& r, const RestData& data) {
   return figure;
 }
 
-void describe_rest_fit(const RestFit& fit, const std::vector<RestEffect>& effects, const RestData& data, ParameterFile& file) {
+void describe_rest_fit(const RestFit& fit, const std::vector<RestEffect>& effects, const RestData& data,
+                       ParameterFile& file) {
   const JointResult joint = as_joint(fit, effects, data);
   describe_model(joint, *data.recording, file);
   for (int k = 0; k < 3; ++k)

@@ -28,6 +28,7 @@ std::vector<DwellResidual> rest_residuals(const RestDiagnosis& result, const Res
 Figure rest_time_figure(const RestDiagnosis& result, const RestData& data);
 
 // Parameters, sigmas, effects, white noise and errors of a fit.
-void describe_rest_fit(const RestFit& fit, const std::vector<RestEffect>& effects, const RestData& data, ParameterFile& file);
+void describe_rest_fit(const RestFit& fit, const std::vector<RestEffect>& effects, const RestData& data,
+                       ParameterFile& file);
 
 }  // namespace turncal

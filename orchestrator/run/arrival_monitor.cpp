@@ -46,8 +46,7 @@ bool ArrivalMonitor::holds(const TableStatus& status) const {
   if (!move_) return true;
   const AxisStatus& axis = status[static_cast<std::size_t>(move_->axis)];
   const bool armed = motion_seen_ || polls_ >= guard_polls;
-  return armed && axis.in_position &&
-         std::abs(axis.position_deg - move_->target_deg) <= config_.position_tolerance_deg;
+  return armed && axis.in_position && std::abs(axis.position_deg - move_->target_deg) <= config_.position_tolerance_deg;
 }
 
 std::optional<RunEvent> ArrivalMonitor::update(const TableStatus& status, double now_s) {
@@ -78,8 +77,7 @@ std::optional<RunEvent> ArrivalMonitor::update(const TableStatus& status, double
     last_progress_s_ = now_s;
     return RunEvent::unsettled;
   }
-  const double distance_deg =
-      std::abs(status[static_cast<std::size_t>(move_->axis)].position_deg - move_->target_deg);
+  const double distance_deg = std::abs(status[static_cast<std::size_t>(move_->axis)].position_deg - move_->target_deg);
   if (distance_deg < best_distance_deg_ - progress_deg) {
     best_distance_deg_ = distance_deg;
     last_progress_s_ = now_s;

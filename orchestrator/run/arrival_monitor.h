@@ -49,7 +49,7 @@ class ArrivalMonitor {
   bool holds(const TableStatus& status) const;
 
   MotionConfig config_;
-  std::optional<Move> move_;     // empty: settle_only
+  std::optional<Move> move_;  // empty: settle_only
   double from_deg_ = 0.0;
   double started_s_ = 0.0;
   double expected_end_s_ = 0.0;

@@ -31,7 +31,7 @@ struct CompletedDwell {
   std::size_t item = 0;               // of the plan
   std::vector<RecordingPoint> units;  // in the order of the run; of one that dropped out: where it stopped
   int repeated_dwells = 0;
-  double time_s = 0.0;                // of the station's clock, when it was complete
+  double time_s = 0.0;  // of the station's clock, when it was complete
   double utc_s = 0.0;
   bool operator==(const CompletedDwell&) const = default;
 };

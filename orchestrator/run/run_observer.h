@@ -20,15 +20,15 @@ struct UnitSnapshot {
   std::string serial;
   std::int64_t recorded_samples = 0;  // periods, lost ones included
   std::uint64_t lost_samples = 0;
-  std::string dropped_out;            // why; empty: it is part of the run
+  std::string dropped_out;  // why; empty: it is part of the run
 };
 
 // Degrees, seconds of the station's clock.
 struct RunSnapshot {
-  double time_s = 0.0;   // since the run began
+  double time_s = 0.0;  // since the run began
   double utc_s = 0.0;
   RunState state = RunState::idle;
-  int step = 0;          // number of the step; 0 before the first
+  int step = 0;                // number of the step; 0 before the first
   std::size_t step_place = 0;  // 1-based place in the sequence
   std::size_t step_count = 0;
   std::optional<SegmentKind> dwell_kind;  // while dwelling
@@ -37,13 +37,13 @@ struct RunSnapshot {
   AxisTriple position_deg;
   AxisTriple rate_degps;
   TableState table = TableState::not_ready;
-  double phase_fraction = 0.0;  // of the move or dwell that is going on
-  double item_end_utc_s = 0.0;  // when that move or dwell will be over; 0: not known
-  double run_fraction = 0.0;    // of the plan's time
-  double eta_s = 0.0;           // what the plan says is left
-  std::size_t moves_left = 0;   // of the plan, the one going on included
-  int repeats = 0;              // of the present dwell
-  std::uint64_t lost_samples = 0;            // of all units
+  double phase_fraction = 0.0;     // of the move or dwell that is going on
+  double item_end_utc_s = 0.0;     // when that move or dwell will be over; 0: not known
+  double run_fraction = 0.0;       // of the plan's time
+  double eta_s = 0.0;              // what the plan says is left
+  std::size_t moves_left = 0;      // of the plan, the one going on included
+  int repeats = 0;                 // of the present dwell
+  std::uint64_t lost_samples = 0;  // of all units
   std::vector<UnitSnapshot> units;
 };
 
@@ -51,20 +51,20 @@ struct RunSnapshot {
 std::string format_pause(const RunSnapshot& at);
 
 struct TransitionRecord {
-  RunSnapshot at;        // as it was when the event came
+  RunSnapshot at;  // as it was when the event came
   RunState from = RunState::idle;
   RunEvent event = RunEvent::start;
   RunState to = RunState::idle;
   RunAction action = RunAction::none;
   bool unexpected = false;
-  std::string detail;    // what there is to say about the event; may be empty
+  std::string detail;  // what there is to say about the event; may be empty
 };
 
 // A unit that is no longer part of the run: gone, silent, refused, or its recording cannot be written.
 struct Dropout {
   std::size_t unit = 0;  // place in the run, from 0
   std::string serial;
-  Error why;             // "step 3 (3/14) dwelling at ...: ..."
+  Error why;  // "step 3 (3/14) dwelling at ...: ..."
   RunSnapshot at;
 };
 

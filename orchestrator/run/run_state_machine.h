@@ -36,42 +36,42 @@ enum class RunState {
   stopping,     // a stop went out to all axes and is being verified
   done,
   failed,
-  aborted,      // by the operator
-  interrupted   // paused, or told to end from outside: can be resumed
+  aborted,     // by the operator
+  interrupted  // paused, or told to end from outside: can be resumed
 };
 inline constexpr int run_state_count = 16;
 
 enum class RunEvent {
   start,
-  connected,           // table and IMU answer, and are the ones expected
+  connected,  // table and IMU answer, and are the ones expected
   connect_failed,
-  homed,               // every axis says homed and not moving
-  rest_over,           // the rest after an interruption has lasted long enough
-  back_in_place,       // after it: the table stands where the last completed dwell left it
-  move_next,           // next is a move: of the sequence, or back to where the table should stand
-  dwell_next,          // next is a dwell
-  step_complete,       // the step has no further item
-  step_next,           // there is a further step
-  sequence_complete,   // there is none
-  arrived,             // the arrival rule holds, but for the settle time
-  unsettled,           // it held and holds no longer
-  settled,             // it held for the settle time
-  dwell_complete,      // all samples of the dwell are there and good
-  dwell_bad,           // the table moved, samples were lost, or the unit flagged its data
-  calibration_ok,      // parameters estimated and durable on disk
+  homed,              // every axis says homed and not moving
+  rest_over,          // the rest after an interruption has lasted long enough
+  back_in_place,      // after it: the table stands where the last completed dwell left it
+  move_next,          // next is a move: of the sequence, or back to where the table should stand
+  dwell_next,         // next is a dwell
+  step_complete,      // the step has no further item
+  step_next,          // there is a further step
+  sequence_complete,  // there is none
+  arrived,            // the arrival rule holds, but for the settle time
+  unsettled,          // it held and holds no longer
+  settled,            // it held for the settle time
+  dwell_complete,     // all samples of the dwell are there and good
+  dwell_bad,          // the table moved, samples were lost, or the unit flagged its data
+  calibration_ok,     // parameters estimated and durable on disk
   calibration_failed,
-  stopped_verified,    // every axis reads at rest, and its drive is off
-  stall,               // commanded and no progress
-  deadline,            // not finished in the time it may take
-  table_fault,         // fault, limit switch, refused command, drive switched off
+  stopped_verified,  // every axis reads at rest, and its drive is off
+  stall,             // commanded and no progress
+  deadline,          // not finished in the time it may take
+  table_fault,       // fault, limit switch, refused command, drive switched off
   e_stop,
-  link_lost,           // the table does not answer
-  imu_lost,            // the IMU is gone or silent
-  motion_data_lost,    // samples lost or flagged while the table turned: the estimator cuts the chain there
-  storage_failed,      // the recording cannot be written
-  pause_wanted,        // asked for a pause: told while an item goes on, and again at the next safe point
-  operator_stop,       // the operator: stop now
-  end_wanted           // from outside (SIGTERM, SIGHUP): stop now, nobody gives the run up
+  link_lost,         // the table does not answer
+  imu_lost,          // the IMU is gone or silent
+  motion_data_lost,  // samples lost or flagged while the table turned: the estimator cuts the chain there
+  storage_failed,    // the recording cannot be written
+  pause_wanted,      // asked for a pause: told while an item goes on, and again at the next safe point
+  operator_stop,     // the operator: stop now
+  end_wanted         // from outside (SIGTERM, SIGHUP): stop now, nobody gives the run up
 };
 inline constexpr int run_event_count = 30;
 
@@ -80,33 +80,33 @@ enum class RunAction {
   connect,
   enable_and_home,
   begin_rest,
-  settle_again,      // after an interruption; back in place the recording goes on, with a rotate segment to settle in
-  select_next,       // look at cursor and table, say what comes next
-  issue_move,        // open a rotate segment, command the axis
+  settle_again,  // after an interruption; back in place the recording goes on, with a rotate segment to settle in
+  select_next,   // look at cursor and table, say what comes next
+  issue_move,    // open a rotate segment, command the axis
   watch_settling,
   watch_moving,
-  close_move,        // close the rotate segment, select what comes next
-  begin_dwell,       // open the dwell's segment
-  close_dwell,       // close it as what it is, select what comes next
-  discard_dwell,     // close it as rotate, count the repeat, open a rotate segment to settle in
-  finish_step,       // sync the recording, look for a further step
-  calibrate,         // seal the recording, calibrate from it, write the results
-  stop_table,        // stop to all axes; once they rest, drives off
-  abort_table,       // fastest stop, drives off
-  announce           // say how it ended
+  close_move,     // close the rotate segment, select what comes next
+  begin_dwell,    // open the dwell's segment
+  close_dwell,    // close it as what it is, select what comes next
+  discard_dwell,  // close it as rotate, count the repeat, open a rotate segment to settle in
+  finish_step,    // sync the recording, look for a further step
+  calibrate,      // seal the recording, calibrate from it, write the results
+  stop_table,     // stop to all axes; once they rest, drives off
+  abort_table,    // fastest stop, drives off
+  announce        // say how it ended
 };
 inline constexpr int run_action_count = 18;
 
 enum class RunGuard {
   always,
-  rest_due,          // the run goes on after an interruption in which time passed
+  rest_due,  // the run goes on after an interruption in which time passed
   no_rest_due,
-  repeats_left,      // the dwell may be repeated once more
+  repeats_left,  // the dwell may be repeated once more
   no_repeats_left,
-  by_operator,       // why the table is being stopped
+  by_operator,  // why the table is being stopped
   by_error,
   by_interruption,
-  abort_sent,        // the fastest stop went out already
+  abort_sent,  // the fastest stop went out already
   abort_not_sent
 };
 inline constexpr int run_guard_count = 10;
@@ -149,8 +149,9 @@ struct IgnoredRow {
 };
 
 // States in which the drives are on, and so an error has to stop the table.
-inline constexpr StateSet live_states = {RunState::homing,   RunState::resting,  RunState::selecting, RunState::moving,
-                                         RunState::settling, RunState::dwelling, RunState::step_done, RunState::parking};
+inline constexpr StateSet live_states = {RunState::homing,    RunState::resting,  RunState::selecting,
+                                         RunState::moving,    RunState::settling, RunState::dwelling,
+                                         RunState::step_done, RunState::parking};
 
 namespace run_table {
 using enum RunState;
@@ -255,7 +256,8 @@ Transition next(RunState state, RunEvent event, const RunGuards& guards);
 
 bool holds(RunGuard guard, const RunGuards& guards);
 constexpr bool is_final(RunState state) {
-  return state == RunState::done || state == RunState::failed || state == RunState::aborted || state == RunState::interrupted;
+  return state == RunState::done || state == RunState::failed || state == RunState::aborted ||
+         state == RunState::interrupted;
 }
 
 std::string_view to_string(RunState state);

@@ -30,8 +30,7 @@ StationRun::MaybeEvent StationRun::fail(UnitLane& lane, RunEvent event, const Er
 }
 
 StationRun::MaybeEvent StationRun::in_every_lane(const std::function<Status(UnitLane&)>& step) {
-  const RunEvent event =
-      state_ == RunState::calibrating ? RunEvent::calibration_failed : RunEvent::storage_failed;
+  const RunEvent event = state_ == RunState::calibrating ? RunEvent::calibration_failed : RunEvent::storage_failed;
   for (UnitLane& lane : lanes_) {
     if (!lane.alive()) continue;
     if (const Status status = step(lane); !status) {
@@ -147,7 +146,8 @@ StationRun::MaybeEvent StationRun::take(UnitLane& lane) {
 
 StationRun::MaybeEvent StationRun::judge_defect(UnitLane& lane, const DwellMonitor::Defect& defect) {
   bad_lane_ = &lane;
-  if (lane.repeats >= job_.station.dwell.max_repeats) return fail(lane, RunEvent::dwell_bad, {defect.kind, defect.reason});
+  if (lane.repeats >= job_.station.dwell.max_repeats)
+    return fail(lane, RunEvent::dwell_bad, {defect.kind, defect.reason});
   return raise(RunEvent::dwell_bad, defect.kind, named(lane, defect.reason));
 }
 

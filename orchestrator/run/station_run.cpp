@@ -34,7 +34,8 @@ StopCause cause_of(RunEvent event) {
 
 }  // namespace
 
-StationRun::StationRun(StationDevices devices, StationJob job, const std::vector<StationUnit>& units, StationHooks hooks)
+StationRun::StationRun(StationDevices devices, StationJob job, const std::vector<StationUnit>& units,
+                       StationHooks hooks)
     : devices_(std::move(devices)),
       job_(std::move(job)),
       hooks_(std::move(hooks)),
@@ -54,7 +55,8 @@ void StationRun::take_up(const ResumePoint& resume) {
   rest_due_ = !resume.no_time_passed;
   for (std::size_t i = 0; i < lanes_.size(); ++i) {
     lanes_[i].take_up(dwell.units[i], resume.no_time_passed);
-    if (i < resume.dropped.size() && resume.dropped[i]) lanes_[i].drop(device_error("dropped out before the interruption"));
+    if (i < resume.dropped.size() && resume.dropped[i])
+      lanes_[i].drop(device_error("dropped out before the interruption"));
   }
 }
 
@@ -94,9 +96,8 @@ void StationRun::handle(RunEvent event) {
   while (pending) {
     const RunEvent now = *pending;
     const RunGuards guards{.rest_due = rest_due_,
-                           .repeats_left = any_living([this](const UnitLane& lane) {
-                             return lane.repeats < job_.station.dwell.max_repeats;
-                           }),
+                           .repeats_left = any_living(
+                               [this](const UnitLane& lane) { return lane.repeats < job_.station.dwell.max_repeats; }),
                            .stop_cause = stop_cause_,
                            .abort_sent = abort_sent_};
     const Transition transition = next(state_, now, guards);
@@ -241,7 +242,8 @@ StationRun::MaybeEvent StationRun::connect() {
     if (!status) return raise_table(RunEvent::connect_failed, status.error());
     if (!status->fault) continue;
     fault_left_ = true;
-    left += std::string("; clears the fault of axis ") + to_string(axis) + (status->text.empty() ? "" : ": " + status->text);
+    left += std::string("; clears the fault of axis ") + to_string(axis) +
+            (status->text.empty() ? "" : ": " + status->text);
   }
   detail_ = found + left;
   return RunEvent::connected;
@@ -333,7 +335,8 @@ StationRun::MaybeEvent StationRun::select_next() {
   item_running_ = true;
   const PlannedItem& item = items[item_];
   if (item.kind == SequenceItem::Kind::dwell) {
-    detail_ = (item.dwell_kind == SegmentKind::align ? "align, " : "dwell, ") + std::to_string(item.samples) + " samples";
+    detail_ =
+        (item.dwell_kind == SegmentKind::align ? "align, " : "dwell, ") + std::to_string(item.samples) + " samples";
     return RunEvent::dwell_next;
   }
   pending_move_ = Move{item.axis, item.to_deg, item.rate_degps, item.acceleration_degps2};
@@ -464,7 +467,6 @@ void StationRun::begin_segment(SegmentKind kind) {
   for (UnitLane& lane : lanes_) {
     if (lane.alive()) lane.begin_segment(segment);
   }
-
 }
 
 StationRun::MaybeEvent StationRun::end_segment(SegmentKind kind) {

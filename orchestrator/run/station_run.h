@@ -52,8 +52,8 @@
 #include "orchestrator/run/run_journal.h"
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/run/run_state_machine.h"
-#include "orchestrator/station/station_config.h"
 #include "orchestrator/run/unit_lane.h"
+#include "orchestrator/station/station_config.h"
 #include "sequences/plan.h"
 #include "sequences/sequence.h"
 #include "turntable_drivers/table/turntable.h"
@@ -72,7 +72,7 @@ struct StationJob {
   const Sequence& sequence;
   const Plan& plan;
   const StationConfig& station;
-  std::string unit_serial;  // of a run of one unit
+  std::string unit_serial;                           // of a run of one unit
   std::optional<ResumePoint> resume = std::nullopt;  // the sinks then hold everything up to there
   bool taken_up = false;  // somebody goes on with an interrupted run: a fault that a drive still shows is cleared
 };
@@ -102,7 +102,8 @@ struct RunOutcome {
 class StationRun {
  public:
   StationRun(StationDevices devices, StationJob job, const std::vector<StationUnit>& units, StationHooks hooks);
-  StationRun(const StationDevices& devices, const StationJob& job, RunSink& sink, const StationHooks& hooks)  // of one unit
+  StationRun(const StationDevices& devices, const StationJob& job, RunSink& sink,
+             const StationHooks& hooks)  // of one unit
       : StationRun(devices, job, {StationUnit{devices.imu, sink, job.unit_serial}}, hooks) {}
   RunOutcome run();
   RunOutcome outcome() const;  // so far
@@ -127,15 +128,15 @@ class StationRun {
   }
   std::string named(const UnitLane& lane, const std::string& text) const;  // "unit SN2: ..." where there are several
 
-  MaybeEvent asked();                                   // what is newly asked for from outside
-  RunEvent raise_stop();                                // by the operator, or from outside
-  RunEvent pause();                                     // here and now
+  MaybeEvent asked();     // what is newly asked for from outside
+  RunEvent raise_stop();  // by the operator, or from outside
+  RunEvent pause();       // here and now
   bool pause_asked() const { return hooks_.pause_requests && hooks_.pause_requests->load() > 0; }
 
   void take_up(const ResumePoint& resume);
-  bool at_rest() const;                                 // every axis, by the last status read
-  bool stands_as_left() const;                          // homed, and where the completed dwell was
-  MaybeEvent keep(const Status& status);                // of the journal or the recording
+  bool at_rest() const;                   // every axis, by the last status read
+  bool stands_as_left() const;            // homed, and where the completed dwell was
+  MaybeEvent keep(const Status& status);  // of the journal or the recording
 
   MaybeEvent connect();
   MaybeEvent enable_and_home();
@@ -153,15 +154,15 @@ class StationRun {
   MaybeEvent stop_table();
   MaybeEvent abort_table();
 
-  MaybeEvent pump();                                    // reads the IMU until the next poll is due
-  UnitLane* lead();                                     // the lane that the run waits for; null: none is open
-  MaybeEvent take_all();                                // what the lanes have received; is the dwell complete?
+  MaybeEvent pump();      // reads the IMU until the next poll is due
+  UnitLane* lead();       // the lane that the run waits for; null: none is open
+  MaybeEvent take_all();  // what the lanes have received; is the dwell complete?
   MaybeEvent take(UnitLane& lane);
-  bool apart() const;                                   // a unit's samples are so late that some may be from the move
-  MaybeEvent receive_all(UnitLane& lane);               // that has arrived, without waiting for more
-  MaybeEvent catch_up();                                // with the samples that have arrived, without waiting for more
-  MaybeEvent poll();                                    // reads the table and judges
-  MaybeEvent read_table();                              // three tries; e-stop, faults and limits while live
+  bool apart() const;                      // a unit's samples are so late that some may be from the move
+  MaybeEvent receive_all(UnitLane& lane);  // that has arrived, without waiting for more
+  MaybeEvent catch_up();                   // with the samples that have arrived, without waiting for more
+  MaybeEvent poll();                       // reads the table and judges
+  MaybeEvent read_table();                 // three tries; e-stop, faults and limits while live
   MaybeEvent judge(double now_s);
   MaybeEvent judge_dwell();
   MaybeEvent judge_defect(UnitLane& lane, const DwellMonitor::Defect& defect);
@@ -172,7 +173,7 @@ class StationRun {
 
   void begin_segment(SegmentKind kind);
   MaybeEvent end_segment(SegmentKind kind);
-  std::optional<Axis> displaced_axis() const;           // first of roll, pitch, heading that is not where it should be
+  std::optional<Axis> displaced_axis() const;  // first of roll, pitch, heading that is not where it should be
   bool out_of_tolerance(Axis axis, double from_deg) const;
   std::string place() const;
   RunSnapshot snapshot() const;
@@ -186,7 +187,7 @@ class StationRun {
   RunState state_ = RunState::idle;
   int repeated_dwells_ = 0;
   std::optional<Error> first_error_;
-  std::string detail_;             // of the event to be handled next
+  std::string detail_;  // of the event to be handled next
   ErrorKind raised_kind_ = ErrorKind::internal;
   StopCause stop_cause_ = StopCause::error;
   bool pause_told_ = false;
@@ -197,20 +198,20 @@ class StationRun {
   bool enabled_ = false;
   int stops_seen_ = 0;
 
-  std::size_t item_ = 0;           // the next item of the plan, or the one going on
-  std::size_t step_ = 0;           // index into sequence.steps
-  bool item_running_ = false;      // plan.items[item_] is going on (not: a move back to where the table should stand)
+  std::size_t item_ = 0;       // the next item of the plan, or the one going on
+  std::size_t step_ = 0;       // index into sequence.steps
+  bool item_running_ = false;  // plan.items[item_] is going on (not: a move back to where the table should stand)
   std::optional<Move> pending_move_;
   AxisTriple commanded_deg_;
   ArrivalMonitor arrival_;
   AxisTriple dwell_start_deg_;
-  int repeats_ = 0;                // of the present dwell
-  UnitLane* bad_lane_ = nullptr;   // whose defect repeats it; null: the table moved
+  int repeats_ = 0;               // of the present dwell
+  UnitLane* bad_lane_ = nullptr;  // whose defect repeats it; null: the table moved
 
   bool recording_ = false;
-  bool unit_awaited_ = false;      // settled, but for a unit that is behind
-  double await_until_s_ = 0.0;     // then it goes on without; a bad dwell is repeated
-  bool rest_due_ = false;          // the run goes on after an interruption in which time passed
+  bool unit_awaited_ = false;   // settled, but for a unit that is behind
+  double await_until_s_ = 0.0;  // then it goes on without; a bad dwell is repeated
+  bool rest_due_ = false;       // the run goes on after an interruption in which time passed
 
   TableStatus status_{};
   double started_s_ = 0.0;

@@ -36,7 +36,8 @@ RunSnapshot StationRun::snapshot() const {
     s.step = job_.sequence.steps[step_].number;
     s.step_place = step_ + 1;
   }
-  s.table = link_down_ ? TableState::link_lost : state_of(status_, state_ == RunState::stopping || state_ == RunState::parking);
+  s.table = link_down_ ? TableState::link_lost
+                       : state_of(status_, state_ == RunState::stopping || state_ == RunState::parking);
   for (Axis axis : all_axes) {
     s.position_deg[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
     s.rate_degps[axis] = status_[static_cast<std::size_t>(axis)].rate_degps;
@@ -49,7 +50,8 @@ RunSnapshot StationRun::snapshot() const {
   std::int64_t dwell_left = 0;
   for (const UnitLane& lane : lanes_) {
     s.lost_samples += lane.lost_samples();
-    s.units.push_back({lane.serial(), lane.next_sample(), lane.lost_samples(), lane.alive() ? "" : lane.failure()->message});
+    s.units.push_back(
+        {lane.serial(), lane.next_sample(), lane.lost_samples(), lane.alive() ? "" : lane.failure()->message});
     if (lane.alive() && state_ == RunState::dwelling) dwell_left = std::max(dwell_left, lane.dwell_remaining());
   }
   double planned_s = job_.plan.station_s;
@@ -60,8 +62,8 @@ RunSnapshot StationRun::snapshot() const {
       s.dwell_kind = item.dwell_kind;
       s.phase_fraction = 1.0 - static_cast<double>(dwell_left) / static_cast<double>(item.samples);
     } else if (item_running_ && (state_ == RunState::moving || state_ == RunState::settling)) {
-      s.phase_fraction = std::clamp(
-          (s.position_deg[item.axis] - item.from_deg) / (item.to_deg - item.from_deg) + 0.0, 0.0, 1.0);
+      s.phase_fraction =
+          std::clamp((s.position_deg[item.axis] - item.from_deg) / (item.to_deg - item.from_deg) + 0.0, 0.0, 1.0);
     }
     planned_s += s.phase_fraction * item.duration_s;
     if (state_ == RunState::dwelling || (state_ == RunState::moving && item_running_)) {
@@ -70,9 +72,9 @@ RunSnapshot StationRun::snapshot() const {
   }
   s.run_fraction = job_.plan.station_s > 0.0 ? planned_s / job_.plan.station_s : 0.0;
   s.eta_s = std::max(0.0, job_.plan.station_s - planned_s);
-  s.moves_left = static_cast<std::size_t>(
-      std::count_if(job_.plan.items.begin() + static_cast<std::ptrdiff_t>(std::min(item_, job_.plan.items.size())), job_.plan.items.end(),
-                    [](const PlannedItem& item) { return item.kind == SequenceItem::Kind::move; }));
+  s.moves_left = static_cast<std::size_t>(std::count_if(
+      job_.plan.items.begin() + static_cast<std::ptrdiff_t>(std::min(item_, job_.plan.items.size())),
+      job_.plan.items.end(), [](const PlannedItem& item) { return item.kind == SequenceItem::Kind::move; }));
   return s;
 }
 

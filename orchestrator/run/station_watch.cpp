@@ -13,7 +13,9 @@ constexpr int status_tries = 3;
 constexpr double reconnect_wait_min_s = 0.5;
 constexpr double reconnect_wait_max_s = 5.0;
 
-bool by_operator(const Error& error) { return error.kind == ErrorKind::aborted || error.kind == ErrorKind::interrupted; }
+bool by_operator(const Error& error) {
+  return error.kind == ErrorKind::aborted || error.kind == ErrorKind::interrupted;
+}
 
 }  // namespace
 
@@ -95,9 +97,11 @@ StationRun::MaybeEvent StationRun::read_table() {
     }
     if (status.fault) return raise(RunEvent::table_fault, ErrorKind::device, "fault of axis " + name + text);
     if (status.limit) return raise(RunEvent::table_fault, ErrorKind::device, "limit switch of axis " + name + text);
-    if (!status.remote) return raise(RunEvent::table_fault, ErrorKind::device, "axis " + name + " is not in remote mode");
+    if (!status.remote)
+      return raise(RunEvent::table_fault, ErrorKind::device, "axis " + name + " is not in remote mode");
     if (state_ == RunState::homing || state_ == RunState::parking) continue;
-    if (!status.enabled) return raise(RunEvent::table_fault, ErrorKind::device, "drive of axis " + name + " is off" + text);
+    if (!status.enabled)
+      return raise(RunEvent::table_fault, ErrorKind::device, "drive of axis " + name + " is off" + text);
     if (!status.homed) return raise(RunEvent::table_fault, ErrorKind::device, "axis " + name + " lost its zero" + text);
   }
   return std::nullopt;
@@ -114,7 +118,8 @@ StationRun::MaybeEvent StationRun::judge_homing(double now_s) {
   const bool homed = std::all_of(status_.begin(), status_.end(),
                                  [](const AxisStatus& axis) { return axis.homed && axis.enabled && !axis.moving; });
   if (home_sent_ && homed) return RunEvent::homed;
-  if (now_s > phase_deadline_s_) return raise(RunEvent::deadline, ErrorKind::device, "the axes did not find their zero");
+  if (now_s > phase_deadline_s_)
+    return raise(RunEvent::deadline, ErrorKind::device, "the axes did not find their zero");
   return std::nullopt;
 }
 
@@ -175,8 +180,7 @@ void StationRun::try_to_reconnect(double now_s) {
 
 void StationRun::schedule_poll(double now_s) {
   const MotionConfig& motion = job_.station.motion;
-  const bool resting =
-      state_ == RunState::dwelling || state_ == RunState::homing || state_ == RunState::resting;
+  const bool resting = state_ == RunState::dwelling || state_ == RunState::homing || state_ == RunState::resting;
   next_poll_s_ = now_s + (resting ? motion.poll_idle_s : motion.poll_moving_s);
   if (state_ == RunState::moving || state_ == RunState::settling) {
     if (!unit_awaited_) next_poll_s_ = std::min(next_poll_s_, arrival_.moment_of_interest_s(now_s));

@@ -80,25 +80,25 @@ class UnitLane {
   Status sync() { return unit_.sink.sync(); }
   Status finish() { return unit_.sink.finish(); }
 
-  int repeats = 0;                 // of the present dwell, that this unit or the table made necessary
-  bool motion_loss_told = false;   // once a move is enough
+  int repeats = 0;                // of the present dwell, that this unit or the table made necessary
+  bool motion_loss_told = false;  // once a move is enough
 
  private:
   StationUnit unit_;
   std::optional<Error> failure_;
   RecordingInfo info_;
   std::optional<DwellMonitor> dwell_;
-  std::vector<ImuSample> waiting_;             // counters are the unit's own
+  std::vector<ImuSample> waiting_;  // counters are the unit's own
   bool open_ = false;
-  std::optional<Segment> segment_;             // the open one
+  std::optional<Segment> segment_;  // the open one
   bool segment_written_ = false;
   bool gap_due_ = false;
   std::optional<std::int64_t> last_received_;  // the unit's own
   std::optional<std::int64_t> first_counter_;  // the unit's own, of the recording's first sample
   std::int64_t next_sample_ = 0;
-  std::int64_t came_before_ = 0;               // the segment began: what was recorded, and what waited
-  std::uint64_t lost_samples_ = 0;             // by the unit's counter, from the first recorded sample on
-  std::uint64_t duplicate_samples_ = 0;        // dropped
+  std::int64_t came_before_ = 0;         // the segment began: what was recorded, and what waited
+  std::uint64_t lost_samples_ = 0;       // by the unit's counter, from the first recorded sample on
+  std::uint64_t duplicate_samples_ = 0;  // dropped
   double last_sample_s_ = 0.0;
 };
 

@@ -15,7 +15,7 @@ namespace turncal {
 
 struct HookCommands {  // empty: none
   std::string done, fail, needs_operator;
-  std::string mount;             // before a unit of a batch (mounting.h)
+  std::string mount;  // before a unit of a batch (mounting.h)
   double mount_time_s = 3600.0;
 };
 

@@ -28,7 +28,8 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   // Any table may be turned by hand (run --manual).
   ManualSettings& manual = table.manual;
   manual.tolerance_deg = file.number_or("table.tolerance_deg", manual.tolerance_deg, {0.0, 10.0, true});
-  manual.gravity_tolerance_deg = file.number_or("table.gravity_tolerance_deg", manual.gravity_tolerance_deg, {0.0, 90.0, true});
+  manual.gravity_tolerance_deg =
+      file.number_or("table.gravity_tolerance_deg", manual.gravity_tolerance_deg, {0.0, 90.0, true});
   manual.answer_timeout_s = file.number_or("table.answer_timeout_s", manual.answer_timeout_s, between(1.0, 86400.0));
   manual.pause_limit_s = file.number_or("table.pause_limit_s", manual.pause_limit_s, between(1.0, 86400.0));
   if (driver == "mock" || driver.empty()) {
@@ -103,8 +104,8 @@ void contradiction(KeyValueFile& file, const std::string& key, double value, con
   if (file.has(key)) {
     file.reject(key, "a number " + relation + " " + other_key + " (" + format_number(other_value) + suffix + ")");
   } else {
-    file.reject(other_key, "a number such that " + key + " (" + format_number(value) + ", its default) is " + relation +
-                               " it");
+    file.reject(other_key,
+                "a number such that " + key + " (" + format_number(value) + ", its default) is " + relation + " it");
   }
 }
 
@@ -131,10 +132,10 @@ void reject_contradictions(KeyValueFile& file, const StationConfig& station) {
   require(motion.deadline_margin_s > motion.settle_s, "motion.deadline_margin_s", motion.deadline_margin_s, "above",
           "motion.settle_s", motion.settle_s);
   const DwellConfig& dwell = station.dwell;
-  require(dwell.max_gyro_peak_degps >= dwell.max_gyro_std_degps, "dwell.max_gyro_peak_degps",
-          dwell.max_gyro_peak_degps, "not below", "dwell.max_gyro_std_degps", dwell.max_gyro_std_degps);
-  require(dwell.max_accel_peak_mps2 >= dwell.max_accel_std_mps2, "dwell.max_accel_peak_mps2",
-          dwell.max_accel_peak_mps2, "not below", "dwell.max_accel_std_mps2", dwell.max_accel_std_mps2);
+  require(dwell.max_gyro_peak_degps >= dwell.max_gyro_std_degps, "dwell.max_gyro_peak_degps", dwell.max_gyro_peak_degps,
+          "not below", "dwell.max_gyro_std_degps", dwell.max_gyro_std_degps);
+  require(dwell.max_accel_peak_mps2 >= dwell.max_accel_std_mps2, "dwell.max_accel_peak_mps2", dwell.max_accel_peak_mps2,
+          "not below", "dwell.max_accel_std_mps2", dwell.max_accel_std_mps2);
 }
 
 // What the table's own file and the station's disagree about.
@@ -179,7 +180,8 @@ void reject_clock_contradictions(KeyValueFile& file, StationConfig& station) {
 bool is_date(const std::string& text) {
   if (text.size() != 10 || text[4] != '-' || text[7] != '-') return false;
   const auto month = parse_integer<int>(text.substr(5, 2)), day = parse_integer<int>(text.substr(8, 2));
-  return parse_integer<int>(text.substr(0, 4)) && month && *month >= 1 && *month <= 12 && day && *day >= 1 && *day <= 31;
+  return parse_integer<int>(text.substr(0, 4)) && month && *month >= 1 && *month <= 12 && day && *day >= 1 &&
+         *day <= 31;
 }
 
 // imu.2.device, imu.3.device, ...: contiguous, every line once.
@@ -236,7 +238,9 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   if (!station.table_calibration_due.empty() && !is_date(station.table_calibration_due)) {
     file.reject("table.calibration_due", "a day as 2026-12-31");
   }
-  const auto path_of = [&file](const char* key) { return file.has(key) ? beside(file, file.text(key)) : std::string(); };
+  const auto path_of = [&file](const char* key) {
+    return file.has(key) ? beside(file, file.text(key)) : std::string();
+  };
   station.rig_file = path_of("rig.file");
   station.database = path_of("record.database");
   station.store = path_of("record.store");

@@ -29,7 +29,7 @@ enum class TableDriver {
   manual   // turned by hand
 };
 enum class ImuDriver {
-  rig,    // the rig's own IMU, coupled to its table: dry runs only
+  rig,  // the rig's own IMU, coupled to its table: dry runs only
   serial  // units on serial lines: keys of imu_io/units/serial_imu_config.h; imu.2.device, imu.3.device ... are further places
 };
 
@@ -40,8 +40,8 @@ struct MotionConfig {
   double settle_s = 1.0;
   double poll_moving_s = 0.1;
   double poll_idle_s = 0.5;
-  double stall_s = 2.0;                  // no progress for this long while commanded
-  double deadline_margin_s = 10.0;       // deadline = angle/rate + 2 rate/acceleration + margin
+  double stall_s = 2.0;             // no progress for this long while commanded
+  double deadline_margin_s = 10.0;  // deadline = angle/rate + 2 rate/acceleration + margin
 };
 
 // When a dwell counts. Stillness is judged on the means of the IMU's own rates and accelerations over consecutive
@@ -61,8 +61,8 @@ struct DwellConfig {
 // marked and never make a production file.
 struct TableConfig {
   TableDriver driver = TableDriver::mock;
-  std::optional<RegisterMap> map;    // modbus; its link.address is table.address where that is given
-  std::optional<Dialect> dialect;    // serial; the same
+  std::optional<RegisterMap> map;  // modbus; its link.address is table.address where that is given
+  std::optional<Dialect> dialect;  // serial; the same
   ManualSettings manual;
   bool simulated = false;
 };
@@ -74,21 +74,22 @@ struct StationConfig {
   double gravity_mps2 = 0.0;
   TableConfig table;
   ImuDriver imu_driver = ImuDriver::rig;
-  std::optional<SerialImuConfig> imu;  // serial; of the first place
+  std::optional<SerialImuConfig> imu;            // serial; of the first place
   std::vector<std::string> further_imu_devices;  // the lines of the places 2, 3, ...: same frame, same settings
-  double clock_speed_up = 1.0;         // seconds of the station a second of the wall clock; 1 unless twins answer
+  double clock_speed_up = 1.0;       // seconds of the station a second of the wall clock; 1 unless twins answer
   std::array<AxisLimits, 3> axis{};  // indexed by Axis
   MotionConfig motion;
   DwellConfig dwell;
-  double imu_timeout_s = 2.0;        // no sample for this long: the link is lost
-  double resume_rest_s = 600.0;      // after an interruption, before the first dwell: unit and table come to temperature
+  double imu_timeout_s = 2.0;    // no sample for this long: the link is lost
+  double resume_rest_s = 600.0;  // after an interruption, before the first dwell: unit and table come to temperature
   HookCommands hooks;
   VerdictLimits limits;
-  std::string table_id;              // for the record; empty: not given
-  std::string table_calibration_due;  // "2026-12-31"; a run after that day is refused unless overridden; empty: not given
-  std::string database;              // results (results_database.h); empty: none; relative to the station file's folder
-  std::string store;                 // parameter files in use (parameter_store.h); the same
-  std::string rig_file;              // empty: the built-in rig configuration; relative to the station file's folder
+  std::string table_id;  // for the record; empty: not given
+  std::string
+      table_calibration_due;  // "2026-12-31"; a run after that day is refused unless overridden; empty: not given
+  std::string database;       // results (results_database.h); empty: none; relative to the station file's folder
+  std::string store;          // parameter files in use (parameter_store.h); the same
+  std::string rig_file;       // empty: the built-in rig configuration; relative to the station file's folder
   std::size_t imu_places() const { return imu ? 1 + further_imu_devices.size() : 0; }
   SerialImuSettings imu_settings(std::size_t place) const;  // from 0; only the first unit may have imu.unit_serial
   // Of a live run: a twin answers, at one end at least.

@@ -95,9 +95,9 @@ void add_verdict(const VerdictReport& report, ParameterFile& file) {
   file.add_further("verdict.result", std::string(to_string(report.verdict)));
   file.add_further("verdict.rule", report.rule);
   for (const JudgedValue& judged : report.values) {
-    file.add_further("verdict." + judged.key, std::string(to_string(judged.verdict)) + ", limits " + number(judged.limit.min) +
-                                                  " .. " + number(judged.limit.max) + ", guard band " +
-                                                  format_number(judged.guard_band));
+    file.add_further("verdict." + judged.key, std::string(to_string(judged.verdict)) + ", limits " +
+                                                  number(judged.limit.min) + " .. " + number(judged.limit.max) +
+                                                  ", guard band " + format_number(judged.guard_band));
   }
 }
 

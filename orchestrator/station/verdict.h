@@ -26,11 +26,11 @@ struct Limit {
 
 // Of the station file's keys limit.*; units of the parameter file.
 struct VerdictLimits {
-  std::array<Limit, parameter_count> parameter{};     // limit.<key>.min, .max
+  std::array<Limit, parameter_count> parameter{};                  // limit.<key>.min, .max
   std::array<std::optional<double>, parameter_count> sigma_max{};  // limit.<key>.sigma_max
-  std::optional<double> residual_max;                 // limit.residual_max, of quality.normalised_rms
-  Limit temperature_c;                                // limit.temperature_c.min, .max: every second of the recording
-  double guard_factor = 1.0;                          // limit.guard_factor
+  std::optional<double> residual_max;                              // limit.residual_max, of quality.normalised_rms
+  Limit temperature_c;        // limit.temperature_c.min, .max: every second of the recording
+  double guard_factor = 1.0;  // limit.guard_factor
   bool any() const;
 };
 
@@ -51,7 +51,7 @@ struct JudgedValue {
 struct VerdictReport {
   UnitVerdict verdict = UnitVerdict::not_judged;  // not judged: there are no limits
   std::string rule;
-  std::vector<JudgedValue> values;        // those with a limit
+  std::vector<JudgedValue> values;  // those with a limit
 };
 
 // One value by the rule above. No sigma: nothing is known of its uncertainty.

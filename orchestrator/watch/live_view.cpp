@@ -76,8 +76,8 @@ void LiveView::on_transition(const TransitionRecord& record) {
     pause_ = record.detail;
     return;
   }
-  const bool bad = record.to == RunState::stopping || record.to == RunState::failed || record.event == RunEvent::dwell_bad ||
-                   record.event == RunEvent::motion_data_lost;
+  const bool bad = record.to == RunState::stopping || record.to == RunState::failed ||
+                   record.event == RunEvent::dwell_bad || record.event == RunEvent::motion_data_lost;
   if (bad && !record.detail.empty()) last_error_ = record.detail;
 }
 
@@ -193,7 +193,8 @@ std::string LiveView::json() const {
     }
     series += (i > 0 ? ",[" : "[") + points + "]";
     const auto n = static_cast<double>(dwell_.size());
-    if (n > 1.0) stillness[i / 3] = std::max(stillness[i / 3], std::sqrt(std::max(0.0, (square - sum * sum / n) / (n - 1.0))));
+    if (n > 1.0)
+      stillness[i / 3] = std::max(stillness[i / 3], std::sqrt(std::max(0.0, (square - sum * sum / n) / (n - 1.0))));
   }
   o.number("still_gyro_degps", stillness[0]);
   o.number("still_accel_mps2", stillness[1]);

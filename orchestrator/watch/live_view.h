@@ -17,8 +17,8 @@ namespace turncal {
 class LiveView : public RunObserver {
  public:
   // wall_s: seconds on a steady clock, for the age of the heartbeat. results: of earlier runs, shown as they are.
-  LiveView(std::string unit, std::string station, std::string sequence, bool simulated, std::vector<std::string> results,
-           std::function<double()> wall_s);
+  LiveView(std::string unit, std::string station, std::string sequence, bool simulated,
+           std::vector<std::string> results, std::function<double()> wall_s);
 
   void on_transition(const TransitionRecord& record) override;
   void on_dropout(const Dropout& dropout) override;

@@ -37,7 +37,8 @@ std::string format_duration(double seconds) {
 std::string format_progress(const RunSnapshot& s) {
   char angles[100];
   if (s.axis) {
-    std::snprintf(angles, sizeof angles, "%s %.2f -> %.2f deg", to_string(*s.axis), s.position_deg[*s.axis], s.target_deg);
+    std::snprintf(angles, sizeof angles, "%s %.2f -> %.2f deg", to_string(*s.axis), s.position_deg[*s.axis],
+                  s.target_deg);
   } else {
     std::snprintf(angles, sizeof angles, "H %.2f P %.2f R %.2f deg", s.position_deg[Axis::heading],
                   s.position_deg[Axis::pitch], s.position_deg[Axis::roll]);
@@ -60,7 +61,11 @@ bool stdout_takes_more() {
 
 ProgressView::ProgressView(std::ostream& out, int columns, std::string tag, std::function<double()> wall_s,
                            std::function<bool()> takes_more)
-    : out_(out), columns_(columns), tag_(std::move(tag)), wall_s_(std::move(wall_s)), takes_more_(std::move(takes_more)) {}
+    : out_(out),
+      columns_(columns),
+      tag_(std::move(tag)),
+      wall_s_(std::move(wall_s)),
+      takes_more_(std::move(takes_more)) {}
 
 void ProgressView::on_transition(const TransitionRecord& record) {
   if (!takes_more_()) return;

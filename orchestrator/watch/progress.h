@@ -18,8 +18,9 @@ class ProgressView : public RunObserver {
   // columns: width of the terminal, 0 when it is none.
   // wall_s: seconds on any steady clock; only used to limit redrawing.
   // takes_more: false while the stream would block; what is shown then is left out, since the run may not wait for it.
-  ProgressView(std::ostream& out, int columns, std::string tag, std::function<double()> wall_s,
-               std::function<bool()> takes_more = [] { return true; });
+  ProgressView(
+      std::ostream& out, int columns, std::string tag, std::function<double()> wall_s,
+      std::function<bool()> takes_more = [] { return true; });
   ~ProgressView() override { clear(); }
   void on_transition(const TransitionRecord& record) override;
   void on_dropout(const Dropout& dropout) override;

@@ -10,8 +10,8 @@ namespace {
 
 std::string head_of(const RunSnapshot& at, std::string_view tag) {
   char head[120];
-  std::snprintf(head, sizeof head, "%s %11.3f s  step %zu/%zu  ", format_utc(at.utc_s).c_str(), at.time_s, at.step_place,
-                at.step_count);
+  std::snprintf(head, sizeof head, "%s %11.3f s  step %zu/%zu  ", format_utc(at.utc_s).c_str(), at.time_s,
+                at.step_place, at.step_count);
   return std::string(tag) + head;
 }
 

@@ -114,7 +114,8 @@ void StatusPage::say_goodbye() {
   const double began_s = steady_wall_s();
   if (began_s - state_->polled_s > 5.0) return;
   const long polls = state_->polls;
-  while (state_->polls == polls && steady_wall_s() - began_s < 3.0) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  while (state_->polls == polls && steady_wall_s() - began_s < 3.0)
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
   std::this_thread::sleep_for(std::chrono::milliseconds(100));  // the answer is on its way
 }
 
@@ -149,11 +150,13 @@ Result<std::unique_ptr<StatusPage>> StatusPage::open(const std::string& address,
     ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
   });
   const int bound = *port == 0 ? server.bind_to_any_port(host) : (server.bind_to_port(host, *port) ? *port : -1);
-  if (bound < 0) return input_error("--listen '" + address + "': cannot listen there (in use, or not an address of this machine)");
+  if (bound < 0)
+    return input_error("--listen '" + address + "': cannot listen there (in use, or not an address of this machine)");
   page->state_->url = "http://" + host + ":" + std::to_string(bound) + "/";
   page->state_->thread = std::thread([&server] { server.listen_after_bind(); });
   const double began_s = steady_wall_s();
-  while (!server.is_running() && steady_wall_s() - began_s < 2.0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  while (!server.is_running() && steady_wall_s() - began_s < 2.0)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
   return page;
 }
 

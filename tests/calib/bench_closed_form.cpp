@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "calib/statistics/block_motion.h"
 #include "calib/closed_form/closed_form.h"
+#include "calib/statistics/block_motion.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
@@ -49,9 +49,8 @@ void compression(benchmark::State& state, SegmentKind kind) {
     benchmark::DoNotOptimize(recording.blocks.data());
   }
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(input.size()));
-  state.counters["a_sample"] =
-      benchmark::Counter(static_cast<double>(input.size()),
-                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.counters["a_sample"] = benchmark::Counter(
+      static_cast<double>(input.size()), benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 BENCHMARK_CAPTURE(compression, static_seconds, SegmentKind::still)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(compression, rotations, SegmentKind::rotate)->Unit(benchmark::kMillisecond);

@@ -8,8 +8,8 @@
 #include <map>
 #include <string>
 
-#include "calib/model/effects.h"
 #include "calib/joint/joint_estimate.h"
+#include "calib/model/effects.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

@@ -129,8 +129,14 @@ std::vector<Case> cases() {
   const double rate = 10.0 * rad_per_deg;
   std::vector<Case> list;
   // A static second. What is left: the bias times the first moments, exact; rotation^3.
-  list.push_back({"rest", [](double) -> Vector3d { return {4e-5, 5e-5, 3e-5}; },
-                  [](double) -> Vector3d { return {0.3, 9.7, -0.2}; }, 200, 1e-12, 1e-12});
+  list.push_back({"rest",
+                  [](double) -> Vector3d {
+                    return {4e-5, 5e-5, 3e-5};
+                  },
+                  [](double) -> Vector3d {
+                    return {0.3, 9.7, -0.2};
+                  },
+                  200, 1e-12, 1e-12});
   // Even turn of 0.012 rad. Angle: exact. Velocity: r^3 / 24 of the 0.67 m/s gained.
   list.push_back({"even turn", [=](double) -> Vector3d { return rate * skew_axis; },
                   gravity_seen_turning(skew_axis, [=](double t) { return rate * t; }), 14, 1e-12, 6e-8});
@@ -141,12 +147,21 @@ std::vector<Case> cases() {
   // Coning: the axis goes round at 5 Hz, a = 0.2 mrad. Angle gained about z in 0.2 s: 0.5 a^2 2 pi 5 * 0.2 = 1.3e-7
   // rad. What is left: the sample before the block's first one, which is not known here, and a^2 of the velocity.
   const double a = 2e-4, nu = 2.0 * pi * 5.0;
-  list.push_back(
-      {"coning", [=](double t) -> Vector3d { return a * nu * Vector3d(-std::sin(nu * t), std::cos(nu * t), 0.0); },
-       [](double) -> Vector3d { return {0.0, 9.8, 0.0}; }, 40, 1e-9, 3e-7});
+  list.push_back({"coning",
+                  [=](double t) -> Vector3d { return a * nu * Vector3d(-std::sin(nu * t), std::cos(nu * t), 0.0); },
+                  [](double) -> Vector3d {
+                    return {0.0, 9.8, 0.0};
+                  },
+                  40, 1e-9, 3e-7});
   // Sculling: rocking about x in step with a push along y makes a steady push along z.
-  list.push_back({"sculling", [=](double t) -> Vector3d { return {a * nu * std::cos(nu * t), 0.0, 0.0}; },
-                  [=](double t) -> Vector3d { return {0.0, 9.8 + 2.0 * std::sin(nu * t), 0.0}; }, 40, 1e-9, 1e-7});
+  list.push_back({"sculling",
+                  [=](double t) -> Vector3d {
+                    return {a * nu * std::cos(nu * t), 0.0, 0.0};
+                  },
+                  [=](double t) -> Vector3d {
+                    return {0.0, 9.8 + 2.0 * std::sin(nu * t), 0.0};
+                  },
+                  40, 1e-9, 1e-7});
   return list;
 }
 

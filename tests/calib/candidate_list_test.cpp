@@ -36,7 +36,8 @@ TEST(CandidateList, WhatIsAsGoodIsAnAliasAndARival) {
   const CompressedRecording recording = nothing_recorded();
   const DiagnosisOptions options;
   const DiagnosisModel m(recording, options);
-  const int chosen = column_of(m, "accel_second_order.y"), near = column_of(m, "accel_third_order.y"), far = column_of(m, "gyro_g_sensitivity.xx");
+  const int chosen = column_of(m, "accel_second_order.y"), near = column_of(m, "accel_third_order.y"),
+            far = column_of(m, "gyro_g_sensitivity.xx");
   ASSERT_GE(chosen, 0);
   ASSERT_GE(near, 0);
   ASSERT_GE(far, 0);

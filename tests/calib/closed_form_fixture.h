@@ -27,9 +27,9 @@ inline void expect_within(const ParameterDistance& found, const ParameterDistanc
 inline RigConfig paper_unit() {
   RigConfig config = noise_free(perfect_table(default_rig_config()));
   constexpr std::array<double, 24> table1 = {
-      -0.078921, 0.025013, 0.084675, 0.003576,  -0.0016021, -0.0059875,                                   // N0, A0
-      0.932978,  0.001801, -0.000801, -0.001657, 0.932801,  0.000914,   0.000510, -0.004321, 0.932801,  // n
-      0.980101,  0.000801, -0.000330, 0.0,       1.080798,  0.000986,   0.0,      0.0,       0.953105}; // a
+      -0.078921, 0.025013, 0.084675,  0.003576,  -0.0016021, -0.0059875,                                  // N0, A0
+      0.932978,  0.001801, -0.000801, -0.001657, 0.932801,   0.000914,   0.000510, -0.004321, 0.932801,   // n
+      0.980101,  0.000801, -0.000330, 0.0,       1.080798,   0.000986,   0.0,      0.0,       0.953105};  // a
   for (std::size_t i = 0; i < table1.size(); ++i) config.truth[i] = table1[i];
   config.table_errors.tilt_north_arcmin = 3.0;
   config.table_errors.tilt_east_arcmin = -3.0;

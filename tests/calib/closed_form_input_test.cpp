@@ -88,8 +88,8 @@ TEST(ClosedFormInput, AnglesThatTheAccelerometersDoNotFeel) {
   CompressedRecording r = short_recording();
   for (Segment& s : r.segments)
     if (s.step == 1) s.pitch_deg = -s.pitch_deg;
-  expect_says(message_of(r), {"step 1,", "pitch 90", "179.", "deg from the vertical",
-                              "the segments do not fit the data"});
+  expect_says(message_of(r),
+              {"step 1,", "pitch 90", "179.", "deg from the vertical", "the segments do not fit the data"});
 }
 
 TEST(ClosedFormInput, ATurnTheOtherWayRound) {  // 360 and -360 end at the same attitude: only the gyros can tell

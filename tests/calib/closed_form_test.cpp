@@ -86,9 +86,8 @@ TEST(ClosedForm, ARepeatedDwellIsPartOfTheWay) {
   config.table_errors = {};
   config.table_errors.random_arcmin = 0.0;
   const RigRecording plain = record_on_rig(sequence, config);
-  const auto dwells = static_cast<int>(std::count_if(
-      plain.recording.segments.begin(), plain.recording.segments.end(),
-      [](const Segment& s) { return s.kind != SegmentKind::rotate; }));
+  const auto dwells = static_cast<int>(std::count_if(plain.recording.segments.begin(), plain.recording.segments.end(),
+                                                     [](const Segment& s) { return s.kind != SegmentKind::rotate; }));
   for (const int which : {7, 21, dwells - 1}) {  // after a turn in step 2, in the middle, the 60 s of step 14
     RigRecorderOptions options;
     options.repeated_dwell = which;
@@ -130,10 +129,10 @@ TEST(ClosedForm, AResultThatWasNeverMadeIsNotConverged) {
 
 TEST(ClosedForm, DivergenceIsSaid) {
   const CompressedRecording& recording = short_recording();
-  const ClosedFormResult result = must(closed_form_calibrate_with(
-      recording, start_parameters(recording.info), {}, [](const StepMeasurement& m, Parameters& p) {
-        if (m.step == 2) p.n(0, 0) /= 0.0;
-      }));
+  const ClosedFormResult result = must(closed_form_calibrate_with(recording, start_parameters(recording.info), {},
+                                                                  [](const StepMeasurement& m, Parameters& p) {
+                                                                    if (m.step == 2) p.n(0, 0) /= 0.0;
+                                                                  }));
   EXPECT_FALSE(result.converged);
   EXPECT_EQ(result.message, "diverged in pass 1");
 }
@@ -143,9 +142,9 @@ TEST(ClosedForm, DivergenceIsSaid) {
 // Root-mean-square errors of the closed form over 200 runs of the rig with the noise of that recording
 // (docs/closed-form.md).
 constexpr std::array<double, 24> expected_rms = {
-    5.5e-3, 4.8e-3, 6.2e-3, 2.0e-6, 2.9e-6, 1.7e-6,                             // N0, A0
-    5.2e-7, 4.5e-6, 2.9e-6, 4.4e-6, 5.5e-7, 2.9e-6, 5.7e-6, 3.7e-6, 5.7e-7,  // n
-    5.6e-7, 3.6e-6, 4.2e-6, 0.0,    5.6e-7, 3.4e-6, 0.0,    0.0,    5.9e-7};   // a
+    5.5e-3, 4.8e-3, 6.2e-3, 2.0e-6, 2.9e-6, 1.7e-6,                           // N0, A0
+    5.2e-7, 4.5e-6, 2.9e-6, 4.4e-6, 5.5e-7, 2.9e-6, 5.7e-6, 3.7e-6, 5.7e-7,   // n
+    5.6e-7, 3.6e-6, 4.2e-6, 0.0,    5.6e-7, 3.4e-6, 0.0,    0.0,    5.9e-7};  // a
 
 TEST(ClosedForm, TheCleanRecordingWithinItsNoise) {
   const std::string folder = TURNCAL_SOURCE_DIR "/../shared/data/recordings/clean";

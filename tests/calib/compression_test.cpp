@@ -76,8 +76,8 @@ Block naive(const std::vector<ImuSample>& samples, std::size_t begin, std::size_
     b.gyro_time += middle_s * alpha;
     b.accel_time += middle_s * beta;
     b.coning += (theta + alpha_1 / 6.0).cross(alpha);
-    b.sculling += (theta + alpha / 2.0) * beta.transpose() +
-                  (alpha_1 * beta.transpose() - alpha * beta_1.transpose()) / 12.0;
+    b.sculling +=
+        (theta + alpha / 2.0) * beta.transpose() + (alpha_1 * beta.transpose() - alpha * beta_1.transpose()) / 12.0;
   }
   b.samples = static_cast<std::int32_t>(end - begin);
   b.duration_s = static_cast<double>(end - begin) * dt;
@@ -297,7 +297,7 @@ TEST(CompressionEvents, AMarkedSampleIsListed) {
 
 TEST(CompressionEvents, AGlitchIsListedOnceWithPlaceAxisAndSize) {
   std::vector<ImuSample> samples = quiet_samples(1000);
-  samples[500].gyro[2] += 221.0;  // 1 mrad
+  samples[500].gyro[2] += 221.0;   // 1 mrad
   samples[700].accel[0] += 100.0;  // 0.05 m/s
   const CompressedRecording r = compress(pulses_info(), {segment(SegmentKind::still, 0, 1000)}, samples);
   ASSERT_EQ(r.events.size(), 2u);

@@ -172,11 +172,10 @@ TEST_P(OtherSimulator, IsDiagnosed) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Recordings, OtherSimulator,
-                         ::testing::Values(Case{"clean", Verdict::clean, {}},
-                                           Case{"undeclared-1", Verdict::extended, {"accel_delay"}},
-                                           Case{"undeclared-2", Verdict::extended,
-                                                {"accel_second_order", "accel_bias_temperature"}}));
+INSTANTIATE_TEST_SUITE_P(
+    Recordings, OtherSimulator,
+    ::testing::Values(Case{"clean", Verdict::clean, {}}, Case{"undeclared-1", Verdict::extended, {"accel_delay"}},
+                      Case{"undeclared-2", Verdict::extended, {"accel_second_order", "accel_bias_temperature"}}));
 
 }  // namespace
 }  // namespace turncal

@@ -6,9 +6,9 @@
 
 #include <cmath>
 
-#include "calib/model/effects.h"
 #include "calib/joint/joint_estimate.h"
 #include "calib/joint/joint_filter.h"
+#include "calib/model/effects.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
@@ -71,10 +71,11 @@ void compare(const Bench& b) {
     const std::string name = k < parameter_count ? std::string(parameter_keys[static_cast<std::size_t>(k)])
                                                  : "effect column " + std::to_string(k - parameter_count);
     // In units in which the information of each column is 1.
-    EXPECT_NEAR((plus - minus) / (4.0 * h) * sigma[k], here.gradient[k] * sigma[k],
-                2e-3 * std::sqrt(here.chi_square)) << name;
+    EXPECT_NEAR((plus - minus) / (4.0 * h) * sigma[k], here.gradient[k] * sigma[k], 2e-3 * std::sqrt(here.chi_square))
+        << name;
     EXPECT_NEAR((plus - 2.0 * centre + minus) / (2.0 * h * h) * sigma[k] * sigma[k],
-                here.information(k, k) * sigma[k] * sigma[k], 0.02) << name;
+                here.information(k, k) * sigma[k] * sigma[k], 0.02)
+        << name;
     ++looked_at;
   }
   EXPECT_GT(looked_at, 24 + 60);

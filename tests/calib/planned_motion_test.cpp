@@ -5,8 +5,8 @@
 
 #include <cmath>
 
-#include "calib/statistics/block_motion.h"
 #include "calib/joint/joint_estimate.h"
+#include "calib/statistics/block_motion.h"
 #include "orchestrator/commands/command_predict.h"
 #include "tests/rig_recorder.h"
 
@@ -88,7 +88,8 @@ TEST(PlannedMotion, ATurnIsTheAngleAndTheEarthMeanwhile) {
   motion.items = {dwell(200), turn(Axis::roll, 0.0, 90.0, 2000), dwell(200)};
   const CompressedRecording recording = planned_recording(info, motion, start_parameters(info));
   // Nose north and level: the roll axis is north all the time, so x gets 90 deg and 10 s of the north rate.
-  const double expected = (90.0 * 3600.0 + 10.0 * earth_rate_radps * std::cos(29.53 * rad_per_deg) / rad_per_arcsec) / pulse_arcsec;
+  const double expected =
+      (90.0 * 3600.0 + 10.0 * earth_rate_radps * std::cos(29.53 * rad_per_deg) / rad_per_arcsec) / pulse_arcsec;
   EXPECT_NEAR(gyro_of(recording, 1).x(), expected, 1e-7);
   EXPECT_EQ(recording.samples, 2400);
   EXPECT_EQ(recording.segments[1].kind, SegmentKind::rotate);
@@ -114,7 +115,8 @@ TEST(PlannedMotion, TrapezoidAndTriangle) {
 TEST(PlannedMotion, IsWhatAnErrorlessRigDelivers) {
   const Result<Sequence> crooked = parse_sequence(
       "format = 1\nname = crooked\nrate_degps = 30\nacceleration_degps2 = 60\n"
-      "step 1\n  initial H 45 P 35 R -20\n  align 400\n  rotate H +90\n  rotate P -2\n  dwell 250\n  rotate R +200 rate 50\n"
+      "step 1\n  initial H 45 P 35 R -20\n  align 400\n  rotate H +90\n  rotate P -2\n  dwell 250\n  rotate R +200 "
+      "rate 50\n"
       "  rotate H -3.3 acceleration 7\n  dwell 250\n  rotate P +180\n  dwell 250\n",
       "crooked.seq");
   ASSERT_TRUE(crooked.ok()) << crooked.error().message;
@@ -137,7 +139,7 @@ TEST(PlannedMotion, IsWhatAnErrorlessRigDelivers) {
       ASSERT_LT((p.accel - m.accel).norm(), 1e-5) << sequence.name << " block " << k;
       ASSERT_LT((p.gyro_time - m.gyro_time).norm(), 1e-6);
       ASSERT_LT((p.accel_time - m.accel_time).norm(), 1e-6);
-      ASSERT_LT((p.coning - m.coning).norm(), 1e-3);      // pulses squared, of sums up to 1e7
+      ASSERT_LT((p.coning - m.coning).norm(), 1e-3);  // pulses squared, of sums up to 1e7
       // A sum of products: the accelerometer's 1e-5 pulses beside the pulses of the gyros over the block.
       ASSERT_LT((p.sculling - m.sculling).norm(), 1e-3 + 1e-5 * p.gyro.norm());
     }

@@ -107,8 +107,8 @@ TEST(Predict, FourteenStepsKeepTheirPromise) {
   const Prediction p = predict_rig(must_read_sequence("fourteen_step.seq"));
   ASSERT_TRUE(p.valid);
   ParameterVector limit;
-  limit << 0.0021, 0.0030, 0.0021, 3.0e-7, 2.3e-7, 2.9e-7, 3.6e-7, 1.1e-6, 1.0e-6, 1.2e-6, 5.2e-7, 7.5e-7, 1.9e-6, 8.2e-7, 3.7e-7,
-      3.1e-7, 1.1e-6, 1.9e-6, 0.0, 2.3e-7, 9.7e-7, 0.0, 0.0, 2.9e-7;
+  limit << 0.0021, 0.0030, 0.0021, 3.0e-7, 2.3e-7, 2.9e-7, 3.6e-7, 1.1e-6, 1.0e-6, 1.2e-6, 5.2e-7, 7.5e-7, 1.9e-6,
+      8.2e-7, 3.7e-7, 3.1e-7, 1.1e-6, 1.9e-6, 0.0, 2.3e-7, 9.7e-7, 0.0, 0.0, 2.9e-7;
   for (const int k : p.free) {
     EXPECT_LT(p.sigma[k], limit[k]) << parameter_keys[static_cast<std::size_t>(k)];
     EXPECT_GT(p.sigma[k], 0.7 * limit[k]) << parameter_keys[static_cast<std::size_t>(k)];
@@ -176,12 +176,14 @@ TEST(Predict, NamesWhatOneStepLeavesUndetermined) {
   const Prediction p = predict_rig(step_2);
   ASSERT_TRUE(p.valid);
   const std::vector<std::string> keys = undetermined_keys(p.determined);
-  EXPECT_TRUE(p.determined[6]);                            // n11: what the step is for
-  for (const char* key : {"n22", "n33", "a11", "a13", "A01"})  // nothing turned about y or z, x never left the horizontal
+  EXPECT_TRUE(p.determined[6]);  // n11: what the step is for
+  for (const char* key :
+       {"n22", "n33", "a11", "a13", "A01"})  // nothing turned about y or z, x never left the horizontal
     EXPECT_NE(std::find(keys.begin(), keys.end(), key), keys.end()) << key;
   EXPECT_GE(p.undetermined.size(), 8u);
   for (const std::string& key : keys)
-    EXPECT_EQ(p.sigma[std::find(parameter_keys.begin(), parameter_keys.end(), key) - parameter_keys.begin()], 0.0) << key;
+    EXPECT_EQ(p.sigma[std::find(parameter_keys.begin(), parameter_keys.end(), key) - parameter_keys.begin()], 0.0)
+        << key;
 
   // A recording of it says the same.
   const RigRecording made = record_on_rig(step_2, rig_with_walks_only(5));
@@ -263,7 +265,8 @@ TEST(Predict, EffectsAreSeenAsSharplyAsAnIndependentEstimatorSays) {
   options.temperature = TemperatureProfile{.rise_c = 6.0, .tau_s = 2400.0};
   const Prediction p = predict_rig(must_read_sequence("fourteen_step.seq"), options);
   const auto find = [&](const std::string& key) {
-    const auto effect = std::find_if(p.effects.begin(), p.effects.end(), [&](const auto& e) { return e.column.key() == key; });
+    const auto effect =
+        std::find_if(p.effects.begin(), p.effects.end(), [&](const auto& e) { return e.column.key() == key; });
     EXPECT_NE(effect, p.effects.end()) << key;
     return *effect;
   };

@@ -123,9 +123,11 @@ TEST(PrintedFormulas, EachOneAgainstTheTruth) {
   const RigRecording tilted = record_on_rig(fourteen_steps(), paper_unit());
   const Parameters start = start_parameters(level.recording.info);
 
-  std::printf("largest error in units of what is demanded (1.5e-7 of n and a, 1e-7 g, 0.0005 deg/h), after 3 and 10 "
-              "passes\n"
-              "%-17s | %-19s | %-19s | %-19s\n", "", "printed, alone", "derived, alone", "printed, in its place");
+  std::printf(
+      "largest error in units of what is demanded (1.5e-7 of n and a, 1e-7 g, 0.0005 deg/h), after 3 and 10 "
+      "passes\n"
+      "%-17s | %-19s | %-19s | %-19s\n",
+      "", "printed, alone", "derived, alone", "printed, in its place");
   ClosedFormLayout level_layout(level.recording, 10.0, 5.0), tilted_layout(tilted.recording, 10.0, 5.0);
   must(level_layout.find());
   must(tilted_layout.find());

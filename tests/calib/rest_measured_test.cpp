@@ -8,9 +8,9 @@
 
 #include "calib/diagnosis/rest_diagnosis.h"
 #include "calib/statistics/segmentation.h"
-#include "imu_io/recordings/csv_map_import.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
+#include "imu_io/recordings/csv_map_import.h"
 
 namespace turncal {
 namespace {

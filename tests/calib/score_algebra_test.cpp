@@ -33,8 +33,8 @@ Regression make(unsigned seed) {
   std::normal_distribution<double> normal;
   Regression r;
   r.X = Eigen::MatrixXd::NullaryExpr(200, 7, [&] { return normal(generator); });
-  r.X.col(4) += 2.0 * r.X.col(0);                  // a candidate partly in the base
-  r.X.col(6) = r.X.col(5) + 0.01 * r.X.col(6);     // two candidates nearly alike
+  r.X.col(4) += 2.0 * r.X.col(0);               // a candidate partly in the base
+  r.X.col(6) = r.X.col(5) + 0.01 * r.X.col(6);  // two candidates nearly alike
   Eigen::VectorXd truth(7);
   truth << 1.0, -2.0, 0.5, 0.0, 0.7, 0.0, 0.0;
   r.y = r.X * truth + Eigen::VectorXd::NullaryExpr(200, [&] { return normal(generator); });
@@ -57,7 +57,9 @@ TEST(Scores, OneCandidateAloneIsItsLeastSquaresValue) {
 TEST(Scores, GroupTestIsTheDropOfTheResidual) {
   const Regression r = make(2);
   const Scores s = eliminate(r.information(), r.gradient(), {0, 1, 2}, {3, 4, 5, 6});
-  const auto residual = [&](const Eigen::MatrixXd& X) { return (r.y - X * X.colPivHouseholderQr().solve(r.y)).squaredNorm(); };
+  const auto residual = [&](const Eigen::MatrixXd& X) {
+    return (r.y - X * X.colPivHouseholderQr().solve(r.y)).squaredNorm();
+  };
   Eigen::MatrixXd with(200, 5);
   with << r.X.leftCols(3), r.X.col(3), r.X.col(4);
   const GroupTest test = group_test(s, {0, 1});

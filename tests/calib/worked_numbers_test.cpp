@@ -5,8 +5,8 @@
 
 #include <gtest/gtest.h>
 
-#include "calib/model/attitude.h"
 #include "calib/closed_form/closed_form.h"
+#include "calib/model/attitude.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
@@ -69,8 +69,8 @@ void expect_velocity(double measured_mps, double by_hand_mps, const char* what) 
 struct Worked {
   int step;
   const char* key;
-  double error;     // of the parameter: truth minus used
-  double V1_mps;    // east
+  double error;   // of the parameter: truth minus used
+  double V1_mps;  // east
   double V2_mps;
 };
 
@@ -96,17 +96,15 @@ TEST_P(WorkedNumbers, TheRigShowsTheVelocityComputedByHand) {
 constexpr double n_unit = 0.932920;
 INSTANTIATE_TEST_SUITE_P(
     Steps, WorkedNumbers,
-    ::testing::Values(Worked{2, "n11", 1e-4 * n_unit, -0.61521, 0.61521},
-                      Worked{3, "n33", 1e-4 * n_unit, -0.61521, 0.61521},
-                      Worked{4, "n22", 1e-4 * n_unit, -0.61521, 0.61521}, Worked{5, "A03", 1e-4, -0.19613, -0.19613},
-                      Worked{6, "A01", 1e-4, 0.19613, 0.19613}, Worked{7, "A02", 1e-4, 0.09807, -0.09807},
-                      Worked{7, "a23", 1e-4, 0.09791, 0.09791}, Worked{8, "a12", 1e-4, -0.09791, -0.09791},
-                      Worked{9, "a13", 1e-4, -0.09791, -0.09791}, Worked{10, "n21", 1e-4 * n_unit, -0.09791, -0.09791},
-                      Worked{10, "n31", 1e-4 * n_unit, -0.09791, 0.09791},
-                      Worked{11, "n12", 1e-4 * n_unit, 0.09791, 0.09791},
-                      Worked{11, "n32", 1e-4 * n_unit, 0.09791, -0.09791},
-                      Worked{12, "n23", 1e-4 * n_unit, 0.09791, 0.09791},
-                      Worked{12, "n13", 1e-4 * n_unit, -0.09791, 0.09791}),
+    ::testing::Values(
+        Worked{2, "n11", 1e-4 * n_unit, -0.61521, 0.61521}, Worked{3, "n33", 1e-4 * n_unit, -0.61521, 0.61521},
+        Worked{4, "n22", 1e-4 * n_unit, -0.61521, 0.61521}, Worked{5, "A03", 1e-4, -0.19613, -0.19613},
+        Worked{6, "A01", 1e-4, 0.19613, 0.19613}, Worked{7, "A02", 1e-4, 0.09807, -0.09807},
+        Worked{7, "a23", 1e-4, 0.09791, 0.09791}, Worked{8, "a12", 1e-4, -0.09791, -0.09791},
+        Worked{9, "a13", 1e-4, -0.09791, -0.09791}, Worked{10, "n21", 1e-4 * n_unit, -0.09791, -0.09791},
+        Worked{10, "n31", 1e-4 * n_unit, -0.09791, 0.09791}, Worked{11, "n12", 1e-4 * n_unit, 0.09791, 0.09791},
+        Worked{11, "n32", 1e-4 * n_unit, 0.09791, -0.09791}, Worked{12, "n23", 1e-4 * n_unit, 0.09791, 0.09791},
+        Worked{12, "n13", 1e-4 * n_unit, -0.09791, 0.09791}),
     [](const ::testing::TestParamInfo<Worked>& tested) {
       return "Step" + std::to_string(tested.param.step) + "_" + tested.param.key;
     });

@@ -28,8 +28,8 @@ struct Tracked {
 Tracked tracked[256];
 int tracked_count = 0;
 long calls = 0;
-long unsynced = 0;      // see TURNCAL_FAULT_COUNT
-int journal_fd = -1;    // with a record that is not synced
+long unsynced = 0;    // see TURNCAL_FAULT_COUNT
+int journal_fd = -1;  // with a record that is not synced
 
 template <class Function>
 Function real(const char* name) {

@@ -10,8 +10,10 @@ namespace turncal {
 namespace {
 
 CsvMap map_of(std::string_view time) {
-  const std::string text = "gyro.columns = gx, gy, gz\ngyro.unit = rad/s\naccel.columns = ax, ay, az\naccel.unit = g\n"
-                           "temperature.column = t_c\ngravity_mps2 = 9.8\nunit_serial = F\n" + std::string(time);
+  const std::string text =
+      "gyro.columns = gx, gy, gz\ngyro.unit = rad/s\naccel.columns = ax, ay, az\naccel.unit = g\n"
+      "temperature.column = t_c\ngravity_mps2 = 9.8\nunit_serial = F\n" +
+      std::string(time);
   auto map = parse_csv_map(text, "map");
   fuzz::require(map.ok());
   return *map;

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "imu_io/recordings/binary_layout.h"
 #include "imu_io/base/record_log.h"
+#include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/recording_source.h"
 #include "input.h"
 #include "scratch_file.h"
@@ -72,6 +72,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   });
   if (status) fuzz::require((*source)->content_hash().ok());
   const Segments& segments = (*source)->segments();
-  for (std::size_t i = 1; i < segments.size(); ++i) fuzz::require(segments[i].start_sample == segments[i - 1].end_sample);
+  for (std::size_t i = 1; i < segments.size(); ++i)
+    fuzz::require(segments[i].start_sample == segments[i - 1].end_sample);
   return 0;
 }

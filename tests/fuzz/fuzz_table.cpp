@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "input.h"
 #include "imu_io/base/text_pieces.h"
+#include "input.h"
 #include "turntable_drivers/ascii/dialect.h"
 #include "turntable_drivers/modbus/modbus_frame.h"
 #include "turntable_drivers/modbus/register_map.h"
@@ -20,7 +20,9 @@ const std::vector<Dialect>& dialects() {
   static const std::vector<Dialect> all = [] {
     std::vector<Dialect> result;
     for (const char* name : {"acutronic_acl", "aerosmith", "newport_esp30x", "pi_gcs2", "three_axis_dollar"}) {
-      result.push_back(read_dialect(TURNCAL_SOURCE_DIR "/turntable_drivers/ascii/dialects/" + std::string(name) + ".dialect").value());
+      result.push_back(
+          read_dialect(TURNCAL_SOURCE_DIR "/turntable_drivers/ascii/dialects/" + std::string(name) + ".dialect")
+              .value());
     }
     return result;
   }();
@@ -43,7 +45,8 @@ void answer(fuzz::Input& input) {
       fuzz::require(!value.empty() && body.find(value) != std::string::npos);
       if (name != "*") fuzz::require(value.find_first_of(" ,") == std::string::npos);
     }
-    const auto again = pattern.fill([&values](const std::string& name) { return name == "*" ? std::string() : values->at(name); });
+    const auto again =
+        pattern.fill([&values](const std::string& name) { return name == "*" ? std::string() : values->at(name); });
     if (!pattern.has("*") && values->size() == pattern.names().size()) fuzz::require(again == body);
   };
   for (const Exchange& exchange : steps.exchanges) {
@@ -62,7 +65,8 @@ void requests(fuzz::Input& input) {
   const bool tcp = (input.byte() & 1U) != 0;
   std::vector<std::uint8_t> bytes;
   bytes.reserve(input.rest.size());
-  std::ranges::transform(input.rest, std::back_inserter(bytes), [](std::byte b) { return std::to_integer<std::uint8_t>(b); });
+  std::ranges::transform(input.rest, std::back_inserter(bytes),
+                         [](std::byte b) { return std::to_integer<std::uint8_t>(b); });
   for (std::size_t before = bytes.size() + 1; before > bytes.size();) {
     before = bytes.size();
     const auto request = take_request(bytes, tcp);

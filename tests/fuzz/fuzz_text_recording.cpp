@@ -14,7 +14,8 @@ namespace {
 
 constexpr std::array<std::string_view, 3> names = {"recording.conf", "imu.csv", "segments.csv"};
 constexpr std::array<std::string_view, 3> right = {
-    "format = 1\nsample_period_s = 0.005\nlatitude_deg = 30\ngravity_mps2 = 9.8\nunit_serial = F\ngyro_increment = pulses\n"
+    "format = 1\nsample_period_s = 0.005\nlatitude_deg = 30\ngravity_mps2 = 9.8\nunit_serial = F\ngyro_increment = "
+    "pulses\n"
     "accel_increment = pulses\naccel_pulse_mps = 0.0005\n",
     "sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n2,1,2,3,4,5,6\n",
     "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg\n1,align,0,1,0,0,0\n1,static,1,3,0,90,0\n"};
@@ -47,7 +48,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       fuzz::require(first || sample.counter > last);
       first = false;
       last = sample.counter;
-      for (std::size_t k = 0; k < 3; ++k) fuzz::require(std::isfinite(sample.gyro[k]) && std::isfinite(sample.accel[k]));
+      for (std::size_t k = 0; k < 3; ++k)
+        fuzz::require(std::isfinite(sample.gyro[k]) && std::isfinite(sample.accel[k]));
     }
     return Status();
   });

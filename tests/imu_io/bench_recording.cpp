@@ -63,9 +63,8 @@ Files& files() {
 }
 
 void report(benchmark::State& state) {
-  state.counters["a_sample"] =
-      benchmark::Counter(static_cast<double>(sample_count),
-                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.counters["a_sample"] = benchmark::Counter(
+      static_cast<double>(sample_count), benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
 void read_recording(benchmark::State& state, const std::string& path) {

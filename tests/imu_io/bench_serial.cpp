@@ -11,10 +11,10 @@
 #include <string>
 #include <thread>
 
-#include "imu_io/frames/builtin_frames.h"
 #include "imu_io/base/deadline.h"
-#include "imu_io/units/frame_streamer.h"
+#include "imu_io/frames/builtin_frames.h"
 #include "imu_io/lines/pty.h"
+#include "imu_io/units/frame_streamer.h"
 #include "imu_io/units/serial_imu.h"
 
 namespace turncal {

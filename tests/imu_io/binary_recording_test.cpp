@@ -145,19 +145,19 @@ TEST(BinaryRecording, SamplesPayloadIsCheckedInItself) {
     std::memcpy(bad.data() + place, &value, sizeof value);
     EXPECT_FALSE(parse_samples(bad, info).has_value()) << place;
   };
-  refused(0, std::int64_t{20});                  // the first gap would go back
+  refused(0, std::int64_t{20});  // the first gap would go back
   refused(0, std::numeric_limits<std::int64_t>::min());
-  refused(8, std::uint32_t{9});                  // size and count disagree
+  refused(8, std::uint32_t{9});  // size and count disagree
   refused(8, std::uint32_t{0xFFFFFFFF});
   refused(12, std::uint32_t{0xFFFFFFFF});
-  refused(20, std::uint32_t{0});                 // gap before the first sample
-  refused(24, std::int64_t{3});                  // no gap but a step back
-  refused(24, std::int64_t{4});                  // no gap at all
-  refused(24, std::int64_t{25});                 // beyond the next one
-  refused(32, std::uint32_t{4});                 // indices do not increase
-  refused(32, std::uint32_t{10});                // beyond the last sample
+  refused(20, std::uint32_t{0});   // gap before the first sample
+  refused(24, std::int64_t{3});    // no gap but a step back
+  refused(24, std::int64_t{4});    // no gap at all
+  refused(24, std::int64_t{25});   // beyond the next one
+  refused(32, std::uint32_t{4});   // indices do not increase
+  refused(32, std::uint32_t{10});  // beyond the last sample
   refused(36, std::numeric_limits<std::int64_t>::max());
-  refused(44, std::uint32_t{10});                // flag beyond the last sample
+  refused(44, std::uint32_t{10});  // flag beyond the last sample
   good.push_back(std::byte{0});
   EXPECT_FALSE(parse_samples(good, info).has_value());
   EXPECT_FALSE(parse_samples({}, info).has_value());
@@ -325,9 +325,9 @@ TEST_F(ReopenTest, KeepGoesOnInsideTheOpenSegment) {
   auto source = RecordingSource::open(path);
   ASSERT_OK(source);
   expect_same(read_all(**source), samples);
-  expect_same((*source)->segments(), {make_segment(1, SegmentKind::align, 0, 20),
-                                      make_segment(1, SegmentKind::rotate, 20, 50, 0, 90, 0),
-                                      make_segment(1, SegmentKind::still, 50, counter(99) + 1, 0, 90, 0)});
+  expect_same((*source)->segments(),
+              {make_segment(1, SegmentKind::align, 0, 20), make_segment(1, SegmentKind::rotate, 20, 50, 0, 90, 0),
+               make_segment(1, SegmentKind::still, 50, counter(99) + 1, 0, 90, 0)});
   EXPECT_EQ(describe((*source)->damage()), "");
 }
 

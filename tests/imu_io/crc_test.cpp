@@ -13,16 +13,16 @@ std::uint32_t of(std::string_view text, const CrcParameters& parameters, std::si
 
 // Check values of the catalogue of parametrised CRC algorithms (Cook), and of the units' manuals.
 TEST(Crc, GivesThePublishedCheckValues) {
-  EXPECT_EQ(of("123456789", {32, 0x04C11DB7, 0xFFFFFFFF, false, false, 0}), 0x0376E6E7U);          // CRC-32/MPEG-2
-  EXPECT_EQ(of("123456789", {32, 0x04C11DB7, 0, true, true, 0}), 0x2DFD2D88U);                     // NovAtel
-  EXPECT_EQ(of("123456789", {16, 0x1021, 0, false, false, 0}), 0x31C3U);                           // CRC-16/XMODEM
-  EXPECT_EQ(of("123456789", {16, 0x1021, 0xFFFF, false, false, 0}), 0x29B1U);                      // CRC-16/IBM-3740
-  EXPECT_EQ(of("123456789", {16, 0x8005, 0xFFFF, true, true, 0}), 0x4B37U);                        // CRC-16/MODBUS
-  EXPECT_EQ(of("123456789", {32, 0x04C11DB7, 0xFFFFFFFF, true, true, 0xFFFFFFFF}), 0xCBF43926U);   // CRC-32
-  EXPECT_EQ(of("123456789", {32, 0x1EDC6F41, 0xFFFFFFFF, true, true, 0xFFFFFFFF}), 0xE3069283U);   // CRC-32C
-  EXPECT_EQ(of("123456789", {24, 0x864CFB, 0xB704CE, false, false, 0}), 0x21CF02U);                // CRC-24/OPENPGP
-  EXPECT_EQ(of("123456789", {8, 0x07, 0, false, false, 0}), 0xF4U);                                // CRC-8/SMBUS
-  EXPECT_EQ(of("123456789", {12, 0x80F, 0, false, true, 0}), 0xDAFU);                              // CRC-12/UMTS
+  EXPECT_EQ(of("123456789", {32, 0x04C11DB7, 0xFFFFFFFF, false, false, 0}), 0x0376E6E7U);         // CRC-32/MPEG-2
+  EXPECT_EQ(of("123456789", {32, 0x04C11DB7, 0, true, true, 0}), 0x2DFD2D88U);                    // NovAtel
+  EXPECT_EQ(of("123456789", {16, 0x1021, 0, false, false, 0}), 0x31C3U);                          // CRC-16/XMODEM
+  EXPECT_EQ(of("123456789", {16, 0x1021, 0xFFFF, false, false, 0}), 0x29B1U);                     // CRC-16/IBM-3740
+  EXPECT_EQ(of("123456789", {16, 0x8005, 0xFFFF, true, true, 0}), 0x4B37U);                       // CRC-16/MODBUS
+  EXPECT_EQ(of("123456789", {32, 0x04C11DB7, 0xFFFFFFFF, true, true, 0xFFFFFFFF}), 0xCBF43926U);  // CRC-32
+  EXPECT_EQ(of("123456789", {32, 0x1EDC6F41, 0xFFFFFFFF, true, true, 0xFFFFFFFF}), 0xE3069283U);  // CRC-32C
+  EXPECT_EQ(of("123456789", {24, 0x864CFB, 0xB704CE, false, false, 0}), 0x21CF02U);               // CRC-24/OPENPGP
+  EXPECT_EQ(of("123456789", {8, 0x07, 0, false, false, 0}), 0xF4U);                               // CRC-8/SMBUS
+  EXPECT_EQ(of("123456789", {12, 0x80F, 0, false, true, 0}), 0xDAFU);                             // CRC-12/UMTS
 }
 
 TEST(Crc, PadsWithZeroBytesThatWereNotSent) {

@@ -52,7 +52,9 @@ TEST(FrameDecoder, ReadsTheVectorOfKvh1750) {
 TEST(FrameDecoder, ReadsTheVectorOfNovatelRawimusx) {
   const FrameDescription frame = frame_named("novatel_rawimusx");
   Line line(frame);
-  line.feed(from_hex("AA441328B6059C0678B9E21C000B9C060B9755A832941D4103158000EBD09102A687F3FF38EAFCFF66B7FCFF1C5FFFFF59D9FFFF475FAFBA"));
+  line.feed(
+      from_hex("AA441328B6059C0678B9E21C000B9C060B9755A832941D4103158000EBD09102A687F3FF38EAFCFF66B7FCFF1C5FFFFF59D9FFF"
+               "F475FAFBA"));
   ASSERT_EQ(line.samples.size(), 1U);
   const ImuSample& sample = line.samples[0];
   const double gyro = std::ldexp(1.0, -33);
@@ -71,17 +73,28 @@ TEST(FrameDecoder, ReadsTheVectorOfNovatelRawimusx) {
 
 // A laser-gyro frame put together here by hand from the description's table, so that encoder and decoder cannot agree on a mistake.
 TEST(FrameDecoder, ReadsALaserGyroFrameMadeByHand) {
-  std::string hex = "EB90" "2A000000";                 // counter 42
-  hex += "01000000" "FFFFFFFF" "00000080";            // gyro 1, -1, -2147483648: beyond what a recording holds
-  hex += "E8030000" "18FCFFFF" "FFFFFF7F";            // accel 1000, -1000, 2147483647
-  hex += "2E09" "0200";                               // 23.50 C, a status bit that is not judged
+  std::string hex =
+      "EB90"
+      "2A000000";  // counter 42
+  hex +=
+      "01000000"
+      "FFFFFFFF"
+      "00000080";  // gyro 1, -1, -2147483648: beyond what a recording holds
+  hex +=
+      "E8030000"
+      "18FCFFFF"
+      "FFFFFF7F";  // accel 1000, -1000, 2147483647
+  hex +=
+      "2E09"
+      "0200";  // 23.50 C, a status bit that is not judged
   hex += "0000";
   Bytes frame = from_hex(hex);
   const auto seal = [](Bytes& bytes) {
     unsigned crc = 0;  // CRC-16/XMODEM, bit by bit
     for (std::size_t i = 0; i < 34; ++i) {
       crc ^= std::to_integer<unsigned>(bytes[i]) << 8;
-      for (int bit = 0; bit < 8; ++bit) crc = (crc & 0x8000U) != 0 ? (crc << 1 ^ 0x1021U) & 0xFFFFU : crc << 1 & 0xFFFFU;
+      for (int bit = 0; bit < 8; ++bit)
+        crc = (crc & 0x8000U) != 0 ? (crc << 1 ^ 0x1021U) & 0xFFFFU : crc << 1 & 0xFFFFU;
     }
     bytes[34] = static_cast<std::byte>(crc & 0xFFU);
     bytes[35] = static_cast<std::byte>(crc >> 8);
@@ -129,7 +142,9 @@ TEST(FrameDecoder, GivesBackWhatWasEncoded) {
 // Orders, widths, masks, axes, cumulative fields: every combination drawn, the samples drawn to fit.
 TEST(FrameDecoder, GivesBackWhatWasEncodedForAnyLayout) {
   std::mt19937_64 random(7);
-  const auto one_of = [&](std::initializer_list<const char*> choices) { return std::string(choices.begin()[random() % choices.size()]); };
+  const auto one_of = [&](std::initializer_list<const char*> choices) {
+    return std::string(choices.begin()[random() % choices.size()]);
+  };
   for (int layout = 0; layout < 300; ++layout) {
     const std::string type = one_of({"i16", "i24", "i32", "i64"});
     const bool cumulative = random() % 2 == 0;
@@ -161,7 +176,8 @@ TEST(FrameDecoder, GivesBackWhatWasEncodedForAnyLayout) {
         const std::string line = text.substr(at, end - at);
         at = end + 1;
         bool replaced = false;
-        for (const std::string& other : lines) replaced = replaced || other.substr(0, other.find(' ')) == line.substr(0, line.find(' '));
+        for (const std::string& other : lines)
+          replaced = replaced || other.substr(0, other.find(' ')) == line.substr(0, line.find(' '));
         if (!replaced) body += line + "\n";
       }
       for (const std::string& line : lines) {
@@ -181,7 +197,8 @@ TEST(FrameDecoder, GivesBackWhatWasEncodedForAnyLayout) {
     line.feed_frames(frame, sent);
     // A weak check waits for the next sync; a cumulative field needs a first frame to begin from.
     const std::size_t held = frame.check.weak() ? 1 : 0;
-    std::vector<ImuSample> expected(sent.begin() + (cumulative ? 1 : 0), sent.end() - static_cast<std::ptrdiff_t>(held));
+    std::vector<ImuSample> expected(sent.begin() + (cumulative ? 1 : 0),
+                                    sent.end() - static_cast<std::ptrdiff_t>(held));
     ASSERT_EQ(line.samples.size(), expected.size()) << "layout " << layout;
     ASSERT_EQ(expect_only_sent(line.samples, expected), 0U) << "layout " << layout;
   }
@@ -206,8 +223,8 @@ TEST(FrameDecoder, RoundingIsCarriedOnSoThatNoAngleIsLost) {
 }
 
 TEST(FrameDecoder, AMultiplexedTemperatureIsHeld) {
-  const FrameDescription frame = frame_with(
-      "laser_gyro", {"mux.offset = 32", "mux.mask = 0xF0", "temperature.when = 3", "status.bits = 0x0001"});
+  const FrameDescription frame =
+      frame_with("laser_gyro", {"mux.offset = 32", "mux.mask = 0xF0", "temperature.when = 3", "status.bits = 0x0001"});
   std::vector<ImuSample> sent = pulse_samples(3);
   FrameEncoder encoder(frame);
   Line line(frame);
@@ -257,7 +274,9 @@ TEST(FrameDecoder, AnIdChoosesTheVariantAndOtherFramesArePassedOver) {
 
   // NovAtel: another log between two of ours.
   const FrameDescription novatel = frame_named("novatel_rawimusx");
-  const Bytes vector = from_hex("AA441328B6059C0678B9E21C000B9C060B9755A832941D4103158000EBD09102A687F3FF38EAFCFF66B7FCFF1C5FFFFF59D9FFFF475FAFBA");
+  const Bytes vector = from_hex(
+      "AA441328B6059C0678B9E21C000B9C060B9755A832941D4103158000EBD09102A687F3FF38EAFCFF66B7FCFF1C5FFFFF59D9FFFF475FAFB"
+      "A");
   Bytes other = vector;
   other.resize(12 + 8 + 4);
   other[3] = std::byte{8};

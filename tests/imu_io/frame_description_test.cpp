@@ -11,7 +11,7 @@ using namespace test;  // NOLINT
 
 TEST(FrameDescription, EveryShippedOneIsReadAndKnownByName) {
   const auto names = builtin_frame_names();
-  const std::vector<std::string_view> expected = {"f32_bddb0a", "f64_55aa34",       "kvh1750", "laser_gyro",
+  const std::vector<std::string_view> expected = {"f32_bddb0a",       "f64_55aa34",  "kvh1750", "laser_gyro",
                                                   "novatel_rawimusx", "pulses_9966", "stim300"};
   EXPECT_EQ(names, expected);
   for (const std::string_view name : names) {
@@ -53,39 +53,59 @@ struct BadDescription {
 TEST(FrameDescription, OneLineForEachMistake) {
   const BadDescription cases[] = {
       {"format = 1", "format = 2", "key 'format' = '2': expected a whole number between 1 and 1"},
-      {"sync = EB 90", "sync = EB 9", "key 'sync' = 'EB 9': expected at most 16 bytes of two hexadecimal digits, with blanks between"},
+      {"sync = EB 90", "sync = EB 9",
+       "key 'sync' = 'EB 9': expected at most 16 bytes of two hexadecimal digits, with blanks between"},
       {"sync = EB 90", "sync =", "key 'sync' = '': expected at least one byte"},
       {"sync = EB 90", "sync = EB 90\nsync.mask = FF", "key 'sync.mask' = 'FF': expected as many bytes as sync"},
-      {"length = 36", "length = 35", "key 'check.offset' = '34': expected a place inside the frame, behind what the check covers and before the tail"},
+      {"length = 36", "length = 35",
+       "key 'check.offset' = '34': expected a place inside the frame, behind what the check covers and before the "
+       "tail"},
       {"length = 36", "length = 2000", "key 'length' = '2000': expected a whole number between 2 and 1024"},
-      {"sample_period_s = 0.005", "sample_period_s = 0", "key 'sample_period_s' = '0': expected a number between 1e-05 and 10"},
-      {"gyro.offset = 6", "gyro.offset = 30", "key 'gyro.offset' = '30': expected a place inside the frame of 36 bytes"},
+      {"sample_period_s = 0.005", "sample_period_s = 0",
+       "key 'sample_period_s' = '0': expected a number between 1e-05 and 10"},
+      {"gyro.offset = 6", "gyro.offset = 30",
+       "key 'gyro.offset' = '30': expected a place inside the frame of 36 bytes"},
       {"gyro.offset = 6", "gyro.offset = 6, 10", "key 'gyro.offset' = '6, 10': expected 1 or 3 whole byte offsets"},
       {"gyro.offset = 6", "gyro.offset = 6.5", "key 'gyro.offset' = '6.5': expected 1 or 3 whole byte offsets"},
-      {"gyro.type = i32", "gyro.type = int", "key 'gyro.type' = 'int': expected u8, i8, u16, i16, u24, i24, u32, i32, u64, i64, f32 or f64"},
-      {"gyro.unit = pulses", "gyro.unit = degrees", "key 'gyro.unit' = 'degrees': expected one of pulses, rad, deg, arcsec, rad/s, deg/s, deg/h"},
-      {"gyro.unit = pulses", "gyro.unit = pulses\ngyro.scale = 2", "key 'gyro.scale' = '2': expected no such key with unit = pulses: they are counted as they come"},
-      {"gyro.unit = pulses", "gyro.unit = rad\ngyro.scale = 0", "key 'gyro.scale' = '0': expected numbers other than 0"},
-      {"gyro.unit = pulses", "gyro.unit = deg/s\ngyro.kind = cumulative", "key 'gyro.kind' = 'cumulative': expected 'each' unless the field is a whole number of increments"},
-      {"gyro.unit = pulses", "gyro.unit = pulses\ngyro.kind = cumulative\ngyro.modulus = 4294967297", "key 'gyro.modulus' = '4294967297': expected 2 to 2^32"},
-      {"gyro.unit = pulses", "gyro.unit = pulses\ngyro.axes = +x, +x, -z", "key 'gyro.axes' = '+x, +x, -z': expected three axes such as '+x, -z, +y', each letter once"},
-      {"gyro.unit = pulses", "gyro.unit = pulses\ngyro.mask = 0", "key 'gyro.mask' = '0': expected a mask that leaves something of the field"},
-      {"gyro.unit = pulses", "gyro.unit = pulses\ngyro.mask = 0xF0F", "key 'gyro.mask' = '0xF0F': expected a mask of neighbouring bits"},
-      {"gyro.unit = pulses", "gyro.unit = pulses\ngyro.mask = 0xG", "key 'gyro.mask' = '0xG': expected a whole number, 0x before hexadecimal, at most 64 bits"},
-      {"accel.unit = pulses", "accel.unit = m/s", "key 'accel.pulse_mps' = '0.0005': expected no such key unless accel.unit = pulses"},
+      {"gyro.type = i32", "gyro.type = int",
+       "key 'gyro.type' = 'int': expected u8, i8, u16, i16, u24, i24, u32, i32, u64, i64, f32 or f64"},
+      {"gyro.unit = pulses", "gyro.unit = degrees",
+       "key 'gyro.unit' = 'degrees': expected one of pulses, rad, deg, arcsec, rad/s, deg/s, deg/h"},
+      {"gyro.unit = pulses", "gyro.unit = pulses\ngyro.scale = 2",
+       "key 'gyro.scale' = '2': expected no such key with unit = pulses: they are counted as they come"},
+      {"gyro.unit = pulses", "gyro.unit = rad\ngyro.scale = 0",
+       "key 'gyro.scale' = '0': expected numbers other than 0"},
+      {"gyro.unit = pulses", "gyro.unit = deg/s\ngyro.kind = cumulative",
+       "key 'gyro.kind' = 'cumulative': expected 'each' unless the field is a whole number of increments"},
+      {"gyro.unit = pulses", "gyro.unit = pulses\ngyro.kind = cumulative\ngyro.modulus = 4294967297",
+       "key 'gyro.modulus' = '4294967297': expected 2 to 2^32"},
+      {"gyro.unit = pulses", "gyro.unit = pulses\ngyro.axes = +x, +x, -z",
+       "key 'gyro.axes' = '+x, +x, -z': expected three axes such as '+x, -z, +y', each letter once"},
+      {"gyro.unit = pulses", "gyro.unit = pulses\ngyro.mask = 0",
+       "key 'gyro.mask' = '0': expected a mask that leaves something of the field"},
+      {"gyro.unit = pulses", "gyro.unit = pulses\ngyro.mask = 0xF0F",
+       "key 'gyro.mask' = '0xF0F': expected a mask of neighbouring bits"},
+      {"gyro.unit = pulses", "gyro.unit = pulses\ngyro.mask = 0xG",
+       "key 'gyro.mask' = '0xG': expected a whole number, 0x before hexadecimal, at most 64 bits"},
+      {"accel.unit = pulses", "accel.unit = m/s",
+       "key 'accel.pulse_mps' = '0.0005': expected no such key unless accel.unit = pulses"},
       {"accel.pulse_mps = 0.0005", "accel.pulse_mps = -1", "key 'accel.pulse_mps' = '-1': expected a number > 0"},
       {"counter.type = u32", "counter.type = i32", "key 'counter.type' = 'i32': expected an unsigned or floating type"},
-      {"counter.type = u32", "counter.type = u64", "key 'counter.type' = 'u64': expected a counter of at most 53 bits: a mask can leave the upper ones out"},
-      {"counter.type = u32", "counter.type = u8\ncounter.step = 100", "key 'counter.step' = '100': expected a step that divides the modulus into 4 samples or more"},
+      {"counter.type = u32", "counter.type = u64",
+       "key 'counter.type' = 'u64': expected a counter of at most 53 bits: a mask can leave the upper ones out"},
+      {"counter.type = u32", "counter.type = u8\ncounter.step = 100",
+       "key 'counter.step' = '100': expected a step that divides the modulus into 4 samples or more"},
       {"check = crc", "check = crc32", "key 'check' = 'crc32': expected none, sum8, sum16, sum32, xor8 or crc"},
       {"crc.width = 16", "crc.width = 12", "key 'crc.width' = '12': expected 8, 16, 24 or 32"},
       {"crc.width = 16", "crc.width = 8", "key 'crc.polynomial' = '0x1021': expected at most 8 bits"},
       {"line.baud = 115200", "line.baud = 7", "key 'line.baud' = '7': expected a whole number between 50 and 20000000"},
       {"line.baud = 115200", "line.speed = 7", "key 'line.speed' is unknown"},
-      {"line.baud = 115200", "temperature.when = 1", "key 'temperature.when' = '1': expected a key mux.offset beside it"},
+      {"line.baud = 115200", "temperature.when = 1",
+       "key 'temperature.when' = '1': expected a key mux.offset beside it"},
       {"line.baud = 115200", "variants =", "key 'variants' = '': expected names separated by commas"},
       {"line.baud = 115200", "variants = a, b", "key 'variants' = 'a, b': expected a key id.offset beside it"},
-      {"line.baud = 115200", "variants = a, b\nid.offset = 33\na.id.value = 1\nb.id.value = 1", "key 'variants' = 'a, b': expected another id for each variant"},
+      {"line.baud = 115200", "variants = a, b\nid.offset = 33\na.id.value = 1\nb.id.value = 1",
+       "key 'variants' = 'a, b': expected another id for each variant"},
   };
   for (const BadDescription& bad : cases) {
     std::string text(builtin_frame_text("laser_gyro"));
@@ -108,9 +128,10 @@ TEST(FrameDescription, AMissingKeyIsNamed) {
 }
 
 TEST(FrameDescription, AnUnknownNameShowsTheKnownOnes) {
-  EXPECT_ERROR(find_frame("stim"),
-               "frame 'stim' is not known: expected one of f32_bddb0a, f64_55aa34, kvh1750, laser_gyro, novatel_rawimusx, "
-               "pulses_9966, stim300, or a file (with '/' or '.frame' in its name)");
+  EXPECT_ERROR(
+      find_frame("stim"),
+      "frame 'stim' is not known: expected one of f32_bddb0a, f64_55aa34, kvh1750, laser_gyro, novatel_rawimusx, "
+      "pulses_9966, stim300, or a file (with '/' or '.frame' in its name)");
   EXPECT_FALSE(find_frame("./not-there.frame").ok());
 }
 

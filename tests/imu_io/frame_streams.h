@@ -21,7 +21,8 @@ using Bytes = std::vector<std::byte>;
 inline Bytes from_hex(std::string_view hex) {
   Bytes bytes;
   const auto digit = [](char c) { return static_cast<unsigned>(c <= '9' ? c - '0' : c - 'A' + 10); };
-  for (std::size_t i = 0; i + 1 < hex.size(); i += 2) bytes.push_back(static_cast<std::byte>(digit(hex[i]) << 4 | digit(hex[i + 1])));
+  for (std::size_t i = 0; i + 1 < hex.size(); i += 2)
+    bytes.push_back(static_cast<std::byte>(digit(hex[i]) << 4 | digit(hex[i + 1])));
   return bytes;
 }
 
@@ -40,7 +41,8 @@ inline FrameDescription frame_with(const std::string& name, const std::vector<st
     const std::size_t end = rest.find('\n');
     const std::string_view line = rest.substr(0, end);
     rest.remove_prefix(end == std::string_view::npos ? rest.size() : end + 1);
-    const bool replaced = std::any_of(lines.begin(), lines.end(), [&](const std::string& l) { return key_of(l) == key_of(line); });
+    const bool replaced =
+        std::any_of(lines.begin(), lines.end(), [&](const std::string& l) { return key_of(l) == key_of(line); });
     if (!replaced) text += std::string(line) + "\n";
   }
   for (const std::string& line : lines) text += line + "\n";

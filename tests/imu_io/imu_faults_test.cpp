@@ -325,8 +325,9 @@ TEST(ImuFaults, AnImpossibleNumberIsFlagged) {
 }
 
 TEST(ImuFaults, SignOf24BitsAndWrapOfCumulativeFields) {
-  const FrameDescription frame = frame_with("laser_gyro", {"gyro.type = i24", "gyro.offset = 6, 9, 12", "gyro.kind = cumulative",
-                                                           "accel.type = i24", "accel.offset = 18, 21, 24"});
+  const FrameDescription frame =
+      frame_with("laser_gyro", {"gyro.type = i24", "gyro.offset = 6, 9, 12", "gyro.kind = cumulative",
+                                "accel.type = i24", "accel.offset = 18, 21, 24"});
   std::vector<ImuSample> sent(200);
   for (std::size_t i = 0; i < sent.size(); ++i) {
     sent[i].counter = static_cast<std::int64_t>(i);
@@ -348,7 +349,8 @@ TEST(ImuFaults, SignOf24BitsAndWrapOfCumulativeFields) {
 }
 
 TEST(ImuFaults, ACumulativeFieldMayWrapAtAModulusOfItsOwn) {
-  const FrameDescription frame = frame_with("laser_gyro", {"gyro.type = u32", "gyro.kind = cumulative", "gyro.modulus = 1000000"});
+  const FrameDescription frame =
+      frame_with("laser_gyro", {"gyro.type = u32", "gyro.kind = cumulative", "gyro.modulus = 1000000"});
   std::vector<ImuSample> sent(50);
   for (std::size_t i = 0; i < sent.size(); ++i) {
     sent[i].counter = static_cast<std::int64_t>(i);

@@ -141,7 +141,9 @@ TEST(KeyValue, DefectsOfTheTextItself) {
 }
 
 TEST(KeyValue, AcceptsByteOrderMarkAndMissingLastLineEnd) {
-  auto file = parsed("\xEF\xBB\xBF" "a = 1\nb = 2");
+  auto file = parsed(
+      "\xEF\xBB\xBF"
+      "a = 1\nb = 2");
   EXPECT_EQ(file.number("a") + file.number("b"), 3.0);
   ASSERT_OK(file.check_all_used());
 }

@@ -6,8 +6,8 @@
 #include <limits>
 #include <random>
 
-#include "imu_io/recordings/binary_layout.h"
 #include "imu_io/base/record_log.h"
+#include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "recording_samples.h"
@@ -89,7 +89,9 @@ struct DamageTest : testing::Test {
   // Contiguous, inside the samples, and no dwell that was not one, nor one with other angles.
   void expect_honest(const Segments& read, std::int64_t first, std::int64_t last) const {
     for (std::size_t i = 0; i < read.size(); ++i) {
-      if (i > 0) { ASSERT_EQ(read[i].start_sample, read[i - 1].end_sample); }
+      if (i > 0) {
+        ASSERT_EQ(read[i].start_sample, read[i - 1].end_sample);
+      }
       ASSERT_LT(read[i].start_sample, read[i].end_sample);
       ASSERT_GE(read[i].start_sample, first);
       ASSERT_LE(read[i].end_sample, last + 1);

@@ -59,10 +59,9 @@ inline bool same(const ImuSample& a, const ImuSample& b) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     if (bits(a.gyro[axis]) != bits(b.gyro[axis]) || bits(a.accel[axis]) != bits(b.accel[axis])) return false;
   }
-  const bool same_temperature = std::isnan(a.temperature_c)
-                                    ? std::isnan(b.temperature_c)
-                                    : std::bit_cast<std::uint32_t>(a.temperature_c) ==
-                                          std::bit_cast<std::uint32_t>(b.temperature_c);
+  const bool same_temperature = std::isnan(a.temperature_c) ? std::isnan(b.temperature_c)
+                                                            : std::bit_cast<std::uint32_t>(a.temperature_c) ==
+                                                                  std::bit_cast<std::uint32_t>(b.temperature_c);
   return a.counter == b.counter && a.flags == b.flags && same_temperature;
 }
 

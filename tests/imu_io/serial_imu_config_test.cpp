@@ -20,8 +20,9 @@ Result<SerialImuConfig> parse(const std::string& text, const std::string& name =
 }
 
 TEST(SerialImuConfig, ReadsEveryKey) {
-  const auto config = parse("imu.device = /dev/serial/by-id/x\nimu.frame = laser_gyro\nimu.unit_serial = RLG-7\nimu.baud = 460800\n"
-                            "imu.accel_pulse_mps = 0.00049\nimu.simulated = true\nimu.speedup = 20\n");
+  const auto config = parse(
+      "imu.device = /dev/serial/by-id/x\nimu.frame = laser_gyro\nimu.unit_serial = RLG-7\nimu.baud = 460800\n"
+      "imu.accel_pulse_mps = 0.00049\nimu.simulated = true\nimu.speedup = 20\n");
   ASSERT_OK(config);
   EXPECT_EQ(config->settings.device, "/dev/serial/by-id/x");
   EXPECT_EQ(config->frame.name, "laser_gyro");
@@ -51,7 +52,8 @@ TEST(SerialImuConfig, OneLineForEachMistake) {
   EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = laser_gyro\nimu.speedup = 20\n"),
                "a.station:3: key 'imu.speedup' = '20': expected 1 unless imu.simulated is true");
   EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = stim300\nimu.accel_pulse_mps = 1\n"),
-               "a.station:3: key 'imu.accel_pulse_mps' = '1': expected no such key: the frame's accelerometers do not send pulses");
+               "a.station:3: key 'imu.accel_pulse_mps' = '1': expected no such key: the frame's accelerometers do not "
+               "send pulses");
   const auto unknown = parse("imu.device = /dev/x\nimu.frame = stim\n");
   ASSERT_FALSE(unknown.ok());
   EXPECT_TRUE(unknown.error().message.starts_with(

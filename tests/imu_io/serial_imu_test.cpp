@@ -9,8 +9,8 @@
 
 #include "frame_streams.h"
 #include "imu_io/base/deadline.h"
-#include "imu_io/units/frame_streamer.h"
 #include "imu_io/lines/pty.h"
+#include "imu_io/units/frame_streamer.h"
 
 namespace turncal {
 namespace {
@@ -105,7 +105,8 @@ TEST_F(SerialImuTest, DeliversWhatTheUnitSends) {
   send(0, 50);
   ASSERT_OK(drain(imu));
   ASSERT_EQ(samples.size(), 50U);
-  for (std::int64_t i = 0; i < 50; ++i) EXPECT_TRUE(same_values(samples[static_cast<std::size_t>(i)], CountingSource::sample(i)));
+  for (std::int64_t i = 0; i < 50; ++i)
+    EXPECT_TRUE(same_values(samples[static_cast<std::size_t>(i)], CountingSource::sample(i)));
   EXPECT_EQ(imu.counters().samples, 50U);
   EXPECT_EQ(imu.counters().bad_frames, 0U);
 }
@@ -282,7 +283,8 @@ TEST_F(SerialImuTest, AWrongRateIsFoundOut) {
   }
   ASSERT_FALSE(status.ok());
   EXPECT_EQ(status.error().kind, ErrorKind::device);
-  EXPECT_NE(status.error().message.find("the frame description says every 0.5 s"), std::string::npos) << status.error().message;
+  EXPECT_NE(status.error().message.find("the frame description says every 0.5 s"), std::string::npos)
+      << status.error().message;
 }
 
 TEST_F(SerialImuTest, StreamedFramesComeAtTheUnitsPace) {

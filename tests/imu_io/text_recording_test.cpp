@@ -188,8 +188,9 @@ TEST_F(TextTest, CsvValueDefects) {
                 ":3: column temperature_c = 'warm': expected a number in degrees Celsius, or nothing when it was "
                 "not measured");
   EXPECT_EQ(csv_defect("24.001", "NaN"),
-            csv_path + ":3: column temperature_c = 'NaN': expected a number in degrees Celsius, or nothing when it was "
-                       "not measured");
+            csv_path +
+                ":3: column temperature_c = 'NaN': expected a number in degrees Celsius, or nothing when it was "
+                "not measured");
   EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,0"), csv_path + ":3: 7 columns: expected 8");
   EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,0,24.001,9"), csv_path + ":3: 9 columns: expected 8");
   EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", ""), csv_path + ":3: 1 columns: expected 8");
@@ -235,8 +236,9 @@ TEST_F(TextTest, LineWithoutEndIsNotReadIntoMemory) {
 
 TEST_F(TextTest, SegmentDefects) {
   EXPECT_EQ(segments_defect("start_sample,end_sample", "end_sample,start_sample"),
-            segments_path + ":1: header 'step,kind,end_sample,start_sample,heading_deg,pitch_deg,roll...': expected "
-                            "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg");
+            segments_path +
+                ":1: header 'step,kind,end_sample,start_sample,heading_deg,pitch_deg,roll...': expected "
+                "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg");
   EXPECT_EQ(segments_defect("rotate", "moving"),
             segments_path + ":3: column kind = 'moving': expected align, static or rotate");
   EXPECT_EQ(segments_defect("1,align", "x,align"),
@@ -263,8 +265,9 @@ TEST_F(TextTest, SegmentDefects) {
             segments_path + ":4: the last line is cut off: expected a line end");
   EXPECT_EQ(segments_defect("1,align,0,2,-90,0,0", "1,align,0,2,-90,0"), segments_path + ":2: 6 columns: expected 7");
   write_file(segments_path, "");
-  EXPECT_EQ(defect(), segments_path + ": empty file: expected the header step,kind,start_sample,end_sample,heading_deg,"
-                                      "pitch_deg,roll_deg");
+  EXPECT_EQ(defect(), segments_path +
+                          ": empty file: expected the header step,kind,start_sample,end_sample,heading_deg,"
+                          "pitch_deg,roll_deg");
   std::filesystem::remove(segments_path);
   EXPECT_EQ(defect(), segments_path + ": cannot open: No such file or directory");
 }
@@ -443,7 +446,9 @@ TEST(ImuCsvRow, TemperaturesComeBackBitForBit) {
     row.append(64, '7');
     const char* at = row.data();
     ImuSample fast;
-    if (parser.parse_plain(at, fast)) { ASSERT_TRUE(same(fast, sample)) << row; }
+    if (parser.parse_plain(at, fast)) {
+      ASSERT_TRUE(same(fast, sample)) << row;
+    }
   }
 }
 

@@ -7,8 +7,8 @@
 
 #include "frame_streams.h"
 #include "imu_io/base/deadline.h"
-#include "imu_io/units/frame_streamer.h"
 #include "imu_io/lines/pty.h"
+#include "imu_io/units/frame_streamer.h"
 #include "imu_io/units/serial_imu.h"
 #include "turntable_drivers/rig/rig.h"
 #include "turntable_drivers/rig/rig_imu.h"

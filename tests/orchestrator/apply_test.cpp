@@ -18,13 +18,17 @@ class Apply : public Program {};
 // With the effect in the file, what is left in the calibrated increments is the effect-free unit: the x accelerometer up and
 // down reads g both ways. Without it the two differ by twice the square term.
 TEST_F(Apply, TakesEffectsOff) {
-  write("k2.rig", "effect.accel_second_order.x = 200\nnoise.gyro_random_walk_deg_per_rt_h = 0\n"
-                  "noise.accel_random_walk_ug_per_rt_hz = 0\nnoise.gyro_bias_instability_degph = 0\n"
-                  "noise.accel_bias_instability_ug = 0\ntable_error.random_arcmin = 0\n");
-  write("up.seq", "format = 1\nname = up\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 90 R 0\n"
-                  "  align 4000\n  rotate P -180\n  dwell 4000\n");
-  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN7", "--out", "k2", "--capture-only", "--rig", path("k2.rig"), "--sequence",
-                 path("up.seq")}).code, 0);
+  write("k2.rig",
+        "effect.accel_second_order.x = 200\nnoise.gyro_random_walk_deg_per_rt_h = 0\n"
+        "noise.accel_random_walk_ug_per_rt_hz = 0\nnoise.gyro_bias_instability_degph = 0\n"
+        "noise.accel_bias_instability_ug = 0\ntable_error.random_arcmin = 0\n");
+  write("up.seq",
+        "format = 1\nname = up\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 90 R 0\n"
+        "  align 4000\n  rotate P -180\n  dwell 4000\n");
+  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN7", "--out", "k2", "--capture-only", "--rig", path("k2.rig"),
+                 "--sequence", path("up.seq")})
+                .code,
+            0);
   KeyValueFile truth = *KeyValueFile::parse(file_text(folder_ / "k2/truth.conf"), "truth.conf");
   ParameterFile file;
   ASSERT_TRUE(RecordingSource::open(path("k2")).ok());
@@ -54,7 +58,9 @@ TEST_F(Apply, TakesEffectsOff) {
       x.push_back(std::stod(cell));
     }
     const auto mean = [&](std::size_t first) {
-      return std::accumulate(x.begin() + static_cast<std::ptrdiff_t>(first), x.begin() + static_cast<std::ptrdiff_t>(first + 3000), 0.0) / 3000.0;
+      return std::accumulate(x.begin() + static_cast<std::ptrdiff_t>(first),
+                             x.begin() + static_cast<std::ptrdiff_t>(first + 3000), 0.0) /
+             3000.0;
     };
     return 0.5 * (mean(500) + mean(x.size() - 3500)) / 0.005 / 9.80665e-6;
   };

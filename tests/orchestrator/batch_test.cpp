@@ -5,8 +5,8 @@
 #include <chrono>
 
 #include "imu_io/lines/pty.h"
-#include "orchestrator/station/hooks.h"
 #include "orchestrator/records/unit_queue.h"
+#include "orchestrator/station/hooks.h"
 
 namespace turncal {
 namespace {
@@ -17,10 +17,16 @@ class Batch : public Program {
  protected:
   static std::string station(const std::string& more = "") {
     return "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
-           "motion.settle_s = 0.5\n" + more;
+           "motion.settle_s = 0.5\n" +
+           more;
   }
   std::vector<std::string> batch(std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {"batch", "queue", "--dry-run", "--out", "units", "--sequence",
+    std::vector<std::string> arguments = {"batch",
+                                          "queue",
+                                          "--dry-run",
+                                          "--out",
+                                          "units",
+                                          "--sequence",
                                           std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
@@ -119,12 +125,15 @@ TEST_F(Batch, HooksAreCalledWithWhatHappened) {
   const std::string tell = "echo \"$TURNCAL_EVENT $TURNCAL_UNIT $TURNCAL_DRY_RUN $TURNCAL_MESSAGE\" >> told; exit 3";
   const std::string hooks = "hook.done = " + tell + "\nhook.fail = " + tell + "\nhook.needs_operator = " + tell + "\n";
   write("queue", "SN1\n");
-  EXPECT_EQ(run(batch({"--station", write("good.station", station(hooks))})).code, 0) << "a hook's code is not the run's";
+  EXPECT_EQ(run(batch({"--station", write("good.station", station(hooks))})).code, 0)
+      << "a hook's code is not the run's";
   write("queue", "SN2\n");
   EXPECT_EQ(run(batch({"--station", write("strict.station", station(hooks + "limit.residual_max = 0.1\n"))})).code, 20);
   write("queue", "SN3\n");
   EXPECT_EQ(run(batch({"--station", path("good.station"), "--rig",
-                       write("estop.rig", "fault.1.kind = emergency_stop\nfault.1.time_s = 30\n")})).code, 50);
+                       write("estop.rig", "fault.1.kind = emergency_stop\nfault.1.time_s = 30\n")}))
+                .code,
+            50);
   const std::string told = file_text(folder_ / "told");
   EXPECT_EQ(told.find("done SN1 true \nfail SN2 true unit SN2 does not keep its limits"), 0u) << told;
   EXPECT_NE(told.find("needs_operator SN3 true step 1"), std::string::npos) << told;
@@ -141,9 +150,11 @@ class Mounting : public Batch {
   }
   ProgramResult live(const std::string& hooks, const std::string& input = "/dev/null") const {
     const fs::path map = std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/twin.map";
-    write("live.station", "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
-                              fs::relative(map, folder_).string() +
-                              "\ntable.address = 127.0.0.1:1\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\n" + hooks);
+    write("live.station",
+          "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
+              fs::relative(map, folder_).string() +
+              "\ntable.address = 127.0.0.1:1\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\n" +
+              hooks);
     const int keep = ::dup(0), given = ::open(input.c_str(), O_RDONLY | O_NOCTTY);
     ::dup2(given, 0);
     ProgramResult result = run({"batch", "queue", "--out", "units", "--station", "live.station"});
@@ -168,7 +179,9 @@ const std::string told_hook = "hook.needs_operator = echo \"$TURNCAL_UNIT $TURNC
 TEST_F(Mounting, NobodyToAskEndsTheBatchBeforeTheFirstUnit) {
   const ProgramResult result = live(told_hook);
   EXPECT_EQ(result.code, 75) << result.err;
-  EXPECT_NE(result.err.find("unit SN1 is not mounted: nobody to ask: expected a terminal, or hook.mount"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("unit SN1 is not mounted: nobody to ask: expected a terminal, or hook.mount"),
+            std::string::npos)
+      << result.err;
   EXPECT_EQ(file_text(folder_ / "told").find("SN1 unit SN1 is not mounted"), 0u);
   EXPECT_EQ(outcomes(), "");
   EXPECT_FALSE(fs::exists(folder_ / "units"));
@@ -194,7 +207,8 @@ TEST_F(Mounting, HookMountsOrStopsTheBatch) {
 TEST_F(Mounting, OperatorMountsSkipsOrQuits) {
   const ProgramResult mounted = typed("\n");
   EXPECT_EQ(mounted.code, 50) << mounted.err;
-  EXPECT_NE(mounted.out.find("Mount unit SN1, then press Enter (or skip REASON, quit)"), std::string::npos) << mounted.out;
+  EXPECT_NE(mounted.out.find("Mount unit SN1, then press Enter (or skip REASON, quit)"), std::string::npos)
+      << mounted.out;
   const ProgramResult quit = typed("skip\nyes\nskip a bent pin\nquit\n");
   EXPECT_EQ(quit.code, 75) << quit.err;
   EXPECT_NE(quit.err.find("unit SN2 is not mounted: the operator quit"), std::string::npos) << quit.err;

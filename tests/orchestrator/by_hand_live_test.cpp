@@ -20,7 +20,8 @@ class ServedUnit {
     Result<Pty> line = Pty::create(link);
     EXPECT_TRUE(line.ok());
     line_ = std::move(*line);
-    const Result<FrameDescription> frame = read_frame_description(std::string(TURNCAL_SOURCE_DIR) + "/imu_io/frames/laser_gyro.frame");
+    const Result<FrameDescription> frame =
+        read_frame_description(std::string(TURNCAL_SOURCE_DIR) + "/imu_io/frames/laser_gyro.frame");
     EXPECT_TRUE(frame.ok());
     streamer_ = std::make_unique<FrameStreamer>(unit_, *frame, line_, speed_up, 1.0);
     thread_ = std::thread([this] { serve(); });
@@ -67,14 +68,17 @@ class ServedUnit {
 class ByHandLive : public OperatedProgram {};
 
 TEST_F(ByHandLive, WholeRunWithAWrongAxisASlowTurnAndALeave) {
-  write("short.seq", "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1 \"up\"\n  initial H 0 P 0 R 0\n"
-                     "  align 1000\n  rotate P +90\n  dwell 1000\n  rotate R -90\n  dwell 1000\n");
+  write("short.seq",
+        "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1 \"up\"\n  initial H 0 P 0 R 0\n"
+        "  align 1000\n  rotate P +90\n  dwell 1000\n  rotate R -90\n  dwell 1000\n");
   // The table is the one of twin.station as far as --manual is concerned: any will do.
-  write("hand.station", "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
-                            std::filesystem::relative(std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/twin.map", folder_).string() +
-                            "\ntable.simulated = true\nimu.driver = serial\nimu.device = unit\nimu.frame = laser_gyro\n"
-                            "imu.simulated = true\nclock.speed_up = 20\nimu.timeout_s = 600\nmotion.deadline_margin_s = 600\n"
-                            "motion.stall_s = 600\nresume.rest_s = 5\ntable.answer_timeout_s = 86400\n");
+  write("hand.station",
+        "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
+            std::filesystem::relative(std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/twin.map", folder_)
+                .string() +
+            "\ntable.simulated = true\nimu.driver = serial\nimu.device = unit\nimu.frame = laser_gyro\n"
+            "imu.simulated = true\nclock.speed_up = 20\nimu.timeout_s = 600\nmotion.deadline_margin_s = 600\n"
+            "motion.stall_s = 600\nresume.rest_s = 5\ntable.answer_timeout_s = 86400\n");
   ServedUnit unit(path("unit"));
   int asked = 0, objections = 0;
   const auto turns = [&](const std::string& line) -> std::optional<std::string> {
@@ -99,8 +103,9 @@ TEST_F(ByHandLive, WholeRunWithAWrongAxisASlowTurnAndALeave) {
     unit.turn(Axis::pitch, q->target_deg + 0.04, 1.0);
     return std::to_string(q->target_deg + 0.04);
   };
-  const Session left = operate({"run", "--manual", "--station", "hand.station", "--unit", "SN1", "--out", "r", "--sequence", "short.seq",
-                                "--capture-only"}, turns);
+  const Session left = operate({"run", "--manual", "--station", "hand.station", "--unit", "SN1", "--out", "r",
+                                "--sequence", "short.seq", "--capture-only"},
+                               turns);
   EXPECT_EQ(left.code, 75) << left.err << left.out;
   EXPECT_GE(objections, 1) << left.out;
   EXPECT_EQ(asked, 5);

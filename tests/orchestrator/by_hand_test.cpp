@@ -14,18 +14,22 @@ class ByHand : public OperatedProgram {
  protected:
   void SetUp() override {
     OperatedProgram::SetUp();
-    write("short.seq", "format = 1\nname = short\nrate_degps = 30\nacceleration_degps2 = 60\n"
-                       "step 1 \"up and down\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 1000\n"
-                       "step 2 \"on the side\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate R -90\n  dwell 1000\n");
+    write("short.seq",
+          "format = 1\nname = short\nrate_degps = 30\nacceleration_degps2 = 60\n"
+          "step 1 \"up and down\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 1000\n"
+          "step 2 \"on the side\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate R -90\n  dwell 1000\n");
     station("");
   }
   void station(const std::string& more) const {
-    write("hand.station", "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
-                          "resume.rest_s = 20\n" + more);
+    write("hand.station",
+          "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
+          "resume.rest_s = 20\n" +
+              more);
   }
   std::vector<std::string> short_run(std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {"run", "--manual", "--dry-run", "--unit", "SN1", "--out", "r", "--station", "hand.station",
-                                          "--sequence", "short.seq", "--capture-only"};
+    std::vector<std::string> arguments = {"run",          "--manual",   "--dry-run", "--unit",
+                                          "SN1",          "--out",      "r",         "--station",
+                                          "hand.station", "--sequence", "short.seq", "--capture-only"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
   }
@@ -75,7 +79,8 @@ class ByHand : public OperatedProgram {
 // The estimator must not take the table's word: 0.05 deg are 180 arcsec, a thousand times the sigma of an installation angle.
 TEST_F(ByHand, FourteenStepsGiveTheUnitsParametersWhateverTheAnglesAre) {
   Careful careful;
-  const Session session = operate({"run", "--manual", "--dry-run", "--unit", "SN1", "--out", "r", "--no-diagnosis"}, std::ref(careful));
+  const Session session =
+      operate({"run", "--manual", "--dry-run", "--unit", "SN1", "--out", "r", "--no-diagnosis"}, std::ref(careful));
   ASSERT_EQ(session.code, 0) << session.err;
   EXPECT_GT(careful.asked, 55);
   auto found = numbers("r/parameters.conf"), truth = numbers("r/truth.conf");
@@ -95,11 +100,13 @@ TEST_F(ByHand, QuestionSaysWhatWhereHowFarAndWhy) {
   const Session session = operate(short_run(), std::ref(careful));
   ASSERT_EQ(session.code, 0) << session.err;
   EXPECT_EQ(careful.asked, 3 + 3) << session.out << "homing, two moves, back from one";
-  const std::size_t reason = session.out.rfind("[dry run] Step 2 of 2, on the side: "), turn = session.out.find("Turn roll from ");
+  const std::size_t reason = session.out.rfind("[dry run] Step 2 of 2, on the side: "),
+                    turn = session.out.find("Turn roll from ");
   ASSERT_NE(reason, std::string::npos) << session.out;
   EXPECT_LT(reason, turn);
   const std::string asked = session.out.substr(reason, 400);
-  for (const char* words : {" % done, 1 turns and about 0:00:", " left, until 2026-01-01T00:0", " to -90 deg, ", " deg backward (its angle falls); then type"}) {
+  for (const char* words : {" % done, 1 turns and about 0:00:", " left, until 2026-01-01T00:0", " to -90 deg, ",
+                            " deg backward (its angle falls); then type"}) {
     EXPECT_NE(asked.find(words), std::string::npos) << words << "\n" << asked;
   }
 }
@@ -109,7 +116,8 @@ TEST_F(ByHand, WrongAnswersAreAskedAgain) {
   int turns = 0, refused = 0, objections = 0;
   const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
     const auto q = question(line);
-    if (line.find("deg away from 90: expected at most 0.1") != std::string::npos) return ++refused == 1 ? "89.8" : "turn roll 90\nsay 90";
+    if (line.find("deg away from 90: expected at most 0.1") != std::string::npos)
+      return ++refused == 1 ? "89.8" : "turn roll 90\nsay 90";
     if (line.find("The unit senses gravity ") != std::string::npos) return ++objections, "turn roll 0\n90.02";
     if (q && q->target_deg == 90.0 && ++turns == 1) return "0.02";
     return careful(line);
@@ -157,7 +165,8 @@ TEST_F(ByHand, PauseAndLeaveAndGoOnAnotherDay) {
   EXPECT_EQ(resumed.code, 0) << resumed.err << resumed.out;
   EXPECT_EQ(asked, 3);
   EXPECT_NE(resumed.out.find("rests for 20 s"), std::string::npos);
-  EXPECT_NE(resumed.out.find("Turn pitch from 30 to 90 deg"), std::string::npos) << "back to where the last dwell stood";
+  EXPECT_NE(resumed.out.find("Turn pitch from 30 to 90 deg"), std::string::npos)
+      << "back to where the last dwell stood";
   EXPECT_GT(dwells_done(), done);
   expect_tagged(resumed.out);
 }
@@ -207,7 +216,8 @@ TEST_F(ByHand, NoAnswerPausesWaitsWithoutSpinningAndLeaves) {
   EXPECT_EQ(paused, 2);
   EXPECT_NE(session.err.find("paused for longer than 2 s"), std::string::npos) << session.err;
   // The rig's time stands still meanwhile: "...Z      22.605 s  step". A loop that spins passes hours of it.
-  const std::size_t unit = session.out.find(" s  step", session.out.rfind("Z  ", session.out.find("stopping -> interrupted")));
+  const std::size_t unit =
+      session.out.find(" s  step", session.out.rfind("Z  ", session.out.find("stopping -> interrupted")));
   ASSERT_NE(unit, std::string::npos) << session.out;
   EXPECT_LT(std::atof(session.out.substr(unit - 11, 11).c_str()), 100.0);
   expect_resumed_to_the_end();
@@ -215,13 +225,15 @@ TEST_F(ByHand, NoAnswerPausesWaitsWithoutSpinningAndLeaves) {
 
 // A turn of six minutes, and an answer file instead of a person.
 TEST_F(ByHand, SlowTurnAndAnswersFromAFile) {
-  write("short.seq", "format = 1\nname = slow\nrate_degps = 0.25\nacceleration_degps2 = 1\nstep 1 \"slow\"\n  initial H 0 P 0 R 0\n"
-                     "  align 1000\n  rotate P +90\n  dwell 1000\n");
+  write("short.seq",
+        "format = 1\nname = slow\nrate_degps = 0.25\nacceleration_degps2 = 1\nstep 1 \"slow\"\n  initial H 0 P 0 R 0\n"
+        "  align 1000\n  rotate P +90\n  dwell 1000\n");
   write("answers", "0\n0\n0\n90.01\n");
   std::string shell;
   for (const std::string& argument : short_run()) shell += " " + argument;
   const std::string log = path("log");
-  const int code = std::system(("cd " + folder_.string() + " && " + TURNCAL_BINARY + shell + " < answers > log 2>&1").c_str());
+  const int code =
+      std::system(("cd " + folder_.string() + " && " + TURNCAL_BINARY + shell + " < answers > log 2>&1").c_str());
   EXPECT_EQ(WEXITSTATUS(code), 0) << file_text(log);
   EXPECT_NE(file_text(log).find("Dry run complete"), std::string::npos) << file_text(log);
   expect_tagged(file_text(log));

@@ -32,9 +32,8 @@ struct Outcome {
 class Check : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("turncal_check_" + std::to_string(::getpid()) + "_" +
-               testing::UnitTest::GetInstance()->current_test_info()->name());
+    folder_ = std::filesystem::temp_directory_path() / ("turncal_check_" + std::to_string(::getpid()) + "_" +
+                                                        testing::UnitTest::GetInstance()->current_test_info()->name());
     std::filesystem::create_directories(folder_);
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
@@ -87,8 +86,7 @@ TEST_F(Check, PrintsEveryMoveAndDwellWithItsTime) {
         "0:01:00 rotate roll 0 -> 360 10 deg/s 20 deg/s^2 37.0 s", "0:01:37 dwell 100.0 s 20000 samples",
         "0:03:17 rotate roll 360 -> 0 10 deg/s 20 deg/s^2 37.0 s to the initial position",
         "0:03:54 align 1.0 s 200 samples", "roll 0 to 360 -540 to 540 360 / 720 720",
-        "heading 0 to 0 -540 to 540 0 / 720 0",
-        "Moves 2", "Dwells 3 (2 alignments, 1 static)", "Samples 47000",
+        "heading 0 to 0 -540 to 540 0 / 720 0", "Moves 2", "Dwells 3 (2 alignments, 1 static)", "Samples 47000",
         "Total time 0:03:55 (235 s), of it moving 0:01:14 (74 s)", "The station can run this sequence."}) {
     EXPECT_TRUE(has_line(outcome.out, line)) << line << "\n" << outcome.out;
   }

@@ -30,9 +30,14 @@ class CommandLine : public Program {
 };
 
 TEST_F(CommandLine, HelpAndVersionAreNoErrors) {
-  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
-           {"--help"}, {"--version"}, {"run", "--help"}, {"check", "--help"}, {"import", "--help"}, {"export", "--help"},
-           {"calibrate", "--help"}, {"apply", "--help"}}) {
+  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{{"--help"},
+                                                                                         {"--version"},
+                                                                                         {"run", "--help"},
+                                                                                         {"check", "--help"},
+                                                                                         {"import", "--help"},
+                                                                                         {"export", "--help"},
+                                                                                         {"calibrate", "--help"},
+                                                                                         {"apply", "--help"}}) {
     const ProgramResult result = run(arguments);
     EXPECT_EQ(result.code, 0) << arguments.front();
     EXPECT_EQ(result.err, "");
@@ -123,7 +128,8 @@ TEST_F(CommandLine, CalibrateGivesWhatTheRunGave) {
     std::string kept;
     for (std::string line; std::getline(text, line);) {
       // record.*: what only the run knows.
-      if (!line.starts_with("time_utc") && !line.starts_with("checksum") && !line.starts_with("record.")) kept += line + "\n";
+      if (!line.starts_with("time_utc") && !line.starts_with("checksum") && !line.starts_with("record."))
+        kept += line + "\n";
     }
     return kept;
   };
@@ -173,7 +179,8 @@ TEST_F(CommandLine, ApplyRefusesWhatDoesNotBelong) {
             0);
   expect_refused({"apply", path("other"), "--parameters", demo + "/parameters.conf", "--out", "out.csv"}, "SN2");
   // Nowhere to write to.
-  expect_refused({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", "no/such/folder/out.csv"}, "folder");
+  expect_refused({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", "no/such/folder/out.csv"},
+                 "folder");
   expect_refused({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", demo}, "folder");
 }
 

@@ -25,8 +25,9 @@ TEST_F(Run, LeavesRecordingParametersTruthAndLog) {
   const ProgramResult result = run(dry_run("out/a/b"));
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_EQ(result.err, "");
-  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/a", "out/a/b", "out/a/b/journal.tcj",
-                                                 "out/a/b/parameters.conf", "out/a/b/recording.tcr", "out/a/b/run.log", "out/a/b/truth.conf"}));
+  EXPECT_EQ(everything(),
+            (std::set<std::string>{"out", "out/a", "out/a/b", "out/a/b/journal.tcj", "out/a/b/parameters.conf",
+                                   "out/a/b/recording.tcr", "out/a/b/run.log", "out/a/b/truth.conf"}));
   // Not on a terminal: no animation; every line of the run says that it is a dry run.
   EXPECT_EQ(result.out.find('\r'), std::string::npos);
   EXPECT_EQ(result.out.find('\x1b'), std::string::npos);
@@ -62,7 +63,8 @@ TEST_F(Run, SameSeedSameBytes) {
 TEST_F(Run, FourteenStepsAreBuiltIn) {
   const ProgramResult result = run({"run", "--dry-run", "--unit", "SN1", "--out", "full"});
   ASSERT_EQ(result.code, 0) << result.err;
-  EXPECT_NE(result.out.find("1:45:42 recorded (6342 s of station time)"), std::string::npos) << result.out.substr(0, 500);
+  EXPECT_NE(result.out.find("1:45:42 recorded (6342 s of station time)"), std::string::npos)
+      << result.out.substr(0, 500);
 }
 
 TEST_F(Run, TruthOfAnEffectIsWritten) {
@@ -86,7 +88,8 @@ TEST_F(Run, DeviceFaultIsExit50WithReasonAndPlace) {
   EXPECT_NE(result.err.find("step 1 (1/14) moving, pitch at"), std::string::npos) << result.err;
   EXPECT_NE(result.err.find("stall"), std::string::npos) << result.err;
   // What was captured stays, under a name that nothing takes for a recording; no result.
-  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/journal.tcj", "out/recording.partial.tcr", "out/run.log", "stuck.rig"}));
+  EXPECT_EQ(everything(),
+            (std::set<std::string>{"out", "out/journal.tcj", "out/recording.partial.tcr", "out/run.log", "stuck.rig"}));
   // And the folder is not used again.
   expect_refused(dry_run("out"), "already holds recording.partial.tcr");
 }
@@ -99,7 +102,9 @@ TEST_F(Run, FaultBeforeTheFirstSampleLeavesNothing) {
 
 TEST_F(Run, SignalsAreExit75AndStopTheTable) {
   // Long enough that the signal comes in the middle.
-  std::string text = "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 0 R 0\n  align 1000\n";
+  std::string text =
+      "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 0 R 0\n  align "
+      "1000\n";
   for (int i = 0; i < 1000; ++i) text += "  dwell 2000000\n";
   const std::string sequence = write("long.seq", text);
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
@@ -111,7 +116,9 @@ TEST_F(Run, SignalsAreExit75AndStopTheTable) {
     const ProgramResult result = finish(pid);
     EXPECT_EQ(result.code, 75) << result.err;
     EXPECT_EQ(result.err_lines(), 1) << result.err;
-    EXPECT_NE(result.err.find(signal == SIGINT ? ": paused; go on with: turncal resume " : ": told to end"), std::string::npos) << result.err;
+    EXPECT_NE(result.err.find(signal == SIGINT ? ": paused; go on with: turncal resume " : ": told to end"),
+              std::string::npos)
+        << result.err;
     EXPECT_NE(result.out.find("stopped_verified"), std::string::npos);
     EXPECT_FALSE(std::filesystem::exists(folder_ / out / "parameters.conf"));
   }
@@ -119,8 +126,9 @@ TEST_F(Run, SignalsAreExit75AndStopTheTable) {
 
 // `turncal run ... | head -1` and a terminal that is closed: the first goes on, the second stops the table and ends.
 TEST_F(Run, OutputThatNobodyReadsDoesNotKillIt) {
-  const std::string command = "cd " + folder_.string() + " && { " + TURNCAL_BINARY + " run --dry-run --unit SN1 --out out --sequence " +
-                              demo + "; echo $? > code; } | head -1 > /dev/null";
+  const std::string command = "cd " + folder_.string() + " && { " + TURNCAL_BINARY +
+                              " run --dry-run --unit SN1 --out out --sequence " + demo +
+                              "; echo $? > code; } | head -1 > /dev/null";
   ASSERT_EQ(std::system(command.c_str()), 0);
   EXPECT_EQ(file_text(folder_ / "code"), "0\n");
   EXPECT_TRUE(std::filesystem::exists(folder_ / "out/parameters.conf"));
@@ -168,13 +176,15 @@ TEST_F(Run, Refusals) {
   expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence", "missing.seq"}, "missing.seq");
   expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence", write("e.seq", "")}, "e.seq");
   expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence",
-                  write("nodwell.seq", "format = 1\nname = x\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
-                                       "  initial H 0 P 0 R 0\n  rotate P +90\n")},
+                  write("nodwell.seq",
+                        "format = 1\nname = x\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
+                        "  initial H 0 P 0 R 0\n  rotate P +90\n")},
                  "nodwell.seq");
   // More than the axis may turn.
   expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence",
-                  write("far.seq", "format = 1\nname = x\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
-                                   "  initial H 0 P 0 R 0\n  align 1000\n  rotate P +3000\n  dwell 1000\n")},
+                  write("far.seq",
+                        "format = 1\nname = x\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
+                        "  initial H 0 P 0 R 0\n  align 1000\n  rotate P +3000\n  dwell 1000\n")},
                  "far.seq:8");
   expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", write("file", "x")}, "expected a folder");
   expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", write("file", "x") + "/sub"}, "file");
@@ -195,7 +205,8 @@ TEST_F(Run, ARunIsNeverOverwritten) {
 TEST_F(Run, CaptureOnlyRecordsWithoutAResult) {
   const ProgramResult result = run(dry_run("out", {"--capture-only"}));
   ASSERT_EQ(result.code, 0) << result.err;
-  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/journal.tcj", "out/recording.tcr", "out/run.log", "out/truth.conf"}));
+  EXPECT_EQ(everything(),
+            (std::set<std::string>{"out", "out/journal.tcj", "out/recording.tcr", "out/run.log", "out/truth.conf"}));
 }
 
 }  // namespace

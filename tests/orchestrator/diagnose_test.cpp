@@ -28,8 +28,8 @@ class Diagnose : public Program {
   // A run on the rig, recorded only. An empty sequence: the fourteen steps.
   std::string rig_recording(const std::string& name, const std::string& rig, const std::string& sequence = "",
                             const std::string& unit = "SN1") const {
-    std::vector<std::string> arguments = {"run", "--dry-run", "--capture-only", "--unit", unit, "--out", name,
-                                          "--rig", write(name + ".rig", rig)};
+    std::vector<std::string> arguments = {"run", "--dry-run", "--capture-only",         "--unit", unit, "--out",
+                                          name,  "--rig",     write(name + ".rig", rig)};
     if (!sequence.empty()) {
       arguments.push_back("--sequence");
       arguments.push_back(std::string(TURNCAL_SOURCE_DIR) + "/sequences/" + sequence);
@@ -71,7 +71,8 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   EXPECT_NE(html.find("Simulated data"), std::string::npos);
   EXPECT_LT(html.size(), 3u << 20);
   // The terminal gets the same, short.
-  EXPECT_NE(result.out.find("verdict         Extended: one effect beyond the 24 parameters"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("verdict         Extended: one effect beyond the 24 parameters"), std::string::npos)
+      << result.out;
   EXPECT_NE(result.out.find("out/report.html"), std::string::npos);
   EXPECT_LE(std::count(result.out.begin(), result.out.end(), '\n'), 30 + 10);
 
@@ -83,7 +84,8 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   ::setenv("PATH", kept.c_str(), 1);
   EXPECT_EQ(without.code, 20);
   EXPECT_EQ(without.err, "");
-  EXPECT_NE(without.out.find("report without plots: no plots: gnuplot is not installed"), std::string::npos) << without.out;
+  EXPECT_NE(without.out.find("report without plots: no plots: gnuplot is not installed"), std::string::npos)
+      << without.out;
   EXPECT_EQ(entries(file_text(path("out/diagnosis.conf"))), conf);
   EXPECT_EQ(file_text(path("out/report.html")).find("<svg"), std::string::npos);
 }
@@ -116,7 +118,8 @@ TEST_F(Diagnose, RefusesInOneLine) {
   expect_refused({"diagnose", "rec"}, "--out");
   expect_refused({"diagnose", "missing", "--out", "out"}, "missing");
   expect_refused({"diagnose", "rec", "--out", "rec"}, "--out rec: is the folder of the recording rec");
-  expect_refused({"diagnose", "rec/recording.tcr", "--out", "./rec/"}, "is the folder of the recording rec/recording.tcr");
+  expect_refused({"diagnose", "rec/recording.tcr", "--out", "./rec/"},
+                 "is the folder of the recording rec/recording.tcr");
   expect_refused({"diagnose", "rec", "--holdout", "other", "--out", "other"}, "is the folder of the recording other");
   expect_refused({"diagnose", "rec", "--holdout", "missing", "--out", "out"}, "missing");
   expect_refused({"diagnose", "rec", "--holdout", "rec", "--out", "out"}, "rec: is the recording to be fitted itself");
@@ -126,7 +129,8 @@ TEST_F(Diagnose, RefusesInOneLine) {
   expect_refused({"diagnose", "rec", "--out", "out", "--arw", "0.002"}, "--arw and --vrw fix the noise together");
   expect_refused({"diagnose", "rec", "--out", "out", "--vrw", "8"}, "--arw and --vrw fix the noise together");
   expect_refused({"diagnose", "rec", "--out", "out", "--arw", "-1", "--vrw", "8"}, "--arw");
-  expect_refused({"diagnose", "rec", "--out", "out", "--gyro-bias-instability", "0.001"}, "expected --arw and --vrw with them");
+  expect_refused({"diagnose", "rec", "--out", "out", "--gyro-bias-instability", "0.001"},
+                 "expected --arw and --vrw with them");
 }
 
 TEST_F(Diagnose, RefusesARecordingWithoutRest) {
@@ -188,7 +192,9 @@ TEST_F(DiagnoseShared, UndeclaredEffectsLowerTheErrorOnTheHoldout) {
     EXPECT_EQ(conf.at("verdict"), "extended") << name;
     EXPECT_NE(conf.at("effects"), "") << name;
     EXPECT_LT(std::stod(conf.at("holdout.after")), std::stod(conf.at("holdout.before"))) << name;
-    EXPECT_LT(std::stod(conf.at("holdout.velocity_rms_after_mps")), std::stod(conf.at("holdout.velocity_rms_before_mps"))) << name;
+    EXPECT_LT(std::stod(conf.at("holdout.velocity_rms_after_mps")),
+              std::stod(conf.at("holdout.velocity_rms_before_mps")))
+        << name;
   }
 }
 

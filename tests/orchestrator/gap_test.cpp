@@ -5,23 +5,25 @@
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/records/recording_sink.h"
+#include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"
-#include "tests/imu_io/temporary_folder.h"
 
 namespace turncal {
 namespace {
 
 // The demo sequence on the rig, in sessions that each go on where the one before was stopped.
 struct GapStation : RigStation {
-  explicit GapStation(double rest_s) : RigStation(file_text(std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq")) {
+  explicit GapStation(double rest_s)
+      : RigStation(file_text(std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq")) {
     station.resume_rest_s = rest_s;
     devices.imu.describe(info);
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
   }
   RunOutcome session() {
     RecordingSink on_disk(folder.path());
-    StationRun run(devices.devices(), {sequence, plan, station, "SN1", resume}, on_disk, {&watcher, &stop_requests, {}, &kept});
+    StationRun run(devices.devices(), {sequence, plan, station, "SN1", resume}, on_disk,
+                   {&watcher, &stop_requests, {}, &kept});
     return run.run();
   }
   // Stopped at stop_s of the session, behind a dwell at least, and left alone for away_s.
@@ -44,7 +46,8 @@ struct GapStation : RigStation {
     const std::array<double, 24> truth = rig.truth_at_reference(output->mean_temperature_c.value_or(24.0));
     for (std::size_t i = 0; i < truth.size(); ++i) {
       if (!output->file.sigma[i]) continue;
-      EXPECT_LT(std::abs(output->file.parameters[static_cast<Eigen::Index>(i)] - truth[i]), 5.0 * *output->file.sigma[i])
+      EXPECT_LT(std::abs(output->file.parameters[static_cast<Eigen::Index>(i)] - truth[i]),
+                5.0 * *output->file.sigma[i])
           << parameter_keys[i];
     }
   }
@@ -95,7 +98,8 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
 
 // Cut in several places among dwells of 5 s, in which the noise hardly shows: the fit must find its way from the start values.
 TEST(Gap, SeveralAmongTheFirstDwells) {
-  for (const std::vector<double>& stops_s : {std::vector<double>{8.757, 41.560, 15.676, 55.946}, {27.087, 37.770, 13.896, 52.318}}) {
+  for (const std::vector<double>& stops_s :
+       {std::vector<double>{8.757, 41.560, 15.676, 55.946}, {27.087, 37.770, 13.896, 52.318}}) {
     GapStation s(2.0);
     for (const double stop_s : stops_s) ASSERT_NO_FATAL_FAILURE(s.interrupted_session(stop_s, 5.0));
     ASSERT_EQ(s.session().state, RunState::done);

@@ -6,9 +6,9 @@
 #include <map>
 
 #include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/devices/truth.h"
 #include "orchestrator/records/journal_file.h"
 #include "orchestrator/records/recording_sink.h"
-#include "orchestrator/devices/truth.h"
 #include "orchestrator/records/unit_queue.h"
 
 namespace turncal {
@@ -18,11 +18,13 @@ namespace fs = std::filesystem;
 
 const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
 const char* const station_head =
-    "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\nmotion.settle_s = 0.5\n";
+    "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = "
+    "rig\nmotion.settle_s = 0.5\n";
 
 class Group : public Program {
  protected:
-  std::vector<std::string> dry_run(const std::vector<std::string>& units, const std::string& out, std::vector<std::string> more = {}) const {
+  std::vector<std::string> dry_run(const std::vector<std::string>& units, const std::string& out,
+                                   std::vector<std::string> more = {}) const {
     std::vector<std::string> arguments = {"run", "--dry-run", "--out", out, "--sequence", demo};
     for (const std::string& unit : units) arguments.insert(arguments.end(), {"--unit", unit});
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -80,7 +82,8 @@ TEST_F(Group, AUnitThatIsUnpluggedLeavesTheOthersAsTheyWere) {
   ASSERT_EQ(run(dry_run(units, "good")).code, 0);
   for (const std::size_t gone : {0u, 1u, 2u}) {
     const std::string out = "out" + std::to_string(gone), number = std::to_string(gone + 1);
-    const std::string rig = write(out + ".rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = " + number + "\n");
+    const std::string rig =
+        write(out + ".rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = " + number + "\n");
     const ProgramResult result = run(dry_run(units, out, {"--rig", rig}));
     EXPECT_EQ(result.code, 50);
     EXPECT_EQ(result.err_lines(), 1) << result.err;
@@ -105,7 +108,8 @@ TEST_F(Group, AUnitThatIsUnpluggedLeavesTheOthersAsTheyWere) {
 }
 
 TEST_F(Group, AUnitThatFallsSilentDropsOut) {
-  const std::string rig = write("s.rig", "fault.1.kind = imu_silent\nfault.1.time_s = 100\nfault.1.duration_s = 60\nfault.1.unit = 2\n");
+  const std::string rig =
+      write("s.rig", "fault.1.kind = imu_silent\nfault.1.time_s = 100\nfault.1.duration_s = 60\nfault.1.unit = 2\n");
   const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
   EXPECT_EQ(result.code, 50);
   EXPECT_NE(result.err.find("unit SN2 dropped out at"), std::string::npos) << result.err;
@@ -114,20 +118,26 @@ TEST_F(Group, AUnitThatFallsSilentDropsOut) {
 }
 
 TEST_F(Group, SamplesLostAtRestRepeatTheDwellForAll) {
-  const std::string rig = write("lost.rig", "fault.1.kind = lost_sample\nfault.1.sample = 1700\nfault.1.count = 2\nfault.1.unit = 2\n");
+  const std::string rig =
+      write("lost.rig", "fault.1.kind = lost_sample\nfault.1.sample = 1700\nfault.1.count = 2\nfault.1.unit = 2\n");
   const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_NE(result.out.find("1 dwells repeated, 0 samples lost"), std::string::npos) << result.out;
   EXPECT_NE(result.out.find("1 dwells repeated, 2 samples lost"), std::string::npos) << result.out;
   EXPECT_NE(bytes("out/SN1/parameters.conf").find("record.repeated_dwells = 1"), std::string::npos);
   // As if it had been the only unit.
-  ASSERT_EQ(run(dry_run({"SN2"}, "alone", {"--rig", write("lost1.rig", "fault.1.kind = lost_sample\nfault.1.sample = 1700\nfault.1.count = 2\n")})).code, 0);
+  ASSERT_EQ(run(dry_run({"SN2"}, "alone",
+                        {"--rig",
+                         write("lost1.rig", "fault.1.kind = lost_sample\nfault.1.sample = 1700\nfault.1.count = 2\n")}))
+                .code,
+            0);
   EXPECT_EQ(fs::file_size(folder_ / "alone/recording.tcr"), fs::file_size(folder_ / "out/SN2/recording.tcr"));
 }
 
 TEST_F(Group, AUnitThatIsNeverGoodDropsOutAndTheLastAttemptCountsForTheOthers) {
   // Bad from the second dwell on: three attempts, of which the other unit's third is good.
-  const std::string rig = write("bad.rig", "fault.1.kind = invalid_sample\nfault.1.sample = 1700\nfault.1.count = 100000\nfault.1.unit = 1\n");
+  const std::string rig = write(
+      "bad.rig", "fault.1.kind = invalid_sample\nfault.1.sample = 1700\nfault.1.count = 100000\nfault.1.unit = 1\n");
   const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
   EXPECT_EQ(result.code, 50);
   EXPECT_NE(result.err.find("unit SN1 dropped out at step 1 (1/14) dwelling"), std::string::npos) << result.err;
@@ -138,8 +148,10 @@ TEST_F(Group, AUnitThatIsNeverGoodDropsOutAndTheLastAttemptCountsForTheOthers) {
 TEST_F(Group, AUnitThatDoesNotKeepItsLimitsFailsAlone) {
   // a11 of the three units: 1.052, 0.995, 1.036.
   const std::string told = "echo \"$TURNCAL_EVENT $TURNCAL_UNIT $TURNCAL_FOLDER\" >> " + path("told");
-  const std::string station = write("limits.station", station_head + std::string("limit.a11.min = 1.02\nrecord.database = r.db\nrecord.store = store\nhook.done = ") +
-                                                          told + "\nhook.fail = " + told + "\n");
+  const std::string station = write(
+      "limits.station",
+      station_head + std::string("limit.a11.min = 1.02\nrecord.database = r.db\nrecord.store = store\nhook.done = ") +
+          told + "\nhook.fail = " + told + "\n");
   const ProgramResult result = run(dry_run({"SN1", "SN2", "SN3"}, "out", {"--station", station}));
   EXPECT_EQ(result.code, 20);
   EXPECT_EQ(result.err_lines(), 1) << result.err;
@@ -176,7 +188,9 @@ TEST_F(Group, AnotherUnitThanAskedForIsLeftOutAndLeavesNothing) {
   const std::string rig = write("u.rig", "unit_serial = SN9\n");
   const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
   EXPECT_EQ(result.code, 50);
-  EXPECT_NE(result.err.find("unit SN1 dropped out at connecting: the unit on the table says it is 'SN9'"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("unit SN1 dropped out at connecting: the unit on the table says it is 'SN9'"),
+            std::string::npos)
+      << result.err;
   EXPECT_FALSE(there("out/SN1"));
   EXPECT_TRUE(there("out/SN2/parameters.conf"));
 }
@@ -198,11 +212,14 @@ TEST_F(Group, Refusals) {
   expect_refused(dry_run(seventeen, "out"), "17 units: expected at most 16");
   write("full/SN2/recording.tcr", "precious");
   expect_refused(dry_run({"SN1", "SN2"}, "full"), "full/SN2: already holds recording.tcr");
-  write("live.station", "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
-                            fs::relative(std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/twin.map", folder_).string() +
-                            "\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\nimu.2.device = none2\n");
-  expect_refused({"run", "--station", "live.station", "--unit", "A", "--unit", "B", "--unit", "C", "--out", "r"}, "3 units: expected at most 2");
-  expect_refused({"batch", write("queue", "A\n"), "--station", "live.station", "--out", "r", "--at-once", "3"}, "expected at most 2");
+  write("live.station",
+        "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
+            fs::relative(std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/twin.map", folder_).string() +
+            "\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\nimu.2.device = none2\n");
+  expect_refused({"run", "--station", "live.station", "--unit", "A", "--unit", "B", "--unit", "C", "--out", "r"},
+                 "3 units: expected at most 2");
+  expect_refused({"batch", write("queue", "A\n"), "--station", "live.station", "--out", "r", "--at-once", "3"},
+                 "expected at most 2");
 }
 
 // --- Interruption ---
@@ -215,7 +232,8 @@ class GroupResume : public Group {
     sequence_ = write("three_steps.seq", whole.substr(0, whole.find("step 4")));
   }
   std::vector<std::string> begin(const std::string& out, const std::string& rig) const {
-    return {"run", "--dry-run", "--capture-only", "--unit", "SN1", "--unit", "SN2", "--unit", "SN3", "--out", out, "--rig", rig, "--sequence", sequence_};
+    return {"run",   "--dry-run", "--capture-only", "--unit", "SN1",        "--unit", "SN2", "--unit", "SN3",
+            "--out", out,         "--rig",          rig,      "--sequence", sequence_};
   }
   // Killed, cut off from power, or out of disk at every seventh call, and taken up again: the recordings of an uninterrupted run.
   void strike_everywhere(const std::string& rig, int code) const {
@@ -268,7 +286,8 @@ TEST_F(GroupResume, ChecksWhoseRunItIs) {
 class GroupBatch : public Group {
  protected:
   std::vector<std::string> batch(std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {"batch", "queue", "--dry-run", "--out", "units", "--at-once", "2", "--sequence", demo};
+    std::vector<std::string> arguments = {"batch",     "queue", "--dry-run",  "--out", "units",
+                                          "--at-once", "2",     "--sequence", demo};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
   }
@@ -280,7 +299,8 @@ TEST_F(GroupBatch, TakesSeveralAtOnce) {
   const ProgramResult result = run(batch());
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_EQ(outcomes(), "SN1=pass SN2=pass SN3=pass ");
-  for (const char* name : {"group.1/SN1", "group.1/SN2", "SN3"}) EXPECT_TRUE(there(std::string("units/") + name + "/parameters.conf")) << name;
+  for (const char* name : {"group.1/SN1", "group.1/SN2", "SN3"})
+    EXPECT_TRUE(there(std::string("units/") + name + "/parameters.conf")) << name;
   // Again: a group of its own.
   ASSERT_EQ(run({"queue", "queue", "--again", "SN1", "SN3"}).code, 0);
   ASSERT_EQ(run(batch()).code, 0);
@@ -296,7 +316,8 @@ TEST_F(GroupBatch, AUnitThatDropsOutDoesNotStopTheNext) {
   // It is not tried for ever; and the table's fault stops the batch.
   EXPECT_EQ(run(batch()).code, 0);
   write("queue", "SN5\nSN6\nSN7\n");
-  const ProgramResult stopped = run(batch({"--rig", write("t.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 60\n")}));
+  const ProgramResult stopped =
+      run(batch({"--rig", write("t.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 60\n")}));
   EXPECT_EQ(stopped.code, 50);
   EXPECT_NE(stopped.err.find("units SN5, SN6: "), std::string::npos) << stopped.err;
   EXPECT_EQ(outcomes(), "SN1=pass SN2=dropped SN3=pass SN4=dropped ");

@@ -26,12 +26,13 @@ class HandTurned : public Program {
  protected:
   std::string synthetic(const std::string& name, const HandPlan& plan) const {
     const HandData hand = make_hand_data(plan);
-    write(name + "/recording.conf", "format = 1\nsample_period_s = 0.01\nlatitude_deg = 0\ngravity_mps2 = 9.81\nunit_serial = hand\n"
-                                    "gyro_increment = rad\naccel_increment = mps\n");
+    write(name + "/recording.conf",
+          "format = 1\nsample_period_s = 0.01\nlatitude_deg = 0\ngravity_mps2 = 9.81\nunit_serial = hand\n"
+          "gyro_increment = rad\naccel_increment = mps\n");
     std::string segments = std::string(segments_csv_header) + "\n";
     for (const Segment& s : hand.segments)
-      segments += "0," + std::string(to_string(s.kind)) + "," + std::to_string(s.start_sample) + "," + std::to_string(s.end_sample) +
-                  ",0,0,0\n";
+      segments += "0," + std::string(to_string(s.kind)) + "," + std::to_string(s.start_sample) + "," +
+                  std::to_string(s.end_sample) + ",0,0,0\n";
     write(name + "/segments.csv", segments);
     std::string imu = "sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n";
     for (const ImuSample& s : hand.samples) {
@@ -90,7 +91,8 @@ TEST_F(HandTurned, DiagnosesAndWritesTheThreeFiles) {
   EXPECT_EQ(c.at("effects"), "gyro_g_sensitivity");
   for (const auto& [key, truth] : {std::pair{"gyro_g_sensitivity.xy", 600.0}, {"gyro_g_sensitivity.zx", -500.0}}) {
     ASSERT_EQ(c.count("effect." + std::string(key)), 1u) << key;
-    EXPECT_NEAR(std::stod(c.at("effect." + std::string(key))), truth, 4.0 * std::stod(c.at("sigma.effect." + std::string(key))));
+    EXPECT_NEAR(std::stod(c.at("effect." + std::string(key))), truth,
+                4.0 * std::stod(c.at("sigma.effect." + std::string(key))));
   }
   EXPECT_EQ(c.at("holdout.source"), "rests and rotations left out in turn");
   EXPECT_LT(std::stod(c.at("holdout.after")), 0.7 * std::stod(c.at("holdout.before")));
@@ -103,10 +105,11 @@ TEST_F(HandTurned, DiagnosesAndWritesTheThreeFiles) {
   EXPECT_EQ(parameters->model, "extended");
   EXPECT_GE(parameters->effects.size(), 2u);
   const std::string html = file_text(path("out/report.html"));
-  for (const char* part : {"class=\"verdict extended\"", "left out in turn: gravity direction after a rotation rms", "id=\"effects\"",
-                           "id=\"scores\"", "id=\"parameters\"", "needs the heading", "<svg"})
+  for (const char* part : {"class=\"verdict extended\"", "left out in turn: gravity direction after a rotation rms",
+                           "id=\"effects\"", "id=\"scores\"", "id=\"parameters\"", "needs the heading", "<svg"})
     EXPECT_NE(html.find(part), std::string::npos) << part;
-  const std::string table = result.out.substr(result.out.find("verdict"), result.out.find("\n\nreport") - result.out.find("verdict"));
+  const std::string table =
+      result.out.substr(result.out.find("verdict"), result.out.find("\n\nreport") - result.out.find("verdict"));
   EXPECT_LE(std::count(table.begin(), table.end(), '\n') + 1, 30) << table;
 }
 
@@ -124,7 +127,8 @@ TEST_F(HandTurned, CalibratesToTheTruth) {
   for (std::size_t k = 0; k < parameter_keys.size(); ++k)
     if (parameter_is_free[k]) {
       ASSERT_TRUE(file->sigma[k]) << parameter_keys[k];
-      EXPECT_NEAR(file->parameters[static_cast<Eigen::Index>(k)], truth[static_cast<Eigen::Index>(k)], 4.5 * *file->sigma[k])
+      EXPECT_NEAR(file->parameters[static_cast<Eigen::Index>(k)], truth[static_cast<Eigen::Index>(k)],
+                  4.5 * *file->sigma[k])
           << parameter_keys[k];
     }
   const ProgramResult applied = run({"apply", "rec", "--parameters", "out/parameters.conf", "--out", "applied.csv"});
@@ -194,8 +198,11 @@ TEST_F(HandTurned, MeasuredKthRunSix) {
     segmented(write(name + ".map", of_unit), "mimu4444_kth/exp_6.csv", name);
     EXPECT_EQ(run({"diagnose", name, "--out", name + "_out"}).code, 20);
     const std::string effects = conf(name + "_out").at("effects");
-    EXPECT_TRUE(effects.find("gyro_bias_drift") != std::string::npos || effects.find("gyro_warm_up") != std::string::npos) << effects;
-    EXPECT_TRUE(effects.find("accel_bias_drift") != std::string::npos || effects.find("accel_warm_up") != std::string::npos)
+    EXPECT_TRUE(effects.find("gyro_bias_drift") != std::string::npos ||
+                effects.find("gyro_warm_up") != std::string::npos)
+        << effects;
+    EXPECT_TRUE(effects.find("accel_bias_drift") != std::string::npos ||
+                effects.find("accel_warm_up") != std::string::npos)
         << effects;
     EXPECT_FALSE(effects.starts_with("gyro_g_sensitivity")) << effects;
     const BeforeAfter gyro = figure(name + "_out", "left out in turn: gyros at rest rms");

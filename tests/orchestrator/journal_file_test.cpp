@@ -15,7 +15,8 @@ class Journal : public testing::Test {
  protected:
   std::string path() const { return folder_ / "journal.tcj"; }
   void write_some() const {
-    Result<JournalFile> journal = JournalFile::create(path(), {{"unit", "SN 7"}, {"station", " 100% # \n odd "}, {"rig", ""}});
+    Result<JournalFile> journal =
+        JournalFile::create(path(), {{"unit", "SN 7"}, {"station", " 100% # \n odd "}, {"rig", ""}});
     ASSERT_TRUE(journal.ok());
     ASSERT_TRUE(journal->home(0.5).ok());
     ASSERT_TRUE(journal->move({Axis::pitch, 90.0, 10.0, 20.0}, 1.25).ok());
@@ -26,11 +27,19 @@ class Journal : public testing::Test {
     ASSERT_TRUE(journal->dwell(two_).ok());
     ASSERT_TRUE(journal->seal(1767225600.25).ok());
   }
-  const CompletedDwell one_{.item = 0, .units = {{.next_sample = 1000, .first_counter = -5, .last_counter = 994}}, .time_s = 2.0, .utc_s = 7.0};
+  const CompletedDwell one_{.item = 0,
+                            .units = {{.next_sample = 1000, .first_counter = -5, .last_counter = 994}},
+                            .time_s = 2.0,
+                            .utc_s = 7.0};
   const CompletedDwell two_{.item = 3,
-                            .units = {{.next_sample = 1'000'000'000'000, .first_counter = -5, .last_counter = 999'999'999'994,
-                                       .lost_samples = 3, .duplicate_samples = 4}},
-                            .repeated_dwells = 2, .time_s = 0.1 + 0.2, .utc_s = 1e9 / 3};
+                            .units = {{.next_sample = 1'000'000'000'000,
+                                       .first_counter = -5,
+                                       .last_counter = 999'999'999'994,
+                                       .lost_samples = 3,
+                                       .duplicate_samples = 4}},
+                            .repeated_dwells = 2,
+                            .time_s = 0.1 + 0.2,
+                            .utc_s = 1e9 / 3};
   const test::TemporaryFolder folder_;
 };
 
@@ -68,7 +77,8 @@ TEST_F(Journal, CutAnywhereItIsAPrefixOrNothing) {
       continue;
     }
     ++readable;
-    ASSERT_FALSE(contents->last_dwell && !(*contents->last_dwell == one_) && !(*contents->last_dwell == two_)) << length;
+    ASSERT_FALSE(contents->last_dwell && !(*contents->last_dwell == one_) && !(*contents->last_dwell == two_))
+        << length;
     ASSERT_EQ(contents->begin_value("unit"), "SN 7");
     // It can be gone on with, and what is appended follows what was whole.
     if (length % 7 != 0) continue;

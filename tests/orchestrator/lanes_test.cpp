@@ -63,7 +63,8 @@ struct Lanes : RigStation {
     devices_of_all.imu.describe(info);
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     std::vector<StationUnit> lanes;
-    for (std::size_t i = 0; i < sources.size(); ++i) lanes.push_back({*sources[i], sinks[i], "SN" + std::to_string(i + 1)});
+    for (std::size_t i = 0; i < sources.size(); ++i)
+      lanes.push_back({*sources[i], sinks[i], "SN" + std::to_string(i + 1)});
     StationRun station_run(devices_of_all.devices(), {sequence, plan, station, "", resume}, lanes,
                            {&watcher, &stop_requests, calibrate, journal});
     return station_run.run();
@@ -217,7 +218,8 @@ TEST(Lanes, AUnitThatHadDroppedOutIsNotOpened) {
 Result<StationConfig> station_of(const std::string& keys) {
   return parse_station_config(
       "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = twin.map\n"
-      "imu.driver = serial\nimu.device = /dev/a\nimu.frame = laser_gyro\nimu.unit_serial = SN1\n" + keys,
+      "imu.driver = serial\nimu.device = /dev/a\nimu.frame = laser_gyro\nimu.unit_serial = SN1\n" +
+          keys,
       std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/x.station");
 }
 
@@ -233,12 +235,13 @@ TEST(Places, AreTheLinesOfTheStation) {
 }
 
 TEST(Places, ContradictionsNameTheKey) {
-  for (const auto& [keys, text] : {std::pair{"imu.3.device = /dev/c\n", "key 'imu.3.device' = '/dev/c': expected imu.2.device before it"},
-                                   {"imu.2.device = /dev/a\n", "key 'imu.2.device' = '/dev/a': expected a line that no other place has"},
-                                   {"imu.2.device = /dev/b\nimu.3.device = /dev/b\n", "key 'imu.3.device' = '/dev/b': expected a line"},
-                                   {"imu.1.device = /dev/b\n", "imu.1.device"},
-                                   {"imu.17.device = /dev/b\n", "imu.17.device"},
-                                   {"imu.2.frame = laser_gyro\n", "imu.2.frame"}}) {
+  for (const auto& [keys, text] :
+       {std::pair{"imu.3.device = /dev/c\n", "key 'imu.3.device' = '/dev/c': expected imu.2.device before it"},
+        {"imu.2.device = /dev/a\n", "key 'imu.2.device' = '/dev/a': expected a line that no other place has"},
+        {"imu.2.device = /dev/b\nimu.3.device = /dev/b\n", "key 'imu.3.device' = '/dev/b': expected a line"},
+        {"imu.1.device = /dev/b\n", "imu.1.device"},
+        {"imu.17.device = /dev/b\n", "imu.17.device"},
+        {"imu.2.frame = laser_gyro\n", "imu.2.frame"}}) {
     const Result<StationConfig> refused = station_of(keys);
     ASSERT_FALSE(refused.ok()) << keys;
     EXPECT_NE(refused.error().message.find(text), std::string::npos) << refused.error().message;

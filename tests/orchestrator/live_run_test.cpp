@@ -67,7 +67,8 @@ struct FrontStation : RigStation {
     devices.imu.describe(info);
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     StationDevices front{table, devices.imu, devices.clock, devices.devices().wait};
-    StationRun station_run(front, {sequence, plan, station, "SN1", resume, taken_up}, sink, {&watcher, &stop_requests, calibrate, journal});
+    StationRun station_run(front, {sequence, plan, station, "SN1", resume, taken_up}, sink,
+                           {&watcher, &stop_requests, calibrate, journal});
     return station_run.run();
   }
   FrontTable table;
@@ -124,7 +125,8 @@ TEST(LiveRun, OnlyARunTakenUpClearsAFault) {
   const RunOutcome taken_up = s.run();
   EXPECT_EQ(taken_up.state, RunState::done) << taken_up.error.message;
   ASSERT_TRUE(s.watcher.saw(RunEvent::connected));
-  EXPECT_NE(s.watcher.transitions[1].detail.find("clears the fault of axis pitch"), std::string::npos) << s.watcher.transitions[1].detail;
+  EXPECT_NE(s.watcher.transitions[1].detail.find("clears the fault of axis pitch"), std::string::npos)
+      << s.watcher.transitions[1].detail;
 }
 
 TEST(LiveRun, FaultThatStaysIsAFault) {
@@ -227,9 +229,10 @@ class LiveProgram : public Program {};
 
 TEST_F(LiveProgram, DevicesThatAreNotThereLeaveNothingBehind) {
   const std::string folder = std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/";
-  write("no.station", "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
-                          std::filesystem::relative(folder + "twin.map", folder_).string() +
-                          "\ntable.address = 127.0.0.1:1\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\n");
+  write("no.station",
+        "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
+            std::filesystem::relative(folder + "twin.map", folder_).string() +
+            "\ntable.address = 127.0.0.1:1\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\n");
   expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r", "--pace", "2"}, "--pace");
   expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r", "--rig", "x"}, "--rig");
   expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r"}, "127.0.0.1:1", 50);

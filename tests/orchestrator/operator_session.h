@@ -87,7 +87,8 @@ class OperatedProgram : public Program {
     Question asked;
     for (bool of_question = false; words >> word;) {
       if (word == "Where" && words >> word >> asked.axis) return Question{asked.axis, 0.0, true};
-      if (word == "Turn" && line.find("; then type the angle") != std::string::npos) of_question = static_cast<bool>(words >> asked.axis);
+      if (word == "Turn" && line.find("; then type the angle") != std::string::npos)
+        of_question = static_cast<bool>(words >> asked.axis);
       if (of_question && word == "to" && words >> asked.target_deg) return asked;
     }
     return {};

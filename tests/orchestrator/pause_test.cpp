@@ -30,9 +30,10 @@ struct PauseCase {
 };
 
 TEST(Pause, WaitsForTheItemGoingOn) {
-  for (const PauseCase& c : {PauseCase{0.5, RunState::homing, 0, 2.0}, PauseCase{4.0, RunState::dwelling, 1, 7.0},
-                             PauseCase{9.0, RunState::moving, 1, 17.0}, PauseCase{16.8, RunState::settling, 1, 17.0},
-                             PauseCase{20.0, RunState::dwelling, 2, 27.0}, PauseCase{30.0, RunState::moving, 2, 37.0}}) {
+  for (const PauseCase& c :
+       {PauseCase{0.5, RunState::homing, 0, 2.0}, PauseCase{4.0, RunState::dwelling, 1, 7.0},
+        PauseCase{9.0, RunState::moving, 1, 17.0}, PauseCase{16.8, RunState::settling, 1, 17.0},
+        PauseCase{20.0, RunState::dwelling, 2, 27.0}, PauseCase{30.0, RunState::moving, 2, 37.0}}) {
     SCOPED_TRACE(c.asked_s);
     PausedStation s;
     s.watcher.on_tick = [&](const RunSnapshot& at) {
@@ -48,8 +49,9 @@ TEST(Pause, WaitsForTheItemGoingOn) {
     EXPECT_NEAR(s.clock.now_s(), c.safe_s, 0.7) << "a poll or two of stopping and switching off";
     EXPECT_EQ(s.watcher.count(RunEvent::pause_wanted), 2) << "told at once, and done at the safe point";
     EXPECT_FALSE(s.watcher.saw(RunEvent::operator_stop));
-    const TransitionRecord& told = *std::find_if(s.watcher.transitions.begin(), s.watcher.transitions.end(),
-                                                 [](const TransitionRecord& r) { return r.event == RunEvent::pause_wanted; });
+    const TransitionRecord& told =
+        *std::find_if(s.watcher.transitions.begin(), s.watcher.transitions.end(),
+                      [](const TransitionRecord& r) { return r.event == RunEvent::pause_wanted; });
     EXPECT_EQ(told.from, c.in);
     EXPECT_NEAR(told.at.time_s, c.asked_s, 0.6);
     if (c.in == RunState::dwelling) {
@@ -118,8 +120,9 @@ TEST(Pause, FurtherRequestsEscalate) {
     bool pause, first_ends, second, second_ends;
     int code;
   };
-  for (const Case& c : {Case{true, false, false, false, 30}, Case{true, true, false, false, 75}, Case{false, true, false, false, 75},
-                        Case{true, false, true, false, 30}, Case{true, true, true, true, 75}, Case{false, true, true, false, 30}}) {
+  for (const Case& c :
+       {Case{true, false, false, false, 30}, Case{true, true, false, false, 75}, Case{false, true, false, false, 75},
+        Case{true, false, true, false, 30}, Case{true, true, true, true, 75}, Case{false, true, true, false, 30}}) {
     SCOPED_TRACE(testing::Message() << c.pause << c.first_ends << c.second << c.second_ends);
     PausedStation s;
     s.watcher.on_tick = [&](const RunSnapshot& at) {
@@ -139,7 +142,8 @@ TEST(Pause, FurtherRequestsEscalate) {
     EXPECT_TRUE(s.at_rest());
     EXPECT_TRUE(s.drives_off());
     int aborts = 0;
-    for (const TransitionRecord& record : s.watcher.transitions) aborts += record.action == RunAction::abort_table ? 1 : 0;
+    for (const TransitionRecord& record : s.watcher.transitions)
+      aborts += record.action == RunAction::abort_table ? 1 : 0;
     EXPECT_EQ(aborts, c.second ? 1 : 0);
   }
 }
@@ -177,9 +181,9 @@ TEST(Pause, ThatCannotBeVerifiedIsADeviceError) {
 class Console : public std::streambuf {
  public:
   std::string text;
-  std::string when;   // in a line
+  std::string when;  // in a line
   int signal = 0;
-  std::string then;   // and once more at the first line with this
+  std::string then;  // and once more at the first line with this
   int second = 0;
 
  protected:
@@ -220,13 +224,16 @@ class PausedRun : public testing::Test {
     CommandContext context{.out = out, .err = err_};
     std::vector<const char*> argv = {"turncal"};
     for (const std::string& argument : arguments) argv.push_back(argument.c_str());
-    return run_command_line(static_cast<int>(argv.size()), argv.data(), {add_run_command, add_resume_command, add_batch_command}, context);
+    return run_command_line(static_cast<int>(argv.size()), argv.data(),
+                            {add_run_command, add_resume_command, add_batch_command}, context);
   }
   int run(const std::string& name) {
-    return command({"run", "--dry-run", "--no-diagnosis", "--unit", "SN1", "--sequence", folder_ / "four.seq", "--out", folder_ / name});
+    return command({"run", "--dry-run", "--no-diagnosis", "--unit", "SN1", "--sequence", folder_ / "four.seq", "--out",
+                    folder_ / name});
   }
   int batch() {
-    return command({"batch", folder_ / "queue", "--dry-run", "--sequence", folder_ / "four.seq", "--out", folder_ / "units"});
+    return command(
+        {"batch", folder_ / "queue", "--dry-run", "--sequence", folder_ / "four.seq", "--out", folder_ / "units"});
   }
   void at(const std::string& when, int signal, const std::string& then = "", int second = 0) {
     console_.when = when;
@@ -278,7 +285,8 @@ TEST_F(PausedRun, GoesOnToTheSameBytes) {
       EXPECT_EQ(std::count(error.begin(), error.end(), '\n'), 1) << error;
       EXPECT_NE(said.find("turncal resume " + folder_ / name), std::string::npos) << said;
       const std::string log = file_text(folder_ / name + "/run.log");
-      EXPECT_NE(log.find(c.code == 75 ? "stopping -> interrupted  stopped_verified" : "stopping -> aborted  stopped_verified"),
+      EXPECT_NE(log.find(c.code == 75 ? "stopping -> interrupted  stopped_verified"
+                                      : "stopping -> aborted  stopped_verified"),
                 std::string::npos);
       const Result<std::string> journal = journal_as_text(folder_ / name + "/" + journal_name);
       ASSERT_TRUE(journal.ok());
@@ -313,9 +321,11 @@ TEST_F(PausedRun, BatchEndsAndGoesOnWithTheUnit) {
 // --- And from outside: a dwell of ten minutes at ten times real time, given up within seconds.
 class PausedProgram : public Program {};
 TEST_F(PausedProgram, TwiceFromOutside) {
-  const std::string sequence = write("long.seq", "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
-                                                 "  initial H 0 P 0 R 0\n  align 400\n  dwell 120000\n");
-  const pid_t pid = start({"run", "--dry-run", "--capture-only", "--unit", "SN1", "--out", "out", "--sequence", sequence, "--pace", "10"});
+  const std::string sequence = write("long.seq",
+                                     "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
+                                     "  initial H 0 P 0 R 0\n  align 400\n  dwell 120000\n");
+  const pid_t pid = start(
+      {"run", "--dry-run", "--capture-only", "--unit", "SN1", "--out", "out", "--sequence", sequence, "--pace", "10"});
   const auto log_says = [&](const std::string& text) {
     for (int i = 0; i < 6000; ++i) {
       if (file_text(folder_ / "out/run.log").find(text) != std::string::npos) return true;

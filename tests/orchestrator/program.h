@@ -94,7 +94,8 @@ class Program : public testing::Test {
     ::setenv("TURNCAL_FAULT_MODE", mode, 1);
     ::setenv("TURNCAL_FAULT_COUNT", (folder_.string() + ".count").c_str(), 1);
     const pid_t pid = start(arguments);
-    for (const char* name : {"LD_PRELOAD", "TURNCAL_FAULT_POINT", "TURNCAL_FAULT_MODE", "TURNCAL_FAULT_COUNT"}) ::unsetenv(name);
+    for (const char* name : {"LD_PRELOAD", "TURNCAL_FAULT_POINT", "TURNCAL_FAULT_MODE", "TURNCAL_FAULT_COUNT"})
+      ::unsetenv(name);
     return finish(pid);
   }
 

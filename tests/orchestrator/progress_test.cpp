@@ -75,8 +75,9 @@ TEST(Progress, TerminalSaysAtOnceWhatAPauseWaitsFor) {
   record.detail = format_pause(record.at);
   view.on_transition(record);
   EXPECT_EQ(out.str(), "\r\x1b[K[dry run] pause asked for: after this move; Ctrl-C again stops now\n");
-  for (const auto& [state, text] : {std::pair{RunState::homing, "after homing;"}, std::pair{RunState::settling, "after settling;"},
-                                    std::pair{RunState::parking, "everything is recorded, the run finishes"}}) {
+  for (const auto& [state, text] :
+       {std::pair{RunState::homing, "after homing;"}, std::pair{RunState::settling, "after settling;"},
+        std::pair{RunState::parking, "everything is recorded, the run finishes"}}) {
     record.at.state = state;
     EXPECT_NE(format_pause(record.at).find(text), std::string::npos) << format_pause(record.at);
   }
@@ -92,8 +93,9 @@ TEST(Progress, ElsewhereOnePlainLineATransition) {
   record.event = RunEvent::arrived;
   for (int i = 0; i < 100; ++i) view.on_progress(moving());
   view.on_transition(record);
-  EXPECT_EQ(out.str(),
-            "[dry run] 2026-01-01T00:12:34Z     754.500 s  step 2/14  moving -> settling  arrived: roll at 123.4567 deg\n");
+  EXPECT_EQ(
+      out.str(),
+      "[dry run] 2026-01-01T00:12:34Z     754.500 s  step 2/14  moving -> settling  arrived: roll at 123.4567 deg\n");
 }
 
 TEST(Progress, Durations) {

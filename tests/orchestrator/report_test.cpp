@@ -100,7 +100,8 @@ TEST(DiagnosisFile, IsReadBackKeyByKey) {
   const char* verdicts[] = {"clean", "extended", "unexplained", "noise_model"};
   for (int k = 0; k < 4; ++k) {
     sample.diagnosis.verdict = static_cast<Verdict>(k);
-    EXPECT_NE(format_diagnosis(sample.diagnosis).find(std::string("\nverdict = ") + verdicts[k] + "\n"), std::string::npos);
+    EXPECT_NE(format_diagnosis(sample.diagnosis).find(std::string("\nverdict = ") + verdicts[k] + "\n"),
+              std::string::npos);
   }
 }
 
@@ -155,29 +156,39 @@ TEST(DiagnosisParameters, AreThoseOfTheBaseModelWhenNothingWasAdded) {
 TEST(VerdictSentence, SaysWhatWasFoundWithNumbers) {
   const Sample clean = clean_sample();
   EXPECT_EQ(verdict_sentence(clean.diagnosis, sample_context(clean), Alphabet::plain),
-            "Clean: the 24 parameters explain the data to the noise; the strongest of 93 candidates, accel_cross_coupling.z_yz, "
-            "scores 2.1 sigma where 4.0 are needed; on held-out data (second recording) the velocity error is 1.50 mm/s rms and "
+            "Clean: the 24 parameters explain the data to the noise; the strongest of 93 candidates, "
+            "accel_cross_coupling.z_yz, "
+            "scores 2.1 sigma where 4.0 are needed; on held-out data (second recording) the velocity error is 1.50 "
+            "mm/s rms and "
             "the normalised residual 0.998.");
   const Sample extended = extended_sample();
-  EXPECT_EQ(verdict_sentence(extended.diagnosis, sample_context(extended), Alphabet::plain),
-            "Extended: one effect beyond the 24 parameters was found and added: accel_second_order, second-order nonlinearity K2 "
-            "(IEEE 1293), x 20.25 +- 0.75 ug/g^2 (27 sigma), z -3.5 +- 1.2 ug/g^2 (2.8 sigma); with it the velocity error on "
-            "held-out data (second recording) falls from 7.10 to 1.40 mm/s rms (-80 %), and the normalised residual there from "
-            "3.200 to 1.010; this recording cannot tell accel_second_order from accel_scale_asymmetry.");
-  EXPECT_NE(verdict_sentence(extended.diagnosis, sample_context(extended), Alphabet::typographic).find("20.25 ± 0.75 µg/g²"),
-            std::string::npos);
+  EXPECT_EQ(
+      verdict_sentence(extended.diagnosis, sample_context(extended), Alphabet::plain),
+      "Extended: one effect beyond the 24 parameters was found and added: accel_second_order, second-order "
+      "nonlinearity K2 "
+      "(IEEE 1293), x 20.25 +- 0.75 ug/g^2 (27 sigma), z -3.5 +- 1.2 ug/g^2 (2.8 sigma); with it the velocity error on "
+      "held-out data (second recording) falls from 7.10 to 1.40 mm/s rms (-80 %), and the normalised residual there "
+      "from "
+      "3.200 to 1.010; this recording cannot tell accel_second_order from accel_scale_asymmetry.");
+  EXPECT_NE(
+      verdict_sentence(extended.diagnosis, sample_context(extended), Alphabet::typographic).find("20.25 ± 0.75 µg/g²"),
+      std::string::npos);
   const Sample unexplained = unexplained_sample();
   const std::string text = verdict_sentence(unexplained.diagnosis, sample_context(unexplained), Alphabet::plain);
-  EXPECT_TRUE(text.starts_with("Unexplained: a residual is left that is not noise and that no effect of the catalogue explains "
-                               "(rms normalised residual 1.300 where noise explains 1"))
+  EXPECT_TRUE(
+      text.starts_with("Unexplained: a residual is left that is not noise and that no effect of the catalogue explains "
+                       "(rms normalised residual 1.300 where noise explains 1"))
       << text;
-  EXPECT_TRUE(text.ends_with("it looks like: bias step of gyro x at about 2973 s (likelihood gain 66.5 where 18.4 is needed); no "
-                             "effect is named."))
+  EXPECT_TRUE(text.ends_with(
+      "it looks like: bias step of gyro x at about 2973 s (likelihood gain 66.5 where 18.4 is needed); no "
+      "effect is named."))
       << text;
   const Sample noise = noise_model_sample();
-  EXPECT_TRUE(verdict_sentence(noise.diagnosis, sample_context(noise), Alphabet::plain)
-                  .starts_with("Noise model: the assumed noise does not fit the data (innovations 3.10 times the expected variance, "
-                               "correlation from second to second 0.30"));
+  EXPECT_TRUE(
+      verdict_sentence(noise.diagnosis, sample_context(noise), Alphabet::plain)
+          .starts_with(
+              "Noise model: the assumed noise does not fit the data (innovations 3.10 times the expected variance, "
+              "correlation from second to second 0.30"));
 }
 
 TEST(VerdictSentence, AdmitsWhenNothingConfirmsIt) {
@@ -193,7 +204,9 @@ TEST(VerdictSentence, NamesTheEffectsThatStandBesideAnUnexplainedResidual) {
   sample.diagnosis.effect_names = {"accel_delay"};
   sample.diagnosis.extended.effects = {estimated("accel_delay", 0, 0.12, 0.003)};
   const std::string text = verdict_sentence(sample.diagnosis, sample_context(sample), Alphabet::plain);
-  EXPECT_NE(text.find("beside it one effect beyond the 24 parameters was found and added: accel_delay"), std::string::npos) << text;
+  EXPECT_NE(text.find("beside it one effect beyond the 24 parameters was found and added: accel_delay"),
+            std::string::npos)
+      << text;
   EXPECT_EQ(text.find("no effect is named"), std::string::npos) << text;
 }
 
@@ -214,14 +227,16 @@ TEST(TerminalTable, StaysWithinThirtyLinesOfAHundredColumns) {
   for (const EffectEntry& entry : effect_catalogue()) {
     const std::string name(entry.name);
     if (name != "accel_second_order") d.effect_names.push_back(name);
-    for (int k = 0; k < static_cast<int>(entry.components.size()); ++k) d.extended.effects.push_back(estimated(name.c_str(), k, 1e5, 0.1));
+    for (int k = 0; k < static_cast<int>(entry.components.size()); ++k)
+      d.extended.effects.push_back(estimated(name.c_str(), k, 1e5, 0.1));
     for (const EffectEntry& other : effect_catalogue()) d.aliases[name].push_back(std::string(other.name));
     d.separate_by[name] = std::string(entry.seen_by);
     d.undetectable.push_back(name);
     d.gated_out.push_back(name);
   }
   d.base.faults.assign(30, {123456789012, 123456789013, 5, "velocity step of -0.049 m/s up", "leg set aside"});
-  for (int k = 0; k < 9; ++k) d.extended.undetermined.push_back({{{"n12", 0.7}, {"n21", -0.7}, {"gyro_magnetic.xx", 0.1}}});
+  for (int k = 0; k < 9; ++k)
+    d.extended.undetermined.push_back({{{"n12", 0.7}, {"n21", -0.7}, {"gyro_magnetic.xx", 0.1}}});
   const std::vector<std::string> lines = terminal_table(d, sample_context(sample));
   expect_fits(lines);
   EXPECT_EQ(lines.size(), 30u);
@@ -235,8 +250,9 @@ TEST(TerminalTable, ShowsErrorsEffectsScoresAndLimits) {
     all += std::regex_replace(line, std::regex(" +"), " ") + "\n";
   for (const char* wanted :
        {"verdict Extended: one effect", "\n held-out data: velocity rms, first 20 s of dwells, mm/s 7.10 1.40 -80 %\n",
-        "\n held-out data: energy beyond noise, % of the noise's 924 2.01 -100 %\n", "\n accel_second_order.x 20.25 0.75 ug/g^2 27.0\n",
-        "\nscores accel_second_order 27", "\nmoved most A01 +12.0 sigma\n", "measured: ARW 0.00200 deg/sqrt(h), VRW 8.00 ug/sqrt(Hz)",
+        "\n held-out data: energy beyond noise, % of the noise's 924 2.01 -100 %\n",
+        "\n accel_second_order.x 20.25 0.75 ug/g^2 27.0\n", "\nscores accel_second_order 27",
+        "\nmoved most A01 +12.0 sigma\n", "measured: ARW 0.00200 deg/sqrt(h), VRW 8.00 ug/sqrt(Hz)",
         "\nnot told apart accel_second_order | accel_scale_asymmetry; separated by", "\nnot visible accel_size_effect"})
     EXPECT_NE(all.find(wanted), std::string::npos) << wanted << "\nin\n" << all;
 }
@@ -277,7 +293,8 @@ TEST(DwellResiduals, SeeTheTiltThatARotationLeft) {
   for (ResidualPoint& p : sample.diagnosis.residuals) {
     const Segment& s = sample.recording.segments[static_cast<std::size_t>(p.segment)];
     const Eigen::Matrix3d C_nb = attitude_from_angles(s.heading_deg * rad_per_deg, s.pitch_deg * rad_per_deg, 0.0);
-    const double t = p.time_s - std::floor((p.time_s) / (sample_rest_s + sample_turn_s)) * (sample_rest_s + sample_turn_s);
+    const double t =
+        p.time_s - std::floor((p.time_s) / (sample_rest_s + sample_turn_s)) * (sample_rest_s + sample_turn_s);
     p.velocity_before_mps = -Eigen::Vector3d(0.0, sample_gravity_mps2, 0.0).cross(C_nb * tilt_b) * t;
   }
   for (const DwellResidual& d : dwell_residuals(sample.diagnosis, sample.recording))
@@ -313,8 +330,7 @@ TEST(EffectFigure, ShowsEveryEffectOfTheCatalogueAgainstWhatItDependsOn) {
     sample.diagnosis.extended.effects.clear();
     for (int k = 0; k < static_cast<int>(entry.components.size()); ++k)
       sample.diagnosis.extended.effects.push_back(estimated(name.c_str(), k, 10.0 - k, 1.0));
-    const Figure figure =
-        effect_figure(sample.diagnosis, dwell_residuals(sample.diagnosis, sample.recording), name, 0);
+    const Figure figure = effect_figure(sample.diagnosis, dwell_residuals(sample.diagnosis, sample.recording), name, 0);
     ASSERT_FALSE(figure.panels.empty()) << name;
     EXPECT_LE(figure.panels.size(), 3u) << name;
     for (const Panel& panel : figure.panels) {
@@ -350,7 +366,8 @@ TEST(UnexplainedFigures, ShowAnglesForceRateTemperatureAndTime) {
     std::string labels;
     for (const Panel& panel : figure.panels) labels += panel.x_label + "|";
     EXPECT_EQ(labels,
-              "heading, °|pitch, °|roll, °|specific force along x, g|specific force along y, g|specific force along z, g|rate about "
+              "heading, °|pitch, °|roll, °|specific force along x, g|specific force along y, g|specific force along z, "
+              "g|rate about "
               "the axis before, °/s|temperature, °C|time, min|");
     for (const Panel& panel : figure.panels) EXPECT_EQ(panel.series.size(), 3u);
   }
@@ -412,7 +429,8 @@ TEST(Gnuplot, FailsInOneLine) {
   EXPECT_ERROR(silent, "no plots: /bin/true drew 0 of 1 plots");
   const auto failing = run_gnuplot("plot x\n", 1, {"/bin/false", 5.0});
   ASSERT_FALSE(failing.ok());
-  EXPECT_TRUE(failing.error().message.starts_with("no plots: /bin/false stopped with an error")) << failing.error().message;
+  EXPECT_TRUE(failing.error().message.starts_with("no plots: /bin/false stopped with an error"))
+      << failing.error().message;
 }
 
 TEST(Gnuplot, IsKilledAtTheDeadline) {
@@ -439,16 +457,19 @@ TEST(Gnuplot, SaysWhatIsWrongWithAScript) {
 
 TEST(EmbeddableSvg, HasIdsAndLabelOfItsOwn) {
   const std::string svg =
-      "<svg \n viewBox=\"0 0 8 8\"><title>t</title><g id=\"gnuplot_canvas\"><circle id='gpDot'/><use xlink:href='#gpDot'/>"
+      "<svg \n viewBox=\"0 0 8 8\"><title>t</title><g id=\"gnuplot_canvas\"><circle id='gpDot'/><use "
+      "xlink:href='#gpDot'/>"
       "<text font-family=\"Sans\" font-size=\"13\">a</text></g></svg>";
   EXPECT_EQ(embeddable_svg(svg, "time", "a < b", "50%"),
-            "<svg role=\"img\" aria-label=\"a &lt; b\" style=\"width:50%\" \n viewBox=\"0 0 8 8\"><g><circle id='timegpDot'/><use "
+            "<svg role=\"img\" aria-label=\"a &lt; b\" style=\"width:50%\" \n viewBox=\"0 0 8 8\"><g><circle "
+            "id='timegpDot'/><use "
             "xlink:href='#timegpDot'/><text font-size=\"13\">a</text></g></svg>");
 }
 
 // --- the page
 
-const char* const section_ids[] = {"error", "time", "scores", "parameters", "allan", "limits", "faults", "selection", "reading", "components"};
+const char* const section_ids[] = {"error",  "time",   "scores",    "parameters", "allan",
+                                   "limits", "faults", "selection", "reading",    "components"};
 
 void expect_sections_in_order(const std::string& html) {
   std::size_t at = html.find("class=\"verdict");
@@ -491,7 +512,8 @@ TEST(Report, IsCompleteForEveryVerdict) {
     SCOPED_TRACE(to_string(sample.diagnosis.verdict));
     expect_sections_in_order(html);
     expect_balanced(html);
-    EXPECT_NE(html.find("<div class=\"verdict " + std::string(to_string(sample.diagnosis.verdict)) + "\">"), std::string::npos);
+    EXPECT_NE(html.find("<div class=\"verdict " + std::string(to_string(sample.diagnosis.verdict)) + "\">"),
+              std::string::npos);
     EXPECT_NE(html.find("unit SN&lt;7&gt;&amp;&quot;quoted&quot;"), std::string::npos);
     EXPECT_EQ(html.find("SN<7>"), std::string::npos);
     // Self-contained: no scripts, nothing fetched. Namespaces are names, not links.
@@ -506,7 +528,8 @@ TEST(Report, IsCompleteForEveryVerdict) {
     for (const std::string_view key : parameter_keys)
       EXPECT_NE(html.find("<td class=\"name\">" + std::string(key) + "</td>"), std::string::npos) << key;
     const bool named = sample.diagnosis.verdict == Verdict::extended;
-    const bool nameless = sample.diagnosis.verdict == Verdict::unexplained || sample.diagnosis.verdict == Verdict::noise_model;
+    const bool nameless =
+        sample.diagnosis.verdict == Verdict::unexplained || sample.diagnosis.verdict == Verdict::noise_model;
     EXPECT_EQ(html.find("<h2 id=\"effects\">") != std::string::npos, named);
     EXPECT_EQ(html.find("<h2 id=\"residual\">") != std::string::npos, nameless);
     if (!plots) continue;
@@ -532,12 +555,13 @@ TEST(Report, NamesAliasesLimitsFaultsAndSelection) {
   auto context = sample_context(sample);
   context.gnuplot.program = "/nonexistent/gnuplot";
   const std::string html = make_report(d, context).html;
-  for (const char* wanted :
-       {"<b>accel_second_order</b> could as well be accel_scale_asymmetry.",
-        "Positions or rates that would separate them: accel_scale_asymmetry: dwells at 45 deg", "3400 to 3403", "<td class=\"n\">12.000</td>",
-        "gap of &lt;1&gt; sample", "leg set aside", "0.71 n12 − 0.71 n21", "not determined", "accel_scale_asymmetry 725",
-        "<td class=\"name\">accel_size_effect</td><td class=\"w\">rotations with velocity carried", "gyro_bias_drift: fitted the recording better",
-        "error of the local gravity", "20.25</td><td class=\"n\">0.75</td><td>µg/g²</td>", "+12.0"})
+  for (const char* wanted : {"<b>accel_second_order</b> could as well be accel_scale_asymmetry.",
+                             "Positions or rates that would separate them: accel_scale_asymmetry: dwells at 45 deg",
+                             "3400 to 3403", "<td class=\"n\">12.000</td>", "gap of &lt;1&gt; sample", "leg set aside",
+                             "0.71 n12 − 0.71 n21", "not determined", "accel_scale_asymmetry 725",
+                             "<td class=\"name\">accel_size_effect</td><td class=\"w\">rotations with velocity carried",
+                             "gyro_bias_drift: fitted the recording better", "error of the local gravity",
+                             "20.25</td><td class=\"n\">0.75</td><td>µg/g²</td>", "+12.0"})
     EXPECT_NE(html.find(wanted), std::string::npos) << wanted;
 }
 

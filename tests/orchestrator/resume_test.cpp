@@ -78,7 +78,8 @@ class Resume : public Program {
     } else {
       ASSERT_FALSE(said_pass);
     }
-    const ProgramResult second = run(begun ? std::vector<std::string>{"resume", folder + "/out"} : begin(folder + "/out", station));
+    const ProgramResult second =
+        run(begun ? std::vector<std::string>{"resume", folder + "/out"} : begin(folder + "/out", station));
     ASSERT_EQ(second.code, 0) << second.err;
     for (const auto& [name, bytes] : reference_) ASSERT_EQ(file_text(out / name), bytes) << name;
     const std::vector<int> after = dwells(out);
@@ -139,7 +140,8 @@ TEST_F(Resume, DiskFullAtAnyWriteStopsTheRunAndItGoesOn) {
     } else {
       ASSERT_EQ(first.code, 50) << first.err;
       ASSERT_EQ(first.err_lines(), 1) << first.err;
-      const bool named = first.err.find("No space left") != std::string::npos || first.err.find("disk is full") != std::string::npos;
+      const bool named =
+          first.err.find("No space left") != std::string::npos || first.err.find("disk is full") != std::string::npos;
       ASSERT_TRUE(named) << first.err;
     }
     expect_same_end("full", station, first);
@@ -182,7 +184,8 @@ TEST_F(Resume, RefusesWhatIsNotTheSameRun) {
     return std::vector<std::string>{"resume", "part/out", option, value};
   };
   expect_refused(with("--unit", "SN2"), "expected 'SN1'");
-  expect_refused(with("--station", write("other.station", std::string(station_text) + "# another\n")), "is not the station");
+  expect_refused(with("--station", write("other.station", std::string(station_text) + "# another\n")),
+                 "is not the station");
   expect_refused(with("--sequence", write("other.seq", file_text(demo) + "# another\n")), "is not the sequence");
   expect_refused(with("--rig", write("other.rig", "seed = 2\n")), "is not the rig");
   expect_refused({"resume", "nowhere"}, "holds no journal.tcj");

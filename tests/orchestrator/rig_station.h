@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "orchestrator/devices/dry_run_devices.h"
-#include "orchestrator/watch/run_log.h"
 #include "orchestrator/run/station_run.h"
+#include "orchestrator/watch/run_log.h"
 
 namespace turncal {
 
@@ -34,8 +34,8 @@ class MemorySink : public RunSink {
   Status resume(const RecordingInfo& info_in, std::int64_t end_sample) override {
     EXPECT_EQ(info_in.unit_serial, info.unit_serial);
     open = false;
-    while (!segments.empty() && (segments.back().end_sample > end_sample ||
-                                 segments.back().end_sample <= segments.back().start_sample)) {
+    while (!segments.empty() &&
+           (segments.back().end_sample > end_sample || segments.back().end_sample <= segments.back().start_sample)) {
       segments.pop_back();
     }
     EXPECT_EQ(segments.empty() ? -1 : segments.back().end_sample, end_sample) << "a completed dwell is lost";

@@ -26,11 +26,14 @@ TEST(RunProperties, TransitionTable) {
     const auto events = *rc::gen::container<std::vector<int>>(
         rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, run_event_count * 12)));
     RunState state = RunState::idle;
-    bool move_outstanding = false, stop_outstanding = false, abort_sent = false, sealed = false, results_durable = false;
+    bool move_outstanding = false, stop_outstanding = false, abort_sent = false, sealed = false,
+         results_durable = false;
     for (const int drawn : events) {
       const auto event = static_cast<RunEvent>(drawn % run_event_count);
       const int bits = drawn / run_event_count;
-      const RunGuards guards{.rest_due = (bits & 1) != 0, .repeats_left = (bits & 2) != 0, .stop_cause = static_cast<StopCause>(bits / 4 % 3),
+      const RunGuards guards{.rest_due = (bits & 1) != 0,
+                             .repeats_left = (bits & 2) != 0,
+                             .stop_cause = static_cast<StopCause>(bits / 4 % 3),
                              .abort_sent = abort_sent};
       const Transition t = next(state, event, guards);
       if (is_final(state)) {
@@ -47,9 +50,7 @@ TEST(RunProperties, TransitionTable) {
           RC_ASSERT(!stop_outstanding);
           move_outstanding = true;
           break;
-        case RunAction::close_move:
-          move_outstanding = false;
-          break;
+        case RunAction::close_move: move_outstanding = false; break;
         case RunAction::begin_dwell:
         case RunAction::enable_and_home: RC_ASSERT(!move_outstanding); break;
         case RunAction::stop_table: stop_outstanding = true; break;
@@ -126,7 +127,8 @@ class WatchedTable : public RigTable {
   Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
     for (Axis other : all_axes) two_moves = two_moves || rig_.axis(other).moving;
     const bool kept = !journal_.commands.empty() && journal_.commands.back().move &&
-                      journal_.commands.back().move->axis == axis && journal_.commands.back().move->target_deg == position_deg;
+                      journal_.commands.back().move->axis == axis &&
+                      journal_.commands.back().move->target_deg == position_deg;
     unrecorded = unrecorded || !kept;
     return RigTable::move_absolute(axis, position_deg, rate_degps, acceleration_degps2);
   }
@@ -152,15 +154,16 @@ const char* const tiny_text =
     "step 2\n  initial H 10 P 0 R 0\n  align 200\n  dwell 200\n";
 
 struct Disturbance {
-  int kind = 0;    // of RigFault, then: operator stops, journal fails, sink fails, killed at a journal record, paused, ended
+  int kind =
+      0;  // of RigFault, then: operator stops, journal fails, sink fails, killed at a journal record, paused, ended
   int moment = 0;  // in tenths of a second, or calls
   int axis = 0;
 };
 std::ostream& operator<<(std::ostream& out, const Disturbance& d) {
   constexpr int faults = static_cast<int>(RigFaultKind::link_lost) + 1;
   const char* const others[] = {"operator stops", "journal fails", "disk fails", "killed", "paused", "ended"};
-  return out << (d.kind < faults ? to_string(static_cast<RigFaultKind>(d.kind)) : others[d.kind - faults]) << " at " << d.moment
-             << " axis " << d.axis;
+  return out << (d.kind < faults ? to_string(static_cast<RigFaultKind>(d.kind)) : others[d.kind - faults]) << " at "
+             << d.moment << " axis " << d.axis;
 }
 constexpr int fault_kinds = static_cast<int>(RigFaultKind::link_lost) + 1;
 constexpr int disturbance_kinds = fault_kinds + 6;
@@ -198,7 +201,8 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
   s.station.motion.deadline_margin_s = 1.0;
   s.station.imu_timeout_s = 0.3;
   s.station.resume_rest_s = 0.2;
-  s.station.dwell.max_gyro_std_degps = s.station.dwell.max_gyro_peak_degps = 1.0;  // windows of a few samples say little
+  s.station.dwell.max_gyro_std_degps = s.station.dwell.max_gyro_peak_degps =
+      1.0;  // windows of a few samples say little
   s.station.dwell.max_accel_std_mps2 = s.station.dwell.max_accel_peak_mps2 = 1.0;
   s.station.dwell.stillness_window_s = 0.1;
   s.devices.imu.describe(s.info);
@@ -236,8 +240,8 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     const std::size_t transitions_before = s.watcher.transitions.size();
     const int connected_before = s.watcher.count(RunEvent::connected);
     StationDevices devices = s.devices.devices();
-    StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1", s.resume}, s.sink,
-                   {&s.watcher, &s.stop_requests, s.calibrate, &journal, &s.pause_requests, &s.end_requests});
+    StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1", s.resume},
+                   s.sink, {&s.watcher, &s.stop_requests, s.calibrate, &journal, &s.pause_requests, &s.end_requests});
     std::optional<RunOutcome> outcome;
     try {
       outcome = run.run();
@@ -253,7 +257,8 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     for (const CompletedDwell& dwell : journal.dwells) {
       if (!items.insert(dwell.item).second) return "a completed dwell was done again";
       const bool recorded = std::any_of(s.sink.segments.begin(), s.sink.segments.end(), [&](const Segment& segment) {
-        return segment.end_sample == dwell.units[0].next_sample && segment.kind == s.plan.items[dwell.item].dwell_kind &&
+        return segment.end_sample == dwell.units[0].next_sample &&
+               segment.kind == s.plan.items[dwell.item].dwell_kind &&
                segment.end_sample - segment.start_sample == s.plan.items[dwell.item].samples;
       });
       if (!recorded) return "a completed dwell is not in the recording";
@@ -272,12 +277,14 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
       if (outcome->state == RunState::interrupted && !verified) return "interrupted, and the table may turn";
       if (paused && s.pause_requests == 0) return "interrupted, and nobody asked for it";
       // The dwell that was going on when the pause was asked for is kept, unless it was bad.
-      const auto told = std::find_if(s.watcher.transitions.begin() + static_cast<std::ptrdiff_t>(transitions_before),
-                                     s.watcher.transitions.end(), [](const TransitionRecord& record) {
-                                       return record.event == RunEvent::pause_wanted && record.from == RunState::dwelling;
-                                     });
+      const auto told =
+          std::find_if(s.watcher.transitions.begin() + static_cast<std::ptrdiff_t>(transitions_before),
+                       s.watcher.transitions.end(), [](const TransitionRecord& record) {
+                         return record.event == RunEvent::pause_wanted && record.from == RunState::dwelling;
+                       });
       if (paused && told != s.watcher.transitions.end() && journal.dwells.size() == before.size() &&
-          std::none_of(told, s.watcher.transitions.end(), [](const TransitionRecord& record) { return record.event == RunEvent::dwell_bad; })) {
+          std::none_of(told, s.watcher.transitions.end(),
+                       [](const TransitionRecord& record) { return record.event == RunEvent::dwell_bad; })) {
         return "paused, and the dwell that went on is lost";
       }
       tally.pauses += paused ? 1 : 0;

@@ -142,8 +142,9 @@ TEST(RunStateMachine, PauseWaitsForASafePoint) {
   EXPECT_EQ(next(RunState::calibrating, RunEvent::pause_wanted, {}).outcome, Transition::Outcome::ignored);
   const RunGuards interrupted{.stop_cause = StopCause::interruption};
   EXPECT_EQ(next(RunState::stopping, RunEvent::stopped_verified, interrupted).to, RunState::interrupted);
-  EXPECT_EQ(next(RunState::stopping, RunEvent::deadline, {.stop_cause = StopCause::interruption, .abort_sent = true}).to,
-            RunState::failed);
+  EXPECT_EQ(
+      next(RunState::stopping, RunEvent::deadline, {.stop_cause = StopCause::interruption, .abort_sent = true}).to,
+      RunState::failed);
 }
 
 TEST(RunStateMachine, FinalStatesAreFinal) {
@@ -169,13 +170,14 @@ TEST(RunStateMachine, EveryStateIsReachable) {
 // The happy path of a step with one move and one dwell.
 TEST(RunStateMachine, HappyPath) {
   const std::vector<std::pair<RunEvent, RunState>> path = {
-      {RunEvent::start, RunState::connecting},         {RunEvent::connected, RunState::homing},
-      {RunEvent::homed, RunState::selecting},          {RunEvent::move_next, RunState::moving},
-      {RunEvent::arrived, RunState::settling},         {RunEvent::settled, RunState::selecting},
-      {RunEvent::dwell_next, RunState::dwelling},      {RunEvent::dwell_bad, RunState::settling},
-      {RunEvent::settled, RunState::selecting},        {RunEvent::dwell_next, RunState::dwelling},
-      {RunEvent::dwell_complete, RunState::selecting}, {RunEvent::step_complete, RunState::step_done},
-      {RunEvent::sequence_complete, RunState::parking}, {RunEvent::stopped_verified, RunState::calibrating}, {RunEvent::calibration_ok, RunState::done}};
+      {RunEvent::start, RunState::connecting},          {RunEvent::connected, RunState::homing},
+      {RunEvent::homed, RunState::selecting},           {RunEvent::move_next, RunState::moving},
+      {RunEvent::arrived, RunState::settling},          {RunEvent::settled, RunState::selecting},
+      {RunEvent::dwell_next, RunState::dwelling},       {RunEvent::dwell_bad, RunState::settling},
+      {RunEvent::settled, RunState::selecting},         {RunEvent::dwell_next, RunState::dwelling},
+      {RunEvent::dwell_complete, RunState::selecting},  {RunEvent::step_complete, RunState::step_done},
+      {RunEvent::sequence_complete, RunState::parking}, {RunEvent::stopped_verified, RunState::calibrating},
+      {RunEvent::calibration_ok, RunState::done}};
   RunState state = RunState::idle;
   for (const auto& [event, expected] : path) {
     state = next(state, event, {}).to;

@@ -6,8 +6,8 @@
 #include <limits>
 #include <string>
 
-#include "calib/model/attitude.h"
 #include "calib/diagnosis/diagnosis.h"
+#include "calib/model/attitude.h"
 #include "orchestrator/report/diagnosis_context.h"
 
 namespace turncal {
@@ -84,7 +84,8 @@ inline Sample make_sample(SampleErrorOf before, SampleErrorOf after, int rests =
   for (int k = 0; k < rests; ++k) {
     const double pitch_deg = 90.0 * k;
     if (k > 0) {
-      sample.recording.segments.push_back({1, SegmentKind::rotate, counter, counter + 200 * sample_turn_s, -90.0, pitch_deg, 0.0});
+      sample.recording.segments.push_back(
+          {1, SegmentKind::rotate, counter, counter + 200 * sample_turn_s, -90.0, pitch_deg, 0.0});
       for (int s = 0; s < sample_turn_s; ++s) add_block(false).gyro = {0.0, 0.0, 10.0 * counts_per_deg};
       rotation_end_s = time_s;
     }
@@ -155,7 +156,8 @@ inline Sample extended_sample() {
   Diagnosis& d = sample.diagnosis;
   d.verdict = Verdict::extended;
   d.reason = "held-out error 3.2 before, 1.01 after";
-  d.extended.effects = {estimated("accel_second_order", 0, 20.25, 0.75), estimated("accel_second_order", 2, -3.5, 1.25)};
+  d.extended.effects = {estimated("accel_second_order", 0, 20.25, 0.75),
+                        estimated("accel_second_order", 2, -3.5, 1.25)};
   d.extended.parameters.A0_g[0] += 12.0 * 3e-7;
   d.effect_names = {"accel_second_order"};
   d.aliases["accel_second_order"] = {"accel_scale_asymmetry"};

@@ -37,8 +37,8 @@ RigConfig rig_with(std::vector<RigFault> faults) {
 
 std::string line_of(const Segment& s) {
   std::ostringstream text;
-  text << s.step << ' ' << static_cast<int>(s.kind) << ' ' << s.start_sample << ' ' << s.end_sample << ' ' << s.heading_deg
-       << ' ' << s.pitch_deg << ' ' << s.roll_deg;
+  text << s.step << ' ' << static_cast<int>(s.kind) << ' ' << s.start_sample << ' ' << s.end_sample << ' '
+       << s.heading_deg << ' ' << s.pitch_deg << ' ' << s.roll_deg;
   return text.str();
 }
 void expect_same(const Segments& found, const Segments& expected) {
@@ -101,7 +101,8 @@ TEST(StationRun, FourteenStepsAreTheIndependentRecordingsSegments) {
 TEST(StationRun, OddMotionTimesFollowThePlan) {
   RigStation s(
       "format = 1\nname = odd\nrate_degps = 7\nacceleration_degps2 = 13\nstep 1\n  initial H 0 P 0 R 0\n  align 200\n"
-      "  rotate H +33.3\n  dwell 777\n  rotate R -1.5\n  dwell 200\n  rotate P +45 rate 40 acceleration 60\n  dwell 200\n");
+      "  rotate H +33.3\n  dwell 777\n  rotate R -1.5\n  dwell 200\n  rotate P +45 rate 40 acceleration 60\n  dwell "
+      "200\n");
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   expect_same(s.sink.segments, planned_segments(s.plan));
@@ -110,9 +111,10 @@ TEST(StationRun, OddMotionTimesFollowThePlan) {
 TEST(StationRun, GoesToTheStartPositionBeforeTheRecordingBegins) {
   RigConfig config = default_rig_config();
   config.table.power_on_deg = {12.0, -3.0, 5.0};
-  RigStation s("format = 1\nname = away\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H -90 P 0 R 30\n"
-               "  align 1000\n  dwell 200\n",
-               config);
+  RigStation s(
+      "format = 1\nname = away\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H -90 P 0 R 30\n"
+      "  align 1000\n  dwell 200\n",
+      config);
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   ASSERT_EQ(s.sink.segments.size(), 2U);
@@ -204,7 +206,8 @@ TEST(StationRun, KnockRepeatsTheDwell) {
 
 TEST(StationRun, TooManyRepeatsEndTheRun) {
   std::vector<RigFault> faults;
-  for (std::int64_t sample = 3000; sample < 12000; sample += 300) faults.push_back(unit_fault(RigFaultKind::lost_sample, sample));
+  for (std::int64_t sample = 3000; sample < 12000; sample += 300)
+    faults.push_back(unit_fault(RigFaultKind::lost_sample, sample));
   RigStation s(two_steps_text, rig_with(faults));
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
@@ -253,7 +256,8 @@ TEST(StationRun, UnitThatKeepsFlaggingItsDataFailed) {
 
 TEST(StationRun, SampleLostInAMoveIsSaidAndKeptVisible) {
   // Samples 1000..3000 are the move; the motion itself ends with 2899, so that the loss comes up together with the arrival.
-  RigStation s(two_steps_text, rig_with({unit_fault(RigFaultKind::lost_sample, 2895), unit_fault(RigFaultKind::invalid_sample, 2900)}));
+  RigStation s(two_steps_text,
+               rig_with({unit_fault(RigFaultKind::lost_sample, 2895), unit_fault(RigFaultKind::invalid_sample, 2900)}));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(s.watcher.count(RunEvent::motion_data_lost), 1) << "said once a move";

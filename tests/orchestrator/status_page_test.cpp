@@ -51,7 +51,8 @@ class Browser {
 
   bool open(const std::string& url) {
     const std::string target = field(call("Target.createTarget", "{\"url\":\"" + url + "\"}", ""), "targetId");
-    session_ = field(call("Target.attachToTarget", "{\"targetId\":\"" + target + "\",\"flatten\":true}", ""), "sessionId");
+    session_ =
+        field(call("Target.attachToTarget", "{\"targetId\":\"" + target + "\",\"flatten\":true}", ""), "sessionId");
     return !session_.empty();
   }
   // What the page's visible text is, and what is in an element.
@@ -74,7 +75,8 @@ class Browser {
   static std::string field(const std::string& json, const std::string& key) {
     const std::string mark = "\"" + key + "\":\"";
     const std::size_t at = json.find(mark);
-    return at == std::string::npos ? "" : json.substr(at + mark.size(), json.find('"', at + mark.size()) - at - mark.size());
+    return at == std::string::npos ? ""
+                                   : json.substr(at + mark.size(), json.find('"', at + mark.size()) - at - mark.size());
   }
   std::string call(const std::string& method, const std::string& parameters, const std::string& session) {
     const std::string id = std::to_string(++id_);
@@ -115,7 +117,8 @@ class Page : public Program {
   // A dry run slow enough to look at; returns its page's address.
   std::string start_run(const std::string& out, const std::string& pace, pid_t& pid) const {
     pid = start({"run", "--dry-run", "--unit", "SN-7", "--out", out, "--sequence",
-                 std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq", "--listen", "127.0.0.1:0", "--pace", pace});
+                 std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq", "--listen", "127.0.0.1:0", "--pace",
+                 pace});
     for (int i = 0; i < 1000; ++i) {
       const std::string said = file_text(folder_.string() + ".out");
       const std::size_t at = said.find("status page "), end = said.find('\n', at);
@@ -136,9 +139,10 @@ TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
   const auto status = client.Get("/status.json");
   ASSERT_TRUE(status);
   EXPECT_EQ(status->status, 200);
-  for (const char* text : {"\"unit\":\"SN-7\"", "\"simulated\":true", "\"step_count\":14", "\"eta_utc\":\"2026-01-01T00:1",
-                           "\"temperature_c\":2", "\"heartbeat_age_s\":0", "\"position_deg\":[", "\"rate_degps\":[",
-                           "\"still_gyro_degps\":", "\"lost_samples\":0", "\"transitions\":[\"2026"}) {
+  for (const char* text :
+       {"\"unit\":\"SN-7\"", "\"simulated\":true", "\"step_count\":14", "\"eta_utc\":\"2026-01-01T00:1",
+        "\"temperature_c\":2", "\"heartbeat_age_s\":0", "\"position_deg\":[", "\"rate_degps\":[",
+        "\"still_gyro_degps\":", "\"lost_samples\":0", "\"transitions\":[\"2026"}) {
     EXPECT_NE(status->body.find(text), std::string::npos) << text << '\n' << status->body;
   }
   const auto page = client.Get("/");
@@ -180,7 +184,9 @@ TEST_F(Page, ABrowserShowsTheRunAndThatItDied) {
   EXPECT_NE(browser.text(), first);
   bool drawn = false;
   for (int i = 0; i < 50 && !drawn; ++i) {
-    const std::string points = browser.evaluate("document.querySelectorAll('#gyro polyline').length + ' ' + (document.querySelector('#gyro polyline')||{getAttribute(){return ''}}).getAttribute('points')");
+    const std::string points = browser.evaluate(
+        "document.querySelectorAll('#gyro polyline').length + ' ' + (document.querySelector('#gyro "
+        "polyline')||{getAttribute(){return ''}}).getAttribute('points')");
     drawn = points.find("\"value\":\"3 0.0,") != std::string::npos;
     ::usleep(100'000);
   }
@@ -214,7 +220,8 @@ TEST(LiveView, SaysWhatAPauseWaitsFor) {
   record.at.item_end_utc_s = 1767225600.0 + 3661.0;
   record.detail = format_pause(record.at);
   view.on_transition(record);
-  EXPECT_NE(view.json().find("\"pause\":\"pause asked for: after this dwell, at 01:01:01Z; Ctrl-C again stops now\""), std::string::npos)
+  EXPECT_NE(view.json().find("\"pause\":\"pause asked for: after this dwell, at 01:01:01Z; Ctrl-C again stops now\""),
+            std::string::npos)
       << view.json();
   EXPECT_NE(view.json().find("\"last_error\":\"\""), std::string::npos) << "a pause is no error";
 }

@@ -52,12 +52,17 @@ TEST(TableDevice, DefectsAreNamed) {
   EXPECT_NE(error_of("table.driver = modbus\ntable.map = no-such.map\n").find("no-such.map"), std::string::npos);
   EXPECT_NE(error_of("table.driver = modbus\ntable.map = mock.station\n").find("mock.station"), std::string::npos)
       << "an error in the map comes with the map's name";
-  EXPECT_NE(error_of("table.driver = manual\ntable.map = x.map\n").find("table.map"), std::string::npos) << "not its key";
-  EXPECT_NE(error_of("table.driver = manual\ntable.tolerance_deg = 0\n").find("table.tolerance_deg"), std::string::npos);
-  EXPECT_NE(error_of("table.driver = manual\nmotion.position_tolerance_deg = 0.05\n").find("not below table.tolerance_deg (0.1, its default)"),
+  EXPECT_NE(error_of("table.driver = manual\ntable.map = x.map\n").find("table.map"), std::string::npos)
+      << "not its key";
+  EXPECT_NE(error_of("table.driver = manual\ntable.tolerance_deg = 0\n").find("table.tolerance_deg"),
+            std::string::npos);
+  EXPECT_NE(error_of("table.driver = manual\nmotion.position_tolerance_deg = 0.05\n")
+                .find("not below table.tolerance_deg (0.1, its default)"),
             std::string::npos);
   EXPECT_NE(error_of("table.driver = serial\ntable.dialect = ../../turntable_drivers/ascii/dialects/pi_gcs2.dialect\n"
-                     "axis.roll.max_rate_degps = 500\n").find("axis.roll.max_rate_degps"), std::string::npos);
+                     "axis.roll.max_rate_degps = 500\n")
+                .find("axis.roll.max_rate_degps"),
+            std::string::npos);
 }
 
 // From a station file to a table that moves: over a real link to the twin, within the station's limits.
@@ -65,8 +70,10 @@ TEST(TableDevice, MovesTheTwinWithinTheStationsLimits) {
   const test::TemporaryFolder folder;
   std::ofstream(folder / "my.map") << plain_map_text("tcp");
   TwinStation twin(map_of(plain_map_text("tcp")));
-  const std::string text = head + "table.driver = modbus\ntable.map = my.map\ntable.simulated = true\ntable.address = " +
-                           twin.server.address() + "\naxis.pitch.soft_max_deg = 50\n";
+  const std::string text =
+      head +
+      "table.driver = modbus\ntable.map = my.map\ntable.simulated = true\ntable.address = " + twin.server.address() +
+      "\naxis.pitch.soft_max_deg = 50\n";
   const Result<StationConfig> station = parse_station_config(text, folder / "my.station");
   ASSERT_TRUE(station.ok()) << station.error().message;
   const Result<std::unique_ptr<TableDevice>> device = make_table(*station, {twin.clock});

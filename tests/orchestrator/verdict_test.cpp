@@ -90,27 +90,32 @@ class Production : public Program {
  protected:
   static std::string station(const std::string& more) {
     return "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
-           "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\n" + more;
+           "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\n" +
+           more;
   }
   ProgramResult dry_run(const std::string& out, const std::string& station_text, std::vector<std::string> more = {}) {
-    std::vector<std::string> arguments = {"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence",
-                                          std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq", "--station",
-                                          write("mock.station", station(station_text))};
+    std::vector<std::string> arguments = {"run",        "--dry-run",
+                                          "--unit",     "SN1",
+                                          "--out",      out,
+                                          "--sequence", std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq",
+                                          "--station",  write("mock.station", station(station_text))};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return run(arguments);
   }
 };
 
 TEST_F(Production, VerdictIsExitCodeAndRecord) {
-  const ProgramResult good = dry_run("good", "limit.residual_max = 1.5\nlimit.N01.min = -1\nlimit.N01.max = 1\n",
-                                     {"--operator", "A. Turner", "--part", "RLG-7", "--revision", "C", "--ambient", "21.5 C"});
+  const ProgramResult good =
+      dry_run("good", "limit.residual_max = 1.5\nlimit.N01.min = -1\nlimit.N01.max = 1\n",
+              {"--operator", "A. Turner", "--part", "RLG-7", "--revision", "C", "--ambient", "21.5 C"});
   ASSERT_EQ(good.code, 0) << good.err;
   EXPECT_NE(good.out.find("verdict     pass  (ILAC-G8:09/2019"), std::string::npos) << good.out;
   const std::string file = file_text(folder_ / "good/parameters.conf");
-  for (const char* line : {"verdict.result = pass", "verdict.rule = ILAC-G8:09/2019", "verdict.N01 = pass, limits -1 .. 1",
-                           "verdict.residual = pass", "record.operator = A. Turner", "record.part = RLG-7",
-                           "record.revision = C", "record.ambient = 21.5 C", "record.configuration_hash = ",
-                           "record.sequence_hash = ", "record.repeated_dwells = 0", "simulated = true"}) {
+  for (const char* line :
+       {"verdict.result = pass", "verdict.rule = ILAC-G8:09/2019", "verdict.N01 = pass, limits -1 .. 1",
+        "verdict.residual = pass", "record.operator = A. Turner", "record.part = RLG-7", "record.revision = C",
+        "record.ambient = 21.5 C",
+        "record.configuration_hash = ", "record.sequence_hash = ", "record.repeated_dwells = 0", "simulated = true"}) {
     EXPECT_NE(file.find(line), std::string::npos) << line << '\n' << file;
   }
   const ProgramResult bad = dry_run("bad", "limit.sigma.max = 1\n");
@@ -130,7 +135,8 @@ TEST_F(Production, AnOverdueTableIsRefusedUnlessOverridden) {
   const std::string due = "table.id = TT-1\ntable.calibration_due = 2025-12-31\n";  // the rig's day is 2026-01-01
   const ProgramResult refused = dry_run("out", due);
   EXPECT_EQ(refused.code, 1);
-  EXPECT_NE(refused.err.find("table 'TT-1' was due on 2025-12-31, today is 2026-01-01"), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("table 'TT-1' was due on 2025-12-31, today is 2026-01-01"), std::string::npos)
+      << refused.err;
   EXPECT_FALSE(fs::exists(folder_ / "out"));
   ASSERT_EQ(dry_run("out", due, {"--override-due", "recalibration is booked for Monday"}).code, 0);
   const std::string file = file_text(folder_ / "out/parameters.conf");
@@ -142,21 +148,27 @@ TEST_F(Production, AnOverdueTableIsRefusedUnlessOverridden) {
   const std::string rig = write("late.rig", "start_utc_s = 1767311700\n" + midnight);  // 2026-01-01T23:55
   ASSERT_EQ(dry_run("late", "table.calibration_due = 2026-01-01\n", {"--rig", rig}).code, 50);
   expect_refused({"resume", "late"}, "was due on 2026-01-01, today is 2026-01-02");
-  EXPECT_EQ(run({"resume", "late", "--override-due", "half a run is no use"}).code, 50) << "the rig's fault comes again";
+  EXPECT_EQ(run({"resume", "late", "--override-due", "half a run is no use"}).code, 50)
+      << "the rig's fault comes again";
   const std::string journal = run({"journal", "late"}).out;
   EXPECT_NE(journal.find("overdue_reason = half a run is no use"), std::string::npos);
   EXPECT_EQ(journal.find("[dry run] "), 0u);
-  EXPECT_EQ(std::count(journal.begin(), journal.end(), '\n'), std::count(journal.begin(), journal.end(), '[')) << journal;
+  EXPECT_EQ(std::count(journal.begin(), journal.end(), '\n'), std::count(journal.begin(), journal.end(), '['))
+      << journal;
   EXPECT_EQ(run({"resume", "late"}).code, 50) << "the reason was given";
   EXPECT_EQ(dry_run("bad", "table.calibration_due = 31.12.2026\n").code, 1);
 }
 
 TEST_F(Production, HistoryListsComparesChartsAndExports) {
   ASSERT_EQ(dry_run("one", "limit.N01.min = -1\nlimit.N01.max = 1\n").code, 0);
-  ASSERT_EQ(dry_run("two", "limit.N01.min = -1\nlimit.N01.max = 1\n", {"--rig", write("two.rig", "noise.seed = 2\n")}).code, 0);
+  ASSERT_EQ(
+      dry_run("two", "limit.N01.min = -1\nlimit.N01.max = 1\n", {"--rig", write("two.rig", "noise.seed = 2\n")}).code,
+      0);
   ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN2", "--out", "three", "--sequence",
-                 std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq", "--station", path("mock.station"), "--rig",
-                 write("three.rig", "seed = 3\n")}).code, 0);
+                 std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq", "--station", path("mock.station"),
+                 "--rig", write("three.rig", "seed = 3\n")})
+                .code,
+            0);
   const ProgramResult list = run({"history", "results.db"});
   ASSERT_EQ(list.code, 0) << list.err;
   EXPECT_EQ(std::count(list.out.begin(), list.out.end(), '\n'), 4);
@@ -187,7 +199,8 @@ TEST_F(Production, HistoryListsComparesChartsAndExports) {
   const std::string csv = file_text(folder_ / "all.csv");
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 4);
   const std::string header = csv.substr(0, csv.find('\n')), row = csv.substr(csv.find('\n') + 1);
-  EXPECT_EQ(std::count(header.begin(), header.end(), ','), std::count(row.begin(), row.begin() + static_cast<long>(row.find('\n')), ','));
+  EXPECT_EQ(std::count(header.begin(), header.end(), ','),
+            std::count(row.begin(), row.begin() + static_cast<long>(row.find('\n')), ','));
   expect_refused({"history", "nowhere.db"}, "there is no such results database");
   expect_refused({"history", write("garbage.db", std::string(4096, 'x'))}, "not a database");
 }

@@ -42,8 +42,9 @@ TEST(MoveDuration, TrapezoidAndTriangle) {
 }
 
 TEST(Plan, TimesByHand) {
-  const Plan plan = planned("step 1\ninitial H 0 P 0 R 0\nalign 12000\nrotate R +90\ndwell 20000\nrotate R +1.25\n"
-                            "step 2\ninitial H -90 P 0 R 0\nalign 400\n");
+  const Plan plan = planned(
+      "step 1\ninitial H 0 P 0 R 0\nalign 12000\nrotate R +90\ndwell 20000\nrotate R +1.25\n"
+      "step 2\ninitial H -90 P 0 R 0\nalign 400\n");
   ASSERT_TRUE(plan.ok());
   ASSERT_EQ(plan.items.size(), 7U);
   EXPECT_EQ(plan.items[0].samples, 12000);
@@ -51,7 +52,7 @@ TEST(Plan, TimesByHand) {
   EXPECT_DOUBLE_EQ(plan.items[1].start_s, 60.0);
   EXPECT_EQ(plan.items[1].samples, 2000);  // 9 + 0.5 + 0.5 s
   EXPECT_DOUBLE_EQ(plan.items[1].duration_s, 10.0);
-  EXPECT_EQ(plan.items[3].samples, 200);   // 0.5 + 0.5 s
+  EXPECT_EQ(plan.items[3].samples, 200);  // 0.5 + 0.5 s
   EXPECT_EQ(plan.items[4].axis, Axis::roll);
   EXPECT_EQ(plan.items[4].from_deg, 91.25);
   EXPECT_EQ(plan.items[4].to_deg, 0.0);
@@ -157,9 +158,8 @@ TEST(Violations, SoftTravelNamesTheLineOfTheMove) {
   const Plan plan = planned(turning, limits);
   EXPECT_FALSE(plan.ok());
   EXPECT_EQ(plan.violations,
-            (std::vector<std::string>{
-                "test.seq:8: step 1: roll goes to 360 deg, soft travel is -170 to 350 deg",
-                "test.seq:10: step 1: roll goes to -180 deg, soft travel is -170 to 350 deg"}));
+            (std::vector<std::string>{"test.seq:8: step 1: roll goes to 360 deg, soft travel is -170 to 350 deg",
+                                      "test.seq:10: step 1: roll goes to -180 deg, soft travel is -170 to 350 deg"}));
   limits.axis[2].soft_min_deg = -180.0;  // the limit itself may be reached
   limits.axis[2].soft_max_deg = 360.0;
   EXPECT_TRUE(planned(turning, limits).ok());
@@ -167,8 +167,8 @@ TEST(Violations, SoftTravelNamesTheLineOfTheMove) {
 
 TEST(Violations, TheStartPositionIsChecked) {
   const Plan plan = planned("step 1\ninitial H 600 P 0 R 0\nalign 200\ndwell 200\n");
-  EXPECT_EQ(plan.violations, (std::vector<std::string>{
-                                 "test.seq:5: step 1: heading goes to 600 deg, soft travel is -540 to 540 deg"}));
+  EXPECT_EQ(plan.violations,
+            (std::vector<std::string>{"test.seq:5: step 1: heading goes to 600 deg, soft travel is -540 to 540 deg"}));
 }
 
 TEST(Violations, RateAndAcceleration) {

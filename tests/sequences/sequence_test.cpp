@@ -111,9 +111,9 @@ TEST(Parser, PutsTheMovesToTheInitialPositionInFrontRollPitchHeading) {
 }
 
 TEST(Parser, UnwindsWholeTurnsOnlyWhereTheAngleDiffers) {
-  const Sequence sequence = parsed(header + first_step + "rotate R +360\n" +
-                                   "step 2\ninitial H 0 P 0 R 360\nalign 200\n" +
-                                   "step 3\ninitial H 0 P 0 R 0\nalign 200\n");
+  const Sequence sequence =
+      parsed(header + first_step + "rotate R +360\n" + "step 2\ninitial H 0 P 0 R 360\nalign 200\n" +
+             "step 3\ninitial H 0 P 0 R 0\nalign 200\n");
   EXPECT_EQ(text_of(sequence.steps[1]), "align 200 ");
   EXPECT_EQ(text_of(sequence.steps[2]), "roll 0> align 200 ");
 }
@@ -141,8 +141,9 @@ TEST(FourteenStep, IsTheTableOfTheMethod) {
   ASSERT_EQ(sequence.steps.size(), 14U);
   // By hand from the table of the method; a position differs from the one before in step 3 by heading -90, and so on.
   const std::map<int, std::string> expected = {
-      {1, "align 12000 dwell 20000 pitch 90> dwell 20000 pitch -90> dwell 20000 pitch 0> roll 90> dwell 20000 "
-          "roll -90> dwell 20000 roll 0> "},
+      {1,
+       "align 12000 dwell 20000 pitch 90> dwell 20000 pitch -90> dwell 20000 pitch 0> roll 90> dwell 20000 "
+       "roll -90> dwell 20000 roll 0> "},
       {2, "align 12000 roll 360> dwell 20000 roll 0> dwell 20000 "},
       {4, "roll -90> align 12000 pitch 360> dwell 20000 pitch 0> dwell 20000 "},
       {5, "roll 0> heading 0> align 12000 roll 180> dwell 20000 roll 0> dwell 20000 roll -180> dwell 20000 roll 0> "},
@@ -220,7 +221,7 @@ TEST(Extended, AddsAnglesRatesAndAReturnToTheFourteenSteps) {
     // The station polls in tenths of a second; every move ends on one.
     EXPECT_EQ(item.samples % 20, 0) << "line " << item.line;
   }
-  EXPECT_EQ(plan.samples, 2608120);  // 13040.6 s, as the document says
+  EXPECT_EQ(plan.samples, 2608120);       // 13040.6 s, as the document says
   EXPECT_EQ(turns.size(), 3U * 2U * 3U);  // three gyros, two senses, three rates
   EXPECT_TRUE(at_45[0] && at_45[1] && at_45[2]);
   EXPECT_EQ(plan.items.back().commanded_deg, sequence.start_deg);

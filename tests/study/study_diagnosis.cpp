@@ -60,21 +60,23 @@ bool in_class(const Diagnosis& d, const std::string& name) {
 
 struct Case {
   std::string name;
-  double times = 2.0;  // effect magnitude in units of what the recording says it can detect
-  bool stages = false; // also how the selection went, on stderr
+  double times = 2.0;   // effect magnitude in units of what the recording says it can detect
+  bool stages = false;  // also how the selection went, on stderr
 };
 
 void print_stages(const Diagnosis& d) {
   for (const SelectionStage& s : d.stages)
     std::fprintf(stderr, "  stage %s tau %g z %.2f gain %.1f of %.1f: %s\n",
-                 is_pattern(s.chosen) ? describe_pattern(s.chosen).c_str() : s.chosen.key().c_str(), s.chosen.tau_s, s.z,
-                 s.gain, s.threshold, s.note.c_str());
-  for (const std::string& name : d.gated_out) std::fprintf(stderr, "  not confirmed on held-out data: %s\n", name.c_str());
+                 is_pattern(s.chosen) ? describe_pattern(s.chosen).c_str() : s.chosen.key().c_str(), s.chosen.tau_s,
+                 s.z, s.gain, s.threshold, s.note.c_str());
+  for (const std::string& name : d.gated_out)
+    std::fprintf(stderr, "  not confirmed on held-out data: %s\n", name.c_str());
   for (const Fault& f : d.extended.faults)
     std::fprintf(stderr, "  fault %lld-%lld: %s, %s\n", static_cast<long long>(f.first_sample),
                  static_cast<long long>(f.last_sample), f.what.c_str(), f.action.c_str());
   const NoiseModel& n = d.base.noise;
-  std::fprintf(stderr, "  base noise: %.5f deg/sqrt(h), %.3f ug/sqrt(Hz), bias instability %.5f deg/h, %.3f ug; %s, %s\n",
+  std::fprintf(stderr,
+               "  base noise: %.5f deg/sqrt(h), %.3f ug/sqrt(Hz), bias instability %.5f deg/h, %.3f ug; %s, %s\n",
                n.angle_random_walk[0] / radprs_per_degprh, n.velocity_random_walk[0] / mpsprs_per_ugprHz,
                n.gyro_bias_instability_radps / radps_per_degph, n.accel_bias_instability_mps2 / mpsprs_per_ugprHz,
                d.base.message.c_str(), d.extended.whiteness.message.c_str());

@@ -32,13 +32,15 @@ void run(std::uint64_t seed, RigConfig config, const Sequence& sequence, JointOp
   const ParameterVector difference = to_vector(r.parameters) - to_vector(made.truth);
   for (std::size_t i = 0; i < r.free.size(); ++i) error[static_cast<Eigen::Index>(i)] = difference[r.free[i]];
   const Eigen::VectorXd scale = r.covariance.diagonal().cwiseSqrt();
-  const Eigen::MatrixXd correlation = scale.cwiseInverse().asDiagonal() * r.covariance * scale.cwiseInverse().asDiagonal();
+  const Eigen::MatrixXd correlation =
+      scale.cwiseInverse().asDiagonal() * r.covariance * scale.cwiseInverse().asDiagonal();
   const Eigen::VectorXd normalised = error.cwiseQuotient(scale);
   const double nees = normalised.dot(correlation.ldlt().solve(normalised));
-  std::printf("%llu %.3f %.4f %.6f %.4f %.6f %.4f %d %zu", static_cast<unsigned long long>(seed), nees, r.whiteness.level,
-              r.noise.angle_random_walk.mean() / radprs_per_degprh, r.noise.velocity_random_walk.mean() / mpsprs_per_ugprHz,
-              r.noise.gyro_bias_instability_radps / radps_per_degph, r.noise.accel_bias_instability_mps2 / mpsprs_per_ugprHz,
-              r.iterations, r.faults.size());
+  std::printf("%llu %.3f %.4f %.6f %.4f %.6f %.4f %d %zu", static_cast<unsigned long long>(seed), nees,
+              r.whiteness.level, r.noise.angle_random_walk.mean() / radprs_per_degprh,
+              r.noise.velocity_random_walk.mean() / mpsprs_per_ugprHz,
+              r.noise.gyro_bias_instability_radps / radps_per_degph,
+              r.noise.accel_bias_instability_mps2 / mpsprs_per_ugprHz, r.iterations, r.faults.size());
   for (Eigen::Index i = 0; i < normalised.size(); ++i) std::printf(" %.3f", normalised[i]);
   std::printf("%s\n", r.converged ? "" : " NOT CONVERGED");
   std::fflush(stdout);
@@ -50,8 +52,9 @@ void run(std::uint64_t seed, RigConfig config, const Sequence& sequence, JointOp
 int main(int argc, char** argv) {
   using namespace turncal;
   if (argc < 3) {
-    std::fprintf(stderr, "usage: study_joint SEED_FIRST SEED_COUNT [--instability G A] [--table ARCMIN] [--sequence NAME] "
-                         "[--no-instability-fit] [--given]\n");
+    std::fprintf(stderr,
+                 "usage: study_joint SEED_FIRST SEED_COUNT [--instability G A] [--table ARCMIN] [--sequence NAME] "
+                 "[--no-instability-fit] [--given]\n");
     return 1;
   }
   RigConfig config = default_rig_config();

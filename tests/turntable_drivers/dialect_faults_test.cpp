@@ -15,7 +15,9 @@ namespace {
 
 std::string text_of(const AnswerPiece& piece) { return {piece.bytes.begin(), piece.bytes.end()}; }
 void set_text(AnswerPiece& piece, const std::string& text) { piece.bytes.assign(text.begin(), text.end()); }
-std::string framed_dollar(const std::string& body) { return "$" + body + "*" + check_digits(body, SentenceCheck::sum8) + "\r\n"; }
+std::string framed_dollar(const std::string& body) {
+  return "$" + body + "*" + check_digits(body, SentenceCheck::sum8) + "\r\n";
+}
 
 struct TextTable : FaultTable<DialectStation, SerialTurntable> {
   explicit TextTable(const std::string& name, bool tcp = false) : FaultTable(quick(shipped_dialect(name, tcp))) {}
@@ -41,7 +43,8 @@ std::vector<TextFault> text_faults() {
       {"missing", [](AnswerPlan& plan) { plan.pieces.clear(); }},
       {"late", [](AnswerPlan& plan) { plan.pieces[0].delay_s = 0.2; }},
       {"duplicate", [](AnswerPlan& plan) { plan.pieces.push_back(plan.pieces[0]); }},
-      {"duplicate_a_little_later", [](AnswerPlan& plan) {
+      {"duplicate_a_little_later",
+       [](AnswerPlan& plan) {
          plan.pieces.push_back(plan.pieces[0]);
          plan.pieces[1].delay_s = 0.005;
        }},
@@ -57,17 +60,22 @@ std::vector<TextFault> text_faults() {
        })},
       {"cut_short", change([](std::string text) { return text.substr(0, text.size() / 2); })},
       {"no_terminator", change([](std::string text) { return text.substr(0, text.size() - 2); })},
-      {"interleaved", [](AnswerPlan& plan) { plan.pieces.insert(plan.pieces.begin(), {{'$', 'A', 'S', '\r', '\n'}, 0.0}); }},
+      {"interleaved",
+       [](AnswerPlan& plan) {
+         plan.pieces.insert(plan.pieces.begin(), {{'$', 'A', 'S', '\r', '\n'}, 0.0});
+       }},
       {"control_characters", change([](std::string text) {
          text.insert(text.size() / 2, "\x01\x7f");
          return text;
        })},
-      {"split", [](AnswerPlan& plan) {
+      {"split",
+       [](AnswerPlan& plan) {
          const std::string text = text_of(plan.pieces[0]);
          set_text(plan.pieces[0], text.substr(0, 4));
          plan.pieces.push_back({{text.begin() + 4, text.end()}, 0.02});
        }},
-      {"byte_by_byte", [](AnswerPlan& plan) {
+      {"byte_by_byte",
+       [](AnswerPlan& plan) {
          const std::string text = text_of(plan.pieces[0]);
          plan.pieces.clear();
          for (const char c : text) plan.pieces.push_back({{static_cast<std::uint8_t>(c)}, 0.001});
@@ -111,7 +119,8 @@ TEST(DialectFaults, GarbledNumberUnderAGoodChecksum) {
   for (const char* const bad : {"nan", "inf", "12.3.4", "1e999", "--5", "0x10", "-"}) {
     TextTable s("three_axis_dollar");
     s.station.disturb([&](const std::string& body, AnswerPlan& plan) {
-      if (body == "MNSTS,1") set_text(plan.pieces[0], framed_dollar(std::string("ASSTS,") + bad + ",0,1,30,0,1,-50,0,1"));
+      if (body == "MNSTS,1")
+        set_text(plan.pieces[0], framed_dollar(std::string("ASSTS,") + bad + ",0,1,30,0,1,-50,0,1"));
     });
     const Result<AxisStatus> status = s.driver.status(Axis::heading);
     ASSERT_FALSE(status.ok()) << bad;

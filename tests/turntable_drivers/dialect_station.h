@@ -11,7 +11,8 @@
 namespace turncal {
 
 inline Dialect shipped_dialect(const std::string& name, bool tcp = false) {
-  const Result<Dialect> read = read_dialect(std::string(TURNCAL_SOURCE_DIR) + "/turntable_drivers/ascii/dialects/" + name + ".dialect");
+  const Result<Dialect> read =
+      read_dialect(std::string(TURNCAL_SOURCE_DIR) + "/turntable_drivers/ascii/dialects/" + name + ".dialect");
   EXPECT_TRUE(read.ok()) << (read.ok() ? "" : read.error().message);
   if (!read) return {};
   Dialect dialect = *read;

@@ -61,7 +61,8 @@ TEST_F(LimitedTable, TravelRateAndAcceleration) {
 
 TEST_F(LimitedTable, CableIsNotWoundFurther) {
   EXPECT_EQ(move(400), "");
-  EXPECT_EQ(move(-321), "motion limits: roll: the move to -321 deg winds the cable by 721 deg: expected at most 720 deg");
+  EXPECT_EQ(move(-321),
+            "motion limits: roll: the move to -321 deg winds the cable by 721 deg: expected at most 720 deg");
   EXPECT_EQ(move(-320), "");
   EXPECT_EQ(move(400), "") << "back over the same way";
   EXPECT_NE(move(401), "");

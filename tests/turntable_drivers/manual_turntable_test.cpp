@@ -28,7 +28,9 @@ struct Desk {
     ::close(pipe_[0]);
     hang_up();
   }
-  void type(const std::string& line) { EXPECT_EQ(::write(pipe_[1], (line + "\n").data(), line.size() + 1), static_cast<ssize_t>(line.size() + 1)); }
+  void type(const std::string& line) {
+    EXPECT_EQ(::write(pipe_[1], (line + "\n").data(), line.size() + 1), static_cast<ssize_t>(line.size() + 1));
+  }
   void hang_up() {
     if (pipe_[1] >= 0) ::close(pipe_[1]);
     pipe_[1] = -1;
@@ -112,7 +114,9 @@ TEST_F(ManualTable, SaysAxisAngleWayAndReason) {
   ready(desk);
   desk.manual.set_reason("step 3 of 14");
   ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, -90.0, 10.0, 10.0).ok());
-  EXPECT_EQ(desk.said().find("\nstep 3 of 14\nTurn pitch from 0 to -90 deg, 90 deg backward (its angle falls); then type the angle reached ("), 0u);
+  EXPECT_EQ(desk.said().find("\nstep 3 of 14\nTurn pitch from 0 to -90 deg, 90 deg backward (its angle falls); then "
+                             "type the angle reached ("),
+            0u);
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving);
   EXPECT_FALSE(desk.manual.status(Axis::pitch)->in_position);
   desk.type("-89.95");
@@ -124,7 +128,8 @@ TEST_F(ManualTable, RefusesBeyondToleranceAndNonsense) {
   Desk desk;
   ready(desk);
   ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
-  for (const char* const bad : {"turn roll 90", "say 90", "89.89", "90.11", "-90", "0", "nan", "ninety", "90 deg", "9 0", "1e999", "90.0.0"}) {
+  for (const char* const bad :
+       {"turn roll 90", "say 90", "89.89", "90.11", "-90", "0", "nan", "ninety", "90 deg", "9 0", "1e999", "90.0.0"}) {
     desk.said();
     desk.type(bad);
     EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << bad;
@@ -251,7 +256,9 @@ TEST_F(ManualTable, RehearsalTurnsTheRigToTheTypedAngle) {
   desk.manual.rehearse_on(rehearsed_table(rig));
   desk.manual.set_tag("[t] ");
   std::vector<ImuSample> samples(4000);
-  const auto pass = [&](double seconds) { rig.advance(std::span(samples).first(static_cast<std::size_t>(200 * seconds))); };
+  const auto pass = [&](double seconds) {
+    rig.advance(std::span(samples).first(static_cast<std::size_t>(200 * seconds)));
+  };
   ASSERT_TRUE(desk.manual.connect().ok());
   EXPECT_TRUE(desk.manual.identify()->simulated);
   ASSERT_TRUE(desk.manual.enable().ok());
@@ -287,7 +294,7 @@ TEST_F(ManualTable, EndOfInputStops) {
   Desk desk;
   ready(desk);
   ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
-  desk.type("89");  // refused
+  desk.type("89");                                // refused
   EXPECT_EQ(::write(desk.pipe_[1], "90", 2), 2);  // without a line end: no answer
   desk.hang_up();
   expect_end(desk, ErrorKind::interrupted, "end of input");

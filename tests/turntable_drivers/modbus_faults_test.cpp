@@ -29,27 +29,37 @@ std::vector<LineFault> line_faults() {
       {"silence", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces.clear(); }},
       {"late", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces[0].delay_s = 0.2; }},
       {"very_late", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces[0].delay_s = 0.33; }},
-      {"flipped_bit", [=](const ModbusRequest& request, AnswerPlan& plan) {
+      {"flipped_bit",
+       [=](const ModbusRequest& request, AnswerPlan& plan) {
          // On RTU the CRC tells; over TCP a flip is in the header (TCP's own checksum guards the data).
          Frame& bytes = bytes_of(plan);
          bytes[bytes.size() == 3 + 2 * static_cast<std::size_t>(request.count) + 2 ? 5 : 1] ^= 0x10;
        }},
       {"cut_short", [=](const ModbusRequest&, AnswerPlan& plan) { bytes_of(plan).resize(bytes_of(plan).size() - 3); }},
       {"one_byte", [=](const ModbusRequest&, AnswerPlan& plan) { bytes_of(plan).resize(1); }},
-      {"trailing_junk", [=](const ModbusRequest&, AnswerPlan& plan) { bytes_of(plan).insert(bytes_of(plan).end(), {0xAA, 0x55, 0x00}); }},
-      {"leading_junk", [=](const ModbusRequest&, AnswerPlan& plan) { bytes_of(plan).insert(bytes_of(plan).begin(), {0x00, 0xFF}); }},
+      {"trailing_junk",
+       [=](const ModbusRequest&, AnswerPlan& plan) {
+         bytes_of(plan).insert(bytes_of(plan).end(), {0xAA, 0x55, 0x00});
+       }},
+      {"leading_junk",
+       [=](const ModbusRequest&, AnswerPlan& plan) {
+         bytes_of(plan).insert(bytes_of(plan).begin(), {0x00, 0xFF});
+       }},
       {"twice", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces.push_back(plan.pieces[0]); }},
-      {"split", [=](const ModbusRequest&, AnswerPlan& plan) {
+      {"split",
+       [=](const ModbusRequest&, AnswerPlan& plan) {
          Frame tail(bytes_of(plan).begin() + 5, bytes_of(plan).end());
          bytes_of(plan).resize(5);
          plan.pieces.push_back({tail, 0.015});
        }},
-      {"slow_bytes", [=](const ModbusRequest&, AnswerPlan& plan) {
+      {"slow_bytes",
+       [=](const ModbusRequest&, AnswerPlan& plan) {
          const Frame all = bytes_of(plan);
          plan.pieces.clear();
          for (const std::uint8_t byte : all) plan.pieces.push_back({{byte}, 0.002});
        }},
-      {"stalling_bytes", [=](const ModbusRequest&, AnswerPlan& plan) {
+      {"stalling_bytes",
+       [=](const ModbusRequest&, AnswerPlan& plan) {
          Frame tail(bytes_of(plan).begin() + 7, bytes_of(plan).end());
          bytes_of(plan).resize(7);
          plan.pieces.push_back({tail, 0.06});  // longer than the byte time-out
@@ -65,7 +75,8 @@ TEST_P(ModbusLineFaults, NoWrongPositionIsBelieved) {
   int reads = 0;
   s.station.disturb([&, how = fault.how](const ModbusRequest& request, AnswerPlan& plan) {
     // One reply to heading, later one to roll.
-    if (is_read(request) && (++reads == 4 || (reads > 8 && reads <= 11 && request.unit == 3 && reads % 3 == 0))) how(request, plan);
+    if (is_read(request) && (++reads == 4 || (reads > 8 && reads <= 11 && request.unit == 3 && reads % 3 == 0)))
+      how(request, plan);
   });
   const int read = s.expect_truth(6);
   EXPECT_EQ(read, 18) << "every disturbed reading was repeated with success";
@@ -74,7 +85,8 @@ TEST_P(ModbusLineFaults, NoWrongPositionIsBelieved) {
 
 INSTANTIATE_TEST_SUITE_P(All, ModbusLineFaults, testing::Combine(testing::Bool(), testing::ValuesIn(line_faults())),
                          [](const auto& which) {
-                           return std::string(std::get<0>(which.param) ? "tcp_" : "rtu_") + std::get<1>(which.param).name;
+                           return std::string(std::get<0>(which.param) ? "tcp_" : "rtu_") +
+                                  std::get<1>(which.param).name;
                          });
 
 // An adapter that echoes: RTU answers begin with the request itself.
@@ -82,7 +94,7 @@ TEST(ModbusFaults, EchoIsNoAnswer) {
   FaultStation s(false);
   s.station.disturb([](const ModbusRequest& request, AnswerPlan& plan) {
     if (request.function != 3) return;
-    Frame echo = {static_cast<std::uint8_t>(request.unit), 3, static_cast<std::uint8_t>(request.address >> 8),
+    Frame echo = {static_cast<std::uint8_t>(request.unit),    3, static_cast<std::uint8_t>(request.address >> 8),
                   static_cast<std::uint8_t>(request.address), 0, static_cast<std::uint8_t>(request.count)};
     const std::uint16_t crc = modbus_crc(echo);
     echo.push_back(static_cast<std::uint8_t>(crc));
@@ -102,7 +114,8 @@ TEST(ModbusFaults, AnotherUnitsAnswerIsRefused) {
     if (!is_read(request) || replies++ > 0) return;
     ModbusRequest other = request;
     other.unit = 2;
-    plan.pieces[0].bytes = read_reply(other, std::vector<std::uint16_t>(static_cast<std::size_t>(request.count), 7), false);
+    plan.pieces[0].bytes =
+        read_reply(other, std::vector<std::uint16_t>(static_cast<std::size_t>(request.count), 7), false);
   });
   EXPECT_EQ(s.expect_truth(3), 9);
   EXPECT_GT(replies, 9) << "it was asked again";
@@ -233,7 +246,8 @@ TEST_P(ModbusExceptions, AreRepeatedOrSaid) {
   const Result<AxisStatus> status = s.driver.status(Axis::pitch);
   ASSERT_FALSE(status.ok());
   EXPECT_EQ(status.error().kind, code <= 3 ? ErrorKind::input : ErrorKind::device);
-  EXPECT_NE(status.error().message.find("exception " + std::to_string(code)), std::string::npos) << status.error().message;
+  EXPECT_NE(status.error().message.find("exception " + std::to_string(code)), std::string::npos)
+      << status.error().message;
   always = false;
   once = 0;
   EXPECT_EQ(s.driver.status(Axis::pitch).ok(), code < 10) << "a gateway that does not reach the drive is a lost link";

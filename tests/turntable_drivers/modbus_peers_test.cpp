@@ -98,7 +98,9 @@ bool wait_for_file(const std::string& path, double seconds) {
   return false;
 }
 
-std::string temporary(const std::string& name) { return testing::TempDir() + "turncal_" + name + "_" + std::to_string(::getpid()); }
+std::string temporary(const std::string& name) {
+  return testing::TempDir() + "turncal_" + name + "_" + std::to_string(::getpid());
+}
 
 // 200 samples a second of wall time from a unit that feels nothing.
 class StillImu : public ImuSource {
@@ -140,8 +142,9 @@ class StillImu : public ImuSource {
 // What one register pair of the peer holds, read by mbpoll.
 long peer_counts(int port, int unit) {
   int status = 0;
-  const std::string text = output_of("mbpoll -m tcp -0 -1 -q -B -t 4:int -a " + std::to_string(unit) + " -r 256 -c 1 -p " +
-                                         std::to_string(port) + " 127.0.0.1", status);
+  const std::string text = output_of("mbpoll -m tcp -0 -1 -q -B -t 4:int -a " + std::to_string(unit) +
+                                         " -r 256 -c 1 -p " + std::to_string(port) + " 127.0.0.1",
+                                     status);
   EXPECT_EQ(status, 0) << text;
   const std::size_t place = text.find("[256]:");
   EXPECT_NE(place, std::string::npos) << text;
@@ -153,7 +156,8 @@ void run_a_sequence_on(RegisterMap map) {
   ModbusTurntable driver(map, clock);
   const Result<Sequence> sequence = parse_sequence(
       "format = 1\nname = short\nrate_degps = 40\nacceleration_degps2 = 100\n"
-      "step 1\n  initial H 0 P 0 R 0\n  align 200\n  rotate P +20\n  dwell 200\n  rotate R -10\n", "test.seq");
+      "step 1\n  initial H 0 P 0 R 0\n  align 200\n  rotate P +20\n  dwell 200\n  rotate R -10\n",
+      "test.seq");
   ASSERT_TRUE(sequence.ok()) << sequence.error().message;
   StationConfig station = default_station_config();
   station.motion.settle_s = 0.1;
@@ -212,7 +216,8 @@ TEST(ModbusPeers, MbpollReadsTheTwinOverTcpAndRtu) {
                                  : "-m rtu -b 115200 " + station.server.address();
     const auto counts = [&](int unit) {
       int status = 0;
-      const std::string text = output_of("mbpoll -0 -1 -q -B -t 4:int -a " + std::to_string(unit) + " -r 256 -c 1 " + link, status);
+      const std::string text =
+          output_of("mbpoll -0 -1 -q -B -t 4:int -a " + std::to_string(unit) + " -r 256 -c 1 " + link, status);
       EXPECT_EQ(status, 0) << text;
       const std::size_t place = text.find("[256]:");
       EXPECT_NE(place, std::string::npos) << text;

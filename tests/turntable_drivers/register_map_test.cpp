@@ -43,20 +43,30 @@ TEST(RegisterMap, DefectsAreNamed) {
   EXPECT_EQ(error_of("words.order = high_first", "words.order = big"),
             "my.map:16: key 'words.order' = 'big': expected high_first or low_first");
   EXPECT_NE(error_of("words.order = high_first\n", "").find("'words.order' is missing"), std::string::npos);
-  EXPECT_NE(error_of("position.address = 0x100", "position.address = 0x105").find("inside the status block"), std::string::npos);
-  EXPECT_NE(error_of("position.address = 0x100", "position.address = 0xZZ").find("decimal or with 0x"), std::string::npos);
-  EXPECT_NE(error_of("bit.fault.address = 0x105\nbit.fault.mask = 4\n", "").find("'bit.fault.address' is missing"), std::string::npos);
-  EXPECT_NE(error_of("bit.homed.address = 0x105\nbit.homed.mask = 0x10\n", "").find("'bit.homed.address' is missing"), std::string::npos);
-  EXPECT_NE(error_of("write.stop = ", "# write.stop = ").find("'write.stop' is missing"), std::string::npos);
-  EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = 0x203 u16 70000").find("fit their type"), std::string::npos);
-  EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = 0x203 u16 position").find("belong to write.move"), std::string::npos);
-  EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = 0x203 u99 1").find("steps 'ADDRESS TYPE VALUE'"), std::string::npos);
-  EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = wait 3").find("steps 'ADDRESS TYPE VALUE'"), std::string::npos)
-      << "a stop would wait behind it";
-  EXPECT_NE(error_of("s32 position + u32 rate", "s32 distance + s32 position + u32 rate").find("either position or distance"),
+  EXPECT_NE(error_of("position.address = 0x100", "position.address = 0x105").find("inside the status block"),
             std::string::npos);
+  EXPECT_NE(error_of("position.address = 0x100", "position.address = 0xZZ").find("decimal or with 0x"),
+            std::string::npos);
+  EXPECT_NE(error_of("bit.fault.address = 0x105\nbit.fault.mask = 4\n", "").find("'bit.fault.address' is missing"),
+            std::string::npos);
+  EXPECT_NE(error_of("bit.homed.address = 0x105\nbit.homed.mask = 0x10\n", "").find("'bit.homed.address' is missing"),
+            std::string::npos);
+  EXPECT_NE(error_of("write.stop = ", "# write.stop = ").find("'write.stop' is missing"), std::string::npos);
+  EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = 0x203 u16 70000").find("fit their type"),
+            std::string::npos);
+  EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = 0x203 u16 position").find("belong to write.move"),
+            std::string::npos);
+  EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = 0x203 u99 1").find("steps 'ADDRESS TYPE VALUE'"),
+            std::string::npos);
+  EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = wait 3").find("steps 'ADDRESS TYPE VALUE'"),
+            std::string::npos)
+      << "a stop would wait behind it";
+  EXPECT_NE(
+      error_of("s32 position + u32 rate", "s32 distance + s32 position + u32 rate").find("either position or distance"),
+      std::string::npos);
   EXPECT_NE(error_of("", "axis.roll.modulo_deg = 360\n").find("distance: with modulo_deg"), std::string::npos);
-  EXPECT_NE(error_of("heartbeat.watchdog_s = 1", "heartbeat.watchdog_s = 0.3").find("at least twice"), std::string::npos);
+  EXPECT_NE(error_of("heartbeat.watchdog_s = 1", "heartbeat.watchdog_s = 0.3").find("at least twice"),
+            std::string::npos);
   EXPECT_NE(error_of("", "status2.address = 0x300\nstatus2.count = 8\n").find("its own length"), std::string::npos);
   EXPECT_NE(error_of("", "bit.moveing.mask = 3\n").find("bit.moveing.mask"), std::string::npos);
   EXPECT_NE(error_of("", "bit.moving.kind = pulse\n").find("only in_position"), std::string::npos);

@@ -68,7 +68,8 @@ fault.3.rate_degps = 0.2
 fault.4.kind = emergency_stop
 fault.4.time_s = 12
 fault.4.duration_s = 34
-)", "bench.rig");
+)",
+                                                    "bench.rig");
   ASSERT_TRUE(config.ok()) << config.error().message;
   EXPECT_EQ(config->seed, 17u);
   EXPECT_EQ(config->noise_seed, 18u);

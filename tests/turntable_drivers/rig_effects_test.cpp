@@ -94,26 +94,25 @@ TEST_P(RigEffectAtRest, HasItsSizeAndSign) {
 INSTANTIATE_TEST_SUITE_P(
     Catalogue, RigEffectAtRest,
     testing::Values(
-        Case{"accel_second_order.x", 10, 30, {}, {2.5, 0, 0}},      // 10 * 0.5^2
+        Case{"accel_second_order.x", 10, 30, {}, {2.5, 0, 0}},  // 10 * 0.5^2
         Case{"accel_second_order.x", 10, -30, {}, {2.5, 0, 0}},
-        Case{"accel_second_order.y", 10, 30, {}, {0, 7.5, 0}},      // 10 * 0.75
-        Case{"accel_scale_asymmetry.x", 10, 30, {}, {5, 0, 0}},
-        Case{"accel_scale_asymmetry.x", 10, -30, {}, {5, 0, 0}},
-        Case{"accel_odd_quadratic.x", 10, -30, {}, {-2.5, 0, 0}},   // 10 * -0.5 * 0.5
-        Case{"accel_third_order.x", 10, -30, {}, {-1.25, 0, 0}},    // 10 * -0.125
+        Case{"accel_second_order.y", 10, 30, {}, {0, 7.5, 0}},  // 10 * 0.75
+        Case{"accel_scale_asymmetry.x", 10, 30, {}, {5, 0, 0}}, Case{"accel_scale_asymmetry.x", 10, -30, {}, {5, 0, 0}},
+        Case{"accel_odd_quadratic.x", 10, -30, {}, {-2.5, 0, 0}},         // 10 * -0.5 * 0.5
+        Case{"accel_third_order.x", 10, -30, {}, {-1.25, 0, 0}},          // 10 * -0.125
         Case{"accel_cross_coupling.y_xy", 10, 30, {}, {0, 4.330127, 0}},  // 10 * 0.5 * 0.8660254
         Case{"accel_cross_coupling.z_xy", 10, -30, {}, {0, 0, -4.330127}},
-        Case{"accel_bias_temperature.z", 2, 30, {}, {0, 0, 10}},          // 2 * 5
-        Case{"accel_scale_temperature.y", 2, 30, {}, {0, 8.660254, 0}},   // 2 * 5 * 0.8660254
+        Case{"accel_bias_temperature.z", 2, 30, {}, {0, 0, 10}},         // 2 * 5
+        Case{"accel_scale_temperature.y", 2, 30, {}, {0, 8.660254, 0}},  // 2 * 5 * 0.8660254
         Case{"accel_bias_drift.x", 100, 30, {}, {10.000069, 0, 0}, 72000},
-        Case{"gyro_g_sensitivity.zx", 0.2, 30, {0, 0, 0.1}, {}},          // 0.2 * 0.5
+        Case{"gyro_g_sensitivity.zx", 0.2, 30, {0, 0, 0.1}, {}},  // 0.2 * 0.5
         Case{"gyro_g_sensitivity.xy", 0.2, 30, {0.1732051, 0, 0}, {}},
-        Case{"gyro_scale_asymmetry.y", 1e6, 30, {0, 0.1233812, 0}, {}},   // abs(-0.1233812)
+        Case{"gyro_scale_asymmetry.y", 1e6, 30, {0, 0.1233812, 0}, {}},  // abs(-0.1233812)
         Case{"gyro_bias_temperature.x", 0.01, 30, {0.05, 0, 0}, {}},
         Case{"gyro_scale_temperature.x", 1e4, 30, {0.7520281, 0, 0}, {}},  // 1e-2 * 5 * 15.0405610
         Case{"gyro_bias_drift.z", 1, 30, {0, 0, 0.1000007}, {}, 72000},
-        Case{"gyro_warm_up.x", 0.1, 30, {0.0740817, 0, 0}, {}, 72000},     // 0.1 exp(-360.0025/1200)
-        Case{"gyro_magnetic.xy", 0.01, 30, {-0.0048177, 0, 0}, {}},        // 0.01 * -0.4817691
+        Case{"gyro_warm_up.x", 0.1, 30, {0.0740817, 0, 0}, {}, 72000},  // 0.1 exp(-360.0025/1200)
+        Case{"gyro_magnetic.xy", 0.01, 30, {-0.0048177, 0, 0}, {}},     // 0.01 * -0.4817691
         Case{"gyro_magnetic.yx", 0.01, 30, {0, 0.0011445, 0}, {}},
         Case{"gyro_magnetic.zz", 0.01, 30, {0, 0, -0.00015}, {}},
         Case{"earth_rate.north", 0.02, 30, {0.0173205, -0.01, 0}, {}},
@@ -185,11 +184,13 @@ TEST(RigEffects, RelaxationFollowsTheEndOfAMotion) {
   RigConfig with = without;
   *find_effect(with.effects, "post_rotation_relaxation.y") = 10.0;
   const auto at = [&](std::size_t sample) {
-    return difference(with, without, [&](Rig& rig) {
-             pass(rig, 1000);
-             rig.command_move(Axis::pitch, 0.0, 10.0, 10.0);
-             pass(rig, sample);
-           }).accel_ug[1];
+    return difference(with, without,
+                      [&](Rig& rig) {
+                        pass(rig, 1000);
+                        rig.command_move(Axis::pitch, 0.0, 10.0, 10.0);
+                        pass(rig, sample);
+                      })
+        .accel_ug[1];
   };
   EXPECT_EQ(difference(with, without, [](Rig& rig) { pass(rig, 100); }).accel_ug[1], 0.0);
   EXPECT_EQ(at(100), 0.0);
@@ -222,12 +223,14 @@ TEST(RigEffects, HysteresisRemembersTheLastWayUp) {
   RigConfig with = without;
   with.outside.accel_hysteresis = {0, 20.0};
   const auto after = [&](std::vector<double> targets_deg) {
-    return difference(with, without, [&](Rig& rig) {
-             for (double target_deg : targets_deg) {
-               rig.command_move(Axis::pitch, target_deg, 50.0, 100.0);
-               pass(rig, 1200);
-             }
-           }).accel_ug[0];
+    return difference(with, without,
+                      [&](Rig& rig) {
+                        for (double target_deg : targets_deg) {
+                          rig.command_move(Axis::pitch, target_deg, 50.0, 100.0);
+                          pass(rig, 1200);
+                        }
+                      })
+        .accel_ug[0];
   };
   EXPECT_NEAR(after({0}), 0.0, 1e-6);
   EXPECT_NEAR(after({29, 0}), 0.0, 1e-6);

@@ -135,19 +135,19 @@ TEST(RigGeometry, SignOfEachTableError) {
   heading_pitch.heading_pitch = 1e-3;
   pitch_roll.pitch_roll = 1e-3;
   mounting.mounting[2] = 1e-3;
-  EXPECT_NEAR(attitude(tilt_north)(2, 1), 1e-3, 1e-9);     // the up axis leans to east
-  EXPECT_NEAR(attitude(north)(2, 0), -1e-3, 1e-9);         // x turns to west: true heading = H - north
-  EXPECT_NEAR(attitude(tilt_east)(1, 0), 1e-3, 1e-9);      // x rises
-  EXPECT_NEAR(attitude(heading_pitch)(1, 2), -1e-3, 1e-9); // the pitch axis z sinks
-  EXPECT_NEAR(attitude(pitch_roll)(2, 0), -1e-3, 1e-9);    // the roll axis x turns away from z
-  EXPECT_NEAR(attitude(mounting)(1, 0), 1e-3, 1e-9);       // the unit's x rises
+  EXPECT_NEAR(attitude(tilt_north)(2, 1), 1e-3, 1e-9);      // the up axis leans to east
+  EXPECT_NEAR(attitude(north)(2, 0), -1e-3, 1e-9);          // x turns to west: true heading = H - north
+  EXPECT_NEAR(attitude(tilt_east)(1, 0), 1e-3, 1e-9);       // x rises
+  EXPECT_NEAR(attitude(heading_pitch)(1, 2), -1e-3, 1e-9);  // the pitch axis z sinks
+  EXPECT_NEAR(attitude(pitch_roll)(2, 0), -1e-3, 1e-9);     // the roll axis x turns away from z
+  EXPECT_NEAR(attitude(mounting)(1, 0), 1e-3, 1e-9);        // the unit's x rises
 }
 
 TEST(RigAxes, EncoderErrorsAndHiddenSlip) {
   TableErrorsInForce::Encoder encoder;
-  encoder.offset_arcsec = 3600.0;   // 1 deg
+  encoder.offset_arcsec = 3600.0;  // 1 deg
   encoder.scale_ppm = 1000.0;
-  encoder.harmonic_arcsec = 7200.0; // 2 deg
+  encoder.harmonic_arcsec = 7200.0;  // 2 deg
   encoder.order = 2;
   encoder.phase_deg = 90.0;
   RigAxis axis(30.0, encoder, 0.0, 20.0, 0.005);

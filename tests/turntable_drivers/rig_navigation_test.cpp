@@ -5,9 +5,9 @@
 #include <functional>
 #include <vector>
 
+#include <gtest/gtest.h>
 #include <Eigen/Core>
 #include <Eigen/LU>
-#include <gtest/gtest.h>
 
 #include "turntable_drivers/rig/rig.h"
 
@@ -90,7 +90,10 @@ TEST(RigNavigation, PerfectUnitComesBackToRest) {
   const struct {
     Axis axis;
     double target_deg, seconds;
-  } moves[] = {{Axis::roll, 90, 12}, {Axis::pitch, -180, 21}, {Axis::heading, 45, 7.5}, {Axis::roll, -270, 40},
+  } moves[] = {{Axis::roll, 90, 12},
+               {Axis::pitch, -180, 21},
+               {Axis::heading, 45, 7.5},
+               {Axis::roll, -270, 40},
                {Axis::pitch, 33.3, 30}};
   for (const auto& move : moves) {
     rig.command_move(move.axis, move.target_deg, 10.0, 10.0);
@@ -167,7 +170,7 @@ struct Worked {
   double change;
   double heading_deg, pitch_deg, roll_deg;
   Axis axis;
-  double turn_deg;        // 0: no turn
+  double turn_deg;  // 0: no turn
   double dwell_s;
   double east_mps;
 };
@@ -213,22 +216,22 @@ TEST_P(RigWorkedNumber, EastVelocityOfTheLeg) {
 INSTANTIATE_TEST_SUITE_P(
     FourteenSteps, RigWorkedNumber,
     testing::Values(
-        Worked{"step2_n11", 6, 1e-5 * 0.932920, 0, 0, 0, Axis::roll, 360, 100, -0.0615212},      // -2 pi g T 1e-5
+        Worked{"step2_n11", 6, 1e-5 * 0.932920, 0, 0, 0, Axis::roll, 360, 100, -0.0615212},  // -2 pi g T 1e-5
         Worked{"step3_n33", 14, 1e-5 * 0.932920, -90, 0, 0, Axis::pitch, 360, 100, -0.0615212},
         Worked{"step4_n22", 10, 1e-5 * 0.932920, -90, 0, -90, Axis::pitch, 360, 100, -0.0615212},
-        Worked{"step5_A03", 5, 1e-4, 0, 0, 0, Axis::roll, 180, 100, -0.1961330},                 // -2 g0 1e-4 T
-        Worked{"step6_A01", 3, 1e-4, -90, 0, 0, Axis::pitch, 180, 100, 0.1961330},               // +2 g0 1e-4 T
-        Worked{"step7_A02", 4, 1e-4, 0, 0, 0, Axis::roll, 90, 100, 0.0980665},                   // +g0 1e-4 T
-        Worked{"step7_a23", 20, 1e-4, 0, 0, 0, Axis::roll, 90, 100, 0.0979140},                  // +g 1e-4 T
-        Worked{"step8_a12", 16, 1e-4, -90, 0, 0, Axis::pitch, 90, 100, -0.0979140},              // -g 1e-4 T
-        Worked{"step9_a13", 17, 1e-4, -90, 0, -90, Axis::pitch, 90, 100, -0.0979140},            // -g 1e-4 T
-        Worked{"step10_n21", 9, 1e-4 * 0.932920, -90, 0, 0, Axis::roll, 90, 100, -0.0979140},    // -g 1e-4 T
+        Worked{"step5_A03", 5, 1e-4, 0, 0, 0, Axis::roll, 180, 100, -0.1961330},               // -2 g0 1e-4 T
+        Worked{"step6_A01", 3, 1e-4, -90, 0, 0, Axis::pitch, 180, 100, 0.1961330},             // +2 g0 1e-4 T
+        Worked{"step7_A02", 4, 1e-4, 0, 0, 0, Axis::roll, 90, 100, 0.0980665},                 // +g0 1e-4 T
+        Worked{"step7_a23", 20, 1e-4, 0, 0, 0, Axis::roll, 90, 100, 0.0979140},                // +g 1e-4 T
+        Worked{"step8_a12", 16, 1e-4, -90, 0, 0, Axis::pitch, 90, 100, -0.0979140},            // -g 1e-4 T
+        Worked{"step9_a13", 17, 1e-4, -90, 0, -90, Axis::pitch, 90, 100, -0.0979140},          // -g 1e-4 T
+        Worked{"step10_n21", 9, 1e-4 * 0.932920, -90, 0, 0, Axis::roll, 90, 100, -0.0979140},  // -g 1e-4 T
         Worked{"step10_n31", 12, 1e-4 * 0.932920, -90, 0, 0, Axis::roll, 90, 100, -0.0979140},
         Worked{"step11_n12", 7, 1e-4 * 0.932920, -90, 0, 0, Axis::heading, 90, 100, 0.0979140},  // +g 1e-4 T
         Worked{"step11_n32", 13, 1e-4 * 0.932920, -90, 0, 0, Axis::heading, 90, 100, 0.0979140},
-        Worked{"step12_n13", 8, 1e-4 * 0.932920, 0, 0, 0, Axis::pitch, 90, 100, -0.0979140},     // -g 1e-4 T
-        Worked{"step12_n23", 11, 1e-4 * 0.932920, 0, 0, 0, Axis::pitch, 90, 100, 0.0979140},     // +g 1e-4 T
-        Worked{"step13_N01", 0, 0.01, 0, 0, 0, Axis::heading, 0, 600, 0.0854461},                // +g 0.01 deg/h T^2/2
+        Worked{"step12_n13", 8, 1e-4 * 0.932920, 0, 0, 0, Axis::pitch, 90, 100, -0.0979140},  // -g 1e-4 T
+        Worked{"step12_n23", 11, 1e-4 * 0.932920, 0, 0, 0, Axis::pitch, 90, 100, 0.0979140},  // +g 1e-4 T
+        Worked{"step13_N01", 0, 0.01, 0, 0, 0, Axis::heading, 0, 600, 0.0854461},             // +g 0.01 deg/h T^2/2
         Worked{"step14_N03", 2, 0.01, -90, 0, 0, Axis::heading, 0, 600, 0.0854461}),
     [](const auto& tested) { return std::string(tested.param.name); });
 

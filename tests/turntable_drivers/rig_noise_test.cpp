@@ -89,7 +89,7 @@ TEST(RigNoise, FlickerOfTheRigIsInItsUnits) {
       ImuSample sample;
       rig.advance({&sample, 1});
       for (std::size_t k = 0; k < 3; ++k) {
-        integral[k][i + 1] = integral[k][i] + sample.gyro[k] * 0.932920;         // arcsec: deg/h times s
+        integral[k][i + 1] = integral[k][i] + sample.gyro[k] * 0.932920;                      // arcsec: deg/h times s
         integral[3 + k][i + 1] = integral[3 + k][i] + sample.accel[k] * 0.0005 / 9.80665e-6;  // ug s
       }
     }

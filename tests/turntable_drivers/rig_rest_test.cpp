@@ -40,12 +40,12 @@ TEST_P(RigAtRest, ReadsEarthRateAndGravity) {
 INSTANTIATE_TEST_SUITE_P(
     Attitudes, RigAtRest,
     testing::Values(
-        Case{"level_north", 0, 0, 0, {north, up, 0}, {0, g, 0}},          // x north, y up, z east
-        Case{"level_west", -90, 0, 0, {0, up, north}, {0, g, 0}},         // x west, z north
-        Case{"level_east", 90, 0, 0, {0, up, -north}, {0, g, 0}},         // x east, z south
-        Case{"nose_up", 0, 90, 0, {up, -north, 0}, {g, 0, 0}},            // x up, y south
-        Case{"nose_down", 0, -90, 0, {-up, north, 0}, {-g, 0, 0}},        // x down, y north
-        Case{"right_side_down", 0, 0, 90, {north, 0, -up}, {0, 0, -g}},   // z down, y east
+        Case{"level_north", 0, 0, 0, {north, up, 0}, {0, g, 0}},         // x north, y up, z east
+        Case{"level_west", -90, 0, 0, {0, up, north}, {0, g, 0}},        // x west, z north
+        Case{"level_east", 90, 0, 0, {0, up, -north}, {0, g, 0}},        // x east, z south
+        Case{"nose_up", 0, 90, 0, {up, -north, 0}, {g, 0, 0}},           // x up, y south
+        Case{"nose_down", 0, -90, 0, {-up, north, 0}, {-g, 0, 0}},       // x down, y north
+        Case{"right_side_down", 0, 0, 90, {north, 0, -up}, {0, 0, -g}},  // z down, y east
         Case{"upside_down", 0, 0, 180, {north, -up, 0}, {0, -g, 0}},
         Case{"west_left_down", -90, 0, -90, {0, -north, up}, {0, 0, g}},  // z up, y south: step 4 and 9
         // P = 30: x is 30 deg above north: earth rate on x cos 30 * north + sin 30 * up, on y -sin 30 north + cos 30

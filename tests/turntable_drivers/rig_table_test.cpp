@@ -99,9 +99,9 @@ TEST(RigTable, HomingTurnsTheAxesToZero) {
 
 TEST(RigTable, RefusesWhatItsLimitsForbid) {
   Station s;
-  for (const Status& status : {s.table.move_absolute(Axis::pitch, -3600.1, 10.0, 10.0),
-                               s.table.move_absolute(Axis::pitch, 10.0, 100.1, 10.0),
-                               s.table.move_absolute(Axis::pitch, 10.0, 10.0, 201.0)}) {
+  for (const Status& status :
+       {s.table.move_absolute(Axis::pitch, -3600.1, 10.0, 10.0), s.table.move_absolute(Axis::pitch, 10.0, 100.1, 10.0),
+        s.table.move_absolute(Axis::pitch, 10.0, 10.0, 201.0)}) {
     ASSERT_FALSE(status.ok());
     EXPECT_EQ(status.error().kind, ErrorKind::device);
     EXPECT_NE(status.error().message.find("pitch"), std::string::npos);

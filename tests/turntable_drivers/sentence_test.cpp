@@ -1,6 +1,6 @@
 // Sentences: published checksums, anchored templates, strict numbers, and the defects of a dialect's text.
-#include "imu_io/base/text_pieces.h"
 #include "turntable_drivers/ascii/sentence.h"
+#include "imu_io/base/text_pieces.h"
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,9 @@ TEST(Sentence, PublishedChecksums) {
 }
 
 TEST(Sentence, TemplatesAreAnchored) {
-  const auto matched = [](const char* pattern, const char* text) { return SentenceTemplate::parse(pattern)->match(text).has_value(); };
+  const auto matched = [](const char* pattern, const char* text) {
+    return SentenceTemplate::parse(pattern)->match(text).has_value();
+  };
   EXPECT_TRUE(matched("{axis}={position}", "1=90.0"));
   EXPECT_EQ(SentenceTemplate::parse("{axis}={position}")->match("1=90.0")->at("position"), "90.0");
   EXPECT_FALSE(matched("{axis}={position}", "1=90.0 "));
@@ -33,7 +35,8 @@ TEST(Sentence, TemplatesAreAnchored) {
   EXPECT_TRUE(matched("{*}", ""));
   EXPECT_TRUE(matched("OK", "OK"));
   EXPECT_FALSE(matched("OK", "OKOK"));
-  for (const char* const bad : {"{", "}", "a{}b", "{a}{b}", "{a{b}}", "x}"}) EXPECT_FALSE(SentenceTemplate::parse(bad)) << bad;
+  for (const char* const bad : {"{", "}", "a{}b", "{a}{b}", "{a{b}}", "x}"})
+    EXPECT_FALSE(SentenceTemplate::parse(bad)) << bad;
 }
 
 TEST(Sentence, Numbers) {
@@ -75,7 +78,8 @@ TEST(DialectFile, DefectsAreNamed) {
   EXPECT_NE(error_of("M {axis} {position}", "M {axis} {angle}").find("expected a sentence with"), std::string::npos);
   EXPECT_NE(error_of("M {axis} {position}", "M {axis}{position}").find("expected a sentence with"), std::string::npos);
   EXPECT_NE(error_of("status.code.1 = in_position", "status.code.1 = moving").find("never has"), std::string::npos);
-  EXPECT_NE(error_of("status.code.1 = in_position", "status.code.1 = arrived").find("my.dialect:14"), std::string::npos);
+  EXPECT_NE(error_of("status.code.1 = in_position", "status.code.1 = arrived").find("my.dialect:14"),
+            std::string::npos);
   EXPECT_NE(error_of("", "link.terminator_in = \\q\n").find("\\r \\n"), std::string::npos);
   EXPECT_NE(error_of("", "move.3 = Y\n").find("move.3"), std::string::npos) << "a gap in the numbering";
   EXPECT_NE(error_of("", "link.bauds = 9600\n").find("link.bauds"), std::string::npos);

@@ -12,11 +12,11 @@
 #include <gtest/gtest.h>
 
 #include "imu_io/base/deadline.h"
-#include "turntable_drivers/twins/dialect_twin.h"
-#include "turntable_drivers/twins/drive_twin.h"
 #include "turntable_drivers/rig/rig_clock.h"
 #include "turntable_drivers/rig/rig_imu.h"
 #include "turntable_drivers/rig/rig_table.h"
+#include "turntable_drivers/twins/dialect_twin.h"
+#include "turntable_drivers/twins/drive_twin.h"
 #include "turntable_drivers/twins/table_server.h"
 
 namespace turncal {
@@ -29,12 +29,16 @@ struct RealClock : Clock {
 struct DriveParts {
   using Description = RegisterMap;
   using Server = TableServer;
-  static DriveTwin twin(const RegisterMap& map, Turntable& table, const Clock& clock) { return DriveTwin(map, table, clock); }
+  static DriveTwin twin(const RegisterMap& map, Turntable& table, const Clock& clock) {
+    return DriveTwin(map, table, clock);
+  }
 };
 struct DialectParts {
   using Description = Dialect;
   using Server = DialectServer;
-  static DialectTwin twin(const Dialect& dialect, Turntable& table, const Clock&) { return DialectTwin(dialect, table); }
+  static DialectTwin twin(const Dialect& dialect, Turntable& table, const Clock&) {
+    return DialectTwin(dialect, table);
+  }
 };
 
 template <class Parts>
@@ -42,8 +46,14 @@ class ServedTwin {
  public:
   using Description = typename Parts::Description;
   // link: of a pseudo-terminal, a name that stays the same; "": none.
-  explicit ServedTwin(const Description& description, const RigConfig& config = default_rig_config(), const std::string& link = "")
-      : rig(config), mock(rig), clock(rig), twin(Parts::twin(description, mock, clock)), server(twin), described(description) {
+  explicit ServedTwin(const Description& description, const RigConfig& config = default_rig_config(),
+                      const std::string& link = "")
+      : rig(config),
+        mock(rig),
+        clock(rig),
+        twin(Parts::twin(description, mock, clock)),
+        server(twin),
+        described(description) {
     const Status opened = description.link.tcp ? server.listen_tcp(0) : server.open_pty(link);
     EXPECT_TRUE(opened.ok()) << (opened.ok() ? "" : opened.error().message);
     EXPECT_TRUE(twin.power_on().ok());

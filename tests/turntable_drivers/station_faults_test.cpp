@@ -19,12 +19,14 @@ RigConfig rig_with(RigFaultKind kind, double time_s) {
 }
 
 // Changes the register at `offset` of pitch's status block (0 to 5) in every reading.
-std::function<void(const ModbusRequest&, AnswerPlan&)> in_block(const std::function<void(std::vector<std::uint16_t>&)>& how) {
+std::function<void(const ModbusRequest&, AnswerPlan&)> in_block(
+    const std::function<void(std::vector<std::uint16_t>&)>& how) {
   return [how](const ModbusRequest& request, AnswerPlan& plan) {
     if (request.function != 3 || request.unit != 2) return;
     std::vector<std::uint16_t> words;
     const Frame& bytes = plan.pieces[0].bytes;
-    for (std::size_t i = 9; i + 1 < bytes.size(); i += 2) words.push_back(static_cast<std::uint16_t>(bytes[i] << 8 | bytes[i + 1]));
+    for (std::size_t i = 9; i + 1 < bytes.size(); i += 2)
+      words.push_back(static_cast<std::uint16_t>(bytes[i] << 8 | bytes[i + 1]));
     how(words);
     plan.pieces[0].bytes = read_reply(request, words, true);
   };
@@ -39,8 +41,8 @@ TEST(StationFaults, UndisturbedRunIsThePlan) {
 
 // A flag that lies: the run goes through, for arrival is more than the flag; and no dwell is taken while the table turns.
 TEST(StationFaults, InPositionLies) {
-  for (const InPositionFlag flag : {InPositionFlag::servo_on, InPositionFlag::after_stop, InPositionFlag::stale, InPositionFlag::late,
-                                    InPositionFlag::flicker}) {
+  for (const InPositionFlag flag : {InPositionFlag::servo_on, InPositionFlag::after_stop, InPositionFlag::stale,
+                                    InPositionFlag::late, InPositionFlag::flicker}) {
     RigConfig config = default_rig_config();
     config.table.in_position = flag;
     ModbusRun s(config);
@@ -84,16 +86,25 @@ std::vector<DriveFault> drive_faults() {
       {"never_in_position", rig_with(RigFaultKind::never_in_position, 3.0), {}, RunEvent::deadline, "has not settled"},
       {"position_frozen", plain, frozen, RunEvent::stall, "no progress"},
       {"axis_stuck", rig_with(RigFaultKind::stuck_axis, in_mid_move_s), {}, RunEvent::stall, "no progress"},
-      {"drive_fault", rig_with(RigFaultKind::axis_fault, in_mid_move_s), {}, RunEvent::table_fault, "alarm 38 (overload)"},
+      {"drive_fault",
+       rig_with(RigFaultKind::axis_fault, in_mid_move_s),
+       {},
+       RunEvent::table_fault,
+       "alarm 38 (overload)"},
       {"emergency_stop", rig_with(RigFaultKind::emergency_stop, in_mid_move_s), {}, RunEvent::e_stop, "emergency stop"},
-      {"limit", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] |= 0x20; }), RunEvent::table_fault, "limit switch"},
-      {"local_mode", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0x7FFF; }), RunEvent::table_fault, "not in remote"},
-      {"drive_off", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0xFFFE; }), RunEvent::table_fault, "is off"},
-      {"zero_lost", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0xFFEF; }), RunEvent::table_fault, "lost its zero"},
-      {"words_swapped", plain, from_moment(in_mid_move_s, [](auto& words) { std::swap(words[0], words[1]); }), RunEvent::link_lost,
-       "not believed"},
-      {"overshoot_that_stays", plain, from_moment(6.0, [](auto& words) { words[1] = static_cast<std::uint16_t>(words[1] - 500); }),
-       RunEvent::stall, "no progress"},
+      {"limit", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] |= 0x20; }), RunEvent::table_fault,
+       "limit switch"},
+      {"local_mode", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0x7FFF; }), RunEvent::table_fault,
+       "not in remote"},
+      {"drive_off", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0xFFFE; }), RunEvent::table_fault,
+       "is off"},
+      {"zero_lost", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0xFFEF; }), RunEvent::table_fault,
+       "lost its zero"},
+      {"words_swapped", plain, from_moment(in_mid_move_s, [](auto& words) { std::swap(words[0], words[1]); }),
+       RunEvent::link_lost, "not believed"},
+      {"overshoot_that_stays", plain,
+       from_moment(6.0, [](auto& words) { words[1] = static_cast<std::uint16_t>(words[1] - 500); }), RunEvent::stall,
+       "no progress"},
       {"silent_in_mid_move", plain,
        [](ModbusRun& s) {
          s.station.disturb([&s](const ModbusRequest& request, AnswerPlan& plan) {
@@ -104,7 +115,8 @@ std::vector<DriveFault> drive_faults() {
       {"busy_for_ever", plain,
        [](ModbusRun& s) {
          s.station.disturb([&s](const ModbusRequest& request, AnswerPlan& plan) {
-           if (request.function == 3 && s.rig_time_s() > in_mid_move_s) plan.pieces[0].bytes = exception_reply(request, 6, true);
+           if (request.function == 3 && s.rig_time_s() > in_mid_move_s)
+             plan.pieces[0].bytes = exception_reply(request, 6, true);
          });
        },
        RunEvent::link_lost, "exception 6"},
@@ -141,7 +153,8 @@ INSTANTIATE_TEST_SUITE_P(All, StationDriveFaults, testing::ValuesIn(drive_faults
 TEST(StationFaults, OvershootThatComesBack) {
   ModbusRun s;
   s.station.disturb(in_block([&s](std::vector<std::uint16_t>& words) {
-    if (s.rig_time_s() > 6.0 && s.rig_time_s() < 6.6) words[1] = static_cast<std::uint16_t>(words[1] - 500);  // 0.05 deg further
+    if (s.rig_time_s() > 6.0 && s.rig_time_s() < 6.6)
+      words[1] = static_cast<std::uint16_t>(words[1] - 500);  // 0.05 deg further
   }));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
@@ -174,7 +187,9 @@ TEST(StationFaults, OperatorStopsInMidMoveAndDuringSettling) {
 TEST(StationFaults, WatchdogDoesNotTripInALongDwellNorWhileCalibrating) {
   for (const bool often_enough : {true, false}) {
     ModbusRun s;
-    s.text = "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 10\nstep 1\n  initial H 0 P 0 R 0\n  align 200\n  dwell 24000\n";
+    s.text =
+        "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 10\nstep 1\n  initial H 0 P 0 R 0\n  align "
+        "200\n  dwell 24000\n";
     if (!often_enough) s.config.motion.poll_idle_s = 1.3;  // what a station file may not ask for
     bool tripped = false;
     const auto look = [&] {

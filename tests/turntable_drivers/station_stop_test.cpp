@@ -38,7 +38,8 @@ TEST_P(StationStop, GoesOutWithin100MsOfARequest) {
   });
 }
 INSTANTIATE_TEST_SUITE_P(All, StationStop,
-                         testing::Values(RunState::homing, RunState::moving, RunState::settling, RunState::dwelling, RunState::parking),
+                         testing::Values(RunState::homing, RunState::moving, RunState::settling, RunState::dwelling,
+                                         RunState::parking),
                          [](const auto& which) { return std::string(to_string(which.param)); });
 
 // ---- in real time, on a table that does as it is told here ----
@@ -94,7 +95,8 @@ struct SilentStation {
     imu.describe(info);
     const Plan plan = make_plan(*sequence, plan_limits(config, info.sample_period_s));
     const LiveClock clock(1.0);
-    StationRun run({table, imu, clock, LiveDevices::wait_a_little}, {*sequence, plan, config, "SN1"}, sink, {&watcher, &stop_requests, {}});
+    StationRun run({table, imu, clock, LiveDevices::wait_a_little}, {*sequence, plan, config, "SN1"}, sink,
+                   {&watcher, &stop_requests, {}});
     return run.run();
   }
   std::atomic<int> stop_requests{0};

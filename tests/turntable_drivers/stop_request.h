@@ -21,7 +21,8 @@ inline constexpr double into_the_wait_s = 0.1;
 // The best of three: the machine may be busy, the driver may not.
 inline void expect_in_time(const std::function<double()>& once) {
   double best_s = 1e9;
-  for (int i = 0; i < 3 && best_s > limit_s && !testing::Test::HasFatalFailure(); ++i) best_s = std::min(best_s, once());
+  for (int i = 0; i < 3 && best_s > limit_s && !testing::Test::HasFatalFailure(); ++i)
+    best_s = std::min(best_s, once());
   EXPECT_LT(best_s, limit_s);
   testing::Test::RecordProperty("ms", static_cast<int>(std::ceil(1e3 * best_s)));
 }

@@ -19,8 +19,8 @@ namespace {
 
 // From the request to the stop of the last axis. `disturb` makes the line what it is, `is_stop` knows the stop of the last axis.
 template <class Table, class Sentence>
-double stop_takes_s(Table& s, const std::function<bool(const Sentence&)>& is_stop, const std::function<void(const Sentence&, AnswerPlan&)>& how,
-                    const std::function<void()>& work) {
+double stop_takes_s(Table& s, const std::function<bool(const Sentence&)>& is_stop,
+                    const std::function<void(const Sentence&, AnswerPlan&)>& how, const std::function<void()>& work) {
   std::atomic<double> stop_s{0.0};
   s.station.disturb([&](const Sentence& sentence, AnswerPlan& plan) {
     if (is_stop(sentence) && stop_s == 0.0) stop_s = monotonic_s();
@@ -29,7 +29,8 @@ double stop_takes_s(Table& s, const std::function<bool(const Sentence&)>& is_sto
   Request request(s.stop_requests);
   while (s.stop_requests == 0) work();
   static_cast<void>(s.driver.stop_all().ok());
-  for (const Deadline patience(1.0); stop_s == 0.0 && !patience.passed();) ::usleep(1000);  // not every stop is answered
+  for (const Deadline patience(1.0); stop_s == 0.0 && !patience.passed();)
+    ::usleep(1000);  // not every stop is answered
   s.station.disturb(nullptr);
   EXPECT_GT(stop_s, 0.0) << "no stop came in";
   s.station.pass(2.0);
@@ -61,18 +62,25 @@ std::vector<ModbusState> modbus_states() {
       {"polling", "", {}},
       {"waiting_for_a_reply", "", of_readings([](auto&, AnswerPlan& plan) { plan.pieces.clear(); })},
       {"dead_line", "", [](auto&, AnswerPlan& plan) { plan.pieces.clear(); }},
-      {"in_mid_reply", "link.byte_timeout_s = 0.3\nlink.response_timeout_s = 0.5\n", of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].bytes.resize(5); })},
+      {"in_mid_reply", "link.byte_timeout_s = 0.3\nlink.response_timeout_s = 0.5\n",
+       of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].bytes.resize(5); })},
       {"waiting_for_a_late_reply", "link.response_timeout_s = 0.03\nlink.quiet_s = 0.5\n",
        of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].delay_s = 0.05; })},
-      {"draining", "link.quiet_s = 2\n", of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].bytes.resize(4, 0x55); })},
-      {"chatter", "link.quiet_s = 2\n", of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].bytes.insert(plan.pieces[0].bytes.end(), 40, 0x55); })},
+      {"draining", "link.quiet_s = 2\n",
+       of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].bytes.resize(4, 0x55); })},
+      {"chatter", "link.quiet_s = 2\n",
+       of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].bytes.insert(plan.pieces[0].bytes.end(), 40, 0x55); })},
       {"drive_busy", "", of_readings([](const ModbusRequest& request, AnswerPlan& plan) {
          const bool tcp = plan.pieces[0].bytes.size() != 5u + 2u * static_cast<unsigned>(request.count);
          plan.pieces[0].bytes = exception_reply(request, 6, tcp);
        })},
       {"slow_drive", "", [](auto&, AnswerPlan& plan) { plan.pieces[0].delay_s = 0.02; }},
       {"frame_gap", "link.gap_s = 0.05\n", {}},
-      {"write_list_with_waits", "write.move = 0x210 s32 position + u32 rate + u32 acceleration, wait 0.05, wait 0.05, wait 0.05, wait 0.05, wait 0.05, wait 0.05, 0x216 u16 1\n", {}, true},
+      {"write_list_with_waits",
+       "write.move = 0x210 s32 position + u32 rate + u32 acceleration, wait 0.05, wait 0.05, wait 0.05, wait 0.05, "
+       "wait 0.05, wait 0.05, 0x216 u16 1\n",
+       {},
+       true},
       {"stop_with_a_pulse", "write.stop = 0x202 u16 1, wait 0.05, 0x202 u16 0\n", {}},
   };
 }
@@ -101,7 +109,8 @@ TEST_P(ModbusStopStates, GoesOutWithin100Ms) {
 }
 INSTANTIATE_TEST_SUITE_P(All, ModbusStopStates, testing::Combine(testing::Bool(), testing::ValuesIn(modbus_states())),
                          [](const auto& which) {
-                           return std::string(std::get<0>(which.param) ? "tcp_" : "rtu_") + std::get<1>(which.param).name;
+                           return std::string(std::get<0>(which.param) ? "tcp_" : "rtu_") +
+                                  std::get<1>(which.param).name;
                          });
 
 // ---- ASCII ----
@@ -128,10 +137,13 @@ std::vector<TextState> text_states() {
       {"dead_line_acutronic", "acutronic_acl", ":MODE:OFF 3", {}, silent},
       {"dead_line_pi", "pi_gcs2", "HLT 3", {}, silent},
       {"in_mid_answer", "three_axis_dollar", "MNSTP,1", {}, cut},
-      {"waiting_for_a_late_answer", "newport_esp30x", "03ST;", [](Dialect& dialect) { dialect.link.reply_timeout_s = 0.03; }, [](auto&, AnswerPlan& plan) {
+      {"waiting_for_a_late_answer", "newport_esp30x", "03ST;",
+       [](Dialect& dialect) { dialect.link.reply_timeout_s = 0.03; },
+       [](auto&, AnswerPlan& plan) {
          if (!plan.pieces.empty()) plan.pieces[0].delay_s = 0.05;
        }},
-      {"draining", "three_axis_dollar", "MNSTP,1", [](Dialect& dialect) { dialect.link.quiet_s = 2.0; }, [](auto&, AnswerPlan& plan) {
+      {"draining", "three_axis_dollar", "MNSTP,1", [](Dialect& dialect) { dialect.link.quiet_s = 2.0; },
+       [](auto&, AnswerPlan& plan) {
          plan.pieces.push_back({{'x'}, 0.0});
        }},
       {"between_sentences", "newport_esp30x", "03ST;", [](Dialect& dialect) { dialect.link.gap_s = 0.05; }},

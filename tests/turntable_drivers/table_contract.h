@@ -24,7 +24,9 @@
 namespace turncal {
 
 template <class Factory>
-constexpr bool silent_on_the_way = requires { requires Factory::silent_on_the_way; };
+constexpr bool silent_on_the_way = requires {
+  requires Factory::silent_on_the_way;
+};
 
 template <class Factory>
 class TableContract : public testing::Test {
@@ -133,7 +135,8 @@ TYPED_TEST_P(TableContract, MoveIsSeenAndArrives) {
         << to_string(axis);
     EXPECT_TRUE(seen_rate || silent_on_the_way<TypeParam>) << to_string(axis);
     // A table that tells no rate has it from two positions: one interval later.
-    EXPECT_TRUE(this->wait_for([&] { return std::abs(this->status(axis).rate_degps) <= 0.01; }, 0.2)) << to_string(axis);
+    EXPECT_TRUE(this->wait_for([&] { return std::abs(this->status(axis).rate_degps) <= 0.01; }, 0.2))
+        << to_string(axis);
     for (Axis other : all_axes) {
       const bool has_moved = static_cast<int>(other) <= static_cast<int>(axis);
       EXPECT_NEAR(this->position(other), has_moved ? 30.0 : 0.0, TypeParam::tolerance_deg) << to_string(other);

@@ -35,8 +35,9 @@ std::optional<SentenceTemplate> sentence(KeyValueFile& file, const std::string& 
     for (const std::string& name : result->names()) good = good && placeholder_is_known(name);
   }
   if (!good) {
-    file.reject(key, "a sentence with {axis} {position} {rate} {acceleration} {status} {*} or one of these with .heading "
-                     ".pitch .roll, something between any two of them");
+    file.reject(key,
+                "a sentence with {axis} {position} {rate} {acceleration} {status} {*} or one of these with .heading "
+                ".pitch .roll, something between any two of them");
     return {};
   }
   return result;
@@ -58,7 +59,9 @@ void read_link(KeyValueFile& file, DialectLink& link) {
     link.serial.baud = static_cast<std::uint32_t>(file.integer_or("link.baud", 9600, 50, 4000000));
     link.serial.data_bits = static_cast<int>(file.integer_or("link.data_bits", 8, 7, 8));
     const std::string parity = file.one_of_or("link.parity", "none", {"none", "even", "odd"});
-    link.serial.parity = parity == "none" ? SerialParity::none : parity == "even" ? SerialParity::even : SerialParity::odd;
+    link.serial.parity = parity == "none"   ? SerialParity::none
+                         : parity == "even" ? SerialParity::even
+                                            : SerialParity::odd;
     link.serial.stop_bits = static_cast<int>(file.integer_or("link.stop_bits", 1, 1, 2));
   }
   link.terminator_out = escaped_text(file, "link.terminator_out", "\r");
@@ -68,7 +71,9 @@ void read_link(KeyValueFile& file, DialectLink& link) {
   link.echo = file.boolean_or("link.echo", false);
   link.prefix = file.text_or("link.prefix", "");
   const std::string check = file.one_of_or("link.check", "none", {"none", "sum8", "xor"});
-  link.check = check == "none" ? SentenceCheck::none : check == "sum8" ? SentenceCheck::sum8 : SentenceCheck::exclusive_or;
+  link.check = check == "none"   ? SentenceCheck::none
+               : check == "sum8" ? SentenceCheck::sum8
+                                 : SentenceCheck::exclusive_or;
   link.check_mark = file.text_or("link.check_mark", "*");
   link.reply_timeout_s = file.number_or("link.reply_timeout_s", link.reply_timeout_s, some_time);
   link.quiet_s = file.number_or("link.quiet_s", link.quiet_s, some_time);
@@ -102,7 +107,8 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
                       exchange.expect->has("position.roll"));
   }
   if (!tells_position && file.has("status.1")) {
-    file.reject("status.1", "an answer (status.1.expect) with {position}, or with {position.heading}, .pitch and .roll");
+    file.reject("status.1",
+                "an answer (status.1.expect) with {position}, or with {position.heading}, .pitch and .roll");
   }
 }
 
@@ -114,8 +120,9 @@ void read_status(KeyValueFile& file, DialectStatus& status) {
       if (name == "none") continue;
       const auto bit = drive_bit(name);
       if (!bit) {
-        file.reject(key, "none, or some of enabled, in_position, fault, moving, homed, limit_positive, limit_negative, "
-                         "emergency_stop, remote");
+        file.reject(key,
+                    "none, or some of enabled, in_position, fault, moving, homed, limit_positive, limit_negative, "
+                    "emergency_stop, remote");
         return flags;
       }
       flags.push_back(*bit);
@@ -170,8 +177,8 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
 }  // namespace
 
 const char* to_string(DialectOperation operation) {
-  constexpr std::array<const char*, dialect_operation_count> names = {"prepare", "identify", "enable", "home", "move",
-                                                                      "status",  "stop",     "abort",  "clear_fault"};
+  constexpr std::array<const char*, dialect_operation_count> names = {
+      "prepare", "identify", "enable", "home", "move", "status", "stop", "abort", "clear_fault"};
   return names[static_cast<std::size_t>(operation)];
 }
 
@@ -245,7 +252,10 @@ std::string word_of(const DialectStatus& status, const std::array<bool, drive_bi
       bool says = false;
       for (const DriveBit flag : named) says = says || flag == bit;
       const bool grave = bit == DriveBit::fault || bit == DriveBit::emergency_stop;
-      score += (says == flags[i] ? 1 : -1) * (grave ? 100 : bit == DriveBit::moving ? 20 : bit == DriveBit::in_position ? 10 : 1);
+      score += (says == flags[i] ? 1 : -1) * (grave                          ? 100
+                                              : bit == DriveBit::moving      ? 20
+                                              : bit == DriveBit::in_position ? 10
+                                                                             : 1);
     }
     if (score > best_score) {
       best_score = score;

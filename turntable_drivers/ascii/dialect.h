@@ -20,25 +20,25 @@
 #include "calib/types/axis.h"
 #include "calib/types/status.h"
 #include "imu_io/lines/serial_port.h"
-#include "turntable_drivers/table/drive_bit.h"
 #include "turntable_drivers/ascii/sentence.h"
+#include "turntable_drivers/table/drive_bit.h"
 
 namespace turncal {
 
 struct DialectLink {
   bool tcp = false;
   std::string address;
-  SerialSettings serial;               // of a serial line: rate, bits, parity
+  SerialSettings serial;  // of a serial line: rate, bits, parity
   std::string terminator_out = "\r";
   std::string terminator_in = "\n";
-  std::string prompt;                  // what the device says when it is ready; an answer ends with it
-  bool echo = false;                   // the device repeats what it is sent, before its answer
-  std::string prefix;                  // before the body of every sentence, both ways
+  std::string prompt;  // what the device says when it is ready; an answer ends with it
+  bool echo = false;   // the device repeats what it is sent, before its answer
+  std::string prefix;  // before the body of every sentence, both ways
   SentenceCheck check = SentenceCheck::none;
-  std::string check_mark = "*";        // between body and check digits
+  std::string check_mark = "*";  // between body and check digits
   double reply_timeout_s = 1.0;
   double quiet_s = 0.5;
-  double gap_s = 0.0;                  // between a sentence and the next
+  double gap_s = 0.0;  // between a sentence and the next
   int read_retries = 2;
 };
 
@@ -65,9 +65,9 @@ struct DialectAxis {
 // Flags of a status: by value, or by bit.
 struct DialectStatus {
   bool by_bits = false;
-  int base = 10;                                           // of bits, when parsed as a number
+  int base = 10;  // of bits, when parsed as a number
   std::map<std::string, std::vector<DriveBit>> codes;
-  std::array<std::uint32_t, drive_bit_count> mask{};       // 0: not told
+  std::array<std::uint32_t, drive_bit_count> mask{};  // 0: not told
   std::array<bool, drive_bit_count> active_low{};
   // What the device can tell at all; the rest is known from what was commanded.
   bool tells(DriveBit bit) const;
@@ -77,13 +77,13 @@ struct Dialect {
   std::string file;
   std::string name;
   bool verified_on_hardware = false;
-  bool simulated = false;          // a twin answers; not a key of the file: the station says it
+  bool simulated = false;  // a twin answers; not a key of the file: the station says it
   bool commissioned = false;
   DialectLink link;
   std::array<DialectAxis, 3> axis;
   int decimals = 4;
   std::array<DialectSteps, dialect_operation_count> steps;
-  std::vector<std::string> errors;   // an answer that contains one of these is an error of the device
+  std::vector<std::string> errors;  // an answer that contains one of these is an error of the device
   DialectStatus status;
   double moving_rate_degps = 0.01;
   double plausible_deg = 7200.0;

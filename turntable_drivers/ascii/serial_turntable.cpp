@@ -4,8 +4,8 @@
 #include <cstdio>
 
 #include "imu_io/base/format_number.h"
-#include "turntable_drivers/table/drive_rules.h"
 #include "imu_io/base/text_pieces.h"
+#include "turntable_drivers/table/drive_rules.h"
 
 namespace turncal {
 namespace {
@@ -24,7 +24,9 @@ std::string fixed(double value, int decimals) {
 SerialTurntable::SerialTurntable(Dialect dialect, const Clock& clock, const std::atomic<int>* stop_requests)
     : dialect_(std::move(dialect)), clock_(clock), stop_(stop_requests), line_(dialect_.link, stop_) {}
 
-Error SerialTurntable::table_error(const std::string& what) const { return device_error("table " + dialect_.name + ": " + what); }
+Error SerialTurntable::table_error(const std::string& what) const {
+  return device_error("table " + dialect_.name + ": " + what);
+}
 
 Error SerialTurntable::axis_error(Axis axis, const std::string& what) const {
   return table_error(std::string(to_string(axis)) + ": " + what);
@@ -38,7 +40,8 @@ Status SerialTurntable::connected() const {
 
 // ---- exchanges ----
 
-std::string SerialTurntable::filled(const SentenceTemplate& sentence, Axis axis, const std::array<Command, 3>& commands) const {
+std::string SerialTurntable::filled(const SentenceTemplate& sentence, Axis axis,
+                                    const std::array<Command, 3>& commands) const {
   return sentence.fill([&](const std::string& name) -> std::string {
     if (name == "axis") return dialect_.of(axis).name;
     Axis which = axis;
@@ -55,12 +58,14 @@ std::string SerialTurntable::filled(const SentenceTemplate& sentence, Axis axis,
       return fixed(scale.sign * scale.units_per_degree * (command.position_deg - scale.zero_deg), dialect_.decimals);
     }
     if (quantity == "rate") return fixed(scale.units_per_degree * command.rate_degps, dialect_.decimals);
-    if (quantity == "acceleration") return fixed(scale.units_per_degree * command.acceleration_degps2, dialect_.decimals);
+    if (quantity == "acceleration")
+      return fixed(scale.units_per_degree * command.acceleration_degps2, dialect_.decimals);
     return "";
   });
 }
 
-Result<SerialTurntable::Values> SerialTurntable::talk(const Exchange& exchange, Axis axis, const std::array<Command, 3>& commands) {
+Result<SerialTurntable::Values> SerialTurntable::talk(const Exchange& exchange, Axis axis,
+                                                      const std::array<Command, 3>& commands) {
   const std::string body = filled(exchange.send, axis, commands);
   const Result<std::string> answer = line_.exchange(body, exchange.expect.has_value());
   const auto about = [&](const std::string& what) { return axis_error(axis, "'" + visible(body) + "': " + what); };
@@ -75,7 +80,8 @@ Result<SerialTurntable::Values> SerialTurntable::talk(const Exchange& exchange, 
   const std::optional<Values> values = exchange.expect->match(*answer);
   if (!values) return about("answer '" + visible(*answer) + "': expected '" + exchange.expect->text() + "'");
   const auto named = values->find("axis");
-  if (named != values->end() && named->second != dialect_.of(axis).name) return about("axis '" + named->second + "' answered");
+  if (named != values->end() && named->second != dialect_.of(axis).name)
+    return about("axis '" + named->second + "' answered");
   return *values;
 }
 
@@ -115,7 +121,9 @@ Result<SerialTurntable::Reading> SerialTurntable::read_once(Axis axis) {
   for (const Exchange& exchange : dialect_.of(DialectOperation::status).exchanges) {
     const Result<Values> values = talk(exchange, axis, commands_);
     if (!values) return values.error();
-    const auto tells = [&](const std::string& name) { return values->count(name) != 0 || values->count(name + suffix) != 0; };
+    const auto tells = [&](const std::string& name) {
+      return values->count(name) != 0 || values->count(name + suffix) != 0;
+    };
     if (tells("position")) {
       const Result<double> value = number(axis, *values, "position");
       if (!value) return value.error();
@@ -150,11 +158,12 @@ Result<SerialTurntable::Reading> SerialTurntable::read(Axis axis, bool believed_
       if (last.kind == ErrorKind::aborted || !line_.is_open()) return last;
       continue;
     }
-    if (!believed_only ||
-        memory.believable(reading->position_deg, clock_.now_s(), dialect_.plausible_deg, dialect_.plausible_rate_degps)) {
+    if (!believed_only || memory.believable(reading->position_deg, clock_.now_s(), dialect_.plausible_deg,
+                                            dialect_.plausible_rate_degps)) {
       return reading;
     }
-    last = axis_error(axis, "position " + degrees(reading->position_deg) + " is not believed: expected one that can be reached from " +
+    last = axis_error(axis, "position " + degrees(reading->position_deg) +
+                                " is not believed: expected one that can be reached from " +
                                 (memory.position_deg ? degrees(*memory.position_deg) : "here"));
   }
   lost_ = !answered;
@@ -173,7 +182,8 @@ Result<AxisStatus> SerialTurntable::status(Axis axis) {
   report.position_deg = reading->position_deg;
   report.rate_degps = reading->rate_degps.value_or(memory.rate_degps);
   report.in_position = flags[DriveBit::in_position].value_or(false);
-  report.moving = flags[DriveBit::moving].value_or(!(std::abs(report.rate_degps) <= dialect_.moving_rate_degps)) || !flags.known;
+  report.moving =
+      flags[DriveBit::moving].value_or(!(std::abs(report.rate_degps) <= dialect_.moving_rate_degps)) || !flags.known;
   report.enabled = enable_called_ && flags.known && flags[DriveBit::enabled].value_or(true);
   const bool tells_homed = dialect_.status.tells(DriveBit::homed);
   const bool homed = tells_homed ? flags[DriveBit::homed].value_or(false)
@@ -220,7 +230,8 @@ Result<TableIdentity> SerialTurntable::identify() {
   if (Status status = connected(); !status) return status.error();
   std::string description = dialect_.name + " at " + dialect_.link.address;
   for (const Exchange& exchange : dialect_.of(DialectOperation::identify).exchanges) {
-    const Result<std::string> answer = line_.exchange(filled(exchange.send, Axis::heading, commands_), exchange.expect.has_value());
+    const Result<std::string> answer =
+        line_.exchange(filled(exchange.send, Axis::heading, commands_), exchange.expect.has_value());
     if (!answer) return answer.error();
     description += ", " + visible(*answer);
   }
@@ -232,7 +243,8 @@ Status SerialTurntable::enable() {
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> now = status(axis);
     if (!now) return now.error();
-    if (now->emergency_stop || now->fault) return axis_error(axis, "enable: fault or emergency stop: expected it cleared");
+    if (now->emergency_stop || now->fault)
+      return axis_error(axis, "enable: fault or emergency stop: expected it cleared");
   }
   if (Status status = carry_out_for_all(DialectOperation::enable); !status) return status;
   enable_called_ = true;
@@ -242,7 +254,9 @@ Status SerialTurntable::enable() {
 Status SerialTurntable::home() {
   if (Status status = connected(); !status) return status;
   if (!dialect_.commissioned) {
-    return input_error(table_error("not commissioned: expected sign and scale checked and commissioned = true in the dialect").message);
+    return input_error(
+        table_error("not commissioned: expected sign and scale checked and commissioned = true in the dialect")
+            .message);
   }
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> now = status(axis);
@@ -257,9 +271,12 @@ Status SerialTurntable::home() {
 Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
   if (Status status = connected(); !status) return status;
   if (!dialect_.commissioned) {
-    return input_error(table_error("not commissioned: expected sign and scale checked and commissioned = true in the dialect").message);
+    return input_error(
+        table_error("not commissioned: expected sign and scale checked and commissioned = true in the dialect")
+            .message);
   }
-  if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, dialect_.plausible_deg, dialect_.plausible_rate_degps)) {
+  if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, dialect_.plausible_deg,
+                                           dialect_.plausible_rate_degps)) {
     return axis_error(axis, *refusal);
   }
   const Result<AxisStatus> now = status(axis);
@@ -299,7 +316,8 @@ Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
   std::array<bool, 3> taken{true, true, true};
   for (const Exchange& exchange : steps.exchanges) {
     for (const Axis axis : all_axes) {
-      if (!line_.send_at_once(filled(exchange.send, axis, commands_), exchange.expect, stop_ack_s)) taken[index(axis)] = false;
+      if (!line_.send_at_once(filled(exchange.send, axis, commands_), exchange.expect, stop_ack_s))
+        taken[index(axis)] = false;
       if (!steps.each_axis) break;
     }
   }
@@ -333,15 +351,19 @@ Status SerialTurntable::commission(const AxisTriple& known_deg, double tolerance
     const DialectAxis& scale = dialect_.of(axis);
     if (std::abs(reading->position_deg - known_deg[axis]) <= tolerance_deg) {
       if (std::abs(2.0 * (known_deg[axis] - scale.zero_deg)) <= 2.0 * tolerance_deg) {
-        return input_error(axis_error(axis, "at " + degrees(known_deg[axis]) + " the other sign fits as well: expected another angle").message);
+        return input_error(
+            axis_error(axis, "at " + degrees(known_deg[axis]) + " the other sign fits as well: expected another angle")
+                .message);
       }
       continue;
     }
     const double other_deg = 2.0 * scale.zero_deg - reading->position_deg;
-    return input_error(axis_error(axis, "reads " + degrees(reading->position_deg) + ", stands at " + degrees(known_deg[axis]) +
+    return input_error(axis_error(axis, "reads " + degrees(reading->position_deg) + ", stands at " +
+                                            degrees(known_deg[axis]) +
                                             (std::abs(other_deg - known_deg[axis]) <= tolerance_deg
                                                  ? ": expected sign = " + std::to_string(-scale.sign)
-                                                 : ": expected other units_per_degree or zero_deg")).message);
+                                                 : ": expected other units_per_degree or zero_deg"))
+                           .message);
   }
   return {};
 }

@@ -19,10 +19,10 @@
 #include <string>
 
 #include "imu_io/base/clock.h"
-#include "turntable_drivers/table/axis_memory.h"
 #include "turntable_drivers/ascii/dialect.h"
-#include "turntable_drivers/table/stop_signal.h"
 #include "turntable_drivers/ascii/text_line.h"
+#include "turntable_drivers/table/axis_memory.h"
+#include "turntable_drivers/table/stop_signal.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
@@ -61,7 +61,8 @@ class SerialTurntable : public Turntable {
   std::string filled(const SentenceTemplate& sentence, Axis axis, const std::array<Command, 3>& commands) const;
   // One exchange; the values of the answer, checked for errors of the device and for the axis.
   Result<Values> talk(const Exchange& exchange, Axis axis, const std::array<Command, 3>& commands);
-  Status carry_out(DialectOperation operation, Axis axis, const std::array<Command, 3>& commands);  // of one axis, or the table
+  Status carry_out(DialectOperation operation, Axis axis,
+                   const std::array<Command, 3>& commands);  // of one axis, or the table
   Status carry_out_for_all(DialectOperation operation);
   Status carry_out_at_once(DialectOperation operation);
   Result<Reading> read_once(Axis axis);

@@ -16,9 +16,9 @@ namespace turncal {
 namespace {
 
 constexpr double slice_s = 1e-3 * StopSignal::longest_look_away_ms;
-constexpr double write_timeout_s = 0.01;   // the kernel takes a sentence at once; a line that does not is dead
+constexpr double write_timeout_s = 0.01;  // the kernel takes a sentence at once; a line that does not is dead
 constexpr std::size_t longest_answer = 4096;
-constexpr double longest_drain = 10.0;     // times quiet_s
+constexpr double longest_drain = 10.0;  // times quiet_s
 
 }  // namespace
 
@@ -173,7 +173,8 @@ Result<std::string> TextLine::exchange(const std::string& body, bool answered) {
     }
   }
   if (!answered && link_.prompt.empty()) return std::string();
-  Result<std::string> frame = read_until(link_.prompt.empty() ? link_.terminator_in : link_.prompt, link_.reply_timeout_s, false);
+  Result<std::string> frame =
+      read_until(link_.prompt.empty() ? link_.terminator_in : link_.prompt, link_.reply_timeout_s, false);
   if (!frame) return frame.error();
   if (!link_.prompt.empty()) {
     // What stands before the prompt is one line, or none.
@@ -194,7 +195,8 @@ Result<std::string> TextLine::exchange(const std::string& body, bool answered) {
   return result;
 }
 
-Status TextLine::send_at_once(const std::string& body, const std::optional<SentenceTemplate>& expect, double timeout_s) {
+Status TextLine::send_at_once(const std::string& body, const std::optional<SentenceTemplate>& expect,
+                              double timeout_s) {
   if (!is_open()) return failure("not open");
   if (Status status = write(body); !status) return status;
   if (!expect) {

@@ -44,7 +44,8 @@ std::optional<Axis> axis_named(const std::string& name) {
 
 }  // namespace
 
-ManualTurntable::ManualTurntable(ManualSettings settings, const Clock& clock, int input, std::ostream& out, GravitySense sense)
+ManualTurntable::ManualTurntable(ManualSettings settings, const Clock& clock, int input, std::ostream& out,
+                                 GravitySense sense)
     : settings_(settings), clock_(clock), input_(input), out_(out), sense_(std::move(sense)) {}
 
 void ManualTurntable::say(const std::string& text) {
@@ -78,12 +79,15 @@ void ManualTurntable::ask() {
   std::string text = reason_.empty() || reason_told_ ? "" : "\n" + reason_ + "\n";
   reason_told_ = true;
   if (now.homing) {
-    text += std::string("Where does ") + to_string(now.axis) + " stand? Turn it to 0 deg, or leave it; then type the angle that it shows";
+    text += std::string("Where does ") + to_string(now.axis) +
+            " stand? Turn it to 0 deg, or leave it; then type the angle that it shows";
   } else {
     const double way_deg = now.target_deg - hand.position_deg;
-    text += std::string("Turn ") + to_string(now.axis) + (hand.known ? " from " + shown(hand.position_deg) : "") + " to " +
-            exact(now.target_deg) + " deg";
-    if (hand.known) text += ", " + shown(std::abs(way_deg)) + " deg " + (way_deg < 0.0 ? "backward (its angle falls)" : "forward (its angle grows)");
+    text += std::string("Turn ") + to_string(now.axis) + (hand.known ? " from " + shown(hand.position_deg) : "") +
+            " to " + exact(now.target_deg) + " deg";
+    if (hand.known)
+      text += ", " + shown(std::abs(way_deg)) + " deg " +
+              (way_deg < 0.0 ? "backward (its angle falls)" : "forward (its angle grows)");
     text += "; then type the angle reached";
   }
   say(text + " (or repeat, skip REASON, pause, leave, abort, help).");
@@ -97,7 +101,8 @@ void ManualTurntable::look_at_input() {
   if (rehearsed_) {
     take_lines();
     if (waits_for_answer() && read_input(true)) take_lines();
-    if (waits_for_answer() && input_ended_) end(ErrorKind::interrupted, "end of input: expected the operator's answers");
+    if (waits_for_answer() && input_ended_)
+      end(ErrorKind::interrupted, "end of input: expected the operator's answers");
   } else {
     while (read_input(false)) take_lines();
     if (input_ended_) end(ErrorKind::interrupted, "end of input: expected the operator's answers");
@@ -149,7 +154,8 @@ void ManualTurntable::answer(const std::string& line) {
   const std::size_t blank = line.find(' ');
   std::string word = line.substr(0, blank);
   const std::string rest(blank == std::string::npos ? "" : trimmed(std::string_view(line).substr(blank)));
-  std::transform(word.begin(), word.end(), word.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::transform(word.begin(), word.end(), word.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   const auto is = [&](const char* name) { return word == name || word == std::string(1, name[0]); };
   if (is("abort")) {
     end(ErrorKind::aborted, "aborted by the operator");
@@ -158,16 +164,20 @@ void ManualTurntable::answer(const std::string& line) {
   } else if (is("leave")) {
     const bool asked = !queue_.empty();
     end(ErrorKind::interrupted, "the operator left");
-    say(asked ? "The run ends here; everything is kept." : "The run ends when this dwell is complete; everything is kept.");
+    say(asked ? "The run ends here; everything is kept."
+              : "The run ends when this dwell is complete; everything is kept.");
   } else if (is("pause")) {
     pause(queue_.empty() ? "Paused: what is under way goes on, the next turn waits." : "Paused.");
   } else if (is("continue")) {
     paused_ = reason_told_ = false;
     ask();
   } else if (is("help")) {
-    say("An angle in degrees: the axis asked for stands there, read off its dial, within " + shown(settings_.tolerance_deg) +
-        " deg.\nrepeat: the question again.  skip REASON: it cannot be done; the run ends with that reason and can be resumed.\n"
-        "pause: the table stays as it is until continue.  leave: the run ends here, to be resumed another day.\nabort: the run ends.");
+    say("An angle in degrees: the axis asked for stands there, read off its dial, within " +
+        shown(settings_.tolerance_deg) +
+        " deg.\nrepeat: the question again.  skip REASON: it cannot be done; the run ends with that reason and can be "
+        "resumed.\n"
+        "pause: the table stays as it is until continue.  leave: the run ends here, to be resumed another day.\nabort: "
+        "the run ends.");
     if (rehearsed_) say("turn AXIS ANGLE: turns any axis, answers nothing.  say ANGLE: answers, turns nothing.");
   } else if (is("repeat")) {
     reason_told_ = false;
@@ -192,8 +202,10 @@ void ManualTurntable::answer(const std::string& line) {
 void ManualTurntable::turn_rehearsed(const std::string& axis_and_angle) {
   const std::size_t blank = axis_and_angle.find(' ');
   const std::optional<Axis> axis = axis_named(axis_and_angle.substr(0, blank));
-  const std::optional<double> angle_deg = device_number(blank == std::string::npos ? "" : axis_and_angle.substr(blank + 1));
-  if (!axis || !angle_deg) return say(quoted(axis_and_angle) + ": expected an axis (heading, pitch or roll) and an angle");
+  const std::optional<double> angle_deg =
+      device_number(blank == std::string::npos ? "" : axis_and_angle.substr(blank + 1));
+  if (!axis || !angle_deg)
+    return say(quoted(axis_and_angle) + ": expected an axis (heading, pitch or roll) and an angle");
   rehearsed_->turn(*axis, *angle_deg, queue_.front().rate_degps, queue_.front().acceleration_degps2);
 }
 
@@ -201,7 +213,8 @@ void ManualTurntable::take_angle(const std::string& text, bool turned) {
   const Wanted now = queue_.front();
   const std::optional<double> typed_deg = device_number(text);
   if (!typed_deg) {
-    return say(quoted(text) + " is not understood: expected an angle in degrees, repeat, skip REASON, pause, leave, abort or help.");
+    return say(quoted(text) +
+               " is not understood: expected an angle in degrees, repeat, skip REASON, pause, leave, abort or help.");
   }
   if (answered_) return say("The answer before is still being compared with gravity.");
   const double angle_deg = now.homing ? *typed_deg : unwrapped_deg(*typed_deg, now.target_deg, 360.0);
@@ -230,7 +243,8 @@ void ManualTurntable::check_answer() {
   if (!sense_()) {
     if (now_s - answered_->since_s < gravity_deadline_s) return;
     answered_.reset();
-    return say("The unit is not still, or sends nothing: nothing to compare with. Type the angle again when it stands.");
+    return say(
+        "The unit is not still, or sends nothing: nothing to compare with. Type the angle again when it stands.");
   }
   if (const auto objection = gravity_objection(axis, answered_->angle_deg)) {
     answered_.reset();
@@ -261,7 +275,8 @@ std::optional<std::string> ManualTurntable::gravity_objection(Axis axis, double 
   const double other_deg = hands_[index(other)].position_deg;
   const double pitch = (axis == Axis::pitch ? angle_deg : other_deg) * pi / 180.0;
   const double roll = (axis == Axis::roll ? angle_deg : other_deg) * pi / 180.0;
-  const std::array<double, 3> expected = {std::sin(pitch), std::cos(pitch) * std::cos(roll), -std::cos(pitch) * std::sin(roll)};
+  const std::array<double, 3> expected = {std::sin(pitch), std::cos(pitch) * std::cos(roll),
+                                          -std::cos(pitch) * std::sin(roll)};
   double along = 0.0, squared = 0.0;
   for (std::size_t i = 0; i < 3; ++i) {
     along += expected[i] * (*sensed)[i];
@@ -270,8 +285,8 @@ std::optional<std::string> ManualTurntable::gravity_objection(Axis axis, double 
   if (!(squared > 0.0)) return "The unit senses no gravity: expected it to be on and still. Type the angle again.";
   const double away_deg = std::acos(std::clamp(along / std::sqrt(squared), -1.0, 1.0)) * 180.0 / pi;
   if (away_deg <= settings_.gravity_tolerance_deg) return {};
-  return "The unit senses gravity " + shown(away_deg) + " deg away from where " + to_string(axis) + " " + exact(angle_deg) +
-         " would put it: expected at most " + shown(settings_.gravity_tolerance_deg) +
+  return "The unit senses gravity " + shown(away_deg) + " deg away from where " + to_string(axis) + " " +
+         exact(angle_deg) + " would put it: expected at most " + shown(settings_.gravity_tolerance_deg) +
          ". Is it the right axis and sense? Put it right, then type the angle of " + to_string(axis) + " again.";
 }
 
@@ -319,8 +334,10 @@ Status ManualTurntable::move_absolute(Axis axis, double position_deg, double rat
     return device_error(std::string("manual table: ") + to_string(axis) + ": " + what);
   };
   // Nobody turns by hand at a given rate, but what makes no sense is a mistake all the same.
-  if (!std::isfinite(position_deg)) return refused("move to " + format_number(position_deg) + " deg: expected an angle");
-  if (!(rate_degps > 0.0) || !std::isfinite(rate_degps) || !(acceleration_degps2 > 0.0) || !std::isfinite(acceleration_degps2)) {
+  if (!std::isfinite(position_deg))
+    return refused("move to " + format_number(position_deg) + " deg: expected an angle");
+  if (!(rate_degps > 0.0) || !std::isfinite(rate_degps) || !(acceleration_degps2 > 0.0) ||
+      !std::isfinite(acceleration_degps2)) {
     return refused("rate and acceleration: expected numbers above 0");
   }
   if (!enabled_) return refused("not enabled");
@@ -362,7 +379,8 @@ Result<AxisStatus> ManualTurntable::status(Axis axis) {
   const Hand& hand = hands_[index(axis)];
   AxisStatus report;
   report.position_deg = hand.position_deg;
-  report.moving = std::any_of(queue_.begin(), queue_.end(), [axis](const Wanted& wanted) { return wanted.axis == axis; });
+  report.moving =
+      std::any_of(queue_.begin(), queue_.end(), [axis](const Wanted& wanted) { return wanted.axis == axis; });
   report.rate_degps = report.moving ? std::numeric_limits<double>::quiet_NaN() : 0.0;
   report.enabled = enabled_;
   report.homed = hand.homed;

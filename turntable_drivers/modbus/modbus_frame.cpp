@@ -78,7 +78,9 @@ std::uint16_t modbus_crc(std::span<const std::uint8_t> bytes) {
 }
 
 std::optional<ModbusRequest> take_request(std::vector<std::uint8_t>& bytes, bool tcp) {
-  const auto drop = [&bytes](std::size_t n) { bytes.erase(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n)); };
+  const auto drop = [&bytes](std::size_t n) {
+    bytes.erase(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
+  };
   if (tcp) {
     if (bytes.size() < 8) return {};
     const std::size_t length = word_at(bytes, 4);

@@ -22,9 +22,9 @@ struct ModbusRequest {
   int unit = 0;
   int function = 0;
   int address = 0;
-  int count = 0;                         // registers read or written
-  std::vector<std::uint16_t> values;     // written
-  bool well_formed = true;               // false: to be answered with exception 3
+  int count = 0;                      // registers read or written
+  std::vector<std::uint16_t> values;  // written
+  bool well_formed = true;            // false: to be answered with exception 3
 };
 
 // The next request at the front of `bytes`, which it is taken off. Empty: not complete yet. Bytes that cannot begin a frame

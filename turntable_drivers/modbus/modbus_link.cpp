@@ -19,10 +19,10 @@
 namespace turncal {
 namespace {
 
-constexpr int byte_poll_ms = 1;            // while the rest of a frame comes in
-constexpr double busy_pause_s = 0.05;      // before a busy drive is asked again
+constexpr int byte_poll_ms = 1;               // while the rest of a frame comes in
+constexpr double busy_pause_s = 0.05;         // before a busy drive is asked again
 constexpr std::uint32_t read_out_us = 20000;  // libmodbus is called when the frame is there; this only bounds a mistake
-constexpr double longest_drain = 10.0;     // times quiet_s
+constexpr double longest_drain = 10.0;        // times quiet_s
 
 const char* exception_text(int exception) {
   switch (exception) {
@@ -92,7 +92,9 @@ Status ModbusLink::open() {
     }
   } else {
     if (address.empty()) return input_error("link.address: expected a serial device");
-    const char parity = settings_.parity == SerialParity::none ? 'N' : settings_.parity == SerialParity::even ? 'E' : 'O';
+    const char parity = settings_.parity == SerialParity::none   ? 'N'
+                        : settings_.parity == SerialParity::even ? 'E'
+                                                                 : 'O';
     context_ = modbus_new_rtu(address.c_str(), static_cast<int>(settings_.baud), parity, 8, settings_.stop_bits);
   }
   if (context_ == nullptr) return failure(std::string("not usable: ") + modbus_strerror(errno));
@@ -128,7 +130,8 @@ bool ModbusLink::discard_pending() {
   bool any = false;
   int waiting = 0;
   while (::ioctl(descriptor_, FIONREAD, &waiting) == 0 && waiting > 0) {
-    const ssize_t n = ::read(descriptor_, rubbish.data(), std::min<std::size_t>(rubbish.size(), static_cast<std::size_t>(waiting)));
+    const ssize_t n =
+        ::read(descriptor_, rubbish.data(), std::min<std::size_t>(rubbish.size(), static_cast<std::size_t>(waiting)));
     if (n <= 0) break;
     any = true;
   }
@@ -163,7 +166,8 @@ ModbusLink::Reply ModbusLink::send(std::span<const std::uint8_t> body) {
     if (n == static_cast<ssize_t>(frame.size())) return {};
     return hang_up(n < 0 ? std::string("cannot send: ") + std::strerror(errno) : "cannot send a whole request");
   }
-  if (modbus_send_raw_request(context_, const_cast<std::uint8_t*>(body.data()), static_cast<int>(body.size())) > 0) return {};
+  if (modbus_send_raw_request(context_, const_cast<std::uint8_t*>(body.data()), static_cast<int>(body.size())) > 0)
+    return {};
   return hang_up(std::string("cannot send: ") + modbus_strerror(errno));
 }
 
@@ -181,10 +185,12 @@ ModbusLink::Reply ModbusLink::await(std::size_t bytes, double timeout_s, bool at
       const int n = ::poll(&which, 1, std::min(deadline.left_ms(), StopSignal::longest_look_away_ms));
       if (n < 0 && errno != EINTR) return hang_up(std::strerror(errno));
       int waiting = 0;
-      if (n > 0 && (::ioctl(descriptor_, FIONREAD, &waiting) != 0 || waiting == 0)) return hang_up("the other end hung up");
+      if (n > 0 && (::ioctl(descriptor_, FIONREAD, &waiting) != 0 || waiting == 0))
+        return hang_up("the other end hung up");
       if (waiting == 0 && deadline.passed()) {
         stale_ = true;
-        return {Failure::timeout, 0, "no answer within " + std::to_string(static_cast<int>(1e3 * timeout_s)) + " ms", {}};
+        return {
+            Failure::timeout, 0, "no answer within " + std::to_string(static_cast<int>(1e3 * timeout_s)) + " ms", {}};
       }
     }
     int waiting = 0;
@@ -217,7 +223,8 @@ ModbusLink::Reply ModbusLink::receive(std::span<const std::uint8_t> request) {
   if (length < header + 1 + tail) return {Failure::garbled, 0, "the reply of another unit, or rubbish", {}};
   Reply reply;
   // libmodbus counts the unit into the header: 7 bytes over TCP, 1 over RTU.
-  reply.body.assign(frame.begin() + static_cast<std::ptrdiff_t>(header - 1), frame.begin() + static_cast<std::ptrdiff_t>(length - tail));
+  reply.body.assign(frame.begin() + static_cast<std::ptrdiff_t>(header - 1),
+                    frame.begin() + static_cast<std::ptrdiff_t>(length - tail));
   if (settings_.tcp && (frame[0] << 8 | frame[1]) != transaction_) {
     reply.failure = Failure::garbled;
     reply.detail = "the reply of an earlier transaction";
@@ -258,8 +265,9 @@ ModbusLink::Reply ModbusLink::transact(std::span<const std::uint8_t> body, std::
     if (reply.failure == Failure::hang_up) return reply;
     const bool is_read = body[1] == 3 || body[1] == 4;
     if (reply.failure == Failure::none) {
-      const bool same = is_read ? reply.body.size() == reply_length && reply.body[2] == reply_length - 3
-                                : reply.body.size() == 6 && std::equal(reply.body.begin() + 2, reply.body.end(), body.begin() + 2);
+      const bool same =
+          is_read ? reply.body.size() == reply_length && reply.body[2] == reply_length - 3
+                  : reply.body.size() == 6 && std::equal(reply.body.begin() + 2, reply.body.end(), body.begin() + 2);
       if (!same) {
         reply.failure = Failure::garbled;
         reply.detail = "the reply to another request";
@@ -325,7 +333,8 @@ Status ModbusLink::read(int unit, int function, int address, std::span<std::uint
   return error;
 }
 
-Status ModbusLink::write_with(std::span<const std::uint8_t> body, double timeout_s, bool at_once, const std::string& what) {
+Status ModbusLink::write_with(std::span<const std::uint8_t> body, double timeout_s, bool at_once,
+                              const std::string& what) {
   const Reply reply = transact(body, 6, timeout_s, at_once);
   if (reply.failure == Failure::none) return {};
   return error_of(reply, what);

@@ -23,7 +23,9 @@ Error ModbusTurntable::axis_error(Axis axis, const std::string& what) const {
 
 Status ModbusTurntable::connected() const {
   if (!connected_) return device_error("table " + map_.name + ": not connected");
-  if (link_.lost()) return device_error("table " + map_.name + ": link lost (" + link_.lost_reason() + "): expected it connected again");
+  if (link_.lost())
+    return device_error("table " + map_.name + ": link lost (" + link_.lost_reason() +
+                        "): expected it connected again");
   return {};
 }
 
@@ -58,9 +60,9 @@ Status ModbusTurntable::connect() {
 
 Result<TableIdentity> ModbusTurntable::identify() {
   if (Status status = connected(); !status) return status.error();
-  return TableIdentity{map_.name + " at " + map_.link.address +
-                           (map_.verified_on_hardware ? "" : ", map not verified on hardware"),
-                       map_.simulated};
+  return TableIdentity{
+      map_.name + " at " + map_.link.address + (map_.verified_on_hardware ? "" : ", map not verified on hardware"),
+      map_.simulated};
 }
 
 // ---- reading ----
@@ -84,7 +86,8 @@ Result<std::vector<std::uint16_t>> ModbusTurntable::read_block(Axis axis) {
     if (count == 0) return {};
     // Longer by the axis, so that no two requests have the same length; what is beyond is thrown away.
     std::vector<std::uint16_t> registers(static_cast<std::size_t>(count) + index(axis));
-    if (Status status = link_.read(place.unit, map_.status_function, address + place.address_offset, registers); !status) {
+    if (Status status = link_.read(place.unit, map_.status_function, address + place.address_offset, registers);
+        !status) {
       return Error{status.error().kind, axis_error(axis, status.error().message).message};
     }
     block.insert(block.end(), registers.begin(), registers.begin() + count);
@@ -95,7 +98,8 @@ Result<std::vector<std::uint16_t>> ModbusTurntable::read_block(Axis axis) {
   return block;
 }
 
-std::optional<double> ModbusTurntable::believed_position(Axis axis, const std::vector<std::uint16_t>& block, double now_s) {
+std::optional<double> ModbusTurntable::believed_position(Axis axis, const std::vector<std::uint16_t>& block,
+                                                         double now_s) {
   const MapAxis& scale = map_.of(axis);
   const AxisMemory& memory = memory_[index(axis)];
   double position_deg = angle_of(scale, raw_counts(block, map_.layout));
@@ -131,7 +135,8 @@ AxisStatus ModbusTurntable::status_from(Axis axis, const std::vector<std::uint16
   // A device that knows only a circle has forgotten the turns after a lost link: it has to be homed again.
   const bool turns_known = scale.modulo_deg == 0.0 || memory.home_called;
   report.homed = memory.judge_homed(drive_homed && turns_known, report.moving);
-  report.limit = bit(block, DriveBit::limit_positive).value_or(false) || bit(block, DriveBit::limit_negative).value_or(false);
+  report.limit =
+      bit(block, DriveBit::limit_positive).value_or(false) || bit(block, DriveBit::limit_negative).value_or(false);
   report.fault = bit(block, DriveBit::fault).value_or(true);
   report.emergency_stop = bit(block, DriveBit::emergency_stop).value_or(false);
   report.remote = bit(block, DriveBit::remote).value_or(true);
@@ -213,19 +218,22 @@ Status ModbusTurntable::commission(const AxisTriple& known_deg, double tolerance
       for (const bool swap : {false, true}) {
         for (const int sign : {1, -1}) {
           const WordLayout layout{high_first, swap};
-          const bool is_maps = high_first == map_.layout.high_word_first && swap == map_.layout.swap_bytes && sign == scale.sign;
+          const bool is_maps =
+              high_first == map_.layout.high_word_first && swap == map_.layout.swap_bytes && sign == scale.sign;
           const bool one_word = register_count(map_.position.type) == 1;
           if (is_maps || (one_word && high_first != map_.layout.high_word_first) || !fits(layout, sign)) continue;
-          others += std::string(others.empty() ? "" : "; ") + "words.order = " + (high_first ? "high_first" : "low_first") +
+          others += std::string(others.empty() ? "" : "; ") +
+                    "words.order = " + (high_first ? "high_first" : "low_first") +
                     ", words.swap_bytes = " + (swap ? "true" : "false") + ", sign = " + std::to_string(sign);
         }
       }
     }
     if (!fits(map_.layout, scale.sign)) {
-      return input_error(axis_error(axis, "reads " + degrees(angle_of(scale, raw_counts(*block, map_.layout))) + ", stands at " +
-                                              degrees(known_deg[axis]) +
+      return input_error(axis_error(axis, "reads " + degrees(angle_of(scale, raw_counts(*block, map_.layout))) +
+                                              ", stands at " + degrees(known_deg[axis]) +
                                               (others.empty() ? ": expected other counts_per_degree or zero_deg"
-                                                              : ": expected " + others)).message);
+                                                              : ": expected " + others))
+                             .message);
     }
     if (!others.empty()) {
       return input_error(axis_error(axis, "at " + degrees(known_deg[axis]) +
@@ -255,9 +263,11 @@ Result<std::vector<std::uint16_t>> ModbusTurntable::words_of(const WriteStep& st
         break;
     }
     const std::optional<Words> encoded = encode_words(value, operand.type, map_.layout);
-    const bool vanishes = operand.kind == WriteOperand::Kind::rate && operand.type != WordType::f32 && std::round(value) == 0.0;
+    const bool vanishes =
+        operand.kind == WriteOperand::Kind::rate && operand.type != WordType::f32 && std::round(value) == 0.0;
     if (!encoded || vanishes) {
-      return axis_error(axis, "the drive cannot be told " + format_number(value) + " in register " + std::to_string(step.address));
+      return axis_error(
+          axis, "the drive cannot be told " + format_number(value) + " in register " + std::to_string(step.address));
     }
     words.insert(words.end(), encoded->span().begin(), encoded->span().end());
   }
@@ -279,7 +289,8 @@ Status ModbusTurntable::write_list(Axis axis, DriveOperation operation, const Mo
       if (!stop_.pause(step.wait_s)) return Error{ErrorKind::aborted, axis_error(axis, "given up for a stop").message};
       continue;
     }
-    if (Status status = link_.write(place.unit, function_for(requests[i].size()), step.address + place.address_offset, requests[i]);
+    if (Status status =
+            link_.write(place.unit, function_for(requests[i].size()), step.address + place.address_offset, requests[i]);
         !status) {
       return Error{status.error().kind,
                    axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
@@ -302,7 +313,9 @@ Status ModbusTurntable::enable() {
 
 Status ModbusTurntable::home() {
   if (!map_.commissioned && !map_.home_by_encoder) {
-    return input_error("table " + map_.name + ": not commissioned: expected word order, scale and sign checked and commissioned = true in the map");
+    return input_error(
+        "table " + map_.name +
+        ": not commissioned: expected word order, scale and sign checked and commissioned = true in the map");
   }
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> now = status(axis);
@@ -320,9 +333,12 @@ Status ModbusTurntable::home() {
 
 Status ModbusTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
   if (!map_.commissioned) {
-    return input_error("table " + map_.name + ": not commissioned: expected word order, scale and sign checked and commissioned = true in the map");
+    return input_error(
+        "table " + map_.name +
+        ": not commissioned: expected word order, scale and sign checked and commissioned = true in the map");
   }
-  if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, map_.plausible_deg, map_.plausible_rate_degps)) {
+  if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, map_.plausible_deg,
+                                           map_.plausible_rate_degps)) {
     return axis_error(axis, *refusal);
   }
   const Result<AxisStatus> now = status(axis);
@@ -352,7 +368,8 @@ Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
     const Status status = at_once ? link_.write_at_once(place.unit, function, address, *words, stop_ack_s)
                                   : link_.write(place.unit, function, address, *words);
     if (status) return {};
-    return Error{status.error().kind, axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
+    return Error{status.error().kind,
+                 axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
   };
   // Step by step, each to every axis: what follows the first step of one axis must not keep it from the next.
   std::array<bool, 3> taken{true, true, true};

@@ -19,9 +19,9 @@
 #include <optional>
 
 #include "imu_io/base/clock.h"
-#include "turntable_drivers/table/axis_memory.h"
 #include "turntable_drivers/modbus/modbus_link.h"
 #include "turntable_drivers/modbus/register_map.h"
+#include "turntable_drivers/table/axis_memory.h"
 #include "turntable_drivers/table/stop_signal.h"
 #include "turntable_drivers/table/turntable.h"
 

@@ -9,7 +9,7 @@
 namespace turncal {
 namespace {
 
-constexpr int longest_block = 120;      // registers of one request; the protocol ends at 125
+constexpr int longest_block = 120;        // registers of one request; the protocol ends at 125
 constexpr double longest_pause_s = 0.05;  // a stop must not wait behind it
 
 // Decimal, or hexadecimal with 0x.
@@ -30,8 +30,8 @@ long hex_or_decimal(KeyValueFile& file, const std::string& key, long min, long m
   const std::optional<long> value = whole_number(text);
   if (value && *value >= min && *value <= max) return *value;
   if (!text.empty()) {
-    file.reject(key, "a whole number between " + std::to_string(min) + " and " + std::to_string(max) +
-                         ", decimal or with 0x");
+    file.reject(
+        key, "a whole number between " + std::to_string(min) + " and " + std::to_string(max) + ", decimal or with 0x");
   }
   return min;
 }
@@ -115,9 +115,10 @@ WriteList write_list(KeyValueFile& file, const std::string& key, const WordLayou
   for (const std::string& text : file.list(key)) {
     const auto step = step_of(trimmed(text));
     if (!step) {
-      file.reject(key, "steps 'ADDRESS TYPE VALUE' or 'ADDRESS TYPE VALUE + TYPE VALUE ...' or 'wait SECONDS' (at most " +
-                           format_number(longest_pause_s) +
-                           "), VALUE a number, position, distance, rate or acceleration; wrong is " + quoted(text));
+      file.reject(key,
+                  "steps 'ADDRESS TYPE VALUE' or 'ADDRESS TYPE VALUE + TYPE VALUE ...' or 'wait SECONDS' (at most " +
+                      format_number(longest_pause_s) +
+                      "), VALUE a number, position, distance, rate or acceleration; wrong is " + quoted(text));
       return {};
     }
     for (const WriteOperand& operand : step->operands) {
@@ -199,8 +200,7 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
   for (int i = 0; i < drive_bit_count; ++i) {
     const auto which = static_cast<DriveBit>(i);
     const std::string prefix = "bit." + std::string(to_string(which));
-    const bool required =
-        which == DriveBit::enabled || which == DriveBit::in_position || which == DriveBit::fault;
+    const bool required = which == DriveBit::enabled || which == DriveBit::in_position || which == DriveBit::fault;
     if (!required && !file.has(prefix + ".address")) continue;
     StatusBit bit;
     bit.address = static_cast<int>(hex_or_decimal(file, prefix + ".address", 0, 65535));

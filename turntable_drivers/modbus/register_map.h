@@ -22,22 +22,22 @@
 #include "calib/types/status.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/lines/serial_port.h"
-#include "turntable_drivers/table/drive_bit.h"
 #include "turntable_drivers/modbus/register_words.h"
+#include "turntable_drivers/table/drive_bit.h"
 
 namespace turncal {
 
 struct ModbusLinkSettings {
   bool tcp = true;
-  std::string address;             // host:port, or the device (a name of /dev/serial/by-id)
-  std::uint32_t baud = 115200;     // rtu, with parity and stop bits
+  std::string address;          // host:port, or the device (a name of /dev/serial/by-id)
+  std::uint32_t baud = 115200;  // rtu, with parity and stop bits
   SerialParity parity = SerialParity::even;
   int stop_bits = 1;
   double response_timeout_s = 1.0;
-  double byte_timeout_s = 0.1;     // silence inside a reply
-  double quiet_s = 0.5;            // after trouble the line is read empty until it has been quiet for this long
-  double gap_s = 0.0;              // silence before a request, which some drives need
-  int read_retries = 2;            // the third failure in a row is a lost link
+  double byte_timeout_s = 0.1;  // silence inside a reply
+  double quiet_s = 0.5;         // after trouble the line is read empty until it has been quiet for this long
+  double gap_s = 0.0;           // silence before a request, which some drives need
+  int read_retries = 2;         // the third failure in a row is a lost link
 };
 
 struct RegisterField {
@@ -75,14 +75,14 @@ const char* to_string(DriveOperation operation);
 
 struct MapAxis {
   int unit = 1;
-  int address_offset = 0;          // added to every address
+  int address_offset = 0;  // added to every address
   double counts_per_degree = 1.0;
   int sign = 1;
-  double zero_deg = 0.0;           // the angle at which the register reads 0
-  double modulo_deg = 0.0;         // 0: the register is cumulative; 360: it knows only a circle
-  double rate_scale = 1.0;         // commanded rate register = rate_scale * deg/s
+  double zero_deg = 0.0;    // the angle at which the register reads 0
+  double modulo_deg = 0.0;  // 0: the register is cumulative; 360: it knows only a circle
+  double rate_scale = 1.0;  // commanded rate register = rate_scale * deg/s
   double measured_rate_scale = 1.0;
-  double acceleration_scale = 1.0; // register = scale * deg/s^2, or scale / (deg/s^2) when acceleration is a ramp time
+  double acceleration_scale = 1.0;  // register = scale * deg/s^2, or scale / (deg/s^2) when acceleration is a ramp time
   double signed_counts_per_degree() const { return sign * counts_per_degree; }
 };
 
@@ -90,34 +90,34 @@ struct RegisterMap {
   std::string file;
   std::string name;
   bool verified_on_hardware = false;
-  bool simulated = false;          // a twin answers; not a key of the file: the station says it
-  bool commissioned = false;       // word order, scale and sign were checked against a known angle; else no motion
+  bool simulated = false;     // a twin answers; not a key of the file: the station says it
+  bool commissioned = false;  // word order, scale and sign were checked against a known angle; else no motion
   ModbusLinkSettings link;
   WordLayout layout;
-  std::array<MapAxis, 3> axis;     // indexed by Axis
+  std::array<MapAxis, 3> axis;  // indexed by Axis
   bool acceleration_is_ramp_time = false;
-  bool home_by_encoder = false;    // absolute encoder: homing moves nothing
+  bool home_by_encoder = false;  // absolute encoder: homing moves nothing
 
-  int status_function = 3;         // 3 or 4
+  int status_function = 3;  // 3 or 4
   int status_address = 0;
   int status_count = 0;
   int status2_address = 0;
-  int status2_count = 0;           // 0: one block
+  int status2_count = 0;  // 0: one block
   RegisterField position;
   std::optional<RegisterField> rate;
   std::array<std::optional<StatusBit>, drive_bit_count> bits;
   std::optional<RegisterField> alarm;
   std::map<long, std::string> alarm_text;
-  double moving_rate_degps = 0.01;     // without a moving bit: faster than this is moving
-  double plausible_deg = 7200.0;       // a position beyond this is not believed
-  double plausible_rate_degps = 400.0; // nor is one that the axis cannot have reached since the last
+  double moving_rate_degps = 0.01;      // without a moving bit: faster than this is moving
+  double plausible_deg = 7200.0;        // a position beyond this is not believed
+  double plausible_rate_degps = 400.0;  // nor is one that the axis cannot have reached since the last
 
-  int write_function = 6;              // of single registers: 6 or 16
+  int write_function = 6;  // of single registers: 6 or 16
   std::array<WriteList, drive_operation_count> writes;
 
   std::optional<int> heartbeat_address;
   double heartbeat_period_s = 0.2;
-  double watchdog_s = 1.0;             // what the drive is set to: it stops when no heartbeat came for this long
+  double watchdog_s = 1.0;  // what the drive is set to: it stops when no heartbeat came for this long
 
   const MapAxis& of(Axis which) const { return axis[static_cast<std::size_t>(which)]; }
   const WriteList& list(DriveOperation operation) const { return writes[static_cast<std::size_t>(operation)]; }

@@ -94,8 +94,8 @@ struct Rig::State {
   std::vector<Event> events;  // of the table, by sample
   std::size_t next_event = 0;
   std::vector<RigFault> unit_faults;
-  std::int64_t counter_shift = 0;       // hidden losses and duplicates
-  std::optional<ImuSample> duplicate;   // to be delivered next
+  std::int64_t counter_shift = 0;      // hidden losses and duplicates
+  std::optional<ImuSample> duplicate;  // to be delivered next
 
   // At rest nothing but noise and the running effects changes from sample to sample.
   bool rest_is_known = false;
@@ -180,8 +180,8 @@ void Rig::State::apply_event(const RigFault& fault) {
     case RigFaultKind::emergency_stop:
       emergency_stop = true;
       released = false;
-      release_by_itself_s = fault.duration_s > 0.0 ? fault.time_s + fault.duration_s
-                                                   : std::numeric_limits<double>::infinity();
+      release_by_itself_s =
+          fault.duration_s > 0.0 ? fault.time_s + fault.duration_s : std::numeric_limits<double>::infinity();
       for (RigAxis& axis : axes) axis.halt(k);
       break;
     case RigFaultKind::imu_unplugged: unplugged = true; break;

@@ -47,20 +47,20 @@ class Rig {
   struct AxisState {
     double position_deg = 0.0;  // encoder, not rounded
     double rate_degps = 0.0;
-    double target_deg = 0.0;    // of the last command
-    bool moving = false;        // by a command (or a table_moved fault that the encoder sees)
-    bool fault = false;         // latched axis_fault
+    double target_deg = 0.0;  // of the last command
+    bool moving = false;      // by a command (or a table_moved fault that the encoder sees)
+    bool fault = false;       // latched axis_fault
     bool stuck = false;
     bool never_in_position = false;
-    double started_s = 0.0;     // rig time at which the last command was given
-    double stopped_s = 0.0;     // rig time at which the last motion ended
+    double started_s = 0.0;  // rig time at which the last command was given
+    double stopped_s = 0.0;  // rig time at which the last motion ended
   };
   AxisState axis(Axis axis) const;
-  bool emergency_stop() const;      // latched
-  void release_emergency_stop();    // the operator pulls the button out; the latch stays until clear_faults()
-  bool clear_faults();              // false: the emergency stop has not been released
+  bool emergency_stop() const;    // latched
+  void release_emergency_stop();  // the operator pulls the button out; the latch stays until clear_faults()
+  bool clear_faults();            // false: the emergency stop has not been released
   bool link_lost() const;
-  bool imu_unplugged() const;       // until plug_imu()
+  bool imu_unplugged() const;  // until plug_imu()
   void plug_imu();
 
   // --- Time and unit.

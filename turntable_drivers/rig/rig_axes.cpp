@@ -93,8 +93,8 @@ TrueAxis RigAxis::truth(std::int64_t k, double offset_s) const {
     const double slope = order * rad_per_deg;  // of the argument, rad per degree of reading
     angle_deg += size_deg * a.sin;
     rate_degps += size_deg * slope * e.rate_degps * a.cos;
-    acceleration_degps2 += size_deg * (slope * e.acceleration_degps2 * a.cos -
-                                       slope * e.rate_degps * slope * e.rate_degps * a.sin);
+    acceleration_degps2 +=
+        size_deg * (slope * e.acceleration_degps2 * a.cos - slope * e.rate_degps * slope * e.rate_degps * a.sin);
   }
   if (hidden_slip_.profile.duration_s() > 0.0) {
     const AxisPoint slip = hidden_slip_.profile.at(elapsed_s(hidden_slip_, k) + offset_s);

@@ -33,8 +33,8 @@ class RigAxis {
   AxisPoint reading(std::int64_t k, double offset_s) const;
   // At offset_s into sample k.
   TrueAxis truth(std::int64_t k, double offset_s) const;
-  bool turning(std::int64_t k) const;       // a motion that the encoder sees
-  bool standing(std::int64_t k) const;      // nothing moves any more, creep included, until the next command
+  bool turning(std::int64_t k) const;   // a motion that the encoder sees
+  bool standing(std::int64_t k) const;  // nothing moves any more, creep included, until the next command
   // Rig time at which the last motion (slip included, not creep) ends or ended; -infinity: there was none.
   double motion_end_s() const { return motion_end_s_; }
   double command_end_s() const { return command_end_s_; }
@@ -58,8 +58,8 @@ class RigAxis {
   Leg command_, seen_slip_, hidden_slip_;
   double motion_end_s_ = -std::numeric_limits<double>::infinity();
   double command_end_s_ = 0.0;
-  double creep_base_deg_ = 0.0;     // what earlier motions left
-  double creep_direction_ = 0.0;    // of the creep that follows the command in force; 0: none
+  double creep_base_deg_ = 0.0;   // what earlier motions left
+  double creep_direction_ = 0.0;  // of the creep that follows the command in force; 0: none
 };
 
 }  // namespace turncal::rig_model

@@ -36,9 +36,9 @@ struct RigSite {
 };
 
 struct RigNoise {
-  double gyro_random_walk_deg_per_rt_h = 0.002;      // angle random walk: sigma of the angle after t is N sqrt(t)
-  double accel_random_walk_ug_per_rt_hz = 8.0;       // velocity random walk: sigma of the velocity after t is N sqrt(t)
-  double gyro_bias_instability_degph = 0.0005;       // B of IEEE 952: Allan deviation floor 0.664 B
+  double gyro_random_walk_deg_per_rt_h = 0.002;  // angle random walk: sigma of the angle after t is N sqrt(t)
+  double accel_random_walk_ug_per_rt_hz = 8.0;   // velocity random walk: sigma of the velocity after t is N sqrt(t)
+  double gyro_bias_instability_degph = 0.0005;   // B of IEEE 952: Allan deviation floor 0.664 B
   double accel_bias_instability_ug = 0.3;
   double gyro_rate_random_walk_degph_per_rt_h = 0.0;  // K: sigma of the bias change after t is K sqrt(t)
   double accel_acceleration_random_walk_ug_per_rt_h = 0.0;
@@ -59,11 +59,11 @@ struct RigTemperature {  // T = start + rise (1 - exp(-t/tau)), recorded to 0.00
 // R(v): rotation by the rotation vector v, exact.
 struct RigTableErrors {
   double random_arcmin = 3.0;  // drawn angles lie between half of this and all of it, either sign; 0: none are drawn
-  std::optional<double> tilt_north_arcmin;  // base turned about north (positive: up leans to east)
-  std::optional<double> tilt_east_arcmin;   // base turned about east (positive: north leans to up)
-  std::optional<double> north_arcmin;       // base turned about up: true heading = H - north
-  std::optional<double> heading_pitch_arcmin;  // pitch axis not square to the heading axis
-  std::optional<double> pitch_roll_arcmin;     // roll axis not square to the pitch axis
+  std::optional<double> tilt_north_arcmin;               // base turned about north (positive: up leans to east)
+  std::optional<double> tilt_east_arcmin;                // base turned about east (positive: north leans to up)
+  std::optional<double> north_arcmin;                    // base turned about up: true heading = H - north
+  std::optional<double> heading_pitch_arcmin;            // pitch axis not square to the heading axis
+  std::optional<double> pitch_roll_arcmin;               // roll axis not square to the pitch axis
   std::array<std::optional<double>, 3> mounting_arcmin;  // unit in the fixture, about x y z
   // True angle = e (1 + scale) + offset + harmonic sin(order e + phase), e the encoder's reading. Drawn if not set:
   // offset up to 5 arcsec, scale up to 1 ppm, harmonic up to 2 arcsec.
@@ -74,41 +74,41 @@ struct RigTableErrors {
     std::optional<double> phase_deg;
     int order = 2;
   };
-  std::array<Encoder, 3> encoder;      // by Axis
-  Triple creep_arcsec{};  // by Axis: after a motion the axis goes on in its direction by c (1 - exp(-t/tau))
+  std::array<Encoder, 3> encoder;  // by Axis
+  Triple creep_arcsec{};           // by Axis: after a motion the axis goes on in its direction by c (1 - exp(-t/tau))
   double creep_tau_s = 20.0;
 };
 
 struct RigTableBehaviour {
-  Triple power_on_deg{};                           // encoder reading at start, by Axis
+  Triple power_on_deg{};  // encoder reading at start, by Axis
   Triple limit_min_deg = {-3600.0, -3600.0, -3600.0};
   Triple limit_max_deg = {3600.0, 3600.0, 3600.0};
   Triple max_rate_degps = {100.0, 100.0, 100.0};
   Triple max_acceleration_degps2 = {200.0, 200.0, 200.0};
   double home_rate_degps = 10.0;
   double home_acceleration_degps2 = 10.0;
-  double home_time_s = 2.0;                        // homing takes at least this long
+  double home_time_s = 2.0;  // homing takes at least this long
   double encoder_resolution_deg = 1e-4;
   double in_position_tolerance_deg = 0.002;
   InPositionFlag in_position = InPositionFlag::honest;
-  double in_position_time_s = 1.0;                 // of stale, late, flicker
+  double in_position_time_s = 1.0;  // of stale, late, flicker
 };
 
 enum class RigQuantisation { floor, round, off };  // off: real-valued pulses
 
 struct RigConfig {
-  std::uint64_t seed = 1;          // of truth and table errors
+  std::uint64_t seed = 1;                   // of truth and table errors
   std::optional<std::uint64_t> noise_seed;  // not set: seed
   std::optional<std::uint64_t> unit_seed;   // of the truth; not set: seed
-  std::string unit_serial;         // what identify() says; empty: the unit does not tell
-  double start_utc_s = 1767225600.0;  // 2026-01-01T00:00:00Z
+  std::string unit_serial;                  // what identify() says; empty: the unit does not tell
+  double start_utc_s = 1767225600.0;        // 2026-01-01T00:00:00Z
   double sample_period_s = 0.005;
   std::int64_t first_counter = 0;  // the unit's counter at the rig's first sample
   int quadrature_substeps = 1;     // motion: each piece of a sample is cut into so many, for checks of the quadrature
   double gyro_pulse_arcsec = 0.932920;  // start value of the diagonal of n
   double accel_pulse_mps = 0.0005;
   RigQuantisation quantisation = RigQuantisation::floor;
-  bool random_truth = true;        // false: parameters not set are the paper's start values
+  bool random_truth = true;                     // false: parameters not set are the paper's start values
   std::array<std::optional<double>, 24> truth;  // Table 1 order; units of the parameter file
   RigSite site;
   RigNoise noise;

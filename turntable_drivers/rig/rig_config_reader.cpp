@@ -124,8 +124,8 @@ void Reader::table(RigTableBehaviour& table) {
   number("table.encoder_resolution_deg", table.encoder_resolution_deg, not_negative);
   number("table.in_position_tolerance_deg", table.in_position_tolerance_deg, not_negative);
   number("table.in_position_time_s", table.in_position_time_s, not_negative);
-  const std::string flag = file_.one_of_or("table.in_position", "honest",
-                                           {"honest", "servo_on", "after_stop", "stale", "late", "flicker"});
+  const std::string flag =
+      file_.one_of_or("table.in_position", "honest", {"honest", "servo_on", "after_stop", "stale", "late", "flicker"});
   table.in_position = flag == "servo_on"     ? InPositionFlag::servo_on
                       : flag == "after_stop" ? InPositionFlag::after_stop
                       : flag == "stale"      ? InPositionFlag::stale

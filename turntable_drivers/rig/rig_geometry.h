@@ -28,25 +28,25 @@ struct TrueAxis {
 };
 
 struct BodyMotion {
-  Eigen::Vector3d rate_ib_b;        // rad/s
-  Eigen::Vector3d acceleration_b;   // d/dt rate_ib_b, rad/s^2
-  Eigen::Vector3d force_b;          // specific force, m/s^2
-  Eigen::Vector3d field_b;          // magnetic field, gauss
-  Eigen::Vector3d earth_error_b;    // the vector given as earth_error_n, in body axes
+  Eigen::Vector3d rate_ib_b;       // rad/s
+  Eigen::Vector3d acceleration_b;  // d/dt rate_ib_b, rad/s^2
+  Eigen::Vector3d force_b;         // specific force, m/s^2
+  Eigen::Vector3d field_b;         // magnetic field, gauss
+  Eigen::Vector3d earth_error_b;   // the vector given as earth_error_n, in body axes
 };
 
-struct GeometryAngles {  // rad
-  Eigen::Vector3d base = Eigen::Vector3d::Zero();      // rotation vector: north, up, east
+struct GeometryAngles {                            // rad
+  Eigen::Vector3d base = Eigen::Vector3d::Zero();  // rotation vector: north, up, east
   double heading_pitch = 0.0;
   double pitch_roll = 0.0;
   Eigen::Vector3d mounting = Eigen::Vector3d::Zero();  // rotation vector: x, y, z
 };
 
-struct SiteVectors {  // in n
-  Eigen::Vector3d earth_rate;     // rad/s
-  Eigen::Vector3d specific_force; // m/s^2, at rest
-  Eigen::Vector3d field;          // gauss
-  Eigen::Vector3d earth_error;    // rad/s
+struct SiteVectors {               // in n
+  Eigen::Vector3d earth_rate;      // rad/s
+  Eigen::Vector3d specific_force;  // m/s^2, at rest
+  Eigen::Vector3d field;           // gauss
+  Eigen::Vector3d earth_error;     // rad/s
 };
 
 Eigen::Matrix3d rotation_by_vector(const Eigen::Vector3d& rotation_rad);

@@ -32,8 +32,8 @@ struct RigGroup::Member : public ImuSource {
   RigImu imu;
   bool is_open = false;
   std::deque<ImuSample> waiting;
-  std::int64_t seen = 0;             // periods whose samples were read, or are lost
-  std::optional<double> lost_at_s;   // unplugged then, and not yet said
+  std::int64_t seen = 0;            // periods whose samples were read, or are lost
+  std::optional<double> lost_at_s;  // unplugged then, and not yet said
 };
 
 Result<std::size_t> RigGroup::Member::read(std::span<ImuSample> out, double timeout_s) {
@@ -72,7 +72,8 @@ class RigGroup::Table : public Turntable {
     return all([](RigTable& table) { return table.home(); });
   }
   Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
-    return all([=](RigTable& table) { return table.move_absolute(axis, position_deg, rate_degps, acceleration_degps2); });
+    return all(
+        [=](RigTable& table) { return table.move_absolute(axis, position_deg, rate_degps, acceleration_degps2); });
   }
   Status stop_all() override {
     return all([](RigTable& table) { return table.stop_all(); });
@@ -99,7 +100,8 @@ class RigGroup::Table : public Turntable {
 };
 
 RigGroup::RigGroup(const RigConfig& config, std::size_t units) : period_s_(config.sample_period_s) {
-  for (std::size_t unit = 0; unit < units; ++unit) members_.push_back(std::make_unique<Member>(*this, rig_of_unit(config, unit)));
+  for (std::size_t unit = 0; unit < units; ++unit)
+    members_.push_back(std::make_unique<Member>(*this, rig_of_unit(config, unit)));
   table_ = std::make_unique<Table>(*this);
 }
 RigGroup::~RigGroup() = default;
@@ -123,8 +125,7 @@ void RigGroup::bring_up(Member& member) {
       member.rig.plug_imu();  // or its time would stand still
     }
     const std::int64_t behind = now - member.rig.samples_passed();
-    const std::size_t came =
-        member.rig.advance_time(std::min<std::int64_t>(behind, passing.size()), passing);
+    const std::size_t came = member.rig.advance_time(std::min<std::int64_t>(behind, passing.size()), passing);
     const std::size_t room = group_buffer_samples - std::min(group_buffer_samples, member.waiting.size());
     if (member.is_open && !member.lost_at_s) {
       member.waiting.insert(member.waiting.end(), passing.begin(),

@@ -15,7 +15,8 @@ Status RigImu::open() {
 
 Result<ImuIdentity> RigImu::identify() {
   if (!open_) return device_error("simulated unit: identify before open");
-  return ImuIdentity{rig_.config().unit_serial, "simulated unit, seed " + std::to_string(rig_.config().unit_seed.value_or(rig_.config().seed))};
+  return ImuIdentity{rig_.config().unit_serial,
+                     "simulated unit, seed " + std::to_string(rig_.config().unit_seed.value_or(rig_.config().seed))};
 }
 
 void RigImu::describe(RecordingInfo& info) const {

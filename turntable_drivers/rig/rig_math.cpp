@@ -59,7 +59,7 @@ double exp_of(double x) {
   constexpr double ln2_low = 1.90821492927058770002e-10;
   const double k = floor_of(x * 1.44269504088896338700 + 0.5);
   const double r = (x - k * ln2_high) - k * ln2_low;  // abs(r) <= 0.347
-  double p = 1.0 / 6227020800.0;  // 1/13!
+  double p = 1.0 / 6227020800.0;                      // 1/13!
   p = p * r + 1.0 / 479001600.0;
   p = p * r + 1.0 / 39916800.0;
   p = p * r + 1.0 / 3628800.0;

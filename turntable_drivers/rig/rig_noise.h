@@ -48,7 +48,7 @@ class TriadNoise {
   double white_sigma_;
   double walk_kick_;
   std::int64_t walk_every_;
-  std::int64_t grid_ = 1;      // samples between updates of the fastest process
+  std::int64_t grid_ = 1;  // samples between updates of the fastest process
   std::int64_t sample_ = 0;
   std::int64_t until_update_ = 0;
   bool drifts_;

@@ -7,7 +7,7 @@
 namespace turncal::rig_model {
 namespace {
 
-constexpr double tail_start = 3.6541528853610088;   // 256 layers of equal area
+constexpr double tail_start = 3.6541528853610088;  // 256 layers of equal area
 constexpr double layer_area = 0.00492867323399;
 
 const RandomStream::Tables& shared_tables() {

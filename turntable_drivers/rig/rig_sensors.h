@@ -19,7 +19,7 @@ inline constexpr double standard_gravity_mps2 = 9.80665;
 inline constexpr double radps_per_degph = pi / 180.0 / 3600.0;
 inline constexpr double mps2_per_ug = 1e-6 * standard_gravity_mps2;
 
-struct Reading {  // rates that the calibrated sensors read
+struct Reading {          // rates that the calibrated sensors read
   Eigen::Vector3d gyro;   // rad/s
   Eigen::Vector3d accel;  // m/s^2
 };

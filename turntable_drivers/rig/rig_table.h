@@ -29,9 +29,9 @@ class RigTable : public Turntable {
   Result<AxisStatus> status(Axis axis) override;
 
  private:
-  Status reachable();   // connected and the link holds
+  Status reachable();       // connected and the link holds
   Status ready(Axis axis);  // and no emergency stop, no fault, enabled
-  void update();        // notes what has happened in the rig since the last call
+  void update();            // notes what has happened in the rig since the last call
   bool in_position(Axis axis, const Rig::AxisState& state) const;
 
   Rig& rig_;

@@ -20,11 +20,11 @@ struct AxisMemory {
   double read_s = 0.0;
   double rate_degps = std::numeric_limits<double>::quiet_NaN();  // from two positions
   double rate_base_deg = 0.0, rate_base_s = -std::numeric_limits<double>::infinity();
-  bool homed = false;                  // as last reported
-  bool home_called = false;            // since the link was opened
+  bool homed = false;        // as last reported
+  bool home_called = false;  // since the link was opened
   int homing_polls = 0;
   bool homing_seen = false;
-  bool arrived_seen = false;           // of a flag that shows for a moment only
+  bool arrived_seen = false;  // of a flag that shows for a moment only
   double heartbeat_s = -1e9;
 
   bool believable(double angle_deg, double now_s, double plausible_deg, double plausible_rate_degps) const {

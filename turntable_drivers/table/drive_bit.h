@@ -3,7 +3,17 @@
 
 namespace turncal {
 
-enum class DriveBit { enabled, in_position, fault, moving, homed, limit_positive, limit_negative, emergency_stop, remote };
+enum class DriveBit {
+  enabled,
+  in_position,
+  fault,
+  moving,
+  homed,
+  limit_positive,
+  limit_negative,
+  emergency_stop,
+  remote
+};
 inline constexpr int drive_bit_count = 9;
 const char* to_string(DriveBit bit);
 

@@ -8,13 +8,14 @@ namespace turncal {
 
 std::string degrees(double value) { return format_number(std::round(1e4 * value) / 1e4) + " deg"; }
 
-std::optional<std::string> refusal_of_move(double position_deg, double rate_degps, double acceleration_degps2, double plausible_deg,
-                                           double plausible_rate_degps) {
+std::optional<std::string> refusal_of_move(double position_deg, double rate_degps, double acceleration_degps2,
+                                           double plausible_deg, double plausible_rate_degps) {
   if (!(std::abs(position_deg) <= plausible_deg)) {
     return "move to " + format_number(position_deg) + " deg: expected at most " + degrees(plausible_deg);
   }
   if (!(rate_degps > 0.0 && rate_degps <= plausible_rate_degps)) {
-    return "rate " + format_number(rate_degps) + " deg/s: expected above 0 and at most " + format_number(plausible_rate_degps);
+    return "rate " + format_number(rate_degps) + " deg/s: expected above 0 and at most " +
+           format_number(plausible_rate_degps);
   }
   if (!(acceleration_degps2 > 0.0) || !std::isfinite(acceleration_degps2)) {
     return "acceleration " + format_number(acceleration_degps2) + " deg/s^2: expected above 0";

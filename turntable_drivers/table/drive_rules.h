@@ -9,15 +9,16 @@
 
 namespace turncal {
 
-inline constexpr double stop_ack_s = 0.025;  // awaited by a stop; three axes: within 100 ms of the request with all else
+inline constexpr double stop_ack_s =
+    0.025;  // awaited by a stop; three axes: within 100 ms of the request with all else
 
 inline std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
 
 std::string degrees(double value);  // "12.5 deg", rounded to 0.0001
 
 // A move's numbers, before anything is asked of the device.
-std::optional<std::string> refusal_of_move(double position_deg, double rate_degps, double acceleration_degps2, double plausible_deg,
-                                           double plausible_rate_degps);
+std::optional<std::string> refusal_of_move(double position_deg, double rate_degps, double acceleration_degps2,
+                                           double plausible_deg, double plausible_rate_degps);
 // An axis that is to be homed or moved: a fault, a motion, a drive that is off.
 std::optional<std::string> refusal_of_state(const AxisStatus& now);
 // A move that was not acknowledged is never sent again blindly: the error says what the axis was seen to do.

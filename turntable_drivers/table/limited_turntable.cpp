@@ -11,8 +11,8 @@ namespace {
 constexpr double rounding_deg = 1e-9;
 
 Error refused(Axis axis, const std::string& what, double value, const char* unit, double limit) {
-  return input_error(std::string("motion limits: ") + to_string(axis) + ": " + what + " " + format_number(value) + " " + unit +
-                     ": expected at most " + format_number(limit) + " " + unit);
+  return input_error(std::string("motion limits: ") + to_string(axis) + ": " + what + " " + format_number(value) + " " +
+                     unit + ": expected at most " + format_number(limit) + " " + unit);
 }
 
 }  // namespace
@@ -42,8 +42,8 @@ Status LimitedTurntable::move_absolute(Axis axis, double position_deg, double ra
   const MotionLimits& limit = limits_[static_cast<std::size_t>(axis)];
   if (!(position_deg >= limit.soft_min_deg && position_deg <= limit.soft_max_deg)) {
     return input_error(std::string("motion limits: ") + to_string(axis) + ": move to " + format_number(position_deg) +
-                       " deg: expected " + format_number(limit.soft_min_deg) + " to " + format_number(limit.soft_max_deg) +
-                       " deg");
+                       " deg: expected " + format_number(limit.soft_min_deg) + " to " +
+                       format_number(limit.soft_max_deg) + " deg");
   }
   if (!(rate_degps <= limit.max_rate_degps)) return refused(axis, "rate", rate_degps, "deg/s", limit.max_rate_degps);
   if (!(acceleration_degps2 <= limit.max_acceleration_degps2)) {

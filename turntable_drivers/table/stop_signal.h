@@ -14,7 +14,8 @@ namespace turncal {
 class StopSignal {
  public:
   StopSignal() = default;  // never asked
-  explicit StopSignal(const std::atomic<int>* requests) : requests_(requests), handled_(requests ? requests->load() : 0) {}
+  explicit StopSignal(const std::atomic<int>* requests)
+      : requests_(requests), handled_(requests ? requests->load() : 0) {}
   bool pending() const { return requests_ != nullptr && requests_->load() != handled_; }
   void handled() {
     if (requests_ != nullptr) handled_ = requests_->load();

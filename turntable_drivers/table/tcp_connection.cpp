@@ -39,7 +39,8 @@ Result<int> connect_tcp(const std::string& address, double timeout_s, const Stop
   const auto failure = [&](const std::string& why) { return device_error(address + ": cannot open: " + why); };
   addrinfo hints{}, *found = nullptr;
   hints.ai_socktype = SOCK_STREAM;
-  const int looked_up = ::getaddrinfo(address.substr(0, colon).c_str(), address.substr(colon + 1).c_str(), &hints, &found);
+  const int looked_up =
+      ::getaddrinfo(address.substr(0, colon).c_str(), address.substr(colon + 1).c_str(), &hints, &found);
   if (looked_up != 0) return failure(::gai_strerror(looked_up));
   const Deadline deadline(timeout_s);
   int descriptor = -1, result = EADDRNOTAVAIL;

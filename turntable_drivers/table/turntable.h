@@ -35,9 +35,9 @@ struct AxisStatus {
   bool fault = false;
   bool emergency_stop = false;
   bool remote = false;
-  std::uint32_t raw = 0;   // the device's own status word, for the log
-  double time_s = 0.0;     // on the station's clock, when it was read
-  std::string text;        // alarm text if the device gives one
+  std::uint32_t raw = 0;  // the device's own status word, for the log
+  double time_s = 0.0;    // on the station's clock, when it was read
+  std::string text;       // alarm text if the device gives one
 };
 
 class Turntable {

@@ -12,8 +12,9 @@ std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
 
 // Operations in the order in which a sentence is looked for: what several share is the gentlest.
 constexpr std::array<DialectOperation, dialect_operation_count> search_order = {
-    DialectOperation::status, DialectOperation::stop,    DialectOperation::abort,    DialectOperation::move, DialectOperation::home,
-    DialectOperation::enable, DialectOperation::prepare, DialectOperation::identify, DialectOperation::clear_fault};
+    DialectOperation::status,  DialectOperation::stop,     DialectOperation::abort,
+    DialectOperation::move,    DialectOperation::home,     DialectOperation::enable,
+    DialectOperation::prepare, DialectOperation::identify, DialectOperation::clear_fault};
 
 }  // namespace
 
@@ -48,7 +49,8 @@ std::optional<std::string> DialectTwin::answer_of(DialectOperation operation, st
   for (const auto& [name, value] : values) pending[name] = value;
   Axis axis = Axis::heading;
   if (const auto named = pending.find("axis"); named != pending.end()) {
-    const auto place = std::find_if(all_axes.begin(), all_axes.end(), [&](Axis a) { return dialect_.of(a).name == named->second; });
+    const auto place =
+        std::find_if(all_axes.begin(), all_axes.end(), [&](Axis a) { return dialect_.of(a).name == named->second; });
     if (place == all_axes.end()) return refusal();
     axis = *place;
   }
@@ -75,8 +77,8 @@ std::string DialectTwin::value_of(const std::string& name, Axis axis) {
   const DialectAxis& scale = dialect_.of(axis);
   char text[64];
   if (quantity == "status") {
-    return word_of(dialect_.status, {now->enabled, now->in_position, now->fault, now->moving, now->homed, now->limit, now->limit,
-                                     now->emergency_stop, now->remote});
+    return word_of(dialect_.status, {now->enabled, now->in_position, now->fault, now->moving, now->homed, now->limit,
+                                     now->limit, now->emergency_stop, now->remote});
   }
   const double value = quantity == "position" ? now->position_deg - scale.zero_deg : now->rate_degps;
   std::snprintf(text, sizeof text, "%.*f", dialect_.decimals, scale.sign * scale.units_per_degree * value);
@@ -128,8 +130,10 @@ Status DialectTwin::move(Axis axis, const Values& values) {
     if (told && (std::abs(from_deg - target_deg) < 1e-3 || std::abs(now->position_deg - target_deg) < 1e-3)) continue;
     target_deg_[index(which)] = target_deg;
     const double rate_degps = number("rate").value_or(10.0 * scale.units_per_degree) / scale.units_per_degree;
-    const double acceleration_degps2 = number("acceleration").value_or(20.0 * scale.units_per_degree) / scale.units_per_degree;
-    if (Status status = table_.move_absolute(which, target_deg, rate_degps, acceleration_degps2); !status) return status;
+    const double acceleration_degps2 =
+        number("acceleration").value_or(20.0 * scale.units_per_degree) / scale.units_per_degree;
+    if (Status status = table_.move_absolute(which, target_deg, rate_degps, acceleration_degps2); !status)
+      return status;
   }
   return {};
 }

@@ -14,14 +14,15 @@
 
 #include "imu_io/base/clock.h"
 #include "turntable_drivers/ascii/dialect.h"
-#include "turntable_drivers/twins/line_server.h"
 #include "turntable_drivers/table/turntable.h"
+#include "turntable_drivers/twins/line_server.h"
 
 namespace turncal {
 
 class DialectTwin {
  public:
-  DialectTwin(Dialect dialect, Turntable& table) : dialect_(std::move(dialect)), table_(table) {}  // the table must outlive the twin
+  DialectTwin(Dialect dialect, Turntable& table)
+      : dialect_(std::move(dialect)), table_(table) {}  // the table must outlive the twin
 
   Status power_on();  // connects to the table; a table without an enable sentence comes up enabled
   // The body of the answer; empty: none is due.

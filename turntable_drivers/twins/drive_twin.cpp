@@ -53,7 +53,8 @@ std::optional<std::vector<std::uint16_t>> DriveTwin::blocks(Axis axis) {
     const auto at = map_.place_of(field.address);
     const std::optional<Words> words = encode_words(value, field.type, map_.layout);
     if (!words) return;
-    for (std::size_t i = 0; i < words->span().size() && at + i < registers.size(); ++i) registers[at + i] = words->value[i];
+    for (std::size_t i = 0; i < words->span().size() && at + i < registers.size(); ++i)
+      registers[at + i] = words->value[i];
   };
   const MapAxis& scale = map_.of(axis);
   double position_deg = now->position_deg;
@@ -64,10 +65,13 @@ std::optional<std::vector<std::uint16_t>> DriveTwin::blocks(Axis axis) {
   put(map_.position, counts_of(scale, position_deg));
   if (map_.rate) put(*map_.rate, scale.sign * scale.measured_rate_scale * now->rate_degps);
   const bool fault = now->fault || tripped_[index(axis)];
-  if (map_.alarm) put(*map_.alarm, !fault ? 0.0 : map_.alarm_text.empty() ? 1.0 : static_cast<double>(map_.alarm_text.begin()->first));
-  const std::array<bool, drive_bit_count> state = {now->enabled, now->in_position, fault,     now->moving,
-                                                   now->homed,   now->limit,       now->limit, now->emergency_stop,
-                                                   now->remote};
+  if (map_.alarm)
+    put(*map_.alarm, !fault                    ? 0.0
+                     : map_.alarm_text.empty() ? 1.0
+                                               : static_cast<double>(map_.alarm_text.begin()->first));
+  const std::array<bool, drive_bit_count> state = {now->enabled, now->in_position,    fault,
+                                                   now->moving,  now->homed,          now->limit,
+                                                   now->limit,   now->emergency_stop, now->remote};
   for (int i = 0; i < drive_bit_count; ++i) {
     const std::optional<StatusBit>& bit = map_.bits[static_cast<std::size_t>(i)];
     if (!bit) continue;
@@ -81,7 +85,8 @@ DriveTwin::Answer DriveTwin::read(const ModbusRequest& request) {
   for (const Axis axis : all_axes) {
     const MapAxis& place = map_.of(axis);
     if (place.unit != request.unit || request.function != map_.status_function) continue;
-    for (const auto& [address, count] : {std::pair(map_.status_address, map_.status_count), std::pair(map_.status2_address, map_.status2_count)}) {
+    for (const auto& [address, count] :
+         {std::pair(map_.status_address, map_.status_count), std::pair(map_.status2_address, map_.status2_count)}) {
       const int first = address + place.address_offset;
       // Two registers more than the map tells: the driver reads blocks of different lengths.
       if (count == 0 || request.address < first || request.address + request.count > first + count + 2) continue;
@@ -106,7 +111,8 @@ DriveTwin::Answer DriveTwin::read(const ModbusRequest& request) {
 
 bool DriveTwin::matches(const WriteStep& step, const MapAxis& axis, const ModbusRequest& request,
                         std::map<WriteOperand::Kind, double>& operands) const {
-  if (request.unit != axis.unit || request.address != step.address + axis.address_offset || request.count != step.length()) {
+  if (request.unit != axis.unit || request.address != step.address + axis.address_offset ||
+      request.count != step.length()) {
     return false;
   }
   std::size_t at = 0;
@@ -129,7 +135,8 @@ DriveTwin::Answer DriveTwin::write(const ModbusRequest& request) {
   for (const Axis axis : all_axes) {
     const MapAxis& place = map_.of(axis);
     if (place.unit != request.unit) continue;
-    if (map_.heartbeat_address && request.address == *map_.heartbeat_address + place.address_offset && request.count == 1) {
+    if (map_.heartbeat_address && request.address == *map_.heartbeat_address + place.address_offset &&
+        request.count == 1) {
       known = true;
       heartbeat_s_[index(axis)] = clock_.now_s();
     }
@@ -193,7 +200,8 @@ Status DriveTwin::carry_out(Axis axis, DriveOperation operation, const std::map<
   double acceleration_degps2 = 20.0;  // of a drive that is not told
   if (operands.count(Kind::acceleration) != 0) {
     const double value = number(Kind::acceleration, 0.0);
-    acceleration_degps2 = map_.acceleration_is_ramp_time ? scale.acceleration_scale / value : value / scale.acceleration_scale;
+    acceleration_degps2 =
+        map_.acceleration_is_ramp_time ? scale.acceleration_scale / value : value / scale.acceleration_scale;
   }
   if (operands.count(Kind::position) != 0) {
     return table_.move_absolute(axis, angle_of(scale, number(Kind::position, 0.0)), rate_degps, acceleration_degps2);

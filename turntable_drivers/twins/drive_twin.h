@@ -35,8 +35,8 @@ class DriveTwin {
 
   Status power_on();  // connects to the table; drives without an enable write come up enabled
   struct Answer {
-    int exception = 0;                   // 0: none
-    std::vector<std::uint16_t> values;   // of a read
+    int exception = 0;                  // 0: none
+    std::vector<std::uint16_t> values;  // of a read
   };
   Answer handle(const ModbusRequest& request);
   void tick();  // the watchdog

@@ -99,7 +99,8 @@ void LineServer::run_once(double timeout_s) {
   for (const Client& client : clients_) waiting.push_back({client.descriptor, POLLIN, 0});
   ::poll(waiting.data(), waiting.size(), static_cast<int>(1e3 * timeout_s));
   const std::size_t first = tcp() ? 1 : 0;
-  const bool idle_pty = !tcp() && !waiting.empty() && (waiting[0].revents & POLLIN) == 0 && (waiting[0].revents & POLLHUP) != 0;
+  const bool idle_pty =
+      !tcp() && !waiting.empty() && (waiting[0].revents & POLLIN) == 0 && (waiting[0].revents & POLLHUP) != 0;
   if (idle_pty) nap(std::min(timeout_s, 0.005));  // nobody has it open: poll() does not wait
   std::vector<Client> kept;
   bool gone = false;

@@ -8,7 +8,8 @@ std::optional<AnswerPlan> TableServer::next_answer(std::vector<std::uint8_t>& by
   const std::optional<ModbusRequest> request = take_request(bytes, tcp());
   if (!request) return {};
   const auto& axes = twin_.map().axis;
-  const bool ours = std::any_of(axes.begin(), axes.end(), [&](const MapAxis& axis) { return axis.unit == request->unit; });
+  const bool ours =
+      std::any_of(axes.begin(), axes.end(), [&](const MapAxis& axis) { return axis.unit == request->unit; });
   if (!ours) return AnswerPlan();  // another drive on the bus: silence
   DriveTwin::Answer answer;
   {
