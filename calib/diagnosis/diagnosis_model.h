@@ -11,7 +11,7 @@
 
 namespace turncal {
 
-// What one effect has to be better by than another with as many parameters ("as good": effects.md), in 2 ln L.
+// By how much, in 2 ln L, an effect must beat another with as many parameters; else both are one class (docs/diagnosis.md).
 inline constexpr double bic_margin = 10.0;
 
 double minus_two_log_likelihood(const JointResult& result);

@@ -1,4 +1,4 @@
-// Rotations: the few formulas the estimator needs, from the definitions of method.md.
+// Rotations: the few formulas the estimator needs, by the definitions below.
 //
 // Frames: n = north, up, east; b = x front, y up, z right. C_nb takes body components to navigation components.
 // Heading H clockwise from north seen from above, pitch P about body z (nose up), roll R about body x:

@@ -1,7 +1,7 @@
 // Everything that can be set on the rig. docs/rig.md lists the keys of the text form with their defaults.
 //
-// Values that are not set are drawn from the seed (truth and table errors) with the magnitudes the paper's unit has, so
-// that every seed is another unit on another table; `random_truth = false` and `random_table_arcmin = 0` turn that off.
+// Values that are not set are drawn from the seed (truth and table errors), as large as in Wang (2020): every seed is another
+// unit on another table. `random_truth = false` and `table_error.random_arcmin = 0` turn that off.
 #pragma once
 
 #include <array>
