@@ -145,7 +145,7 @@ class Parser {
       }
       sequence_.name = value.text;
     }
-    return expect_end("nothing behind the value");
+    return expect_end("nothing after the value");
   }
 
   Status parse_step(const Token& word) {

@@ -16,7 +16,7 @@
 namespace turncal {
 
 struct Token {
-  enum class Kind { word, title, equals, end } kind = Kind::end;  // end: behind the last word of the line
+  enum class Kind { word, title, equals, end } kind = Kind::end;  // end: after the last word of the line
   std::string_view text;                                          // a title without its quotes; empty at the end
   int column = 1;
 };

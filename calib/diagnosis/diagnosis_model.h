@@ -28,7 +28,7 @@ struct DiagnosisModel {
   // -2 log L when the bias instability is as slow as a third of a run. Flicker noise wanders on every time scale, and what
   // a process of ten minutes cannot follow must not be taken for a drift: what an effect gains must hold here too.
   double misfit_beside_slow_noise(const std::vector<EffectColumn>& effects, const JointResult& from) const;
-  // One filter pass at `current` with candidates behind its effects, and what each of them would bring.
+  // One filter pass at `current` with candidates after its effects, and what each of them would bring.
   Scores scores(const std::vector<EffectColumn>& candidates, bool without_bias_instability) const;
 
   const CompressedRecording& recording;

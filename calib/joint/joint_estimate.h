@@ -84,7 +84,7 @@ struct JointResult {
   std::vector<Fault> faults;
   std::vector<Undetermined> undetermined;
   FilterSetup setup;            // as used in the last pass
-  FilterResult last;            // information with candidate columns behind the effects
+  FilterResult last;            // information with candidate columns after the effects
   double normalised_rms = 0.0;  // root of the mean square normalised innovation
 };
 

@@ -7,8 +7,8 @@
 // and the search goes on at its second byte. A number that is not finite, or pulses that are not whole or beyond 32 bits, make a
 // frame bad. A status that says invalid, or a raw number outside its range, sets sample_flag_invalid. Frames of a counter that
 // cannot be true are dropped; three in a row that agree with each other mean that the unit began anew: Next::restarted.
-// With a weak check the first frame, and one behind a gap, wait for a following one that agrees with them.
-// A cumulative field gives no sample at the beginning and behind a gap: one row never holds more than one period.
+// With a weak check the first frame, and one after a gap, wait for a following one that agrees with them.
+// A cumulative field gives no sample at the beginning and after a gap: one row never holds more than one period.
 // No allocation after construction.
 #pragma once
 

@@ -223,7 +223,7 @@ void check_layout(KeyValueFile& file, const FrameDescription& frame, const Frame
     const std::size_t place = check_offset(frame.check, variant.length);
     if (place + static_cast<std::size_t>(frame.check.bytes()) + frame.tail.size() > variant.length ||
         frame.check.start + frame.check.gap >= place) {
-      file.reject("check.offset", "a place inside the frame, behind what the check covers and before the tail");
+      file.reject("check.offset", "a place inside the frame, after what the check covers and before the tail");
     }
   }
   const FrameVariant& first = frame.variants.front();

@@ -22,7 +22,7 @@ class FrameKeys {
   std::string name(const std::string& key) const;  // as it stands in the file
   bool has(const std::string& key) const { return file_.has(name(key)); }
 
-  // Decimal, or hexadecimal behind 0x. Without `otherwise` the key is required.
+  // Decimal, or hexadecimal with 0x in front. Without `otherwise` the key is required.
   std::uint64_t bits(const std::string& key, std::optional<std::uint64_t> otherwise);
   std::vector<std::byte> bytes(const std::string& key);                   // "EB 90"
   std::array<double, 3> three(const std::string& key, double otherwise);  // one number stands for three

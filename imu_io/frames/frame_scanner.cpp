@@ -123,9 +123,9 @@ FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> rest, std::
   if (!check_good(frame)) return Verdict::bad;
   if (known == nullptr) return Verdict::other;
   if (weak_) {
-    const auto behind = rest.subspan(length);
-    if (!sync_at(behind)) return Verdict::bad;
-    if (behind.size() < sync_.size()) return Verdict::more;
+    const auto after = rest.subspan(length);
+    if (!sync_at(after)) return Verdict::bad;
+    if (after.size() < sync_.size()) return Verdict::more;
   }
   variant = static_cast<std::size_t>(known - variants_.data());
   return Verdict::good;

@@ -103,7 +103,7 @@ Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::i
       good = false;
     }
     if (!good) scanner.drop_last();
-    if (declared_samples) break;  // nothing belongs behind the end mark
+    if (declared_samples) break;  // nothing belongs after the end mark
   }
   if (!has_info) {
     return input_error(file.path() + ": not a recording of this program, or its first records are destroyed");

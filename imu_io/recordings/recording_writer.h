@@ -35,7 +35,7 @@ class RecordingWriter {
 
   // Goes on with a capture that was interrupted. The torn tail is cut. keep: everything else stays, and a segment that
   // was open is open still. drop: what came after the last ended segment is cut off too, so that an interrupted dwell
-  // leaves no trace; with last_end_sample also every segment that ends behind that sample. A finished recording cannot be
+  // leaves no trace; with last_end_sample also every segment that ends after that sample. A finished recording cannot be
   // reopened.
   enum class OpenSegment { keep, drop };
   static Result<RecordingWriter> reopen(const std::string& path, OpenSegment open_segment,

@@ -184,7 +184,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     if (Status status = take_turn(options, *turn, tag, tally, context); !status) return status;
     if (StopSignals::any()) {  // asked for when the results were being made
       return Error{ErrorKind::interrupted,
-                   "paused behind unit " + join(turn->units) + "; the same command goes on with the next"};
+                   "paused after unit " + join(turn->units) + "; the same command goes on with the next"};
     }
   }
   context.out << tag << "queue done: " << tally.passed << " passed, " << tally.not_passed << " not" << std::endl;

@@ -9,7 +9,7 @@
 
 namespace turncal {
 
-// At the end of a run: diagnoses the run's recording into FOLDER/diagnosis, every line behind `tag`; sets the exit code to 20
+// At the end of a run: diagnoses the run's recording into FOLDER/diagnosis, every line with `tag` in front; sets the exit code to 20
 // when the run itself passed and the verdict is not clean. The run's own parameters.conf is not touched. A recording shorter
 // than half an hour tells too little and is left alone, and so is a run that ended without parameters.
 void diagnose_run(const std::string& folder, const Status& run, CommandContext& context);

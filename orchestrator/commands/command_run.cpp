@@ -76,7 +76,7 @@ void add_resume_command(CLI::App& app, CommandContext& context) {
   const auto options = std::make_shared<Options>();
   RunRequest& moved = options->request;
   CLI::App* command =
-      app.add_subcommand("resume", "go on with a run that was interrupted, behind its last complete dwell");
+      app.add_subcommand("resume", "go on with a run that was interrupted, after its last complete dwell");
   command->add_option("folder", options->folder, "the run's folder")->required();
   command->add_option("--unit", moved.units, "the unit (or units) expected there")->allow_extra_args(false);
   command->add_option("--rig", moved.rig, "where the rig configuration is now, if it was moved");

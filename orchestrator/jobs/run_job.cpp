@@ -72,14 +72,14 @@ Plan plan_of(const PreparedRun& run, double sample_period_s) {
   return make_plan(run.sequence, plan_limits(run.station, sample_period_s));
 }
 
-// Whoever had dropped out. late: also those behind the last completed dwell, which a run that goes on takes back.
+// Whoever had dropped out. late: also those after the last completed dwell, which a run that goes on takes back.
 void mark_dropped(const JournalContents& contents, bool late, std::vector<UnitRun>& units) {
   for (UnitRun& unit : units) {
     unit.dropped = false;
     unit.status = {};
   }
   for (const JournalContents::DroppedUnit& dropped : contents.dropped) {
-    if (dropped.unit >= units.size() || (dropped.behind_last_dwell && !late)) continue;
+    if (dropped.unit >= units.size() || (dropped.after_last_dwell && !late)) continue;
     UnitRun& unit = units[dropped.unit];
     unit.dropped = true;
     unit.status = Error{dropped.why.kind, "unit " + unit.run.unit() + " dropped out at " + dropped.why.message};
@@ -236,7 +236,7 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
     if (devices->rehearsal) {
       if (Status status = devices->rehearsal->pass_until(contents->last_dwell->time_s); !status) return status;
     }
-    what = "goes on behind item " + std::to_string(contents->last_dwell->item + 1) + " of " +
+    what = "goes on after item " + std::to_string(contents->last_dwell->item + 1) + " of " +
            std::to_string(plan.items.size());
   } else {
     std::error_code ignored;

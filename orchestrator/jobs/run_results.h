@@ -37,7 +37,7 @@ struct RunResults {
   VerdictReport verdict;
 };
 
-// utc_s: when the recording was sealed. mark: goes behind the other fields of the journal's records.
+// utc_s: when the recording was sealed. mark: goes after the other fields of the journal's records.
 Status write_results(const PreparedRun& run, const std::string& folder, double utc_s, const RunCounts& counts,
                      JournalFile& journal, const JournalFields& mark, RunResults& results);
 

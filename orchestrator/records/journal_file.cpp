@@ -118,7 +118,7 @@ JournalContents::DroppedUnit read_dropout(KeyValueFile& file) {
   for (const auto& [candidate, name] : dropout_kinds) {
     if (kind == name) dropped.why.kind = candidate;
   }
-  dropped.behind_last_dwell = true;
+  dropped.after_last_dwell = true;
   return dropped;
 }
 
@@ -284,12 +284,12 @@ Result<JournalContents> read_journal(const std::string& path) {
       case JournalType::dwell:
         contents.last_dwell = read_dwell(*fields);
         commands_kept = contents.commands.size();
-        for (JournalContents::DroppedUnit& dropped : contents.dropped) dropped.behind_last_dwell = false;
+        for (JournalContents::DroppedUnit& dropped : contents.dropped) dropped.after_last_dwell = false;
         break;
       case JournalType::seal: contents.seal_utc_s = fields->number("utc_s"); break;
-      case JournalType::resume:  // what was commanded behind the last completed dwell is taken back
+      case JournalType::resume:  // what was commanded after the last completed dwell is taken back
         contents.commands.resize(commands_kept);
-        std::erase_if(contents.dropped, [](const auto& dropped) { return dropped.behind_last_dwell; });
+        std::erase_if(contents.dropped, [](const auto& dropped) { return dropped.after_last_dwell; });
         ++contents.sessions;
         if (fields->has("overdue_reason")) {  // given now: the table's calibration ran out meanwhile
           std::erase_if(contents.begin, [](const auto& field) { return field.first == "overdue_reason"; });

@@ -74,7 +74,7 @@ struct JournalContents {
   struct DroppedUnit {
     std::size_t unit = 0;
     Error why;
-    bool behind_last_dwell = false;  // taken back with all that is behind it, unless the recordings are sealed
+    bool after_last_dwell = false;  // taken back with all that came after it, unless the recordings are sealed
   };
   std::vector<DroppedUnit> dropped;
 

@@ -1,7 +1,7 @@
 // The queue of a batch: two text files that survive whatever happens.
 //
 //   QUEUE         one serial number a line, `#` begins a comment: the operator's, changed by `turncal queue` or any editor
-//   QUEUE.state   what became of units: "pass 2026-01-31T12:00:00Z SN1" a line, a reason behind `#`; the batch's, replaced whole after each unit
+//   QUEUE.state   what became of units: "pass 2026-01-31T12:00:00Z SN1" a line, a reason after `#`; the batch's, replaced whole after each unit
 //
 // The batch reads QUEUE again before every unit, so units may be added and removed while it runs. A unit with a line in the
 // state file is not done again until `turncal queue --again`.

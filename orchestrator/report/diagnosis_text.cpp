@@ -111,7 +111,7 @@ std::string pad(std::string text, std::size_t width) {
 
 class Table {
  public:
-  // `label` in the first column, `text` wrapped behind it; at most `most` lines.
+  // `label` in the first column, `text` wrapped after it; at most `most` lines.
   void row(const std::string& label, const std::string& text, std::size_t most = 1) {
     std::vector<std::string> lines = wrap(text, table_columns - label_width);
     if (lines.size() > most) {

@@ -27,7 +27,7 @@ bool Panel::empty() const {
 std::vector<std::pair<double, double>> outline(const std::vector<std::pair<double, double>>& points,
                                                std::size_t limit) {
   if (points.size() <= limit) return points;
-  // Two points a bucket and room for a break behind it.
+  // Two points a bucket and room for a break after it.
   const std::size_t buckets = std::max<std::size_t>(limit / 3, 1);
   std::vector<std::pair<double, double>> result;
   for (std::size_t k = 0; k < buckets; ++k) {

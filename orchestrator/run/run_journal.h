@@ -26,7 +26,7 @@ struct RecordingPoint {
   bool operator==(const RecordingPoint&) const = default;
 };
 
-// All that a run needs to know in order to go on behind a completed dwell.
+// All that a run needs to know in order to go on after a completed dwell.
 struct CompletedDwell {
   std::size_t item = 0;               // of the plan
   std::vector<RecordingPoint> units;  // in the order of the run; of one that dropped out: where it stopped
@@ -36,7 +36,7 @@ struct CompletedDwell {
   bool operator==(const CompletedDwell&) const = default;
 };
 
-// Where an interrupted run goes on: everything behind this dwell is done again, and nothing before it.
+// Where an interrupted run goes on: everything after this dwell is done again, and nothing before it.
 struct ResumePoint {
   CompletedDwell after;
   // Only for simulated devices that were put back to the moment at which that dwell ended: no time has passed for them, and

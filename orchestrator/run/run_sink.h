@@ -17,7 +17,7 @@ class RunSink {
  public:
   virtual ~RunSink() = default;
   virtual Status start(const RecordingInfo& info) = 0;
-  // Instead of start: goes on behind the segment that ended at end_sample; whatever came after it is dropped. An error when
+  // Instead of start: goes on after the segment that ended at end_sample; whatever came after it is dropped. An error when
   // the recording there is not of the same unit, site and kind.
   virtual Status resume(const RecordingInfo& info, std::int64_t end_sample) = 0;
   virtual Status begin_segment(const Segment& segment) = 0;  // end_sample is not yet known

@@ -9,7 +9,7 @@
 // Every pair of state and event has an outcome: a row of `transition_table`, a row of `ignored_events` (with the reason
 // why it may be ignored), or else it is unexpected: our own mistake, on which the table is stopped as on any error.
 //
-// A run that goes on after an interruption walks the same table, from `idle`, with its cursor behind the last completed dwell.
+// A run that goes on after an interruption walks the same table, from `idle`, with its cursor after the last completed dwell.
 #pragma once
 
 #include <array>

@@ -12,9 +12,9 @@
 //   That serves the start, a table that drifted, and a run that goes on after an interruption.
 // - Samples lost or flagged while the table turns stay as they are in the recording and are said in the log; the estimators
 //   see the gap by the counter and deal with it (or refuse).
-// - A run that goes on (StationJob::resume) begins behind its last completed dwell: it homes (or, where no time has passed,
+// - A run that goes on (StationJob::resume) begins after its last completed dwell: it homes (or, where no time has passed,
 //   verifies that the encoders are homed and stand where they did), rests for resume.rest_s, goes back to where that dwell stood,
-//   not recorded, settles inside a rotate segment that begins with a gap of one sample, and does what came behind that dwell. A run that is taken up clears a fault that a drive
+//   not recorded, settles inside a rotate segment that begins with a gap of one sample, and does what came after that dwell. A run that is taken up clears a fault that a drive
 //   still shows (its watchdog stopped it when the last program died); what the drive says then decides. No other run does.
 // - On any error: stop to all axes, drives off at rest, both verified by their status; fastest stop when that fails; a lost link is tried again, for
 //   the stop only. The outcome names reason and place in one line.

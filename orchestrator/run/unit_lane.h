@@ -42,7 +42,7 @@ class UnitLane {
   void drop(Error why);
   void close();
 
-  // Goes on behind a completed dwell. No time passed: the unit's next sample is the recording's next.
+  // Goes on after a completed dwell. No time passed: the unit's next sample is the recording's next.
   void take_up(const RecordingPoint& left, bool no_time_passed);
   void expect_gap() { gap_due_ = true; }  // the next recorded sample is the first after an interruption
   RecordingPoint point() const;

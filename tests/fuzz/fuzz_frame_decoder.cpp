@@ -1,5 +1,5 @@
 // Bytes of a line into the decoder, by each shipped description (byte 0). Byte 1 says how: bit 0 puts sync, length, id, tail and
-// check right in every stretch of a frame's length, so that damage behind the check is reached too. Whatever comes: samples are
+// check right in every stretch of a frame's length, so that damage after the check is reached too. Whatever comes: samples are
 // finite, pulses whole and within 32 bits, counters rise, and the same bytes in other pieces give the same samples.
 #include <algorithm>
 #include <cmath>

@@ -282,7 +282,7 @@ TEST_F(WriterTest, FullDiskIsReportedAndWhatWasWrittenCanBeRead) {
   ASSERT_FALSE(status.ok());
   EXPECT_EQ(status.error().kind, ErrorKind::device);
   EXPECT_EQ(status.error().message, path + ": cannot write: File too large");
-  EXPECT_FALSE(again.ok());  // nothing is written behind a torn record
+  EXPECT_FALSE(again.ok());  // nothing is written after a torn record
   auto source = RecordingSource::open(path);
   ASSERT_OK(source);
   const auto read = read_all(**source);

@@ -47,7 +47,7 @@ TEST(FrameDescription, UnitsOfRecordings) {
 struct BadDescription {
   std::string from;
   std::string to;
-  std::string message;  // behind "x.frame:LINE: "
+  std::string message;  // after "x.frame:LINE: "
 };
 
 TEST(FrameDescription, OneLineForEachMistake) {
@@ -58,7 +58,7 @@ TEST(FrameDescription, OneLineForEachMistake) {
       {"sync = EB 90", "sync =", "key 'sync' = '': expected at least one byte"},
       {"sync = EB 90", "sync = EB 90\nsync.mask = FF", "key 'sync.mask' = 'FF': expected as many bytes as sync"},
       {"length = 36", "length = 35",
-       "key 'check.offset' = '34': expected a place inside the frame, behind what the check covers and before the "
+       "key 'check.offset' = '34': expected a place inside the frame, after what the check covers and before the "
        "tail"},
       {"length = 36", "length = 2000", "key 'length' = '2000': expected a whole number between 2 and 1024"},
       {"sample_period_s = 0.005", "sample_period_s = 0",

@@ -20,7 +20,7 @@ const FrameDescription& gyro_frame() {
 }
 constexpr std::size_t size = 36;
 
-// Puts the right check behind what was changed on purpose.
+// Puts the right check after what was changed on purpose.
 void seal(const FrameDescription& frame, std::span<std::byte> bytes) {
   const std::uint32_t value = frame_check_value(frame.check, Crc(frame.check.crc), bytes);
   FieldCodec(frame.check.field).put_bits_at(bytes.data() + check_offset(frame.check, bytes.size()), value);
@@ -92,7 +92,7 @@ TEST(ImuFaults, AnEightBitSumIsHelpedByCounterAndNextSync) {
   for (const Damage damage : {Damage::drop, Damage::insert, Damage::flip_bit}) {
     for (unsigned seed = 1; seed <= 10; ++seed) {
       const DamageResult result = damaged(frame, damage, seed, 10);
-      // The frame before an accident is not believed either when the sync behind it was hit, nor one alone between two gaps.
+      // The frame before an accident is not believed either when the sync after it was hit, nor one alone between two gaps.
       EXPECT_LE(result.missing, 2 * result.accidents) << static_cast<int>(damage);
     }
   }
@@ -228,7 +228,7 @@ TEST(ImuFaults, AUnitThatBeganAnewStopsTheDecoder) {
   line.feed_frames(gyro_frame(), pulse_samples(20, 2, 0));
   EXPECT_TRUE(line.restarted);
   EXPECT_EQ(line.samples.size(), 100U);  // not one of the new ones
-  // After reopening it goes on by the time that has passed, behind a gap.
+  // After reopening it goes on by the time that has passed, after a gap.
   line.restarted = false;
   line.decoder.rejoin();
   line.feed_frames(gyro_frame(), pulse_samples(20, 2, 20));
@@ -382,7 +382,7 @@ TEST(ImuFaults, BatchesAndClockStepsDoNotTouchTheCount) {
 }
 
 TEST(ImuFaults, NoiseAloneGivesNothing) {
-  // 4 MB of random bytes; with the weakest check a false frame needs sync, sum and the next sync, and a second one behind it.
+  // 4 MB of random bytes; with the weakest check a false frame needs sync, sum and the next sync, and a second one after it.
   std::mt19937_64 random(11);
   Bytes noise(4 << 20);
   for (std::byte& byte : noise) byte = static_cast<std::byte>(random());

@@ -193,7 +193,7 @@ TEST_F(SerialImuTest, AUnitThatWasSwitchedOffIsADeviceError) {
   ASSERT_FALSE(status.ok());
   EXPECT_EQ(status.error().kind, ErrorKind::device);
   EXPECT_EQ(samples.size(), 20U);
-  // Asked to go on, it does, behind a gap as long as the time that has passed.
+  // Asked to go on, it does, after a gap as long as the time that has passed.
   const double before_s = monotonic_s();
   ASSERT_OK(imu.open());
   send(30, 20);

@@ -26,7 +26,7 @@ struct GapStation : RigStation {
                    {&watcher, &stop_requests, {}, &kept});
     return run.run();
   }
-  // Stopped at stop_s of the session, behind a dwell at least, and left alone for away_s.
+  // Stopped at stop_s of the session, after a dwell at least, and left alone for away_s.
   void interrupted_session(double stop_s, double away_s) {
     stop_requests = 0;
     watcher.on_tick = [this, stop_s](const RunSnapshot& at) {

@@ -55,7 +55,7 @@ TEST_F(Journal, IsReadBackAsWritten) {
   EXPECT_EQ(*contents->seal_utc_s, 1767225600.25);
   EXPECT_EQ(contents->sessions, 2);
   EXPECT_TRUE(contents->verdicts.empty());
-  // The move behind the first dwell was taken back by the resume.
+  // The move after the first dwell was taken back by the resume.
   ASSERT_EQ(contents->commands.size(), 3u);
   EXPECT_FALSE(contents->commands[0].move);
   EXPECT_EQ(contents->commands[1].move->target_deg, 90.0);

@@ -309,7 +309,7 @@ TEST_F(PausedRun, BatchEndsAndGoesOnWithTheUnit) {
   // While the results are made the unit is finished, and the next is not begun.
   at("parking -> calibrating", SIGINT);
   EXPECT_EQ(batch(), 75);
-  EXPECT_NE(err_.str().find("behind unit SN1"), std::string::npos) << err_.str();
+  EXPECT_NE(err_.str().find("after unit SN1"), std::string::npos) << err_.str();
   EXPECT_TRUE(std::filesystem::exists(folder_ / "units/SN1/parameters.conf"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "units/SN2"));
   at("", 0);

@@ -15,7 +15,7 @@ const std::string folder = std::string(TURNCAL_SOURCE_DIR) + "/tests/sequences/b
 
 struct BadFile {
   const char* name;
-  const char* message;  // begins with this, behind the file's name and a colon
+  const char* message;  // begins with this, after the file's name and a colon
 };
 
 const BadFile bad_files[] = {
@@ -40,7 +40,7 @@ const BadFile bad_files[] = {
     {"dwell_negative.seq", "9:9: found '-200', expected a whole number of samples from 200 (1 s) to"},
     {"dwell_overflow.seq", "9:9: found '99999999999999999999', expected a whole number of samples from 200 (1 s) to"},
     {"dwell_seconds.seq", "9:9: found '100', expected a whole number of samples from 200 (1 s) to"},
-    {"dwell_text_behind.seq", "9:13: found 's', expected the end of the line after the number of"},
+    {"dwell_text_after.seq", "9:13: found 's', expected the end of the line after the number of"},
     {"dwell_too_long.seq", "9:9: found '17280001', expected a whole number of samples from 200 (1 s) to"},
     {"dwell_too_short.seq", "9:9: found '199', expected a whole number of samples from 200 (1 s) to"},
     {"dwell_zero.seq", "9:9: found '0', expected a whole number of samples from 200 (1 s) to"},
@@ -53,7 +53,7 @@ const BadFile bad_files[] = {
     {"initial_axis_missing.seq", "6:18: found the end of the line, expected H, P and R, each once and with its angle,"},
     {"initial_axis_twice.seq", "6:19: found 'P', expected H, P and R, each once and with its angle,"},
     {"initial_not_a_number.seq", "6:17: found 'zero', expected an angle from -3600 to 3600 deg"},
-    {"initial_text_behind.seq", "6:23: found 'deg', expected the end of the line after three axes"},
+    {"initial_text_after.seq", "6:23: found 'deg', expected the end of the line after three axes"},
     {"initial_too_large.seq", "6:21: found '-3601', expected an angle from -3600 to 3600 deg"},
     {"initial_twice.seq", "9:3: found 'initial', expected one initial position in a step"},
     {"item_above_steps.seq", "5:1: found 'dwell', expected format, name, rate_degps,"},
@@ -87,8 +87,8 @@ const BadFile bad_files[] = {
     {"step_number_too_large.seq", "5:6: found '10000', expected a step number of 1 to 9999"},
     {"step_without_number.seq", "5:6: found the title \"one\", expected a step number of 1 to 9999"},
     {"step_zero.seq", "5:6: found '0', expected a step number of 1 to 9999"},
-    {"text_behind_title.seq", "5:14: found 'two', expected a title in quotes or the end of the line"},
-    {"text_behind_value.seq", "4:26: found 'deg', expected nothing behind the value"},
+    {"text_after_title.seq", "5:14: found 'two', expected a title in quotes or the end of the line"},
+    {"text_after_value.seq", "4:26: found 'deg', expected nothing after the value"},
     {"tiny_rotation.seq", "9:12: found '+1e-12', expected an angle to turn by, with its sign and not"},
     {"title_as_word.seq", "9:3: found the title \"dwell\", expected step, determines, initial, align, dwell or"},
     {"two_signs.seq", "9:12: found '+-90', expected an angle to turn by, with its sign and not"},

@@ -60,7 +60,7 @@ TEST(RegisterMap, DefectsAreNamed) {
             std::string::npos);
   EXPECT_NE(error_of("write.abort = 0x203 u16 1", "write.abort = wait 3").find("steps 'ADDRESS TYPE VALUE'"),
             std::string::npos)
-      << "a stop would wait behind it";
+      << "a stop would wait for it";
   EXPECT_NE(
       error_of("s32 position + u32 rate", "s32 distance + s32 position + u32 rate").find("either position or distance"),
       std::string::npos);

@@ -141,7 +141,7 @@ TEST_P(StationDriveFaults, TableStopsAndTheRunSaysWhy) {
   EXPECT_EQ(outcome.error.kind, ErrorKind::device);
   EXPECT_TRUE(s.watcher.saw(fault.event)) << outcome.error.message;
   EXPECT_NE(outcome.error.message.find(fault.says), std::string::npos) << outcome.error.message;
-  // Nothing was recorded as a rest behind the fault.
+  // Nothing was recorded as a rest after the fault.
   for (const Segment& segment : s.sink.segments) {
     if (segment.kind == SegmentKind::still) ADD_FAILURE() << "a dwell was recorded";
   }

@@ -39,7 +39,7 @@ enum class SentenceCheck { none, sum8, exclusive_or };
 // Two hexadecimal digits, upper case, over all characters of the body.
 std::string check_digits(std::string_view body, SentenceCheck check);
 
-// \r \n \t \\ as characters; empty for anything else behind a backslash.
+// \r \n \t \\ as characters; empty for anything else after a backslash.
 std::optional<std::string> unescaped(std::string_view text);
 // Control characters made visible, for messages.
 std::string visible(std::string_view text);

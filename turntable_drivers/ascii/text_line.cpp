@@ -188,7 +188,7 @@ Result<std::string> TextLine::exchange(const std::string& body, bool answered) {
   if (Status status = receive_some(0.0, any); !status) return status.error();
   if (!buffer_.empty()) {
     stale_ = true;
-    return failure("answer '" + visible(*frame) + "': more behind it: '" + visible(buffer_) + "'");
+    return failure("answer '" + visible(*frame) + "': more after it: '" + visible(buffer_) + "'");
   }
   Result<std::string> result = body_of(*frame);
   if (!result) stale_ = true;

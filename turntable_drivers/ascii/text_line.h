@@ -1,7 +1,7 @@
 // One line to an ASCII device, serial or TCP: sentences framed as the dialect says, every wait with a deadline, trouble drained.
 //
 // - Frame: prefix + body + (check_mark + two check digits) + terminator. An answer with a wrong prefix, a wrong or missing check, or
-//   more characters behind it than there should be is an error.
+//   more characters after it than there should be is an error.
 // - What has arrived before a sentence is sent is thrown away, so that no old answer is taken for a new one; after trouble the
 //   line is read empty until it has been quiet for quiet_s.
 // - A pending stop ends every wait at once (kind aborted); send_at_once() is for the stop itself.

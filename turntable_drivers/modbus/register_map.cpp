@@ -10,7 +10,7 @@ namespace turncal {
 namespace {
 
 constexpr int longest_block = 120;        // registers of one request; the protocol ends at 125
-constexpr double longest_pause_s = 0.05;  // a stop must not wait behind it
+constexpr double longest_pause_s = 0.05;  // a stop must not wait for longer
 
 // Decimal, or hexadecimal with 0x.
 std::optional<long> whole_number(std::string_view text) {

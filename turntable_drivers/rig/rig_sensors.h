@@ -1,5 +1,5 @@
 // From what the unit feels to what its calibrated sensors read: the effects of rig_effects.h in SI units, and the pulse
-// counter behind them.
+// counter after them.
 //
 // SensorEffects splits the effects in two: those that depend on motion and attitude alone (constant while the table
 // stands) and those that run with time and temperature.

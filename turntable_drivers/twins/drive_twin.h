@@ -50,7 +50,7 @@ class DriveTwin {
   };
   Answer read(const ModbusRequest& request);
   Answer write(const ModbusRequest& request);
-  // The status blocks of an axis, one behind the other.
+  // The status blocks of an axis, one after the other.
   std::optional<std::vector<std::uint16_t>> blocks(Axis axis);
   // Whether the request is the step; operands go into `operands`.
   bool matches(const WriteStep& step, const MapAxis& axis, const ModbusRequest& request,
