@@ -3,20 +3,7 @@
 
 #include <iostream>
 
-#include "orchestrator/commands/command_apply.h"
-#include "orchestrator/commands/command_batch.h"
-#include "orchestrator/commands/command_calibrate.h"
-#include "orchestrator/commands/command_check_line.h"
-#include "orchestrator/commands/command_commission.h"
-#include "orchestrator/commands/command_diagnose.h"
-#include "orchestrator/commands/command_history.h"
-#include "orchestrator/commands/command_line.h"
-#include "orchestrator/commands/command_monitor.h"
-#include "orchestrator/commands/command_predict.h"
-#include "orchestrator/commands/command_run.h"
-#include "orchestrator/commands/command_segment.h"
-#include "orchestrator/commands/command_text.h"
-#include "orchestrator/commands/command_twin.h"
+#include "orchestrator/commands/commands.h"
 
 namespace {
 

@@ -1,5 +1,7 @@
-#include "orchestrator/commands/command_apply.h"
-
+// `turncal apply RECORDING --parameters FILE --out CSV`: calibrated increments of every sample,
+//   dtheta = n counts_gyro - N0 dt  [rad],   dv = a counts_accel - A0 dt  [m/s],   dt the sample period.
+// Refused: a wrong checksum, a missing key, parameters of another unit, simulated parameters on a real unit's recording.
+// Effects beyond the 24 parameters are taken off as the estimate modelled them (effect_terms.h).
 #include <filesystem>
 #include <memory>
 
@@ -7,6 +9,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
+#include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/effect_terms.h"
 
 namespace turncal {
@@ -69,15 +72,13 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
 
 }  // namespace
 
-void add_apply_command(CLI::App& app, CommandContext& context) {
+void add_apply_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<ApplyOptions>();
-  CLI::App* command = app.add_subcommand("apply", "write calibrated increments of a recording");
-  command->add_option("recording", options->recording, "a folder (binary or text form) or a .tcr file")->required();
-  command->add_option("--parameters", options->parameters, "parameter file")->required();
-  command->add_option("--out", options->out, "CSV file to write; an existing one is replaced, whole")->required();
-  command->callback([options, &context] {
-    if (Status status = apply(*options, context); !status) context.fail(status.error());
-  });
+  const Command command = line.command("apply", "write calibrated increments of a recording");
+  command.option("recording", options->recording, "a folder (binary or text form) or a .tcr file").required();
+  command.option("--parameters", options->parameters, "parameter file").required();
+  command.option("--out", options->out, "CSV file to write; an existing one is replaced, whole").required();
+  command.runs(context, [options, &context] { return apply(*options, context); });
 }
 
 }  // namespace turncal

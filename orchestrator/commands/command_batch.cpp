@@ -1,5 +1,8 @@
-#include "orchestrator/commands/command_batch.h"
-
+// `turncal batch`: calibrates the units of a queue one after the other, or several at once, unattended. `turncal queue`: shows and
+// changes it.
+//
+// A unit that fails, drops out while others go on, or is not the one on the table, does not stop the next; a fault of table, link or
+// disk, and the operator, by a pause too, stop the batch, and the same command goes on with the units that were interrupted.
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,6 +14,7 @@
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/command_diagnose.h"
 #include "orchestrator/commands/command_run.h"
+#include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/mounting.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/run_job.h"
@@ -218,37 +222,31 @@ Status show_queue(const QueueOptions& options, std::ostream& out) {
 
 }  // namespace
 
-void add_batch_command(CLI::App& app, CommandContext& context) {
+void add_batch_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<BatchOptions>();
   RunRequest& request = options->request;
-  CLI::App* command = app.add_subcommand("batch", "calibrate the units of a queue, one after the other, unattended");
-  command->add_option("queue", options->queue, "file with one serial number a line")->required();
-  command->add_option("--out", options->out, "folder for the units' folders")->required();
-  command
-      ->add_option("--at-once", options->at_once, "how many units of the queue are on the table together; default: 1")
-      ->check(CLI::Range(1, 16));
-  command->add_flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
-  command->add_option("--rig", request.rig, "rig configuration; default: the built-in one");
-  command->add_option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
-  command->add_option("--station", request.station, "station configuration; default: the built-in rig station");
-  add_record_options(*command, request);
-  add_view_options(*command, request);
-  command->callback([options, &context] {
-    if (Status status = run_batch(*options, context); !status) context.fail(status.error());
-  });
+  const Command command = line.command("batch", "calibrate the units of a queue, one after the other, unattended");
+  command.option("queue", options->queue, "file with one serial number a line").required();
+  command.option("--out", options->out, "folder for the units' folders").required();
+  command.option("--at-once", options->at_once, "how many units of the queue are on the table together; default: 1")
+      .range(1, 16);
+  command.flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
+  command.option("--rig", request.rig, "rig configuration; default: the built-in one");
+  command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
+  command.option("--station", request.station, "station configuration; default: the built-in rig station");
+  add_record_options(command, request);
+  add_view_options(command, request);
+  command.runs(context, [options, &context] { return run_batch(*options, context); });
 }
 
-void add_queue_command(CLI::App& app, CommandContext& context) {
+void add_queue_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<QueueOptions>();
-  CLI::App* command = app.add_subcommand("queue", "show a batch's queue, add and remove units; also while it runs");
-  command->add_option("queue", options->queue, "file with one serial number a line")->required();
-  command->add_option("--add", options->change.add, "serial numbers to add at the end");
-  command->add_option("--remove", options->change.remove, "serial numbers to take out");
-  command->add_option("--again", options->change.again,
-                      "serial numbers whose outcome is forgotten: they are done again");
-  command->callback([options, &context] {
-    if (Status status = show_queue(*options, context.out); !status) context.fail(status.error());
-  });
+  const Command command = line.command("queue", "show a batch's queue, add and remove units; also while it runs");
+  command.option("queue", options->queue, "file with one serial number a line").required();
+  command.option("--add", options->change.add, "serial numbers to add at the end");
+  command.option("--remove", options->change.remove, "serial numbers to take out");
+  command.option("--again", options->change.again, "serial numbers whose outcome is forgotten: they are done again");
+  command.runs(context, [options, &context] { return show_queue(*options, context.out); });
 }
 
 }  // namespace turncal

@@ -1,10 +1,11 @@
-#include "orchestrator/commands/command_calibrate.h"
-
+// `turncal calibrate RECORDING --out DIR [--method ...]`: writes DIR/parameters.conf from any recording. A truth.conf beside the
+// recording (as after a dry run) is compared with the result.
 #include <chrono>
 #include <filesystem>
 #include <memory>
 
 #include "imu_io/base/clock.h"
+#include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/truth.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/records/output_folder.h"
@@ -57,18 +58,16 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
 
 }  // namespace
 
-void add_calibrate_command(CLI::App& app, CommandContext& context) {
+void add_calibrate_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<CalibrateOptions>();
-  CLI::App* command = app.add_subcommand("calibrate", "estimate the parameters from a recording");
-  command->add_option("recording", options->recording, "a folder (binary or text form) or a .tcr file")->required();
-  command->add_option("--out", options->out, "folder for parameters.conf")->required();
-  command->add_option("--method", options->method, "how to estimate")
-      ->check(CLI::IsMember(std::vector<std::string>(std::begin(calibration_methods), std::end(calibration_methods))))
-      ->capture_default_str();
-  command->add_flag("--partial", options->partial, "write a result even if some parameters are not determined");
-  command->callback([options, &context] {
-    if (Status status = calibrate(*options, context); !status) context.fail(status.error());
-  });
+  const Command command = line.command("calibrate", "estimate the parameters from a recording");
+  command.option("recording", options->recording, "a folder (binary or text form) or a .tcr file").required();
+  command.option("--out", options->out, "folder for parameters.conf").required();
+  command.option("--method", options->method, "how to estimate")
+      .one_of(std::vector<std::string>(std::begin(calibration_methods), std::end(calibration_methods)))
+      .default_in_help();
+  command.flag("--partial", options->partial, "write a result even if some parameters are not determined");
+  command.runs(context, [options, &context] { return calibrate(*options, context); });
 }
 
 }  // namespace turncal

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <memory>
 
+#include "orchestrator/commands/commands.h"
 #include "turntable_drivers/rig/rig_config.h"
 
 namespace turncal {
@@ -119,6 +121,17 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   }
   out << (plan.ok() ? "\nThe station can run this sequence.\n" : "\nThe station cannot run this sequence.\n");
   return plan.ok() ? 0 : exit_code(ErrorKind::input);
+}
+
+void add_check_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<CheckOptions>();
+  const Command command = line.command("check", "validate station and sequence, print the plan; nothing moves");
+  command.option("--station", options->station, "station configuration; default: the built-in rig station");
+  command.option("--sequence", options->sequence, "sequence file").required();
+  command.runs(context, [options, &context]() -> Status {
+    context.exit_code = run_check(*options, context.out, context.err);
+    return {};
+  });
 }
 
 }  // namespace turncal

@@ -1,7 +1,7 @@
-#include "orchestrator/commands/command_commission.h"
-
+// `turncal commission`: is the table what its map or dialect says, and does the unit feel its axes as it should? (docs/twin.md)
 #include <memory>
 
+#include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/commissioning.h"
 #include "orchestrator/devices/live_devices.h"
 #include "orchestrator/devices/stop_signals.h"
@@ -68,28 +68,25 @@ Status run_commission(const Options& options, CommandContext& context) {
 
 }  // namespace
 
-void add_commission_command(CLI::App& app, CommandContext& context) {
+void add_commission_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
+  const Command command = line.command(
       "commission", "compare a table with known angles, then move each axis a little and see the unit feel it");
-  command->add_option("--station", options->station, "station configuration")->required();
-  CLI::Option* heading =
-      command->add_option("--heading", options->heading, "angle at which the axis stands now, degrees; not 0");
-  CLI::Option* pitch = command->add_option("--pitch", options->pitch, "the same");
-  CLI::Option* roll = command->add_option("--roll", options->roll, "the same");
-  heading->needs(pitch)->needs(roll);
-  pitch->needs(heading);
-  roll->needs(heading);
-  command->add_option("--tolerance", options->tolerance_deg, "of these angles, degrees")->check(CLI::PositiveNumber);
-  command->add_option("--move", options->settings.move_deg, "how far each axis is moved, degrees")
-      ->check(CLI::Range(0.5, 30.0));
+  command.option("--station", options->station, "station configuration").required();
+  const Option heading =
+      command.option("--heading", options->heading, "angle at which the axis stands now, degrees; not 0");
+  const Option pitch = command.option("--pitch", options->pitch, "the same");
+  const Option roll = command.option("--roll", options->roll, "the same");
+  heading.needs(pitch).needs(roll);
+  pitch.needs(heading);
+  roll.needs(heading);
+  command.option("--tolerance", options->tolerance_deg, "of these angles, degrees").positive();
+  command.option("--move", options->settings.move_deg, "how far each axis is moved, degrees").range(0.5, 30.0);
   command
-      ->add_option("--gyro-pulse-arcsec", options->settings.gyro_pulse_arcsec,
-                   "nominal weight of a gyro pulse, to check the turn's size")
-      ->check(CLI::PositiveNumber);
-  command->callback([options, &context] {
-    if (Status status = run_commission(*options, context); !status) context.fail(status.error());
-  });
+      .option("--gyro-pulse-arcsec", options->settings.gyro_pulse_arcsec,
+              "nominal weight of a gyro pulse, to check the turn's size")
+      .positive();
+  command.runs(context, [options, &context] { return run_commission(*options, context); });
 }
 
 }  // namespace turncal

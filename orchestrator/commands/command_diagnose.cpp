@@ -13,6 +13,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/recordings/recording_writer.h"
+#include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/compress_source.h"
 #include "orchestrator/jobs/run_results.h"
@@ -291,28 +292,26 @@ void diagnose_run(const std::string& folder, const Status& run, CommandContext& 
     context.exit_code = exit_code(ErrorKind::unit_failed);
 }
 
-void add_diagnose_command(CLI::App& app, CommandContext& context) {
+void add_diagnose_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<DiagnoseOptions>();
-  CLI::App* command = app.add_subcommand(
+  const Command command = line.command(
       "diagnose", "find, name and add an effect that the 24 parameters lack; report the error before and after");
-  command->add_option("recording", options->recording, "a folder (binary or text form) or a .tcr file")->required();
-  command->add_option("--holdout", options->holdout,
-                      "another recording of the unit, not used in the fit; default: dwells left out in turn");
-  command->add_option("--out", options->out, "folder for parameters.conf, diagnosis.conf and report.html")->required();
-  command->add_option("--arw", options->arw_deg_per_rt_h, "angle random walk, deg/sqrt(h): noise given, not measured")
-      ->check(CLI::PositiveNumber);
-  command->add_option("--vrw", options->vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)")
-      ->check(CLI::PositiveNumber);
-  command->add_option("--gyro-bias-instability", options->gyro_bias_instability_degph, "deg/h, with --arw and --vrw")
-      ->check(CLI::NonNegativeNumber);
-  command->add_option("--accel-bias-instability", options->accel_bias_instability_ug, "ug, with --arw and --vrw")
-      ->check(CLI::NonNegativeNumber);
-  command->callback([options, &context] {
+  command.option("recording", options->recording, "a folder (binary or text form) or a .tcr file").required();
+  command.option("--holdout", options->holdout,
+                 "another recording of the unit, not used in the fit; default: dwells left out in turn");
+  command.option("--out", options->out, "folder for parameters.conf, diagnosis.conf and report.html").required();
+  command.option("--arw", options->arw_deg_per_rt_h, "angle random walk, deg/sqrt(h): noise given, not measured")
+      .positive();
+  command.option("--vrw", options->vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").positive();
+  command.option("--gyro-bias-instability", options->gyro_bias_instability_degph, "deg/h, with --arw and --vrw")
+      .not_negative();
+  command.option("--accel-bias-instability", options->accel_bias_instability_ug, "ug, with --arw and --vrw")
+      .not_negative();
+  command.runs(context, [options, &context]() -> Status {
     const Result<Verdict> verdict = diagnose_recording(*options, context);
-    if (!verdict)
-      context.fail(verdict.error());
-    else if (*verdict != Verdict::clean)
-      context.exit_code = exit_code(ErrorKind::unit_failed);
+    if (!verdict) return verdict.error();
+    if (*verdict != Verdict::clean) context.exit_code = exit_code(ErrorKind::unit_failed);
+    return {};
   });
 }
 

@@ -3,9 +3,9 @@
 // DIR/diagnosis.conf and DIR/report.html. Exit code 0 when the verdict is clean, 20 when it is not.
 #pragma once
 
-#include "calib/statistics/compression.h"
-#include "imu_io/recordings/recording_source.h"
-#include "orchestrator/commands/command_line.h"
+#include <string>
+
+#include "orchestrator/jobs/command_context.h"
 
 namespace turncal {
 
@@ -13,7 +13,5 @@ namespace turncal {
 // when the run itself passed and the verdict is not clean. The run's own parameters.conf is not touched. A recording shorter
 // than half an hour tells too little and is left alone, and so is a run that ended without parameters.
 void diagnose_run(const std::string& folder, const Status& run, CommandContext& context);
-
-void add_diagnose_command(CLI::App& app, CommandContext& context);
 
 }  // namespace turncal

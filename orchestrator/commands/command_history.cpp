@@ -1,5 +1,4 @@
-#include "orchestrator/commands/command_history.h"
-
+// `turncal history`: what is in the results database. `turncal restore`: versions of the parameter file in use.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -7,6 +6,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
+#include "orchestrator/commands/commands.h"
 #include "orchestrator/records/parameter_history.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
@@ -179,36 +179,29 @@ Status restore(const RestoreOptions& options, std::ostream& out) {
 
 }  // namespace
 
-void add_history_command(CLI::App& app, CommandContext& context) {
+void add_history_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<HistoryOptions>();
-  CLI::App* command = app.add_subcommand("history", "list, compare and export what is in the results database");
-  command->add_option("database", options->database, "the station's record.database")->required();
-  command->add_option("--unit", options->unit, "calibrations of this unit only");
-  CLI::Option* compare =
-      command->add_option("--compare", options->compare, "two ids: the differences of one unit's parameters");
-  compare->expected(2);
-  command->add_flag("--control", options->control, "every parameter over all calibrations: control limits and Cpk");
-  command->add_option("--parameter", options->parameter, "one parameter, calibration by calibration");
-  command->add_option("--report", options->report, "writes a page (HTML) with the control charts of every parameter");
-  command->add_flag("--simulated", options->simulated, "of the dry runs, for --control, --parameter and --report");
-  command->add_option("--csv", options->csv, "writes the calibrations with all values to this file");
-  command->callback([options, &context] {
-    if (Status status = show_history(*options, context.out); !status) context.fail(status.error());
-  });
+  const Command command = line.command("history", "list, compare and export what is in the results database");
+  command.option("database", options->database, "the station's record.database").required();
+  command.option("--unit", options->unit, "calibrations of this unit only");
+  command.option("--compare", options->compare, "two ids: the differences of one unit's parameters").words(2);
+  command.flag("--control", options->control, "every parameter over all calibrations: control limits and Cpk");
+  command.option("--parameter", options->parameter, "one parameter, calibration by calibration");
+  command.option("--report", options->report, "writes a page (HTML) with the control charts of every parameter");
+  command.flag("--simulated", options->simulated, "of the dry runs, for --control, --parameter and --report");
+  command.option("--csv", options->csv, "writes the calibrations with all values to this file");
+  command.runs(context, [options, &context] { return show_history(*options, context.out); });
 }
 
-void add_restore_command(CLI::App& app, CommandContext& context) {
+void add_restore_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<RestoreOptions>();
-  CLI::App* command =
-      app.add_subcommand("restore", "list the versions of a unit's parameter file, bring one back into use");
-  command->add_option("store", options->store, "the station's record.store")->required();
-  command->add_option("--unit", options->unit, "serial number of the unit")->required();
-  command->add_option("--version", options->version, "the version to bring back; without it they are listed")
-      ->check(CLI::PositiveNumber);
-  command->add_flag("--simulated", options->simulated, "of the dry runs");
-  command->callback([options, &context] {
-    if (Status status = restore(*options, context.out); !status) context.fail(status.error());
-  });
+  const Command command =
+      line.command("restore", "list the versions of a unit's parameter file, bring one back into use");
+  command.option("store", options->store, "the station's record.store").required();
+  command.option("--unit", options->unit, "serial number of the unit").required();
+  command.option("--version", options->version, "the version to bring back; without it they are listed").positive();
+  command.flag("--simulated", options->simulated, "of the dry runs");
+  command.runs(context, [options, &context] { return restore(*options, context.out); });
 }
 
 }  // namespace turncal

@@ -1,10 +1,53 @@
 #include "orchestrator/commands/command_line.h"
 
+#include <cstdint>
 #include <exception>
+#include <optional>
+
+#include <CLI/CLI.hpp>
 
 #include "orchestrator/station/version.h"
 
 namespace turncal {
+
+const Option& Option::required() const { return option_->required(), *this; }
+const Option& Option::positive() const { return option_->check(CLI::PositiveNumber), *this; }
+const Option& Option::not_negative() const { return option_->check(CLI::NonNegativeNumber), *this; }
+const Option& Option::range(int low, int high) const { return option_->check(CLI::Range(low, high)), *this; }
+const Option& Option::range(double low, double high) const { return option_->check(CLI::Range(low, high)), *this; }
+const Option& Option::one_of(const std::vector<std::string>& values) const {
+  return option_->check(CLI::IsMember(values)), *this;
+}
+const Option& Option::needs(const Option& other) const { return option_->needs(other.option_), *this; }
+const Option& Option::words(int count) const { return option_->expected(count), *this; }
+const Option& Option::one_word_each() const { return option_->allow_extra_args(false), *this; }
+const Option& Option::default_in_help() const { return option_->capture_default_str(), *this; }
+
+template <class Value>
+Option Command::option(const std::string& name, Value& value, const std::string& help) const {
+  return Option(app_->add_option(name, value, help));
+}
+template Option Command::option(const std::string&, std::string&, const std::string&) const;
+template Option Command::option(const std::string&, double&, const std::string&) const;
+template Option Command::option(const std::string&, std::optional<double>&, const std::string&) const;
+template Option Command::option(const std::string&, int&, const std::string&) const;
+template Option Command::option(const std::string&, std::size_t&, const std::string&) const;
+template Option Command::option(const std::string&, std::vector<std::string>&, const std::string&) const;
+template Option Command::option(const std::string&, std::vector<std::int64_t>&, const std::string&) const;
+
+void Command::flag(const std::string& name, bool& value, const std::string& help) const {
+  app_->add_flag(name, value, help);
+}
+
+void Command::runs(CommandContext& context, std::function<Status()> job) const {
+  app_->callback([&context, job = std::move(job)] {
+    if (Status status = job(); !status) context.fail(status.error());
+  });
+}
+
+Command CommandLine::command(const std::string& name, const std::string& help) {
+  return Command(app_.add_subcommand(name, help));
+}
 
 int run_command_line(int argc, const char* const* argv, const std::vector<AddCommand>& commands,
                      CommandContext& context) {
@@ -12,7 +55,8 @@ int run_command_line(int argc, const char* const* argv, const std::vector<AddCom
     CLI::App app("Calibrates a strapdown laser-gyro IMU on a three-axis turntable.", "turncal");
     app.set_version_flag("--version", std::string("turncal ") + software_version());
     app.require_subcommand(1);
-    for (const AddCommand add : commands) add(app, context);
+    CommandLine line(app);
+    for (const AddCommand add : commands) add(line, context);
     try {
       app.parse(argc, argv);
     } catch (const CLI::Success& success) {  // --help, --version

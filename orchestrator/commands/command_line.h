@@ -1,4 +1,5 @@
-// The command line of turncal: `turncal COMMAND ...`, one file command_<name> each, registered in one line of main.cpp.
+// The command line of turncal: `turncal COMMAND ...`. Commands declare their options with the classes below; what the parser
+// (CLI11) makes of them is command_line.cpp's alone, since it takes ten seconds to compile.
 //
 // Exit codes are those of calib/types/status.h; every error is one line on `err`. Nothing throws out of here.
 #pragma once
@@ -7,14 +8,62 @@
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
-
 #include "orchestrator/jobs/command_context.h"
+
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
 
 namespace turncal {
 
-// Adds one subcommand, whose callback leaves its result in the context.
-using AddCommand = void (*)(CLI::App& app, CommandContext& context);
+// An option of a command. Each call adds a condition and returns the same option; a value that breaks one is an input error.
+class Option {
+ public:
+  explicit Option(CLI::Option* option) : option_(option) {}
+  const Option& required() const;
+  const Option& positive() const;
+  const Option& not_negative() const;
+  const Option& range(int low, int high) const;  // both included
+  const Option& range(double low, double high) const;
+  const Option& one_of(const std::vector<std::string>& values) const;
+  const Option& needs(const Option& other) const;
+  const Option& words(int count) const;  // of a list: just as many
+  const Option& one_word_each() const;   // of a list: the option stands before every word of it
+  const Option& default_in_help() const;
+
+ private:
+  CLI::Option* option_;
+};
+
+class Command {
+ public:
+  explicit Command(CLI::App* app) : app_(app) {}
+
+  // Fills `value`, which must live as long as the parser: a std::string, double, std::optional<double>, int, std::size_t,
+  // std::vector<std::string> or std::vector<std::int64_t>. A name without dashes is a word that stands by itself.
+  template <class Value>
+  Option option(const std::string& name, Value& value, const std::string& help) const;
+  void flag(const std::string& name, bool& value, const std::string& help) const;
+
+  // What the command does. An error is said and becomes the exit code.
+  void runs(CommandContext& context, std::function<Status()> job) const;
+
+ private:
+  CLI::App* app_;
+};
+
+class CommandLine {
+ public:
+  explicit CommandLine(CLI::App& app) : app_(app) {}
+  Command command(const std::string& name, const std::string& help);
+
+ private:
+  CLI::App& app_;
+};
+
+// Adds one command, which leaves its result in the context.
+using AddCommand = void (*)(CommandLine& line, CommandContext& context);
 
 int run_command_line(int argc, const char* const* argv, const std::vector<AddCommand>& commands,
                      CommandContext& context);

@@ -1,11 +1,11 @@
-#include "orchestrator/commands/command_monitor.h"
-
+// `turncal monitor`: looks at the station's table and unit, one line a second; moves nothing (docs/twin.md).
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <memory>
 #include <vector>
 
+#include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/live_devices.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/run_request.h"
@@ -140,16 +140,13 @@ Status run_monitor(const Options& options, CommandContext& context) {
 
 }  // namespace
 
-void add_monitor_command(CLI::App& app, CommandContext& context) {
+void add_monitor_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command =
-      app.add_subcommand("monitor", "look at a station's table and unit, one line a second; nothing is moved");
-  command->add_option("--station", options->station, "station configuration")->required();
-  command->add_option("--seconds", options->seconds, "how long, in the station's time; default: until a signal")
-      ->check(CLI::PositiveNumber);
-  command->callback([options, &context] {
-    if (Status status = run_monitor(*options, context); !status) context.fail(status.error());
-  });
+  const Command command =
+      line.command("monitor", "look at a station's table and unit, one line a second; nothing is moved");
+  command.option("--station", options->station, "station configuration").required();
+  command.option("--seconds", options->seconds, "how long, in the station's time; default: until a signal").positive();
+  command.runs(context, [options, &context] { return run_monitor(*options, context); });
 }
 
 }  // namespace turncal

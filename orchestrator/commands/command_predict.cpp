@@ -6,6 +6,7 @@
 
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
+#include "orchestrator/commands/commands.h"
 #include "orchestrator/report/prediction_table.h"
 #include "turntable_drivers/rig/rig_config.h"
 
@@ -160,25 +161,22 @@ Status run_predict(const PredictRequest& request, std::ostream& out) {
   return {};
 }
 
-void add_predict_command(CLI::App& app, CommandContext& context) {
+void add_predict_command(CommandLine& line, CommandContext& context) {
   const auto request = std::make_shared<PredictRequest>();
-  CLI::App* command =
-      app.add_subcommand("predict", "the sigma each parameter would have after a sequence; nothing moves");
-  command->add_option("--sequence", request->sequences, "sequence file; several stand side by side")->required();
-  command->add_option("--station", request->station, "station configuration; default: the built-in rig station");
-  command->add_option("--latitude", request->latitude_deg, "deg; default: the station's");
-  command->add_option("--gravity", request->gravity_mps2, "m/s^2; default: the station's");
-  command->add_option("--arw", request->arw_deg_per_rt_h, "angle random walk, deg/sqrt(h)")->capture_default_str();
-  command->add_option("--vrw", request->vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)")->capture_default_str();
-  command->add_option("--gyro-bias-instability", request->gyro_bias_instability_degph, "deg/h")->capture_default_str();
-  command->add_option("--accel-bias-instability", request->accel_bias_instability_ug, "ug")->capture_default_str();
-  command->add_flag("--effects", request->effects, "the smallest effects that would be caught, and which are confused");
-  command->add_option("--temperature-rise", request->temperature_rise_c, "C over the run, for --effects")
-      ->capture_default_str();
-  command->add_option("--temperature-tau", request->temperature_tau_s, "its time constant, s")->capture_default_str();
-  command->callback([request, &context] {
-    if (Status status = run_predict(*request, context.out); !status) context.fail(status.error());
-  });
+  const Command command =
+      line.command("predict", "the sigma each parameter would have after a sequence; nothing moves");
+  command.option("--sequence", request->sequences, "sequence file; several stand side by side").required();
+  command.option("--station", request->station, "station configuration; default: the built-in rig station");
+  command.option("--latitude", request->latitude_deg, "deg; default: the station's");
+  command.option("--gravity", request->gravity_mps2, "m/s^2; default: the station's");
+  command.option("--arw", request->arw_deg_per_rt_h, "angle random walk, deg/sqrt(h)").default_in_help();
+  command.option("--vrw", request->vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").default_in_help();
+  command.option("--gyro-bias-instability", request->gyro_bias_instability_degph, "deg/h").default_in_help();
+  command.option("--accel-bias-instability", request->accel_bias_instability_ug, "ug").default_in_help();
+  command.flag("--effects", request->effects, "the smallest effects that would be caught, and which are confused");
+  command.option("--temperature-rise", request->temperature_rise_c, "C over the run, for --effects").default_in_help();
+  command.option("--temperature-tau", request->temperature_tau_s, "its time constant, s").default_in_help();
+  command.runs(context, [request, &context] { return run_predict(*request, context.out); });
 }
 
 }  // namespace turncal

@@ -20,7 +20,6 @@
 
 #include "calib/prediction/planned_motion.h"
 #include "calib/types/status.h"
-#include "orchestrator/commands/command_line.h"
 #include "orchestrator/station/station_config.h"
 #include "sequences/plan.h"
 
@@ -41,7 +40,6 @@ struct PredictRequest {
 };
 
 Status run_predict(const PredictRequest& request, std::ostream& out);
-void add_predict_command(CLI::App& app, CommandContext& context);
 
 // A plan as the pure functions of calib take it.
 PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan);

@@ -1,5 +1,4 @@
-// `turncal run`: the whole main job. Checks everything, walks the sequence, calibrates, judges, writes the results.
-// `turncal resume`: goes on with one that was interrupted. `turncal journal`: what happened. See run_job.h.
+// Options that `run`, `resume` and `batch` have in common.
 #pragma once
 
 #include "orchestrator/commands/command_line.h"
@@ -8,10 +7,7 @@ namespace turncal {
 
 struct RunRequest;
 
-void add_record_options(CLI::App& command, RunRequest& request);
-void add_view_options(CLI::App& command, RunRequest& request);
-void add_run_command(CLI::App& app, CommandContext& context);
-void add_resume_command(CLI::App& app, CommandContext& context);
-void add_journal_command(CLI::App& app, CommandContext& context);
+void add_record_options(const Command& command, RunRequest& request);
+void add_view_options(const Command& command, RunRequest& request);
 
 }  // namespace turncal

@@ -8,6 +8,7 @@
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
+#include "orchestrator/commands/commands.h"
 #include "orchestrator/records/output_folder.h"
 
 namespace turncal {
@@ -95,15 +96,13 @@ Status import_mapped_csv(const std::string& map_path, const std::string& csv, co
   return {};
 }
 
-void add_segment_command(CLI::App& app, CommandContext& context) {
+void add_segment_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<SegmentOptions>();
-  CLI::App* sub = app.add_subcommand("segment", "find the rests of a recording and write it with segments");
-  sub->add_option("source", options->source, "recording: a folder or a .tcr file")->required();
-  sub->add_option("--out", options->out, "folder to write to; must not hold a recording yet")->required();
-  sub->add_option("--min-rest", options->min_rest_s, "shortest rest, s")->check(CLI::PositiveNumber);
-  sub->callback([options, &context] {
-    if (Status status = segment_recording(*options, context); !status) context.fail(status.error());
-  });
+  const Command command = line.command("segment", "find the rests of a recording and write it with segments");
+  command.option("source", options->source, "recording: a folder or a .tcr file").required();
+  command.option("--out", options->out, "folder to write to; must not hold a recording yet").required();
+  command.option("--min-rest", options->min_rest_s, "shortest rest, s").positive();
+  command.runs(context, [options, &context] { return segment_recording(*options, context); });
 }
 
 }  // namespace turncal

@@ -5,11 +5,9 @@
 
 #include <string>
 
-#include "orchestrator/commands/command_line.h"
+#include "orchestrator/jobs/command_context.h"
 
 namespace turncal {
-
-void add_segment_command(CLI::App& app, CommandContext& context);
 
 // What `import` does when it is given a map.
 Status import_mapped_csv(const std::string& map, const std::string& csv, const std::string& out,

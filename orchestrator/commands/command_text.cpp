@@ -1,10 +1,11 @@
-#include "orchestrator/commands/command_text.h"
-
+// `turncal import TEXTDIR --out DIR` and `turncal export RECORDING --out DIR`: between the text form of a recording and the
+// binary one. Nothing is overwritten, and a failure leaves nothing behind.
 #include <memory>
 
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/command_segment.h"
+#include "orchestrator/commands/commands.h"
 #include "orchestrator/records/output_folder.h"
 
 namespace turncal {
@@ -46,28 +47,28 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
   return finish(**source, *folder, "exported to", context);
 }
 
-std::shared_ptr<TextOptions> add(CLI::App& app, CommandContext& context, const char* name, const char* help,
-                                 const char* source_help, Status (*command)(const TextOptions&, CommandContext&)) {
-  const auto options = std::make_shared<TextOptions>();
-  CLI::App* sub = app.add_subcommand(name, help);
-  sub->add_option("source", options->source, source_help)->required();
-  sub->add_option("--out", options->out, "folder to write to; must not hold a recording yet")->required();
-  sub->callback([options, command, &context] {
-    if (Status status = command(*options, context); !status) context.fail(status.error());
-  });
-  return options;
+// What both commands take.
+Command add(CommandLine& line, CommandContext& context, const char* name, const char* help, const char* source_help,
+            const std::shared_ptr<TextOptions>& options, Status (*job)(const TextOptions&, CommandContext&)) {
+  const Command command = line.command(name, help);
+  command.option("source", options->source, source_help).required();
+  command.option("--out", options->out, "folder to write to; must not hold a recording yet").required();
+  command.runs(context, [options, job, &context] { return job(*options, context); });
+  return command;
 }
 
 }  // namespace
 
-void add_import_command(CLI::App& app, CommandContext& context) {
-  const auto options = add(app, context, "import", "read the text form of a recording or any CSV, write the binary one",
-                           "folder with recording.conf, imu.csv, segments.csv; with --map a CSV file", import_text);
-  app.get_subcommand("import")->add_option("--map", options->map, "file on the columns of the CSV, docs/hand-data.md");
+void add_import_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<TextOptions>();
+  add(line, context, "import", "read the text form of a recording or any CSV, write the binary one",
+      "folder with recording.conf, imu.csv, segments.csv; with --map a CSV file", options, import_text)
+      .option("--map", options->map, "file on the columns of the CSV, docs/hand-data.md");
 }
 
-void add_export_command(CLI::App& app, CommandContext& context) {
-  add(app, context, "export", "write a recording in text form", "recording: a folder or a .tcr file", export_recording);
+void add_export_command(CommandLine& line, CommandContext& context) {
+  add(line, context, "export", "write a recording in text form", "recording: a folder or a .tcr file",
+      std::make_shared<TextOptions>(), export_recording);
 }
 
 }  // namespace turncal

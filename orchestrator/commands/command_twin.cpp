@@ -1,8 +1,8 @@
-#include "orchestrator/commands/command_twin.h"
-
+// `turncal twin`: serves the rig outside, as the table and the unit that the station file describes, until a signal ends it (docs/twin.md).
 #include <memory>
 
 #include "imu_io/base/format_number.h"
+#include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/rig_twin.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "turntable_drivers/rig/rig_config.h"
@@ -44,24 +44,20 @@ Status run_twin(const Options& options, CommandContext& context) {
 
 }  // namespace
 
-void add_twin_command(CLI::App& app, CommandContext& context) {
+void add_twin_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("twin", "serve the simulated table and unit of a station on real lines");
+  const Command command = line.command("twin", "serve the simulated table and unit of a station on real lines");
+  command.option("--station", options->station, "station configuration: which lines, which map or dialect, which frame")
+      .required();
+  command.option("--rig", options->rig,
+                 "rig configuration (docs/rig.md); default: rig.file of the station, or the built-in one");
   command
-      ->add_option("--station", options->station,
-                   "station configuration: which lines, which map or dialect, which frame")
-      ->required();
-  command->add_option("--rig", options->rig,
-                      "rig configuration (docs/rig.md); default: rig.file of the station, or the built-in one");
-  command
-      ->add_option("--speed-up", options->settings.speed_up,
-                   "how many times faster than the wall clock; default: clock.speed_up")
-      ->check(CLI::Range(0.01, 1000.0));
-  command->add_option("--table", options->settings.table,
-                      "tcp:PORT (0: any free one), pty or pty:LINK; default: as the station says");
-  command->callback([options, &context] {
-    if (Status status = run_twin(*options, context); !status) context.fail(status.error());
-  });
+      .option("--speed-up", options->settings.speed_up,
+              "how many times faster than the wall clock; default: clock.speed_up")
+      .range(0.01, 1000.0);
+  command.option("--table", options->settings.table,
+                 "tcp:PORT (0: any free one), pty or pty:LINK; default: as the station says");
+  command.runs(context, [options, &context] { return run_twin(*options, context); });
 }
 
 }  // namespace turncal
