@@ -1,4 +1,4 @@
-// Closed-form calibration: the paper's fourteen steps, with the formulas of docs/closed-form.md.
+// Closed-form calibration: the fourteen steps of Wang (2020), with the formulas of docs/closed-form.md.
 //
 // Each step looks at one or two legs (calib/closed_form/leg_navigation.h) with the parameters that the steps before it have
 // corrected, turns the velocity gained in the dwell into the parameter that made it, and corrects that parameter. The
@@ -59,7 +59,7 @@ struct ClosedFormResult {
   std::string message = "not run";
 };
 
-// `start`: the paper's start values (start_parameters), or anything nearer. Pure: no state, no I/O.
+// `start`: those of Wang (start_parameters), or anything nearer. Pure: no state, no I/O.
 Result<ClosedFormResult> closed_form_calibrate(const CompressedRecording& recording, const Parameters& start,
                                                const ClosedFormOptions& options = {});
 

@@ -25,7 +25,7 @@ class ClosedFormLayout {
   // First of all: site, steps, dwells and legs. After an error nothing else may be called.
   Status find();
   // Every segment and leg that was found: long enough, at rest, the right way up, nothing lost on the way, turned as
-  // commanded. `model` may be as wrong as the paper's start values.
+  // commanded. `model` may be as wrong as start_parameters().
   Status check_data(const SensorModel& model) const;
 
   StepMeasurement measure(int step, const SensorModel& model) const;

@@ -25,7 +25,7 @@ namespace turncal {
 struct JointResult;
 
 struct JointOptions {
-  std::optional<Parameters> start;        // default: the paper's start values
+  std::optional<Parameters> start;        // default: start_parameters()
   std::optional<NoiseModel> noise;        // given: not fitted
   std::optional<NoiseModel> start_noise;  // where the fit begins; default: read off the Allan deviation
   bool fit_bias_instability = true;

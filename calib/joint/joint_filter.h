@@ -2,7 +2,7 @@
 //
 // The unit is navigated through the whole recording without resetting anything; in every static second the mean velocity is
 // observed to be zero. The filter's state is the error of the navigated motion only,
-//   psi (attitude error in n, C_computed = (I + [psi x]) C_true, psi = -phi of the paper), v (velocity), b_g, b_a (the
+//   psi (attitude error in n, C_computed = (I + [psi x]) C_true, psi = -phi of Wang 2020), v (velocity), b_g, b_a (the
 //   Gauss-Markov part of the biases, zero when the noise model has none),
 // and what the parameters do to it is carried as X = d(state)/d(parameters) through the same transitions and the same gains:
 //   predict  X <- Phi X + B,   innovation derivative  N = H X + D,   update  X <- X - K N

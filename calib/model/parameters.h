@@ -1,4 +1,4 @@
-// The 24 parameters of the paper (equations 1, 2 and Table 1) and their names.
+// The 24 parameters of Wang (2020) (equations 1, 2 and Table 1) and their names.
 //
 //   w_b = n * counts_gyro  - N0        f_b = a * counts_accel - A0
 //
@@ -47,7 +47,7 @@ struct Parameters {
 ParameterVector to_vector(const Parameters& parameters);
 Parameters from_vector(const ParameterVector& vector);
 
-// The paper's start values for a unit that counts pulses; n = 1 for a recording in rad.
+// The start values of Wang (2020) for a unit that counts pulses; n = 1 for a recording in rad.
 Parameters start_parameters(const RecordingInfo& info);
 
 // SI form for computation: increments of one interval of length dt_s are

@@ -52,7 +52,7 @@ struct Prediction {
 
 Prediction predict(const RecordingInfo& info, const PlannedMotion& motion, const PredictOptions& options);
 
-// The paper's start values with accelerometer biases of a few mg: an accelerometer that reads exactly no pulse at rest
+// start_parameters() with accelerometer biases of a few mg: an accelerometer that reads exactly no pulse at rest
 // would leave its quantisation error standing still for whole dwells, which no real one does.
 Parameters typical_unit(const RecordingInfo& info);
 

@@ -12,7 +12,7 @@
 namespace turncal {
 
 // What --method may be; the first one is the default. joint: least squares over every static second, any sequence, with
-// standard deviations. closed-form: the paper's fourteen steps and formulas.
+// standard deviations. closed-form: the fourteen steps of Wang (2020).
 inline constexpr const char* calibration_methods[] = {"joint", "closed-form"};
 
 // What a recording without table angles is calibrated by, whatever joint asks for: its rests (calib/rests/rest_model.h).

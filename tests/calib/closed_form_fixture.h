@@ -1,4 +1,4 @@
-// What the tests of the closed form share: the paper's unit on the rig, and the fourteen steps in long and in short.
+// What the tests of the closed form share: the unit of Wang (2020) on the rig, and the fourteen steps in long and in short.
 #pragma once
 
 #include <array>
@@ -22,7 +22,7 @@ inline void expect_within(const ParameterDistance& found, const ParameterDistanc
   EXPECT_LT(found.accel_matrix, limit.accel_matrix) << what;
 }
 
-// The paper's unit (its Table 1; scale factors of the accelerometers up to 8 % off) on a table that is 3 arc-minutes
+// That unit (Table 1 there; scale factors of the accelerometers up to 8 % off) on a table that is 3 arc-minutes
 // off level and north, without noise.
 inline RigConfig paper_unit() {
   RigConfig config = noise_free(perfect_table(default_rig_config()));

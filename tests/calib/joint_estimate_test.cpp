@@ -30,7 +30,7 @@ RigRecording run_of(std::uint64_t seed) {
 }
 
 // Twelve units: the mean of 12 chi-squares of 21 degrees of freedom lies within 21 +- 2.58 sqrt(42/12), 99 of 100 times.
-// The estimate starts from the paper's start values; gyro scale factors and accelerometer scale factors are per cents off.
+// The estimate starts from the values of Wang (2020); scale factors of gyros and accelerometers are per cents off.
 TEST(JointEstimate, ErrorsAreWhatSigmaSays) {
   double sum = 0.0;
   constexpr int runs = 12;

@@ -1,4 +1,4 @@
-// Every printed formula of the paper beside the derived one, on noise-free data: does it find the truth? The table that
+// Every printed formula of Wang (2020) beside the derived one, on noise-free data: does it find the truth? The table that
 // this test prints is the one of docs/closed-form.md.
 #include <algorithm>
 #include <cmath>
@@ -22,7 +22,7 @@ constexpr double earth_radius_m = 6378137.0;
 // After how many passes a formula has found the truth (0: not even after ten).
 struct Verdict {
   int alone;  // every other parameter true and left alone: the formula on its own
-  int whole;  // in its place among the derived ones, from the paper's start values, table 3 arc-minutes off
+  int whole;  // in its place among the derived ones, from start_parameters(), table 3 arc-minutes off
 };
 
 struct Printed {
@@ -34,7 +34,7 @@ struct Printed {
   Verdict verdict;
 };
 
-// The formulas as they stand in the paper, with V1, V2 for its eastward velocities and T for T100.
+// The formulas as they stand there, with V1, V2 for its eastward velocities and T for T100.
 const std::vector<Printed>& printed_formulas() {
   using M = StepMeasurement;
   using P = Parameters;

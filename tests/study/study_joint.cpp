@@ -4,7 +4,7 @@
 // --instability: bias instability of the rig's gyros (deg/h) and accelerometers (ug); --table: sigma of its random errors
 // (arcmin); --given: the estimator is given the rig's random walks instead of measuring them.
 // One line a run: seed NEES level ARW VRW sigma_bg sigma_ba iterations faults (estimate - truth) / sigma of the 21 free
-// parameters. The estimate starts from the paper's start values, 8 % off in scale. scripts/study-joint makes the table.
+// parameters. The estimate starts from those of Wang (2020), 8 % off in scale. scripts/study-joint makes the table.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>

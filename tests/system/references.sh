@@ -91,6 +91,7 @@ awk -v work="$work" -v with_program="${program:+1}" '
   function foreign(token) { return token ~ /^(sys|linux|asm|Eigen)\// || token ~ /^(time|unistd|fcntl|termios|math|modbus|sqlite3|httplib)[.]h$/ }
   function look_at_words(text,    token, i, n) {
     gsub(/[a-z]+:\/\/[^ )>"]+/, " ", text)
+    gsub(/\$[A-Za-z]+\//, " ", text)  # of a shell: $here/calib
     gsub(/[^A-Za-z0-9_.\/*{}<>,-]/, " ", text)
     n = split(text, token, " ")
     for (i = 1; i <= n; ++i) look_at(token[i])

@@ -52,7 +52,7 @@ struct Navigator {
   }
 };
 
-// Calibrated with the paper's start values.
+// Calibrated with the start values of Wang (2020).
 void step(Navigator& navigator, const ImuSample& sample) {
   navigator.step(Vector3d(sample.gyro[0], sample.gyro[1], sample.gyro[2]) * (0.932920 * arcsec),
                  Vector3d(sample.accel[0], sample.accel[1], sample.accel[2]) * 0.0005);

@@ -108,7 +108,7 @@ struct RigConfig {
   double gyro_pulse_arcsec = 0.932920;  // start value of the diagonal of n
   double accel_pulse_mps = 0.0005;
   RigQuantisation quantisation = RigQuantisation::floor;
-  bool random_truth = true;                     // false: parameters not set are the paper's start values
+  bool random_truth = true;                     // false: parameters not set are start values of Wang (2020)
   std::array<std::optional<double>, 24> truth;  // Table 1 order; units of the parameter file
   RigSite site;
   RigNoise noise;
