@@ -59,7 +59,7 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       if (!gyro) cut.tilt_sigma_rad = cut.heading_sigma_rad = 0.0;
     }
     fault.action =
-        rotating ? "leg set aside: attitude and velocity found anew after it" : "velocity started anew after it";
+        rotating ? "leg set aside: attitude and velocity found again after it" : "velocity started again after it";
     if (!faults.empty() && faults.back().block == fault.block && faults.back().what == fault.what) {
       faults.back().last_sample = fault.last_sample;
       continue;
@@ -118,7 +118,7 @@ bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Inn
   else
     fault.what = format("velocity step of %.3g m/s that no noise explains", worst->velocity_mps.norm());
   fault.action =
-      in_rotation ? "leg set aside: attitude and velocity found anew after it" : "velocity started anew after it";
+      in_rotation ? "leg set aside: attitude and velocity found again after it" : "velocity started again after it";
   faults.push_back(fault);
   add_break(breaks, cut);
   return true;

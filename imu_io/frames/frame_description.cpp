@@ -236,7 +236,7 @@ void check_layout(KeyValueFile& file, const FrameDescription& frame, const Frame
     file.reject("variants", "variants that count alike");
   }
   for (const FrameVariant& other : frame.variants) {
-    if (&other != &variant && other.id == variant.id) file.reject("variants", "another id for each variant");
+    if (&other != &variant && other.id == variant.id) file.reject("variants", "a different id for each variant");
   }
 }
 

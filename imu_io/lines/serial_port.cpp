@@ -77,7 +77,7 @@ Status SerialPort::configure(const SerialSettings& settings) {
     if (errno == ENOTTY) return device_error(device_ + ": not a serial port");
     return failure("cannot read the line settings", errno);
   }
-  if (::ioctl(fd_, TIOCEXCL) != 0) return failure("cannot get for itself alone", errno);
+  if (::ioctl(fd_, TIOCEXCL) != 0) return failure("cannot get exclusive use", errno);
   line.c_iflag = IGNBRK;
   if (settings.parity != SerialParity::none) line.c_iflag |= INPCK;
   line.c_oflag = 0;
@@ -159,7 +159,7 @@ Status SerialPort::write_all(std::string_view text, double timeout_s) {
 }
 
 Status SerialPort::discard_input() {
-  if (::ioctl(fd_, TCFLSH, TCIFLUSH) != 0) return failure("cannot throw away old input", errno);
+  if (::ioctl(fd_, TCFLSH, TCIFLUSH) != 0) return failure("cannot discard old input", errno);
   return {};
 }
 

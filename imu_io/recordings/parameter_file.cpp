@@ -49,7 +49,7 @@ bool is_further_key(std::string_view key) {
 class Lines {
  public:
   void text(const std::string& key, const std::string& value) {
-    if (!keys_.insert(key).second) return fail(key, "is there twice");
+    if (!keys_.insert(key).second) return fail(key, "occurs twice");
     if (!is_plain_text(value)) return fail(key, "= '" + value + "': expected printable text without '#', not empty");
     lines_ += key + " = " + value + "\n";
   }

@@ -59,7 +59,7 @@ inline constexpr std::array<std::string_view, 4> further_key_prefixes = {"noise.
 // The site, unit and increments of a recording, taken over.
 void describe_recording(const RecordingInfo& info, ParameterFile& file);
 
-// An error when a value is not finite, a text cannot stand in the file, or a key is there twice.
+// An error when a value is not finite, a text cannot stand in the file, or a key occurs twice.
 Result<std::string> format_parameter_file(const ParameterFile& file);
 Status write_parameter_file(const ParameterFile& file, const std::string& path);
 

@@ -152,7 +152,7 @@ Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) 
       return count;
     }
     if (restarted_) {
-      return lost("the unit's counter began anew after sample " + std::to_string(last_counter_) +
+      return lost("the unit's counter started again after sample " + std::to_string(last_counter_) +
                   ": it was switched off or reset");
     }
     const auto received = receive(deadline.left_s());

@@ -244,8 +244,9 @@ void add_queue_command(CommandLine& line, CommandContext& context) {
   const Command command = line.command("queue", "show a batch's queue, add and remove units; also while it runs");
   command.option("queue", options->queue, "file with one serial number a line").required();
   command.option("--add", options->change.add, "serial numbers to add at the end");
-  command.option("--remove", options->change.remove, "serial numbers to take out");
-  command.option("--again", options->change.again, "serial numbers whose outcome is forgotten: they are done again");
+  command.option("--remove", options->change.remove, "serial numbers to remove");
+  command.option("--again", options->change.again,
+                 "serial numbers whose outcome is forgotten: they are calibrated again");
   command.runs(context, [options, &context] { return show_queue(*options, context.out); });
 }
 

@@ -60,7 +60,7 @@ void print_totals(const StationConfig& station, const Plan& plan, std::ostream& 
   out << formatted("\nMoves       %d\nDwells      %d (%d alignments, %d static)\nSamples     %lld\n", plan.moves,
                    plan.align_dwells + plan.still_dwells, plan.align_dwells, plan.still_dwells,
                    static_cast<long long>(plan.samples));
-  out << formatted("Total time  %s (%.10g s), of it moving %s (%.10g s)\n", clock_text(plan.station_s).c_str(),
+  out << formatted("Total time  %s (%.10g s), of which moving %s (%.10g s)\n", clock_text(plan.station_s).c_str(),
                    plan.station_s, clock_text(plan.moving_s).c_str(), plan.moving_s);
 }
 

@@ -141,7 +141,7 @@ Status run_predict(const PredictRequest& request, std::ostream& out) {
   print_premises(request, unit->info, out);
   for (std::size_t c = 0; c < columns.size(); ++c) {
     char line[200];
-    std::snprintf(line, sizeof line, "Sequence  %s: %.0f s, of it %.0f s at rest\n", columns[c].name.c_str(),
+    std::snprintf(line, sizeof line, "Sequence  %s: %.0f s, of which %.0f s at rest\n", columns[c].name.c_str(),
                   columns[c].station_s, columns[c].prediction.static_s);
     out << line;
     if (!refused[c].empty()) out << "  the station cannot run it: " << refused[c] << "\n";
@@ -154,7 +154,7 @@ Status run_predict(const PredictRequest& request, std::ostream& out) {
     out << "\n";
     print_effects(columns, out);
     if (!options.temperature)
-      out << "Effects of temperature were not looked at: it stands still (--temperature-rise).\n";
+      out << "Effects of temperature were not looked at: it does not change (--temperature-rise).\n";
     out << "Never observable:\n";
     for (const std::string_view quantity : unobservable_quantities()) out << "  " << quantity << "\n";
   }

@@ -40,7 +40,7 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
                      found.quiet_accel);
   }
   if (found.slow_turns > 0) {
-    out << found.slow_turns << " quiet stretches taken out: their mean rate is that of a slow turn\n";
+    out << found.slow_turns << " quiet stretches taken out: their mean rate is that of a slow rotation\n";
   }
   int rest = 0;
   out << "rest      from s        to s    length s\n";

@@ -20,11 +20,11 @@ Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const st
   for (const EffectValue& effect : file.effects) {
     const std::string key = "effect." + effect.name + "." + effect.component;
     const EffectEntry* entry = find_effect(effect.name);
-    if (entry == nullptr) return input_error(file_name + ": '" + key + "' is no effect of the catalogue");
+    if (entry == nullptr) return input_error(file_name + ": '" + key + "' is not an effect of the catalogue");
     if (effect.component == "tau_s") continue;
     const auto at = std::find(entry->components.begin(), entry->components.end(), effect.component);
     if (at == entry->components.end())
-      return input_error(file_name + ": '" + key + "' is no component of " + effect.name);
+      return input_error(file_name + ": '" + key + "' is not a component of " + effect.name);
     if (entry->needs_temperature && !info.has_temperature)
       return input_error(file_name + ": '" + key + "' depends on temperature, which the recording does not have");
     if (needs_attitude(effect.name) && !has_attitude)

@@ -221,10 +221,10 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   Result<RunDevices> devices = make_devices(*prepared, context);
   if (!devices) return devices.error();
   std::optional<ResumePoint> resume;
-  std::string what = "no dwell was complete: begins anew";
+  std::string what = "no dwell was complete: starts again from the beginning";
   if (contents->last_dwell) {
     if (contents->last_dwell->item >= plan.items.size())
-      return input_error(path + ": names an item that the plan has not");
+      return input_error(path + ": names an item that the plan does not have");
     if (contents->last_dwell->units.size() != units.size())
       return input_error(path + ": a dwell is not of all units of the run");
     resume = ResumePoint{*contents->last_dwell, devices->rig != nullptr};

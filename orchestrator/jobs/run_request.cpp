@@ -40,7 +40,7 @@ Status check_words(const RunRequest& request) {
       return input_error("--unit '" + unit + "': expected a serial number of printable characters without '#'");
     }
     if (std::count(request.units.begin(), request.units.end(), unit) > 1) {
-      return input_error("--unit '" + unit + "': given twice, expected every unit once");
+      return input_error("--unit '" + unit + "': given twice, expected each unit once");
     }
   }
   const std::pair<const char*, const std::string*> words[] = {{"--operator", &request.operator_name},

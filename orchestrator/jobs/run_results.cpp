@@ -129,7 +129,7 @@ Status verdict_status(const std::string& unit, const VerdictReport& report) {
     }
   }
   return Error{ErrorKind::unit_failed,
-               "unit " + unit + " does not keep its limits: " + worst +
+               "unit " + unit + " is outside its limits: " + worst +
                    (lines.size() > 1 ? " (and " + std::to_string(lines.size() - 1) + " more)" : "")};
 }
 
@@ -147,7 +147,7 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
     for (const std::string& note : results.output->notes) out << note << '\n';
     const Result<ParameterVector> truth = run.request.dry_run
                                               ? read_truth(path(truth_name))
-                                              : Result<ParameterVector>(input_error("no truth of a real unit"));
+                                              : Result<ParameterVector>(input_error("a real unit has no known truth"));
     out << '\n';
     print_results(results.output->file, truth ? std::optional(*truth) : std::nullopt, out);
     out << '\n';

@@ -86,7 +86,7 @@ Status restore_version(const std::string& store, const std::string& unit, int ve
 Result<std::vector<StoredVersion>> stored_versions(const std::string& store, const std::string& unit, bool simulated) {
   const std::string folder = unit_folder(store, unit, simulated);
   const std::vector<int> numbers = version_numbers(folder);
-  if (numbers.empty()) return input_error(folder + ": holds no parameter file of unit '" + unit + "'");
+  if (numbers.empty()) return input_error(folder + ": holds no parameter file for unit '" + unit + "'");
   const Result<std::string> in_use = read_whole_file(folder + "/" + in_use_name);
   std::vector<StoredVersion> versions;
   for (const int number : numbers) {

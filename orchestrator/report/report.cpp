@@ -93,7 +93,7 @@ Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) 
   }
   if (nameless) {
     page.section("residual", "Where the residual lies");
-    page.text("No effect is named for this residual. What it depends on, dwell by dwell, is for the eye to judge:");
+    page.text("No effect is named for this residual. What it depends on, dwell by dwell, is for the reader to judge:");
     if (unexplained.empty()) page.text("There are no dwells after a rotation to show.");
     for (const Figure& figure : unexplained) {
       page.subsection(figure.id == "asAccel" ? "as an accelerometer error" : "as a gyro error");

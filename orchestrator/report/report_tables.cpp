@@ -406,7 +406,7 @@ std::string html_limits(const Diagnosis& diagnosis, const DiagnosisContext& cont
   if (any_alias) html += "</ul>\n";
   if (any_alias && !context.hand_turned)
     html += paragraph(
-        "The sequence sequences/extended.seq holds such positions and rates; turncal predict shows by how much "
+        "The sequence sequences/extended.seq has such positions and rates; turncal predict shows by how much "
         "they help.",
         "soft");
   if (!diagnosis.gated_out.empty())

@@ -114,7 +114,7 @@ Report make_rest_report(const RestDiagnosis& r, const RestData& data, const Diag
   }
   if (!unexplained.empty()) {
     page.section("residual", "Where the residual lies");
-    page.text("No effect is named for this residual. What it depends on, rest by rest, is for the eye to judge:");
+    page.text("No effect is named for this residual. What it depends on, rest by rest, is for the reader to judge:");
     for (const Figure& figure : unexplained) {
       page.subsection(figure.id == "asAccel" ? "as an accelerometer error" : "as a gyro error");
       page.raw(plots.html(figure));

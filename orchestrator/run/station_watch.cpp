@@ -159,7 +159,8 @@ StationRun::MaybeEvent StationRun::judge_stop(double now_s) {
     }
   }
   if (now_s > phase_deadline_s_) {
-    if (state_ == RunState::parking) return raise(RunEvent::deadline, ErrorKind::device, "the drives do not go off");
+    if (state_ == RunState::parking)
+      return raise(RunEvent::deadline, ErrorKind::device, "the drives did not switch off");
     return RunEvent::deadline;
   }
   return std::nullopt;

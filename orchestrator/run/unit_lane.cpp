@@ -40,8 +40,8 @@ Result<std::string> UnitLane::connect(const StationConfig& station, bool table_s
   const Result<ImuIdentity> imu = unit_.imu.identify();
   if (!imu) return imu.error();
   if (!imu->unit_serial.empty() && imu->unit_serial != unit_.serial) {
-    return input_error("the unit on the table says it is '" + imu->unit_serial + "', asked for was '" + unit_.serial +
-                       "'");
+    return input_error("the unit on the table says it is '" + imu->unit_serial + "', but this run is for '" +
+                       unit_.serial + "'");
   }
   unit_.imu.describe(info_);
   info_.latitude_deg = station.latitude_deg;

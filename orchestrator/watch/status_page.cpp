@@ -52,13 +52,13 @@ function show() {
   byId("title").textContent = "turncal: unit " + s.unit + (s.simulated ? " (dry run: simulated, no real unit)" : "");
   if (silent && !s.ended) {
     state.className = "bad";
-    state.textContent = "The program does not answer since " + heard.toLocaleTimeString() + ": the run has died.";
+    state.textContent = "The program has not answered since " + heard.toLocaleTimeString() + ": the run has died.";
   } else if (s.ended) {
     state.className = s.ended.startsWith("done") ? "" : "bad";
     state.textContent = "The run is over: " + s.ended;
   } else if (s.heartbeat_age_s > 10) {
     state.className = "old";
-    state.textContent = "The run's loop has been silent for " + fix(s.heartbeat_age_s, 0) + " s.";
+    state.textContent = "The run's loop has not reported for " + fix(s.heartbeat_age_s, 0) + " s.";
   } else {
     state.className = "";
     state.textContent = "Running: step " + s.step_place + "/" + s.step_count + ", " + s.phase + ", " + (s.pause || "ends at " + (s.eta_utc || "-"));

@@ -105,7 +105,7 @@ TEST(FrameDescription, OneLineForEachMistake) {
       {"line.baud = 115200", "variants =", "key 'variants' = '': expected names separated by commas"},
       {"line.baud = 115200", "variants = a, b", "key 'variants' = 'a, b': expected a key id.offset beside it"},
       {"line.baud = 115200", "variants = a, b\nid.offset = 33\na.id.value = 1\nb.id.value = 1",
-       "key 'variants' = 'a, b': expected another id for each variant"},
+       "key 'variants' = 'a, b': expected a different id for each variant"},
   };
   for (const BadDescription& bad : cases) {
     std::string text(builtin_frame_text("laser_gyro"));

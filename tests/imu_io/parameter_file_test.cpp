@@ -210,8 +210,7 @@ TEST(ParameterFile, WhatCannotBeWrittenIsRefusedBeforeTheFileIsTouched) {
   refused([](ParameterFile& f) { f.unit_serial = "a\nb"; },
           "'unit_serial' = 'a\nb': expected printable text without '#', not empty");
   refused([](ParameterFile& f) { f.method.clear(); }, "'method' = '': expected printable text without '#', not empty");
-  refused([](ParameterFile& f) { f.effects.push_back(f.effects[0]); },
-          "'effect.accel_size_effect.x_rx' is there twice");
+  refused([](ParameterFile& f) { f.effects.push_back(f.effects[0]); }, "'effect.accel_size_effect.x_rx' occurs twice");
   refused([](ParameterFile& f) { f.effects[0].component = "x.y"; },
           "'effect.accel_size_effect.x.y' expected effect.<name>.<component>");
   refused([](ParameterFile& f) { f.add_further("colour", "red"); },

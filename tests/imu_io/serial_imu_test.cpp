@@ -189,7 +189,7 @@ TEST_F(SerialImuTest, AUnitThatWasSwitchedOffIsADeviceError) {
   ASSERT_OK(drain(imu));
   send(0, 20);
   const Status status = drain(imu);
-  EXPECT_ERROR(status, link + ": the unit's counter began anew after sample 50019: it was switched off or reset");
+  EXPECT_ERROR(status, link + ": the unit's counter started again after sample 50019: it was switched off or reset");
   ASSERT_FALSE(status.ok());
   EXPECT_EQ(status.error().kind, ErrorKind::device);
   EXPECT_EQ(samples.size(), 20U);

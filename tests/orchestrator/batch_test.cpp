@@ -135,7 +135,7 @@ TEST_F(Batch, HooksAreCalledWithWhatHappened) {
                 .code,
             50);
   const std::string told = file_text(folder_ / "told");
-  EXPECT_EQ(told.find("done SN1 true \nfail SN2 true unit SN2 does not keep its limits"), 0u) << told;
+  EXPECT_EQ(told.find("done SN1 true \nfail SN2 true unit SN2 is outside its limits"), 0u) << told;
   EXPECT_NE(told.find("needs_operator SN3 true step 1"), std::string::npos) << told;
   EXPECT_NE(told.find("emergency stop"), std::string::npos) << told;
   EXPECT_NE(file_text(folder_ / "units/SN1/run.log").find("hook.done: ended with code 3"), std::string::npos);

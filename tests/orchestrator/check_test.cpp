@@ -87,7 +87,7 @@ TEST_F(Check, PrintsEveryMoveAndDwellWithItsTime) {
         "0:03:17 rotate roll 360 -> 0 10 deg/s 20 deg/s^2 37.0 s to the initial position",
         "0:03:54 align 1.0 s 200 samples", "roll 0 to 360 -540 to 540 360 / 720 720",
         "heading 0 to 0 -540 to 540 0 / 720 0", "Moves 2", "Dwells 3 (2 alignments, 1 static)", "Samples 47000",
-        "Total time 0:03:55 (235 s), of it moving 0:01:14 (74 s)", "The station can run this sequence."}) {
+        "Total time 0:03:55 (235 s), of which moving 0:01:14 (74 s)", "The station can run this sequence."}) {
     EXPECT_TRUE(has_line(outcome.out, line)) << line << "\n" << outcome.out;
   }
 }
@@ -98,9 +98,9 @@ TEST_F(Check, ShippedSequencesRunOnTheShippedStation) {
     const char* time;
   };
   for (const Shipped& shipped :
-       {Shipped{"fourteen_step", "Total time 1:45:42 (6342 s), of it moving 0:13:22 (802 s)"},
-        Shipped{"short_demo", "Total time 0:10:09 (609 s), of it moving 0:05:04 (304 s)"},
-        Shipped{"extended", "Total time 3:37:21 (13040.6 s), of it moving 0:43:01 (2580.6 s)"}}) {
+       {Shipped{"fourteen_step", "Total time 1:45:42 (6342 s), of which moving 0:13:22 (802 s)"},
+        Shipped{"short_demo", "Total time 0:10:09 (609 s), of which moving 0:05:04 (304 s)"},
+        Shipped{"extended", "Total time 3:37:21 (13040.6 s), of which moving 0:43:01 (2580.6 s)"}}) {
     for (const std::string& station : {std::string(), source + "/orchestrator/stations/mock.station"}) {
       const Outcome outcome = check(station, source + "/sequences/" + shipped.name + ".seq");
       EXPECT_EQ(outcome.code, 0);

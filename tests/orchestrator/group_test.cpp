@@ -155,7 +155,7 @@ TEST_F(Group, AUnitThatDoesNotKeepItsLimitsFailsAlone) {
   const ProgramResult result = run(dry_run({"SN1", "SN2", "SN3"}, "out", {"--station", station}));
   EXPECT_EQ(result.code, 20);
   EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_NE(result.err.find("unit SN2 does not keep its limits: a11"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("unit SN2 is outside its limits: a11"), std::string::npos) << result.err;
   EXPECT_EQ(result.err.find("SN1"), std::string::npos) << result.err;
   EXPECT_EQ(bytes("told"), "done SN1 out/SN1\nfail SN2 out/SN2\ndone SN3 out/SN3\n");
   EXPECT_TRUE(there("store/simulated/SN1/parameters.conf"));
@@ -167,7 +167,7 @@ TEST_F(Group, AUnitThatDoesNotKeepItsLimitsFailsAlone) {
   const ProgramResult both = run(dry_run({"SN1", "SN2", "SN3"}, "both", {"--station", station, "--rig", rig}));
   EXPECT_EQ(both.code, 50);
   EXPECT_EQ(both.err_lines(), 1) << both.err;
-  EXPECT_NE(both.err.find("unit SN2 does not keep its limits"), std::string::npos) << both.err;
+  EXPECT_NE(both.err.find("unit SN2 is outside its limits"), std::string::npos) << both.err;
   EXPECT_NE(both.err.find("unit SN3 dropped out"), std::string::npos) << both.err;
 }
 

@@ -193,7 +193,7 @@ TEST_F(Page, ABrowserShowsTheRunAndThatItDied) {
   EXPECT_TRUE(drawn);
   ::kill(pid, SIGKILL);
   finish(pid);
-  EXPECT_TRUE(browser.shows("does not answer since", 15.0)) << browser.seen();
+  EXPECT_TRUE(browser.shows("has not answered since", 15.0)) << browser.seen();
   EXPECT_TRUE(browser.shows("the run has died", 1.0)) << browser.seen();
 }
 

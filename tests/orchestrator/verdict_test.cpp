@@ -123,7 +123,7 @@ TEST_F(Production, VerdictIsExitCodeAndRecord) {
   const ProgramResult fail = dry_run("fail", "limit.residual_max = 0.5\nlimit.N01.max = -100\n");
   EXPECT_EQ(fail.code, 20) << fail.out;
   EXPECT_EQ(fail.err_lines(), 1);
-  EXPECT_NE(fail.err.find("unit SN1 does not keep its limits: N01 = "), std::string::npos) << fail.err;
+  EXPECT_NE(fail.err.find("unit SN1 is outside its limits: N01 = "), std::string::npos) << fail.err;
   EXPECT_NE(fail.err.find("(and 1 more)"), std::string::npos) << fail.err;
   // It is on record, and its parameters are not in use.
   EXPECT_NE(file_text(folder_ / "fail/parameters.conf").find("verdict.result = fail"), std::string::npos);
@@ -210,7 +210,7 @@ TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
   ASSERT_EQ(dry_run("two", "", {"--rig", write("two.rig", "noise.seed = 2\n")}).code, 0);
   const fs::path store = folder_ / "store/simulated/SN1";
   EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "two/parameters.conf"));
-  expect_refused({"restore", "store", "--unit", "SN1"}, "holds no parameter file of unit 'SN1'");
+  expect_refused({"restore", "store", "--unit", "SN1"}, "holds no parameter file for unit 'SN1'");
   const ProgramResult list = run({"restore", "store", "--unit", "SN1", "--simulated"});
   ASSERT_EQ(list.code, 0) << list.err;
   EXPECT_EQ(std::count(list.out.begin(), list.out.end(), '\n'), 2);

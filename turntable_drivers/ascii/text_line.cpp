@@ -90,7 +90,7 @@ Status TextLine::drain() {
   double quiet_since_s = monotonic_s();
   while (monotonic_s() - quiet_since_s < link_.quiet_s) {
     if (stop_.pending()) return given_up();
-    if (limit.passed()) return failure("the line does not become quiet");
+    if (limit.passed()) return failure("the line does not fall silent");
     bool any = false;
     if (Status status = receive_some(slice_s, any); !status) return status;
     if (any) quiet_since_s = monotonic_s();

@@ -167,7 +167,7 @@ void ManualTurntable::answer(const std::string& line) {
     say(asked ? "The run ends here; everything is kept."
               : "The run ends when this dwell is complete; everything is kept.");
   } else if (is("pause")) {
-    pause(queue_.empty() ? "Paused: what is under way goes on, the next turn waits." : "Paused.");
+    pause(queue_.empty() ? "Paused: what is under way continues, the next turn waits." : "Paused.");
   } else if (is("continue")) {
     paused_ = reason_told_ = false;
     ask();

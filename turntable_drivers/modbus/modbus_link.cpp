@@ -143,7 +143,7 @@ ModbusLink::Reply ModbusLink::drain() {
   double quiet_since_s = monotonic_s();
   while (monotonic_s() - quiet_since_s < settings_.quiet_s) {
     if (stop_.pending()) return {Failure::interrupted, 0, "", {}};
-    if (limit.passed()) return {Failure::garbled, 0, "the line does not become quiet", {}};
+    if (limit.passed()) return {Failure::garbled, 0, "the line does not fall silent", {}};
     pollfd which{descriptor_, POLLIN, 0};
     const int n = ::poll(&which, 1, StopSignal::longest_look_away_ms);
     if (n <= 0) continue;
