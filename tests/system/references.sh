@@ -105,6 +105,13 @@ awk -v work="$work" -v with_program="${program:+1}" '
       if (!there(joined(folder, target))) bad("link to " target)
     }
   }
+  function look_at_images(text,    target) {
+    while (match(text, /src="[^"]*"/)) {
+      target = substr(text, RSTART + 5, RLENGTH - 6)
+      text = substr(text, RSTART + RLENGTH)
+      if (target !~ /^[a-z]+:/ && !there(joined(folder, target))) bad("link to " target)
+    }
+  }
   # Text between backquotes: a key of some configuration?
   function look_at_key(text,    part, i, n) {
     if (text !~ /^[a-z][a-z0-9_]*([.][a-zA-Z0-9_]+)*( = .*)?$/ || text !~ /[.]| = /) return
@@ -156,7 +163,7 @@ awk -v work="$work" -v with_program="${program:+1}" '
   FILENAME ~ /[.]md$/ {
     if (/^ *```/) { block = !block; next }
     look_at_words($0)
-    if (!block) look_at_links($0)
+    if (!block) { look_at_links($0); look_at_images($0) }
     if (FILENAME !~ /^(README|CONTRIBUTING|SECURITY)[.]md$|^docs\//) next
     if (block) { look_at_code($0); next }
     look_at_quoted($0, 1)

@@ -45,6 +45,7 @@ expect pass docs/a.md '[here](tables.md), [there](../calib/types/axis.h), [up](.
 expect pass docs/a.md '[section](tables.md#tables)'
 expect fail docs/a.md '[here](none.md)'
 expect fail docs/a.md '[here](docs/tables.md)'
+expect fail docs/a.md '<img src="images/none.png" width="640">'
 expect fail calib/README.md '[out](../../none.md#section)'
 # Names in code, and keys.
 expect pass docs/a.md '`Axis::moves`, `axis.sign`, `axis.NAME.sign`, `axis.sign = 1`, `f_x = 2`'
