@@ -1,9 +1,9 @@
 #include "calib/diagnosis/rest_selection.h"
 
-#include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {

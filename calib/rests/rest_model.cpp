@@ -1,10 +1,10 @@
 #include "calib/rests/rest_model.h"
 
-#include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include <Eigen/Dense>
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {

@@ -1,0 +1,45 @@
+#include "calib/model/attitude.h"
+
+#include <cmath>
+
+namespace turncal {
+
+Eigen::Matrix3d rotation_exp(const Eigen::Vector3d& s) {
+  const double x = s.squaredNorm();
+  double a, b;  // sin(angle) / angle, (1 - cos(angle)) / angle^2
+  if (x < 0.01) {
+    a = 1.0 - x / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0)));
+    b = 0.5 - x / 24.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0 * (1.0 - x / 90.0)));
+  } else {
+    const double angle = std::sqrt(x);
+    a = std::sin(angle) / angle;
+    b = (1.0 - std::cos(angle)) / x;
+  }
+  const Eigen::Matrix3d k = skew(s);
+  return Eigen::Matrix3d::Identity() + a * k + b * (k * k);
+}
+
+Eigen::Matrix3d left_jacobian(const Eigen::Vector3d& s) {
+  const double angle2 = s.squaredNorm();
+  const Eigen::Matrix3d k = skew(s);
+  return Eigen::Matrix3d::Identity() + (0.5 - angle2 / 24.0) * k + (1.0 / 6.0 - angle2 / 120.0) * (k * k);
+}
+
+Eigen::Matrix3d attitude_from_angles(double heading_rad, double pitch_rad, double roll_rad) {
+  const Eigen::Matrix3d heading = Eigen::AngleAxisd(-heading_rad, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  const Eigen::Matrix3d pitch = Eigen::AngleAxisd(pitch_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  const Eigen::Matrix3d roll = Eigen::AngleAxisd(roll_rad, Eigen::Vector3d::UnitX()).toRotationMatrix();
+  return heading * pitch * roll;
+}
+
+Eigen::Matrix3d level(const Eigen::Matrix3d& reference_C_nb, const Eigen::Vector3d& f_b) {
+  const Eigen::Vector3d f_n = (reference_C_nb * f_b).normalized();
+  return Eigen::Quaterniond::FromTwoVectors(f_n, Eigen::Vector3d::UnitY()).toRotationMatrix() * reference_C_nb;
+}
+
+Eigen::Vector3d earth_rate_n(double latitude_deg) {
+  const double latitude = latitude_deg * rad_per_deg;
+  return {earth_rate_radps * std::cos(latitude), earth_rate_radps * std::sin(latitude), 0.0};
+}
+
+}  // namespace turncal
