@@ -32,7 +32,7 @@ if [ -n "$program" ]; then
   sed 's/^[a-z]* /any /' "$work/options" > "$work/any"
   { grep -rohE -e '--[a-z][a-z_-]*' scripts || true; } | sed 's/^/any /' >> "$work/any"
   # Of other people's programs that the documents call.
-  printf 'any --%s\n' gtest_filter preset >> "$work/any"
+  printf 'any --%s\n' gtest_filter preset install >> "$work/any"
   cat "$work/any" >> "$work/options"
 else
   : > "$work/commands"
