@@ -19,6 +19,41 @@ const char* to_string(DataEvent::Kind kind) {
   return "?";
 }
 
+namespace {
+
+// A thermometer that is read more seldom than a block lasts: linear in time between the blocks that have a value, constant before the
+// first and after the last.
+void fill_temperature(std::vector<Block>& blocks) {
+  const auto measured = [&](std::size_t k) { return !std::isnan(blocks[k].temperature_c); };
+  const auto middle = [&](std::size_t k) {
+    return static_cast<double>(blocks[k].start_sample) + 0.5 * (blocks[k].samples + blocks[k].missing);
+  };
+  std::size_t before = blocks.size();  // none yet
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    if (measured(k)) {
+      before = k;
+      continue;
+    }
+    std::size_t after = k;
+    while (after < blocks.size() && !measured(after)) ++after;
+    if (after == blocks.size() && before == blocks.size()) return;
+    for (; k < after; ++k) {
+      if (before == blocks.size()) {
+        blocks[k].temperature_c = blocks[after].temperature_c;
+      } else if (after == blocks.size()) {
+        blocks[k].temperature_c = blocks[before].temperature_c;
+      } else {
+        const double part = (middle(k) - middle(before)) / (middle(after) - middle(before));
+        blocks[k].temperature_c = static_cast<float>((1.0 - part) * static_cast<double>(blocks[before].temperature_c) +
+                                                     part * static_cast<double>(blocks[after].temperature_c));
+      }
+    }
+    before = after;
+  }
+}
+
+}  // namespace
+
 Block merge(const Block& a, const Block& b) {
   Block m = a;
   const double total = static_cast<double>(a.samples + b.samples);
@@ -115,6 +150,7 @@ void Compressor::add_one(const ImuSample& sample) {
     temperature_sum_ += sample.temperature_c;
     temperature_total_ += sample.temperature_c;
     ++temperature_count_;
+    block_.temperature_c += 1.0F;  // while the block is open: how many samples have a temperature
   }
 
   const bool still = recording_.segments.back().kind != SegmentKind::rotate;
@@ -130,9 +166,9 @@ void Compressor::close_block() {
   block_.duration_s = static_cast<double>(block_.samples + block_.missing) * recording_.info.sample_period_s;
   block_.whole_second = recording_.segments.back().kind != SegmentKind::rotate && block_.missing == 0 &&
                         block_.samples >= static_block_samples_;
-  block_.temperature_c = recording_.info.has_temperature
-                             ? static_cast<float>(temperature_sum_ / static_cast<double>(block_.samples))
-                             : std::numeric_limits<float>::quiet_NaN();
+  const auto measured = static_cast<double>(block_.temperature_c);
+  block_.temperature_c =
+      measured > 0.0 ? static_cast<float>(temperature_sum_ / measured) : std::numeric_limits<float>::quiet_NaN();
   recording_.blocks.push_back(block_);
   block_ = Block{};
   temperature_sum_ = 0.0;
@@ -176,6 +212,8 @@ void Compressor::look_for_glitch(const ImuSample& sample) {
 
 CompressedRecording Compressor::take() {
   close_block();
+  fill_temperature(recording_.blocks);
+  if (temperature_count_ == 0) recording_.info.has_temperature = false;
   recording_.mean_temperature_c = temperature_count_ > 0 ? temperature_total_ / static_cast<double>(temperature_count_)
                                                          : std::numeric_limits<double>::quiet_NaN();
   return std::move(recording_);
