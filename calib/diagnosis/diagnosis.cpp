@@ -97,6 +97,7 @@ const char* to_string(Verdict verdict) {
     case Verdict::extended: return "extended";
     case Verdict::unexplained: return "unexplained";
     case Verdict::noise_model: return "noise_model";
+    case Verdict::not_tested: return "not_tested";
   }
   return "?";
 }

@@ -27,7 +27,7 @@
 
 namespace turncal {
 
-enum class Verdict { clean, extended, unexplained, noise_model };
+enum class Verdict { clean, extended, unexplained, noise_model, not_tested };
 const char* to_string(Verdict verdict);
 
 struct DiagnosisOptions {

@@ -9,6 +9,7 @@
 
 #include "calib/diagnosis/diagnosis.h"
 #include "calib/diagnosis/rest_diagnosis.h"
+#include "calib/rests/single_pose.h"
 #include "calib/statistics/segmentation.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
@@ -20,6 +21,8 @@
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/diagnosis_text.h"
+#include "orchestrator/report/pose_report.h"
+#include "orchestrator/report/report.h"
 #include "orchestrator/report/rest_report.h"
 #include "orchestrator/report/rest_view.h"
 #include "orchestrator/watch/progress.h"
@@ -177,6 +180,18 @@ Result<Outcome> diagnose_table(const DiagnoseOptions& options, const LoadedRecor
   return Outcome{diagnosis.verdict, terminal_table(diagnosis, report), *written};
 }
 
+Result<Outcome> diagnose_single_pose(const DiagnoseOptions& options, const OutputFolder& folder) {
+  Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(options.recording);
+  if (!source) return source.error();
+  const Result<CompressedRecording> recording = compress_source(**source, CompressionOptions{});
+  if (!recording) return recording.error();
+  const Result<SinglePose> pose = analyse_single_pose(*recording);
+  if (!pose) return input_error(options.recording + ": " + pose.error().message);
+  const Result<WrittenDiagnosis> written = write_diagnosis_files(folder.path(), {}, format_pose(*pose), {});
+  if (!written) return written.error();
+  return Outcome{Verdict::not_tested, pose_table(*pose), *written};
+}
+
 Result<Outcome> diagnose_hand_turned(const DiagnoseOptions& options, const LoadedRecording& fitted,
                                      const LoadedRecording* holdout, const OutputFolder& folder,
                                      DiagnosisContext& report, Phases& phases) {
@@ -186,6 +201,7 @@ Result<Outcome> diagnose_hand_turned(const DiagnoseOptions& options, const Loade
                        ": has no table angles: expected no --arw, --vrw or bias instability, the noise is "
                        "measured in the rests");
   const RestData data = make_rest_data(fitted.recording);
+  if (data.rests.size() == 1) return diagnose_single_pose(options, folder);
   std::optional<RestData> other;
   RestDiagnosisOptions settings;
   if (holdout != nullptr) {
@@ -196,9 +212,7 @@ Result<Outcome> diagnose_hand_turned(const DiagnoseOptions& options, const Loade
   phases.begin("diagnosing: fit, scores of the catalogue, selection, rests left out");
   const Result<RestDiagnosis> result = diagnose_rests(data, settings);
   if (!result) return Error{result.error().kind, options.recording + ": " + result.error().message};
-  if (!result->base.converged)
-    return Error{ErrorKind::unit_failed,
-                 options.recording + ": the base model could not be fitted: " + result->base.message};
+  report.notes.insert(report.notes.end(), data.notes.begin(), data.notes.end());
   report.false_alarm = settings.false_alarm;
   report.method = rest_method;
   report.hand_turned = true;
@@ -206,6 +220,9 @@ Result<Outcome> diagnose_hand_turned(const DiagnoseOptions& options, const Loade
   phases.begin("writing the report");
   const Result<WrittenDiagnosis> written = write_rest_diagnosis(folder.path(), *result, data, diagnosis, report);
   if (!written) return written.error();
+  if (!result->base.converged)
+    return Outcome{
+        diagnosis.verdict, {"verdict     " + verdict_sentence(diagnosis, report, Alphabet::plain)}, *written};
   return Outcome{diagnosis.verdict,
                  terminal_table(diagnosis, report, rest_words(*result, data, diagnosis, Alphabet::plain)), *written};
 }
@@ -255,9 +272,11 @@ Result<Verdict> diagnose_recording(const DiagnoseOptions& options, CommandContex
   context.out << '\n';
   if (!outcome->written.plot_problem.empty())
     context.out << "report without plots: " << outcome->written.plot_problem << '\n';
-  context.out << "report      " << folder->file(report_name) << "\ndiagnosis   " << folder->file(diagnosis_name)
-              << "\nparameters  " << folder->file("parameters.conf") << "\n"
-              << significant(steady_wall_s() - began_s, 2) << " s" << std::endl;
+  std::error_code error;
+  for (const auto& [what, name] :
+       {std::pair("report      ", report_name), {"diagnosis   ", diagnosis_name}, {"parameters  ", "parameters.conf"}})
+    if (fs::exists(folder->file(name), error)) context.out << what << folder->file(name) << '\n';
+  context.out << significant(steady_wall_s() - began_s, 2) << " s" << std::endl;
   return outcome->verdict;
 }
 

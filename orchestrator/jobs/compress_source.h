@@ -14,5 +14,8 @@ namespace turncal {
 // told the number of samples read so far. An error when the recording has no segments.
 Result<CompressedRecording> compress_source(RecordingSource& source,
                                             const std::function<void(std::int64_t)>& progress = {});
+// The same with blocks as asked for.
+Result<CompressedRecording> compress_source(RecordingSource& source, const CompressionOptions& options,
+                                            const std::function<void(std::int64_t)>& progress = {});
 
 }  // namespace turncal

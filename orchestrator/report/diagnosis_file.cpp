@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
@@ -168,9 +169,17 @@ Result<WrittenDiagnosis> write_diagnosis(const std::string& folder, const Diagno
 
 Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report,
                                                const std::string& diagnosis, const std::string& parameters) {
-  if (Status s = write_file_atomically(folder + "/" + report_name, report.html); !s) return s.error();
-  if (Status s = write_file_atomically(folder + "/" + diagnosis_name, diagnosis); !s) return s.error();
-  if (Status s = write_file_atomically(folder + "/" + parameters_name_of_diagnosis, parameters); !s) return s.error();
+  // What this diagnosis does not have must not stay from an earlier one.
+  const auto write = [&folder](const char* name, const std::string& text) -> Status {
+    const std::string file = folder + "/" + name;
+    if (!text.empty()) return write_file_atomically(file, text);
+    std::error_code error;
+    std::filesystem::remove(file, error);
+    return error ? Status(Error{ErrorKind::input, file + ": cannot remove: " + error.message()}) : Status();
+  };
+  if (Status s = write(report_name, report.html); !s) return s.error();
+  if (Status s = write(diagnosis_name, diagnosis); !s) return s.error();
+  if (Status s = write(parameters_name_of_diagnosis, parameters); !s) return s.error();
   return WrittenDiagnosis{report.plot_problem};
 }
 

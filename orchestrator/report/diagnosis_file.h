@@ -35,7 +35,7 @@ ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisCo
 struct WrittenDiagnosis {
   std::string plot_problem;  // one line when the report has no plots, else empty
 };
-// All three into `folder`, which exists; parameters.conf last.
+// All three into `folder`, which exists; parameters.conf last. What is empty is not written, and removed where it was.
 struct Report;
 Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report,
                                                const std::string& diagnosis, const std::string& parameters);

@@ -251,6 +251,7 @@ std::string verdict_title(Verdict verdict) {
     case Verdict::extended: return "Extended";
     case Verdict::unexplained: return "Unexplained";
     case Verdict::noise_model: return "Noise model";
+    case Verdict::not_tested: return "Not tested";
   }
   return "";
 }
@@ -280,6 +281,7 @@ std::string verdict_sentence(const Diagnosis& d, const DiagnosisContext& context
                   ? ", correlation from second to second " + significant(d.base.whiteness.autocorrelation[0], 2)
                   : "") +
              "; " + remaining_clause(d) + "); nothing is claimed about effects.";
+    case Verdict::not_tested: return title + "the data determine nothing that could be judged: " + d.reason + ".";
   }
   return title;
 }

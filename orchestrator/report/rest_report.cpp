@@ -150,13 +150,17 @@ Report make_rest_report(const RestDiagnosis& r, const RestData& data, const Diag
 
 Result<WrittenDiagnosis> write_rest_diagnosis(const std::string& folder, const RestDiagnosis& r, const RestData& data,
                                               const Diagnosis& d, const DiagnosisContext& context) {
+  std::string conf = format_diagnosis(d);
+  conf += std::string("quality.trusted = ") + (r.trusted ? "true" : "false") + "\n";
+  if (!r.base.converged)  // not fitted: nothing to report but why
+    return write_diagnosis_files(folder, {}, conf, {});
   ParameterFile file;
   describe_recording(context.recording.info, file);
   describe_rest_fit(r.final, r.effects, data, file);
+  file.add_further("quality.trusted", std::string(r.trusted ? "true" : "false"));
   complete_parameters(d, context, file);
-  const Result<std::string> parameters = format_parameter_file(file);
+  const Result<std::string> parameters = d.verdict == Verdict::not_tested ? std::string() : format_parameter_file(file);
   if (!parameters) return parameters.error();
-  std::string conf = format_diagnosis(d);
   for (const ErrorRow& row : rest_words(r, data, d, Alphabet::plain).errors)
     if (!row.normalised)
       conf += "# " + row.what + ": " + format_number(row.before) + " before, " + format_number(row.after) + " after, " +
