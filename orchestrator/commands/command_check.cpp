@@ -114,6 +114,10 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   if (!station || !sequence || !period_s) {
     return exit_code(ErrorKind::input);
   }
+  const std::string caution = station->table.map       ? caution_of(*station->table.map)
+                              : station->table.dialect ? caution_of(*station->table.dialect)
+                                                       : "";
+  if (!caution.empty()) err << "warning: table: " << caution << "\n";
   const Plan plan = make_plan(*sequence, plan_limits(*station, *period_s));
   print_plan(*sequence, *station, plan, out);
   for (const std::string& violation : plan.violations) {

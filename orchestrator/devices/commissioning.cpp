@@ -7,6 +7,8 @@
 #include <numbers>
 #include <vector>
 
+#include "turntable_drivers/table/table_stop.h"
+
 namespace turncal {
 
 namespace {
@@ -60,18 +62,12 @@ class Trial {
   }
   // Stops every axis, drives off, and sees that it is so.
   Status stop() {
-    Status stopped = devices_.table.stop_all();
-    const double deadline_s = devices_.clock.now_s() + station_.motion.deadline_margin_s;
-    for (bool off = false; devices_.clock.now_s() < deadline_s;) {
-      const Result<TableStatus> axes = read_table();
-      if (axes && all_of(*axes, [](const AxisStatus& a) { return !a.moving; })) {
-        if (off) return {};
-        off = devices_.table.abort_all().ok();
-      }
-      devices_.wait(station_.motion.poll_moving_s);
-    }
-    return device_error("THE STOP COULD NOT BE VERIFIED, the table may still move" +
-                        (stopped ? std::string() : ": " + stopped.error().message));
+    return leave_off(devices_.table, {.now_s = [this] { return devices_.clock.now_s(); },
+                                      .wait = devices_.wait,
+                                      .brake_s = station_.motion.deadline_margin_s,
+                                      .deadline_s = 2.0 * station_.motion.deadline_margin_s,
+                                      .poll_s = station_.motion.poll_moving_s,
+                                      .rest_rate_degps = station_.motion.settle_rate_degps});
   }
 
  private:
