@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "calib/types/status.h"
+#include "imu_io/base/lock_file.h"
 
 namespace turncal {
 
@@ -27,6 +28,9 @@ const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const 
 // The first units of the queue, `most` at most, that have no outcome yet or are to be done again.
 std::vector<std::string> next_units(const std::vector<std::string>& queue, const std::vector<UnitOutcome>& outcomes,
                                     std::size_t most);
+
+// Held by a batch for as long as it works on the queue: a second one is refused. Changes are not.
+Result<LockFile> hold_queue(const std::string& path);
 
 // Durable on success. Two changes at a time exclude each other by a lock on QUEUE.lock.
 Status record_outcome(const std::string& path, const UnitOutcome& outcome);
