@@ -56,6 +56,7 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   Result<std::unique_ptr<RecordingSource>> opened = RecordingSource::open(options.source);
   if (!opened) return opened.error();
   RecordingSource& source = **opened;
+  if (Status status = check_not_source(options.out, options.source); !status) return status;
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {binary_recording_name});
   if (!folder) return folder.error();
   SegmentationOptions segmentation;

@@ -38,6 +38,7 @@ Status import_text(const TextOptions& options, CommandContext& context) {
     return input_error("--skip-bad-rows: expected --map; a recording in our own text form is whole or is refused");
   Result<std::unique_ptr<RecordingSource>> source = open_text_recording(options.source);
   if (!source) return source.error();
+  if (Status status = check_not_source(options.out, options.source); !status) return status;
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {binary_recording_name});
   if (!folder) return folder.error();
   if (Status status = import_binary(**source, folder->file(binary_recording_name)); !status) return status;
@@ -47,6 +48,7 @@ Status import_text(const TextOptions& options, CommandContext& context) {
 Status export_recording(const TextOptions& options, CommandContext& context) {
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(options.source);
   if (!source) return source.error();
+  if (Status status = check_not_source(options.out, options.source); !status) return status;
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {"recording.conf", "imu.csv", "segments.csv"});
   if (!folder) return folder.error();
   if (Status status = export_text(**source, folder->path()); !status) return status;

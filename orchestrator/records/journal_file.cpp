@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <functional>
 
@@ -16,8 +17,8 @@ namespace turncal {
 namespace {
 
 constexpr std::uint32_t journal_magic = 0x4a435489;  // the bytes 0x89 'T' 'C' 'J'
-constexpr std::array<std::string_view, 10> type_names = {"begin", "transition", "home",    "move",    "dwell",
-                                                         "seal",  "resume",     "results", "verdict", "dropout"};
+constexpr std::array<std::string_view, 11> type_names = {"begin",  "transition", "home",    "move",    "dwell", "seal",
+                                                         "resume", "results",    "verdict", "dropout", "clock"};
 
 // Any text as one value of a key-value line: '%', '#' and control characters as %XX, and a blank at either end.
 std::string escaped(std::string_view text) {
@@ -249,6 +250,12 @@ Status JournalFile::dropout(const Dropout& dropout) {
 
 Status JournalFile::seal(double utc_s) { return append(JournalType::seal, {{"utc_s", format_number(utc_s)}}); }
 
+Status JournalFile::clock_set(double by_s, const RunSnapshot& at) {
+  return append(JournalType::clock, {{"time_s", format_number(at.time_s)},
+                                     {"utc_s", format_number(at.utc_s)},
+                                     {"by_s", format_number(std::round(by_s * 1e3) / 1e3)}});
+}
+
 const std::string& JournalContents::begin_value(std::string_view key) const {
   static const std::string nothing;
   const auto found = std::find_if(begin.begin(), begin.end(), [key](const auto& field) { return field.first == key; });
@@ -299,6 +306,7 @@ Result<JournalContents> read_journal(const std::string& path) {
       case JournalType::verdict: contents.verdicts.push_back(fields_of(*fields)); break;
       case JournalType::dropout: contents.dropped.push_back(read_dropout(*fields)); break;
       case JournalType::results:
+      case JournalType::clock:
       case JournalType::transition: break;
     }
     return fields->status();

@@ -29,7 +29,8 @@ enum class JournalType : std::uint32_t {
   resume,
   results,
   verdict,
-  dropout
+  dropout,
+  clock
 };
 std::string_view to_string(JournalType type);
 
@@ -49,6 +50,7 @@ class JournalFile : public RunJournal {
   Status dwell(const CompletedDwell& dwell) override;
   Status dropout(const Dropout& dropout) override;
   Status seal(double utc_s) override;
+  Status clock_set(double by_s, const RunSnapshot& at);
 
  private:
   JournalFile(PosixFile file, std::uint32_t next_number) : file_(std::move(file)), next_number_(next_number) {}

@@ -84,6 +84,35 @@ std::string record_value(const ParameterFile& file, const std::string& column) {
   return found == file.further.end() ? "" : found->second;
 }
 
+// Which of a row's entries its parameter file, which has a checksum, does not have like that. Empty: none.
+std::string defect_of(const StoredCalibration& row, const std::string& text, const std::string& where) {
+  const Result<ParameterFile> file = parse_parameter_file(text, where + ", parameter file");
+  if (!file) return file.error().message;
+  const auto differs = [&where](std::string_view what) {
+    return where + ": " + std::string(what) + " is not that of the parameter file in the row";
+  };
+  const std::pair<const char*, bool> entries[] = {{"unit", row.unit == file->unit_serial},
+                                                  {"time_utc", row.time_utc == file->time_utc},
+                                                  {"recording_hash", row.recording_hash == file->recording_hash},
+                                                  {"simulated", row.simulated == file->simulated},
+                                                  {"station", row.station == record_value(*file, "station")},
+                                                  {"operator", row.operator_name == record_value(*file, "operator")}};
+  for (const auto& [name, same] : entries) {
+    if (!same) return differs(name);
+  }
+  const auto judged = std::find_if(file->further.begin(), file->further.end(),
+                                   [](const auto& field) { return field.first == "verdict.result"; });
+  if (judged != file->further.end() && judged->second != row.verdict) return differs("verdict");
+  for (const StoredValue& value : row.values) {
+    const auto key = std::find(parameter_keys.begin(), parameter_keys.end(), value.key);
+    if (key == parameter_keys.end()) return differs(value.key);
+    const auto i = static_cast<std::size_t>(key - parameter_keys.begin());
+    if (value.value != file->parameters[static_cast<Eigen::Index>(i)] || value.sigma != file->sigma[i])
+      return differs(value.key);
+  }
+  return "";
+}
+
 }  // namespace
 
 ResultsDatabase::ResultsDatabase(sqlite3* handle, std::string path)
@@ -171,8 +200,8 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
 
 Result<std::vector<StoredCalibration>> ResultsDatabase::list(const std::string& unit, const std::string& key) const {
   Statement rows(handle_.get(),
-                 "SELECT id, unit, time_utc, station, operator, verdict, folder, recording_hash, simulated, sessions "
-                 "FROM calibration WHERE ?1 = '' OR unit = ?1 ORDER BY time_utc, id");
+                 "SELECT id, unit, time_utc, station, operator, verdict, folder, recording_hash, simulated, sessions, "
+                 "parameter_file FROM calibration WHERE ?1 = '' OR unit = ?1 ORDER BY time_utc, id");
   if (!rows) return failure("cannot read");
   rows.bind(unit);
   std::vector<StoredCalibration> found;
@@ -201,6 +230,8 @@ Result<std::vector<StoredCalibration>> ResultsDatabase::list(const std::string& 
                           values.text(5)});
     }
     if (!values.ended_well()) return failure("cannot read");
+    c.defect = defect_of(c, rows.text(10), path_ + ": row " + std::to_string(c.id));
+    if (!c.defect.empty()) c.verdict = "damaged";
     found.push_back(std::move(c));
   }
   if (!rows.ended_well()) return failure("cannot read");

@@ -30,6 +30,8 @@ struct StoredCalibration {
   bool simulated = false;
   int sessions = 1;
   std::vector<StoredValue> values;  // as asked for
+  // What of the row is not as in the parameter file that it holds; its verdict then reads "damaged". Empty: all is.
+  std::string defect;
 };
 
 class ResultsDatabase {

@@ -46,7 +46,10 @@ Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) 
   const bool nameless = diagnosis.verdict == Verdict::unexplained || diagnosis.verdict == Verdict::noise_model;
 
   Plots plots;
-  const auto add = [&plots](Figure figure) { return plots.add(std::move(figure)); };
+  const auto add = [&plots, &context](Figure figure) {
+    mark_steps(context.recording, figure);
+    return plots.add(std::move(figure));
+  };
   const Figure time = diagnosis.residuals.empty() ? Figure{} : add(time_figure(diagnosis));
   std::vector<Figure> effects;
   for (std::size_t k = 0; k < std::min(diagnosis.effect_names.size(), most_effect_figures); ++k)
