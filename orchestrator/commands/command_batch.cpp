@@ -113,9 +113,22 @@ struct Tally {
   int passed = 0, not_passed = 0;
 };
 
+Result<Tally> tally_of(const std::string& path) {
+  const Result<std::vector<std::string>> queue = read_queue(path);
+  if (!queue) return queue.error();
+  const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(path);
+  if (!outcomes) return outcomes.error();
+  Tally tally;
+  for (const std::string& unit : *queue) {
+    const UnitOutcome* outcome = find_outcome(*outcomes, unit);
+    if (outcome)
+      ++(outcome->outcome == "pass" || outcome->outcome == "conditional_pass" ? tally.passed : tally.not_passed);
+  }
+  return tally;
+}
+
 // One run, and what became of each of its units.
-Status take_turn(const BatchOptions& options, const Turn& turn, const std::string& tag, Tally& tally,
-                 CommandContext& context) {
+Status take_turn(const BatchOptions& options, const Turn& turn, const std::string& tag, CommandContext& context) {
   const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + join(turn.units);
   context.out << tag << name << " in " << turn.folder << std::endl;
   RunRequest request = options.request;
@@ -143,14 +156,13 @@ Status take_turn(const BatchOptions& options, const Turn& turn, const std::strin
     diagnose_run(unit.folder, unit.status, context);
     context.out << tag << "unit " << unit.serial << ": " << *outcome
                 << (unit.status ? "" : ": " + unit.status.error().message) << std::endl;
-    ++(unit.status ? tally.passed : tally.not_passed);
   }
   return stops;
 }
 
 // False: one was skipped, and the turn is another.
 Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn,
-                         const std::string& tag, Tally& tally, CommandContext& context) {
+                         const std::string& tag, CommandContext& context) {
   for (const std::string& unit : turn.units) {
     const Result<Mounted> mounted = mount_unit(station, unit, turn.folder, STDIN_FILENO, context.out, tag);
     if (!mounted) return mounted.error();
@@ -158,7 +170,6 @@ Result<bool> mount_units(const BatchOptions& options, const StationConfig& stati
     if (Status status = record_outcome(options.queue, {unit, "skipped", now_utc(), *mounted->skipped}); !status)
       return status.error();
     context.out << tag << "unit " << unit << ": skipped: " << *mounted->skipped << std::endl;
-    ++tally.not_passed;
     return false;
   }
   return true;
@@ -174,27 +185,31 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     return input_error("--at-once " + std::to_string(options.at_once) + ": expected at most " +
                        std::to_string(places(*prepared)) + ", the places on the table");
   }
+  if (Status status = check_sequence(*prepared); !status) return status;
+  const Result<LockFile> queue = hold_queue(options.queue);
+  if (!queue) return queue.error();
   const std::string tag = options.request.dry_run ? "[dry run] [batch] " : "[batch] ";
-  Tally tally;
   for (;;) {
     const Result<Turn> turn = next_turn(options);
     if (!turn) return turn.error();
     if (turn->units.empty()) break;
-    const Result<bool> all = options.request.dry_run
-                                 ? Result<bool>(true)
-                                 : mount_units(options, prepared->station, *turn, tag, tally, context);
+    const Result<bool> all =
+        options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared->station, *turn, tag, context);
     if (!all) return all.error();
     if (!*all) continue;
-    if (Status status = take_turn(options, *turn, tag, tally, context); !status) return status;
+    if (Status status = take_turn(options, *turn, tag, context); !status) return status;
     if (StopSignals::any()) {  // asked for when the results were being made
       return Error{ErrorKind::interrupted,
                    "paused after unit " + join(turn->units) + "; the same command goes on with the next"};
     }
   }
-  context.out << tag << "queue done: " << tally.passed << " passed, " << tally.not_passed << " not" << std::endl;
-  if (tally.not_passed == 0) return {};
-  return Error{ErrorKind::unit_failed, std::to_string(tally.not_passed) + " of " +
-                                           std::to_string(tally.passed + tally.not_passed) +
+  // Of the whole queue, whichever command did it.
+  const Result<Tally> tally = tally_of(options.queue);
+  if (!tally) return tally.error();
+  context.out << tag << "queue done: " << tally->passed << " passed, " << tally->not_passed << " not" << std::endl;
+  if (tally->not_passed == 0) return {};
+  return Error{ErrorKind::unit_failed, std::to_string(tally->not_passed) + " of " +
+                                           std::to_string(tally->passed + tally->not_passed) +
                                            " units did not pass; see turncal queue " + options.queue};
 }
 

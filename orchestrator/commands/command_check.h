@@ -13,8 +13,9 @@
 namespace turncal {
 
 struct CheckOptions {
-  std::string station;   // file; empty: the built-in rig station
-  std::string sequence;  // file
+  std::string station;  // file; empty: the built-in rig station
+  std::string sequence;
+  std::string overdue_reason;  // file
 };
 
 int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err);

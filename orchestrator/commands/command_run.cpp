@@ -66,6 +66,8 @@ void add_run_command(CommandLine& line, CommandContext& context) {
   command.option("--station", request.station, "station configuration; default: the built-in rig station");
   add_view_options(command, request);
   command.flag("--capture-only", request.capture_only, "record the sequence, do not calibrate");
+  command.flag("--partial", request.partial,
+               "of a sequence that does not determine all: estimate what it does; no verdict, not put in use");
   command.flag("--no-diagnosis", options->no_diagnosis, "leave out the diagnosis at the end");
   add_record_options(command, request);
   command.runs(context, [options, &context]() -> Status {

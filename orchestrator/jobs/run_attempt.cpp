@@ -4,16 +4,19 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <deque>
 #include <thread>
 
 #include "imu_io/base/clock.h"
+#include "orchestrator/devices/first_step_check.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/report/report_format.h"
 #include "orchestrator/run/station_run.h"
+#include "orchestrator/watch/clock_watch.h"
 #include "orchestrator/watch/live_view.h"
 #include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/status_page.h"
@@ -83,6 +86,19 @@ std::string verdicts_of(const std::vector<UnitRun>& units) {
   return text;
 }
 
+Tone tone_of(const RunOutcome& outcome, const std::vector<UnitRun>& units) {
+  if (outcome.state == RunState::interrupted) return Tone::attention;
+  if (outcome.state != RunState::done) return Tone::bad;
+  Tone worst = Tone::good;
+  for (const UnitRun& unit : units) {
+    const UnitVerdict verdict = unit.results.verdict.verdict;
+    const bool failed = !unit.dropped && (!unit.status || !is_accepted(verdict));
+    const bool plain = !unit.dropped && verdict != UnitVerdict::conditional_pass;
+    worst = std::max(worst, failed ? Tone::bad : plain ? Tone::good : Tone::attention);
+  }
+  return worst;
+}
+
 // How far every unit came, and what is known of it before there are results.
 void take_outcome(const RunOutcome& outcome, double sample_period_s, std::vector<UnitRun>& units) {
   for (std::size_t i = 0; i < units.size(); ++i) {
@@ -129,17 +145,31 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   // A line redrawn in place would run over the operator's answers.
   const bool in_place = context.out_is_terminal && !made.prompts;
   ProgressView view(context.out, in_place ? context.terminal_columns : 0, tag, steady_wall_s, stdout_takes_more);
-  LiveView live(join(a.run.request.units), a.run.station.name, a.run.sequence.name, a.run.request.dry_run,
-                last_results(a.run), steady_wall_s);
+  LiveView live({.unit = join(a.run.request.units),
+                 .station = a.run.station.name,
+                 .sequence = a.run.sequence.name,
+                 .folder = a.folder,
+                 .simulated = a.run.simulated(),
+                 .by_hand = made.prompts != nullptr,
+                 .results = last_results(a.run)},
+                steady_wall_s);
   std::unique_ptr<StatusPage> page;
   if (!a.run.request.listen.empty()) {
     Result<std::unique_ptr<StatusPage>> opened = StatusPage::open(a.run.request.listen, live);
     if (!opened) return opened.error();
     page = std::move(*opened);
     context.out << tag << "status page " << page->url() << std::endl;
+    if (const std::string warning = page->warning(); !warning.empty()) context.err << warning << std::endl;
   }
   PaceKeeper pace(a.run.request.pace);
-  std::vector<RunObserver*> told{&a.log, &view, &live, &pace};
+  ClockWatch clock(made.live ? a.run.station.clock_speed_up : 1.0, [&a](double by_s, const RunSnapshot& at) {
+    char text[80];
+    std::snprintf(text, sizeof text, "the clock was set by %+.3f s, to ", by_s);
+    a.log.line(text + format_utc(at.utc_s));
+    // A journal that cannot be written refuses the next record, too, and that stops the run.
+    if (Status kept = a.journal.clock_set(by_s, at); !kept) a.log.line(kept.error().message);
+  });
+  std::vector<RunObserver*> told{&a.log, &view, &live, &pace, &clock};
   if (made.prompts) told.push_back(made.prompts);
   Fanout observers(told);
   std::deque<RecordingSink> recordings;
@@ -147,10 +177,12 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
     recordings.emplace_back(unit.folder);
     unit.counts.sessions = a.sessions;
   }
-  LiveSink shown(recordings.front(), live);  // the page plots the first unit
+  std::deque<FirstStepCheck> checks;
+  for (RecordingSink& recording : recordings) checks.emplace_back(recording);
+  LiveSink shown(checks.front(), live);  // the page plots the first unit
   std::vector<StationUnit> lanes;
   for (std::size_t i = 0; i < a.units.size(); ++i) {
-    RunSink& sink = i == 0 ? static_cast<RunSink&>(shown) : recordings[i];
+    RunSink& sink = i == 0 ? static_cast<RunSink&>(shown) : checks[i];
     lanes.push_back({made.imu(i), sink, a.units[i].run.unit()});
   }
   const StopSignals signals(FirstInterrupt::pauses);
@@ -170,7 +202,10 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   view.clear();
   take_outcome(outcome, a.sample_period_s, a.units);
   const bool done = outcome.state == RunState::done;
-  live.end(done ? "done: " + verdicts_of(a.units) : outcome.error.message);
+  live.end(done                                     ? "Done: " + verdicts_of(a.units)
+           : outcome.state == RunState::interrupted ? "Paused: " + outcome.error.message
+                                                    : "The run is over: " + outcome.error.message,
+           tone_of(outcome, a.units));
   if (page) page->say_goodbye();
   if (!done) {
     a.log.line(outcome.error.message);

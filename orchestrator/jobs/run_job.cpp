@@ -6,11 +6,14 @@
 #include "imu_io/base/clock.h"
 #include "orchestrator/jobs/run_attempt.h"
 #include "orchestrator/jobs/run_results.h"
+#include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/report/report_format.h"
+#include "orchestrator/station/due_date.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
+#include "orchestrator/watch/clock_watch.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -24,14 +27,13 @@ Status check_plan(const Plan& plan) {
                      (more > 0 ? " (and " + std::to_string(more) + " more; see turncal check)" : ""));
 }
 
-// A table whose calibration is overdue is used only with a reason.
-Status check_due(const PreparedRun& run, double utc_s) {
-  const std::string& due = run.station.table_calibration_due;
-  const std::string today = format_utc(utc_s).substr(0, 10);
-  if (due.empty() || today <= due) return {};  // days as 2026-12-31 sort as they follow each other
-  if (!run.request.overdue_reason.empty()) return {};
-  return input_error("the calibration of table '" + run.station.table_id + "' was due on " + due + ", today is " +
-                     today + ": expected a calibrated table, or --override-due REASON, which goes on record");
+// What could not be calibrated at the end is said before anything moves.
+Status check_sequence(const PreparedRun& run, const Plan& plan) {
+  if (Status status = check_plan(plan); !status) return status;
+  if (run.request.capture_only || run.request.partial) return {};
+  const std::vector<std::string> keys = undetermined_by(run.sequence, plan, planned_info(run));
+  if (keys.empty()) return {};
+  return input_error("sequence " + run.sequence.name + " " + coverage_text(keys));
 }
 
 std::string first_line(const PreparedRun& run) {
@@ -150,6 +152,8 @@ bool is_over(const JournalContents& journal) {
   return true;
 }
 
+Status check_sequence(const PreparedRun& run) { return check_sequence(run, plan_of(run, run.sample_period_s())); }
+
 RunEnd begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
   if (request.dry_run) context.tag = dry_run_tag;
   Result<PreparedRun> prepared = prepare(request);
@@ -157,10 +161,12 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   context.tag = tag_of(*prepared);
   const double period_s = prepared->sample_period_s();
   const Plan plan = plan_of(*prepared, period_s);
-  if (Status status = check_plan(plan); !status) return status;
+  if (Status status = check_sequence(*prepared, plan); !status) return status;
   Result<RunDevices> devices = make_devices(*prepared, context);
   if (!devices) return devices.error();
-  if (Status status = check_due(*prepared, devices->devices().clock.utc_s()); !status) return status;
+  if (Status status = check_due(prepared->station, devices->devices().clock.utc_s(), prepared->request.overdue_reason);
+      !status)
+    return status;
 
   Result<OutputFolder> folder = OutputFolder::prepare(
       folder_path,
@@ -245,7 +251,12 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
       std::filesystem::remove(unit.folder + "/" + partial_recording_name, ignored);
     }
   }
-  if (Status status = check_due(*prepared, devices->devices().clock.utc_s()); !status) return status;
+  const double utc_s = devices->devices().clock.utc_s();
+  if (Status status = check_due(prepared->station, utc_s, prepared->request.overdue_reason); !status) return status;
+  if (contents->last_dwell && utc_s < contents->last_dwell->utc_s - ClockWatch::step_s) {
+    what +=
+        "; the clock was set back: it stands before the end of that item, " + format_utc(contents->last_dwell->utc_s);
+  }
   const JournalFields resumed = {
       {"software_version", software_version()}, {"what", what}, {"overdue_reason", prepared->request.overdue_reason}};
   if (Status status = journal->append(JournalType::resume, resumed); !status) return status;

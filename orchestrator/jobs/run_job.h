@@ -31,6 +31,9 @@ struct RunEnd {
 // Every unit that is left has its verdict: nothing to resume.
 bool is_over(const JournalContents& journal);
 
+// That the station can run the sequence, and that what it is for can come of it. Part of begin_run; a batch asks before its first unit.
+Status check_sequence(const PreparedRun& run);
+
 RunEnd begin_run(const RunRequest& request, const std::string& folder, CommandContext& context);
 
 // `now`: where the files are now that the journal names (station, sequence, rig); empty: where they were; and listen and pace.

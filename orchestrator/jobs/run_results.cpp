@@ -42,11 +42,12 @@ void add_record(const PreparedRun& run, const RunCounts& counts, ParameterFile& 
   }
 }
 
-Result<CalibrationOutput> calibrate_capture(const std::string& folder, double utc_s) {
+Result<CalibrationOutput> calibrate_capture(const std::string& folder, double utc_s, bool partial) {
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(folder + "/" + binary_recording_name);
   if (!source) return source.error();
   CalibrationRequest request;
   request.time_utc = format_utc(utc_s);
+  request.partial = partial;
   return calibrate_recording(**source, request);
 }
 
@@ -75,7 +76,7 @@ Status keep_results(const PreparedRun& run, const std::string& folder, const Run
     if (!database) return database.error();
     if (Status status = database->add(file, results.verdict, folder, counts.sessions); !status) return status;
   }
-  if (!run.station.store.empty() && is_accepted(results.verdict.verdict)) {
+  if (!run.station.store.empty() && !run.request.partial && is_accepted(results.verdict.verdict)) {
     if (Status status = put_in_use(run.station.store, file); !status) return status;
   }
   return {};
@@ -97,10 +98,13 @@ Status write_results(const PreparedRun& run, const std::string& folder, double u
                      JournalFile& journal, const JournalFields& mark, RunResults& results) {
   Status calibrated;
   if (!run.request.capture_only) {
-    Result<CalibrationOutput> output = calibrate_capture(folder, utc_s);
+    Result<CalibrationOutput> output = calibrate_capture(folder, utc_s, run.request.partial);
     if (output) {
       add_record(run, counts, output->file);
-      results.verdict = judge(output->file, {output->min_temperature_c, output->max_temperature_c}, run.station.limits);
+      // An estimate in part is no judgement of the unit.
+      if (!run.request.partial)
+        results.verdict =
+            judge(output->file, {output->min_temperature_c, output->max_temperature_c}, run.station.limits);
       add_verdict(results.verdict, output->file);
       results.output = std::move(*output);
     } else {
@@ -153,7 +157,8 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
     out << '\n';
     for (const std::string& line : describe(results.verdict)) out << line << '\n';
     if (results.verdict.verdict == UnitVerdict::not_judged) {
-      out << "verdict     not judged: the station has no limits\n";
+      out << "verdict     not judged: " << (run.request.partial ? "estimated in part" : "the station has no limits")
+          << '\n';
     } else {
       out << "verdict     " << to_string(results.verdict.verdict) << "  (" << results.verdict.rule << ")\n";
     }

@@ -37,6 +37,9 @@ class ProgressView : public RunObserver {
   double drawn_s_ = -1e9;
 };
 
+// The phase as it is for a person: "dwell (repeat 1)", "resting after the interruption", "turn pitch to 90.00 deg".
+std::string phase_words(const RunSnapshot& snapshot, bool by_hand);
+bool waits_for_operator(const RunSnapshot& snapshot, bool by_hand);
 std::string format_progress(const RunSnapshot& snapshot);
 std::string format_duration(double seconds);  // 1:23:45
 double steady_wall_s();

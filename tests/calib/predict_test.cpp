@@ -12,8 +12,8 @@
 
 #include "calib/joint/score_algebra.h"
 #include "imu_io/recordings/recording_source.h"
-#include "orchestrator/commands/command_predict.h"
 #include "orchestrator/devices/truth.h"
+#include "orchestrator/jobs/sequence_coverage.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
