@@ -68,8 +68,7 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
   model.values = values;
   FilterSetup setup;
   setup.with_columns = false;
-  setup.keep_motions = true;
-  setup.initial_tilt_sigma_rad = 0.2;
+  setup.keep_taken_off = true;
   setup.noise.accel_pulse_mps =
       recording.info.accel_increment == IncrementKind::pulses ? recording.info.accel_pulse_mps : 0.0;
   faults_from_events(recording, setup.breaks);
