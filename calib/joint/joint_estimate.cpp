@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <cstdio>
+#include <cstdlib>
 
 #include <Eigen/Dense>
 
@@ -213,6 +215,12 @@ bool JointRun::iterate(double tolerance, int max_iterations) {
     for (Eigen::Index i = 0; i < step.size(); ++i)
       if (!solution_.lost[static_cast<std::size_t>(i)]) largest = std::max(largest, std::abs(step[i]) / sigma[i]);
     largest = std::max(largest, correct_headings(pass));
+    if (std::getenv("EST_TRACE")) {
+      Eigen::Index w = 0;
+      (solution_.step.array() / sigma.array()).abs().maxCoeff(&w);
+      std::printf("    pass misfit %.4f step %.4f of %d heading err %.6f sig %.6f N0 %.5f %.5f %.5f\n", misfit_, solution_.step[w] / sigma[w], subset_[w],
+                  pass.heading_error_rad[0], pass.heading_sigma_rad[0], result_.parameters.N0_degph[0], result_.parameters.N0_degph[1], result_.parameters.N0_degph[2]);
+    }
     if (largest < tolerance) return true;
   }
   return false;

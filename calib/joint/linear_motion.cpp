@@ -38,6 +38,7 @@ LinearMotion::LinearMotion(const CompressedRecording& recording, const Parameter
       unit_(si_per_unit(recording.info)),
       earth_(earth_rate_n(recording.info.latitude_deg)),
       gravity_(recording.info.gravity_mps2),
+      F_(skew(Vector3d(0.0, recording.info.gravity_mps2, 0.0))),
       p_(options.columns ? parameter_count + effects.columns : 0),
       cut_(setup.breaks.begin()) {
   for (Columns* columns : {&dr_, &dv_, &dm_}) columns->setZero(p_, 3);
@@ -192,10 +193,10 @@ void LinearMotion::columns_of(const Block& block, const BlockMotion& motion) {
 }
 
 // What the parameters do to (psi, v) over a block.
-void LinearMotion::move_columns(const BlockMotion& motion, const Matrix3d& F, const Matrix3d& turn_n, double t,
+void LinearMotion::move_columns(const BlockMotion& motion, const Matrix3d& turn_n, double t,
                                 LinearInterval& interval) {
   const Matrix3d rotate = linear_C_nb_ * left_jacobian(motion.rotation);
-  interval.B_v.noalias() -= interval.B_psi * (t * F).transpose();
+  interval.B_v.noalias() -= interval.B_psi * (t * F_).transpose();
   interval.B_v.noalias() += dv_ * linear_C_nb_.transpose();
   dm_.noalias() = interval.B_psi * turn_n.transpose();
   interval.B_psi = dm_;
@@ -264,14 +265,12 @@ void LinearMotion::rest(LinearInterval& interval) {
                     0.5 * block.samples * recording_.info.sample_period_s;
   const MotionStep move = motion_step(C_nb_, motion, earth_, gravity_, t);
   const MotionStep linear = motion_step(linear_C_nb_, motion, earth_, gravity_, t);
-  // At rest the specific force is known; as measured it would bring its noise into what is taken for certain.
-  const Matrix3d F = skew(Vector3d(0.0, gravity_, 0.0));
   interval.C = linear.C_mid;
-  interval.F = F;
+  interval.F = F_;
   interval.turn = move.turn_n;
-  interval.v_psi = -F * t;
+  interval.v_psi = -F_ * t;
   interval.psi_bg = linear.C_mid * t;
-  interval.v_bg = -F * linear.C_mid * (0.5 * t * t);
+  interval.v_bg = -F_ * linear.C_mid * (0.5 * t * t);
   interval.v_ba = linear.C_mid * t;
   interval.y = v_ + move.mean_dv_n;
   for (int axis = 0; axis < 3; ++axis)
@@ -282,7 +281,7 @@ void LinearMotion::rest(LinearInterval& interval) {
   if (p_ > 0) {
     columns_of(block, motion);
     interval.D.noalias() = dm_ * linear_C_nb_.transpose();
-    move_columns(motion, F, move.turn_n, t, interval);
+    move_columns(motion, move.turn_n, t, interval);
   }
   C_nb_ = move.C_end;
   linear_C_nb_ = linear.C_end;
@@ -302,7 +301,7 @@ void LinearMotion::turn(LinearInterval& interval) {
     const double t = block.duration_s;
     const MotionStep move = motion_step(C_nb_, motion, earth_, gravity_, t);
     const MotionStep linear = motion_step(linear_C_nb_, motion, earth_, gravity_, t);
-    const Matrix3d Ft = linear.F * t;
+    const Matrix3d Ft = F_ * t;
     const Matrix3d& T = linear.turn_n;
     const Matrix3d by_bias = rho * t * linear.C_mid;
     interval.v_bg -= Ft * interval.psi_bg + 0.5 * Ft * by_bias;
@@ -315,7 +314,7 @@ void LinearMotion::turn(LinearInterval& interval) {
       LinearInterval::Entered& n = interval.noise[k];
       const WalkNoise& source = options_.sources[k];
       const StepNoise q = step_noise(linear.C_mid * source.gyro.asDiagonal() * linear.C_mid.transpose(),
-                                     linear.C_mid * source.accel.asDiagonal() * linear.C_mid.transpose(), linear.F, t);
+                                     linear.C_mid * source.accel.asDiagonal() * linear.C_mid.transpose(), F_, t);
       const Matrix3d turned = n.psi_psi * Ft.transpose();
       const Matrix3d crossed = Ft * n.psi_v;
       n.v_v += Ft * turned - crossed - crossed.transpose() + q.v_v;
@@ -324,7 +323,7 @@ void LinearMotion::turn(LinearInterval& interval) {
     }
     if (p_ > 0) {
       columns_of(block, motion);
-      move_columns(motion, linear.F, move.turn_n, t, interval);
+      move_columns(motion, move.turn_n, t, interval);
     }
     C_nb_ = move.C_end;
     linear_C_nb_ = linear.C_end;

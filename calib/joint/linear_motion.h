@@ -91,8 +91,7 @@ class LinearMotion {
   void rest(LinearInterval& interval);
   void turn(LinearInterval& interval);
   void columns_of(const Block& block, const BlockMotion& motion);
-  void move_columns(const BlockMotion& motion, const Eigen::Matrix3d& F, const Eigen::Matrix3d& turn_n, double t,
-                    LinearInterval& interval);
+  void move_columns(const BlockMotion& motion, const Eigen::Matrix3d& turn_n, double t, LinearInterval& interval);
   void begin(std::size_t index, LinearInterval& interval) const;
 
   const CompressedRecording& recording_;
@@ -103,6 +102,9 @@ class LinearMotion {
   const ParameterVector unit_;
   const Eigen::Vector3d earth_;
   const double gravity_;
+  // [f_n x]. The station stands still, so what the specific force is in n is known, in turns as well. As navigated it would
+  // have the horizontal part g times the tilt, and that would seem to tell the heading.
+  const Eigen::Matrix3d F_;
   const int p_;
 
   std::size_t index_ = 0;
