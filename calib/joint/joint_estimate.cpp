@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <cstdio>
-#include <cstdlib>
 
 #include <Eigen/Dense>
 
@@ -54,7 +52,8 @@ class JointRun {
     if (options.free_parameters) subset_ = *options.free_parameters;
     for (int k = 0; k < parameter_count && !options.free_parameters; ++k)
       if (parameter_is_free[static_cast<std::size_t>(k)]) subset_.push_back(k);
-    for (int k = 0; k < effects_.columns; ++k) subset_.push_back(parameter_count + k);
+    if (options.start_effects.size() == effects_.columns) effects_.values = options.start_effects;
+    for (int k = 0; k < effects_.columns && !options.fixed_effects; ++k) subset_.push_back(parameter_count + k);
   }
 
   JointResult run();
@@ -98,7 +97,8 @@ JointResult JointRun::run() {
     r.setup.headings_rad = {r.start.heading_rad};
     // What the first pass could not linearise: a bias that turns the unit by radians in the run.
     constexpr double large_degph = 20.0;
-    if (!options_.start && r.start.N0_degph.cwiseAbs().maxCoeff() > large_degph) r.parameters.N0_degph = r.start.N0_degph;
+    if (!options_.start && r.start.N0_degph.cwiseAbs().maxCoeff() > large_degph)
+      r.parameters.N0_degph = r.start.N0_degph;
   }
   r.setup.mounting = r.start.mounting;
   if (!r.start.error.empty()) {
@@ -215,12 +215,6 @@ bool JointRun::iterate(double tolerance, int max_iterations) {
     for (Eigen::Index i = 0; i < step.size(); ++i)
       if (!solution_.lost[static_cast<std::size_t>(i)]) largest = std::max(largest, std::abs(step[i]) / sigma[i]);
     largest = std::max(largest, correct_headings(pass));
-    if (std::getenv("EST_TRACE")) {
-      Eigen::Index w = 0;
-      (solution_.step.array() / sigma.array()).abs().maxCoeff(&w);
-      std::printf("    pass misfit %.4f step %.4f of %d heading err %.6f sig %.6f N0 %.5f %.5f %.5f\n", misfit_, solution_.step[w] / sigma[w], subset_[w],
-                  pass.heading_error_rad[0], pass.heading_sigma_rad[0], result_.parameters.N0_degph[0], result_.parameters.N0_degph[1], result_.parameters.N0_degph[2]);
-    }
     if (largest < tolerance) return true;
   }
   return false;
@@ -379,6 +373,20 @@ SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::Vec
 
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options) {
   return JointRun(recording, options).run();
+}
+
+JointResult fit_biases(const CompressedRecording& recording, const JointResult& of_unit, const NoiseModel& noise) {
+  JointOptions options;
+  options.start = of_unit.parameters;
+  options.noise = noise;
+  options.reference_temperature_c = of_unit.reference_temperature_c;
+  for (const EstimatedEffect& effect : of_unit.effects) options.effects.push_back(effect.column);
+  options.fixed_effects = true;
+  options.start_effects.resize(static_cast<Eigen::Index>(of_unit.effects.size()));
+  for (std::size_t k = 0; k < of_unit.effects.size(); ++k)
+    options.start_effects[static_cast<Eigen::Index>(k)] = of_unit.effects[k].value;
+  options.free_parameters = {0, 1, 2, 3, 4, 5};
+  return joint_estimate(recording, options);
 }
 
 Whiteness test_whiteness(const std::vector<Innovation>& innovations) {

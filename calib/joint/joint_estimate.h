@@ -31,10 +31,12 @@ struct JointOptions {
   std::optional<NoiseModel> start_noise;  // where the fit begins; default: read off the Allan deviation
   bool fit_bias_instability = true;
   std::vector<EffectColumn> effects;              // estimated together with the 21
+  Eigen::VectorXd start_effects;                  // of the effects; default: zero
+  bool fixed_effects = false;                     // they stay at start_effects
   std::vector<EffectColumn> candidates;           // columns of the last pass only
   std::optional<double> reference_temperature_c;  // default: the mean of the recording
   std::vector<char> unobserved;                   // blocks left out (hold-out), see FilterSetup
-  // Which of the 24 are estimated; default: the 21 free ones. A hold-out of the same unit has six biases of its own.
+  // Which of the 24 are estimated; default: the 21 free ones.
   std::optional<std::vector<int>> free_parameters;
   bool look_for_faults = true;
   const JointResult* faults_of = nullptr;  // given: its faults and breaks are taken over, none are looked for
@@ -85,7 +87,7 @@ struct JointResult {
   Whiteness whiteness;
   std::vector<Fault> faults;
   std::vector<Undetermined> undetermined;
-  Eigen::VectorXd ranges;       // plausible_ranges() and those of the effects
+  Eigen::VectorXd ranges;  // plausible_ranges() and those of the effects
   JointStart start;
   FilterSetup setup;            // as used in the last pass
   FilterResult last;            // information with candidate columns after the effects
@@ -93,6 +95,10 @@ struct JointResult {
 };
 
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options = {});
+
+// Another recording of the same unit, switched on anew: its own heading and six biases; everything else as estimated from
+// the first, at `noise`. What a hold-out is judged with: its `last` has the innovations, its `setup` the breaks.
+JointResult fit_biases(const CompressedRecording& recording, const JointResult& of_unit, const NoiseModel& noise);
 
 // Ranges (file units) that a parameter must be known far better than to count as determined: what the noise would let a
 // run as long, at the best positions, determine, times 500 (N0), 1e5 (A0, a) and 2e4 (n), between what a unit of

@@ -111,7 +111,8 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       fault.what = "sample marked invalid by the unit";
     } else {
       const bool gyro = event.kind == DataEvent::Kind::gyro_glitch;
-      const bool counted = (gyro ? recording.info.gyro_increment : recording.info.accel_increment) == IncrementKind::pulses;
+      const bool counted =
+          (gyro ? recording.info.gyro_increment : recording.info.accel_increment) == IncrementKind::pulses;
       fault.what = std::string(gyro ? "gyro" : "accelerometer") + " glitch on axis " + "xyz"[event.axis] +
                    format(counted ? ", %.0f counts off its neighbours" : ", %.3g off its neighbours", event.size);
       // Twice what the sample stands out by: half of it may lie in its neighbours.

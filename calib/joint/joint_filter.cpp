@@ -16,7 +16,6 @@ using Eigen::Vector3d;
 template <int NS>  // 6: psi, v;  12: psi, v, b_g, b_a
 class Filter {
  public:
-  // `narrow`: as in FilterSetup, 0 where all columns are wide.
   Filter(const FilterSetup& setup, const std::vector<double>& source_weights, int columns)
       : setup_(setup), weights_(source_weights), p_(columns) {
     X_.setZero(p_, NS);
@@ -27,7 +26,9 @@ class Filter {
     P_.setZero();
   }
 
-  void step(const LinearInterval& interval) {
+  // `kept`: the interval's one block is an observed rest, and what the update knew of it is wanted.
+  void step(const LinearInterval& interval, FilterStep* kept = nullptr) {
+    kept_ = kept;
     begin(interval);
     transition(interval);
     if (interval.still)
@@ -76,6 +77,7 @@ class Filter {
   int buffered_ = 0;
   Eigen::MatrixXd moments_;  // (p + 1)^2: [N nu]' [N nu], lower triangle
   FilterResult result_;
+  FilterStep* kept_ = nullptr;
 };
 
 template <int NS>
@@ -104,8 +106,8 @@ void Filter<NS>::begin(const LinearInterval& interval) {
     const double tilt = std::pow(setup_.initial_tilt_sigma_rad, 2);
     P_.diagonal().template head<3>() << tilt, std::pow(setup_.initial_heading_sigma_rad, 2), tilt;
     const bool first = result_.heading_error_rad.empty();
-    P_.diagonal().template segment<3>(3).setConstant(
-        first ? std::pow(setup_.initial_velocity_sigma_mps, 2) : std::max(interval.cut_v, 1.0));
+    P_.diagonal().template segment<3>(3).setConstant(first ? std::pow(setup_.initial_velocity_sigma_mps, 2)
+                                                           : std::max(interval.cut_v, 1.0));
     free_ = x_;
     return;
   }
@@ -235,6 +237,12 @@ void Filter<NS>::update(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root, co
   P_.noalias() -= K * M.transpose();
   if (p_ > 0) X_.noalias() -= N_ * K.transpose();
   x_ += K * nu;
+  if (!kept_) return;
+  kept_->observed = true;
+  kept_->K.template topRows<NS>() = K;
+  kept_->nu = nu;
+  kept_->S_inverse = root.solve(Matrix3d::Identity());
+  kept_->N = N_;
 }
 
 template <int NS>
@@ -270,8 +278,10 @@ FilterResult run(LinearMotion& motion, const FilterSetup& setup, int columns) {
   const std::vector<double> one = {1.0};
   Filter<NS> filter(setup, one, columns);
   LinearInterval interval;
-  while (motion.next(interval)) filter.step(interval);
+  while (motion.next(interval))
+    filter.step(interval, setup.keep_steps && interval.still ? &motion.steps.back() : nullptr);
   FilterResult result = filter.take();
+  result.steps = std::move(motion.steps);
   result.taken_off = std::move(motion.taken_off);
   return result;
 }
@@ -285,10 +295,6 @@ FilterResult run(const std::vector<LinearInterval>& intervals, const FilterSetup
   return filter.take();
 }
 
-bool has_instability(const NoiseModel& noise) {
-  return noise.gyro_bias_instability_radps > 0.0 || noise.accel_bias_instability_mps2 > 0.0;
-}
-
 }  // namespace
 
 FilterResult run_filter(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
@@ -298,13 +304,13 @@ FilterResult run_filter(const CompressedRecording& recording, const Parameters& 
   options.sources = {walk_noise(setup.noise)};
   LinearMotion motion(recording, parameters, effects, setup, options);
   const int columns = setup.with_columns ? parameter_count + effects.columns : 0;
-  return has_instability(setup.noise) ? run<12>(motion, setup, columns) : run<6>(motion, setup, columns);
+  return setup.noise.has_bias_instability() ? run<12>(motion, setup, columns) : run<6>(motion, setup, columns);
 }
 
 FilterResult run_filter(const std::vector<LinearInterval>& intervals, const FilterSetup& setup,
                         const std::vector<double>& source_weights) {
-  return has_instability(setup.noise) ? run<12>(intervals, setup, source_weights)
-                                      : run<6>(intervals, setup, source_weights);
+  return setup.noise.has_bias_instability() ? run<12>(intervals, setup, source_weights)
+                                            : run<6>(intervals, setup, source_weights);
 }
 
 }  // namespace turncal

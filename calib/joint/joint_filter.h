@@ -46,6 +46,7 @@ struct FilterSetup {
   bool with_columns = true;  // false: only the innovations
   bool keep_innovations = false;
   bool keep_taken_off = false;  // to apply effects
+  bool keep_steps = false;      // for tests of lack of fit: the same filter can be run backward
   // The last narrow_columns of the effect columns are scored one at a time: of the information among them only the
   // diagonal is kept, and their products with the first narrow_against columns (of [24 parameters, effects]).
   int narrow_columns = 0;
@@ -69,6 +70,21 @@ struct TakenOff {
   Eigen::Vector3d push_mps = Eigen::Vector3d::Zero();
 };
 
+// One block as the filter linearised it: with these the same filter can be run backward.
+struct FilterStep {
+  std::size_t block = 0;
+  bool observed = false;
+  bool begins_chain = false;                           // nothing before counts for what comes after
+  double rho = 1.0;                                    // decay of b_g, b_a over the block
+  Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // of the block, body frame, rad
+  Eigen::Matrix3d turn_n, F, C_mid;                    // see linear_motion.h
+  // observed: gain of (psi, v, b_g, b_a), innovation, its inverse covariance, its derivatives (a row a column of the pass)
+  Eigen::Matrix<double, 12, 3> K = Eigen::Matrix<double, 12, 3>::Zero();
+  Eigen::Vector3d nu = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d S_inverse = Eigen::Matrix3d::Zero();
+  Eigen::Matrix<double, Eigen::Dynamic, 3> N;
+};
+
 struct FilterResult {
   Eigen::MatrixXd information;    // of [24 parameters in file units, effect columns]; rows of fixed ones are there too
   Eigen::VectorXd gradient;       // sum N' S^-1 nu; the Gauss-Newton step of a free subset is -A^-1 c
@@ -79,6 +95,7 @@ struct FilterResult {
   std::vector<Eigen::Matrix3d> covariances;  // of the innovations' velocity, with keep_innovations
   std::vector<Innovation> left_out;  // of unobserved static seconds: predicted, not used (with keep_innovations)
   std::vector<TakenOff> taken_off;   // of every block, with keep_taken_off
+  std::vector<FilterStep> steps;     // of every block from the first rest on, with keep_steps
   // Of each chain: how far the heading it was linearised about is off, as estimated by its end, and the sigma of that.
   std::vector<double> heading_error_rad, heading_sigma_rad;
 };

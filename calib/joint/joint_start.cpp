@@ -29,8 +29,8 @@ std::vector<Rest> rests_of(const CompressedRecording& recording, const SensorMod
     if (block.segment != segment) {
       segment = block.segment;
       const Segment& s = recording.segments[segment];
-      rests.push_back({attitude_from_angles(s.heading_deg * rad_per_deg, s.pitch_deg * rad_per_deg,
-                                            s.roll_deg * rad_per_deg)});
+      rests.push_back(
+          {attitude_from_angles(s.heading_deg * rad_per_deg, s.pitch_deg * rad_per_deg, s.roll_deg * rad_per_deg)});
     }
     rests.back().rate += model.gyro_scale * block.gyro;
     rests.back().force += model.accel_scale * block.accel;
@@ -46,7 +46,8 @@ std::vector<Rest> rests_of(const CompressedRecording& recording, const SensorMod
 // The 24 orientations of a box: signed permutations of determinant 1.
 std::vector<Matrix3d> box_orientations() {
   std::vector<Matrix3d> all;
-  const std::array<std::array<int, 3>, 6> permutations = {{{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}}};
+  const std::array<std::array<int, 3>, 6> permutations = {
+      {{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}}};
   for (const auto& p : permutations)
     for (int signs = 0; signs < 8; ++signs) {
       Matrix3d m = Matrix3d::Zero();
@@ -140,9 +141,9 @@ JointStart joint_start(const CompressedRecording& recording, const Parameters& p
   const bool separated = (inverse.array() > 0.0).all();
   double residual = 0.0;
   for (std::size_t k = 0; k < rests.size(); ++k)
-    residual += rests[k].t * (rests[k].rate - x.head<3>() -
-                              attitudes[k].transpose() * Vector3d(x[3], earth.y(), x[4]))
-                                 .squaredNorm();
+    residual +=
+        rests[k].t *
+        (rests[k].rate - x.head<3>() - attitudes[k].transpose() * Vector3d(x[3], earth.y(), x[4])).squaredNorm();
   const double freedom = 3.0 * static_cast<double>(rests.size()) - 5.0;
   if (!separated || freedom < 4.0 || !(earth.x() > 0.0)) return start;
   const double sigma = std::sqrt(residual / freedom * covariance.diagonal().tail<2>().maxCoeff());

@@ -142,9 +142,9 @@ void LinearMotion::effects_on(std::size_t index, Motion& m) {
   s.temperature_c = std::isnan(block.temperature_c) ? 0.0 : block.temperature_c - effects_.reference_temperature_c;
   const Segment& segment = recording_.segments[block.segment];
   const Segment& from = recording_.segments[rotating && block.segment > 0 ? block.segment - 1 : block.segment];
-  s.table_rad =
-      0.5 * rad_per_deg *
-      Vector3d(segment.heading_deg + from.heading_deg, segment.pitch_deg + from.pitch_deg, segment.roll_deg + from.roll_deg);
+  s.table_rad = 0.5 * rad_per_deg *
+                Vector3d(segment.heading_deg + from.heading_deg, segment.pitch_deg + from.pitch_deg,
+                         segment.roll_deg + from.roll_deg);
   for (int axis = 0; axis < 3; ++axis)
     if (std::abs(s.f_b[axis]) > 0.5 * standard_gravity_mps2) last_up_[axis] = s.f_b[axis] > 0.0 ? 1.0 : -1.0;
   s.last_up = last_up_;
@@ -193,8 +193,7 @@ void LinearMotion::columns_of(const Block& block, const BlockMotion& motion) {
 }
 
 // What the parameters do to (psi, v) over a block.
-void LinearMotion::move_columns(const BlockMotion& motion, const Matrix3d& turn_n, double t,
-                                LinearInterval& interval) {
+void LinearMotion::move_columns(const BlockMotion& motion, const Matrix3d& turn_n, double t, LinearInterval& interval) {
   const Matrix3d rotate = linear_C_nb_ * left_jacobian(motion.rotation);
   interval.B_v.noalias() -= interval.B_psi * (t * F_).transpose();
   interval.B_v.noalias() += dv_ * linear_C_nb_.transpose();
@@ -283,9 +282,23 @@ void LinearMotion::rest(LinearInterval& interval) {
     interval.D.noalias() = dm_ * linear_C_nb_.transpose();
     move_columns(motion, move.turn_n, t, interval);
   }
+  keep_step(interval.block, motion.rotation, linear, t);
+  if (setup_.keep_steps) steps.back().begins_chain = interval.begins_chain;
   C_nb_ = move.C_end;
   linear_C_nb_ = linear.C_end;
   v_ += move.dv_n;
+}
+
+void LinearMotion::keep_step(std::size_t index, const Vector3d& rotation, const MotionStep& linear, double t) {
+  if (!setup_.keep_steps) return;
+  FilterStep step;
+  step.block = index;
+  step.rho = setup_.noise.has_bias_instability() ? std::exp(-t / setup_.noise.bias_correlation_s) : 1.0;
+  step.rotation = rotation;
+  step.turn_n = linear.turn_n;
+  step.F = F_;
+  step.C_mid = linear.C_mid;
+  steps.push_back(std::move(step));
 }
 
 void LinearMotion::turn(LinearInterval& interval) {
@@ -325,6 +338,7 @@ void LinearMotion::turn(LinearInterval& interval) {
       columns_of(block, motion);
       move_columns(motion, move.turn_n, t, interval);
     }
+    keep_step(index_, motion.rotation, linear, t);
     C_nb_ = move.C_end;
     linear_C_nb_ = linear.C_end;
     v_ += move.dv_n;

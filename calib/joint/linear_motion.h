@@ -72,8 +72,8 @@ class LinearMotion {
                const FilterSetup& setup, const Options& options);
   // The next interval; false at the end. `interval` is reused: nothing is allocated after the first few.
   bool next(LinearInterval& interval);
-  int chains() const { return chain_; }
   std::vector<TakenOff> taken_off;  // of every block so far, with FilterSetup::keep_taken_off
+  std::vector<FilterStep> steps;    // of every block so far, with FilterSetup::keep_steps
 
  private:
   struct Motion {
@@ -93,6 +93,7 @@ class LinearMotion {
   void columns_of(const Block& block, const BlockMotion& motion);
   void move_columns(const BlockMotion& motion, const Eigen::Matrix3d& turn_n, double t, LinearInterval& interval);
   void begin(std::size_t index, LinearInterval& interval) const;
+  void keep_step(std::size_t index, const Eigen::Vector3d& rotation, const MotionStep& linear, double t);
 
   const CompressedRecording& recording_;
   const EffectModel& effects_;
@@ -115,7 +116,7 @@ class LinearMotion {
   Eigen::Matrix3d C_nb_ = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d linear_C_nb_ = Eigen::Matrix3d::Identity();
   Eigen::Vector3d v_ = Eigen::Vector3d::Zero();
-  Columns dr_, dv_, dm_;  // p x 3: derivatives of rotation, velocity and mean velocity of the block, body frame
+  Columns dr_, dv_, dm_;     // p x 3: derivatives of rotation, velocity and mean velocity of the block, body frame
   Columns turned_, pushed_;  // effects, over the blocks of the interval
   BlockColumns base_;
   EffectRegressors regressors_;

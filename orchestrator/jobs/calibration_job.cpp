@@ -46,6 +46,8 @@ void note_joint(const JointResult& result, std::vector<std::string>& notes) {
                 result.iterations, result.normalised_rms,
                 result.whiteness.white ? "" : ", NOT WHITE: the noise model does not explain the residual");
   notes.push_back(text);
+  if (!result.start.mounting_text.empty())
+    notes.push_back("the unit is mounted " + result.start.mounting_text + " against the table's axes");
   for (const Fault& fault : result.faults) {
     notes.push_back("fault: " + fault.what + " at sample " + std::to_string(fault.first_sample) + ": " + fault.action);
   }
@@ -88,6 +90,29 @@ Status joint(const CompressedRecording& recording, bool partial, CalibrationOutp
                           noise.accel_bias_instability_mps2 / standard_gravity_mps2 * 1e6);
   output.file.add_further("quality.normalised_rms", result.normalised_rms);
   output.file.add_further("quality.white", result.whiteness.white ? "true" : "false");
+  output.file.add_further("quality.trusted", result.whiteness.white ? "true" : "false");
+  output.file.add_further("quality.faults", static_cast<double>(result.faults.size()));
+  for (std::size_t k = 0; k < result.faults.size(); ++k) {
+    const Fault& fault = result.faults[k];
+    output.file.add_further("quality.fault." + std::to_string(k + 1), "samples " + std::to_string(fault.first_sample) +
+                                                                          " to " + std::to_string(fault.last_sample) +
+                                                                          ": " + fault.what + "; " + fault.action);
+  }
+  // A row a parameter: its covariances with those before it in the order of the file, its variance last.
+  for (std::size_t i = 0; i < result.free.size(); ++i) {
+    const int key = result.free[i];
+    if (key >= parameter_count || !result.determined[static_cast<std::size_t>(key)]) continue;
+    std::string row;
+    for (std::size_t j = 0; j <= i; ++j) {
+      const int other = result.free[j];
+      if (other >= parameter_count || !result.determined[static_cast<std::size_t>(other)]) continue;
+      char text[32];
+      std::snprintf(text, sizeof text, "%.9e",
+                    result.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
+      row += (row.empty() ? "" : " ") + std::string(text);
+    }
+    output.file.add_further("quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(key)]), row);
+  }
   note_joint(result, output.notes);
   return {};
 }
