@@ -187,7 +187,8 @@ TEST(JointConditions, BiasesOfASecondRecording) {
   EXPECT_EQ(r.free.size(), 6u);
   EXPECT_EQ(r.parameters.n, of_unit.parameters.n);
   const ParameterVector error = to_vector(r.parameters) - to_vector(second.truth);
-  for (int k = 0; k < 6; ++k) EXPECT_LT(std::abs(error[k]), 5.0 * clean_estimate().sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
+  for (int k = 0; k < 6; ++k)
+    EXPECT_LT(std::abs(error[k]), 5.0 * clean_estimate().sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
 }
 
 }  // namespace
