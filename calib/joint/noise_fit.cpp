@@ -147,7 +147,10 @@ Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups
       next = likelihood(t);
       better = next.value < now.value + 1e-6;
     }
-    if (!better) break;
+    if (!better) {  // there already, when scoring did not expect to gain anything to speak of
+      result.converged = -gradient(moving).dot(full) < 0.5;
+      break;
+    }
     const double gained = now.value - next.value;
     s = t;
     now = std::move(next);
