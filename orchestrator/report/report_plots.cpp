@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "calib/joint/score_algebra.h"
+#include "calib/statistics/distributions.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/report/report_format.h"
 

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "calib/joint/score_algebra.h"
+#include "calib/statistics/distributions.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/report_data.h"
 #include "orchestrator/report/report_format.h"

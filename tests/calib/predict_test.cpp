@@ -11,6 +11,7 @@
 #include <string>
 
 #include "calib/joint/score_algebra.h"
+#include "calib/statistics/distributions.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/devices/truth.h"
 #include "orchestrator/jobs/sequence_coverage.h"
