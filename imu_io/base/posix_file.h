@@ -52,6 +52,11 @@ class PosixFile {
 Result<std::string> read_whole_file(const std::string& path, std::size_t max_bytes = std::size_t{64} << 20);
 bool path_exists(const std::string& path);
 Status make_folder(const std::string& path);  // with its parents; fine when it exists
+// The next folder above `path` that is there (or itself), and whether something may be made in it. Nothing is made or changed.
+std::string existing_folder_of(const std::string& path);
+Status check_folder_writable(const std::string& path);
+// "path: what: reason" of a failure to make or change something: the storage failed (kind device), or the name was wrong (input).
+Error storage_error(const std::string& path, std::string_view what, int number);
 Status sync_folder(const std::string& folder);
 std::string folder_of(const std::string& path);  // "." when path names none
 

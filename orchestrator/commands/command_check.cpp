@@ -8,8 +8,9 @@
 #include <memory>
 
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/sequence_coverage.h"
-#include "orchestrator/station/due_date.h"
+#include "orchestrator/watch/progress.h"
 #include "turntable_drivers/rig/rig_config.h"
 
 namespace turncal {
@@ -84,10 +85,6 @@ Result<RecordingInfo> planned_info(const StationConfig& station) {
   return info;
 }
 
-double now_utc_s() {
-  return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
-}
-
 }  // namespace
 
 void print_plan(const Sequence& sequence, const StationConfig& station, const Plan& plan, std::ostream& out) {
@@ -134,11 +131,18 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   }
   const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
   if (!keys.empty()) out << "\nThis sequence " << coverage_text(keys) << ".\n";
-  const Status due = check_due(*station, now_utc_s(), options.overdue_reason);
-  if (!due) err << due.error().message << "\n";
-  const bool good = plan.ok() && due;
+  const std::vector<Error> found = preflight({.station = *station,
+                                              .folder = options.out,
+                                              .units = options.units,
+                                              .samples = plan.samples,
+                                              .utc_s = wall_utc_s(),
+                                              .simulated = station->simulated(),
+                                              .overdue_reason = options.overdue_reason});
+  for (const Error& error : found) err << error.message << "\n";
+  if (found.empty()) out << "\nWhat can be written, the room for it, hooks and due dates are in order.\n";
+  const bool good = plan.ok() && found.empty();
   out << (good ? "\nThe station can run this sequence.\n" : "\nThe station cannot run this sequence.\n");
-  return good ? 0 : exit_code(ErrorKind::input);
+  return good ? 0 : exit_code(plan.ok() ? found.front().kind : ErrorKind::input);
 }
 
 void add_check_command(CommandLine& line, CommandContext& context) {
@@ -147,6 +151,8 @@ void add_check_command(CommandLine& line, CommandContext& context) {
   command.option("--station", options->station, "station configuration; default: the built-in rig station");
   command.option("--sequence", options->sequence, "sequence file").required();
   command.option("--override-due", options->overdue_reason, "accept a table whose calibration is overdue, as run does");
+  command.option("--out", options->out, "folder that a run is to write to: can it, and is there room?");
+  command.option("--unit", options->units, "serial number of a unit to be run").one_word_each();
   command.runs(context, [options, &context]() -> Status {
     context.exit_code = run_check(*options, context.out, context.err);
     return {};

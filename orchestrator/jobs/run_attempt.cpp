@@ -75,14 +75,10 @@ std::vector<std::string> last_results(const PreparedRun& run) {
   return lines;
 }
 
-std::string verdicts_of(const std::vector<UnitRun>& units) {
+std::string outcomes_of(const std::vector<UnitRun>& units) {
   std::string text;
-  for (const UnitRun& unit : units) {
-    const std::string verdict(unit.dropped   ? "dropped out"
-                              : !unit.status ? "not calibrated"
-                                             : to_string(unit.results.verdict.verdict));
-    text += (text.empty() ? "" : ", ") + (units.size() > 1 ? unit.run.unit() + " " : "") + verdict;
-  }
+  for (const UnitRun& unit : units)
+    text += (text.empty() ? "" : ", ") + (units.size() > 1 ? unit.run.unit() + " " : "") + outcome_of(unit);
   return text;
 }
 
@@ -187,13 +183,23 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   }
   const StopSignals signals(FirstInterrupt::pauses);
   StationRun* running = nullptr;
+  const auto content_hashes = [&] {
+    take_outcome(running->outcome(), a.sample_period_s, a.units);
+    return read_recordings(a.units);
+  };
   const auto calibrate = [&]() -> Status {
     take_outcome(running->outcome(), a.sample_period_s, a.units);
     return calibrate_units(a.units, devices.clock.utc_s(), a.journal);
   };
-  StationRun run(
-      devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume, a.sessions > 1}, lanes,
-      {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
+  StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume, a.sessions > 1},
+                 lanes,
+                 {.observer = &observers,
+                  .stop_requests = &StopSignals::requests(),
+                  .content_hashes = content_hashes,
+                  .calibrate = calibrate,
+                  .journal = &a.journal,
+                  .pause_requests = &StopSignals::pauses(),
+                  .end_requests = &StopSignals::ends()});
   running = &run;
   const RunOutcome outcome = run.run();
   for (std::size_t i = 0; made.live && i < a.units.size(); ++i) {
@@ -202,7 +208,7 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   view.clear();
   take_outcome(outcome, a.sample_period_s, a.units);
   const bool done = outcome.state == RunState::done;
-  live.end(done                                     ? "Done: " + verdicts_of(a.units)
+  live.end(done                                     ? "Done: " + outcomes_of(a.units)
            : outcome.state == RunState::interrupted ? "Paused: " + outcome.error.message
                                                     : "The run is over: " + outcome.error.message,
            tone_of(outcome, a.units));

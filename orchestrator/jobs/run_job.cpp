@@ -4,13 +4,13 @@
 #include <filesystem>
 
 #include "imu_io/base/clock.h"
+#include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_attempt.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/report/report_format.h"
-#include "orchestrator/station/due_date.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
 #include "orchestrator/watch/clock_watch.h"
@@ -36,6 +36,20 @@ Status check_sequence(const PreparedRun& run, const Plan& plan) {
   return input_error("sequence " + run.sequence.name + " " + coverage_text(keys));
 }
 
+Status look_ahead(const PreparedRun& run, const Plan& plan, const std::string& folder, double utc_s) {
+  const std::vector<Error> found = preflight({.station = run.station,
+                                              .folder = folder,
+                                              .units = run.request.units,
+                                              .samples = plan.samples,
+                                              .utc_s = utc_s,
+                                              .simulated = run.simulated(),
+                                              .overdue_reason = run.request.overdue_reason});
+  if (found.empty()) return {};
+  const std::size_t more = found.size() - 1;
+  return Error{found.front().kind,
+               found.front().message + (more > 0 ? " (and " + std::to_string(more) + " more)" : "")};
+}
+
 std::string first_line(const PreparedRun& run) {
   return std::string("turncal ") + software_version() + (run.request.units.size() > 1 ? ", units " : ", unit ") +
          join(run.request.units) + ", station " + run.station.name + ", sequence " + run.sequence.name +
@@ -51,9 +65,10 @@ RunEnd told(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
     HookCall call = call_for(unit.status);
     call.unit = unit.run.unit();
     call.folder = unit.folder;
+    call.outcome = outcome_of(unit);
     call.dry_run = unit.run.request.dry_run;
     if (Status status = run_hook(unit.run.station.hooks, call); !status && log) log->line(status.error().message);
-    end.units.push_back({unit.run.unit(), unit.folder, unit.dropped, unit.status});
+    end.units.push_back({unit.run.unit(), unit.folder, outcome_of(unit), unit.status});
   }
   return end;
 }
@@ -62,7 +77,7 @@ RunEnd told(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
 RunEnd finish_sealed(std::vector<UnitRun>& units, const std::string& folder, const JournalContents& contents,
                      JournalFile& journal, CommandContext& context) {
   const double began_s = steady_wall_s();
-  if (Status status = take_counts(units, contents); !status) return status;
+  if (Status status = verify_recordings(units, contents); !status) return status;
   if (Status status = calibrate_units(units, *contents.seal_utc_s, journal); !status) return status;
   conclude_units(units, steady_wall_s() - began_s, folder + "/" + log_name, context.out);
   RunEnd end(status_of(units));
@@ -99,23 +114,34 @@ const JournalFields* verdict_of(const JournalContents& contents, const std::stri
   return last;
 }
 
+VerdictReport report_of(const JournalFields& record) {
+  VerdictReport report;
+  for (const auto& [key, value] : record) {
+    if (key == "reason") report.reason = value;
+    if (key != "result") continue;
+    for (int k = 0; k <= static_cast<int>(UnitVerdict::fail); ++k)
+      if (value == to_string(static_cast<UnitVerdict>(k))) report.verdict = static_cast<UnitVerdict>(k);
+  }
+  return report;
+}
+
 RunEnd say_over(const JournalContents& contents, const std::string& folder, std::ostream& out) {
   PreparedRun named;
-  named.request.units = contents.units();
+  named.request = request_of(contents);
   std::vector<UnitRun> units = units_of(named, folder);
   mark_dropped(contents, true, units);
   for (UnitRun& unit : units) {
     if (unit.dropped) continue;
-    const std::string& result = verdict_of(contents, unit.run.unit())->front().second;
+    const JournalFields& verdict = *verdict_of(contents, unit.run.unit());
+    const std::string& result = verdict.front().second;
     out << tag_of(contents) << "The run of unit " << unit.run.unit() << " is complete, verdict " << result
         << ": nothing to resume." << std::endl;
-    if (result == to_string(UnitVerdict::fail) || result == to_string(UnitVerdict::conditional_fail)) {
-      unit.status = Error{ErrorKind::unit_failed, unit.folder + ": the unit's verdict is " + result};
-    }
+    unit.results.verdict = report_of(verdict);
+    unit.status = verdict_status(unit.run.unit(), unit.results.verdict);
   }
   RunEnd end(status_of(units));
   end.to_the_end = true;
-  for (const UnitRun& unit : units) end.units.push_back({unit.run.unit(), unit.folder, unit.dropped, unit.status});
+  for (const UnitRun& unit : units) end.units.push_back({unit.run.unit(), unit.folder, outcome_of(unit), unit.status});
   return end;
 }
 
@@ -134,6 +160,7 @@ Result<RunRequest> request_again(const JournalContents& contents, const RunReque
   if (!now.sequence.empty()) request.sequence = now.sequence;
   if (!now.rig.empty()) request.rig = now.rig;
   if (request.overdue_reason.empty()) request.overdue_reason = now.overdue_reason;
+  request.no_diagnosis = request.no_diagnosis || now.no_diagnosis;
   request.listen = now.listen;
   request.pace = now.pace;
   return request;
@@ -164,8 +191,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   if (Status status = check_sequence(*prepared, plan); !status) return status;
   Result<RunDevices> devices = make_devices(*prepared, context);
   if (!devices) return devices.error();
-  if (Status status = check_due(prepared->station, devices->devices().clock.utc_s(), prepared->request.overdue_reason);
-      !status)
+  if (Status status = look_ahead(*prepared, plan, folder_path, devices->devices().clock.utc_s()); !status)
     return status;
 
   Result<OutputFolder> folder = OutputFolder::prepare(
@@ -252,7 +278,7 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
     }
   }
   const double utc_s = devices->devices().clock.utc_s();
-  if (Status status = check_due(prepared->station, utc_s, prepared->request.overdue_reason); !status) return status;
+  if (Status status = look_ahead(*prepared, plan, folder, utc_s); !status) return status;
   if (contents->last_dwell && utc_s < contents->last_dwell->utc_s - ClockWatch::step_s) {
     what +=
         "; the clock was set back: it stands before the end of that item, " + format_utc(contents->last_dwell->utc_s);

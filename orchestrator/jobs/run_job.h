@@ -18,7 +18,7 @@ struct RunEnd {
   Status status;  // of the whole run: what the command returns
   struct Unit {
     std::string serial, folder;
-    bool dropped = false;  // before the end; the others went on
+    std::string outcome;  // in one word (outcome_of, unit_run.h)
     Status status;
   };
   std::vector<Unit> units;  // none: refused before anything was made

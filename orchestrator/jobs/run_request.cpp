@@ -174,6 +174,7 @@ JournalFields begin_fields(const PreparedRun& run) {
                           {"manual", request.manual ? "true" : ""},
                           {"capture_only", request.capture_only ? "true" : "false"},
                           {"partial", request.partial ? "true" : ""},
+                          {"no_diagnosis", request.no_diagnosis ? "true" : ""},
                           {"unit", request.units.front()},
                           {"station", request.station},
                           {"station_hash", run.station_hash},
@@ -198,6 +199,7 @@ RunRequest request_of(const JournalContents& journal) {
   request.manual = journal.begin_value("manual") == "true";
   request.capture_only = journal.begin_value("capture_only") == "true";
   request.partial = journal.begin_value("partial") == "true";
+  request.no_diagnosis = journal.begin_value("no_diagnosis") == "true";
   request.units = journal.units();
   request.station = journal.begin_value("station");
   request.rig = journal.begin_value("rig");

@@ -17,6 +17,7 @@ struct RunRequest {
   bool dry_run = false;
   bool manual = false;  // the table is turned by hand, whatever the station says
   bool capture_only = false;
+  bool no_diagnosis = false;
   std::vector<std::string> units;  // serial numbers, by place on the table
   std::string rig;                 // files, made absolute by prepare(); empty: the built-in one
   std::string sequence;

@@ -248,7 +248,12 @@ Status JournalFile::dropout(const Dropout& dropout) {
                                        {"why", dropout.why.message}});
 }
 
-Status JournalFile::seal(double utc_s) { return append(JournalType::seal, {{"utc_s", format_number(utc_s)}}); }
+Status JournalFile::seal(double utc_s, const std::vector<std::string>& hashes) {
+  JournalFields fields = {{"utc_s", format_number(utc_s)}};
+  for (std::size_t unit = 0; unit < hashes.size(); ++unit)
+    fields.emplace_back(unit_prefix(unit) + "recording_hash", hashes[unit]);
+  return append(JournalType::seal, fields);
+}
 
 Status JournalFile::clock_set(double by_s, const RunSnapshot& at) {
   return append(JournalType::clock, {{"time_s", format_number(at.time_s)},
@@ -293,7 +298,12 @@ Result<JournalContents> read_journal(const std::string& path) {
         commands_kept = contents.commands.size();
         for (JournalContents::DroppedUnit& dropped : contents.dropped) dropped.after_last_dwell = false;
         break;
-      case JournalType::seal: contents.seal_utc_s = fields->number("utc_s"); break;
+      case JournalType::seal:
+        contents.seal_utc_s = fields->number("utc_s");
+        contents.hashes.assign(contents.units().size(), "");
+        for (std::size_t unit = 0; unit < contents.hashes.size(); ++unit)
+          contents.hashes[unit] = fields->text_or(unit_prefix(unit) + "recording_hash", "");
+        break;
       case JournalType::resume:  // what was commanded after the last completed dwell is taken back
         contents.commands.resize(commands_kept);
         std::erase_if(contents.dropped, [](const auto& dropped) { return dropped.after_last_dwell; });

@@ -54,7 +54,7 @@ Status OutputFolder::make_missing() {
   }
   for (const fs::path& p : missing) {
     const bool made = fs::create_directory(p, error);
-    if (error) return input_error(p.string() + ": cannot make this folder: " + error.message());
+    if (error) return storage_error(p.string(), "cannot make this folder", error.value());
     if (made) made_.push_back(p.string());
     // A folder that a power loss takes away would take all that is in it.
     if (Status status = sync_folder(folder_of(p.string())); !status) return status;

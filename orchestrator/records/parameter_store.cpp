@@ -24,16 +24,16 @@ std::string name_of_unit(const std::string& unit) {
   return name;
 }
 
+std::string unit_folder(const std::string& store, const std::string& unit, bool simulated) {
+  return store + (simulated ? "/simulated/" : "/") + name_of_unit(unit);
+}
+
 namespace {
 
 constexpr const char* in_use_name = "parameters.conf";
 constexpr double change_time_s = 5.0;  // changes take milliseconds
 
 Result<LockFile> locked(const std::string& folder) { return LockFile::take(folder + "/.lock", change_time_s); }
-
-std::string unit_folder(const std::string& store, const std::string& unit, bool simulated) {
-  return store + (simulated ? "/simulated/" : "/") + name_of_unit(unit);
-}
 
 std::string version_path(const std::string& folder, int number) {
   char name[40];

@@ -18,7 +18,8 @@ CREATE TABLE IF NOT EXISTS calibration(
   software_version TEXT, simulated INTEGER NOT NULL, verdict TEXT NOT NULL, rule TEXT, sessions INTEGER, folder TEXT,
   station TEXT, operator TEXT, part TEXT, revision TEXT, ambient TEXT, configuration_hash TEXT, sequence TEXT,
   sequence_hash TEXT, table_id TEXT, table_calibration_due TEXT, overdue_reason TEXT, repeated_dwells TEXT,
-  lost_samples TEXT, parameter_file TEXT NOT NULL, UNIQUE(unit, recording_hash, method));
+  lost_samples TEXT, parameter_file TEXT NOT NULL, model TEXT, diagnosis TEXT, reason TEXT,
+  UNIQUE(unit, recording_hash, method));
 CREATE TABLE IF NOT EXISTS value(
   calibration INTEGER NOT NULL REFERENCES calibration(id) ON DELETE CASCADE, key TEXT NOT NULL, value REAL NOT NULL,
   sigma REAL, limit_min REAL, limit_max REAL, verdict TEXT, PRIMARY KEY(calibration, key));
@@ -120,8 +121,8 @@ ResultsDatabase::ResultsDatabase(sqlite3* handle, std::string path)
 
 Error ResultsDatabase::failure(const std::string& what) const {
   const int code = sqlite3_errcode(handle_.get());
-  const bool disk = code == SQLITE_FULL || code == SQLITE_IOERR;
-  return {disk ? ErrorKind::device : ErrorKind::input,
+  const bool not_ours = code == SQLITE_NOTADB || code == SQLITE_ERROR;  // the rest is locked, full, read-only or broken
+  return {not_ours ? ErrorKind::input : ErrorKind::device,
           path_ + ": results database: " + what + ": " + sqlite3_errmsg(handle_.get())};
 }
 
@@ -140,7 +141,24 @@ Result<ResultsDatabase> ResultsDatabase::open(const std::string& path) {
   for (const char* sql : {"PRAGMA synchronous = EXTRA", "PRAGMA foreign_keys = ON", schema}) {
     if (Status status = database.execute(sql); !status) return status.error();
   }
+  if (!Statement(handle, "SELECT model FROM calibration")) {  // made before these columns were
+    for (const char* column : {"model", "diagnosis", "reason"}) {
+      const std::string sql = std::string("ALTER TABLE calibration ADD COLUMN ") + column + " TEXT";
+      if (Status status = database.execute(sql.c_str()); !status) return status.error();
+    }
+  }
   return database;
+}
+
+Status ResultsDatabase::check_writable(const std::string& path) {
+  if (!path_exists(path)) return check_folder_writable(folder_of(path));
+  sqlite3* handle = nullptr;
+  const int code = sqlite3_open_v2(path.c_str(), &handle, SQLITE_OPEN_READWRITE, nullptr);
+  const ResultsDatabase database(handle, path);
+  if (code != SQLITE_OK) return database.failure("cannot open");
+  sqlite3_busy_timeout(handle, 2'000);
+  if (Status status = database.execute("BEGIN IMMEDIATE"); !status) return status;
+  return database.execute("ROLLBACK");
 }
 
 Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& path) {
@@ -164,8 +182,8 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
   };
   std::string sql =
       "INSERT OR REPLACE INTO calibration(unit, time_utc, method, recording_hash, software_version, simulated, "
-      "verdict, rule, sessions, folder, parameter_file";
-  std::string places = "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?";
+      "verdict, rule, sessions, folder, parameter_file, model, diagnosis, reason";
+  std::string places = "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?";
   for (const char* column : record_columns) {
     sql += std::string(", ") + column;
     places += ", ?";
@@ -179,6 +197,7 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
       .bind(file.software_version);
   insert.bind(std::int64_t{file.simulated}).bind(std::string(to_string(verdict.verdict))).bind(verdict.rule);
   insert.bind(std::int64_t{sessions}).bind(std::filesystem::absolute(folder).lexically_normal().string()).bind(*text);
+  insert.bind(file.model).bind(verdict.diagnosis).bind(verdict.reason);
   for (const char* column : record_columns) insert.bind(record_value(file, column));
   if (!insert.done()) return undo(failure("cannot write"));
   const std::int64_t id = sqlite3_last_insert_rowid(handle_.get());

@@ -38,6 +38,8 @@ class ResultsDatabase {
  public:
   static Result<ResultsDatabase> open(const std::string& path);  // made when it is not there
   static Result<ResultsDatabase> open_to_read(const std::string& path);
+  // Whether `add` could write there now. Nothing is made or changed.
+  static Status check_writable(const std::string& path);
 
   Status add(const ParameterFile& file, const VerdictReport& verdict, const std::string& folder, int sessions);
 

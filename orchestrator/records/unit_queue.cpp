@@ -104,6 +104,7 @@ Status record_outcome(const std::string& path, const UnitOutcome& outcome) {
   if (!outcomes) return outcomes.error();
   std::erase_if(*outcomes, [&](const UnitOutcome& o) { return o.unit == outcome.unit; });
   outcomes->push_back(outcome);
+  std::replace(outcomes->back().reason.begin(), outcomes->back().reason.end(), '\n', ' ');
   return write_outcomes(path, *outcomes);
 }
 

@@ -17,9 +17,9 @@ namespace turncal {
 
 struct UnitOutcome {
   std::string unit;
-  std::string outcome;  // pass, fail, refused, dropped, skipped; again: to be done once more
+  std::string outcome;  // outcome_of (orchestrator/jobs/unit_run.h), skipped; again: to be done once more
   std::string time_utc;
-  std::string reason = {};  // of a skipped one
+  std::string reason = {};  // why it did not pass
 };
 
 Result<std::vector<std::string>> read_queue(const std::string& path);

@@ -463,7 +463,14 @@ StationRun::MaybeEvent StationRun::finish_step() {
 
 StationRun::MaybeEvent StationRun::calibrate() {
   if (hooks_.journal) {
-    if (const MaybeEvent event = keep(hooks_.journal->seal(devices_.clock.utc_s()))) return event;
+    std::vector<std::string> hashes;
+    if (hooks_.content_hashes) {
+      if (const MaybeEvent event = in_every_lane([](UnitLane& lane) { return lane.sync(); })) return event;
+      Result<std::vector<std::string>> read = hooks_.content_hashes();
+      if (!read) return keep(read.error());
+      hashes = std::move(*read);
+    }
+    if (const MaybeEvent event = keep(hooks_.journal->seal(devices_.clock.utc_s(), hashes))) return event;
   }
   if (const MaybeEvent event = in_every_lane([](UnitLane& lane) { return lane.finish(); })) return event;
   tell_progress();
