@@ -107,7 +107,7 @@ Result<Tally> tally_of(const std::string& path) {
 }
 
 // One run, and what became of each of its units.
-Status take_turn(const BatchOptions& options, const Turn& turn, const std::string& tag, CommandContext& context) {
+Status run_turn(const BatchOptions& options, const Turn& turn, const std::string& tag, CommandContext& context) {
   const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + join(turn.units);
   context.out << tag << name << " in " << turn.folder << std::endl;
   RunRequest request = options.request;
@@ -116,7 +116,7 @@ Status take_turn(const BatchOptions& options, const Turn& turn, const std::strin
   resumed.listen = request.listen;
   resumed.pace = request.pace;
   const bool begun = path_exists(turn.folder + "/" + journal_name);
-  RunEnd end = begun ? take_up_run(turn.folder, resumed, context) : begin_run(request, turn.folder, context);
+  RunEnd end = begun ? resume_run(turn.folder, resumed, context) : begin_run(request, turn.folder, context);
   if (!end.to_the_end) {
     // Refused before anything was measured: not the unit on the table, say. Anything else is the station's affair.
     const bool refused =
@@ -178,7 +178,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
         options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared->station, *turn, tag, context);
     if (!all) return all.error();
     if (!*all) continue;
-    if (Status status = take_turn(options, *turn, tag, context); !status) return status;
+    if (Status status = run_turn(options, *turn, tag, context); !status) return status;
     if (StopSignals::any()) {  // asked for when the results were being made
       return Error{ErrorKind::interrupted,
                    "paused after unit " + join(turn->units) + "; the same command goes on with the next"};

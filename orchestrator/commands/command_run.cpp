@@ -78,7 +78,7 @@ void add_resume_command(CommandLine& line, CommandContext& context) {
   command.flag("--no-diagnosis", options->request.no_diagnosis, "leave out the diagnosis at the end");
   add_overdue_option(command, moved);
   add_view_options(command, moved);
-  command.runs(context, [options, &context] { return take_up_run(options->folder, options->request, context).status; });
+  command.runs(context, [options, &context] { return resume_run(options->folder, options->request, context).status; });
 }
 
 void add_journal_command(CommandLine& line, CommandContext& context) {

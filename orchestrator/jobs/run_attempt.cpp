@@ -96,7 +96,7 @@ Tone tone_of(const RunOutcome& outcome, const std::vector<UnitRun>& units) {
 }
 
 // How far every unit came, and what is known of it before there are results.
-void take_outcome(const RunOutcome& outcome, double sample_period_s, std::vector<UnitRun>& units) {
+void note_outcome(const RunOutcome& outcome, double sample_period_s, std::vector<UnitRun>& units) {
   for (std::size_t i = 0; i < units.size(); ++i) {
     const RunOutcome::Unit& end = outcome.units[i];
     UnitRun& unit = units[i];
@@ -165,9 +165,9 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
     // A journal that cannot be written refuses the next record, too, and that stops the run.
     if (Status kept = a.journal.clock_set(by_s, at); !kept) a.log.line(kept.error().message);
   });
-  std::vector<RunObserver*> told{&a.log, &view, &live, &pace, &clock};
-  if (made.prompts) told.push_back(made.prompts);
-  Fanout observers(told);
+  std::vector<RunObserver*> all{&a.log, &view, &live, &pace, &clock};
+  if (made.prompts) all.push_back(made.prompts);
+  Fanout observers(all);
   std::deque<RecordingSink> recordings;
   for (UnitRun& unit : a.units) {
     recordings.emplace_back(unit.folder);
@@ -184,11 +184,11 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   const StopSignals signals(FirstInterrupt::pauses);
   StationRun* running = nullptr;
   const auto content_hashes = [&] {
-    take_outcome(running->outcome(), a.sample_period_s, a.units);
+    note_outcome(running->outcome(), a.sample_period_s, a.units);
     return read_recordings(a.units);
   };
   const auto calibrate = [&]() -> Status {
-    take_outcome(running->outcome(), a.sample_period_s, a.units);
+    note_outcome(running->outcome(), a.sample_period_s, a.units);
     return calibrate_units(a.units, devices.clock.utc_s(), a.journal);
   };
   StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume, a.sessions > 1},
@@ -206,7 +206,7 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
     a.log.line("unit " + a.units[i].run.unit() + ": " + made.live->unit_summary(i));
   }
   view.clear();
-  take_outcome(outcome, a.sample_period_s, a.units);
+  note_outcome(outcome, a.sample_period_s, a.units);
   const bool done = outcome.state == RunState::done;
   live.end(done                                     ? "Done: " + outcomes_of(a.units)
            : outcome.state == RunState::interrupted ? "Paused: " + outcome.error.message

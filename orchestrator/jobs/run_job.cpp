@@ -59,7 +59,7 @@ std::string first_line(const PreparedRun& run) {
 }
 
 // What the station wants told of every unit; the run's outcome is not changed by it.
-RunEnd told(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
+RunEnd call_hooks(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
   for (UnitRun& unit : units) {
     if (!end.to_the_end && unit.status) unit.status = end.status;
     HookCall call = call_for(unit.status);
@@ -221,10 +221,10 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
     folder->keep();
     if (!unit_folders.empty()) unit_folders[i].keep();
   }
-  return told(std::move(end), units, &*log);
+  return call_hooks(std::move(end), units, &*log);
 }
 
-RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
+RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
   const std::string path = folder + "/" + journal_name;
   if (!path_exists(path)) return input_error(folder + ": holds no " + journal_name + ": expected the folder of a run");
   Result<JournalFile> journal = JournalFile::reopen(path);  // its lock: nobody else goes on with this run
@@ -244,7 +244,7 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   mark_dropped(*contents, true, units);
   const Result<bool> sealed = sealed_recordings(units);
   if (!sealed) return sealed.error();
-  if (*sealed) return told(finish_sealed(units, folder, *contents, *journal, context), units, nullptr);
+  if (*sealed) return call_hooks(finish_sealed(units, folder, *contents, *journal, context), units, nullptr);
 
   mark_dropped(*contents, false, units);
   const double period_s = prepared->sample_period_s();
@@ -290,7 +290,7 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   if (!log) return log.error();
   log->line("resumed by turncal " + std::string(software_version()) + ": " + what);
   const Attempt again{*prepared, plan, period_s, units, folder, *journal, *log, resume, contents->sessions + 1};
-  return told(attempt(again, *devices, context), units, &*log);
+  return call_hooks(attempt(again, *devices, context), units, &*log);
 }
 
 }  // namespace turncal

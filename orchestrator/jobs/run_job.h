@@ -1,4 +1,4 @@
-// A run from beginning to end: `begin_run` in a new folder, `take_up_run` where one was interrupted.
+// A run from beginning to end: `begin_run` in a new folder, `resume_run` where one was interrupted.
 //
 // The folder holds journal.tcj and run.log; there, or below it for each of several units (unit_run.h), are recording.partial.tcr
 // (recording.tcr once sealed), parameters.conf, and after a dry run truth.conf. A run that failed before its first sample leaves
@@ -38,6 +38,6 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder, CommandCo
 
 // `now`: where the files are now that the journal names (station, sequence, rig); empty: where they were; and listen and pace.
 // The devices must be the same kind (simulated or not), the units and every hash those of the journal.
-RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandContext& context);
+RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandContext& context);
 
 }  // namespace turncal
