@@ -132,7 +132,9 @@ Status run_turn(const BatchOptions& options, const Turn& turn, const std::string
       stops = Error{unit.status.error().kind, "unit " + unit.serial + ": " + unit.status.error().message};
       continue;
     }
-    const std::string reason = unit.status ? "" : unit.status.error().message;
+    std::string reason = unit.status ? "" : unit.status.error().message;
+    const std::string head = "unit " + unit.serial + ": " + unit.outcome + ": ";
+    if (reason.starts_with(head)) reason.erase(0, head.size());
     if (Status status = record_outcome(options.queue, {unit.serial, unit.outcome, now_utc(), reason}); !status)
       return status;
     context.out << tag << "unit " << unit.serial << ": " << unit.outcome << (reason.empty() ? "" : ": " + reason)

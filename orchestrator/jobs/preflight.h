@@ -14,10 +14,10 @@ namespace turncal {
 
 struct Preflight {
   const StationConfig& station;
-  std::string folder;              // of the run; empty: not looked at
-  std::vector<std::string> units;  // serial numbers
-  std::int64_t samples = 0;        // of the plan, a unit
-  double utc_s = 0.0;              // now
+  std::string folder = {};              // of the run; empty: not looked at
+  std::vector<std::string> units = {};  // serial numbers
+  std::int64_t samples = 0;             // of the plan, a unit
+  double utc_s = 0.0;                   // now
   bool simulated = false;
   std::string overdue_reason = {};  // why a table whose calibration is overdue is used all the same
 };

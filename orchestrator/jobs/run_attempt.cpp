@@ -195,11 +195,11 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
                  lanes,
                  {.observer = &observers,
                   .stop_requests = &StopSignals::requests(),
-                  .content_hashes = content_hashes,
                   .calibrate = calibrate,
                   .journal = &a.journal,
                   .pause_requests = &StopSignals::pauses(),
-                  .end_requests = &StopSignals::ends()});
+                  .end_requests = &StopSignals::ends(),
+                  .content_hashes = content_hashes});
   running = &run;
   const RunOutcome outcome = run.run();
   for (std::size_t i = 0; made.live && i < a.units.size(); ++i) {

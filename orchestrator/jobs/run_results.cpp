@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <sstream>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/devices/truth.h"
 #include "orchestrator/records/parameter_store.h"
@@ -182,7 +184,8 @@ Status verdict_status(const std::string& unit, const VerdictReport& report) {
 }
 
 void print_summary(const PreparedRun& run, const std::string& folder, const RunCounts& counts,
-                   const RunResults& results, double wall_s, const std::string& log, std::ostream& out) {
+                   const RunResults& results, double wall_s, const std::string& log, std::ostream& printed) {
+  std::ostringstream out;
   char text[200];
   std::snprintf(text, sizeof text,
                 "%s complete: %s recorded (%.10g s of station time) in %.1f s; %d dwells repeated, %llu samples lost.",
@@ -215,7 +218,13 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
   }
   if (run.request.dry_run) out << "truth       " << path(truth_name) << '\n';
   out << "recording   " << path(binary_recording_name) << '\n' << "log         " << log << '\n';
-  out << std::flush;
+  const std::string whole = out.str();
+  const std::string_view tag = tag_of(run);
+  for (std::string_view rest = whole; !rest.empty();) {
+    const std::string_view line = take_line(rest);
+    printed << (line.empty() && !tag.empty() ? tag.substr(0, tag.size() - 1) : tag) << line << '\n';
+  }
+  printed << std::flush;
 }
 
 }  // namespace turncal

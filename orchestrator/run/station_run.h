@@ -83,12 +83,12 @@ struct StationJob {
 struct StationHooks {
   RunObserver* observer = nullptr;
   const std::atomic<int>* stop_requests = nullptr;  // counts the requests to stop now
-  // Of the contents of the recordings, by unit, when nothing more comes: what the journal keeps before they are sealed.
-  std::function<Result<std::vector<std::string>>()> content_hashes = nullptr;
-  std::function<Status()> calibrate;  // after the recording is sealed; results must be durable on success
+  std::function<Status()> calibrate;                // after the recording is sealed; results must be durable on success
   RunJournal* journal = nullptr;
   const std::atomic<int>* pause_requests = nullptr;  // above 0: stop at the next safe point
   const std::atomic<int>* end_requests = nullptr;    // those of stop_requests that the operator did not make
+  // Of the contents of the recordings, by unit, when nothing more comes: what the journal keeps before they are sealed.
+  std::function<Result<std::vector<std::string>>()> content_hashes = nullptr;
 };
 
 struct RunOutcome {
