@@ -4,6 +4,8 @@
 #include <cmath>
 #include <string>
 
+#include "calib/statistics/distributions.h"
+
 namespace turncal {
 
 namespace {

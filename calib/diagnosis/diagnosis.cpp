@@ -104,7 +104,7 @@ const char* to_string(Verdict verdict) {
 Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions& options) {
   DiagnosisModel m(recording, options);
   Diagnosis d;
-  d.base = joint_estimate(recording, m.estimate_options({}, nullptr));
+  d.base = options.base ? *options.base : joint_estimate(recording, m.estimate_options({}, nullptr));
   m.current = d.base;
   if (!d.base.converged) {
     d.reason = "the base model could not be fitted: " + d.base.message;

@@ -32,6 +32,8 @@ const char* to_string(Verdict verdict);
 
 struct DiagnosisOptions {
   JointOptions estimate;  // start, fixed noise, ... (effects and candidates are set here)
+  // Of the same recording with the same `estimate`, where it has been fitted already: the base model is not fitted again.
+  const JointResult* base = nullptr;
   const CompressedRecording* holdout = nullptr;
   double false_alarm = 0.005;  // family-wise, a stage
   int max_components = 12;

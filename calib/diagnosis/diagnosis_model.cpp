@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "calib/diagnosis/unexplained.h"
+#include "calib/statistics/distributions.h"
 
 namespace turncal {
 

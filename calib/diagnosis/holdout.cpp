@@ -64,13 +64,17 @@ HoldoutError HoldoutGate::error(const JointResult& result, const NoiseModel& noi
   setup.noise = noise;
   setup.with_columns = false;
   setup.keep_innovations = true;
-  setup.initial_heading_sigma_rad = result.setup.initial_heading_sigma_rad;
   if (holdout_) {
     faults_from_events(*holdout_, setup.breaks);
+    const JointStart start = joint_start(*holdout_, result.parameters);
+    setup.headings_rad = {start.heading_rad};
+    setup.mounting = start.mounting;
     const EffectModel model = effect_model_of(result, holdout_->info.latitude_deg);
     add(*holdout_, run_filter(*holdout_, result.parameters, model, setup).innovations, sums);
   } else {
     setup.breaks = result.setup.breaks;
+    setup.headings_rad = result.setup.headings_rad;
+    setup.mounting = result.setup.mounting;
     std::vector<EffectColumn> columns;
     for (const EstimatedEffect& e : result.effects) columns.push_back(e.column);
     for (const std::vector<char>& fold : folds_) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/statistics/distributions.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
@@ -16,42 +17,7 @@ constexpr double unseen_part = 1e-5;  // length left after projection over lengt
 constexpr double touched_share = 0.01;
 constexpr double nuisance_floor = 0.03;  // flat directions of a set of slow curves are noise
 
-// Continued fraction of the incomplete beta function (Abramowitz and Stegun 26.5.8), modified Lentz.
-double beta_fraction(double a, double b, double x) {
-  constexpr double tiny = 1e-300;
-  double c = 1.0;
-  double d = 1.0 / std::max(1.0 - (a + b) * x / (a + 1.0), tiny);
-  double h = d;
-  for (int m = 1; m < 300; ++m) {
-    for (const double numerator : {m * (b - m) * x / ((a + 2 * m - 1.0) * (a + 2 * m)),
-                                   -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1.0))}) {
-      d = 1.0 + numerator * d;
-      c = 1.0 + numerator / c;
-      if (std::abs(d) < tiny) d = tiny;
-      if (std::abs(c) < tiny) c = tiny;
-      d = 1.0 / d;
-      h *= d * c;
-    }
-    if (std::abs(d * c - 1.0) < 1e-13) break;
-  }
-  return h;
-}
-
-double incomplete_beta(double a, double b, double x) {
-  if (x <= 0.0) return 0.0;
-  if (x >= 1.0) return 1.0;
-  const double front =
-      std::exp(std::lgamma(a + b) - std::lgamma(a) - std::lgamma(b) + a * std::log(x) + b * std::log1p(-x));
-  return x < (a + 1.0) / (a + b + 2.0) ? front * beta_fraction(a, b, x) / a
-                                       : 1.0 - front * beta_fraction(b, a, 1.0 - x) / b;
-}
-
 }  // namespace
-
-double f_tail(double f, double numerator, double denominator) {
-  if (!(f > 0.0)) return 1.0;
-  return incomplete_beta(0.5 * denominator, 0.5 * numerator, denominator / (denominator + numerator * f));
-}
 
 RestScores::RestScores(const RestSystem& system, const RestFit& fit, int model_columns,
                        const std::vector<int>& nuisance)

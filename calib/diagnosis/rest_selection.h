@@ -54,7 +54,4 @@ class RestScores {
   std::vector<ColumnScore> scores_;
 };
 
-// Upper tail of the F distribution.
-double f_tail(double f, double numerator, double denominator);
-
 }  // namespace turncal

@@ -33,8 +33,7 @@ NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& 
   return noise;
 }
 
-Eigen::VectorXd all_ranges(const CompressedRecording& recording, const std::vector<EffectColumn>& effects) {
-  const ParameterVector base = plausible_ranges(recording.info);
+Eigen::VectorXd all_ranges(const ParameterVector& base, const std::vector<EffectColumn>& effects) {
   Eigen::VectorXd ranges(parameter_count + static_cast<Eigen::Index>(effects.size()));
   ranges.head<parameter_count>() = base;
   for (std::size_t k = 0; k < effects.size(); ++k)
@@ -47,13 +46,14 @@ class JointRun {
   JointRun(const CompressedRecording& recording, const JointOptions& options)
       : recording_(recording),
         options_(options),
-        ranges_(all_ranges(recording, options.effects)),
         reference_temperature_c_(options.reference_temperature_c.value_or(
             std::isnan(recording.mean_temperature_c) ? 0.0 : recording.mean_temperature_c)) {
     effects_ = make_effect_model(options.effects, {recording.info.latitude_deg}, reference_temperature_c_);
-    for (int k = 0; k < parameter_count; ++k)
+    if (options.free_parameters) subset_ = *options.free_parameters;
+    for (int k = 0; k < parameter_count && !options.free_parameters; ++k)
       if (parameter_is_free[static_cast<std::size_t>(k)]) subset_.push_back(k);
-    for (int k = 0; k < effects_.columns; ++k) subset_.push_back(parameter_count + k);
+    if (options.start_effects.size() == effects_.columns) effects_.values = options.start_effects;
+    for (int k = 0; k < effects_.columns && !options.fixed_effects; ++k) subset_.push_back(parameter_count + k);
   }
 
   JointResult run();
@@ -65,12 +65,13 @@ class JointRun {
     return column < parameter_count ? parameters[column] : effects_.values[column - parameter_count];
   }
   void step_within_ranges(const FilterResult& pass, Eigen::VectorXd& step, Eigen::VectorXd& sigma);
+  double correct_headings(const FilterResult& pass);
   void look_for_faults();
   void finish();
 
   const CompressedRecording& recording_;
   const JointOptions& options_;
-  const Eigen::VectorXd ranges_;
+  Eigen::VectorXd ranges_;
   const double reference_temperature_c_;
   EffectModel effects_;
   std::vector<int> subset_;
@@ -83,18 +84,31 @@ class JointRun {
 JointResult JointRun::run() {
   JointResult& r = result_;
   r.parameters = options_.start.value_or(start_parameters(recording_.info));
-  start_.resize(static_cast<Eigen::Index>(subset_.size()));
-  ParameterVector begin = to_vector(r.parameters);
-  for (std::size_t i = 0; i < subset_.size(); ++i) start_[static_cast<Eigen::Index>(i)] = value_of(subset_[i], begin);
-  r.setup.initial_heading_sigma_rad = options_.heading_sigma_rad;
-  // The filter levels anew with every set of parameters, so its tilt must be far looser than what the biases may be.
-  r.setup.initial_tilt_sigma_rad = 0.2;
-  r.setup.unobserved = options_.unobserved;
   if (recording_.blocks.empty()) {
     r.message = "the recording holds no samples";
     return r;
   }
   r.allan = options_.faults_of ? options_.faults_of->allan : allan_deviation(recording_, r.parameters);
+  if (options_.faults_of) {
+    r.start = options_.faults_of->start;
+    r.setup.headings_rad = options_.faults_of->setup.headings_rad;
+  } else {
+    r.start = joint_start(recording_, r.parameters);
+    r.setup.headings_rad = {r.start.heading_rad};
+    // What the first pass could not linearise: a bias that turns the unit by radians in the run.
+    constexpr double large_degph = 20.0;
+    if (!options_.start && r.start.N0_degph.cwiseAbs().maxCoeff() > large_degph)
+      r.parameters.N0_degph = r.start.N0_degph;
+  }
+  r.setup.mounting = r.start.mounting;
+  if (!r.start.error.empty()) {
+    r.message = r.start.error;
+    return r;
+  }
+  start_.resize(static_cast<Eigen::Index>(subset_.size()));
+  ParameterVector begin = to_vector(r.parameters);
+  for (std::size_t i = 0; i < subset_.size(); ++i) start_[static_cast<Eigen::Index>(i)] = value_of(subset_[i], begin);
+  r.setup.unobserved = options_.unobserved;
   r.reference_temperature_c = reference_temperature_c_;
   if (options_.noise)
     r.setup.noise = *options_.noise;
@@ -102,6 +116,11 @@ JointResult JointRun::run() {
     r.setup.noise = *options_.start_noise;
   else
     r.setup.noise = start_noise(recording_, r.allan, sensor_model(r.parameters, recording_.info));
+  if (options_.faults_of)
+    ranges_ = options_.faults_of->ranges.head<parameter_count>();
+  else
+    ranges_ = plausible_ranges(r.setup.noise, r.start.static_s);
+  ranges_ = r.ranges = all_ranges(ranges_, options_.effects);
   if (options_.faults_of) {
     r.faults = options_.faults_of->faults;
     r.setup.breaks = options_.faults_of->setup.breaks;
@@ -128,7 +147,7 @@ JointResult JointRun::run() {
     NoiseFitOptions fit_options;
     fit_options.bias_instability = options_.fit_bias_instability;
     fit_options.near_start = options_.faults_of != nullptr;  // a trial beside a finished fit
-    r.noise_fit = fit_noise(recording_, r.parameters, effects_, r.setup, fit_options);
+    r.noise_fit = fit_noise(recording_, r.parameters, effects_, r.setup, subset_, ranges_, fit_options);
     r.setup.noise = r.noise_fit->noise;
   }
   r.converged = options_.faults_of ? iterate(0.3, 3) : iterate(0.01, 5);
@@ -180,9 +199,8 @@ bool JointRun::settle() {
 
 // Gauss-Newton until the largest step of a determined parameter is below `tolerance` sigma.
 bool JointRun::iterate(double tolerance, int max_iterations) {
-  FilterSetup setup = result_.setup;
   for (int k = 0; k < max_iterations; ++k) {
-    const FilterResult pass = run_filter(recording_, result_.parameters, effects_, setup);
+    const FilterResult pass = run_filter(recording_, result_.parameters, effects_, result_.setup);
     ++result_.iterations;
     solution_ = solve_subset(pass.information, pass.gradient, subset_, ranges_);
     misfit_ = pass.chi_square / static_cast<double>(std::max<std::int64_t>(pass.observations, 1));
@@ -196,9 +214,23 @@ bool JointRun::iterate(double tolerance, int max_iterations) {
     double largest = 0.0;  // of the determined ones
     for (Eigen::Index i = 0; i < step.size(); ++i)
       if (!solution_.lost[static_cast<std::size_t>(i)]) largest = std::max(largest, std::abs(step[i]) / sigma[i]);
+    largest = std::max(largest, correct_headings(pass));
     if (largest < tolerance) return true;
   }
   return false;
+}
+
+// Every chain is linearised about the heading that the pass before found for it. Returns the largest correction in sigma.
+double JointRun::correct_headings(const FilterResult& pass) {
+  std::vector<double>& headings = result_.setup.headings_rad;
+  const double first = headings.front();
+  double largest = 0.0;
+  for (std::size_t k = 0; k < pass.heading_error_rad.size(); ++k) {
+    if (k >= headings.size()) headings.push_back(first);
+    headings[k] += pass.heading_error_rad[k];
+    largest = std::max(largest, std::abs(pass.heading_error_rad[k]) / pass.heading_sigma_rad[k]);
+  }
+  return largest;
 }
 
 // Gauss-Newton in the determined directions alone would creep, since which ones those are turns with every linearisation.
@@ -278,14 +310,19 @@ void JointRun::finish() {
 
 }  // namespace
 
-ParameterVector plausible_ranges(const RecordingInfo& info) {
-  // A unit that counts pulses is of navigation grade; one that delivers rad and m/s may be a small one.
-  const bool pulses = info.gyro_increment == IncrementKind::pulses;
+ParameterVector plausible_ranges(const NoiseModel& noise, double static_s) {
+  const double t = std::max(static_s, 1.0);
+  const double arw = noise.angle_random_walk.maxCoeff();
+  const double vrw = noise.velocity_random_walk.maxCoeff();
+  constexpr double turn_s = 36.0;  // in which the unit turns once
+  const double bias = arw / std::sqrt(t) / radps_per_degph;
+  const double force = vrw / std::sqrt(t) / standard_gravity_mps2;
+  const double scale = arw * std::sqrt(turn_s) / (2.0 * pi);
   ParameterVector ranges;
-  ranges.segment<3>(0).setConstant(pulses ? 1.0 : 2e4);   // deg/h
-  ranges.segment<3>(3).setConstant(pulses ? 0.02 : 0.2);  // g
-  ranges.segment<9>(6).setConstant(pulses ? 0.01 : 0.1);  // of 0.93 or 1
-  ranges.segment<9>(15).setConstant(pulses ? 0.01 : 0.1);
+  ranges.segment<3>(0).setConstant(std::clamp(500.0 * bias, 1.0, 2e4));  // deg/h
+  ranges.segment<3>(3).setConstant(std::clamp(1e5 * force, 0.02, 0.2));  // g
+  ranges.segment<9>(6).setConstant(std::clamp(2e4 * scale, 0.01, 0.1));  // of 0.93 or 1
+  ranges.segment<9>(15).setConstant(std::clamp(1e5 * force, 0.01, 0.1));
   return ranges;
 }
 
@@ -336,6 +373,20 @@ SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::Vec
 
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options) {
   return JointRun(recording, options).run();
+}
+
+JointResult fit_biases(const CompressedRecording& recording, const JointResult& of_unit, const NoiseModel& noise) {
+  JointOptions options;
+  options.start = of_unit.parameters;
+  options.noise = noise;
+  options.reference_temperature_c = of_unit.reference_temperature_c;
+  for (const EstimatedEffect& effect : of_unit.effects) options.effects.push_back(effect.column);
+  options.fixed_effects = true;
+  options.start_effects.resize(static_cast<Eigen::Index>(of_unit.effects.size()));
+  for (std::size_t k = 0; k < of_unit.effects.size(); ++k)
+    options.start_effects[static_cast<Eigen::Index>(k)] = of_unit.effects[k].value;
+  options.free_parameters = {0, 1, 2, 3, 4, 5};
+  return joint_estimate(recording, options);
 }
 
 Whiteness test_whiteness(const std::vector<Innovation>& innovations) {

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "calib/joint/joint_filter.h"
+#include "calib/joint/joint_start.h"
 #include "calib/joint/noise_fit.h"
 #include "calib/model/effects.h"
 #include "calib/statistics/allan.h"
@@ -30,10 +31,13 @@ struct JointOptions {
   std::optional<NoiseModel> start_noise;  // where the fit begins; default: read off the Allan deviation
   bool fit_bias_instability = true;
   std::vector<EffectColumn> effects;              // estimated together with the 21
+  Eigen::VectorXd start_effects;                  // of the effects; default: zero
+  bool fixed_effects = false;                     // they stay at start_effects
   std::vector<EffectColumn> candidates;           // columns of the last pass only
   std::optional<double> reference_temperature_c;  // default: the mean of the recording
   std::vector<char> unobserved;                   // blocks left out (hold-out), see FilterSetup
-  double heading_sigma_rad = 0.02;                // of the heading given at the first sample
+  // Which of the 24 are estimated; default: the 21 free ones.
+  std::optional<std::vector<int>> free_parameters;
   bool look_for_faults = true;
   const JointResult* faults_of = nullptr;  // given: its faults and breaks are taken over, none are looked for
   // With faults_of and noise: one Gauss-Newton step from that fit, parameters and effects' values alone (left-out dwells).
@@ -83,6 +87,8 @@ struct JointResult {
   Whiteness whiteness;
   std::vector<Fault> faults;
   std::vector<Undetermined> undetermined;
+  Eigen::VectorXd ranges;  // plausible_ranges() and those of the effects
+  JointStart start;
   FilterSetup setup;            // as used in the last pass
   FilterResult last;            // information with candidate columns after the effects
   double normalised_rms = 0.0;  // root of the mean square normalised innovation
@@ -90,8 +96,14 @@ struct JointResult {
 
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options = {});
 
-// Plausible ranges (file units): what one would believe of a parameter before measuring.
-ParameterVector plausible_ranges(const RecordingInfo& info);
+// Another recording of the same unit, switched on anew: its own heading and six biases; everything else as estimated from
+// the first, at `noise`. What a hold-out is judged with: its `last` has the innovations, its `setup` the breaks.
+JointResult fit_biases(const CompressedRecording& recording, const JointResult& of_unit, const NoiseModel& noise);
+
+// Ranges (file units) that a parameter must be known far better than to count as determined: what the noise would let a
+// run as long, at the best positions, determine, times 500 (N0), 1e5 (A0, a) and 2e4 (n), between what a unit of
+// navigation grade and the worst of sensors can be off.
+ParameterVector plausible_ranges(const NoiseModel& noise, double static_s);
 // Least-squares step and covariance of a subset of the columns of `result`, with undetermined directions left out.
 struct SubsetSolution {
   Eigen::VectorXd step;  // of the subset, zero along undetermined directions

@@ -13,6 +13,11 @@ std::string format(const char* pattern, double value) {
   return text;
 }
 
+std::string action_for(const Break& cut) {
+  return cut.nothing_is_known() ? "turn set aside: attitude and velocity found again after it"
+                                : "velocity started again after it";
+}
+
 std::size_t block_of(const CompressedRecording& recording, std::int64_t sample) {
   const auto after = std::upper_bound(recording.blocks.begin(), recording.blocks.end(), sample,
                                       [](std::int64_t s, const Block& b) { return s < b.start_sample; });
@@ -26,6 +31,57 @@ void add_break(std::vector<Break>& breaks, const Break& cut) {
 }
 
 constexpr double chi_square_3_one_in_1e9 = 44.8;
+// Worse than this an interpolated rotation is not used: everything is found again after it.
+constexpr double worst_fill_rad = 0.003;
+constexpr double nothing_known_rad = 1.0;
+
+// The segment in which all the samples of a gap lie, rests counted as one; -1 when it reaches over a border of a turn.
+int segment_of_gap(const CompressedRecording& recording, std::int64_t first, std::int64_t last) {
+  int found = -1;
+  for (std::size_t k = 0; k < recording.segments.size(); ++k) {
+    const Segment& segment = recording.segments[k];
+    if (segment.end_sample <= first || segment.start_sample > last) continue;
+    if (found >= 0 && (segment.kind == SegmentKind::rotate ||
+                       recording.segments[static_cast<std::size_t>(found)].kind == SegmentKind::rotate))
+      return -1;
+    found = static_cast<int>(k);
+  }
+  return found;
+}
+
+// How well the rotation over `lost_s` at a block is known from the rates on either side (linear_motion.h fills it in so):
+// the same is tried on stretches as long nearby, where the rotation was measured. Twice the largest error.
+double fill_sigma_rad(const CompressedRecording& recording, std::size_t gap, double lost_s) {
+  const std::vector<Block>& blocks = recording.blocks;
+  const auto usable = [&](std::size_t k) {
+    return k < blocks.size() && blocks[k].segment == blocks[gap].segment && blocks[k].missing == 0;
+  };
+  const std::size_t next = usable(gap + 1) ? gap + 1 : gap - 1;
+  if (!usable(next)) return nothing_known_rad;
+  const std::size_t window =
+      std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(lost_s / blocks[next].duration_s)));
+  const double si = si_per_unit(recording.info)[6] * start_parameters(recording.info).n(0, 0);
+  const auto rate = [&](std::size_t k) -> Eigen::Vector3d { return blocks[k].gyro / blocks[k].duration_s; };
+  double largest = 0.0;
+  int tried = 0;
+  const std::size_t reach = 6 * window + 4;
+  for (std::size_t k = gap > reach ? gap - reach : 1; k <= gap + reach; ++k) {
+    Eigen::Vector3d turned = Eigen::Vector3d::Zero();
+    double t = 0.0;
+    bool all = k > 0 && usable(k - 1) && usable(k + window);
+    for (std::size_t i = k; all && i < k + window; ++i) {
+      all = usable(i);
+      turned += blocks[i].gyro;
+      t += blocks[i].duration_s;
+    }
+    if (!all) continue;
+    const Eigen::Vector3d guessed = 0.5 * t * (rate(k - 1) + rate(k + window));
+    largest = std::max(largest, (turned - guessed).norm() * si * lost_s / t);
+    ++tried;
+  }
+  const double sigma = 2.0 * largest;
+  return tried >= 4 && sigma < worst_fill_rad ? sigma : nothing_known_rad;
+}
 
 }  // namespace
 
@@ -36,7 +92,7 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
     fault.first_sample = event.sample;
     fault.last_sample = event.sample + std::max<std::int64_t>(event.count, 1) - 1;
     fault.block = block_of(recording, event.sample);
-    const bool rotating = recording.segments[recording.blocks[fault.block].segment].kind == SegmentKind::rotate;
+    bool rotating = recording.segments[recording.blocks[fault.block].segment].kind == SegmentKind::rotate;
     Break cut;
     cut.block = fault.block;
     if (event.kind == DataEvent::Kind::duplicate) {
@@ -47,19 +103,23 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
     }
     if (event.kind == DataEvent::Kind::gap) {
       fault.what = format("gap of %.0f sample(s) in the unit's counter", static_cast<double>(event.count));
-      // At rest nothing turned meanwhile but the earth; the block that follows the gap carries it.
-      if (!rotating && event.count < 2000)
-        cut.tilt_sigma_rad = cut.heading_sigma_rad = 1e-6 * static_cast<double>(event.count);
+      const int segment = segment_of_gap(recording, fault.first_sample, fault.last_sample);
+      rotating = segment < 0 || recording.segments[static_cast<std::size_t>(segment)].kind == SegmentKind::rotate;
+      const double lost_s = static_cast<double>(event.count) * recording.info.sample_period_s;
+      if (segment >= 0) cut.attitude_sigma_rad = fill_sigma_rad(recording, fault.block, lost_s);
     } else if (event.kind == DataEvent::Kind::invalid) {
       fault.what = "sample marked invalid by the unit";
     } else {
       const bool gyro = event.kind == DataEvent::Kind::gyro_glitch;
+      const bool counted =
+          (gyro ? recording.info.gyro_increment : recording.info.accel_increment) == IncrementKind::pulses;
       fault.what = std::string(gyro ? "gyro" : "accelerometer") + " glitch on axis " + "xyz"[event.axis] +
-                   format(", %.0f counts off its neighbours", event.size);
-      if (!gyro) cut.tilt_sigma_rad = cut.heading_sigma_rad = 0.0;
+                   format(counted ? ", %.0f counts off its neighbours" : ", %.3g off its neighbours", event.size);
+      // Twice what the sample stands out by: half of it may lie in its neighbours.
+      const double si = si_per_unit(recording.info)[6] * start_parameters(recording.info).n(0, 0);
+      cut.attitude_sigma_rad = gyro ? 2.0 * std::abs(event.size) * si : 0.0;
     }
-    fault.action =
-        rotating ? "leg set aside: attitude and velocity found again after it" : "velocity started again after it";
+    fault.action = action_for(cut);
     if (!faults.empty() && faults.back().block == fault.block && faults.back().what == fault.what) {
       faults.back().last_sample = fault.last_sample;
       continue;
@@ -101,8 +161,10 @@ bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Inn
   const bool in_rotation = first != worst->block;
   Break cut;
   cut.block = first;
+  if (!in_rotation) cut.attitude_sigma_rad = 0.02;
   for (const Break& b : breaks)
-    if (b.block == cut.block && b.tilt_sigma_rad >= 0.02) return false;  // cut already: it is not a matter of the chain
+    if (b.block == cut.block && b.attitude_sigma_rad >= cut.attitude_sigma_rad)
+      return false;  // cut already: it is not a matter of the chain
   Fault fault;
   fault.block = first;
   fault.first_sample = recording.blocks[first].start_sample;
@@ -117,8 +179,7 @@ bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Inn
                         std::abs(std::round(ratio)));
   else
     fault.what = format("velocity step of %.3g m/s that no noise explains", worst->velocity_mps.norm());
-  fault.action =
-      in_rotation ? "leg set aside: attitude and velocity found again after it" : "velocity started again after it";
+  fault.action = action_for(cut);
   faults.push_back(fault);
   add_break(breaks, cut);
   return true;

@@ -1,17 +1,16 @@
-// One pass of the joint estimator: an extended Kalman filter for the motion, with a sensitivity column for every parameter.
+// One pass of the joint estimator: a Kalman filter for the error of the navigated motion, with a column for every parameter.
 //
-// The unit is navigated through the whole recording without resetting anything; in every static second the mean velocity is
-// observed to be zero. The filter's state is the error of the navigated motion only,
-//   psi (attitude error in n, C_computed = (I + [psi x]) C_true, psi = -phi of Wang 2020), v (velocity), b_g, b_a (the
-//   Gauss-Markov part of the biases, zero when the noise model has none),
-// and what the parameters do to it is carried as X = d(state)/d(parameters) through the same transitions and the same gains:
+// linear_motion.h navigates the recording and gives it as a linear system; in every second at rest the mean velocity is
+// observed to be zero. The filter's state is (psi, v) and, where the noise has bias instability, (b_g, b_a): 6 or 12. What
+// the parameters do to it is carried as X = d(state)/d(parameters) through the same transitions and the same gains:
 //   predict  X <- Phi X + B,   innovation derivative  N = H X + D,   update  X <- X - K N
 // so that sum over seconds of N' S^-1 N and N' S^-1 nu are the information matrix and vector of generalised least squares
 // for all parameters and all candidate effects at once (the augmented Kalman filter: P. de Jong, The Diffuse Kalman
 // Filter, Ann. Stat. 19 (1991); with the prediction-error view of Ljung, System Identification, 2nd ed., ch. 7).
 //
 // The mean velocity over a second shares its noise with the state at the end of the second; the update uses the cross
-// covariance, so no white noise is counted twice. Heading and tilt at the first sample are diffuse: they are estimated.
+// covariance, so no white noise is counted twice. Attitude and heading are diffuse at the beginning of every chain: they
+// are estimated, and neither the given heading nor a table angle is believed.
 // Gravity is constant and the station does not move: no Schuler loop, no Coriolis term (v is a few cm/s at most).
 #pragma once
 
@@ -27,23 +26,27 @@
 
 namespace turncal {
 
-// The motion is not trusted across this block: the variance of attitude and velocity is raised before it, so that nothing
-// learned before is carried to what comes after (a lost sample, a glitch, a knock; or a rotation by hand).
+// The motion is not trusted across this block: the variance of attitude and velocity is raised before it. When nothing is
+// known of the attitude any more, the chain ends: the next rest levels anew and has a heading of its own.
 struct Break {
   std::size_t block = 0;
-  double tilt_sigma_rad = 0.02;
-  double heading_sigma_rad = 0.02;
+  double attitude_sigma_rad = 1.0;
   double velocity_sigma_mps = 1.0;
+  bool nothing_is_known() const { return attitude_sigma_rad > 0.02; }
 };
 
 struct FilterSetup {
   NoiseModel noise;
-  double initial_tilt_sigma_rad = 0.02;
-  double initial_heading_sigma_rad = 0.02;
+  double initial_tilt_sigma_rad = 0.2;  // levelled on one second with parameters that may be far off
+  double initial_heading_sigma_rad = 1.0;
   double initial_velocity_sigma_mps = 1e-3;
-  bool with_columns = true;  // false: only the likelihood (for the noise fit)
+  Eigen::Matrix3d mounting = Eigen::Matrix3d::Identity();  // C_nb = C(table angles) mounting
+  // About what heading each chain is linearised: added to the commanded one. Missing ones are as the first.
+  std::vector<double> headings_rad;
+  bool with_columns = true;  // false: only the innovations
   bool keep_innovations = false;
-  bool keep_motions = false;  // for the noise fit, and to apply effects
+  bool keep_taken_off = false;  // to apply effects
+  bool keep_steps = false;      // for tests of lack of fit: the same filter can be run backward
   // The last narrow_columns of the effect columns are scored one at a time: of the information among them only the
   // diagonal is kept, and their products with the first narrow_against columns (of [24 parameters, effects]).
   int narrow_columns = 0;
@@ -67,6 +70,21 @@ struct TakenOff {
   Eigen::Vector3d push_mps = Eigen::Vector3d::Zero();
 };
 
+// One block as the filter linearised it: with these the same filter can be run backward.
+struct FilterStep {
+  std::size_t block = 0;
+  bool observed = false;
+  bool begins_chain = false;                           // nothing before counts for what comes after
+  double rho = 1.0;                                    // decay of b_g, b_a over the block
+  Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // of the block, body frame, rad
+  Eigen::Matrix3d turn_n, F, C_mid;                    // see linear_motion.h
+  // observed: gain of (psi, v, b_g, b_a), innovation, its inverse covariance, its derivatives (a row a column of the pass)
+  Eigen::Matrix<double, 12, 3> K = Eigen::Matrix<double, 12, 3>::Zero();
+  Eigen::Vector3d nu = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d S_inverse = Eigen::Matrix3d::Zero();
+  Eigen::Matrix<double, Eigen::Dynamic, 3> N;
+};
+
 struct FilterResult {
   Eigen::MatrixXd information;    // of [24 parameters in file units, effect columns]; rows of fixed ones are there too
   Eigen::VectorXd gradient;       // sum N' S^-1 nu; the Gauss-Newton step of a free subset is -A^-1 c
@@ -74,14 +92,22 @@ struct FilterResult {
   double log_determinant = 0.0;   // sum log det S
   std::int64_t observations = 0;  // scalar ones: three a static second
   std::vector<Innovation> innovations;
+  std::vector<Eigen::Matrix3d> covariances;  // of the innovations' velocity, with keep_innovations
   std::vector<Innovation> left_out;  // of unobserved static seconds: predicted, not used (with keep_innovations)
-  std::vector<BlockMotion> motions;  // of every block, with the values of the effects taken off
-  std::vector<TakenOff> taken_off;   // of every block, with keep_motions
-  Eigen::Matrix3d initial_C_nb = Eigen::Matrix3d::Identity();
+  std::vector<TakenOff> taken_off;   // of every block, with keep_taken_off
+  std::vector<FilterStep> steps;     // of every block from the first rest on, with keep_steps
+  // Of each chain: how far the heading it was linearised about is off, as estimated by its end, and the sigma of that.
+  std::vector<double> heading_error_rad, heading_sigma_rad;
 };
 
 // `effects`: the candidate columns beside the 24 (may be empty) and the values that are already in the model.
 FilterResult run_filter(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
                         const FilterSetup& setup);
+
+// The same on intervals that were made once (linear_motion.h), for one noise model after another: the noise of a turn is
+// the sum of its sources' with these weights.
+struct LinearInterval;
+FilterResult run_filter(const std::vector<LinearInterval>& intervals, const FilterSetup& setup,
+                        const std::vector<double>& source_weights);
 
 }  // namespace turncal

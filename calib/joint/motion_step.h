@@ -19,7 +19,6 @@ namespace turncal {
 struct MotionStep {
   Eigen::Matrix3d turn_n;     // Exp(-w_ie t)
   Eigen::Matrix3d C_mid;      // C_nb in the middle of the step
-  Eigen::Matrix3d F;          // [f_n x], m/s^2
   Eigen::Vector3d dv_n;       // v(end) - v
   Eigen::Vector3d mean_dv_n;  // mean v - v
   Eigen::Matrix3d C_end;
@@ -34,7 +33,6 @@ inline MotionStep motion_step(const Eigen::Matrix3d& C_nb, const BlockMotion& mo
   step.turn_n = rotation_exp(-earth_n * t);
   const Eigen::Matrix3d half = rotation_exp(0.5 * motion.rotation);
   step.C_mid = C_nb * half;
-  step.F = skew(gained / t);
   step.dv_n = gained - 0.5 * t * earth_n.cross(gained) + gravity * t;
   step.mean_dv_n = mean - t / 3.0 * earth_n.cross(mean) + 0.5 * t * gravity;
   step.C_end = step.turn_n * step.C_mid * half;
@@ -42,7 +40,9 @@ inline MotionStep motion_step(const Eigen::Matrix3d& C_nb, const BlockMotion& mo
 }
 
 // Covariance of the noise that enters over a step of length t, for the state at its end (psi, v) and for the mean velocity
-// z; W and V are the covariance rates of the walks in n (rad^2/s, m^2/s^3). From psi = walk, v' = -F psi + walk.
+// z; W and V are the covariance rates of the walks in n (rad^2/s, m^2/s^3). From psi = walk, v' = -F psi + walk. z is formed
+// from the whole rotation r as if it were even (BlockMotion::mean_velocity: r/3), not from the walk's course: its noise from
+// the gyros is -F r t/6, hence t^3/36 and t^3/12 where the mean of the true course had t^3/20 and t^3/8.
 struct StepNoise {
   Eigen::Matrix3d psi_psi, psi_v, v_v, psi_z, v_z, z_z;
 };
@@ -54,8 +54,8 @@ inline StepNoise step_noise(const Eigen::Matrix3d& W, const Eigen::Matrix3d& V, 
   q.psi_v = -WF * (t * t / 2.0);
   q.v_v = V * t + FWF * (t * t * t / 3.0);
   q.psi_z = -WF * (t * t / 6.0);
-  q.v_z = V * (t / 2.0) + FWF * (t * t * t / 8.0);
-  q.z_z = V * (t / 3.0) + FWF * (t * t * t / 20.0);
+  q.v_z = V * (t / 2.0) + FWF * (t * t * t / 12.0);
+  q.z_z = V * (t / 3.0) + FWF * (t * t * t / 36.0);
   return q;
 }
 

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Dense>
 
-#include "calib/joint/joint_estimate.h"
-#include "calib/joint/velocity_likelihood.h"
+#include "calib/joint/linear_motion.h"
 
 namespace turncal {
 namespace {
@@ -14,80 +14,143 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+constexpr int walks = 6;    // variances of ARW x y z, VRW x y z
+constexpr int sources = 8;  // and of gyro and accelerometer bias instability
+using Variances = Eigen::Matrix<double, sources, 1>;
+
 // Variances that move together: one index, or the three axes of a triad.
 using Group = std::vector<int>;
 
-// Fisher scoring of the groups' variances, in place; -2 log L and the last information matrix come back.
+// The recording made linear once, and how likely it is under one noise model after another.
+class RestrictedLikelihood {
+ public:
+  struct Run {
+    double value = std::numeric_limits<double>::infinity();  // -2 log L_R
+    double log_det_information = 0.0;
+    std::vector<Innovation> nu;
+    std::vector<Matrix3d> S;
+  };
+
+  RestrictedLikelihood(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
+                       const FilterSetup& setup, const std::vector<int>& free, const Eigen::VectorXd& ranges,
+                       int seconds_together)
+      : setup_(setup), free_(free), ranges_(Eigen::VectorXd(ranges(free))) {
+    LinearMotion::Options options;
+    options.seconds_together = seconds_together;
+    for (int k = 0; k < walks; ++k) {
+      WalkNoise unit;
+      (k < 3 ? unit.gyro : unit.accel)[k % 3] = 1.0;
+      options.sources.push_back(unit);
+    }
+    LinearMotion motion(recording, parameters, effects, setup_, options);
+    for (LinearInterval interval; motion.next(interval);) intervals_.push_back(interval);
+    setup_.keep_innovations = true;
+  }
+
+  Run operator()(const Variances& s) {
+    ++evaluations;
+    set(s, setup_.noise);
+    const std::vector<double> weights(s.data(), s.data() + walks);
+    FilterResult pass = run_filter(intervals_, setup_, weights);
+    Run run;
+    const Eigen::MatrixXd A =
+        ranges_.asDiagonal() * Eigen::MatrixXd(pass.information(free_, free_)) * ranges_.asDiagonal();
+    const Eigen::VectorXd c = ranges_.cwiseProduct(Eigen::VectorXd(pass.gradient(free_)));
+    const Eigen::LDLT<Eigen::MatrixXd> factor(A + Eigen::MatrixXd::Identity(A.rows(), A.cols()));
+    run.log_det_information = factor.vectorD().array().log().sum();
+    run.value = pass.chi_square + pass.log_determinant - c.dot(factor.solve(c)) + run.log_det_information;
+    run.nu = std::move(pass.innovations);
+    run.S = std::move(pass.covariances);
+    return run;
+  }
+
+  static void set(const Variances& s, NoiseModel& noise) {
+    noise.angle_random_walk = s.segment<3>(0).cwiseSqrt();
+    noise.velocity_random_walk = s.segment<3>(3).cwiseSqrt();
+    noise.gyro_bias_instability_radps = std::sqrt(s[6]);
+    noise.accel_bias_instability_mps2 = std::sqrt(s[7]);
+  }
+
+  int evaluations = 0;
+
+ private:
+  FilterSetup setup_;
+  const std::vector<int> free_;
+  const Eigen::VectorXd ranges_;
+  std::vector<LinearInterval> intervals_;
+};
+
 struct Scoring {
   double value = 0.0;
   bool converged = false;
-  int evaluations = 0;
   Eigen::MatrixXd information;
 };
-Scoring score(const VelocityLikelihood& likelihood, const std::vector<Group>& groups, double tau, int max_iterations,
-              bool restricted, NoiseVariances& s) {
-  const std::size_t n = groups.size();
+
+// Fisher scoring of the groups' variances, in place.
+Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups, double tau, int max_iterations,
+              Variances& s) {
+  const Eigen::Index n = static_cast<Eigen::Index>(groups.size());
   // A bias instability that would move psi as much as the random walk does in tau_b: its natural unit.
-  NoiseVariances unit = s;
+  Variances unit = s;
   unit[6] = s.segment<3>(0).mean() / tau;
   unit[7] = s.segment<3>(3).mean() / tau;
   Scoring result;
-  VelocityLikelihood::Run now = likelihood.run(s, tau, restricted);
-  ++result.evaluations;
-  const auto moved_by = [&](const Group& group, double delta, NoiseVariances& t) {
-    for (const int k : group) t[k] = std::max(t[k] + delta, k < 6 ? 0.05 * t[k] : 0.0);
+  RestrictedLikelihood::Run now = likelihood(s);
+  const auto moved_by = [&](const Group& group, double delta, Variances& t) {
+    for (const int k : group) t[k] = std::max(t[k] + delta, k < walks ? 0.05 * t[k] : 0.0);
   };
   for (int iteration = 0; iteration < max_iterations && n > 0; ++iteration) {
-    std::vector<VelocityLikelihood::Run> moved;
+    std::vector<RestrictedLikelihood::Run> moved;
     std::vector<double> step;
     for (const Group& group : groups) {
-      NoiseVariances t = s;
+      Variances t = s;
       step.push_back(0.01 * std::max(s[group[0]], unit[group[0]]));
       moved_by(group, step.back(), t);
-      moved.push_back(likelihood.run(t, tau, restricted));
-      ++result.evaluations;
+      moved.push_back(likelihood(t));
     }
-    Eigen::VectorXd gradient = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(n));
-    Eigen::MatrixXd information = Eigen::MatrixXd::Zero(gradient.size(), gradient.size());
-    for (std::size_t k = 0; k < n; ++k)  // what the parameters take with them
-      gradient[static_cast<Eigen::Index>(k)] = 0.5 * (moved[k].log_det_information - now.log_det_information) / step[k];
-    std::vector<Matrix3d> A(n);
-    std::vector<Vector3d> d(n);
+    Eigen::VectorXd gradient = Eigen::VectorXd::Zero(n);
+    Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+    for (Eigen::Index k = 0; k < n; ++k)  // what the parameters take with them
+      gradient[k] = 0.5 * (moved[static_cast<std::size_t>(k)].log_det_information - now.log_det_information) /
+                    step[static_cast<std::size_t>(k)];
+    std::vector<Matrix3d> A(groups.size());
+    std::vector<Vector3d> d(groups.size());
     for (std::size_t i = 0; i < now.nu.size(); ++i) {
       const Matrix3d inverse = now.S[i].inverse();
-      const Vector3d w = inverse * now.nu[i];
-      for (std::size_t k = 0; k < n; ++k) {
+      const Vector3d nu = now.nu[i].velocity_mps;
+      const Vector3d w = inverse * nu;
+      for (std::size_t k = 0; k < groups.size(); ++k) {
         A[k] = inverse * ((moved[k].S[i] - now.S[i]) / step[k]);
-        d[k] = (moved[k].nu[i] - now.nu[i]) / step[k];
-        gradient[static_cast<Eigen::Index>(k)] += 0.5 * (A[k].trace() - now.nu[i].dot(A[k] * w)) + d[k].dot(w);
-        for (std::size_t l = 0; l <= k; ++l) {
-          const double term = 0.5 * (A[k].cwiseProduct(A[l].transpose())).sum() + d[k].dot(inverse * d[l]);
-          information(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(l)) += term;
-        }
+        d[k] = (moved[k].nu[i].velocity_mps - nu) / step[k];
+        gradient[static_cast<Eigen::Index>(k)] += 0.5 * (A[k].trace() - nu.dot(A[k] * w)) + d[k].dot(w);
+        for (std::size_t l = 0; l <= k; ++l)
+          information(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(l)) +=
+              0.5 * (A[k].cwiseProduct(A[l].transpose())).sum() + d[k].dot(inverse * d[l]);
       }
     }
     information = Eigen::MatrixXd(information.selfadjointView<Eigen::Lower>());
     result.information = information;
     // Variances that stand at zero and want to fall are held there.
     std::vector<Eigen::Index> moving;
-    for (std::size_t k = 0; k < n; ++k)
-      if (s[groups[k][0]] > 0.0 || gradient[static_cast<Eigen::Index>(k)] < 0.0)
-        moving.push_back(static_cast<Eigen::Index>(k));
+    for (Eigen::Index k = 0; k < n; ++k)
+      if (s[groups[static_cast<std::size_t>(k)][0]] > 0.0 || gradient[k] < 0.0) moving.push_back(k);
     const Eigen::MatrixXd part = information(moving, moving);
     const Eigen::VectorXd full = part.ldlt().solve(-gradient(moving));
-    VelocityLikelihood::Run next;
-    NoiseVariances t = s;
+    RestrictedLikelihood::Run next;
+    Variances t = s;
     bool better = false;
     double shrink = 1.0;
     for (int attempt = 0; attempt < 4 && !better; ++attempt, shrink *= 0.4) {
       t = s;
       for (std::size_t k = 0; k < moving.size(); ++k)
         moved_by(groups[static_cast<std::size_t>(moving[k])], shrink * full[static_cast<Eigen::Index>(k)], t);
-      next = likelihood.run(t, tau, restricted);
-      ++result.evaluations;
+      next = likelihood(t);
       better = next.value < now.value + 1e-6;
     }
-    if (!better) break;
+    if (!better) {  // there already, when scoring did not expect to gain anything to speak of
+      result.converged = -gradient(moving).dot(full) < 0.5;
+      break;
+    }
     const double gained = now.value - next.value;
     s = t;
     now = std::move(next);
@@ -100,14 +163,16 @@ Scoring score(const VelocityLikelihood& likelihood, const std::vector<Group>& gr
   return result;
 }
 
+bool differ(const Vector3d& values) { return values.maxCoeff() > values.minCoeff(); }
+
 }  // namespace
 
 NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
-                   const FilterSetup& setup, const NoiseFitOptions& options) {
-  const VelocityLikelihood likelihood(recording, parameters, effects, setup, plausible_ranges(recording.info),
-                                      options.seconds_together);
+                   const FilterSetup& setup, const std::vector<int>& free, const Eigen::VectorXd& ranges,
+                   const NoiseFitOptions& options) {
+  RestrictedLikelihood likelihood(recording, parameters, effects, setup, free, ranges, options.seconds_together);
   const double tau = setup.noise.bias_correlation_s;
-  NoiseVariances s;
+  Variances s;
   s << setup.noise.angle_random_walk.cwiseAbs2(), setup.noise.velocity_random_walk.cwiseAbs2(),
       std::pow(setup.noise.gyro_bias_instability_radps, 2), std::pow(setup.noise.accel_bias_instability_mps2, 2);
   NoiseFit fit;
@@ -115,63 +180,61 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   // One value a triad first: three sensors of a kind. Axes get values of their own where they demonstrably differ.
   const std::vector<Group> triads = {{0, 1, 2}, {3, 4, 5}};
   const std::vector<Group> axes = {{0}, {1}, {2}, {3}, {4}, {5}};
-  const bool apart_already = options.near_start && (s.segment<3>(0).maxCoeff() > s.segment<3>(0).minCoeff() ||
-                                                    s.segment<3>(3).maxCoeff() > s.segment<3>(3).minCoeff());
-  std::vector<Group> walks;
-  if (options.random_walks && apart_already) {
-    walks = axes;
-  } else if (options.random_walks) {
-    s.segment<3>(0).setConstant(s.segment<3>(0).mean());
-    s.segment<3>(3).setConstant(s.segment<3>(3).mean());
-    walks = triads;
-  }
-  std::vector<Group> groups = walks;
-  if (options.bias_instability) groups.insert(groups.end(), {{6}, {7}});
-  Scoring scoring;
-  if (!options.near_start) {
-    scoring = score(likelihood, groups, tau, options.max_iterations, false, s);
-    fit.evaluations = scoring.evaluations;
-  }
+  std::vector<Group> groups;
+  const auto estimate = [&](const std::vector<Group>& of_walks, bool gyro_instability, bool accel_instability) {
+    groups = of_walks;
+    if (gyro_instability) groups.push_back({6});
+    if (accel_instability) groups.push_back({7});
+    return score(likelihood, groups, tau, options.max_iterations, s);
+  };
+  std::vector<Group> of_walks;
+  if (options.random_walks) of_walks = triads;
+  if (options.random_walks && options.near_start && (differ(s.segment<3>(0)) || differ(s.segment<3>(3))))
+    of_walks = axes;
+  else if (options.random_walks)
+    for (const int k : {0, 3}) s.segment<3>(k).setConstant(s.segment<3>(k).mean());
+  Scoring scoring = estimate(of_walks, options.bias_instability, options.bias_instability);
   if (options.random_walks && !options.near_start) {
     // One scoring step with six values shows whether that would say more than chance (4 more degrees of freedom).
-    NoiseVariances apart = s;
-    const Scoring six = score(likelihood, axes, tau, 1, false, apart);
-    fit.evaluations += six.evaluations;
+    Variances apart = s;
+    const Scoring six = score(likelihood, axes, tau, 1, apart);
     constexpr double chi_square_4_one_in_1e4 = 23.5;
     if (scoring.value - six.value > chi_square_4_one_in_1e4) {
       fit.axes_differ = true;
-      walks = axes;
-      groups = walks;
-      if (options.bias_instability) groups.insert(groups.end(), {{6}, {7}});
+      of_walks = axes;
       s = apart;
+      scoring = estimate(of_walks, options.bias_instability, options.bias_instability);
     }
   }
-  // From there the restricted likelihood, which is near and costs more.
-  scoring = score(likelihood, groups, tau, options.max_iterations, true, s);
-  fit.evaluations += scoring.evaluations;
-  for (const int k : {6, 7}) {
-    if (s[k] <= 0.0) continue;
-    NoiseVariances without = s;
-    without[k] = 0.0;
-    (k == 6 ? fit.gyro_bias_instability_gain : fit.accel_bias_instability_gain) =
-        likelihood.run(without, tau, true).value - scoring.value;
-    ++fit.evaluations;
+  // Is each instability there? The likelihood without it, everything else fitted again.
+  bool kept[2] = {s[6] > 0.0, s[7] > 0.0};
+  for (const int triad : {0, 1}) {
+    if (!kept[triad]) continue;
+    const Variances with = s;
+    s[6 + triad] = 0.0;
+    const Scoring without = estimate(of_walks, triad == 1 && kept[0], triad == 0 && kept[1]);
+    const double gain = without.value - scoring.value;
+    (triad == 0 ? fit.gyro_bias_instability_gain : fit.accel_bias_instability_gain) = gain;
+    if (gain > instability_gain_limit) {
+      s = with;
+    } else {
+      kept[triad] = false;
+      scoring = without;
+    }
   }
   if (options.random_walks) {  // sigma of a root: half the relative sigma of the variance
     const Eigen::MatrixXd covariance = scoring.information.inverse();
-    for (std::size_t g = 0; g < walks.size(); ++g)
-      for (const int k : walks[g]) {
+    for (std::size_t g = 0; g < of_walks.size(); ++g)
+      for (const int k : of_walks[g]) {
         const double sigma =
             0.5 * std::sqrt(covariance(static_cast<Eigen::Index>(g), static_cast<Eigen::Index>(g)) / s[k]);
         (k < 3 ? fit.sigma_angle_random_walk[k] : fit.sigma_velocity_random_walk[k - 3]) = sigma;
       }
   }
   fit.converged = scoring.converged;
+  fit.evaluations = likelihood.evaluations;
   fit.noise = setup.noise;
-  fit.noise.angle_random_walk = s.segment<3>(0).cwiseSqrt();
-  fit.noise.velocity_random_walk = s.segment<3>(3).cwiseSqrt();
-  fit.noise.gyro_bias_instability_radps = std::sqrt(s[6]);
-  fit.noise.accel_bias_instability_mps2 = std::sqrt(s[7]);
+  RestrictedLikelihood::set(s, fit.noise);
   return fit;
 }
 

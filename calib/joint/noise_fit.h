@@ -1,11 +1,19 @@
 // Noise measured, not assumed: maximum likelihood of the random walks and bias instability from the velocities at rest.
 //
-// The restricted likelihood of velocity_likelihood.h is maximised over
+// The likelihood is that of the joint filter itself (joint_filter.h), on the recording as navigated in closed loop and made
+// linear once (linear_motion.h): any noise model is then one pass over some 1500 intervals. The parameters were fitted to
+// the same velocities, which makes those look quieter than they are; the restricted likelihood counts that, integrating
+// over parameters (and every chain's attitude, which is diffuse) instead of fixing them:
+//   -2 log L_R = sum (nu' S^-1 nu + log det S) - c' A^-1 c + log det(A + R^-2)
+// with A, c information and gradient of the parameters and R their plausible ranges. It is maximised over
 //   variances of the angle and of the velocity random walk (one a triad, or one an axis where the axes demonstrably
 //   differ), of the gyro and of the accelerometer bias instability
 // by Fisher scoring (variances are linear in the covariance; projected to non-negative values):
 //   information_ij = sum 1/2 tr(S^-1 S_i S^-1 S_j) + nu_i' S^-1 nu_j
-// Source: Harvey, Forecasting, Structural Time Series Models and the Kalman Filter (1989), 3.4 and 4.3.
+// A bias instability is kept only when the likelihood ratio justifies it. The variance stands on its bound when there is
+// none, so twice the gain is half zero and half chi-square of one degree (Self and Liang, J. Am. Stat. Ass. 82 (1987) 605).
+// Sources: Harvey, Forecasting, Structural Time Series Models and the Kalman Filter (1989), 3.4 and 4.3; Patterson and
+// Thompson, Biometrika 58 (1971) 545 for the restricted likelihood.
 // Quantisation is not fitted: the pulse is known. What is slower than the recording is not noise here but drift.
 #pragma once
 
@@ -17,6 +25,9 @@
 #include "calib/statistics/compression.h"
 
 namespace turncal {
+
+// 2 (log L_R - log L_R without), above which a bias instability is kept: of clean triads one in twenty is given one.
+inline constexpr double instability_gain_limit = 2.71;
 
 struct NoiseFitOptions {
   bool random_walks = true;  // false: keep those of the start model (configured)
@@ -38,7 +49,9 @@ struct NoiseFit {
   int evaluations = 0;
 };
 
+// `free`: the columns that are estimated, of [24 parameters, effects]; `ranges`: of all columns, in their units.
 NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
-                   const FilterSetup& setup, const NoiseFitOptions& options = {});
+                   const FilterSetup& setup, const std::vector<int>& free, const Eigen::VectorXd& ranges,
+                   const NoiseFitOptions& options = {});
 
 }  // namespace turncal

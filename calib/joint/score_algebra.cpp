@@ -26,34 +26,6 @@ Partial decompose(const Scores& scores, const std::vector<int>& group, double fl
   return p;
 }
 
-// Regularised incomplete gamma function, upper tail: series below a + 1, continued fraction above.
-double gamma_tail(double a, double x) {
-  if (x <= 0.0) return 1.0;
-  const double front = std::exp(-x + a * std::log(x) - std::lgamma(a));
-  if (x < a + 1.0) {
-    double term = 1.0 / a;
-    double sum = term;
-    for (int n = 1; n < 500 && term > 1e-16 * sum; ++n) {
-      term *= x / (a + n);
-      sum += term;
-    }
-    return std::max(0.0, 1.0 - front * sum);
-  }
-  double b = x + 1.0 - a;
-  double c = 1e300;
-  double d = 1.0 / b;
-  double h = d;
-  for (int n = 1; n < 500; ++n) {
-    const double an = -n * (n - a);
-    b += 2.0;
-    d = 1.0 / (an * d + b);
-    c = b + an / c;
-    h *= d * c;
-    if (std::abs(d * c - 1.0) < 1e-14) break;
-  }
-  return front * h;
-}
-
 }  // namespace
 
 Scores eliminate(const Eigen::MatrixXd& information, const Eigen::VectorXd& gradient, const std::vector<int>& base,
@@ -93,18 +65,6 @@ double multiple_correlation(const Scores& scores, int k, const std::vector<int>&
   const Eigen::VectorXd along = p.directions.transpose() * p.scale.cwiseProduct(cross.col(0));
   const double explained = along.cwiseAbs2().cwiseQuotient(p.values).sum();
   return std::sqrt(std::clamp(explained / std::max(scores.Q(k, k), 1e-300), 0.0, 1.0));
-}
-
-double chi_square_tail(double value, int degrees) { return degrees > 0 ? gamma_tail(0.5 * degrees, 0.5 * value) : 1.0; }
-
-double chi_square_1_limit(double tail_probability) {
-  double low = 0.0;
-  double high = 200.0;
-  for (int k = 0; k < 80; ++k) {
-    const double middle = 0.5 * (low + high);
-    (std::erfc(std::sqrt(0.5 * middle)) > tail_probability ? low : high) = middle;
-  }
-  return high;
 }
 
 }  // namespace turncal

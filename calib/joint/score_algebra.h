@@ -29,8 +29,4 @@ GroupTest group_test(const Scores& scores, const std::vector<int>& group, double
 // Multiple correlation of candidate k with a group: 1 when the group can imitate it.
 double multiple_correlation(const Scores& scores, int k, const std::vector<int>& group, double floor = 1e-6);
 
-// Upper tail probability of chi-square with n degrees of freedom, and its inverse for one degree.
-double chi_square_tail(double value, int degrees);
-double chi_square_1_limit(double tail_probability);
-
 }  // namespace turncal

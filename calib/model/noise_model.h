@@ -18,7 +18,8 @@ struct NoiseModel {
   double gyro_bias_instability_radps = 0.0;  // sigma_b of the Gauss-Markov process; 0 switches it off
   double accel_bias_instability_mps2 = 0.0;
   double bias_correlation_s = 300.0;  // tau_b
-  double gyro_pulse_rad = 0.0;        // one-pulse quantisation; 0 for data that are not counted
+  bool has_bias_instability() const { return gyro_bias_instability_radps > 0.0 || accel_bias_instability_mps2 > 0.0; }
+  double gyro_pulse_rad = 0.0;  // one-pulse quantisation; 0 for data that are not counted
   double accel_pulse_mps = 0.0;
 };
 

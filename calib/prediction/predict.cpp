@@ -81,7 +81,6 @@ Prediction predict(const RecordingInfo& info, const PlannedMotion& motion, const
   estimate.noise = options.noise;
   estimate.noise->gyro_pulse_rad = info.gyro_increment == IncrementKind::pulses ? unit.n(0, 0) * rad_per_arcsec : 0.0;
   estimate.noise->accel_pulse_mps = info.accel_increment == IncrementKind::pulses ? info.accel_pulse_mps : 0.0;
-  estimate.heading_sigma_rad = options.heading_sigma_rad;
   estimate.look_for_faults = false;
   if (options.effects) estimate.candidates = catalogue_columns(recording.info);
   const JointResult result = joint_estimate(recording, estimate);

@@ -24,7 +24,6 @@ struct PredictOptions {
   NoiseModel noise;                               // its pulses are those of the RecordingInfo, whatever is set
   std::optional<Parameters> unit;                 // default: typical_unit(info)
   std::optional<TemperatureProfile> temperature;  // without one, effects of temperature are not looked at
-  double heading_sigma_rad = 0.02;                // of the heading given at the first sample
   bool effects = false;
 };
 

@@ -7,6 +7,39 @@
 #include "calib/model/parameters.h"
 
 namespace turncal {
+namespace {
+
+// What one count of the gyros is, rad, before anything is measured.
+double nominal_gyro_rad(const RecordingInfo& info) { return si_per_unit(info)[6] * start_parameters(info).n(0, 0); }
+
+constexpr double nominal_gyro_pulse_rad = 0.932920 * rad_per_arcsec;
+
+// In a segment called at rest the unit may still turn (a table that settles, a hand that lets go late). What turns faster
+// than this against the median of its segment is no rest, nor are the blocks before and after it.
+constexpr double turning_radps = 0.003;
+
+void leave_out_turning(const RecordingInfo& info, std::span<Block> blocks) {
+  Eigen::Vector3d median;
+  std::vector<double> rates;
+  for (int axis = 0; axis < 3; ++axis) {
+    rates.clear();
+    for (const Block& b : blocks)
+      if (b.whole_second) rates.push_back(b.gyro[axis] / b.duration_s);
+    if (rates.size() < 8) return;
+    const auto middle = rates.begin() + static_cast<std::ptrdiff_t>(rates.size() / 2);
+    std::nth_element(rates.begin(), middle, rates.end());
+    median[axis] = *middle;
+  }
+  const double limit = turning_radps / nominal_gyro_rad(info);
+  std::vector<std::size_t> turning;
+  for (std::size_t k = 0; k < blocks.size(); ++k)
+    if ((blocks[k].gyro / blocks[k].duration_s - median).norm() > limit) turning.push_back(k);
+  if (turning.size() > blocks.size() / 4) return;  // noise as loud as that, or no rest at all: not for us to say
+  for (const std::size_t k : turning)
+    for (std::size_t i = k > 0 ? k - 1 : k; i <= k + 1 && i < blocks.size(); ++i) blocks[i].whole_second = false;
+}
+
+}  // namespace
 
 const char* to_string(DataEvent::Kind kind) {
   switch (kind) {
@@ -18,6 +51,41 @@ const char* to_string(DataEvent::Kind kind) {
   }
   return "?";
 }
+
+namespace {
+
+// A thermometer that is read more seldom than a block lasts: linear in time between the blocks that have a value, constant before the
+// first and after the last.
+void fill_temperature(std::vector<Block>& blocks) {
+  const auto measured = [&](std::size_t k) { return !std::isnan(blocks[k].temperature_c); };
+  const auto middle = [&](std::size_t k) {
+    return static_cast<double>(blocks[k].start_sample) + 0.5 * (blocks[k].samples + blocks[k].missing);
+  };
+  std::size_t before = blocks.size();  // none yet
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    if (measured(k)) {
+      before = k;
+      continue;
+    }
+    std::size_t after = k;
+    while (after < blocks.size() && !measured(after)) ++after;
+    if (after == blocks.size() && before == blocks.size()) return;
+    for (; k < after; ++k) {
+      if (before == blocks.size()) {
+        blocks[k].temperature_c = blocks[after].temperature_c;
+      } else if (after == blocks.size()) {
+        blocks[k].temperature_c = blocks[before].temperature_c;
+      } else {
+        const double part = (middle(k) - middle(before)) / (middle(after) - middle(before));
+        blocks[k].temperature_c = static_cast<float>((1.0 - part) * static_cast<double>(blocks[before].temperature_c) +
+                                                     part * static_cast<double>(blocks[after].temperature_c));
+      }
+    }
+    before = after;
+  }
+}
+
+}  // namespace
 
 Block merge(const Block& a, const Block& b) {
   Block m = a;
@@ -39,9 +107,8 @@ Block merge(const Block& a, const Block& b) {
 Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& options) : options_(options) {
   recording_.info = info;
   static_block_samples_ = std::max(1, static_cast<int>(std::lround(options.static_block_s / info.sample_period_s)));
-  const double nominal_rad = info.gyro_increment == IncrementKind::pulses ? 0.93 * rad_per_arcsec : 1.0;
-  static_counts_ = options.static_angle_rad / nominal_rad;
-  rotation_counts_ = options.block_angle_rad / nominal_rad;
+  static_counts_ = options.static_angle_rad / nominal_gyro_rad(info);
+  rotation_counts_ = options.block_angle_rad / nominal_gyro_rad(info);
 }
 
 void Compressor::begin_segment(const Segment& segment) {
@@ -62,6 +129,11 @@ void Compressor::end_segment(SegmentKind final_kind, std::int64_t end_sample) {
     for (auto block = recording_.blocks.rbegin(); block != recording_.blocks.rend() && block->segment == index; ++block)
       block->whole_second = false;
     segment.kind = final_kind;
+  } else if (final_kind != SegmentKind::rotate) {
+    const std::int32_t index = static_cast<std::int32_t>(recording_.segments.size()) - 1;
+    auto first = recording_.blocks.end();
+    while (first != recording_.blocks.begin() && std::prev(first)->segment == index) --first;
+    leave_out_turning(recording_.info, std::span(first, recording_.blocks.end()));
   }
 }
 
@@ -115,6 +187,7 @@ void Compressor::add_one(const ImuSample& sample) {
     temperature_sum_ += sample.temperature_c;
     temperature_total_ += sample.temperature_c;
     ++temperature_count_;
+    block_.temperature_c += 1.0F;  // while the block is open: how many samples have a temperature
   }
 
   const bool still = recording_.segments.back().kind != SegmentKind::rotate;
@@ -130,9 +203,9 @@ void Compressor::close_block() {
   block_.duration_s = static_cast<double>(block_.samples + block_.missing) * recording_.info.sample_period_s;
   block_.whole_second = recording_.segments.back().kind != SegmentKind::rotate && block_.missing == 0 &&
                         block_.samples >= static_block_samples_;
-  block_.temperature_c = recording_.info.has_temperature
-                             ? static_cast<float>(temperature_sum_ / static_cast<double>(block_.samples))
-                             : std::numeric_limits<float>::quiet_NaN();
+  const auto measured = static_cast<double>(block_.temperature_c);
+  block_.temperature_c =
+      measured > 0.0 ? static_cast<float>(temperature_sum_ / measured) : std::numeric_limits<float>::quiet_NaN();
   recording_.blocks.push_back(block_);
   block_ = Block{};
   temperature_sum_ = 0.0;
@@ -144,8 +217,18 @@ void Compressor::look_for_glitch(const ImuSample& sample) {
   if (history_ >= 2) {
     const Eigen::Matrix<double, 6, 1> second_difference = last_ - 0.5 * (now + before_last_);
     const Eigen::Matrix<double, 6, 1> square = second_difference.cwiseAbs2();
-    const Eigen::Matrix<double, 6, 1> limit = (options_.glitch_ratio * options_.glitch_ratio * mean_square_)
-                                                  .cwiseMax(options_.glitch_counts_min * options_.glitch_counts_min);
+    // So many nominal pulses (0.0005 m/s where the increments are not counted), and what a table accelerates by at most.
+    const RecordingInfo& info = recording_.info;
+    constexpr double most_radps2 = 7.0;
+    const double counts_per_rad = static_counts_ / options_.static_angle_rad;
+    const double pulse_mps = info.accel_increment == IncrementKind::pulses ? 1.0 : 0.0005;
+    const double turn_rad = 0.5 * most_radps2 * info.sample_period_s * info.sample_period_s;
+    Eigen::Matrix<double, 6, 1> least;
+    least.head<3>().setConstant(std::max(options_.glitch_counts_min * nominal_gyro_pulse_rad, turn_rad) *
+                                counts_per_rad);
+    least.tail<3>().setConstant(options_.glitch_counts_min * pulse_mps);
+    const Eigen::Matrix<double, 6, 1> limit =
+        (options_.glitch_ratio * options_.glitch_ratio * mean_square_).cwiseMax(least.cwiseAbs2());
     const bool suspect = history_ > 50 && (square.array() > limit.array()).any();
     // mean square with a memory of about 100 samples; a suspect does not spoil the scale it is measured against
     if (!suspect) mean_square_ += (square - mean_square_) * 0.01;
@@ -176,6 +259,8 @@ void Compressor::look_for_glitch(const ImuSample& sample) {
 
 CompressedRecording Compressor::take() {
   close_block();
+  fill_temperature(recording_.blocks);
+  if (temperature_count_ == 0) recording_.info.has_temperature = false;
   recording_.mean_temperature_c = temperature_count_ > 0 ? temperature_total_ / static_cast<double>(temperature_count_)
                                                          : std::numeric_limits<double>::quiet_NaN();
   return std::move(recording_);

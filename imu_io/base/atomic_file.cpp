@@ -5,7 +5,6 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <utility>
 
 namespace turncal {
@@ -28,7 +27,7 @@ std::string temporary_name(const std::string& path) {
 
 Status rename_durably(const std::string& from, const std::string& to) {
   if (std::rename(from.c_str(), to.c_str()) != 0) {
-    return input_error(to + ": cannot rename " + from + " to it: " + std::strerror(errno));
+    return storage_error(to, "cannot rename " + from + " to it", errno);
   }
   return sync_folder(folder_of(to));
 }
@@ -69,7 +68,7 @@ Status AtomicFile::commit() {
   const std::string temporary = file_.path();
   if (Status status = file_.close(); !status) return status;
   if (std::rename(temporary.c_str(), path_.c_str()) != 0) {
-    return input_error(path_ + ": cannot rename the temporary file to it: " + std::strerror(errno));
+    return storage_error(path_, "cannot rename the temporary file to it", errno);
   }
   // From here on the new file is visible: nothing is left to remove.
   const std::string folder = folder_of(std::exchange(path_, {}));

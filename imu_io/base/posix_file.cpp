@@ -8,6 +8,8 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
+#include <sstream>
 #include <system_error>
 #include <utility>
 
@@ -30,6 +32,19 @@ Error system_error(const std::string& path, std::string_view what, int number) {
   return {kind_of(number), path + ": " + std::string(what) + ": " + std::strerror(number)};
 }
 
+// What we cannot make or change is the storage's fault, unless its name already says that it cannot be.
+ErrorKind kind_of_change(int number) {
+  switch (number) {
+    case ENOENT:
+    case ENOTDIR:
+    case EISDIR:
+    case EEXIST:
+    case EINVAL:
+    case ENAMETOOLONG: return ErrorKind::input;
+    default: return ErrorKind::device;
+  }
+}
+
 template <class Call>
 auto repeat_interrupted(Call call) {
   decltype(call()) result;
@@ -39,7 +54,27 @@ auto repeat_interrupted(Call call) {
   return result;
 }
 
+// " (4711)", from the system's list of locks: "1: FLOCK  ADVISORY  WRITE 4711 fe:00:5350908 0 EOF". Empty when it is not told (a
+// holder on another machine or in another container).
+std::string holder_of_lock(int fd) {
+  struct stat facts {};
+  if (::fstat(fd, &facts) != 0) return "";
+  const std::string inode = ":" + std::to_string(facts.st_ino);
+  std::ifstream locks("/proc/locks");
+  for (std::string line; std::getline(locks, line);) {
+    std::istringstream words(line);
+    std::string number, kind, advisory, mode, pid, file;
+    words >> number >> kind >> advisory >> mode >> pid >> file;
+    if (kind == "FLOCK" && file.ends_with(inode) && pid != "0") return " (" + pid + ")";
+  }
+  return "";
+}
+
 }  // namespace
+
+Error storage_error(const std::string& path, std::string_view what, int number) {
+  return {kind_of_change(number), path + ": " + std::string(what) + ": " + std::strerror(number)};
+}
 
 PosixFile::PosixFile(PosixFile&& other) noexcept : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)) {}
 
@@ -70,14 +105,14 @@ Result<PosixFile> PosixFile::open_to_read(const std::string& path) {
 }
 
 Result<PosixFile> PosixFile::create_new(const std::string& path) {
-  const int fd = repeat_interrupted([&] { return ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666); });
-  if (fd < 0) return system_error(path, "cannot create", errno);
+  const int fd = repeat_interrupted([&] { return ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0644); });
+  if (fd < 0) return storage_error(path, "cannot create", errno);
   return PosixFile(fd, path);
 }
 
 Result<PosixFile> PosixFile::open_to_change(const std::string& path) {
   const int fd = repeat_interrupted([&] { return ::open(path.c_str(), O_RDWR | O_CLOEXEC); });
-  if (fd < 0) return system_error(path, "cannot open for writing", errno);
+  if (fd < 0) return storage_error(path, "cannot open for writing", errno);
   return PosixFile(fd, path);
 }
 
@@ -131,8 +166,15 @@ Status PosixFile::sync() {
 
 Status PosixFile::lock_exclusive() {
   if (repeat_interrupted([&] { return ::flock(fd_, LOCK_EX | LOCK_NB); }) == 0) return {};
-  if (errno == EWOULDBLOCK) return input_error(path_ + ": in use by another process");
+  if (errno == EWOULDBLOCK) return input_error(path_ + ": in use by another process" + holder_of_lock(fd_));
   return failure("cannot lock");
+}
+
+bool PosixFile::is_at(const std::string& path) const {
+  struct stat here {
+  }, there{};
+  return ::fstat(fd_, &here) == 0 && ::stat(path.c_str(), &there) == 0 && here.st_ino == there.st_ino &&
+         here.st_dev == there.st_dev;
 }
 
 Status PosixFile::close() {
@@ -161,7 +203,22 @@ bool path_exists(const std::string& path) { return ::access(path.c_str(), F_OK) 
 Status make_folder(const std::string& path) {
   std::error_code error;
   std::filesystem::create_directories(path, error);
-  if (error) return input_error(path + ": cannot make folder: " + error.message());
+  if (error) return storage_error(path, "cannot make folder", error.value());
+  return {};
+}
+
+std::string existing_folder_of(const std::string& path) {
+  std::error_code error;
+  std::filesystem::path at = std::filesystem::absolute(path, error).lexically_normal();
+  while (!at.empty() && at.has_relative_path() && !std::filesystem::exists(at, error)) at = at.parent_path();
+  return at.string();
+}
+
+Status check_folder_writable(const std::string& path) {
+  const std::string folder = existing_folder_of(path);
+  std::error_code error;
+  if (!std::filesystem::is_directory(folder, error)) return input_error(folder + ": expected a folder, found a file");
+  if (::access(folder.c_str(), W_OK | X_OK) != 0) return storage_error(folder, "nothing can be written there", errno);
   return {};
 }
 

@@ -23,7 +23,7 @@ class PosixFile {
   ~PosixFile();
 
   static Result<PosixFile> open_to_read(const std::string& path);    // a regular file
-  static Result<PosixFile> create_new(const std::string& path);      // fails when it exists
+  static Result<PosixFile> create_new(const std::string& path);      // fails when it exists; mode 0644 at most
   static Result<PosixFile> open_to_change(const std::string& path);  // read and write, must exist
 
   const std::string& path() const { return path_; }
@@ -36,8 +36,9 @@ class PosixFile {
   Status seek(std::uint64_t offset);
   Status truncate(std::uint64_t size);
   Status sync();
-  Status lock_exclusive();  // fails at once when another process holds it; released by close
-  Status close();           // reports what a destructor must swallow
+  Status lock_exclusive();  // fails at once when another process holds it, and says which; released by close
+  bool is_at(const std::string& path) const;  // false: the name stands for another file now, or for none
+  Status close();                             // reports what a destructor must swallow
 
  private:
   PosixFile(int fd, std::string path) : fd_(fd), path_(std::move(path)) {}
@@ -51,6 +52,11 @@ class PosixFile {
 Result<std::string> read_whole_file(const std::string& path, std::size_t max_bytes = std::size_t{64} << 20);
 bool path_exists(const std::string& path);
 Status make_folder(const std::string& path);  // with its parents; fine when it exists
+// The next folder above `path` that is there (or itself), and whether something may be made in it. Nothing is made or changed.
+std::string existing_folder_of(const std::string& path);
+Status check_folder_writable(const std::string& path);
+// "path: what: reason" of a failure to make or change something: the storage failed (kind device), or the name was wrong (input).
+Error storage_error(const std::string& path, std::string_view what, int number);
 Status sync_folder(const std::string& folder);
 std::string folder_of(const std::string& path);  // "." when path names none
 

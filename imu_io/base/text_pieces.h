@@ -15,6 +15,10 @@ std::string_view trimmed(std::string_view text);
 // The parts between separators, trimmed; one empty part for an empty text.
 std::vector<std::string_view> split(std::string_view text, char separator);
 
+// How many bytes the first character of a UTF-8 text has (RFC 3629); 0 when it is none, or one that is not printed: a control
+// character (C0, DEL, C1: U+0080 to U+009F), a line or paragraph separator, or one that turns the direction of writing.
+std::size_t printable_character(std::string_view text);
+
 // 'text' in quotes, on one line and of bounded length, whatever stood in the file.
 std::string quoted(std::string_view text);
 

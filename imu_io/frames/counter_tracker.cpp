@@ -32,6 +32,7 @@ PlacedCounter CounterTracker::place(double raw, const Arrival& arrival) const {
   const double least_s = arrival.earliest_s - last_arrival_.latest_s;
   const double most_s = arrival.latest_s - last_arrival_.earliest_s;
   const double slack = slack_s(most_s);
+  const double shortest = n < 1.0 ? wrap_ : n;
   if (n * period_s_ < least_s - slack) {
     const double wraps = std::round((0.5 * (least_s + most_s) / period_s_ - n) / wrap_);
     const double longer = n + std::max(wraps, 0.0) * wrap_;
@@ -47,7 +48,7 @@ PlacedCounter CounterTracker::place(double raw, const Arrival& arrival) const {
   const CounterOutcome outcome = ahead == 0   ? CounterOutcome::duplicate
                                  : ahead == 1 ? CounterOutcome::next
                                               : CounterOutcome::gap;
-  return {outcome, last_counter_ + ahead, ahead};
+  return {outcome, last_counter_ + ahead, ahead, static_cast<std::int64_t>(shortest), least_s - shortest * period_s_};
 }
 
 PlacedCounter CounterTracker::place_uncounted(double frames_skipped, const Arrival& arrival) const {

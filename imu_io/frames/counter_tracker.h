@@ -27,6 +27,10 @@ struct PlacedCounter {
   CounterOutcome outcome = CounterOutcome::stray;
   std::int64_t counter = 0;  // unwrapped; of a duplicate the last one's; of a stray nothing
   std::int64_t ahead = 0;    // samples since the last accepted one
+  // What the counter says by itself, without the wraps that the time added (a whole wrap in place of 0), and how long before the
+  // frame's arrival that was at the least.
+  std::int64_t shortest = 0;
+  double late_s = 0.0;
 };
 
 class CounterTracker {
@@ -43,14 +47,20 @@ class CounterTracker {
   // The link was down, the unit may have been off: a counter that cannot be true goes on by the time that has passed, with a gap.
   void rejoin() { rejoining_ = has_last_; }
 
+  // So many samples more were lost before the last one.
+  void shift(std::int64_t samples) { last_counter_ += samples; }
+
+  std::int64_t wrap_samples() const { return static_cast<std::int64_t>(wrap_); }
+  // By how much a sample may be late for other reasons than a loss.
+  double slack_s(double elapsed_s) const;
+  double latest_arrival_s() const { return last_arrival_.latest_s; }
+  bool rejoining() const { return rejoining_; }
   bool has_last() const { return has_last_; }
   std::int64_t last_counter() const { return last_counter_; }
   double last_raw() const { return last_raw_; }
   double wrap_s() const { return wrap_ * period_s_; }
 
  private:
-  double slack_s(double elapsed_s) const;
-
   double period_s_;
   double step_;
   double modulus_;

@@ -6,6 +6,12 @@ namespace turncal {
 namespace {
 
 constexpr int strays_for_restart = 3;
+constexpr std::size_t most_held = 32768;  // samples
+constexpr double narrow_wrap_s = 30.0;    // a counter that wraps later than this tells every silence a run survives
+constexpr double off_time_s = 0.05;       // of a sample that adapters and a busy host do not explain
+constexpr double pace_window_s = 0.25;    // after two of them that are alike samples come at the unit's pace
+constexpr double catching_up = 0.02;      // a line that catches up delivers at least so much faster than the unit sends
+constexpr double quiet_s = 0.1;           // a line that is empty for so long holds nothing back
 constexpr double largest_pulses = 2147483647.0;  // what a recording holds
 
 CounterTracker tracker_of(const FrameDescription& frame) {
@@ -29,8 +35,11 @@ FrameDecoder::FrameDecoder(const FrameDescription& frame)
       weak_(frame.check.weak()),
       step_(frame.variants.front().counter ? frame.variants.front().counter->step : 1.0),
       modulus_(frame.variants.front().counter ? frame.variants.front().counter->modulus : 0.0),
-      state_{tracker_of(frame), {}, false, std::numeric_limits<float>::quiet_NaN(), 0},
-      before_(state_) {
+      state_{tracker_of(frame), {}, false, std::numeric_limits<float>::quiet_NaN(), 0, {}, {}, false},
+      before_(state_),
+      period_s_(frame.sample_period_s) {
+  const bool may_hold = modulus_ > 0.0 && state_.tracker.wrap_s() < narrow_wrap_s;
+  ready_.reserve(may_hold ? most_held + 4 : 4);
   for (const FrameVariant& from : frame.variants) {
     Variant variant;
     variant.length = from.length;
@@ -81,20 +90,26 @@ void FrameDecoder::rejoin() {
   waiting_ = false;
   strays_in_row_ = 0;
   restarted_ = false;
-  ready_count_ = ready_given_ = 0;
+  ready_.clear();
+  ready_given_ = ready_free_ = 0;
+  state_.hold.active = false;
+  state_.has_last = false;
   state_.tracker.rejoin();
   state_.has_base = false;
 }
 
 FrameDecoder::Next FrameDecoder::next(ImuSample& sample) {
   for (;;) {
-    if (ready_given_ < ready_count_) {
+    if (ready_given_ < ready_free_) {
       sample = ready_[ready_given_++];
       ++samples_;
       if (sample.flags != 0) ++invalid_;
       return Next::sample;
     }
-    ready_count_ = ready_given_ = 0;
+    if (!state_.hold.active) {
+      ready_.clear();
+      ready_given_ = ready_free_ = 0;
+    }
     if (restarted_) return Next::restarted;
     ScannedFrame scanned;
     if (!scanner_.next(scanned)) return Next::more;
@@ -131,6 +146,7 @@ bool FrameDecoder::read_values(const Variant& variant, const std::byte* frame, I
 void FrameDecoder::take(const ScannedFrame& scanned) {
   const Variant& variant = variants_[scanned.variant];
   ImuSample sample;
+  idle(arrival_.earliest_s);
   for (int attempt = 0; attempt < 2; ++attempt) {
     sample = ImuSample{};
     if (!read_values(variant, scanned.data, sample)) {
@@ -142,6 +158,11 @@ void FrameDecoder::take(const ScannedFrame& scanned) {
     if (variant.has_counter) {
       raw = variant.counter.number(scanned.data);
       placed = state_.tracker.place(std::isnan(raw) ? -1.0 : raw, arrival_);
+      if (is_unsure(placed)) {
+        placed = {CounterOutcome::gap, state_.tracker.last_counter() + placed.shortest, placed.shortest,
+                  placed.shortest, placed.late_s};
+        if (placed.shortest == 1) placed.outcome = CounterOutcome::next;
+      }
     } else {
       placed = state_.tracker.place_uncounted(
           static_cast<double>(scanned.skipped_before) / static_cast<double>(variant.length), arrival_);
@@ -155,7 +176,20 @@ void FrameDecoder::take(const ScannedFrame& scanned) {
       continue;
     }
     switch (placed.outcome) {
-      case CounterOutcome::duplicate: ++duplicates_; return;
+      case CounterOutcome::duplicate: {
+        ++duplicates_;
+        bool same = true;
+        for (std::size_t i = 0; i < 6; ++i) {
+          const double now = i < 3 ? sample.gyro[i] : sample.accel[i - 3];
+          const double then = i < 3 ? state_.last.gyro[i] : state_.last.accel[i - 3];
+          same = same && now == (variant.element[i].cumulative ? 0.0 : then);
+        }
+        if (same || !state_.has_last || waiting_) return;
+        sample.counter = placed.counter;
+        sample.temperature_c = state_.temperature_c;
+        emit(sample);
+        return;
+      }
       case CounterOutcome::stray: take_stray(raw); return;
       default: break;
     }
@@ -167,6 +201,15 @@ void FrameDecoder::take(const ScannedFrame& scanned) {
       waiting_ = true;
     }
     strays_in_row_ = 0;
+    if (variant.has_counter && placed.outcome != CounterOutcome::first) {
+      if (is_unsure(placed)) {
+        begin_hold(placed, raw);
+        placed.counter = state_.tracker.last_counter() + placed.ahead;
+      } else if (state_.hold.active && placed.outcome == CounterOutcome::gap &&
+                 placed.late_s < -0.5 * period_s_ * static_cast<double>(placed.ahead)) {
+        state_.hold.jump = placed.counter;  // in the backlog itself: what held it back ran over there
+      }
+    }
     believe(placed, raw, variant, scanned.data, sample);
     return;
   }
@@ -179,7 +222,113 @@ void FrameDecoder::take_stray(double raw) {
   if (steps < 0.0) steps += modulus_ / step_;
   strays_in_row_ = strays_in_row_ > 0 && std::abs(steps - 1.0) <= 0.25 ? strays_in_row_ + 1 : 1;
   stray_raw_ = raw;
-  if (strays_in_row_ >= strays_for_restart) restarted_ = true;
+  if (strays_in_row_ >= strays_for_restart) restart("the unit's counter started again");
+}
+
+// Its counter alone says that the sample is from long before it came.
+bool FrameDecoder::is_unsure(const PlacedCounter& placed) const {
+  const CounterTracker& tracker = state_.tracker;
+  if (placed.outcome == CounterOutcome::stray || placed.outcome == CounterOutcome::first) return false;
+  if (!tracker.has_last() || tracker.rejoining() || tracker.wrap_s() >= narrow_wrap_s || placed.shortest == 0)
+    return false;
+  return placed.late_s > std::min(off_time_s, tracker.slack_s(0.0)) + 2e-4 * placed.late_s;
+}
+
+void FrameDecoder::begin_hold(const PlacedCounter& placed, double raw) {
+  Hold& hold = state_.hold;
+  if (hold.active) {  // another silence before the first was decided
+    const double late_s = held_late_s();
+    if (hold.from_zero || !is_whole_wraps(late_s)) {
+      hold.jump = placed.counter;  // what is late is late by both
+      return;
+    }
+    release(wraps_in(late_s));
+  }
+  hold = {};
+  hold.active = true;
+  hold.from_counter = state_.tracker.last_counter();
+  hold.from_s = state_.tracker.latest_arrival_s();
+  hold.jump = hold.from_counter + placed.ahead;
+  hold.from_zero = raw < step_ && placed.ahead > 1;
+  state_.has_base = false;  // a cumulative field may span what was lost
+  hold.window_end_s = arrival_.latest_s + pace_window_s;
+  hold.window_late_s = hold.before_late_s = std::numeric_limits<double>::infinity();
+}
+
+void FrameDecoder::judge_hold() {
+  Hold& hold = state_.hold;
+  hold.last_s = arrival_.latest_s;
+  const double late_s = held_late_s();
+  hold.window_late_s = std::min(hold.window_late_s, late_s);
+  if (late_s <= std::min(off_time_s, state_.tracker.slack_s(0.0))) {
+    if (hold.from_zero) {
+      decide(late_s);
+    } else {
+      release(0);
+    }
+  } else if (ready_.size() >= most_held) {
+    decide(std::numeric_limits<double>::quiet_NaN());
+  } else if (arrival_.latest_s >= hold.window_end_s) {
+    const double window_late_s = hold.window_late_s;
+    if (window_late_s > hold.before_late_s - catching_up * pace_window_s) {
+      decide(window_late_s);
+      return;
+    }
+    hold.before_late_s = window_late_s;
+    hold.window_late_s = std::numeric_limits<double>::infinity();
+    hold.window_end_s = arrival_.latest_s + pace_window_s;
+  }
+}
+
+void FrameDecoder::idle(double now_s) {
+  const Hold& hold = state_.hold;
+  if (!hold.active || now_s - hold.last_s < std::max(quiet_s, 4.0 * period_s_)) return;
+  decide(held_late_s());
+}
+
+// Of the last held sample, if nothing was lost.
+double FrameDecoder::held_late_s() const {
+  const Hold& hold = state_.hold;
+  return hold.last_s - hold.from_s - period_s_ * static_cast<double>(state_.tracker.last_counter() - hold.from_counter);
+}
+
+std::int64_t FrameDecoder::wraps_in(double late_s) const {
+  return std::max<std::int64_t>(std::llround(late_s / state_.tracker.wrap_s()), 0);
+}
+
+bool FrameDecoder::is_whole_wraps(double late_s) const {
+  const double wrap_s = state_.tracker.wrap_s();
+  const double off_s = std::abs(late_s - static_cast<double>(wraps_in(late_s)) * wrap_s);
+  return off_s <= std::min(0.25 * wrap_s, off_time_s + 2e-4 * (state_.hold.last_s - state_.hold.from_s));
+}
+
+void FrameDecoder::decide(double late_s) {
+  if (std::isfinite(late_s) && is_whole_wraps(late_s) && !state_.hold.from_zero) {
+    release(wraps_in(late_s));
+    return;
+  }
+  restart("the unit was silent, and its counter cannot tell what was lost,");
+}
+
+void FrameDecoder::release(std::int64_t wraps) {
+  const std::int64_t lost = wraps * state_.tracker.wrap_samples();
+  for (std::size_t i = ready_free_; i < ready_.size(); ++i) {
+    if (ready_[i].counter >= state_.hold.jump) ready_[i].counter += lost;
+  }
+  if (waiting_ && waiting_sample_.counter >= state_.hold.jump) waiting_sample_.counter += lost;
+  if (lost > 0) {
+    state_.tracker.shift(lost);
+    state_.lost += static_cast<std::uint64_t>(lost);
+  }
+  state_.hold.active = false;
+  ready_free_ = ready_.size();
+}
+
+void FrameDecoder::restart(const std::string& reason) {
+  ready_.resize(ready_free_);
+  state_.hold.active = false;
+  restarted_ = true;
+  restart_reason_ = reason;
 }
 
 void FrameDecoder::believe(const PlacedCounter& placed, double raw, const Variant& variant, const std::byte* frame,
@@ -205,15 +354,21 @@ void FrameDecoder::believe(const PlacedCounter& placed, double raw, const Varian
   }
   sample.counter = placed.counter;
   sample.temperature_c = state_.temperature_c;
+  state_.last = sample;
+  state_.has_last = !no_base;
   if (waiting_) {
     waiting_has_sample_ = !no_base;
     waiting_sample_ = sample;
   } else if (!no_base) {
     emit(sample);
   }
+  if (state_.hold.active) judge_hold();
 }
 
-void FrameDecoder::emit(const ImuSample& sample) { ready_[ready_count_++] = sample; }
+void FrameDecoder::emit(const ImuSample& sample) {
+  ready_.push_back(sample);
+  if (!state_.hold.active) ready_free_ = ready_.size();
+}
 
 ImuLinkCounters FrameDecoder::counters() const {
   ImuLinkCounters result;

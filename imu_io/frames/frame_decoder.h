@@ -8,6 +8,11 @@
 // frame bad. A status that says invalid, or a raw number outside its range, sets sample_flag_invalid. Frames of a counter that
 // cannot be true are dropped; three in a row that agree with each other mean that the unit began anew: Next::restarted.
 // With a weak check the first frame, and one after a gap, wait for a following one that agrees with them.
+// Two frames of one counter that say different things are both given: the receiver sees the counter twice and judges.
+// A counter that wraps within seconds cannot tell a line that stalled from samples that were lost, nor a unit that was reset: after a
+// silence its samples are held until their arrival tells. A line that stalled catches up: nothing was lost. Samples that come at
+// the unit's pace, or a line that falls silent again, show by how much: if that is whole wraps, those were lost, else (or when the
+// counter begins at 0) it is Next::restarted.
 // A cumulative field gives no sample at the beginning and after a gap: one row never holds more than one period.
 // No allocation after construction.
 #pragma once
@@ -16,6 +21,7 @@
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "imu_io/frames/counter_tracker.h"
@@ -32,6 +38,10 @@ class FrameDecoder {
   void added(std::size_t count, const Arrival& arrival);
   enum class Next { sample, more, restarted };
   Next next(ImuSample& sample);
+  // The line is empty at that time: what is held may be decided.
+  void idle(double now_s);
+  // Why, after Next::restarted.
+  const std::string& restart_reason() const { return restart_reason_; }
   // The link was down: the bytes held are thrown away, the counter goes on where it can.
   void rejoin();
 
@@ -69,6 +79,16 @@ class FrameDecoder {
     FieldCodec counter;
     std::vector<Status> status;
   };
+  // Samples after a silence of which it is not known yet how many were lost in it.
+  struct Hold {
+    bool active = false;
+    std::int64_t from_counter = 0;  // the last sample before it, and when that came
+    double from_s = 0.0;
+    std::int64_t jump = 0;   // first counter after the last jump: what was lost was lost before it
+    bool from_zero = false;  // the counter began at 0, and not because that was next
+    double last_s = 0.0;     // when the last frame came
+    double window_end_s = 0.0, window_late_s = 0.0, before_late_s = 0.0;
+  };
   // What a frame that turns out not to be believed must not have changed.
   struct State {
     CounterTracker tracker;
@@ -76,6 +96,9 @@ class FrameDecoder {
     bool has_base = false;
     float temperature_c = std::numeric_limits<float>::quiet_NaN();
     std::uint64_t lost = 0;
+    Hold hold{};
+    ImuSample last{};  // as believed
+    bool has_last = false;
   };
   // False: the numbers are impossible.
   bool read_values(const Variant& variant, const std::byte* frame, ImuSample& sample) const;
@@ -84,6 +107,15 @@ class FrameDecoder {
   void believe(const PlacedCounter& placed, double raw, const Variant& variant, const std::byte* frame,
                ImuSample& sample);
   void emit(const ImuSample& sample);
+  bool is_unsure(const PlacedCounter& placed) const;
+  void begin_hold(const PlacedCounter& placed, double raw);
+  void judge_hold();
+  void decide(double late_s);  // by how much the last held samples are late if nothing was lost
+  double held_late_s() const;
+  std::int64_t wraps_in(double late_s) const;
+  bool is_whole_wraps(double late_s) const;
+  void release(std::int64_t wraps);
+  void restart(const std::string& reason);
 
   FrameScanner scanner_;
   std::vector<Variant> variants_;
@@ -96,11 +128,13 @@ class FrameDecoder {
   bool waiting_has_sample_ = false;
   ImuSample waiting_sample_;
   Arrival arrival_;
-  std::array<ImuSample, 2> ready_;
-  std::size_t ready_count_ = 0, ready_given_ = 0;
+  double period_s_;
+  std::vector<ImuSample> ready_;                  // never grown
+  std::size_t ready_given_ = 0, ready_free_ = 0;  // from there on they are held
   double stray_raw_ = 0.0;
   int strays_in_row_ = 0;
   bool restarted_ = false;
+  std::string restart_reason_;
   std::uint64_t samples_ = 0, duplicates_ = 0, unusable_ = 0, strays_ = 0, invalid_ = 0;
 };
 

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "calib/model/parameters.h"
+#include "calib/statistics/clipping.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
@@ -58,21 +59,10 @@ CsvTriad read_triad(KeyValueFile& file, const std::string& name, const Unit (&un
     if (file.has(unit_key)) file.reject(unit_key, expected);
   }
   const std::string axes_key = name + ".axes";
-  const std::vector<std::string> axes = file.list_or(axes_key, {"+x", "+y", "+z"});
-  std::array<bool, 3> used{};
-  bool good = axes.size() == 3;
-  for (std::size_t k = 0; good && k < 3; ++k) {
-    std::string_view axis = axes[k];
-    triad.sign[k] = axis.starts_with('-') ? -1.0 : 1.0;
-    if (axis.starts_with('-') || axis.starts_with('+')) axis.remove_prefix(1);
-    const std::size_t from = axis.size() == 1 ? std::string_view("xyz").find(axis[0]) : std::string_view::npos;
-    good = from != std::string_view::npos && !used[from];
-    if (good) {
-      triad.from[k] = static_cast<int>(from);
-      used[from] = true;
-    }
-  }
-  if (!good) file.reject(axes_key, "x, y and z once each, with sign, as in +x, -z, +y");
+  if (const auto axes = axis_order(file.text_or(axes_key, "x, y, z")))
+    triad.axes = *axes;
+  else
+    file.reject(axes_key, "x, y and z once each, with sign, as in +x, -z, +y");
   const std::vector<double> range = file.numbers_or(name + ".range", {triad.range_low, triad.range_high}, 2);
   if (range.size() == 2) {
     triad.range_low = range[0];
@@ -87,9 +77,10 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   map.gyro = read_triad(file, "gyro", gyro_units);
   map.accel = read_triad(file, "accel", accel_units);
   const std::string delimiter = file.one_of_or("csv.delimiter", "comma", {"comma", "semicolon", "tab", "space"});
-  map.delimiter = delimiter == "semicolon" ? ';' : delimiter == "tab" ? '\t' : delimiter == "space" ? ' ' : ',';
-  map.header_lines = static_cast<int>(file.integer_or("csv.header_lines", 1, 0, 1000));
+  map.format.delimiter = delimiter == "semicolon" ? ';' : delimiter == "tab" ? '\t' : delimiter == "space" ? ' ' : ',';
+  map.format.header_lines = static_cast<int>(file.integer_or("csv.header_lines", 1, 0, 1000));
   map.time_column = file.text_or("time.column", "");
+  map.accel_time_column = file.text_or("accel.time.column", map.time_column);
   const std::string unit = file.one_of_or("time.unit", "s", {"s", "ms", "us", "ns"});
   map.time_unit_s = unit == "ms" ? 1e-3 : unit == "us" ? 1e-6 : unit == "ns" ? 1e-9 : 1.0;
   map.measured_intervals = file.one_of_or("time.increments", "intervals", {"intervals", "period"}) == "intervals";
@@ -111,238 +102,282 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   return map;
 }
 
-class CsvReader {
+// What a row has, as in the file.
+struct Row {
+  double time = 0.0;
+  std::array<double, 3> gyro{};
+  std::array<double, 3> accel{};
+  double temperature = std::numeric_limits<double>::quiet_NaN();
+  std::int64_t position = 0;
+  std::int64_t line = 0;
+};
+
+double median_of(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+class Importer {
  public:
-  CsvReader(const CsvMap& map, std::string_view text, const std::string& file_name)
-      : map_(map), text_(text), file_name_(file_name) {}
-  Result<CsvImport> run();
+  explicit Importer(const CsvMap& map) : map_(map) {}
+  Status read(std::string_view text, const std::string& file_name, bool with_accel);
+  Status read_accel(std::string_view text, const std::string& file_name);
+  Result<CsvImport> finish();
 
  private:
-  struct Column {
-    std::size_t index = 0;
-    std::string name;
-  };
-  Error defect(const std::string& what) const {
-    return input_error(file_name_ + ":" + std::to_string(line_) + ": " + what);
-  }
-  void split_row(std::string_view row);
-  Status find_columns();
-  Result<Column> find_column(const std::string& name) const;
-  Result<double> number(const Column& column) const;
-  Status read_rows();
-  Status read_row(std::string_view row);
-  Status make_intervals();
-  Status make_samples();
-
-  struct Row {
-    double time = 0.0;
-    std::array<double, 3> gyro;  // as in the file
-    std::array<double, 3> accel;
-    double temperature = 0.0;
-    std::int64_t line = 0;
-  };
+  bool timed() const { return !map_.time_column.empty(); }
+  Status order_rows();
+  std::int64_t steps_to(std::size_t row, std::size_t last_gap) const;
+  void make_intervals();
+  void mark_clipping(std::vector<std::uint32_t>& flags) const;
+  void make_samples();
+  void count_bad(const NumberTable& table);
 
   const CsvMap& map_;
-  std::string_view text_;
-  const std::string file_name_;
-  std::int64_t line_ = 0;
-  std::vector<std::string_view> cells_;
-  std::vector<std::string> header_;
-  std::array<Column, 3> gyro_, accel_;
-  std::optional<Column> time_, temperature_;
+  std::string file_name_;
   std::vector<Row> rows_;
+  std::vector<std::int64_t> step_;  // of the counter before each row
   double median_s_ = 0.0;
   CsvImport result_;
 };
 
-void CsvReader::split_row(std::string_view row) {
-  cells_.clear();
-  if (map_.delimiter == ' ') {  // any run of blanks
-    for (std::size_t at = 0; at < row.size();) {
-      const std::size_t from = row.find_first_not_of(" \t", at);
-      if (from == std::string_view::npos) break;
-      at = std::min(row.find_first_of(" \t", from), row.size());
-      cells_.push_back(row.substr(from, at - from));
+void Importer::count_bad(const NumberTable& table) {
+  if (result_.bad_rows == 0) result_.first_bad = table.first_bad;
+  result_.bad_rows += table.bad_rows;
+}
+
+Status Importer::read(std::string_view text, const std::string& file_name, bool with_accel) {
+  file_name_ = file_name;
+  std::vector<WantedColumn> wanted;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    wanted.push_back({map_.gyro.columns[axis], false});
+    if (with_accel) wanted.push_back({map_.accel.columns[axis], false});
+  }
+  const std::size_t each = with_accel ? 2 : 1;
+  const std::size_t time = wanted.size();
+  if (timed()) wanted.push_back({map_.time_column, false});
+  const std::size_t temperature = wanted.size();
+  if (!map_.temperature_column.empty()) wanted.push_back({map_.temperature_column, true});
+  Result<NumberTable> table = read_number_table(text, file_name, wanted, map_.format);
+  if (!table) return table.error();
+  count_bad(*table);
+  rows_.resize(table->rows());
+  for (std::size_t k = 0; k < rows_.size(); ++k) {
+    Row& row = rows_[k];
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      row.gyro[axis] = table->columns[each * axis][k];
+      if (with_accel) row.accel[axis] = table->columns[each * axis + 1][k];
     }
-    return;
+    if (timed()) row.time = table->columns[time][k] * map_.time_unit_s;
+    if (temperature < wanted.size())
+      row.temperature = (table->columns[temperature][k] - map_.temperature_offset) * map_.temperature_scale;
+    row.position = table->position[k];
+    row.line = table->line[k];
   }
-  for (std::size_t at = 0; at <= row.size();) {
-    const std::size_t end = std::min(row.find(map_.delimiter, at), row.size());
-    cells_.push_back(trimmed(row.substr(at, end - at)));
-    at = end + 1;
-  }
+  return order_rows();
 }
 
-Result<CsvReader::Column> CsvReader::find_column(const std::string& name) const {
-  const auto at = std::find(header_.begin(), header_.end(), name);
-  if (at != header_.end()) return Column{static_cast<std::size_t>(at - header_.begin()), name};
-  if (const auto index = parse_integer<std::int64_t>(name); index && *index >= 1 && *index <= 10000)
-    return Column{static_cast<std::size_t>(*index - 1), name};
-  return defect(
-      "no column " + quoted(name) + "; the header has " + std::to_string(header_.size()) + " names" +
-      (header_.empty() ? ": give column numbers, or csv.header_lines" : ", the first is " + quoted(header_.front())));
-}
-
-Status CsvReader::find_columns() {
-  for (std::size_t k = 0; k < 3; ++k) {
-    for (auto [triad, columns] : {std::pair(&map_.gyro, &gyro_), std::pair(&map_.accel, &accel_)}) {
-      Result<Column> column = find_column(triad->columns[k]);
-      if (!column) return column.error();
-      (*columns)[k] = *column;
+// Times must increase; with `period` they may jitter back by a few rows.
+Status Importer::order_rows() {
+  if (!timed() || rows_.size() < 2) return {};
+  std::vector<double> steps;
+  for (std::size_t k = 1; k < rows_.size(); ++k) steps.push_back(std::abs(rows_[k].time - rows_[k - 1].time));
+  const double back = map_.measured_intervals ? 0.0 : 5.0 * median_of(std::move(steps));
+  std::size_t kept = 1;
+  for (std::size_t k = 1; k < rows_.size(); ++k) {
+    const Row& row = rows_[k];
+    const double least = rows_[kept - 1].time - back;
+    if (map_.measured_intervals ? row.time > least : row.time >= least) {
+      rows_[kept++] = row;
+      continue;
     }
+    const Error error =
+        input_error(file_name_ + ":" + std::to_string(row.line) + ": column " + quoted(map_.time_column) + " = '" +
+                    format_number(row.time / map_.time_unit_s) + "': expected a time after that of the row before");
+    if (!map_.format.skip_bad_rows) return error;
+    if (result_.bad_rows++ == 0) result_.first_bad = error.message;
   }
-  for (auto [name, column] :
-       {std::pair(&map_.time_column, &time_), std::pair(&map_.temperature_column, &temperature_)}) {
-    if (name->empty()) continue;
-    Result<Column> found = find_column(*name);
-    if (!found) return found.error();
-    *column = *found;
-  }
+  rows_.resize(kept);
   return {};
 }
 
-Result<double> CsvReader::number(const Column& column) const {
-  if (column.index >= cells_.size())
-    return defect("column " + quoted(column.name) + " is missing: the row has " + std::to_string(cells_.size()) +
-                  " columns");
-  std::string_view cell = cells_[column.index];
-  if (cell.starts_with('+')) cell.remove_prefix(1);
-  const std::optional<double> value = parse_number<double>(cell);
-  if (!value)
-    return defect("column " + quoted(column.name) + " = " + quoted(cells_[column.index]) + ": expected a number");
-  return *value;
-}
-
-Status CsvReader::read_row(std::string_view text) {
-  split_row(text);
-  Row row;
-  row.line = line_;
-  for (std::size_t k = 0; k < 3; ++k) {
-    Result<double> gyro = number(gyro_[k]);
-    if (!gyro) return gyro.error();
-    Result<double> accel = number(accel_[k]);
-    if (!accel) return accel.error();
-    row.gyro[k] = *gyro;
-    row.accel[k] = *accel;
-  }
-  if (time_) {
-    Result<double> time = number(*time_);
-    if (!time) return time.error();
-    row.time = *time * map_.time_unit_s;
-    if (!rows_.empty() && !(row.time > rows_.back().time))
-      return defect("column " + quoted(time_->name) + " = " + quoted(cells_[time_->index]) +
-                    ": expected a time after that of the row before");
-  }
-  if (temperature_) {
-    Result<double> temperature = number(*temperature_);
-    if (!temperature) return temperature.error();
-    row.temperature = (*temperature - map_.temperature_offset) * map_.temperature_scale;
-  }
-  rows_.push_back(row);
-  return {};
-}
-
-Status CsvReader::read_rows() {
-  std::string_view left = text_;
-  for (int k = 0; k < map_.header_lines; ++k) {
-    if (left.empty()) return defect("the file ends inside its " + std::to_string(map_.header_lines) + " header lines");
-    ++line_;
-    split_row(take_line(left));
-  }
-  if (map_.header_lines > 0) header_.assign(cells_.begin(), cells_.end());
-  if (Status status = find_columns(); !status) return status;
-  rows_.reserve(left.size() / 40 + 1);
-  while (!left.empty()) {
-    ++line_;
-    const std::string_view row = take_line(left);
-    if (trimmed(row).empty()) continue;
-    if (Status status = read_row(row); !status) return status;
-  }
-  if (rows_.size() < 10) return defect("expected at least 10 rows of data, found " + std::to_string(rows_.size()));
-  return {};
-}
-
-Status CsvReader::make_intervals() {
-  if (!time_) {
-    result_.info.sample_period_s = median_s_ = 1.0 / map_.rate_hz;
+Status Importer::read_accel(std::string_view text, const std::string& file_name) {
+  std::vector<WantedColumn> wanted;
+  for (const std::string& name : map_.accel.columns) wanted.push_back({name, false});
+  if (timed()) wanted.push_back({map_.accel_time_column, false});
+  Result<NumberTable> table = read_number_table(text, file_name, wanted, map_.format);
+  if (!table) return table.error();
+  count_bad(*table);
+  const std::size_t n = table->rows();
+  const auto number = [&](std::size_t row, std::size_t axis) { return table->columns[axis][row]; };
+  const auto time = [&](std::size_t row) { return table->columns[3][row] * map_.time_unit_s; };
+  bool same = n == rows_.size();
+  for (std::size_t k = 0; same && k < n; ++k)
+    same = timed() ? time(k) == rows_[k].time : table->position[k] == rows_[k].position;
+  if (same) {
+    for (std::size_t k = 0; k < n; ++k)
+      for (std::size_t axis = 0; axis < 3; ++axis) rows_[k].accel[axis] = number(k, axis);
     return {};
+  }
+  if (!timed())
+    return input_error(file_name + ": " + std::to_string(n) + " rows: expected " + std::to_string(rows_.size()) +
+                       ", as in " + file_name_ + ", or time.column");
+  for (std::size_t k = 1; k < n; ++k)
+    if (!(time(k) > time(k - 1)))
+      return input_error(file_name + ":" + std::to_string(table->line[k]) + ": column " +
+                         quoted(map_.accel_time_column) + " = '" + format_number(table->columns[3][k]) +
+                         "': expected a time after that of the row before");
+  // The integral at the gyros' stamps; a number says the mean over the interval that it ends.
+  const bool rate = map_.accel.is_rate;
+  std::vector<Row> kept;
+  std::size_t at = 1;
+  std::array<double, 3> sum{}, before{};
+  for (std::size_t k = 0; k < rows_.size(); ++k) {
+    const double t = rows_[k].time;
+    if (n < 2 || t < time(0)) continue;
+    for (; at < n && time(at) <= t; ++at)
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        sum[axis] += number(at, axis) * (rate ? time(at) - time(at - 1) : 1.0);
+    if (at == n && t > time(n - 1)) break;
+    std::array<double, 3> here = sum;
+    if (at < n) {
+      const double part = rate ? t - time(at - 1) : (t - time(at - 1)) / (time(at) - time(at - 1));
+      for (std::size_t axis = 0; axis < 3; ++axis) here[axis] += number(at, axis) * part;
+    }
+    Row row = rows_[k];
+    const double since = kept.empty() ? 0.0 : t - kept.back().time;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      row.accel[axis] =
+          kept.empty() ? number(std::min(at, n - 1), axis) : (here[axis] - before[axis]) / (rate ? since : 1.0);
+    before = here;
+    kept.push_back(row);
+  }
+  rows_ = std::move(kept);
+  return {};
+}
+
+// How many periods lie between the row before and this one. A stamp comes late and not early, so each side goes by the least late of
+// eight, and of none before the last gap.
+std::int64_t Importer::steps_to(std::size_t row, std::size_t last_gap) const {
+  double before = std::numeric_limits<double>::infinity();
+  double after = before;
+  for (std::size_t k = 0; k < 8; ++k) {
+    const double shift = static_cast<double>(k) * median_s_;
+    if (row >= last_gap + 1 + k) before = std::min(before, rows_[row - 1 - k].time + shift);
+    if (row + k < rows_.size()) after = std::min(after, rows_[row + k].time - shift);
+  }
+  return std::llround((after - before) / median_s_);
+}
+
+void Importer::make_intervals() {
+  step_.assign(rows_.size(), 1);
+  if (!rows_.empty()) step_[0] = 0;
+  if (!timed()) {
+    result_.info.sample_period_s = median_s_ = 1.0 / map_.rate_hz;
+    for (std::size_t k = 1; k < rows_.size(); ++k) step_[k] = rows_[k].position - rows_[k - 1].position;
+    return;
   }
   std::vector<double> intervals;
   for (std::size_t k = 1; k < rows_.size(); ++k) intervals.push_back(rows_[k].time - rows_[k - 1].time);
-  std::vector<double> sorted = intervals;
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  median_s_ = *middle;
+  median_s_ = median_of(intervals);
   double sum = 0.0;
   double squares = 0.0;
   double count = 0.0;
-  for (const double interval : intervals)
-    if (interval <= map_.gap * median_s_) {
-      sum += interval;
-      squares += interval * interval;
-      count += 1.0;
+  std::vector<std::size_t> gaps;
+  for (std::size_t k = 0; k < intervals.size(); ++k) {
+    const double interval = intervals[k];
+    if (interval > map_.gap * median_s_) {
+      const std::int64_t steps = map_.measured_intervals ? 2 : steps_to(k + 1, gaps.empty() ? 0 : gaps.back());
+      if (steps > 1) {
+        step_[k + 1] = steps;
+        gaps.push_back(k + 1);
+        continue;
+      }
     }
-  result_.info.sample_period_s = sum / count;
-  result_.jitter_s = std::sqrt(std::max(0.0, squares / count - std::pow(sum / count, 2)));
-  return {};
+    sum += interval;
+    squares += interval * interval;
+    count += 1.0;
+  }
+  const double period = sum / count;
+  result_.info.sample_period_s = period;
+  result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
+  if (map_.measured_intervals)
+    for (const std::size_t k : gaps) step_[k] = std::max<std::int64_t>(2, std::llround(intervals[k - 1] / period));
+  result_.gaps = static_cast<std::int64_t>(gaps.size());
 }
 
-Status CsvReader::make_samples() {
+// On the numbers of the file, where a clipped gyro repeats itself whatever the intervals are.
+void Importer::mark_clipping(std::vector<std::uint32_t>& flags) const {
+  ClippingFinder finder;
+  for (std::size_t k = 0; k < rows_.size(); ++k) {
+    ImuSample sample;
+    sample.counter = static_cast<std::int64_t>(k);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const auto from = static_cast<std::size_t>(map_.gyro.axes.from[axis]);
+      sample.gyro[axis] = rows_[k].gyro[from] - map_.gyro.offset[from];
+    }
+    finder.add(sample);
+  }
+  for (const ClippedRun& run : finder.finish())
+    for (std::int64_t k = run.sample; k < run.sample + run.count; ++k)
+      flags[static_cast<std::size_t>(k)] |= gyro_clipped_flag(run.axis);
+}
+
+void Importer::make_samples() {
   const double period = result_.info.sample_period_s;
-  const auto saturated = [](const CsvTriad& triad, const std::array<double, 3>& numbers) {
-    return std::any_of(numbers.begin(), numbers.end(),
-                       [&](double x) { return x <= triad.range_low || x >= triad.range_high; });
-  };
+  const auto saturated = [](const CsvTriad& triad, double x) { return x <= triad.range_low || x >= triad.range_high; };
   const auto increment = [](const CsvTriad& triad, const std::array<double, 3>& numbers, std::size_t body, double dt) {
-    const auto from = static_cast<std::size_t>(triad.from[body]);
-    return triad.sign[body] * (numbers[from] - triad.offset[from]) * triad.scale[from] * (triad.is_rate ? dt : 1.0);
+    const auto from = static_cast<std::size_t>(triad.axes.from[body]);
+    return triad.axes.sign[body] * (numbers[from] - triad.offset[from]) * triad.scale[from] *
+           (triad.is_rate ? dt : 1.0);
   };
+  std::vector<std::uint32_t> flags(rows_.size(), 0);
+  mark_clipping(flags);
   std::int64_t counter = 0;
   result_.samples.reserve(rows_.size());
   for (std::size_t k = 0; k < rows_.size(); ++k) {
     const Row& row = rows_[k];
-    double dt = period;
-    if (k > 0) {
-      std::int64_t step = 1;
-      if (time_) {
-        const double interval = row.time - rows_[k - 1].time;
-        if (interval > map_.gap * median_s_) {
-          step = std::max<std::int64_t>(2, std::llround(interval / period));
-          ++result_.gaps;
-        } else if (map_.measured_intervals) {
-          dt = interval;
-        }
+    counter += step_[k];
+    if (flags[k] != 0) ++result_.clipped;
+    bool full = false;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      if (saturated(map_.gyro, row.gyro[static_cast<std::size_t>(map_.gyro.axes.from[axis])])) {
+        flags[k] |= gyro_clipped_flag(static_cast<int>(axis));
+        full = true;
       }
-      counter += step;
-    }
-    if (saturated(map_.gyro, row.gyro) || saturated(map_.accel, row.accel)) {
-      ++result_.saturated;
-      continue;
-    }
+    const bool dropped =
+        std::any_of(row.accel.begin(), row.accel.end(), [&](double x) { return saturated(map_.accel, x); });
+    if (full || dropped) ++result_.saturated;
+    if (dropped) continue;
+    const bool measured = timed() && map_.measured_intervals && k > 0 && step_[k] == 1;
+    const double dt = measured ? row.time - rows_[k - 1].time : period;
     ImuSample sample;
     sample.counter = counter;
+    sample.flags = flags[k] == 0 ? 0 : flags[k] | sample_flag_invalid;  // whoever knows no axis sets its turn aside too
     for (std::size_t axis = 0; axis < 3; ++axis) {
       sample.gyro[axis] = increment(map_.gyro, row.gyro, axis, dt);
       sample.accel[axis] = increment(map_.accel, row.accel, axis, dt);
     }
-    if (temperature_) sample.temperature_c = static_cast<float>(row.temperature);
+    sample.temperature_c = static_cast<float>(row.temperature);
     result_.samples.push_back(sample);
   }
-  return {};
 }
 
-Result<CsvImport> CsvReader::run() {
-  if (Status status = read_rows(); !status) return status.error();
-  if (Status status = make_intervals(); !status) return status.error();
+Result<CsvImport> Importer::finish() {
+  if (rows_.size() < 10)
+    return input_error(file_name_ + ": expected at least 10 rows of data, found " + std::to_string(rows_.size()));
+  make_intervals();
   RecordingInfo& info = result_.info;
   info.latitude_deg = map_.latitude_deg;
   info.gravity_mps2 = map_.gravity_mps2;
   info.unit_serial = map_.unit_serial;
   info.gyro_increment = IncrementKind::physical;
   info.accel_increment = IncrementKind::physical;
-  info.has_temperature = temperature_.has_value();
-  if (Status status = make_samples(); !status) return status.error();
-  result_.rows = static_cast<std::int64_t>(rows_.size());
+  info.has_temperature =
+      std::any_of(rows_.begin(), rows_.end(), [](const Row& r) { return !std::isnan(r.temperature); });
+  make_samples();
+  result_.rows = static_cast<std::int64_t>(rows_.size()) + result_.bad_rows;
   if (result_.samples.empty())
     return input_error(file_name_ + ": every row is saturated; look at gyro.range and accel.range");
   if (Status status = check_info(info, file_name_); !status) return status.error();
@@ -364,13 +399,27 @@ Result<CsvMap> parse_csv_map(std::string_view text, const std::string& file_name
 }
 
 Result<CsvImport> parse_csv(const CsvMap& map, std::string_view text, const std::string& file_name) {
-  return CsvReader(map, text, file_name).run();
+  Importer importer(map);
+  if (Status status = importer.read(text, file_name, true); !status) return status.error();
+  return importer.finish();
 }
 
-Result<CsvImport> import_csv(const CsvMap& map, const std::string& path) {
-  Result<std::string> text = read_whole_file(path, std::size_t{4} << 30);
+Result<CsvImport> parse_csv(const CsvMap& map, std::string_view gyro_text, const std::string& gyro_file,
+                            std::string_view accel_text, const std::string& accel_file) {
+  Importer importer(map);
+  if (Status status = importer.read(gyro_text, gyro_file, false); !status) return status.error();
+  if (Status status = importer.read_accel(accel_text, accel_file); !status) return status.error();
+  return importer.finish();
+}
+
+Result<CsvImport> import_csv(const CsvMap& map, const std::string& path, const std::string& accel_path) {
+  constexpr std::size_t most_bytes = std::size_t{4} << 30;
+  Result<std::string> text = read_whole_file(path, most_bytes);
   if (!text) return text.error();
-  return parse_csv(map, *text, path);
+  if (accel_path.empty()) return parse_csv(map, *text, path);
+  Result<std::string> accel = read_whole_file(accel_path, most_bytes);
+  if (!accel) return accel.error();
+  return parse_csv(map, *text, path, *accel, accel_path);
 }
 
 Status write_recording(const CsvImport& content, const std::string& path) {

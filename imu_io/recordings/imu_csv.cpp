@@ -97,7 +97,8 @@ bool ImuCsvParser::parse_plain(const char*& at, ImuSample& sample) const {
   if (!plain_triple(p, info_.gyro_increment, sample.gyro, ',')) return false;
   if (!plain_triple(p, info_.accel_increment, sample.accel, info_.has_temperature ? ',' : '\n')) return false;
   sample.temperature_c = std::numeric_limits<float>::quiet_NaN();
-  if (info_.has_temperature && !plain_decimal(p, sample.temperature_c)) return false;
+  const bool blank = *p == '\n' || *p == '\r';  // not measured at this sample
+  if (info_.has_temperature && !blank && !plain_decimal(p, sample.temperature_c)) return false;
   if (*p == '\r') ++p;
   if (*p != '\n') return false;
   at = p + 1;

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 namespace {
@@ -15,8 +16,10 @@ Error defect(const std::string& where, const char* field, const std::string& val
 
 bool is_plain_text(const std::string& text) {
   if (text.empty() || text.front() == ' ' || text.back() == ' ') return false;
-  for (const char c : text) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F || c == '#') return false;
+  for (std::string_view rest = text; !rest.empty();) {
+    const std::size_t length = printable_character(rest);
+    if (length == 0 || rest.front() == '#') return false;
+    rest.remove_prefix(length);
   }
   return true;
 }

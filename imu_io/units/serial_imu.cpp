@@ -13,7 +13,7 @@ namespace {
 
 constexpr double slice_s = 0.02;  // at most so long is one wait
 constexpr double skew_judged_after_s = 10.0;
-constexpr double largest_skew = 2e-3;
+constexpr double gross_skew = 2e-3;       // of another rate than described: no clock is so bad
 constexpr double least_lateness_s = 0.1;  // below this a busy host may be the reason
 
 SerialSettings line_of(const FrameDescription& frame, const std::string& device) {
@@ -23,6 +23,14 @@ SerialSettings line_of(const FrameDescription& frame, const std::string& device)
 }
 
 }  // namespace
+
+Status judge_clock(const ArrivalFit& fit, double max_ppm) {
+  const std::optional<ArrivalEstimate> estimate = fit.estimate();
+  if (!estimate || estimate->skew_uncertainty == 0.0) return {};
+  if (std::abs(estimate->skew) - 3.0 * estimate->skew_uncertainty <= 1e-6 * max_ppm) return {};
+  return device_error("the unit's clock is off by " + format_number(std::round(-1e7 * estimate->skew) / 10.0) +
+                      " ppm against the host's: expected at most imu.clock_max_ppm = " + format_number(max_ppm));
+}
 
 SerialImu::SerialImu(const FrameDescription& frame, const SerialImuSettings& settings)
     : frame_(frame), settings_(settings), decoder_(frame) {}
@@ -88,6 +96,7 @@ Result<std::size_t> SerialImu::receive(double timeout_s) {
   count_line_errors(now_s);
   if (*count == 0) {
     empty_s_ = began_s + timeout_s;
+    decoder_.idle(empty_s_ * settings_.speedup);
     return std::size_t{0};
   }
   decoder_.added(*count, {empty_s_ * settings_.speedup, now_s * settings_.speedup});
@@ -130,10 +139,11 @@ Status SerialImu::judge_arrivals() const {
   if (settings_.speedup != 1.0) return {};
   const auto estimate = fit_.estimate();
   if (!estimate || estimate->span_s < skew_judged_after_s) return {};
-  if (std::abs(estimate->skew) > largest_skew) {
+  if (std::abs(estimate->skew) > gross_skew) {
     return device_error("samples come every " + format_number(frame_.sample_period_s * (1.0 + estimate->skew)) +
                         " s, the frame description says every " + format_number(frame_.sample_period_s) + " s");
   }
+  if (Status status = judge_clock(fit_, settings_.clock_max_ppm); !status) return status;
   const double late_s = fit_.persistent_delay_s();
   if (late_s > std::max(0.5 * decoder_.wrap_s(), least_lateness_s)) {
     return device_error("samples come " + format_number(late_s) +
@@ -152,7 +162,7 @@ Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) 
       return count;
     }
     if (restarted_) {
-      return lost("the unit's counter started again after sample " + std::to_string(last_counter_) +
+      return lost(decoder_.restart_reason() + " after sample " + std::to_string(last_counter_) +
                   ": it was switched off or reset");
     }
     const auto received = receive(deadline.left_s());

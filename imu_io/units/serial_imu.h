@@ -7,10 +7,12 @@
 //
 // read() is an error of kind device, and the port is closed, when
 //   the port was unplugged;
-//   the unit's counter began anew: it was switched off or reset, and its biases may be others now;
+//   the unit's counter began anew: it was switched off or reset, and its biases may be others now; or a short counter cannot tell
+//   a reset from a loss (frame_decoder.h);
 //   samples come persistently later than before by half a wrap of the counter (0.1 s without one): more was lost than the
 //   counter can tell;
-//   after 10 s, samples come at another rate than the description says, by more than 0.2 %.
+//   after 10 s, samples come at another rate than the description says, by more than 0.2 %, or by more than clock_max_ppm and three
+//   times what that is known to.
 // A unit that is silent, or sends only rubbish, gives 0 samples: how long that may last is for the caller to say.
 // The last two are not judged with speedup other than 1.
 #pragma once
@@ -28,10 +30,14 @@ namespace turncal {
 
 struct SerialImuSettings {
   std::string device;
-  std::string unit_serial;  // of a unit that does not tell; may be empty
-  bool simulated = false;   // a twin: recordings are marked
-  double speedup = 1.0;     // seconds of the unit a second of the host: for a twin that runs faster than time
+  std::string unit_serial;       // of a unit that does not tell; may be empty
+  bool simulated = false;        // a twin: recordings are marked
+  double clock_max_ppm = 200.0;  // by how much the unit's clock may differ from the host's
+  double speedup = 1.0;          // seconds of the unit a second of the host: for a twin that runs faster than time
 };
+
+// An error where the unit's clock is surely further off the host's than that.
+Status judge_clock(const ArrivalFit& fit, double max_ppm);
 
 class SerialImu : public ImuSource {
  public:
@@ -47,6 +53,7 @@ class SerialImu : public ImuSource {
 
   // For the log, in one line: what came and what did not, the line's own errors since open(), and the unit's clock against the host's.
   std::string summary() const;
+  std::optional<ArrivalEstimate> clock() const { return fit_.estimate(); }
 
  private:
   std::size_t take_ready(std::span<ImuSample> out);

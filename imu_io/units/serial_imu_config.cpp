@@ -8,9 +8,15 @@ namespace turncal {
 Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
   SerialImuConfig config;
   config.settings.device = file.text("imu.device");
+  const std::string& device = config.settings.device;
+  if (const std::size_t colon = device.find(':'); colon != std::string::npos && device.find('/') > colon) {
+    file.reject("imu.device", "a serial device such as /dev/serial/by-id/...: no other kind of line is known");
+  }
   std::string name = file.text("imu.frame");
   config.settings.unit_serial = file.text_or("imu.unit_serial", "");
   config.settings.simulated = file.boolean_or("imu.simulated", false);
+  config.settings.clock_max_ppm =
+      file.number_or("imu.clock_max_ppm", config.settings.clock_max_ppm, {0.0, 2000.0, true});
   config.settings.speedup = file.number_or("imu.speedup", 1.0, between(0.01, 1000.0));
   if (config.settings.speedup != 1.0 && !config.settings.simulated) {
     file.reject("imu.speedup", "1 unless imu.simulated is true");

@@ -9,6 +9,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
+#include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/effect_terms.h"
 
@@ -49,6 +50,11 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
   std::error_code error;
   if (std::filesystem::is_directory(options.out, error)) {
     return input_error(options.out + ": expected a file name, found a folder");
+  }
+  for (const std::string& given : {options.recording, options.recording + "/" + binary_recording_name,
+                                   options.recording + "/imu.csv", options.parameters}) {
+    if (std::filesystem::equivalent(options.out, given, error))
+      return input_error("--out " + options.out + ": expected another file than the source, " + given);
   }
   Result<AtomicFile> file = AtomicFile::create(options.out);
   if (!file) return file.error();

@@ -6,13 +6,11 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <memory>
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_writer.h"
-#include "orchestrator/commands/command_diagnose.h"
 #include "orchestrator/commands/command_run.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/mounting.h"
@@ -22,6 +20,7 @@
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/unit_queue.h"
 #include "orchestrator/report/report_format.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
@@ -33,9 +32,7 @@ struct BatchOptions {
   RunRequest request;
 };
 
-std::string now_utc() {
-  return format_utc(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count());
-}
+std::string now_utc() { return format_utc(wall_utc_s()); }
 
 // A unit that is done again gets a folder of its own: NAME, NAME.2, NAME.3 ..., the first without a whole recording.
 std::string folder_for(const std::string& out, const std::string& unit, const UnitOutcome* before) {
@@ -89,33 +86,28 @@ Result<Turn> next_turn(const BatchOptions& options) {
   return turn;
 }
 
-// What is to be said of a unit, or the error that stops the batch.
-Result<std::string> outcome_of(const Status& run) {
-  if (run) return std::string("pass");
-  switch (run.error().kind) {
-    case ErrorKind::unit_failed: return std::string("fail");
-    case ErrorKind::input: return std::string("refused");  // the station's own files were checked before the first unit
-    case ErrorKind::aborted:
-    case ErrorKind::device:
-    case ErrorKind::internal:
-    case ErrorKind::interrupted: break;
-  }
-  return run.error();
-}
-
-// A unit that dropped out while others went on is not the station's fault.
-Result<std::string> outcome_of(const RunEnd::Unit& unit) {
-  if (unit.dropped && unit.status.error().kind != ErrorKind::input) return std::string("dropped");
-  return outcome_of(unit.status);
-}
-
 struct Tally {
   int passed = 0, not_passed = 0;
 };
 
+Result<Tally> tally_of(const std::string& path) {
+  const Result<std::vector<std::string>> queue = read_queue(path);
+  if (!queue) return queue.error();
+  const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(path);
+  if (!outcomes) return outcomes.error();
+  Tally tally;
+  for (const std::string& unit : *queue) {
+    const UnitOutcome* outcome = find_outcome(*outcomes, unit);
+    if (!outcome) continue;
+    const auto is = [outcome](const char* word) { return outcome->outcome == word; };
+    const bool good = is("pass") || is("conditional_pass") || is("not_judged") || is("captured");
+    ++(good ? tally.passed : tally.not_passed);
+  }
+  return tally;
+}
+
 // One run, and what became of each of its units.
-Status take_turn(const BatchOptions& options, const Turn& turn, const std::string& tag, Tally& tally,
-                 CommandContext& context) {
+Status run_turn(const BatchOptions& options, const Turn& turn, const std::string& tag, CommandContext& context) {
   const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + join(turn.units);
   context.out << tag << name << " in " << turn.folder << std::endl;
   RunRequest request = options.request;
@@ -123,34 +115,37 @@ Status take_turn(const BatchOptions& options, const Turn& turn, const std::strin
   RunRequest resumed;
   resumed.listen = request.listen;
   resumed.pace = request.pace;
-  RunEnd end = path_exists(turn.folder + "/" + journal_name) ? take_up_run(turn.folder, resumed, context)
-                                                             : begin_run(request, turn.folder, context);
+  const bool begun = path_exists(turn.folder + "/" + journal_name);
+  RunEnd end = begun ? resume_run(turn.folder, resumed, context) : begin_run(request, turn.folder, context);
   if (!end.to_the_end) {
-    if (const Result<std::string> outcome = outcome_of(end.status); !outcome) {
-      return Error{outcome.error().kind, name + ": " + outcome.error().message};
-    }
+    // Refused before anything was measured: not the unit on the table, say. Anything else is the station's affair.
+    const bool refused =
+        !begun && end.status.error().kind == ErrorKind::input &&
+        std::all_of(end.units.begin(), end.units.end(), [](const auto& unit) { return unit.outcome == "refused"; });
+    if (!refused) return Error{end.status.error().kind, name + ": " + end.status.error().message};
     end.units.clear();
-    for (const std::string& unit : turn.units) end.units.push_back({unit, turn.folder, false, end.status});
+    for (const std::string& unit : turn.units) end.units.push_back({unit, turn.folder, "refused", end.status});
   }
   Status stops;
   for (const RunEnd::Unit& unit : end.units) {
-    const Result<std::string> outcome = outcome_of(unit);
-    if (!outcome) {
-      stops = Error{outcome.error().kind, "unit " + unit.serial + ": " + outcome.error().message};
+    if (unit.outcome.empty()) {
+      stops = Error{unit.status.error().kind, "unit " + unit.serial + ": " + unit.status.error().message};
       continue;
     }
-    if (Status status = record_outcome(options.queue, {unit.serial, *outcome, now_utc()}); !status) return status;
-    diagnose_run(unit.folder, unit.status, context);
-    context.out << tag << "unit " << unit.serial << ": " << *outcome
-                << (unit.status ? "" : ": " + unit.status.error().message) << std::endl;
-    ++(unit.status ? tally.passed : tally.not_passed);
+    std::string reason = unit.status ? "" : unit.status.error().message;
+    const std::string head = "unit " + unit.serial + ": " + unit.outcome + ": ";
+    if (reason.starts_with(head)) reason.erase(0, head.size());
+    if (Status status = record_outcome(options.queue, {unit.serial, unit.outcome, now_utc(), reason}); !status)
+      return status;
+    context.out << tag << "unit " << unit.serial << ": " << unit.outcome << (reason.empty() ? "" : ": " + reason)
+                << std::endl;
   }
   return stops;
 }
 
 // False: one was skipped, and the turn is another.
 Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn,
-                         const std::string& tag, Tally& tally, CommandContext& context) {
+                         const std::string& tag, CommandContext& context) {
   for (const std::string& unit : turn.units) {
     const Result<Mounted> mounted = mount_unit(station, unit, turn.folder, STDIN_FILENO, context.out, tag);
     if (!mounted) return mounted.error();
@@ -158,7 +153,6 @@ Result<bool> mount_units(const BatchOptions& options, const StationConfig& stati
     if (Status status = record_outcome(options.queue, {unit, "skipped", now_utc(), *mounted->skipped}); !status)
       return status.error();
     context.out << tag << "unit " << unit << ": skipped: " << *mounted->skipped << std::endl;
-    ++tally.not_passed;
     return false;
   }
   return true;
@@ -174,27 +168,31 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     return input_error("--at-once " + std::to_string(options.at_once) + ": expected at most " +
                        std::to_string(places(*prepared)) + ", the places on the table");
   }
+  if (Status status = check_sequence(*prepared); !status) return status;
+  const Result<LockFile> queue = hold_queue(options.queue);
+  if (!queue) return queue.error();
   const std::string tag = options.request.dry_run ? "[dry run] [batch] " : "[batch] ";
-  Tally tally;
   for (;;) {
     const Result<Turn> turn = next_turn(options);
     if (!turn) return turn.error();
     if (turn->units.empty()) break;
-    const Result<bool> all = options.request.dry_run
-                                 ? Result<bool>(true)
-                                 : mount_units(options, prepared->station, *turn, tag, tally, context);
+    const Result<bool> all =
+        options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared->station, *turn, tag, context);
     if (!all) return all.error();
     if (!*all) continue;
-    if (Status status = take_turn(options, *turn, tag, tally, context); !status) return status;
+    if (Status status = run_turn(options, *turn, tag, context); !status) return status;
     if (StopSignals::any()) {  // asked for when the results were being made
       return Error{ErrorKind::interrupted,
                    "paused after unit " + join(turn->units) + "; the same command goes on with the next"};
     }
   }
-  context.out << tag << "queue done: " << tally.passed << " passed, " << tally.not_passed << " not" << std::endl;
-  if (tally.not_passed == 0) return {};
-  return Error{ErrorKind::unit_failed, std::to_string(tally.not_passed) + " of " +
-                                           std::to_string(tally.passed + tally.not_passed) +
+  // Of the whole queue, whichever command did it.
+  const Result<Tally> tally = tally_of(options.queue);
+  if (!tally) return tally.error();
+  context.out << tag << "queue done: " << tally->passed << " passed, " << tally->not_passed << " not" << std::endl;
+  if (tally->not_passed == 0) return {};
+  return Error{ErrorKind::unit_failed, std::to_string(tally->not_passed) + " of " +
+                                           std::to_string(tally->passed + tally->not_passed) +
                                            " units did not pass; see turncal queue " + options.queue};
 }
 

@@ -1,6 +1,5 @@
 // `turncal calibrate RECORDING --out DIR [--method ...]`: writes DIR/parameters.conf from any recording. A truth.conf beside the
 // recording (as after a dry run) is compared with the result.
-#include <chrono>
 #include <filesystem>
 #include <memory>
 
@@ -10,6 +9,7 @@
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/result_table.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
@@ -34,14 +34,13 @@ std::optional<ParameterVector> truth_beside(const std::string& recording) {
 }
 
 Status calibrate(const CalibrateOptions& options, CommandContext& context) {
-  Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(options.recording);
-  if (!source) return source.error();
+  const Result<LoadedRecording> recording = load_recording(options.recording);
+  if (!recording) return recording.error();
   CalibrationRequest request;
   request.method = options.method;
   request.partial = options.partial;
-  request.time_utc =
-      format_utc(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count());
-  const Result<CalibrationOutput> output = calibrate_recording(**source, request);
+  request.time_utc = format_utc(wall_utc_s());
+  const Result<CalibrationOutput> output = calibrate_recording(*recording, request);
   if (!output) return output.error();
   // An earlier result in the folder is replaced, whole.
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {});

@@ -1,12 +1,16 @@
 #include "orchestrator/commands/command_check.h"
 
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
 #include <memory>
 
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/jobs/preflight.h"
+#include "orchestrator/jobs/sequence_coverage.h"
+#include "orchestrator/watch/progress.h"
 #include "turntable_drivers/rig/rig_config.h"
 
 namespace turncal {
@@ -64,19 +68,21 @@ void print_totals(const StationConfig& station, const Plan& plan, std::ostream& 
                    plan.station_s, clock_text(plan.moving_s).c_str(), plan.moving_s);
 }
 
-// The unit's sample period: of its frame, or the rig's.
-Result<double> sample_period_of(const StationConfig& station) {
+// What a recording of the unit would say: by its frame, or the rig's.
+Result<RecordingInfo> planned_info(const StationConfig& station) {
+  RecordingInfo info;
   if (station.imu) {
-    return station.imu->frame.sample_period_s;
+    station.imu->frame.describe(info);
+  } else {
+    const Result<RigConfig> rig =
+        station.rig_file.empty() ? Result<RigConfig>(default_rig_config()) : read_rig_config(station.rig_file);
+    if (!rig) return rig.error();
+    info.sample_period_s = rig->sample_period_s;
+    info.accel_pulse_mps = rig->accel_pulse_mps;
   }
-  if (station.rig_file.empty()) {
-    return default_rig_config().sample_period_s;
-  }
-  Result<RigConfig> rig = read_rig_config(station.rig_file);
-  if (!rig) {
-    return rig.error();
-  }
-  return rig->sample_period_s;
+  info.latitude_deg = station.latitude_deg;
+  info.gravity_mps2 = station.gravity_mps2;
+  return info;
 }
 
 }  // namespace
@@ -104,23 +110,39 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   const Result<StationConfig> station =
       options.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(options.station);
   const Result<Sequence> sequence = read_sequence(options.sequence);
-  const Result<double> period_s = station ? sample_period_of(*station) : Result<double>(0.0);
-  for (const Error* error : {station ? nullptr : &station.error(), period_s ? nullptr : &period_s.error(),
-                             sequence ? nullptr : &sequence.error()}) {
+  const Result<RecordingInfo> info = station ? planned_info(*station) : Result<RecordingInfo>(RecordingInfo{});
+  for (const Error* error :
+       {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()}) {
     if (error != nullptr) {
       err << error->message << "\n";
     }
   }
-  if (!station || !sequence || !period_s) {
+  if (!station || !sequence || !info) {
     return exit_code(ErrorKind::input);
   }
-  const Plan plan = make_plan(*sequence, plan_limits(*station, *period_s));
+  const std::string caution = station->table.map       ? caution_of(*station->table.map)
+                              : station->table.dialect ? caution_of(*station->table.dialect)
+                                                       : "";
+  if (!caution.empty()) err << "warning: table: " << caution << "\n";
+  const Plan plan = make_plan(*sequence, plan_limits(*station, info->sample_period_s));
   print_plan(*sequence, *station, plan, out);
   for (const std::string& violation : plan.violations) {
     err << violation << "\n";
   }
-  out << (plan.ok() ? "\nThe station can run this sequence.\n" : "\nThe station cannot run this sequence.\n");
-  return plan.ok() ? 0 : exit_code(ErrorKind::input);
+  const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
+  if (!keys.empty()) out << "\nThis sequence " << coverage_text(keys) << ".\n";
+  const std::vector<Error> found = preflight({.station = *station,
+                                              .folder = options.out,
+                                              .units = options.units,
+                                              .samples = plan.samples,
+                                              .utc_s = wall_utc_s(),
+                                              .simulated = station->simulated(),
+                                              .overdue_reason = options.overdue_reason});
+  for (const Error& error : found) err << error.message << "\n";
+  if (found.empty()) out << "\nWhat can be written, the room for it, hooks and due dates are in order.\n";
+  const bool good = plan.ok() && found.empty();
+  out << (good ? "\nThe station can run this sequence.\n" : "\nThe station cannot run this sequence.\n");
+  return good ? 0 : exit_code(plan.ok() ? found.front().kind : ErrorKind::input);
 }
 
 void add_check_command(CommandLine& line, CommandContext& context) {
@@ -128,6 +150,9 @@ void add_check_command(CommandLine& line, CommandContext& context) {
   const Command command = line.command("check", "validate station and sequence, print the plan; nothing moves");
   command.option("--station", options->station, "station configuration; default: the built-in rig station");
   command.option("--sequence", options->sequence, "sequence file").required();
+  command.option("--override-due", options->overdue_reason, "accept a table whose calibration is overdue, as run does");
+  command.option("--out", options->out, "folder that a run is to write to: can it, and is there room?");
+  command.option("--unit", options->units, "serial number of a unit to be run").one_word_each();
   command.runs(context, [options, &context]() -> Status {
     context.exit_code = run_check(*options, context.out, context.err);
     return {};

@@ -15,6 +15,9 @@ namespace turncal {
 struct CheckOptions {
   std::string station;   // file; empty: the built-in rig station
   std::string sequence;  // file
+  std::string overdue_reason = {};
+  std::string out = {};  // folder of a run; empty: not looked at
+  std::vector<std::string> units = {};
 };
 
 int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err);

@@ -49,7 +49,10 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
   if (Status status = devices.imu.open(); !status) return status;
   if (Status status = try_axes(devices, station, options.settings, StopSignals::requests(), tag, out); !status)
     return status;
-  out << tag << "every axis turns the unit as it should; the table rests, its drives are off" << std::endl;
+  out << tag
+      << "every axis turns the unit as it should, and gravity is felt where it should be; the table rests, its drives "
+         "are off"
+      << std::endl;
   return {};
 }
 
@@ -83,8 +86,12 @@ void add_commission_command(CommandLine& line, CommandContext& context) {
   command.option("--tolerance", options->tolerance_deg, "of these angles, degrees").positive();
   command.option("--move", options->settings.move_deg, "how far each axis is moved, degrees").range(0.5, 30.0);
   command
+      .option("--pose", options->settings.pose_deg,
+              "how far pitch and roll are tilted to compare gravity, degrees at most")
+      .range(30.0, 90.0);
+  command
       .option("--gyro-pulse-arcsec", options->settings.gyro_pulse_arcsec,
-              "nominal weight of a gyro pulse, to check the turn's size")
+              "nominal weight of a gyro pulse, to check the scale of the gyros against the table")
       .positive();
   command.runs(context, [options, &context] { return run_commission(*options, context); });
 }

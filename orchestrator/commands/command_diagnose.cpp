@@ -1,27 +1,16 @@
-#include "orchestrator/commands/command_diagnose.h"
+// `turncal diagnose RECORDING [--holdout RECORDING] --out DIR`: does the data hold an effect beyond the 24 parameters? Fits, scores
+// every effect of the catalogue, adds what stands the test on held-out data, and writes DIR/parameters.conf,
+// DIR/diagnosis.conf and DIR/report.html. Exit code 0 when the verdict is clean, 20 when it is not.
 
-#include <chrono>
-#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <optional>
-#include <sstream>
 
-#include "calib/diagnosis/diagnosis.h"
-#include "calib/diagnosis/rest_diagnosis.h"
-#include "calib/statistics/segmentation.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/jobs/calibration_job.h"
-#include "orchestrator/jobs/compress_source.h"
-#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/records/output_folder.h"
-#include "orchestrator/report/diagnosis_file.h"
-#include "orchestrator/report/diagnosis_text.h"
-#include "orchestrator/report/rest_report.h"
-#include "orchestrator/report/rest_view.h"
+#include "orchestrator/report/report_format.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -74,46 +63,11 @@ class Phases {
   double drawn_s_ = -1e9;
 };
 
-struct LoadedRecording {
-  CompressedRecording recording;
-  bool by_hand = false;  // no table angles
-  std::string hash;
-  std::vector<std::string> notes;
-};
-
 Result<LoadedRecording> load(const std::string& path, Phases& phases) {
-  Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path);
+  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path);
   if (!source) return source.error();
   if (!(*source)->segments().empty()) phases.begin("reading " + path);
-  Result<CompressedRecording> recording = compress_source(**source, [&](std::int64_t count) { phases.samples(count); });
-  if (!recording) return recording.error();
-  LoadedRecording loaded;
-  loaded.recording = std::move(*recording);
-  loaded.by_hand = without_table_angles((*source)->segments());
-  Result<std::string> hash = (*source)->content_hash();
-  if (!hash) return hash.error();
-  loaded.hash = *hash;
-  if (std::string damage = describe((*source)->damage()); !damage.empty()) loaded.notes.push_back(path + ": " + damage);
-  bool any_rest = false;
-  for (const Block& block : loaded.recording.blocks) any_rest = any_rest || block.whole_second;
-  if (!any_rest) return input_error(path + ": not one whole second at rest: expected dwells to calibrate from");
-  return loaded;
-}
-
-Status check_same_unit(const std::string& path, const RecordingInfo& holdout, const RecordingInfo& fitted) {
-  const auto refuse = [&](const std::string& key, const std::string& value, const std::string& expected) -> Status {
-    return input_error(path + ": " + key + " = '" + value + "': expected '" + expected +
-                       "', as in the recording to be fitted");
-  };
-  if (holdout.unit_serial != fitted.unit_serial) return refuse("unit_serial", holdout.unit_serial, fitted.unit_serial);
-  const auto kind = [](IncrementKind k) { return std::string(k == IncrementKind::pulses ? "pulses" : "rad or mps"); };
-  if (holdout.gyro_increment != fitted.gyro_increment)
-    return refuse("gyro_increment", kind(holdout.gyro_increment), kind(fitted.gyro_increment));
-  if (holdout.accel_increment != fitted.accel_increment)
-    return refuse("accel_increment", kind(holdout.accel_increment), kind(fitted.accel_increment));
-  if (fitted.accel_increment == IncrementKind::pulses && holdout.accel_pulse_mps != fitted.accel_pulse_mps)
-    return refuse("accel_pulse_mps", format_number(holdout.accel_pulse_mps), format_number(fitted.accel_pulse_mps));
-  return {};
+  return load_recording(**source, [&](std::int64_t count) { phases.samples(count); });
 }
 
 // The recordings' own folders are not written to: parameters.conf may be there, the result of a run.
@@ -130,7 +84,7 @@ Status check_out(const DiagnoseOptions& options) {
   return {};
 }
 
-Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, const CompressedRecording& recording) {
+Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, const RecordingInfo& info) {
   if (!options.arw_deg_per_rt_h && !options.vrw_ug_per_rt_hz) {
     if (options.gyro_bias_instability_degph > 0.0 || options.accel_bias_instability_ug > 0.0)
       return input_error(
@@ -144,153 +98,51 @@ Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, co
   noise.velocity_random_walk.setConstant(*options.vrw_ug_per_rt_hz * mpsprs_per_ugprHz);
   noise.gyro_bias_instability_radps = options.gyro_bias_instability_degph * radps_per_degph;
   noise.accel_bias_instability_mps2 = options.accel_bias_instability_ug * 1e-6 * standard_gravity_mps2;
-  const RecordingInfo& info = recording.info;
   if (info.gyro_increment == IncrementKind::pulses)
     noise.gyro_pulse_rad = sensor_model(start_parameters(info), info).gyro_scale(0, 0);
   if (info.accel_increment == IncrementKind::pulses) noise.accel_pulse_mps = info.accel_pulse_mps;
   return std::optional(noise);
 }
 
-// Verdict, report and files of one recording.
-struct Outcome {
-  Verdict verdict = Verdict::unexplained;
-  std::vector<std::string> table;
-  WrittenDiagnosis written;
-};
-
-Result<Outcome> diagnose_table(const DiagnoseOptions& options, const LoadedRecording& fitted,
-                               const LoadedRecording* holdout, const OutputFolder& folder, DiagnosisContext& report,
-                               Phases& phases) {
-  const Result<std::optional<NoiseModel>> noise = noise_given(options, fitted.recording);
-  if (!noise) return noise.error();
-  DiagnosisOptions settings;
-  settings.estimate.noise = *noise;
-  if (holdout != nullptr) settings.holdout = &holdout->recording;
-  phases.begin("diagnosing: fit, scores of the catalogue, selection, held-out data");
-  const Diagnosis diagnosis = diagnose(fitted.recording, settings);
-  if (!diagnosis.base.converged) return Error{ErrorKind::unit_failed, options.recording + ": " + diagnosis.reason};
-  report.false_alarm = settings.false_alarm;
-  report.noise_given = noise->has_value();
-  phases.begin("writing the report");
-  const Result<WrittenDiagnosis> written = write_diagnosis(folder.path(), diagnosis, report);
-  if (!written) return written.error();
-  return Outcome{diagnosis.verdict, terminal_table(diagnosis, report), *written};
-}
-
-Result<Outcome> diagnose_hand_turned(const DiagnoseOptions& options, const LoadedRecording& fitted,
-                                     const LoadedRecording* holdout, const OutputFolder& folder,
-                                     DiagnosisContext& report, Phases& phases) {
-  if (options.arw_deg_per_rt_h || options.vrw_ug_per_rt_hz || options.gyro_bias_instability_degph > 0.0 ||
-      options.accel_bias_instability_ug > 0.0)
-    return input_error(options.recording +
-                       ": has no table angles: expected no --arw, --vrw or bias instability, the noise is "
-                       "measured in the rests");
-  const RestData data = make_rest_data(fitted.recording);
-  std::optional<RestData> other;
-  RestDiagnosisOptions settings;
-  if (holdout != nullptr) {
-    other = make_rest_data(holdout->recording);
-    if (other->legs.empty()) return input_error(options.holdout + ": holds no rotation between two rests");
-    settings.holdout = &*other;
-  }
-  phases.begin("diagnosing: fit, scores of the catalogue, selection, rests left out");
-  const Result<RestDiagnosis> result = diagnose_rests(data, settings);
-  if (!result) return Error{result.error().kind, options.recording + ": " + result.error().message};
-  if (!result->base.converged)
-    return Error{ErrorKind::unit_failed,
-                 options.recording + ": the base model could not be fitted: " + result->base.message};
-  report.false_alarm = settings.false_alarm;
-  report.method = rest_method;
-  report.hand_turned = true;
-  const Diagnosis diagnosis = as_diagnosis(*result, data);
-  phases.begin("writing the report");
-  const Result<WrittenDiagnosis> written = write_rest_diagnosis(folder.path(), *result, data, diagnosis, report);
-  if (!written) return written.error();
-  return Outcome{diagnosis.verdict,
-                 terminal_table(diagnosis, report, rest_words(*result, data, diagnosis, Alphabet::plain)), *written};
-}
-
-Result<Verdict> diagnose_recording(const DiagnoseOptions& options, CommandContext& context) {
+Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context) {
   const double began_s = steady_wall_s();
   if (Status status = check_out(options); !status) return status.error();
   Phases phases(context);
-  Result<LoadedRecording> fitted = load(options.recording, phases);
+  const Result<LoadedRecording> fitted = load(options.recording, phases);
   if (!fitted) return fitted.error();
   std::optional<LoadedRecording> holdout;
   if (!options.holdout.empty()) {
     Result<LoadedRecording> loaded = load(options.holdout, phases);
     if (!loaded) return loaded.error();
-    if (Status s = check_same_unit(options.holdout, loaded->recording.info, fitted->recording.info); !s)
-      return s.error();
-    if (loaded->hash == fitted->hash) {
-      return input_error(options.holdout +
-                         ": is the recording to be fitted itself: expected data that is not used in the fit");
-    }
-    if (loaded->by_hand != fitted->by_hand)
-      return input_error(options.holdout + ": expected a recording " + (fitted->by_hand ? "without" : "with") +
-                         " table angles, as the one to be fitted");
     holdout = std::move(*loaded);
   }
-
-  DiagnosisContext report(fitted->recording);
-  report.recording_path = options.recording;
-  report.recording_hash = fitted->hash;
-  report.holdout_path = options.holdout;
-  report.time_utc =
-      format_utc(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count());
-  report.notes = fitted->notes;
-  if (holdout) report.notes.insert(report.notes.end(), holdout->notes.begin(), holdout->notes.end());
-
+  Result<std::optional<NoiseModel>> noise = noise_given(options, fitted->data.info);
+  if (!noise) return noise.error();
+  DiagnosisRequest request;
+  request.time_utc = format_utc(wall_utc_s());
+  request.holdout = holdout ? &*holdout : nullptr;
+  request.noise = *noise;
+  request.phase = [&phases](const std::string& what) { phases.begin(what); };
   // An earlier result in the folder is replaced, file by file, each one whole.
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {});
   if (!folder) return folder.error();
-  const Result<Outcome> outcome = (fitted->by_hand ? diagnose_hand_turned : diagnose_table)(
-      options, *fitted, holdout ? &*holdout : nullptr, *folder, report, phases);
-  if (!outcome) return outcome.error();
+  const Result<DiagnosisOutput> output = diagnose_recording(*fitted, request);
+  if (!output) return output.error();
+  if (Status status = write_diagnosis(folder->path(), output->files); !status) return status.error();
   folder->keep();
   phases.clear();
-  for (const std::string& note : report.notes) context.out << note << '\n';
   context.out << '\n';
-  for (const std::string& line : outcome->table) context.out << line << '\n';
+  for (const std::string& line : output->table) context.out << line << '\n';
   context.out << '\n';
-  if (!outcome->written.plot_problem.empty())
-    context.out << "report without plots: " << outcome->written.plot_problem << '\n';
+  if (const std::string& problem = output->files.report.plot_problem; !problem.empty())
+    context.out << "report without plots: " << problem << '\n';
   context.out << "report      " << folder->file(report_name) << "\ndiagnosis   " << folder->file(diagnosis_name)
-              << "\nparameters  " << folder->file("parameters.conf") << "\n"
+              << "\nparameters  " << folder->file(parameters_name_of_diagnosis) << "\n"
               << significant(steady_wall_s() - began_s, 2) << " s" << std::endl;
-  return outcome->verdict;
+  return output->diagnosis.verdict;
 }
-
-constexpr double least_recording_s = 1800.0;
 
 }  // namespace
-
-void diagnose_run(const std::string& folder, const Status& run, CommandContext& context) {
-  if (!run && run.error().kind != ErrorKind::unit_failed) return;
-  const fs::path recording = fs::path(folder) / binary_recording_name;
-  std::error_code error;
-  if (!fs::exists(recording, error) || !fs::exists(fs::path(folder) / parameters_name, error)) return;
-  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(recording.string());
-  if (!source) return context.fail(source.error());
-  const Segments& segments = (*source)->segments();
-  const std::int64_t samples = segments.empty() ? 0 : segments.back().end_sample - segments.front().start_sample;
-  if (static_cast<double>(samples) * (*source)->info().sample_period_s < least_recording_s) return;
-  DiagnoseOptions options;
-  options.recording = recording.string();
-  options.out = (fs::path(folder) / "diagnosis").string();
-  std::ostringstream text;
-  CommandContext inside{text, context.err};
-  const Result<Verdict> verdict = diagnose_recording(options, inside);
-  const std::string_view simulated = fs::exists(fs::path(folder) / truth_name, error) ? dry_run_tag : simulated_tag;
-  const std::string_view tag = (*source)->info().simulated ? simulated : std::string_view();
-  std::istringstream lines(text.str());
-  for (std::string line; std::getline(lines, line);) context.out << tag << line << '\n';
-  context.out << std::flush;
-  if (!verdict)
-    context.fail(verdict.error());
-  else if (*verdict != Verdict::clean && context.exit_code == 0)
-    context.exit_code = exit_code(ErrorKind::unit_failed);
-}
 
 void add_diagnose_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<DiagnoseOptions>();
@@ -308,7 +160,7 @@ void add_diagnose_command(CommandLine& line, CommandContext& context) {
   command.option("--accel-bias-instability", options->accel_bias_instability_ug, "ug, with --arw and --vrw")
       .not_negative();
   command.runs(context, [options, &context]() -> Status {
-    const Result<Verdict> verdict = diagnose_recording(*options, context);
+    const Result<Verdict> verdict = diagnose(*options, context);
     if (!verdict) return verdict.error();
     if (*verdict != Verdict::clean) context.exit_code = exit_code(ErrorKind::unit_failed);
     return {};

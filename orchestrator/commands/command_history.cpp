@@ -104,8 +104,9 @@ Status print_parameter(const Calibrations& all, const std::string& key, std::ost
   return {};
 }
 
-// RFC 4180: quoted where a text could be mistaken.
-std::string csv_text(const std::string& text) {
+// RFC 4180: quoted where a text could be mistaken. One that a spreadsheet would take for a formula gets an apostrophe in front.
+std::string csv_text(std::string text) {
+  if (text.find_first_of("=+-@\t\r") == 0) text.insert(0, "'");
   if (text.find_first_of(",\"\n") == std::string::npos) return text;
   std::string quoted = "\"";
   for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
@@ -130,30 +131,47 @@ std::string as_csv(const Calibrations& all) {
   return text;
 }
 
+Status print_history(const HistoryOptions& options, Calibrations all, std::ostream& out) {
+  // Simulated and real units are never in one list of numbers.
+  if (options.control || !options.parameter.empty() || !options.report.empty()) {
+    std::erase_if(all, [&](const StoredCalibration& c) { return c.simulated != options.simulated; });
+  }
+  if (!options.csv.empty()) {
+    if (Status status = write_file_atomically(options.csv, as_csv(all)); !status) return status;
+    out << all.size() << " calibrations in " << options.csv << '\n';
+    return {};
+  }
+  if (!options.compare.empty()) return print_comparison(all, options.compare, out);
+  if (!options.report.empty()) {
+    const std::string source = options.database + (options.unit.empty() ? "" : ", unit " + options.unit);
+    if (Status status = write_file_atomically(options.report, history_page(all, source)); !status) return status;
+    out << "control charts of " << all.size() << " calibrations in " << options.report << '\n';
+    return {};
+  }
+  if (!options.parameter.empty()) return print_parameter(all, options.parameter, out);
+  options.control ? print_control(all, out) : print_list(all, out);
+  return {};
+}
+
 Status show_history(const HistoryOptions& options, std::ostream& out) {
   const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(options.database);
   if (!database) return database.error();
   Result<Calibrations> all = database->list(options.unit, "");
   if (!all) return all.error();
-  // Simulated and real units are never in one list of numbers.
-  if (options.control || !options.parameter.empty() || !options.report.empty()) {
-    std::erase_if(*all, [&](const StoredCalibration& c) { return c.simulated != options.simulated; });
+  std::string damaged;
+  int more = -1;
+  for (const StoredCalibration& c : *all) {
+    if (c.defect.empty()) continue;
+    if (damaged.empty()) damaged = c.defect;
+    ++more;
   }
-  if (!options.csv.empty()) {
-    if (Status status = write_file_atomically(options.csv, as_csv(*all)); !status) return status;
-    out << all->size() << " calibrations in " << options.csv << '\n';
-    return {};
-  }
-  if (!options.compare.empty()) return print_comparison(*all, options.compare, out);
-  if (!options.report.empty()) {
-    const std::string source = options.database + (options.unit.empty() ? "" : ", unit " + options.unit);
-    if (Status status = write_file_atomically(options.report, history_page(*all, source)); !status) return status;
-    out << "control charts of " << all->size() << " calibrations in " << options.report << '\n';
-    return {};
-  }
-  if (!options.parameter.empty()) return print_parameter(*all, options.parameter, out);
-  options.control ? print_control(*all, out) : print_list(*all, out);
-  return {};
+  // A row that is not what its parameter file says is shown in the list, and used for nothing.
+  const bool listed = options.csv.empty() && options.compare.empty() && options.report.empty() &&
+                      options.parameter.empty() && !options.control;
+  if (!listed) std::erase_if(*all, [](const StoredCalibration& c) { return !c.defect.empty(); });
+  if (Status status = print_history(options, std::move(*all), out); !status) return status;
+  if (damaged.empty()) return {};
+  return input_error(damaged + (more > 0 ? " (and " + std::to_string(more) + " more rows)" : ""));
 }
 
 struct RestoreOptions {

@@ -61,7 +61,6 @@ int run_command_line(int argc, const char* const* argv, const std::vector<AddCom
       app.parse(argc, argv);
     } catch (const CLI::Success& success) {  // --help, --version
       app.exit(success, context.out, context.err);
-      return 0;
     } catch (const CLI::ParseError& error) {
       // A word that is not understood is said before what is missing because of it.
       const std::vector<std::string> unknown = app.remaining(true);
@@ -70,7 +69,11 @@ int run_command_line(int argc, const char* const* argv, const std::vector<AddCom
     }
   } catch (const std::exception& error) {
     context.fail({ErrorKind::internal, std::string("internal error: ") + error.what()});
+  } catch (...) {  // so that everything on the way out is unwound: a table is stopped by that
+    context.fail({ErrorKind::internal, "internal error"});
   }
+  context.out.flush();
+  if (!context.out && context.exit_code == 0) context.fail(device_error("standard output: not all could be written"));
   return context.exit_code;
 }
 

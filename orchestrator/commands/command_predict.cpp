@@ -7,6 +7,7 @@
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/report/prediction_table.h"
 #include "turntable_drivers/rig/rig_config.h"
 
@@ -89,26 +90,6 @@ std::string column_name(const std::vector<NamedPrediction>& columns, const std::
 }
 
 }  // namespace
-
-PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan) {
-  PlannedMotion motion;
-  motion.start_deg = sequence.start_deg;
-  for (const PlannedItem& item : plan.items) {
-    PlannedMotionItem planned;
-    planned.kind =
-        item.kind == SequenceItem::Kind::move ? PlannedMotionItem::Kind::move : PlannedMotionItem::Kind::dwell;
-    planned.step = item.step;
-    planned.samples = item.samples;
-    planned.dwell_kind = item.dwell_kind;
-    planned.axis = item.axis;
-    planned.from_deg = item.from_deg;
-    planned.to_deg = item.to_deg;
-    planned.rate_degps = item.rate_degps;
-    planned.acceleration_degps2 = item.acceleration_degps2;
-    motion.items.push_back(planned);
-  }
-  return motion;
-}
 
 Status run_predict(const PredictRequest& request, std::ostream& out) {
   if (Status status = check_request(request); !status) return status;

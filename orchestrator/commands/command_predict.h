@@ -18,7 +18,6 @@
 #include <string>
 #include <vector>
 
-#include "calib/prediction/planned_motion.h"
 #include "calib/types/status.h"
 #include "orchestrator/station/station_config.h"
 #include "sequences/plan.h"
@@ -40,8 +39,5 @@ struct PredictRequest {
 };
 
 Status run_predict(const PredictRequest& request, std::ostream& out);
-
-// A plan as the pure functions of calib take it.
-PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan);
 
 }  // namespace turncal

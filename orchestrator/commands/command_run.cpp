@@ -5,7 +5,6 @@
 #include <memory>
 #include <sstream>
 
-#include "orchestrator/commands/command_diagnose.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/run_job.h"
 #include "orchestrator/jobs/run_results.h"
@@ -17,18 +16,11 @@ namespace {
 struct Options {
   RunRequest request;
   std::string folder;
-  bool no_diagnosis = false;
 };
 
 void add_overdue_option(const Command& command, RunRequest& request) {
   command.option("--override-due", request.overdue_reason,
                  "use a table whose calibration is overdue, for this reason, which goes on record");
-}
-
-void conclude(const RunEnd& end, bool diagnosis, CommandContext& context) {
-  if (!end.status) context.fail(end.status.error());
-  if (!diagnosis) return;
-  for (const RunEnd::Unit& unit : end.units) diagnose_run(unit.folder, unit.status, context);
 }
 
 }  // namespace
@@ -66,12 +58,11 @@ void add_run_command(CommandLine& line, CommandContext& context) {
   command.option("--station", request.station, "station configuration; default: the built-in rig station");
   add_view_options(command, request);
   command.flag("--capture-only", request.capture_only, "record the sequence, do not calibrate");
-  command.flag("--no-diagnosis", options->no_diagnosis, "leave out the diagnosis at the end");
+  command.flag("--partial", request.partial,
+               "of a sequence that does not determine all: estimate what it does; no verdict, not put in use");
+  command.flag("--no-diagnosis", options->request.no_diagnosis, "leave out the diagnosis at the end");
   add_record_options(command, request);
-  command.runs(context, [options, &context]() -> Status {
-    conclude(begin_run(options->request, options->folder, context), !options->no_diagnosis, context);
-    return {};
-  });
+  command.runs(context, [options, &context] { return begin_run(options->request, options->folder, context).status; });
 }
 
 void add_resume_command(CommandLine& line, CommandContext& context) {
@@ -84,13 +75,10 @@ void add_resume_command(CommandLine& line, CommandContext& context) {
   command.option("--rig", moved.rig, "where the rig configuration is now, if it was moved");
   command.option("--sequence", moved.sequence, "where the sequence is now, if it was moved");
   command.option("--station", moved.station, "where the station configuration is now, if it was moved");
-  command.flag("--no-diagnosis", options->no_diagnosis, "leave out the diagnosis at the end");
+  command.flag("--no-diagnosis", options->request.no_diagnosis, "leave out the diagnosis at the end");
   add_overdue_option(command, moved);
   add_view_options(command, moved);
-  command.runs(context, [options, &context]() -> Status {
-    conclude(take_up_run(options->folder, options->request, context), !options->no_diagnosis, context);
-    return {};
-  });
+  command.runs(context, [options, &context] { return resume_run(options->folder, options->request, context).status; });
 }
 
 void add_journal_command(CommandLine& line, CommandContext& context) {

@@ -56,6 +56,7 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   Result<std::unique_ptr<RecordingSource>> opened = RecordingSource::open(options.source);
   if (!opened) return opened.error();
   RecordingSource& source = **opened;
+  if (Status status = check_not_source(options.out, options.source); !status) return status;
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {binary_recording_name});
   if (!folder) return folder.error();
   SegmentationOptions segmentation;
@@ -78,11 +79,11 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
 
 }  // namespace
 
-Status import_mapped_csv(const std::string& map_path, const std::string& csv, const std::string& out,
-                         CommandContext& context) {
-  const Result<CsvMap> map = read_csv_map(map_path);
+Status import_mapped_csv(const MappedImport& from, const std::string& out, CommandContext& context) {
+  Result<CsvMap> map = read_csv_map(from.map);
   if (!map) return map.error();
-  const Result<CsvImport> content = import_csv(*map, csv);
+  map->format.skip_bad_rows = from.skip_bad_rows;
+  const Result<CsvImport> content = import_csv(*map, from.file, from.accel);
   if (!content) return content.error();
   Result<OutputFolder> folder = OutputFolder::prepare(out, {binary_recording_name});
   if (!folder) return folder.error();
@@ -92,7 +93,11 @@ Status import_mapped_csv(const std::string& map_path, const std::string& csv, co
               << content->rows << " rows"
               << formatted(", mean period %.6g ms, jitter %.3g ms rms, ", 1e3 * content->info.sample_period_s,
                            1e3 * content->jitter_s)
-              << content->saturated << " saturated rows dropped, " << content->gaps << " gaps" << std::endl;
+              << content->saturated << " saturated rows, " << content->gaps << " gaps" << std::endl;
+  if (content->clipped > 0)
+    context.out << content->clipped << " samples clipped: a gyro repeats its extreme value" << std::endl;
+  if (content->bad_rows > 0)
+    context.out << content->bad_rows << " bad rows skipped, the first: " << content->first_bad << std::endl;
   return {};
 }
 

@@ -15,7 +15,10 @@ namespace {
 struct TextOptions {
   std::string source;
   std::string out;
-  std::string map;  // import: of a CSV that is not ours
+  // import of a table that is not ours
+  std::string map;
+  std::string accel;
+  bool skip_bad_rows = false;
 };
 
 Status finish(RecordingSource& source, OutputFolder& folder, const char* what, CommandContext& context) {
@@ -29,9 +32,13 @@ Status finish(RecordingSource& source, OutputFolder& folder, const char* what, C
 }
 
 Status import_text(const TextOptions& options, CommandContext& context) {
-  if (!options.map.empty()) return import_mapped_csv(options.map, options.source, options.out, context);
+  if (!options.map.empty())
+    return import_mapped_csv({options.map, options.source, options.accel, options.skip_bad_rows}, options.out, context);
+  if (options.skip_bad_rows)
+    return input_error("--skip-bad-rows: expected --map; a recording in our own text form is whole or is refused");
   Result<std::unique_ptr<RecordingSource>> source = open_text_recording(options.source);
   if (!source) return source.error();
+  if (Status status = check_not_source(options.out, options.source); !status) return status;
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {binary_recording_name});
   if (!folder) return folder.error();
   if (Status status = import_binary(**source, folder->file(binary_recording_name)); !status) return status;
@@ -41,6 +48,7 @@ Status import_text(const TextOptions& options, CommandContext& context) {
 Status export_recording(const TextOptions& options, CommandContext& context) {
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(options.source);
   if (!source) return source.error();
+  if (Status status = check_not_source(options.out, options.source); !status) return status;
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {"recording.conf", "imu.csv", "segments.csv"});
   if (!folder) return folder.error();
   if (Status status = export_text(**source, folder->path()); !status) return status;
@@ -61,9 +69,12 @@ Command add(CommandLine& line, CommandContext& context, const char* name, const 
 
 void add_import_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<TextOptions>();
-  add(line, context, "import", "read the text form of a recording or any CSV, write the binary one",
-      "folder with recording.conf, imu.csv, segments.csv; with --map a CSV file", options, import_text)
-      .option("--map", options->map, "file on the columns of the CSV, docs/hand-data.md");
+  const Command command = add(
+      line, context, "import", "read the text form of a recording or any table of numbers, write the binary one",
+      "folder with recording.conf, imu.csv, segments.csv; with --map a CSV, .npy or .mat file", options, import_text);
+  const Option map = command.option("--map", options->map, "file on the columns of the table, docs/hand-data.md");
+  command.option("--accel", options->accel, "the accelerometers' file, where they have one of their own").needs(map);
+  command.flag("--skip-bad-rows", options->skip_bad_rows, "leave out rows with a defect, and count them");
 }
 
 void add_export_command(CommandLine& line, CommandContext& context) {

@@ -4,15 +4,22 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
-#include <numbers>
+#include <optional>
+#include <utility>
 #include <vector>
+
+#include <Eigen/Core>
+
+#include "calib/model/parameters.h"
+#include "orchestrator/devices/first_step_check.h"
+#include "turntable_drivers/table/table_stop.h"
 
 namespace turncal {
 
 namespace {
 
 constexpr double homing_deadline_s = 300.0;
-constexpr double arcsec_rad = std::numbers::pi / 648000.0;
+constexpr double least_pose_deg = 30.0;  // a smaller one tells little of an accelerometer's sign
 constexpr const char* body_axis[3] = {"x", "y", "z"};
 
 struct Felt {
@@ -41,8 +48,11 @@ class Trial {
       return all_of(axes, [](const AxisStatus& a) { return a.homed && !a.moving; });
     });
   }
-  // The gyros' sum over the move, less the mean before it.
-  Result<std::array<double, 3>> turn(Axis axis) {
+  struct Turn {
+    double turned_deg = 0.0;      // by the encoder
+    std::array<double, 3> sum{};  // of the gyros, less their mean before it
+  };
+  Result<Turn> turn(Axis axis) {
     if (Status status = read_for(settings_.rest_s); !status) return status.error();
     restart();
     if (Status status = read_for(settings_.rest_s); !status) return status.error();
@@ -50,28 +60,43 @@ class Trial {
     const auto rest_samples = static_cast<double>(samples_);
     if (samples_ == 0) return device_error("no samples from the unit");
     restart();
-    if (Status status = move(axis, settings_.move_deg); !status) return status.error();
+    const Result<double> from_deg = position(axis);
+    if (!from_deg) return from_deg.error();
+    if (Status status = move(axis, settings_.move_deg, settings_.rate_degps); !status) return status.error();
     if (Status status = read_for(settings_.rest_s); !status) return status.error();
     if (lost_) return device_error(std::string("samples of the unit were lost while ") + to_string(axis) + " turned");
-    std::array<double, 3> turned = sum_;
-    for (std::size_t i = 0; i < 3; ++i) turned[i] -= rest[i] / rest_samples * static_cast<double>(samples_);
-    if (Status status = move(axis, 0.0); !status) return status.error();
+    const Result<double> to_deg = position(axis);
+    if (!to_deg) return to_deg.error();
+    Turn turned{*to_deg - *from_deg, sum_};
+    for (std::size_t i = 0; i < 3; ++i) turned.sum[i] -= rest[i] / rest_samples * static_cast<double>(samples_);
+    if (Status status = move(axis, 0.0, settings_.rate_degps); !status) return status.error();
     return turned;
   }
+  // The accelerometers' mean of a sample at rest, with one axis turned to an angle (none: where it stands). The axis then goes back.
+  Result<Eigen::Vector3d> force_at(std::optional<Axis> axis, double to_deg) {
+    const double rate_degps = axis ? std::min(settings_.pose_rate_degps, limits_of(*axis).max_rate_degps) : 0.0;
+    if (axis) {
+      if (Status status = move(*axis, to_deg, rate_degps); !status) return status.error();
+    }
+    if (Status status = read_for(settings_.rest_s); !status) return status.error();
+    restart();
+    if (Status status = read_for(settings_.rest_s); !status) return status.error();
+    if (samples_ == 0) return device_error("no samples from the unit");
+    const Eigen::Vector3d mean = accel_ / static_cast<double>(samples_);
+    if (axis) {
+      if (Status status = move(*axis, 0.0, rate_degps); !status) return status.error();
+    }
+    return mean;
+  }
+  const AxisLimits& limits_of(Axis axis) const { return station_.axis[static_cast<std::size_t>(axis)]; }
   // Stops every axis, drives off, and sees that it is so.
   Status stop() {
-    Status stopped = devices_.table.stop_all();
-    const double deadline_s = devices_.clock.now_s() + station_.motion.deadline_margin_s;
-    for (bool off = false; devices_.clock.now_s() < deadline_s;) {
-      const Result<TableStatus> axes = read_table();
-      if (axes && all_of(*axes, [](const AxisStatus& a) { return !a.moving; })) {
-        if (off) return {};
-        off = devices_.table.abort_all().ok();
-      }
-      devices_.wait(station_.motion.poll_moving_s);
-    }
-    return device_error("THE STOP COULD NOT BE VERIFIED, the table may still move" +
-                        (stopped ? std::string() : ": " + stopped.error().message));
+    return leave_off(devices_.table, {.now_s = [this] { return devices_.clock.now_s(); },
+                                      .wait = devices_.wait,
+                                      .brake_s = station_.motion.deadline_margin_s,
+                                      .deadline_s = 2.0 * station_.motion.deadline_margin_s,
+                                      .poll_s = station_.motion.poll_moving_s,
+                                      .rest_rate_degps = station_.motion.settle_rate_degps});
   }
 
  private:
@@ -81,6 +106,7 @@ class Trial {
   }
   void restart() {
     sum_ = {};
+    accel_.setZero();
     samples_ = 0;
     lost_ = false;
   }
@@ -103,7 +129,10 @@ class Trial {
         lost_ = lost_ || (last_counter_ && sample.counter != *last_counter_ + 1);
         last_counter_ = sample.counter;
         ++samples_;
-        for (std::size_t i = 0; i < 3; ++i) sum_[i] += sample.gyro[i];
+        for (std::size_t i = 0; i < 3; ++i) {
+          sum_[i] += sample.gyro[i];
+          accel_[static_cast<Eigen::Index>(i)] += sample.accel[i];
+        }
       }
     }
     return {};
@@ -128,13 +157,19 @@ class Trial {
       if (Status status = read_for(station_.motion.poll_moving_s); !status) return status;
     }
   }
-  Status move(Axis axis, double to_deg) {
-    if (Status status = devices_.table.move_absolute(axis, to_deg, settings_.rate_degps, settings_.acceleration_degps2);
-        !status) {
+  Result<double> position(Axis axis) {
+    const Result<AxisStatus> status = devices_.table.status(axis);
+    return status ? Result<double>(status->position_deg) : Result<double>(status.error());
+  }
+  Status move(Axis axis, double to_deg, double rate_degps) {
+    const Result<double> from_deg = position(axis);
+    if (!from_deg) return from_deg.error();
+    const double acceleration_degps2 =
+        std::min(std::max(settings_.acceleration_degps2, 2.0 * rate_degps), limits_of(axis).max_acceleration_degps2);
+    if (Status status = devices_.table.move_absolute(axis, to_deg, rate_degps, acceleration_degps2); !status) {
       return status;
     }
-    const double seconds = settings_.move_deg / settings_.rate_degps +
-                           2.0 * settings_.rate_degps / settings_.acceleration_degps2 +
+    const double seconds = std::abs(to_deg - *from_deg) / rate_degps + 2.0 * rate_degps / acceleration_degps2 +
                            station_.motion.deadline_margin_s;
     return wait_until(seconds, std::string(to_string(axis)) + " did not arrive in time", [&](const TableStatus& axes) {
       const AxisStatus& a = axes[static_cast<std::size_t>(axis)];
@@ -148,6 +183,7 @@ class Trial {
   const std::atomic<int>& stop_requests_;
   std::vector<ImuSample> buffer_;
   std::array<double, 3> sum_{};
+  Eigen::Vector3d accel_ = Eigen::Vector3d::Zero();
   std::int64_t samples_ = 0;
   bool lost_ = false;
   std::optional<std::int64_t> last_counter_;
@@ -155,36 +191,92 @@ class Trial {
 
 double to_rad(IncrementKind kind, const CommissioningSettings& settings) {
   if (kind != IncrementKind::pulses) return 1.0;
-  return settings.gyro_pulse_arcsec * arcsec_rad;  // 0: not known
+  return settings.gyro_pulse_arcsec * rad_per_arcsec;  // 0: not known
 }
 
 }  // namespace
 
-Status judge_turn(Axis axis, const std::array<double, 3>& sum, IncrementKind kind,
+Status judge_turn(Axis axis, double turned_deg, const std::array<double, 3>& sum, IncrementKind kind,
                   const CommissioningSettings& settings) {
   const Felt expected = felt(axis);
   const double size = std::hypot(sum[0], sum[1], sum[2]);
   const double weight = to_rad(kind, settings);
   const double along = expected.sign * sum[static_cast<std::size_t>(expected.axis)];
-  const bool points_there = size > 0.0 && along >= size * std::cos(settings.direction_deg * std::numbers::pi / 180.0);
-  const double turned_deg = size * weight * 180.0 / std::numbers::pi;
+  const bool points_there = size > 0.0 && along >= size * std::cos(settings.direction_deg * rad_per_deg);
   const bool size_known = weight > 0.0;
+  const double felt_deg = size * weight / rad_per_deg;
   const bool size_fits =
-      !size_known || std::abs(turned_deg - settings.move_deg) <= settings.size_tolerance * settings.move_deg;
+      !size_known || std::abs(felt_deg - std::abs(turned_deg)) <= settings.scale_tolerance * std::abs(turned_deg);
   if (points_there && size_fits) return {};
-  char text[320];
-  const double shown = size_known ? weight * 180.0 / std::numbers::pi : 1.0;
-  std::snprintf(text, sizeof text,
-                "%s turned by %+g deg was felt as %+.3f, %+.3f, %+.3f %s about x, y, z: expected %s about %s alone "
-                "(sign of the table's axis, "
-                "or axes and signs of the unit's frame)",
-                to_string(axis), settings.move_deg, sum[0] * shown, sum[1] * shown, sum[2] * shown,
-                size_known ? "deg" : "pulses",
-                size_known ? (std::to_string(expected.sign * settings.move_deg) + " deg").c_str()
-                           : (expected.sign > 0 ? "plus" : "minus"),
-                body_axis[expected.axis]);
+  char text[400];
+  const double shown = size_known ? weight / rad_per_deg : 1.0;
+  std::snprintf(
+      text, sizeof text,
+      "%s turned by %+g deg was felt as %+.3f, %+.3f, %+.3f %s about x, y, z: expected %s about %s alone (%s)",
+      to_string(axis), settings.move_deg, sum[0] * shown, sum[1] * shown, sum[2] * shown, size_known ? "deg" : "pulses",
+      size_known ? (std::to_string(expected.sign * turned_deg) + " deg").c_str()
+                 : (expected.sign > 0 ? "plus" : "minus"),
+      body_axis[expected.axis],
+      points_there ? "scale of the gyros, or counts of the table's axis, by more than 0.5 %"
+                   : "sign of the table's axis, or axes and signs of the unit's frame");
   return input_error(text);
 }
+
+namespace {
+
+Status try_turns(Trial& trial, const CommissioningSettings& settings, IncrementKind kind, const std::string& tag,
+                 std::ostream& out) {
+  for (const Axis axis : all_axes) {
+    const Result<Trial::Turn> turned = trial.turn(axis);
+    if (!turned) return turned.error();
+    if (Status status = judge_turn(axis, turned->turned_deg, turned->sum, kind, settings); !status) return status;
+    const double size = std::hypot(turned->sum[0], turned->sum[1], turned->sum[2]);
+    const bool pulses = kind == IncrementKind::pulses;
+    char text[160];
+    std::snprintf(text, sizeof text, "%-7s %+g deg: felt about %s%s, %.6g %s", to_string(axis), settings.move_deg,
+                  felt(axis).sign > 0 ? "+" : "-", body_axis[felt(axis).axis],
+                  pulses ? std::abs(turned->turned_deg) * 3600.0 / size : size / rad_per_deg,
+                  pulses ? "arcsec a pulse" : "deg");
+    out << tag << text << std::endl;
+  }
+  if (kind == IncrementKind::pulses && settings.gyro_pulse_arcsec <= 0.0) {
+    out << tag << "the scale of the gyros was not judged: give the weight of a pulse with --gyro-pulse-arcsec"
+        << std::endl;
+  }
+  return {};
+}
+
+Status try_poses(Trial& trial, const RecordingInfo& info, double gravity_mps2, const CommissioningSettings& settings,
+                 const std::string& tag, std::ostream& out) {
+  FirstStepLimits limits;
+  limits.direction_deg = settings.direction_deg;
+  limits.force_tolerance = settings.force_tolerance;
+  const double weight_mps =
+      info.accel_increment == IncrementKind::pulses ? info.accel_pulse_mps : 1.0;  // of an increment
+  const std::pair<std::optional<Axis>, const char*> poses[] = {
+      {std::nullopt, "level"}, {Axis::pitch, "pitch"}, {Axis::roll, "roll"}};
+  for (const auto& [axis, name] : poses) {
+    AxisTriple angles_deg;
+    if (axis) angles_deg[*axis] = std::min(settings.pose_deg, trial.limits_of(*axis).soft_max_deg);
+    const double to_deg = axis ? angles_deg[*axis] : 0.0;
+    if (axis && to_deg < least_pose_deg) {
+      out << tag << name << " may turn to " << to_deg << " deg only: gravity was not compared there" << std::endl;
+      continue;
+    }
+    const Result<Eigen::Vector3d> mean = trial.force_at(axis, to_deg);
+    if (!mean) return mean.error();
+    const Eigen::Vector3d force = *mean * weight_mps / info.sample_period_s;
+    if (Status status = judge_force(force, angles_deg, gravity_mps2, limits); !status)
+      return input_error(status.error().message);
+    char text[160];
+    std::snprintf(text, sizeof text, "gravity, %s %g deg: %+.4f, %+.4f, %+.4f m/s^2 along x, y, z", name, to_deg,
+                  force.x(), force.y(), force.z());
+    out << tag << text << std::endl;
+  }
+  return {};
+}
+
+}  // namespace
 
 Status try_axes(const StationDevices& devices, const StationConfig& station, const CommissioningSettings& settings,
                 const std::atomic<int>& stop_requests, const std::string& tag, std::ostream& out) {
@@ -192,20 +284,8 @@ Status try_axes(const StationDevices& devices, const StationConfig& station, con
   devices.imu.describe(info);
   Trial trial(devices, station, settings, stop_requests);
   Status tried = trial.home();
-  for (const Axis axis : all_axes) {
-    if (!tried) break;
-    const Result<std::array<double, 3>> turned = trial.turn(axis);
-    tried = turned ? judge_turn(axis, *turned, info.gyro_increment, settings) : Status(turned.error());
-    if (!tried) break;
-    const double size = std::hypot((*turned)[0], (*turned)[1], (*turned)[2]);
-    char text[160];
-    std::snprintf(text, sizeof text, "%-7s %+g deg: felt about %s%s, %.6g %s", to_string(axis), settings.move_deg,
-                  felt(axis).sign > 0 ? "+" : "-", body_axis[felt(axis).axis],
-                  info.gyro_increment == IncrementKind::pulses ? settings.move_deg * 3600.0 / size
-                                                               : size * 180.0 / std::numbers::pi,
-                  info.gyro_increment == IncrementKind::pulses ? "arcsec a pulse" : "deg");
-    out << tag << text << std::endl;
-  }
+  if (tried) tried = try_turns(trial, settings, info.gyro_increment, tag, out);
+  if (tried) tried = try_poses(trial, info, station.gravity_mps2, settings, tag, out);
   const Status stopped = trial.stop();
   if (!stopped) return tried ? stopped : Status(device_error(tried.error().message + "; " + stopped.error().message));
   return tried;

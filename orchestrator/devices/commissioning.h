@@ -2,8 +2,14 @@
 //
 // With the unit level and all axes at 0 (docs/rig.md: C_nb = Ry(-H) Rz(P) Rx(R)) a turn of +d alone is felt as
 //   heading: -d about y    pitch: +d about z    roll: +d about x
-// The gyros' sum over the move, less what they show at rest before it, must point there within direction_deg; its size must be d to
-// size_tolerance where the size is known (increments in rad, or a nominal pulse weight). The axis then goes back.
+// The gyros' sum over the move, less what they show at rest before it, must point there within direction_deg; its size must be the angle
+// that the encoder tells, to scale_tolerance, where the size is known (increments in rad, or a nominal pulse weight). The axis then goes
+// back.
+//
+// Then gravity in three poses, level, pitch up and roll over by pose_deg (less where the axis may not turn that far): the specific force
+// must point up within direction_deg and be the site's gravity within force_tolerance, so that each accelerometer has shown its axis,
+// sign and scale. Coarse for the accelerometers, whose pulse weight and biases a calibration finds; the gyros' 0.5 % is what an encoder of
+// some arc minutes and a turn of 5 degrees allow.
 //
 // Every wait has a deadline and ends at the operator's stop; whatever happens every axis is stopped, and seen at rest.
 #pragma once
@@ -23,7 +29,10 @@ struct CommissioningSettings {
   double acceleration_degps2 = 2.0;
   double rest_s = 2.0;  // at rest, before each move
   double direction_deg = 5.0;
-  double size_tolerance = 0.05;    // of 1
+  double scale_tolerance = 0.005;  // of 1, of the gyros
+  double force_tolerance = 0.1;    // of 1, of the accelerometers
+  double pose_deg = 90.0;          // at most
+  double pose_rate_degps = 10.0;   // at most
   double gyro_pulse_arcsec = 0.0;  // nominal; 0: not known
 };
 
@@ -31,8 +40,8 @@ struct CommissioningSettings {
 Status try_axes(const StationDevices& devices, const StationConfig& station, const CommissioningSettings& settings,
                 const std::atomic<int>& stop_requests, const std::string& tag, std::ostream& out);
 
-// What the sum of the gyros says about a turn of `axis` by move_deg; the error names axis, expected and found.
-Status judge_turn(Axis axis, const std::array<double, 3>& sum, IncrementKind kind,
+// What the sum of the gyros says about a turn of `axis` by turned_deg; the error names axis, expected and found.
+Status judge_turn(Axis axis, double turned_deg, const std::array<double, 3>& sum, IncrementKind kind,
                   const CommissioningSettings& settings);
 
 }  // namespace turncal

@@ -26,8 +26,9 @@ double LiveClock::utc_s() const {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-LiveDevices::LiveDevices(const StationConfig& station, std::size_t units)
-    : speed_up_(station.clock_speed_up),
+LiveDevices::LiveDevices(const StationConfig& station, std::size_t units, StationLock lock)
+    : lock_(std::move(lock)),
+      speed_up_(station.clock_speed_up),
       clock_(speed_up_),
       imu_(station.imu->frame, station.imu->settings),
       watched_(imu_, station.imu->frame.sample_period_s) {
@@ -40,7 +41,9 @@ Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& stat
                                                        const std::atomic<int>& stop_requests, std::ostream& out,
                                                        std::size_t units) {
   assert(station.imu);
-  std::unique_ptr<LiveDevices> live(new LiveDevices(station, units));
+  Result<StationLock> lock = StationLock::take(station);
+  if (!lock) return lock.error();
+  std::unique_ptr<LiveDevices> live(new LiveDevices(station, units, std::move(*lock)));
   const GravityWatch& watched = live->watched_;
   Result<std::unique_ptr<TableDevice>> table =
       make_table(station, {live->clock_, &stop_requests, STDIN_FILENO, &out, [&watched] { return watched.mean(); }});

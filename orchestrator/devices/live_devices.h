@@ -1,6 +1,6 @@
 // The devices of a live run: the station's table and units, the machine's clocks, and waiting that really waits.
 //
-// Nothing is opened here; the run does that. clock.speed_up other than 1 is for twins (docs/twin.md): all of the station's times then
+// Nothing is opened here; the run does that. Another process at one of these devices is refused (station_lock.h). clock.speed_up other than 1 is for twins (docs/twin.md): all of the station's times then
 // pass so many times faster. A table turned by hand is told why each move is asked for, and what the first unit
 // senses of gravity.
 #pragma once
@@ -14,6 +14,7 @@
 #include "imu_io/units/serial_imu.h"
 #include "orchestrator/devices/gravity_watch.h"
 #include "orchestrator/devices/operator_prompts.h"
+#include "orchestrator/devices/station_lock.h"
 #include "orchestrator/devices/table_device.h"
 #include "orchestrator/run/station_run.h"
 
@@ -49,8 +50,9 @@ class LiveDevices {
   RunObserver* prompts(const Sequence& sequence, const std::string& tag);
 
  private:
-  LiveDevices(const StationConfig& station, std::size_t units);
+  LiveDevices(const StationConfig& station, std::size_t units, StationLock lock);
 
+  StationLock lock_;  // outlives the devices
   double speed_up_;
   LiveClock clock_;
   SerialImu imu_;

@@ -61,14 +61,15 @@ Result<Mounted> mount_unit(const StationConfig& station, const std::string& unit
                            std::ostream& out, const std::string& tag) {
   const StopSignals signals(FirstInterrupt::pauses);
   const auto tell_operator = [&](Error error) {
-    const Status told = run_hook(station.hooks, {"needs_operator", unit, folder, error.message, false});
+    const Status told =
+        run_hook(station.hooks, {.event = "needs_operator", .unit = unit, .folder = folder, .message = error.message});
     if (!told) out << tag << told.error().message << std::endl;
     return error;
   };
   if (!station.hooks.mount.empty()) {
     out << tag << "unit " << unit << ": mounting" << std::endl;
-    const Status mounted =
-        run_hook(station.hooks, {"mount", unit, folder, "", false}, station.hooks.mount_time_s, &StopSignals::any);
+    const Status mounted = run_hook(station.hooks, {.event = "mount", .unit = unit, .folder = folder, .message = ""},
+                                    station.hooks.mount_time_s, &StopSignals::any);
     if (mounted) return Mounted{};
     return tell_operator(not_mounted(unit, mounted.error().message));
   }

@@ -11,11 +11,16 @@ namespace turncal {
 void OperatorPrompts::on_transition(const TransitionRecord& record) {
   const RunSnapshot& at = record.at;
   if (record.event == RunEvent::settled && record.from == RunState::settling) {
-    beyond_plan_s_ += std::max(0.0, (at.time_s - began_s_) - (planned_left_s_ - at.eta_s));
-    ++turns_done_;
+    // Settling without a turn comes after a rest and after a dwell that is repeated.
+    if (turning_) {
+      beyond_plan_s_ += std::max(0.0, (at.time_s - began_s_) - (planned_left_s_ - at.eta_s));
+      ++turns_done_;
+    }
+    turning_ = false;
   }
   if (record.event == RunEvent::connected) return table_.set_reason("First, where the table stands.");
   if (record.event != RunEvent::move_next) return;
+  turning_ = true;
   began_s_ = at.time_s;
   planned_left_s_ = at.eta_s;
   const double a_turn_s = turns_done_ > 0 ? beyond_plan_s_ / turns_done_ : first_turn_s_;

@@ -22,6 +22,7 @@ class OperatorPrompts : public RunObserver {
   ManualTurntable& table_;
   const Sequence& sequence_;
   double first_turn_s_;
+  bool turning_ = false;
   double began_s_ = 0.0, planned_left_s_ = 0.0;  // when the turn going on was asked for
   double beyond_plan_s_ = 0.0;                   // sum over the turns done
   int turns_done_ = 0;

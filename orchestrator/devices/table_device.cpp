@@ -1,15 +1,20 @@
 #include "orchestrator/devices/table_device.h"
 
+#include <poll.h>
+
 #include <cassert>
 
+#include "imu_io/base/deadline.h"
 #include "turntable_drivers/ascii/serial_turntable.h"
 #include "turntable_drivers/modbus/modbus_turntable.h"
+#include "turntable_drivers/table/table_stop.h"
 
 namespace turncal {
 
 TableDevice::~TableDevice() {
-  // Not connected, or the link is gone: nobody is left to tell.
-  if (Status stopped = limited_.stop_all(); !stopped) return;
+  const auto wait = [](double seconds) { ::poll(nullptr, 0, static_cast<int>(1e3 * seconds)); };
+  // Whoever could be told of a failure has read of it where the run's own stop failed.
+  static_cast<void>(leave_off(limited_, {.now_s = monotonic_s, .wait = wait}).ok());
 }
 
 Status TableDevice::commission(const AxisTriple& known_deg, double tolerance_deg) {

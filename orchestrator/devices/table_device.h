@@ -1,7 +1,7 @@
 // The table of a live run, made from the station's configuration, with the station's motion limits around it.
 //
-// Nothing is opened here: connect() does that. Whatever ends the run, an exception too, the table is told to stop when this object
-// goes; what ends the process without that (kill -9) is the affair of the drive's watchdog. The mock has no live table; a dry run makes its own (dry_run_devices.h).
+// Nothing is opened here: connect() does that. Whatever ends the run, an exception too, the table is left at rest with its drives off,
+// read back, when this object goes (turntable_drivers/table/table_stop.h); what ends the process without that (kill -9) is the affair of the drive's watchdog. The mock has no live table; a dry run makes its own (dry_run_devices.h).
 #pragma once
 
 #include <atomic>

@@ -6,11 +6,8 @@
 #include <map>
 
 #include "calib/closed_form/closed_form.h"
-#include "calib/joint/joint_estimate.h"
 #include "calib/rests/rest_model.h"
-#include "calib/statistics/compression.h"
-#include "calib/statistics/segmentation.h"
-#include "orchestrator/jobs/compress_source.h"
+#include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/rest_view.h"
 #include "orchestrator/station/version.h"
 
@@ -18,10 +15,10 @@ namespace turncal {
 
 namespace {
 
-void note_data(const RecordingSource& source, const CompressedRecording& recording, std::vector<std::string>& notes) {
-  if (const std::string damage = describe(source.damage()); !damage.empty()) notes.push_back(damage);
+void note_data(const LoadedRecording& recording, std::vector<std::string>& notes) {
+  if (const std::string damage = describe(recording.damage); !damage.empty()) notes.push_back(damage);
   std::map<DataEvent::Kind, std::int64_t> counts;
-  for (const DataEvent& event : recording.events) counts[event.kind] += event.count;
+  for (const DataEvent& event : recording.data.events) counts[event.kind] += event.count;
   for (const auto& [kind, count] : counts) {
     notes.push_back("data: " + std::to_string(count) + " x " + to_string(kind));
   }
@@ -46,6 +43,8 @@ void note_joint(const JointResult& result, std::vector<std::string>& notes) {
                 result.iterations, result.normalised_rms,
                 result.whiteness.white ? "" : ", NOT WHITE: the noise model does not explain the residual");
   notes.push_back(text);
+  if (!result.start.mounting_text.empty())
+    notes.push_back("the unit is mounted " + result.start.mounting_text + " against the table's axes");
   for (const Fault& fault : result.faults) {
     notes.push_back("fault: " + fault.what + " at sample " + std::to_string(fault.first_sample) + ": " + fault.action);
   }
@@ -65,30 +64,16 @@ std::string undetermined_keys(const JointResult& result) {
 }
 
 Status joint(const CompressedRecording& recording, bool partial, CalibrationOutput& output) {
-  const JointResult result = joint_estimate(recording);
+  JointResult result = joint_estimate(recording);
   if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result.message};
   if (const std::string keys = undetermined_keys(result); !keys.empty() && !partial) {
     return input_error("this recording does not determine" + keys +
                        ": expected the steps that do (--partial writes what there is)");
   }
-  output.file.parameters = to_vector(result.parameters);
-  for (std::size_t i = 0; i < output.file.sigma.size(); ++i) {
-    const double sigma = result.sigma[static_cast<Eigen::Index>(i)];
-    if (result.determined[i] && sigma > 0.0) output.file.sigma[i] = sigma;
-  }
-  output.file.model = "base";
-  const NoiseModel& noise = result.noise;
-  const auto axes = [&output](const char* name, const Eigen::Vector3d& value, double si) {
-    for (int i = 0; i < 3; ++i) output.file.add_further(std::string(name) + "." + "xyz"[i], value[i] / si);
-  };
-  axes("noise.angle_random_walk_deg_per_rt_h", noise.angle_random_walk, radprs_per_degprh);
-  axes("noise.velocity_random_walk_ug_per_rt_hz", noise.velocity_random_walk, mpsprs_per_ugprHz);
-  output.file.add_further("noise.gyro_bias_instability_degph", noise.gyro_bias_instability_radps / radps_per_degph);
-  output.file.add_further("noise.accel_bias_instability_ug",
-                          noise.accel_bias_instability_mps2 / standard_gravity_mps2 * 1e6);
-  output.file.add_further("quality.normalised_rms", result.normalised_rms);
-  output.file.add_further("quality.white", result.whiteness.white ? "true" : "false");
+  describe_estimate(result, recording, false, output.file);
+  output.file.add_further("quality.trusted", result.whiteness.white ? "true" : "false");
   note_joint(result, output.notes);
+  output.fit = std::move(result);
   return {};
 }
 
@@ -118,33 +103,30 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
 
 }  // namespace
 
-Result<CalibrationOutput> calibrate_recording(RecordingSource& source, const CalibrationRequest& request) {
-  const Result<CompressedRecording> recording = compress_source(source);
-  if (!recording) return recording.error();
+Result<CalibrationOutput> calibrate_recording(const LoadedRecording& loaded, const CalibrationRequest& request) {
+  const CompressedRecording& recording = loaded.data;
   CalibrationOutput output;
-  if (std::isfinite(recording->mean_temperature_c)) output.mean_temperature_c = recording->mean_temperature_c;
-  for (const Block& block : recording->blocks) {
+  if (std::isfinite(recording.mean_temperature_c)) output.mean_temperature_c = recording.mean_temperature_c;
+  for (const Block& block : recording.blocks) {
     if (!std::isfinite(block.temperature_c)) continue;
     const double temperature_c = block.temperature_c;
     output.min_temperature_c = std::min(output.min_temperature_c.value_or(temperature_c), temperature_c);
     output.max_temperature_c = std::max(output.max_temperature_c.value_or(temperature_c), temperature_c);
   }
-  note_data(source, *recording, output.notes);
+  note_data(loaded, output.notes);
   const bool closed = request.method == "closed-form";
-  const bool by_hand = without_table_angles(source.segments());
+  const bool by_hand = loaded.by_hand;
   if (closed && by_hand)
-    return input_error(source.path() +
+    return input_error(loaded.path +
                        ": has no table angles: expected the fourteen steps of a table for --method closed-form");
-  if (Status status = by_hand  ? rests_by_hand(*recording, request.partial, output)
-                      : closed ? closed_form(*recording, output)
-                               : joint(*recording, request.partial, output);
+  if (Status status = by_hand  ? rests_by_hand(recording, request.partial, output)
+                      : closed ? closed_form(recording, output)
+                               : joint(recording, request.partial, output);
       !status) {
-    return Error{status.error().kind, source.path() + ": " + status.error().message};
+    return Error{status.error().kind, loaded.path + ": " + status.error().message};
   }
-  Result<std::string> hash = source.content_hash();
-  if (!hash) return hash.error();
-  describe_recording(source.info(), output.file);
-  output.file.recording_hash = *hash;
+  describe_recording(recording.info, output.file);
+  output.file.recording_hash = loaded.hash;
   output.file.method = by_hand ? rest_method : request.method;
   output.file.software_version = software_version();
   output.file.time_utc = request.time_utc;

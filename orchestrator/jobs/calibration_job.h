@@ -5,9 +5,10 @@
 #include <string>
 #include <vector>
 
+#include "calib/joint/joint_estimate.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
-#include "imu_io/recordings/recording_source.h"
+#include "orchestrator/jobs/loaded_recording.h"
 
 namespace turncal {
 
@@ -29,9 +30,10 @@ struct CalibrationOutput {
   std::optional<double> mean_temperature_c;
   std::optional<double> min_temperature_c, max_temperature_c;  // of the blocks of a few samples up to a second
   std::vector<std::string> notes;  // for the operator: what the data lacked, how the solution went
+  std::optional<JointResult> fit;  // of the joint estimate: what a diagnosis begins with
 };
 
 // Errors: kind input for a recording that cannot be calibrated, unit_failed when the solution does not settle.
-Result<CalibrationOutput> calibrate_recording(RecordingSource& source, const CalibrationRequest& request);
+Result<CalibrationOutput> calibrate_recording(const LoadedRecording& recording, const CalibrationRequest& request);
 
 }  // namespace turncal

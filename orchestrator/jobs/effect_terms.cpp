@@ -6,7 +6,7 @@
 #include "calib/joint/joint_faults.h"
 #include "calib/model/effects.h"
 #include "calib/statistics/segmentation.h"
-#include "orchestrator/jobs/compress_source.h"
+#include "orchestrator/jobs/loaded_recording.h"
 
 namespace turncal {
 namespace {
@@ -58,9 +58,9 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
     return input_error(source.path() + ": has no segments, expected some to evaluate effects over");
   };
   if (source.segments().empty()) return nowhere();
-  const Result<CompressedRecording> compressed = compress_source(source);
-  if (!compressed) return compressed.error();
-  const CompressedRecording& recording = *compressed;
+  const Result<LoadedRecording> loaded = load_recording(source);
+  if (!loaded) return loaded.error();
+  const CompressedRecording& recording = loaded->data;
   if (recording.blocks.empty()) return nowhere();
 
   EffectModel model =
@@ -68,8 +68,7 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
   model.values = values;
   FilterSetup setup;
   setup.with_columns = false;
-  setup.keep_motions = true;
-  setup.initial_tilt_sigma_rad = 0.2;
+  setup.keep_taken_off = true;
   setup.noise.accel_pulse_mps =
       recording.info.accel_increment == IncrementKind::pulses ? recording.info.accel_pulse_mps : 0.0;
   faults_from_events(recording, setup.breaks);

@@ -4,16 +4,19 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <deque>
 #include <thread>
 
 #include "imu_io/base/clock.h"
+#include "orchestrator/devices/first_step_check.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/report/report_format.h"
 #include "orchestrator/run/station_run.h"
+#include "orchestrator/watch/clock_watch.h"
 #include "orchestrator/watch/live_view.h"
 #include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/status_page.h"
@@ -72,19 +75,28 @@ std::vector<std::string> last_results(const PreparedRun& run) {
   return lines;
 }
 
-std::string verdicts_of(const std::vector<UnitRun>& units) {
+std::string outcomes_of(const std::vector<UnitRun>& units) {
   std::string text;
-  for (const UnitRun& unit : units) {
-    const std::string verdict(unit.dropped   ? "dropped out"
-                              : !unit.status ? "not calibrated"
-                                             : to_string(unit.results.verdict.verdict));
-    text += (text.empty() ? "" : ", ") + (units.size() > 1 ? unit.run.unit() + " " : "") + verdict;
-  }
+  for (const UnitRun& unit : units)
+    text += (text.empty() ? "" : ", ") + (units.size() > 1 ? unit.run.unit() + " " : "") + outcome_of(unit);
   return text;
 }
 
+Tone tone_of(const RunOutcome& outcome, const std::vector<UnitRun>& units) {
+  if (outcome.state == RunState::interrupted) return Tone::attention;
+  if (outcome.state != RunState::done) return Tone::bad;
+  Tone worst = Tone::good;
+  for (const UnitRun& unit : units) {
+    const UnitVerdict verdict = unit.results.verdict.verdict;
+    const bool failed = !unit.dropped && (!unit.status || !is_accepted(verdict));
+    const bool plain = !unit.dropped && verdict != UnitVerdict::conditional_pass;
+    worst = std::max(worst, failed ? Tone::bad : plain ? Tone::good : Tone::attention);
+  }
+  return worst;
+}
+
 // How far every unit came, and what is known of it before there are results.
-void take_outcome(const RunOutcome& outcome, double sample_period_s, std::vector<UnitRun>& units) {
+void note_outcome(const RunOutcome& outcome, double sample_period_s, std::vector<UnitRun>& units) {
   for (std::size_t i = 0; i < units.size(); ++i) {
     const RunOutcome::Unit& end = outcome.units[i];
     UnitRun& unit = units[i];
@@ -129,48 +141,77 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   // A line redrawn in place would run over the operator's answers.
   const bool in_place = context.out_is_terminal && !made.prompts;
   ProgressView view(context.out, in_place ? context.terminal_columns : 0, tag, steady_wall_s, stdout_takes_more);
-  LiveView live(join(a.run.request.units), a.run.station.name, a.run.sequence.name, a.run.request.dry_run,
-                last_results(a.run), steady_wall_s);
+  LiveView live({.unit = join(a.run.request.units),
+                 .station = a.run.station.name,
+                 .sequence = a.run.sequence.name,
+                 .folder = a.folder,
+                 .simulated = a.run.simulated(),
+                 .by_hand = made.prompts != nullptr,
+                 .results = last_results(a.run)},
+                steady_wall_s);
   std::unique_ptr<StatusPage> page;
   if (!a.run.request.listen.empty()) {
     Result<std::unique_ptr<StatusPage>> opened = StatusPage::open(a.run.request.listen, live);
     if (!opened) return opened.error();
     page = std::move(*opened);
     context.out << tag << "status page " << page->url() << std::endl;
+    if (const std::string warning = page->warning(); !warning.empty()) context.err << warning << std::endl;
   }
   PaceKeeper pace(a.run.request.pace);
-  std::vector<RunObserver*> told{&a.log, &view, &live, &pace};
-  if (made.prompts) told.push_back(made.prompts);
-  Fanout observers(told);
+  ClockWatch clock(made.live ? a.run.station.clock_speed_up : 1.0, [&a](double by_s, const RunSnapshot& at) {
+    char text[80];
+    std::snprintf(text, sizeof text, "the clock was set by %+.3f s, to ", by_s);
+    a.log.line(text + format_utc(at.utc_s));
+    // A journal that cannot be written refuses the next record, too, and that stops the run.
+    if (Status kept = a.journal.clock_set(by_s, at); !kept) a.log.line(kept.error().message);
+  });
+  std::vector<RunObserver*> all{&a.log, &view, &live, &pace, &clock};
+  if (made.prompts) all.push_back(made.prompts);
+  Fanout observers(all);
   std::deque<RecordingSink> recordings;
   for (UnitRun& unit : a.units) {
     recordings.emplace_back(unit.folder);
     unit.counts.sessions = a.sessions;
   }
-  LiveSink shown(recordings.front(), live);  // the page plots the first unit
+  std::deque<FirstStepCheck> checks;
+  for (RecordingSink& recording : recordings) checks.emplace_back(recording);
+  LiveSink shown(checks.front(), live);  // the page plots the first unit
   std::vector<StationUnit> lanes;
   for (std::size_t i = 0; i < a.units.size(); ++i) {
-    RunSink& sink = i == 0 ? static_cast<RunSink&>(shown) : recordings[i];
+    RunSink& sink = i == 0 ? static_cast<RunSink&>(shown) : checks[i];
     lanes.push_back({made.imu(i), sink, a.units[i].run.unit()});
   }
   const StopSignals signals(FirstInterrupt::pauses);
   StationRun* running = nullptr;
+  const auto content_hashes = [&] {
+    note_outcome(running->outcome(), a.sample_period_s, a.units);
+    return read_recordings(a.units);
+  };
   const auto calibrate = [&]() -> Status {
-    take_outcome(running->outcome(), a.sample_period_s, a.units);
+    note_outcome(running->outcome(), a.sample_period_s, a.units);
     return calibrate_units(a.units, devices.clock.utc_s(), a.journal);
   };
-  StationRun run(
-      devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume, a.sessions > 1}, lanes,
-      {&observers, &StopSignals::requests(), calibrate, &a.journal, &StopSignals::pauses(), &StopSignals::ends()});
+  StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume, a.sessions > 1},
+                 lanes,
+                 {.observer = &observers,
+                  .stop_requests = &StopSignals::requests(),
+                  .calibrate = calibrate,
+                  .journal = &a.journal,
+                  .pause_requests = &StopSignals::pauses(),
+                  .end_requests = &StopSignals::ends(),
+                  .content_hashes = content_hashes});
   running = &run;
   const RunOutcome outcome = run.run();
   for (std::size_t i = 0; made.live && i < a.units.size(); ++i) {
     a.log.line("unit " + a.units[i].run.unit() + ": " + made.live->unit_summary(i));
   }
   view.clear();
-  take_outcome(outcome, a.sample_period_s, a.units);
+  note_outcome(outcome, a.sample_period_s, a.units);
   const bool done = outcome.state == RunState::done;
-  live.end(done ? "done: " + verdicts_of(a.units) : outcome.error.message);
+  live.end(done                                     ? "Done: " + outcomes_of(a.units)
+           : outcome.state == RunState::interrupted ? "Paused: " + outcome.error.message
+                                                    : "The run is over: " + outcome.error.message,
+           tone_of(outcome, a.units));
   if (page) page->say_goodbye();
   if (!done) {
     a.log.line(outcome.error.message);

@@ -4,13 +4,16 @@
 #include <filesystem>
 
 #include "imu_io/base/clock.h"
+#include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_attempt.h"
 #include "orchestrator/jobs/run_results.h"
+#include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/report/report_format.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
+#include "orchestrator/watch/clock_watch.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -24,14 +27,27 @@ Status check_plan(const Plan& plan) {
                      (more > 0 ? " (and " + std::to_string(more) + " more; see turncal check)" : ""));
 }
 
-// A table whose calibration is overdue is used only with a reason.
-Status check_due(const PreparedRun& run, double utc_s) {
-  const std::string& due = run.station.table_calibration_due;
-  const std::string today = format_utc(utc_s).substr(0, 10);
-  if (due.empty() || today <= due) return {};  // days as 2026-12-31 sort as they follow each other
-  if (!run.request.overdue_reason.empty()) return {};
-  return input_error("the calibration of table '" + run.station.table_id + "' was due on " + due + ", today is " +
-                     today + ": expected a calibrated table, or --override-due REASON, which goes on record");
+// What could not be calibrated at the end is said before anything moves.
+Status check_sequence(const PreparedRun& run, const Plan& plan) {
+  if (Status status = check_plan(plan); !status) return status;
+  if (run.request.capture_only || run.request.partial) return {};
+  const std::vector<std::string> keys = undetermined_by(run.sequence, plan, planned_info(run));
+  if (keys.empty()) return {};
+  return input_error("sequence " + run.sequence.name + " " + coverage_text(keys));
+}
+
+Status look_ahead(const PreparedRun& run, const Plan& plan, const std::string& folder, double utc_s) {
+  const std::vector<Error> found = preflight({.station = run.station,
+                                              .folder = folder,
+                                              .units = run.request.units,
+                                              .samples = plan.samples,
+                                              .utc_s = utc_s,
+                                              .simulated = run.simulated(),
+                                              .overdue_reason = run.request.overdue_reason});
+  if (found.empty()) return {};
+  const std::size_t more = found.size() - 1;
+  return Error{found.front().kind,
+               found.front().message + (more > 0 ? " (and " + std::to_string(more) + " more)" : "")};
 }
 
 std::string first_line(const PreparedRun& run) {
@@ -43,15 +59,16 @@ std::string first_line(const PreparedRun& run) {
 }
 
 // What the station wants told of every unit; the run's outcome is not changed by it.
-RunEnd told(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
+RunEnd call_hooks(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
   for (UnitRun& unit : units) {
     if (!end.to_the_end && unit.status) unit.status = end.status;
     HookCall call = call_for(unit.status);
     call.unit = unit.run.unit();
     call.folder = unit.folder;
+    call.outcome = outcome_of(unit);
     call.dry_run = unit.run.request.dry_run;
     if (Status status = run_hook(unit.run.station.hooks, call); !status && log) log->line(status.error().message);
-    end.units.push_back({unit.run.unit(), unit.folder, unit.dropped, unit.status});
+    end.units.push_back({unit.run.unit(), unit.folder, outcome_of(unit), unit.status});
   }
   return end;
 }
@@ -60,7 +77,7 @@ RunEnd told(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
 RunEnd finish_sealed(std::vector<UnitRun>& units, const std::string& folder, const JournalContents& contents,
                      JournalFile& journal, CommandContext& context) {
   const double began_s = steady_wall_s();
-  if (Status status = take_counts(units, contents); !status) return status;
+  if (Status status = verify_recordings(units, contents); !status) return status;
   if (Status status = calibrate_units(units, *contents.seal_utc_s, journal); !status) return status;
   conclude_units(units, steady_wall_s() - began_s, folder + "/" + log_name, context.out);
   RunEnd end(status_of(units));
@@ -97,23 +114,34 @@ const JournalFields* verdict_of(const JournalContents& contents, const std::stri
   return last;
 }
 
+VerdictReport report_of(const JournalFields& record) {
+  VerdictReport report;
+  for (const auto& [key, value] : record) {
+    if (key == "reason") report.reason = value;
+    if (key != "result") continue;
+    for (int k = 0; k <= static_cast<int>(UnitVerdict::fail); ++k)
+      if (value == to_string(static_cast<UnitVerdict>(k))) report.verdict = static_cast<UnitVerdict>(k);
+  }
+  return report;
+}
+
 RunEnd say_over(const JournalContents& contents, const std::string& folder, std::ostream& out) {
   PreparedRun named;
-  named.request.units = contents.units();
+  named.request = request_of(contents);
   std::vector<UnitRun> units = units_of(named, folder);
   mark_dropped(contents, true, units);
   for (UnitRun& unit : units) {
     if (unit.dropped) continue;
-    const std::string& result = verdict_of(contents, unit.run.unit())->front().second;
+    const JournalFields& verdict = *verdict_of(contents, unit.run.unit());
+    const std::string& result = verdict.front().second;
     out << tag_of(contents) << "The run of unit " << unit.run.unit() << " is complete, verdict " << result
         << ": nothing to resume." << std::endl;
-    if (result == to_string(UnitVerdict::fail) || result == to_string(UnitVerdict::conditional_fail)) {
-      unit.status = Error{ErrorKind::unit_failed, unit.folder + ": the unit's verdict is " + result};
-    }
+    unit.results.verdict = report_of(verdict);
+    unit.status = verdict_status(unit.run.unit(), unit.results.verdict);
   }
   RunEnd end(status_of(units));
   end.to_the_end = true;
-  for (const UnitRun& unit : units) end.units.push_back({unit.run.unit(), unit.folder, unit.dropped, unit.status});
+  for (const UnitRun& unit : units) end.units.push_back({unit.run.unit(), unit.folder, outcome_of(unit), unit.status});
   return end;
 }
 
@@ -132,6 +160,7 @@ Result<RunRequest> request_again(const JournalContents& contents, const RunReque
   if (!now.sequence.empty()) request.sequence = now.sequence;
   if (!now.rig.empty()) request.rig = now.rig;
   if (request.overdue_reason.empty()) request.overdue_reason = now.overdue_reason;
+  request.no_diagnosis = request.no_diagnosis || now.no_diagnosis;
   request.listen = now.listen;
   request.pace = now.pace;
   return request;
@@ -150,6 +179,8 @@ bool is_over(const JournalContents& journal) {
   return true;
 }
 
+Status check_sequence(const PreparedRun& run) { return check_sequence(run, plan_of(run, run.sample_period_s())); }
+
 RunEnd begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
   if (request.dry_run) context.tag = dry_run_tag;
   Result<PreparedRun> prepared = prepare(request);
@@ -157,10 +188,11 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   context.tag = tag_of(*prepared);
   const double period_s = prepared->sample_period_s();
   const Plan plan = plan_of(*prepared, period_s);
-  if (Status status = check_plan(plan); !status) return status;
+  if (Status status = check_sequence(*prepared, plan); !status) return status;
   Result<RunDevices> devices = make_devices(*prepared, context);
   if (!devices) return devices.error();
-  if (Status status = check_due(*prepared, devices->devices().clock.utc_s()); !status) return status;
+  if (Status status = look_ahead(*prepared, plan, folder_path, devices->devices().clock.utc_s()); !status)
+    return status;
 
   Result<OutputFolder> folder = OutputFolder::prepare(
       folder_path,
@@ -189,10 +221,10 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
     folder->keep();
     if (!unit_folders.empty()) unit_folders[i].keep();
   }
-  return told(std::move(end), units, &*log);
+  return call_hooks(std::move(end), units, &*log);
 }
 
-RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
+RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
   const std::string path = folder + "/" + journal_name;
   if (!path_exists(path)) return input_error(folder + ": holds no " + journal_name + ": expected the folder of a run");
   Result<JournalFile> journal = JournalFile::reopen(path);  // its lock: nobody else goes on with this run
@@ -212,7 +244,7 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   mark_dropped(*contents, true, units);
   const Result<bool> sealed = sealed_recordings(units);
   if (!sealed) return sealed.error();
-  if (*sealed) return told(finish_sealed(units, folder, *contents, *journal, context), units, nullptr);
+  if (*sealed) return call_hooks(finish_sealed(units, folder, *contents, *journal, context), units, nullptr);
 
   mark_dropped(*contents, false, units);
   const double period_s = prepared->sample_period_s();
@@ -245,7 +277,12 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
       std::filesystem::remove(unit.folder + "/" + partial_recording_name, ignored);
     }
   }
-  if (Status status = check_due(*prepared, devices->devices().clock.utc_s()); !status) return status;
+  const double utc_s = devices->devices().clock.utc_s();
+  if (Status status = look_ahead(*prepared, plan, folder, utc_s); !status) return status;
+  if (contents->last_dwell && utc_s < contents->last_dwell->utc_s - ClockWatch::step_s) {
+    what +=
+        "; the clock was set back: it stands before the end of that item, " + format_utc(contents->last_dwell->utc_s);
+  }
   const JournalFields resumed = {
       {"software_version", software_version()}, {"what", what}, {"overdue_reason", prepared->request.overdue_reason}};
   if (Status status = journal->append(JournalType::resume, resumed); !status) return status;
@@ -253,7 +290,7 @@ RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandCont
   if (!log) return log.error();
   log->line("resumed by turncal " + std::string(software_version()) + ": " + what);
   const Attempt again{*prepared, plan, period_s, units, folder, *journal, *log, resume, contents->sessions + 1};
-  return told(attempt(again, *devices, context), units, &*log);
+  return call_hooks(attempt(again, *devices, context), units, &*log);
 }
 
 }  // namespace turncal

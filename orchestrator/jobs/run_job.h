@@ -1,4 +1,4 @@
-// A run from beginning to end: `begin_run` in a new folder, `take_up_run` where one was interrupted.
+// A run from beginning to end: `begin_run` in a new folder, `resume_run` where one was interrupted.
 //
 // The folder holds journal.tcj and run.log; there, or below it for each of several units (unit_run.h), are recording.partial.tcr
 // (recording.tcr once sealed), parameters.conf, and after a dry run truth.conf. A run that failed before its first sample leaves
@@ -18,7 +18,7 @@ struct RunEnd {
   Status status;  // of the whole run: what the command returns
   struct Unit {
     std::string serial, folder;
-    bool dropped = false;  // before the end; the others went on
+    std::string outcome;  // in one word (outcome_of, unit_run.h)
     Status status;
   };
   std::vector<Unit> units;  // none: refused before anything was made
@@ -31,10 +31,13 @@ struct RunEnd {
 // Every unit that is left has its verdict: nothing to resume.
 bool is_over(const JournalContents& journal);
 
+// That the station can run the sequence, and that what it is for can come of it. Part of begin_run; a batch asks before its first unit.
+Status check_sequence(const PreparedRun& run);
+
 RunEnd begin_run(const RunRequest& request, const std::string& folder, CommandContext& context);
 
 // `now`: where the files are now that the journal names (station, sequence, rig); empty: where they were; and listen and pace.
 // The devices must be the same kind (simulated or not), the units and every hash those of the journal.
-RunEnd take_up_run(const std::string& folder, const RunRequest& now, CommandContext& context);
+RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandContext& context);
 
 }  // namespace turncal

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "imu_io/base/posix_file.h"
+#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/station/builtin_sequence.h"
@@ -37,10 +38,11 @@ Result<StationConfig> station_from(const std::string& path, const std::string& t
 Status check_words(const RunRequest& request) {
   for (const std::string& unit : request.units) {
     if (!is_plain_text(unit)) {
-      return input_error("--unit '" + unit + "': expected a serial number of printable characters without '#'");
+      return input_error("--unit " + turncal::quoted(unit) +
+                         ": expected a serial number of printable characters without '#'");
     }
     if (std::count(request.units.begin(), request.units.end(), unit) > 1) {
-      return input_error("--unit '" + unit + "': given twice, expected each unit once");
+      return input_error("--unit " + turncal::quoted(unit) + ": given twice, expected each unit once");
     }
   }
   const std::pair<const char*, const std::string*> words[] = {{"--operator", &request.operator_name},
@@ -50,7 +52,8 @@ Status check_words(const RunRequest& request) {
                                                               {"--override-due", &request.overdue_reason}};
   for (const auto& [name, word] : words) {
     if (!word->empty() && !is_plain_text(*word)) {
-      return input_error(std::string(name) + " '" + *word + "': expected printable characters without '#'");
+      return input_error(std::string(name) + " " + turncal::quoted(*word) +
+                         ": expected printable characters without '#'");
     }
   }
   return {};
@@ -93,6 +96,19 @@ Status prepare_rig(PreparedRun& run) {
 }  // namespace
 
 std::size_t places(const PreparedRun& run) { return run.request.dry_run ? most_units : run.station.imu_places(); }
+
+RecordingInfo planned_info(const PreparedRun& run) {
+  RecordingInfo info;
+  if (run.request.dry_run) {
+    info.sample_period_s = run.rig.sample_period_s;
+    info.accel_pulse_mps = run.rig.accel_pulse_mps;
+  } else {
+    run.station.imu->frame.describe(info);
+  }
+  info.latitude_deg = run.station.latitude_deg;
+  info.gravity_mps2 = run.station.gravity_mps2;
+  return info;
+}
 
 Status check_real_devices(const StationConfig& station) {
   const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
@@ -157,6 +173,8 @@ JournalFields begin_fields(const PreparedRun& run) {
                           {"live", request.dry_run ? "" : "true"},
                           {"manual", request.manual ? "true" : ""},
                           {"capture_only", request.capture_only ? "true" : "false"},
+                          {"partial", request.partial ? "true" : ""},
+                          {"no_diagnosis", request.no_diagnosis ? "true" : ""},
                           {"unit", request.units.front()},
                           {"station", request.station},
                           {"station_hash", run.station_hash},
@@ -180,6 +198,8 @@ RunRequest request_of(const JournalContents& journal) {
   request.dry_run = journal.begin_value("live") != "true";
   request.manual = journal.begin_value("manual") == "true";
   request.capture_only = journal.begin_value("capture_only") == "true";
+  request.partial = journal.begin_value("partial") == "true";
+  request.no_diagnosis = journal.begin_value("no_diagnosis") == "true";
   request.units = journal.units();
   request.station = journal.begin_value("station");
   request.rig = journal.begin_value("rig");

@@ -17,12 +17,14 @@ struct RunRequest {
   bool dry_run = false;
   bool manual = false;  // the table is turned by hand, whatever the station says
   bool capture_only = false;
+  bool no_diagnosis = false;
   std::vector<std::string> units;  // serial numbers, by place on the table
   std::string rig;                 // files, made absolute by prepare(); empty: the built-in one
   std::string sequence;
   std::string station;
   // For the record; empty: not given.
   std::string operator_name;
+  bool partial = false;  // estimate what the sequence determines: no verdict, and not put in use
   std::string part;
   std::string revision;
   std::string ambient;
@@ -47,6 +49,8 @@ struct PreparedRun {
 
 inline constexpr std::size_t most_units = 16;  // of a dry run, which has as many places as it is asked for
 std::size_t places(const PreparedRun& run);
+RecordingInfo planned_info(
+    const PreparedRun& run);  // what a recording of the unit would say, as far as that is known before
 
 // An error unless table and unit are both ones that a live command can open.
 Status check_real_devices(const StationConfig& station);

@@ -1,5 +1,7 @@
 #include "orchestrator/jobs/run_results.h"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <sstream>
 
@@ -12,6 +14,7 @@
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/report/report_format.h"
 #include "orchestrator/report/result_table.h"
 #include "orchestrator/watch/progress.h"
 #include "turntable_drivers/rig/rig.h"
@@ -42,18 +45,69 @@ void add_record(const PreparedRun& run, const RunCounts& counts, ParameterFile& 
   }
 }
 
-Result<CalibrationOutput> calibrate_capture(const std::string& folder, double utc_s) {
-  Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(folder + "/" + binary_recording_name);
-  if (!source) return source.error();
-  CalibrationRequest request;
-  request.time_utc = format_utc(utc_s);
-  return calibrate_recording(**source, request);
+// A failure to keep something is never the unit's, nor a mistake of the operator's.
+Status stored(Status status) {
+  if (status || status.error().kind != ErrorKind::input) return status;
+  return device_error(status.error().message);
+}
+
+// "accel_second_order (31 sigma), gyro_bias_drift (7 sigma)"; what is wrong where no effect was added.
+std::string finding_of(const Diagnosis& d) {
+  if (d.verdict != Verdict::extended) return d.reason;
+  std::vector<std::string> parts;
+  for (const std::string& name : d.effect_names) {
+    double strongest = 0.0;
+    for (const EstimatedEffect& e : d.extended.effects)
+      if (e.column.entry && e.column.entry->name == name && e.sigma > 0.0)
+        strongest = std::max(strongest, std::abs(e.value) / e.sigma);
+    parts.push_back(name + " (" + significant(strongest, 2) + " sigma)");
+  }
+  return join(parts);
+}
+
+struct Finding {
+  std::string diagnosis = "not_made", text;
+};
+
+// Beyond the 24 parameters; its files into FOLDER/diagnosis.
+Result<Finding> diagnose_unit(const PreparedRun& run, const std::string& folder, const LoadedRecording& recording,
+                              RunResults& results) {
+  const double recorded_s = static_cast<double>(recording.data.samples) * recording.data.info.sample_period_s;
+  if (run.request.no_diagnosis || run.request.partial || recorded_s < least_diagnosed_s) return Finding{};
+  DiagnosisRequest request;
+  request.time_utc = results.output->file.time_utc;
+  request.base = results.output->fit ? &*results.output->fit : nullptr;
+  request.of_run = true;
+  Result<DiagnosisOutput> output = diagnose_recording(recording, request);
+  if (!output) return Finding{"failed", output.error().message};
+  const std::string own = folder + "/" + diagnosis_folder;
+  if (Status status = make_folder(own); !status) return status.error();
+  if (Status status = write_diagnosis(own, output->files); !status) return status.error();
+  results.diagnosis = std::move(*output);
+  const Diagnosis& diagnosis = results.diagnosis->diagnosis;
+  return Finding{to_string(diagnosis.verdict), finding_of(diagnosis)};
+}
+
+// The file the unit is to load, judged.
+void choose_file(const PreparedRun& run, const RunCounts& counts, const Finding& finding, RunResults& results) {
+  CalibrationOutput& output = *results.output;
+  if (finding.diagnosis == to_string(Verdict::extended) && run.station.diagnosis.load_extended)
+    output.file = results.diagnosis->files.parameters;
+  else if (finding.diagnosis != "clean" &&
+           finding.diagnosis != "not_made")  // the base model alone is not the whole truth
+    for (auto& [key, value] : output.file.further)
+      if (key == "quality.trusted") value = "false";
+  add_record(run, counts, output.file);
+  if (!run.request.partial)  // an estimate in part is no judgement of the unit
+    results.verdict = judge(output.file, {output.min_temperature_c, output.max_temperature_c}, run.station.limits);
+  judge_diagnosis(finding.diagnosis, finding.text, run.station.diagnosis, results.verdict);
+  add_verdict(results.verdict, output.file);
 }
 
 Status write_truth(const PreparedRun& run, const std::string& folder, const RunResults& results) {
   if (!run.request.dry_run) return {};
   const std::optional<double> reference_c = results.output ? results.output->mean_temperature_c : std::nullopt;
-  return write_file_atomically(folder + "/" + truth_name, format_truth(Rig(run.rig), reference_c));
+  return stored(write_file_atomically(folder + "/" + truth_name, format_truth(Rig(run.rig), reference_c)));
 }
 
 JournalFields marked(JournalFields fields, const JournalFields& mark) {
@@ -75,7 +129,7 @@ Status keep_results(const PreparedRun& run, const std::string& folder, const Run
     if (!database) return database.error();
     if (Status status = database->add(file, results.verdict, folder, counts.sessions); !status) return status;
   }
-  if (!run.station.store.empty() && is_accepted(results.verdict.verdict)) {
+  if (!run.station.store.empty() && !run.request.partial && is_accepted(results.verdict.verdict)) {
     if (Status status = put_in_use(run.station.store, file); !status) return status;
   }
   return {};
@@ -93,44 +147,40 @@ std::string_view tag_of(const JournalContents& journal) {
   return journal.begin_value("live") == "true" ? simulated_tag : dry_run_tag;
 }
 
-Status write_results(const PreparedRun& run, const std::string& folder, double utc_s, const RunCounts& counts,
-                     JournalFile& journal, const JournalFields& mark, RunResults& results) {
+Status write_results(const PreparedRun& run, const std::string& folder, const LoadedRecording& recording, double utc_s,
+                     const RunCounts& counts, JournalFile& journal, const JournalFields& mark, RunResults& results) {
+  results = {};
   Status calibrated;
   if (!run.request.capture_only) {
-    Result<CalibrationOutput> output = calibrate_capture(folder, utc_s);
-    if (output) {
-      add_record(run, counts, output->file);
-      results.verdict = judge(output->file, {output->min_temperature_c, output->max_temperature_c}, run.station.limits);
-      add_verdict(results.verdict, output->file);
+    CalibrationRequest request;
+    request.time_utc = format_utc(utc_s);
+    request.partial = run.request.partial;
+    Result<CalibrationOutput> output = calibrate_recording(recording, request);
+    if (output)
       results.output = std::move(*output);
-    } else {
+    else
       calibrated = output.error();
-    }
   }
-  if (Status status = write_truth(run, folder, results); !status && calibrated) return status;
+  if (Status status = write_truth(run, folder, results); !status) return status;
   if (!calibrated) return calibrated;
   if (results.output) {
-    if (Status status = keep_results(run, folder, counts, journal, mark, results); !status) return status;
+    const Result<Finding> finding = diagnose_unit(run, folder, recording, results);
+    if (!finding) return stored(finding.error());
+    choose_file(run, counts, *finding, results);
+    if (Status status = keep_results(run, folder, counts, journal, mark, results); !status) return stored(status);
   }
-  return journal.append(
-      JournalType::verdict,
-      marked({{"result", std::string(to_string(results.verdict.verdict))}, {"rule", results.verdict.rule}}, mark));
+  const VerdictReport& verdict = results.verdict;
+  return journal.append(JournalType::verdict, marked({{"result", std::string(to_string(verdict.verdict))},
+                                                      {"rule", verdict.rule},
+                                                      {"diagnosis", verdict.diagnosis},
+                                                      {"reason", verdict.reason}},
+                                                     mark));
 }
 
 Status verdict_status(const std::string& unit, const VerdictReport& report) {
   if (is_accepted(report.verdict)) return {};
-  const std::vector<std::string> lines = describe(report);
-  std::string worst;
-  for (std::size_t i = 0; i < report.values.size() && worst.empty(); ++i) {
-    const JudgedValue& judged = report.values[i];
-    if (judged.verdict != report.verdict) continue;
-    for (const std::string& line : lines) {
-      if (line.starts_with(judged.key + " = ")) worst = line;
-    }
-  }
   return Error{ErrorKind::unit_failed,
-               "unit " + unit + " is outside its limits: " + worst +
-                   (lines.size() > 1 ? " (and " + std::to_string(lines.size() - 1) + " more)" : "")};
+               "unit " + unit + ": " + std::string(to_string(report.verdict)) + ": " + report.reason};
 }
 
 void print_summary(const PreparedRun& run, const std::string& folder, const RunCounts& counts,
@@ -151,13 +201,20 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
     out << '\n';
     print_results(results.output->file, truth ? std::optional(*truth) : std::nullopt, out);
     out << '\n';
-    for (const std::string& line : describe(results.verdict)) out << line << '\n';
-    if (results.verdict.verdict == UnitVerdict::not_judged) {
-      out << "verdict     not judged: the station has no limits\n";
-    } else {
-      out << "verdict     " << to_string(results.verdict.verdict) << "  (" << results.verdict.rule << ")\n";
+    if (results.diagnosis) {
+      for (const std::string& line : results.diagnosis->table) out << line << '\n';
+      out << '\n';
     }
+    const VerdictReport& verdict = results.verdict;
+    for (const std::string& line : describe(verdict)) out << line << '\n';
+    const std::string why = run.request.partial                          ? ": estimated in part"
+                            : verdict.verdict == UnitVerdict::not_judged ? ": the station has no limits"
+                            : verdict.reason.empty()                     ? ""
+                                                                         : ": " + verdict.reason;
+    out << "verdict     " << to_string(verdict.verdict) << why
+        << (verdict.rule.empty() ? "" : "  (" + verdict.rule + ")") << '\n';
     out << "parameters  " << path(parameters_name) << '\n';
+    if (results.diagnosis) out << "report      " << path(diagnosis_folder) << '/' << report_name << '\n';
   }
   if (run.request.dry_run) out << "truth       " << path(truth_name) << '\n';
   out << "recording   " << path(binary_recording_name) << '\n' << "log         " << log << '\n';

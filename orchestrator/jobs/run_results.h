@@ -1,8 +1,8 @@
 // From a sealed recording to what a run leaves behind, in the order in which it becomes durable:
 //
-//   truth.conf (dry run) -> parameters.conf -> journal `results` -> database -> parameter store -> journal `verdict`
+//   truth.conf (dry run) -> diagnosis/ -> parameters.conf -> journal `results` -> database -> parameter store -> journal `verdict`
 //
-// Only then is a verdict printed. Every step can be done again: a run that was interrupted in between repeats them all with the
+// Only then is a verdict printed. What cannot be written is a fault of the storage (kind device), whatever the reason. Every step can be done again: a run that was interrupted in between repeats them all with the
 // same bytes.
 #pragma once
 
@@ -12,6 +12,7 @@
 #include <string_view>
 
 #include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/station/verdict.h"
 
@@ -19,6 +20,7 @@ namespace turncal {
 
 inline constexpr const char* parameters_name = "parameters.conf";
 inline constexpr const char* truth_name = "truth.conf";
+inline constexpr const char* diagnosis_folder = "diagnosis";
 // Before every line that a dry run prints or logs, so that none passes for a real one.
 inline constexpr std::string_view dry_run_tag = "[dry run] ";
 inline constexpr std::string_view simulated_tag = "[simulated] ";  // the same of a live run with a twin
@@ -33,17 +35,21 @@ struct RunCounts {
 };
 
 struct RunResults {
-  std::optional<CalibrationOutput> output;  // empty: only captured
+  std::optional<CalibrationOutput> output;   // empty: only captured
+  std::optional<DiagnosisOutput> diagnosis;  // empty: not made
   VerdictReport verdict;
 };
 
 // utc_s: when the recording was sealed. mark: goes after the other fields of the journal's records.
-Status write_results(const PreparedRun& run, const std::string& folder, double utc_s, const RunCounts& counts,
-                     JournalFile& journal, const JournalFields& mark, RunResults& results);
+Status write_results(const PreparedRun& run, const std::string& folder, const LoadedRecording& recording, double utc_s,
+                     const RunCounts& counts, JournalFile& journal, const JournalFields& mark, RunResults& results);
+
+// A recording of less says too little about what the 24 parameters lack: no diagnosis at the end of the run.
+inline constexpr double least_diagnosed_s = 1800.0;
 
 void print_summary(const PreparedRun& run, const std::string& folder, const RunCounts& counts,
                    const RunResults& results, double wall_s, const std::string& log, std::ostream& out);
-// An error of kind unit_failed when the verdict is not one to accept.
+// An error of kind unit_failed, with verdict and reason, when the verdict is not one to accept.
 Status verdict_status(const std::string& unit, const VerdictReport& report);
 
 }  // namespace turncal

@@ -24,6 +24,11 @@ Result<bool> sealed_recording(const UnitRun& unit) {
   return true;
 }
 
+Error damaged(const LoadedRecording& loaded) {
+  return device_error(loaded.path + ": the recording is damaged: " + describe(loaded.damage) +
+                      ": nothing is made of it, the unit has to be measured again");
+}
+
 // Every recording was synced whole before the first was finished: what is missing is the end mark.
 Status seal_like(const UnitRun& unit, const UnitRun& sealed) {
   const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(recording_of(sealed));
@@ -60,7 +65,9 @@ Status calibrate_units(std::vector<UnitRun>& units, double utc_s, JournalFile& j
   Status first;
   for (UnitRun& unit : units) {
     if (unit.dropped) continue;
-    unit.status = write_results(unit.run, unit.folder, utc_s, unit.counts, journal, unit.mark, unit.results);
+    unit.status =
+        write_results(unit.run, unit.folder, *unit.recording, utc_s, unit.counts, journal, unit.mark, unit.results);
+    if (!unit.status && unit.status.error().kind == ErrorKind::device) return unit.status;  // the storage's fault
     if (unit.status)
       any = true;
     else if (first)
@@ -76,6 +83,18 @@ void conclude_units(std::vector<UnitRun>& units, double wall_s, const std::strin
     print_summary(unit.run, unit.folder, unit.counts, unit.results, wall_s, log, out);
     unit.status = verdict_status(unit.run.unit(), unit.results.verdict);
   }
+}
+
+std::string outcome_of(const UnitRun& unit) {
+  const bool measured = unit.counts.recorded_s > 0.0;
+  if (unit.dropped) return unit.status.error().kind == ErrorKind::input && !measured ? "refused" : "dropped";
+  if (unit.status)
+    return unit.run.request.capture_only ? "captured" : std::string(to_string(unit.results.verdict.verdict));
+  const ErrorKind kind = unit.status.error().kind;
+  if (kind == ErrorKind::unit_failed && !is_accepted(unit.results.verdict.verdict))
+    return std::string(to_string(unit.results.verdict.verdict));
+  if (kind == ErrorKind::unit_failed || (kind == ErrorKind::input && measured)) return "fail";
+  return kind == ErrorKind::input ? "refused" : "";
 }
 
 Status status_of(const std::vector<UnitRun>& units) {
@@ -112,24 +131,48 @@ Result<bool> sealed_recordings(const std::vector<UnitRun>& units) {
   return true;
 }
 
-Status take_counts(std::vector<UnitRun>& units, const JournalContents& contents) {
+Result<std::vector<std::string>> read_recordings(std::vector<UnitRun>& units) {
+  std::vector<std::string> hashes;
+  for (UnitRun& unit : units) {
+    hashes.emplace_back();
+    if (unit.dropped) continue;
+    Result<LoadedRecording> loaded = load_recording(partial_of(unit));
+    if (!loaded) return loaded.error();
+    if (loaded->damage.lost_data()) return damaged(*loaded);
+    loaded->damage = {};  // the end mark is still to come
+    loaded->path = recording_of(unit);
+    hashes.back() = loaded->hash;
+    unit.recording = std::move(*loaded);
+  }
+  return hashes;
+}
+
+Status verify_recordings(std::vector<UnitRun>& units, const JournalContents& contents) {
   for (std::size_t i = 0; i < units.size(); ++i) {
     UnitRun& unit = units[i];
     if (unit.dropped) continue;
     if (!contents.seal_utc_s || !contents.last_dwell) {
       return input_error(unit.folder + ": the recording is complete, but the journal knows nothing of it");
     }
-    Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(recording_of(unit));
-    if (!source) return source.error();
-    if ((*source)->info().simulated != unit.run.simulated() || (*source)->info().unit_serial != unit.run.unit()) {
-      return input_error(unit.folder + ": the recording is of unit " + (*source)->info().unit_serial + " and " +
-                         ((*source)->info().simulated ? "simulated" : "real") + ", the journal is of another");
+    Result<LoadedRecording> loaded = load_recording(recording_of(unit));
+    if (!loaded) return device_error(loaded.error().message + " (the recording was whole when it was sealed)");
+    const RecordingInfo& info = loaded->data.info;
+    if (info.simulated != unit.run.simulated() || info.unit_serial != unit.run.unit()) {
+      return input_error(unit.folder + ": the recording is of unit " + info.unit_serial + " and " +
+                         (info.simulated ? "simulated" : "real") + ", the journal is of another");
+    }
+    const RecordingDamage& damage = loaded->damage;
+    if (damage.lost_data() || !damage.complete || damage.torn_tail_bytes > 0) return damaged(*loaded);
+    const std::string expected = i < contents.hashes.size() ? contents.hashes[i] : "";
+    if (!expected.empty() && loaded->hash != expected) {
+      return device_error(loaded->path + ": is not the recording that this run sealed: expected content hash " +
+                          expected + ", found " + loaded->hash);
     }
     unit.counts.repeated_dwells = contents.last_dwell->repeated_dwells;
     unit.counts.lost_samples = contents.last_dwell->units[i].lost_samples;
     unit.counts.sessions = contents.sessions + 1;
-    unit.counts.recorded_s =
-        static_cast<double>((*source)->segments().back().end_sample) * (*source)->info().sample_period_s;
+    unit.counts.recorded_s = static_cast<double>(loaded->data.segments.back().end_sample) * info.sample_period_s;
+    unit.recording = std::move(*loaded);
   }
   return {};
 }

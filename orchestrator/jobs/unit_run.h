@@ -2,6 +2,7 @@
 // run of several in FOLDER/SERIAL (name_of_unit) each, with journal.tcj and run.log in FOLDER.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@ struct UnitRun {
   std::string folder;
   JournalFields mark;  // "unit", of a run of several: which unit a record of the journal is about
   RunCounts counts{};
+  std::optional<LoadedRecording> recording{};  // as it was, or is, sealed
   RunResults results{};
   bool dropped = false;
   Status status{};  // how it ended
@@ -30,13 +32,20 @@ Status calibrate_units(std::vector<UnitRun>& units, double utc_s, JournalFile& j
 // Prints the results and sets the status of every unit that is left and was calibrated.
 void conclude_units(std::vector<UnitRun>& units, double wall_s, const std::string& log, std::ostream& out);
 
+// What became of a unit, in one word: its verdict; captured, dropped, fail (measured, but no parameters came of it), refused
+// (nothing was measured). Empty: it has no outcome yet, a fault of the station stopped it.
+std::string outcome_of(const UnitRun& unit);
+
 // Of the whole run: success, or the worst kind and a line that names every unit that has something to say.
 Status status_of(const std::vector<UnitRun>& units);
 
 // Recordings that were complete when the run was interrupted, one that had no time to be finished among them. False: they are
 // not, and the run has to go on with devices.
 Result<bool> sealed_recordings(const std::vector<UnitRun>& units);
-// What the journal says about them then.
-Status take_counts(std::vector<UnitRun>& units, const JournalContents& contents);
+// Reads every recording once, before it is sealed: what the journal keeps of its contents, by unit. An error when one is damaged.
+Result<std::vector<std::string>> read_recordings(std::vector<UnitRun>& units);
+// What the journal says about sealed recordings. An error when one is damaged, or not the one that this run sealed: nothing may be
+// made of it.
+Status verify_recordings(std::vector<UnitRun>& units, const JournalContents& contents);
 
 }  // namespace turncal

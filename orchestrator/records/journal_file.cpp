@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <functional>
 
@@ -16,8 +17,8 @@ namespace turncal {
 namespace {
 
 constexpr std::uint32_t journal_magic = 0x4a435489;  // the bytes 0x89 'T' 'C' 'J'
-constexpr std::array<std::string_view, 10> type_names = {"begin", "transition", "home",    "move",    "dwell",
-                                                         "seal",  "resume",     "results", "verdict", "dropout"};
+constexpr std::array<std::string_view, 11> type_names = {"begin",  "transition", "home",    "move",    "dwell", "seal",
+                                                         "resume", "results",    "verdict", "dropout", "clock"};
 
 // Any text as one value of a key-value line: '%', '#' and control characters as %XX, and a blank at either end.
 std::string escaped(std::string_view text) {
@@ -247,7 +248,18 @@ Status JournalFile::dropout(const Dropout& dropout) {
                                        {"why", dropout.why.message}});
 }
 
-Status JournalFile::seal(double utc_s) { return append(JournalType::seal, {{"utc_s", format_number(utc_s)}}); }
+Status JournalFile::seal(double utc_s, const std::vector<std::string>& hashes) {
+  JournalFields fields = {{"utc_s", format_number(utc_s)}};
+  for (std::size_t unit = 0; unit < hashes.size(); ++unit)
+    fields.emplace_back(unit_prefix(unit) + "recording_hash", hashes[unit]);
+  return append(JournalType::seal, fields);
+}
+
+Status JournalFile::clock_set(double by_s, const RunSnapshot& at) {
+  return append(JournalType::clock, {{"time_s", format_number(at.time_s)},
+                                     {"utc_s", format_number(at.utc_s)},
+                                     {"by_s", format_number(std::round(by_s * 1e3) / 1e3)}});
+}
 
 const std::string& JournalContents::begin_value(std::string_view key) const {
   static const std::string nothing;
@@ -286,7 +298,12 @@ Result<JournalContents> read_journal(const std::string& path) {
         commands_kept = contents.commands.size();
         for (JournalContents::DroppedUnit& dropped : contents.dropped) dropped.after_last_dwell = false;
         break;
-      case JournalType::seal: contents.seal_utc_s = fields->number("utc_s"); break;
+      case JournalType::seal:
+        contents.seal_utc_s = fields->number("utc_s");
+        contents.hashes.assign(contents.units().size(), "");
+        for (std::size_t unit = 0; unit < contents.hashes.size(); ++unit)
+          contents.hashes[unit] = fields->text_or(unit_prefix(unit) + "recording_hash", "");
+        break;
       case JournalType::resume:  // what was commanded after the last completed dwell is taken back
         contents.commands.resize(commands_kept);
         std::erase_if(contents.dropped, [](const auto& dropped) { return dropped.after_last_dwell; });
@@ -299,6 +316,7 @@ Result<JournalContents> read_journal(const std::string& path) {
       case JournalType::verdict: contents.verdicts.push_back(fields_of(*fields)); break;
       case JournalType::dropout: contents.dropped.push_back(read_dropout(*fields)); break;
       case JournalType::results:
+      case JournalType::clock:
       case JournalType::transition: break;
     }
     return fields->status();

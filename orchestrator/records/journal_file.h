@@ -29,7 +29,8 @@ enum class JournalType : std::uint32_t {
   resume,
   results,
   verdict,
-  dropout
+  dropout,
+  clock
 };
 std::string_view to_string(JournalType type);
 
@@ -48,7 +49,8 @@ class JournalFile : public RunJournal {
   Status move(const Move& move, double time_s) override;
   Status dwell(const CompletedDwell& dwell) override;
   Status dropout(const Dropout& dropout) override;
-  Status seal(double utc_s) override;
+  Status seal(double utc_s, const std::vector<std::string>& hashes) override;
+  Status clock_set(double by_s, const RunSnapshot& at);
 
  private:
   JournalFile(PosixFile file, std::uint32_t next_number) : file_(std::move(file)), next_number_(next_number) {}
@@ -69,6 +71,7 @@ struct JournalContents {
   std::optional<CompletedDwell> last_dwell;
   std::vector<JournalCommand> commands;  // up to last_dwell, without those of attempts that were taken back
   std::optional<double> seal_utc_s;      // of the last attempt to seal
+  std::vector<std::string> hashes;       // the same: of the recordings' contents, by unit; empty: none was kept
   int sessions = 1;                      // 1 + resumes
   std::vector<JournalFields> verdicts;   // one a unit, as they came
   struct DroppedUnit {

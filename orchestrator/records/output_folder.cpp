@@ -10,45 +10,79 @@ namespace turncal {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+constexpr const char* lock_name = ".lock";
+constexpr int most_races = 100;
+
+}  // namespace
+
 Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<std::string> names) {
   std::error_code error;
   if (path.empty()) return input_error("--out: expected a folder, got an empty name");
   if (fs::exists(path, error) && !fs::is_directory(path, error)) {
     return input_error(path + ": expected a folder, found a file");
   }
-  for (const std::string& name : names) {
-    if (fs::exists(fs::path(path) / name, error)) {
-      return input_error(path + ": already holds " + name + "; give another folder, nothing is overwritten");
-    }
-  }
   OutputFolder folder(path, std::move(names));
+  // Whoever fails meanwhile takes the folder away that we found: then it is made once more.
+  for (int race = 0;; ++race) {
+    if (Status status = folder.make_missing(); !status) return status.error();
+    Result<LockFile> lock = LockFile::take(folder.file(lock_name));
+    if (!lock && race < most_races && !path_exists(path)) continue;
+    if (!lock) {
+      folder.names_.clear();  // they are another's
+      return lock.error();
+    }
+    folder.lock_.emplace(std::move(*lock));
+    break;
+  }
+  for (const std::string& name : folder.names_) {
+    if (!fs::exists(fs::path(path) / name, error)) continue;
+    const Error held = input_error(path + ": already holds " + name + "; give another folder, nothing is overwritten");
+    folder.names_.clear();  // they are another's
+    return held;
+  }
+  return folder;
+}
+
+Status OutputFolder::make_missing() {
+  std::error_code error;
   std::vector<fs::path> missing;
-  for (fs::path p = fs::absolute(path, error).lexically_normal(); !p.empty() && !fs::exists(p, error);
+  for (fs::path p = fs::absolute(path_, error).lexically_normal(); !p.empty() && !fs::exists(p, error);
        p = p.parent_path()) {
     if (p.has_filename()) missing.insert(missing.begin(), p);
   }
   for (const fs::path& p : missing) {
-    fs::create_directory(p, error);
-    if (error) return input_error(p.string() + ": cannot make this folder: " + error.message());
-    folder.made_.push_back(p.string());
+    const bool made = fs::create_directory(p, error);
+    if (error) return storage_error(p.string(), "cannot make this folder", error.value());
+    if (made) made_.push_back(p.string());
     // A folder that a power loss takes away would take all that is in it.
-    if (Status status = sync_folder(folder_of(p.string())); !status) return status.error();
+    if (Status status = sync_folder(folder_of(p.string())); !status) return status;
   }
-  return folder;
+  return {};
 }
 
 OutputFolder::OutputFolder(OutputFolder&& other) noexcept
     : path_(std::move(other.path_)),
       names_(std::move(other.names_)),
       made_(std::move(other.made_)),
+      lock_(std::move(other.lock_)),
       active_(std::exchange(other.active_, false)) {}
 
 OutputFolder::~OutputFolder() {
   if (!active_) return;
   std::error_code ignored;
   for (const std::string& name : names_) fs::remove(fs::path(path_) / name, ignored);
+  lock_.reset();
   // Only folders made here, and only when nobody else put something in.
   for (auto it = made_.rbegin(); it != made_.rend(); ++it) fs::remove(*it, ignored);
+}
+
+Status check_not_source(const std::string& out, const std::string& source) {
+  std::error_code error;
+  const std::string folder = fs::is_directory(source, error) ? source : folder_of(source);
+  if (!fs::equivalent(out, folder, error)) return {};
+  return input_error("--out " + out + ": expected another folder than that of the source, " + source);
 }
 
 }  // namespace turncal

@@ -1,11 +1,16 @@
 // The folder a command writes to. Made when it is missing (with its parents); refused when it already holds one of the files the
-// command would write; and when the command fails, whatever it made is taken away again.
+// command would write, or when another process writes to it; and when the command fails, whatever it made is taken away again.
+//
+// A lock on `.lock` in the folder is held from before that look until the end, so that what stands under these names afterwards was
+// made here.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "calib/types/status.h"
+#include "imu_io/base/lock_file.h"
 
 namespace turncal {
 
@@ -23,10 +28,16 @@ class OutputFolder {
 
  private:
   OutputFolder(std::string path, std::vector<std::string> names) : path_(std::move(path)), names_(std::move(names)) {}
+  Status make_missing();
   std::string path_;
   std::vector<std::string> names_;
   std::vector<std::string> made_;  // folders, outermost first
+  std::optional<LockFile> lock_;
   bool active_ = true;
 };
+
+// An error when `out` is the folder of `source` (a folder, or a file in it): what is written would stand beside what it is made of, and
+// whoever reads the folder could not tell them apart.
+Status check_not_source(const std::string& out, const std::string& source);
 
 }  // namespace turncal

@@ -6,6 +6,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/lock_file.h"
 
 namespace turncal {
 
@@ -23,13 +24,16 @@ std::string name_of_unit(const std::string& unit) {
   return name;
 }
 
-namespace {
-
-constexpr const char* in_use_name = "parameters.conf";
-
 std::string unit_folder(const std::string& store, const std::string& unit, bool simulated) {
   return store + (simulated ? "/simulated/" : "/") + name_of_unit(unit);
 }
+
+namespace {
+
+constexpr const char* in_use_name = "parameters.conf";
+constexpr double change_time_s = 5.0;  // changes take milliseconds
+
+Result<LockFile> locked(const std::string& folder) { return LockFile::take(folder + "/.lock", change_time_s); }
 
 std::string version_path(const std::string& folder, int number) {
   char name[40];
@@ -56,6 +60,8 @@ Status put_in_use(const std::string& store, const ParameterFile& file) {
   if (!text) return text.error();
   const std::string folder = unit_folder(store, file.unit_serial, file.simulated);
   if (Status status = make_folder(folder + "/versions"); !status) return status;
+  const Result<LockFile> lock = locked(folder);
+  if (!lock) return lock.error();
   for (const std::string& made : {folder, folder_of(folder), store}) {
     if (Status status = sync_folder(made); !status) return status;
   }
@@ -72,6 +78,9 @@ Status put_in_use(const std::string& store, const ParameterFile& file) {
 Status restore_version(const std::string& store, const std::string& unit, int version, bool simulated) {
   const std::string folder = unit_folder(store, unit, simulated);
   const std::string path = version_path(folder, version);
+  if (!path_exists(path)) return input_error(path + ": there is no such version");
+  const Result<LockFile> lock = locked(folder);
+  if (!lock) return lock.error();
   const Result<ParameterFile> file = read_parameter_file(path);
   if (!file) return file.error();
   if (file->unit_serial != unit || file->simulated != simulated) {

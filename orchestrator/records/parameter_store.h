@@ -15,6 +15,8 @@ namespace turncal {
 
 // A serial number as the name of a file or folder: what is no letter, digit, '-' or '_' as %xx.
 std::string name_of_unit(const std::string& unit);
+// Where a store keeps the files of a unit.
+std::string unit_folder(const std::string& store, const std::string& unit, bool simulated);
 
 // A version of its own unless the newest one has the same bytes; then in use. Both durable on success.
 Status put_in_use(const std::string& store, const ParameterFile& file);

@@ -1,6 +1,7 @@
 #include "orchestrator/records/recording_sink.h"
 
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/recordings/recording_source.h"
 
 namespace turncal {
 
@@ -29,6 +30,12 @@ Status RecordingSink::resume(const RecordingInfo& info, std::int64_t end_sample)
   if (writer->segments().empty() || writer->segments().back().end_sample != end_sample) {
     return input_error(path + ": holds no segment that ends at sample " + std::to_string(end_sample) +
                        ", where the journal says the last dwell was complete");
+  }
+  const Result<std::unique_ptr<RecordingSource>> kept = RecordingSource::open(path);
+  if (!kept) return kept.error();
+  if ((*kept)->damage().lost_data()) {
+    return device_error(path + ": the recording is damaged: " + describe((*kept)->damage()) +
+                        ": expected all of what was synced");
   }
   if (!same(writer->info(), info)) {
     const bool kind = writer->info().simulated != info.simulated;

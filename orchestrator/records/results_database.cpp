@@ -18,7 +18,8 @@ CREATE TABLE IF NOT EXISTS calibration(
   software_version TEXT, simulated INTEGER NOT NULL, verdict TEXT NOT NULL, rule TEXT, sessions INTEGER, folder TEXT,
   station TEXT, operator TEXT, part TEXT, revision TEXT, ambient TEXT, configuration_hash TEXT, sequence TEXT,
   sequence_hash TEXT, table_id TEXT, table_calibration_due TEXT, overdue_reason TEXT, repeated_dwells TEXT,
-  lost_samples TEXT, parameter_file TEXT NOT NULL, UNIQUE(unit, recording_hash, method));
+  lost_samples TEXT, parameter_file TEXT NOT NULL, model TEXT, diagnosis TEXT, reason TEXT,
+  UNIQUE(unit, recording_hash, method));
 CREATE TABLE IF NOT EXISTS value(
   calibration INTEGER NOT NULL REFERENCES calibration(id) ON DELETE CASCADE, key TEXT NOT NULL, value REAL NOT NULL,
   sigma REAL, limit_min REAL, limit_max REAL, verdict TEXT, PRIMARY KEY(calibration, key));
@@ -84,6 +85,35 @@ std::string record_value(const ParameterFile& file, const std::string& column) {
   return found == file.further.end() ? "" : found->second;
 }
 
+// Which of a row's entries its parameter file, which has a checksum, does not have like that. Empty: none.
+std::string defect_of(const StoredCalibration& row, const std::string& text, const std::string& where) {
+  const Result<ParameterFile> file = parse_parameter_file(text, where + ", parameter file");
+  if (!file) return file.error().message;
+  const auto differs = [&where](std::string_view what) {
+    return where + ": " + std::string(what) + " is not that of the parameter file in the row";
+  };
+  const std::pair<const char*, bool> entries[] = {{"unit", row.unit == file->unit_serial},
+                                                  {"time_utc", row.time_utc == file->time_utc},
+                                                  {"recording_hash", row.recording_hash == file->recording_hash},
+                                                  {"simulated", row.simulated == file->simulated},
+                                                  {"station", row.station == record_value(*file, "station")},
+                                                  {"operator", row.operator_name == record_value(*file, "operator")}};
+  for (const auto& [name, same] : entries) {
+    if (!same) return differs(name);
+  }
+  const auto judged = std::find_if(file->further.begin(), file->further.end(),
+                                   [](const auto& field) { return field.first == "verdict.result"; });
+  if (judged != file->further.end() && judged->second != row.verdict) return differs("verdict");
+  for (const StoredValue& value : row.values) {
+    const auto key = std::find(parameter_keys.begin(), parameter_keys.end(), value.key);
+    if (key == parameter_keys.end()) return differs(value.key);
+    const auto i = static_cast<std::size_t>(key - parameter_keys.begin());
+    if (value.value != file->parameters[static_cast<Eigen::Index>(i)] || value.sigma != file->sigma[i])
+      return differs(value.key);
+  }
+  return "";
+}
+
 }  // namespace
 
 ResultsDatabase::ResultsDatabase(sqlite3* handle, std::string path)
@@ -91,8 +121,8 @@ ResultsDatabase::ResultsDatabase(sqlite3* handle, std::string path)
 
 Error ResultsDatabase::failure(const std::string& what) const {
   const int code = sqlite3_errcode(handle_.get());
-  const bool disk = code == SQLITE_FULL || code == SQLITE_IOERR;
-  return {disk ? ErrorKind::device : ErrorKind::input,
+  const bool not_ours = code == SQLITE_NOTADB || code == SQLITE_ERROR;  // the rest is locked, full, read-only or broken
+  return {not_ours ? ErrorKind::input : ErrorKind::device,
           path_ + ": results database: " + what + ": " + sqlite3_errmsg(handle_.get())};
 }
 
@@ -111,7 +141,24 @@ Result<ResultsDatabase> ResultsDatabase::open(const std::string& path) {
   for (const char* sql : {"PRAGMA synchronous = EXTRA", "PRAGMA foreign_keys = ON", schema}) {
     if (Status status = database.execute(sql); !status) return status.error();
   }
+  if (!Statement(handle, "SELECT model FROM calibration")) {  // made before these columns were
+    for (const char* column : {"model", "diagnosis", "reason"}) {
+      const std::string sql = std::string("ALTER TABLE calibration ADD COLUMN ") + column + " TEXT";
+      if (Status status = database.execute(sql.c_str()); !status) return status.error();
+    }
+  }
   return database;
+}
+
+Status ResultsDatabase::check_writable(const std::string& path) {
+  if (!path_exists(path)) return check_folder_writable(folder_of(path));
+  sqlite3* handle = nullptr;
+  const int code = sqlite3_open_v2(path.c_str(), &handle, SQLITE_OPEN_READWRITE, nullptr);
+  const ResultsDatabase database(handle, path);
+  if (code != SQLITE_OK) return database.failure("cannot open");
+  sqlite3_busy_timeout(handle, 2'000);
+  if (Status status = database.execute("BEGIN IMMEDIATE"); !status) return status;
+  return database.execute("ROLLBACK");
 }
 
 Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& path) {
@@ -135,8 +182,8 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
   };
   std::string sql =
       "INSERT OR REPLACE INTO calibration(unit, time_utc, method, recording_hash, software_version, simulated, "
-      "verdict, rule, sessions, folder, parameter_file";
-  std::string places = "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?";
+      "verdict, rule, sessions, folder, parameter_file, model, diagnosis, reason";
+  std::string places = "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?";
   for (const char* column : record_columns) {
     sql += std::string(", ") + column;
     places += ", ?";
@@ -150,6 +197,7 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
       .bind(file.software_version);
   insert.bind(std::int64_t{file.simulated}).bind(std::string(to_string(verdict.verdict))).bind(verdict.rule);
   insert.bind(std::int64_t{sessions}).bind(std::filesystem::absolute(folder).lexically_normal().string()).bind(*text);
+  insert.bind(file.model).bind(verdict.diagnosis).bind(verdict.reason);
   for (const char* column : record_columns) insert.bind(record_value(file, column));
   if (!insert.done()) return undo(failure("cannot write"));
   const std::int64_t id = sqlite3_last_insert_rowid(handle_.get());
@@ -171,8 +219,8 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
 
 Result<std::vector<StoredCalibration>> ResultsDatabase::list(const std::string& unit, const std::string& key) const {
   Statement rows(handle_.get(),
-                 "SELECT id, unit, time_utc, station, operator, verdict, folder, recording_hash, simulated, sessions "
-                 "FROM calibration WHERE ?1 = '' OR unit = ?1 ORDER BY time_utc, id");
+                 "SELECT id, unit, time_utc, station, operator, verdict, folder, recording_hash, simulated, sessions, "
+                 "parameter_file FROM calibration WHERE ?1 = '' OR unit = ?1 ORDER BY time_utc, id");
   if (!rows) return failure("cannot read");
   rows.bind(unit);
   std::vector<StoredCalibration> found;
@@ -201,6 +249,8 @@ Result<std::vector<StoredCalibration>> ResultsDatabase::list(const std::string& 
                           values.text(5)});
     }
     if (!values.ended_well()) return failure("cannot read");
+    c.defect = defect_of(c, rows.text(10), path_ + ": row " + std::to_string(c.id));
+    if (!c.defect.empty()) c.verdict = "damaged";
     found.push_back(std::move(c));
   }
   if (!rows.ended_well()) return failure("cannot read");

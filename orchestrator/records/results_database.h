@@ -30,12 +30,16 @@ struct StoredCalibration {
   bool simulated = false;
   int sessions = 1;
   std::vector<StoredValue> values;  // as asked for
+  // What of the row is not as in the parameter file that it holds; its verdict then reads "damaged". Empty: all is.
+  std::string defect;
 };
 
 class ResultsDatabase {
  public:
   static Result<ResultsDatabase> open(const std::string& path);  // made when it is not there
   static Result<ResultsDatabase> open_to_read(const std::string& path);
+  // Whether `add` could write there now. Nothing is made or changed.
+  static Status check_writable(const std::string& path);
 
   Status add(const ParameterFile& file, const VerdictReport& verdict, const std::string& folder, int sessions);
 

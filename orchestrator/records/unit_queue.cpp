@@ -1,10 +1,9 @@
 #include "orchestrator/records/unit_queue.h"
 
 #include <algorithm>
-#include <chrono>
-#include <thread>
 
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/base/lock_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
 
@@ -23,22 +22,9 @@ std::string serial_in(std::string_view line) {
   return std::string(line.substr(first, line.find_last_not_of(" \t") - first + 1));
 }
 
-Result<PosixFile> locked(const std::string& path) {
-  const std::string lock = path + ".lock";
-  if (!path_exists(lock)) {
-    Result<PosixFile> made = PosixFile::create_new(lock);
-    if (!made && !path_exists(lock)) return made.error();
-  }
-  Result<PosixFile> file = PosixFile::open_to_change(lock);
-  if (!file) return file.error();
-  Status status = file->lock_exclusive();
-  for (int tries = 0; !status && tries < 50; ++tries) {  // changes take milliseconds
-    std::this_thread::sleep_for(std::chrono::milliseconds(100));
-    status = file->lock_exclusive();
-  }
-  if (!status) return status.error();
-  return file;
-}
+constexpr double change_time_s = 5.0;  // changes take milliseconds
+
+Result<LockFile> locked(const std::string& path) { return LockFile::take(path + ".lock", change_time_s); }
 
 Status write_outcomes(const std::string& path, const std::vector<UnitOutcome>& outcomes) {
   std::string text;
@@ -109,18 +95,21 @@ std::vector<std::string> next_units(const std::vector<std::string>& queue, const
   return units;
 }
 
+Result<LockFile> hold_queue(const std::string& path) { return LockFile::take(path + ".batch.lock"); }
+
 Status record_outcome(const std::string& path, const UnitOutcome& outcome) {
-  const Result<PosixFile> lock = locked(path);
+  const Result<LockFile> lock = locked(path);
   if (!lock) return lock.error();
   Result<std::vector<UnitOutcome>> outcomes = read_outcomes(path);
   if (!outcomes) return outcomes.error();
   std::erase_if(*outcomes, [&](const UnitOutcome& o) { return o.unit == outcome.unit; });
   outcomes->push_back(outcome);
+  std::replace(outcomes->back().reason.begin(), outcomes->back().reason.end(), '\n', ' ');
   return write_outcomes(path, *outcomes);
 }
 
 Status change_queue(const std::string& path, const QueueChange& change) {
-  const Result<PosixFile> lock = locked(path);
+  const Result<LockFile> lock = locked(path);
   if (!lock) return lock.error();
   const Result<std::string> old = path_exists(path) ? read_whole_file(path) : Result<std::string>("");
   if (!old) return old.error();

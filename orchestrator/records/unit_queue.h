@@ -11,14 +11,15 @@
 #include <vector>
 
 #include "calib/types/status.h"
+#include "imu_io/base/lock_file.h"
 
 namespace turncal {
 
 struct UnitOutcome {
   std::string unit;
-  std::string outcome;  // pass, fail, refused, dropped, skipped; again: to be done once more
+  std::string outcome;  // outcome_of (orchestrator/jobs/unit_run.h), skipped; again: to be done once more
   std::string time_utc;
-  std::string reason = {};  // of a skipped one
+  std::string reason = {};  // why it did not pass
 };
 
 Result<std::vector<std::string>> read_queue(const std::string& path);
@@ -27,6 +28,9 @@ const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const 
 // The first units of the queue, `most` at most, that have no outcome yet or are to be done again.
 std::vector<std::string> next_units(const std::vector<std::string>& queue, const std::vector<UnitOutcome>& outcomes,
                                     std::size_t most);
+
+// Held by a batch for as long as it works on the queue: a second one is refused. Changes are not.
+Result<LockFile> hold_queue(const std::string& path);
 
 // Durable on success. Two changes at a time exclude each other by a lock on QUEUE.lock.
 Status record_outcome(const std::string& path, const UnitOutcome& outcome);

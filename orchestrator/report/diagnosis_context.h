@@ -19,6 +19,7 @@ struct DiagnosisContext {
   double false_alarm = 0.005;  // family-wise, as asked of diagnose()
   bool noise_given = false;    // configured, not fitted
   std::string method = "joint";
+  bool of_run = false;             // made at the end of a run, which says the verdict on the unit itself
   bool hand_turned = false;        // no table angles: rests and rotations by hand
   std::vector<std::string> notes;  // on the data: damage, lost samples
   GnuplotOptions gnuplot;

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
-#include "orchestrator/report/report.h"
 #include "orchestrator/report/report_format.h"
 #include "orchestrator/station/version.h"
 
@@ -54,23 +54,6 @@ std::vector<std::string> by_strength(const JointResult& result) {
     if (std::find(names.begin(), names.end(), e->column.entry->name) == names.end())
       names.emplace_back(e->column.entry->name);
   return names;
-}
-
-void add_noise(const JointResult& result, bool given, ParameterFile& file) {
-  static constexpr const char* axes[] = {"x", "y", "z"};
-  file.add_further("noise.source", std::string(given ? "given" : "measured"));
-  for (int k = 0; k < 3; ++k)
-    file.add_further(std::string("noise.angle_random_walk.") + axes[k] + "_deg_per_rt_h",
-                     result.noise.angle_random_walk[k] / radprs_per_degprh);
-  for (int k = 0; k < 3; ++k)
-    file.add_further(std::string("noise.velocity_random_walk.") + axes[k] + "_ug_per_rt_hz",
-                     result.noise.velocity_random_walk[k] / mpsprs_per_ugprHz);
-  file.add_further("noise.gyro_bias_instability_degph", result.noise.gyro_bias_instability_radps / radps_per_degph);
-  file.add_further("noise.accel_bias_instability_ug",
-                   result.noise.accel_bias_instability_mps2 / standard_gravity_mps2 * 1e6);
-  file.add_further("noise.bias_correlation_s", result.noise.bias_correlation_s);
-  file.add_further("noise.gyro_pulse_arcsec", result.noise.gyro_pulse_rad / rad_per_arcsec);
-  file.add_further("noise.accel_pulse_mps", result.noise.accel_pulse_mps);
 }
 
 }  // namespace
@@ -128,14 +111,62 @@ void describe_model(const JointResult& result, const CompressedRecording& record
   file.model = result.effects.empty() ? "base" : "extended";
 }
 
+void describe_random_walk(const NoiseModel& noise, ParameterFile& file) {
+  for (int k = 0; k < 3; ++k)
+    file.add_further(std::string("noise.angle_random_walk.") + "xyz"[k] + "_deg_per_rt_h",
+                     noise.angle_random_walk[k] / radprs_per_degprh);
+  for (int k = 0; k < 3; ++k)
+    file.add_further(std::string("noise.velocity_random_walk.") + "xyz"[k] + "_ug_per_rt_hz",
+                     noise.velocity_random_walk[k] / mpsprs_per_ugprHz);
+}
+
+namespace {
+
+// A row a parameter: its covariances with those before it in the order of the file, its variance last.
+void describe_covariance(const JointResult& result, ParameterFile& file) {
+  const auto left_out = [&result](int key) {
+    return key >= parameter_count || !result.determined[static_cast<std::size_t>(key)];
+  };
+  if (result.covariance.rows() < static_cast<Eigen::Index>(result.free.size())) return;
+  for (std::size_t i = 0; i < result.free.size(); ++i) {
+    if (left_out(result.free[i])) continue;
+    std::string row;
+    for (std::size_t j = 0; j <= i; ++j) {
+      if (left_out(result.free[j])) continue;
+      char text[32];
+      std::snprintf(text, sizeof text, "%.9e",
+                    result.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
+      row += (row.empty() ? "" : " ") + std::string(text);
+    }
+    file.add_further("quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(result.free[i])]),
+                     row);
+  }
+}
+
+}  // namespace
+
 void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given,
                        ParameterFile& file) {
   describe_model(result, recording, file);
-  add_noise(result, noise_given, file);
+  file.add_further("noise.source", std::string(noise_given ? "given" : "measured"));
+  describe_random_walk(result.noise, file);
+  file.add_further("noise.gyro_bias_instability_degph", result.noise.gyro_bias_instability_radps / radps_per_degph);
+  file.add_further("noise.accel_bias_instability_ug",
+                   result.noise.accel_bias_instability_mps2 / standard_gravity_mps2 * 1e6);
+  file.add_further("noise.bias_correlation_s", result.noise.bias_correlation_s);
+  file.add_further("noise.gyro_pulse_arcsec", result.noise.gyro_pulse_rad / rad_per_arcsec);
+  file.add_further("noise.accel_pulse_mps", result.noise.accel_pulse_mps);
   file.add_further("quality.normalised_rms", result.normalised_rms);
   file.add_further("quality.innovation_level", result.whiteness.level);
   file.add_further("quality.innovations_white", std::string(result.whiteness.white ? "true" : "false"));
   file.add_further("quality.faults", static_cast<double>(result.faults.size()));
+  for (std::size_t k = 0; k < result.faults.size(); ++k) {
+    const Fault& fault = result.faults[k];
+    file.add_further("quality.fault." + std::to_string(k + 1), "samples " + std::to_string(fault.first_sample) +
+                                                                   " to " + std::to_string(fault.last_sample) + ": " +
+                                                                   fault.what + "; " + fault.action);
+  }
+  describe_covariance(result, file);
   if (!result.undetermined.empty())
     file.add_further("quality.undetermined_directions", static_cast<double>(result.undetermined.size()));
 }
@@ -153,25 +184,23 @@ void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& con
   file.method = context.method;
   file.software_version = software_version();
   file.time_utc = context.time_utc;
+  const bool trusted = diagnosis.verdict == Verdict::clean || diagnosis.verdict == Verdict::extended;
+  file.add_further("quality.trusted", std::string(trusted ? "true" : "false"));
   file.add_further("verdict.diagnosis", std::string(to_string(diagnosis.verdict)));
 }
 
-Result<WrittenDiagnosis> write_diagnosis(const std::string& folder, const Diagnosis& diagnosis,
-                                         const DiagnosisContext& context) {
-  // Everything is made before anything is written, so that a failure leaves the folder as it was.
-  const Result<std::string> parameters = format_parameter_file(diagnosis_parameters(diagnosis, context));
-  if (!parameters) return parameters.error();
+DiagnosisFiles diagnosis_files(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   const std::string simulated = context.recording.info.simulated ? "# Simulated data: a dry run, or a twin.\n" : "";
-  return write_diagnosis_files(folder, make_report(diagnosis, context), simulated + format_diagnosis(diagnosis),
-                               *parameters);
+  return {make_report(diagnosis, context), simulated + format_diagnosis(diagnosis),
+          diagnosis_parameters(diagnosis, context)};
 }
 
-Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report,
-                                               const std::string& diagnosis, const std::string& parameters) {
-  if (Status s = write_file_atomically(folder + "/" + report_name, report.html); !s) return s.error();
-  if (Status s = write_file_atomically(folder + "/" + diagnosis_name, diagnosis); !s) return s.error();
-  if (Status s = write_file_atomically(folder + "/" + parameters_name_of_diagnosis, parameters); !s) return s.error();
-  return WrittenDiagnosis{report.plot_problem};
+Status write_diagnosis(const std::string& folder, const DiagnosisFiles& files) {
+  const Result<std::string> parameters = format_parameter_file(files.parameters);
+  if (!parameters) return parameters.error();
+  if (Status s = write_file_atomically(folder + "/" + report_name, files.report.html); !s) return s;
+  if (Status s = write_file_atomically(folder + "/" + diagnosis_name, files.conf); !s) return s;
+  return write_file_atomically(folder + "/" + parameters_name_of_diagnosis, *parameters);
 }
 
 }  // namespace turncal

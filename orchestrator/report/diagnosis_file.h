@@ -11,6 +11,7 @@
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/report/diagnosis_context.h"
+#include "orchestrator/report/report.h"
 
 namespace turncal {
 
@@ -21,25 +22,26 @@ inline constexpr const char* report_name = "report.html";
 std::string format_diagnosis(const Diagnosis& diagnosis);
 
 // Parameters, sigmas, effects (strongest first, with tau_s where an effect has a time constant), noise and quality of a joint
-// estimate. What belongs to the recording (describe_recording, hash) and method, time and version is the caller's.
+// estimate, in every parameter file with the same keys. What belongs to the recording (describe_recording, hash) and method, time and version is the caller's.
 void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given,
                        ParameterFile& file);
 
-// The part of it that is not about noise or quality.
+// Its parts: what is not about noise or quality, and the white noise.
+void describe_random_walk(const NoiseModel& noise, ParameterFile& file);
 void describe_model(const JointResult& result, const CompressedRecording& recording, ParameterFile& file);
 // What belongs to the work: hash, method, version, time, verdict.
 void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context, ParameterFile& file);
 
 ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context);
 
-struct WrittenDiagnosis {
-  std::string plot_problem;  // one line when the report has no plots, else empty
+// All that there is to write, made before anything is written.
+struct DiagnosisFiles {
+  Report report;
+  std::string conf;
+  ParameterFile parameters;
 };
-// All three into `folder`, which exists; parameters.conf last.
-struct Report;
-Result<WrittenDiagnosis> write_diagnosis_files(const std::string& folder, const Report& report,
-                                               const std::string& diagnosis, const std::string& parameters);
-Result<WrittenDiagnosis> write_diagnosis(const std::string& folder, const Diagnosis& diagnosis,
-                                         const DiagnosisContext& context);
+DiagnosisFiles diagnosis_files(const Diagnosis& diagnosis, const DiagnosisContext& context);
+// All three into `folder`, which exists; parameters.conf last. What cannot be formatted leaves the folder as it was.
+Status write_diagnosis(const std::string& folder, const DiagnosisFiles& files);
 
 }  // namespace turncal

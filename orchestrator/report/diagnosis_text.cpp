@@ -330,7 +330,7 @@ std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisConte
 std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisContext& context,
                                         const DiagnosisWords& words) {
   Table table;
-  table.row("verdict", words.sentence, 7);
+  table.row(context.of_run ? "diagnosis" : "verdict", words.sentence, 7);
   add_errors(d, words.errors, table);
   add_effects(d, table);
   if (strongest_candidate(d) != nullptr)

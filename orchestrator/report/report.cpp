@@ -16,124 +16,140 @@
 namespace turncal {
 namespace {
 
-void how_to_read(Page& page) {
-  page.section("reading", "How to read this");
-  page.raw(
-      "<ul class=\"soft\">\n"
-      "<li><b>Residual velocity.</b> The unit stands on the table. Navigating its calibrated data must give velocity "
-      "zero; what it "
-      "gives instead is the error that matters in use.</li>\n"
-      "<li><b>Normalised residual.</b> The same, second by second, divided by what the sensors' noise explains. 1 is "
-      "perfect; "
-      "noise alone gives 1.</li>\n"
-      "<li><b>Score.</b> Each effect of the catalogue is offered to the data beside the 24 parameters. z is the value "
-      "it would get, "
-      "in standard deviations. The threshold holds for all of them together: chance alone crosses it in the stated "
-      "share of "
-      "recordings.</li>\n"
-      "<li><b>Held-out data.</b> Data that was not used in the fit. An effect that does not lower the error there is "
-      "not added.</li>\n"
-      "<li><b>Detectable.</b> Five standard deviations: what this recording would have found.</li>\n"
-      "</ul>\n");
-}
+constexpr const char* reading =
+    "<ul class=\"soft\">\n"
+    "<li><b>Residual velocity.</b> The unit stands on the table. Navigating its calibrated data must give velocity "
+    "zero; what it "
+    "gives instead is the error that matters in use.</li>\n"
+    "<li><b>Normalised residual.</b> The same, second by second, divided by what the sensors' noise explains. 1 is "
+    "perfect; "
+    "noise alone gives 1.</li>\n"
+    "<li><b>Score.</b> Each effect of the catalogue is offered to the data beside the 24 parameters. z is the value "
+    "it would get, "
+    "in standard deviations. The threshold holds for all of them together: chance alone crosses it in the stated "
+    "share of "
+    "recordings.</li>\n"
+    "<li><b>Held-out data.</b> Data that was not used in the fit. An effect that does not lower the error there is "
+    "not added.</li>\n"
+    "<li><b>Detectable.</b> Five standard deviations: what this recording would have found.</li>\n"
+    "</ul>\n";
+
+// Figures of the residual against what an effect depends on; unexplained: against everything.
+constexpr std::size_t most_effect_figures = 4;
 
 }  // namespace
 
 Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) {
-  constexpr std::size_t most_effect_figures = 4;
-  const double threshold_z = family_threshold_z(diagnosis, context.false_alarm);
-  const std::vector<DwellResidual> dwells = dwell_residuals(diagnosis, context.recording);
-  const bool nameless = diagnosis.verdict == Verdict::unexplained || diagnosis.verdict == Verdict::noise_model;
+  ReportParts parts;
+  parts.sentence = verdict_sentence(diagnosis, context, Alphabet::typographic);
+  parts.reason = diagnosis.verdict == Verdict::extended ? "" : diagnosis.reason;
+  parts.errors = error_rows(diagnosis);
+  parts.time_title = "Residual velocity against time";
+  parts.no_time = "There are no static seconds after a rotation to show.";
+  if (!diagnosis.residuals.empty()) parts.time = time_figure(diagnosis);
+  parts.residuals = dwell_residuals(diagnosis, context.recording);
+  parts.nothing_shown = "No dwell of this recording shows it by itself.";
+  parts.residual_intro = "What it depends on, dwell by dwell, is for the reader to judge:";
+  if (diagnosis.candidates.empty()) parts.not_scored = "No scores were computed.";
+  parts.score_caption =
+      "Scores beside the 24 parameters alone. A strong effect lifts the scores of those that resemble it; the "
+      "selection below takes them one at a time.";
+  parts.noise_html = html_noise(diagnosis, context);
+  parts.limits_html = html_limits(diagnosis, context);
+  parts.selection_html = html_selection(diagnosis);
+  parts.reading_html = reading;
+  parts.further = {allan_figure(diagnosis.base.allan)};
+  return make_report(diagnosis, context, std::move(parts));
+}
 
+Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context, ReportParts parts) {
+  const double threshold_z = family_threshold_z(diagnosis, context.false_alarm);
   Plots plots;
-  const auto add = [&plots](Figure figure) { return plots.add(std::move(figure)); };
-  const Figure time = diagnosis.residuals.empty() ? Figure{} : add(time_figure(diagnosis));
+  const auto add = [&plots, &context](Figure figure) {
+    mark_steps(context.recording, figure);
+    return plots.add(std::move(figure));
+  };
+  const Figure time = add(std::move(parts.time));
   std::vector<Figure> effects;
-  for (std::size_t k = 0; k < std::min(diagnosis.effect_names.size(), most_effect_figures); ++k)
-    effects.push_back(add(effect_figure(diagnosis, dwells, diagnosis.effect_names[k], k)));
+  for (std::size_t k = 0; k < std::min(diagnosis.effect_names.size(), most_effect_figures); ++k) {
+    const std::string& name = diagnosis.effect_names[k];
+    Figure figure = effect_figure(diagnosis, parts.residuals, name, k);
+    const std::string& caption = name.starts_with("gyro") ? parts.one_point : parts.one_point_accel;
+    if (!caption.empty()) figure.caption = caption;
+    effects.push_back(add(std::move(figure)));
+  }
   std::vector<Figure> unexplained;
+  const bool nameless = diagnosis.verdict == Verdict::unexplained || diagnosis.verdict == Verdict::noise_model;
   if (nameless)
-    for (Figure& figure : unexplained_figures(dwells)) unexplained.push_back(add(std::move(figure)));
-  const std::vector<ScoreBar> bars = score_bars(diagnosis, threshold_z);
-  if (!diagnosis.candidates.empty()) plots.drawings.push_back(draw_scores(bars, threshold_z));
-  const Figure allan = add(allan_figure(diagnosis.base.allan));
+    for (Figure& figure : unexplained_figures(parts.residuals)) {
+      if (!parts.one_point.empty()) figure.caption = "One point a rest and axis.";
+      unexplained.push_back(add(std::move(figure)));
+    }
+  const bool scored = parts.not_scored.empty();
+  if (scored) plots.drawings.push_back(draw_scores(score_bars(diagnosis, threshold_z), threshold_z));
+  for (Figure& figure : parts.further) figure = add(std::move(figure));
   plots.render_all(context.gnuplot);
 
   Page page("turncal diagnosis, unit " + context.recording.info.unit_serial);
+  const auto show = [&](const Figure& figure, const std::string& without) {
+    if (figure.panels.empty())
+      page.text(without);
+    else
+      page.raw(plots.html(figure));
+  };
   page.raw(html_identity(context));
-  page.raw(html_verdict(diagnosis, context));
-
+  page.raw(html_verdict(diagnosis, parts.sentence, parts.reason));
   page.section("error", has_after(diagnosis) ? "Error before and after" : "Error");
-  page.raw(html_errors(diagnosis));
+  page.raw(html_errors(diagnosis, parts.errors));
   if (has_after(diagnosis)) {
     page.subsection("What was added");
     page.raw(html_added_effects(diagnosis));
   }
-
-  page.section("time", "Residual velocity against time");
-  if (time.panels.empty())
-    page.text("There are no static seconds after a rotation to show.");
-  else
-    page.raw(plots.html(time));
-
-  if (!effects.empty()) {
-    page.section("effects", "Residual against what the effect depends on");
-    for (std::size_t k = 0; k < effects.size(); ++k) {
-      page.subsection(diagnosis.effect_names[k]);
-      if (effects[k].panels.empty())
-        page.text("No dwell of this recording shows it by itself.");
-      else
-        page.raw(plots.html(effects[k]));
-    }
-    if (diagnosis.effect_names.size() > effects.size())
-      page.text("Not drawn: " +
-                join({diagnosis.effect_names.begin() + static_cast<std::ptrdiff_t>(effects.size()),
-                      diagnosis.effect_names.end()}) +
-                ".");
+  page.section("time", parts.time_title);
+  show(time, parts.no_time);
+  if (!effects.empty()) page.section("effects", "Residual against what the effect depends on");
+  for (std::size_t k = 0; k < effects.size(); ++k) {
+    page.subsection(diagnosis.effect_names[k]);
+    show(effects[k], parts.nothing_shown);
   }
+  if (diagnosis.effect_names.size() > effects.size())
+    page.text("Not drawn: " +
+              join({diagnosis.effect_names.begin() + static_cast<std::ptrdiff_t>(effects.size()),
+                    diagnosis.effect_names.end()}) +
+              ".");
   if (nameless) {
     page.section("residual", "Where the residual lies");
-    page.text("No effect is named for this residual. What it depends on, dwell by dwell, is for the reader to judge:");
+    page.text("No effect is named for this residual. " + parts.residual_intro);
     if (unexplained.empty()) page.text("There are no dwells after a rotation to show.");
     for (const Figure& figure : unexplained) {
       page.subsection(figure.id == "asAccel" ? "as an accelerometer error" : "as a gyro error");
       page.raw(plots.html(figure));
     }
   }
-
   page.section("scores", "Every candidate of the catalogue");
-  if (diagnosis.candidates.empty()) {
-    page.text("No scores were computed.");
-  } else {
-    page.raw(plots.html(
-        "scores", score_legend(),
-        "Scores beside the 24 parameters alone. A strong effect lifts the scores of those that resemble it; the "
-        "selection below takes them one at a time."));
+  if (scored) {
+    page.raw(plots.html("scores", score_legend(), parts.score_caption));
     page.raw(html_scores(diagnosis, threshold_z));
+  } else {
+    page.text(parts.not_scored);
   }
-
   page.section("parameters", "The 24 parameters");
   page.raw(html_parameters(diagnosis, context));
-
   page.section("allan", "Noise");
-  page.raw(html_noise(diagnosis, context));
-  page.subsection("Allan deviation");
-  if (allan.panels.empty())
-    page.text("No dwell is long enough for it.");
-  else
-    page.raw(plots.html(allan));
-
+  page.raw(parts.noise_html);
+  for (const Figure& figure : parts.further) {
+    page.subsection("Allan deviation");
+    show(figure, "No dwell is long enough for it.");
+  }
   page.section("limits", "What this recording cannot tell");
-  page.raw(html_limits(diagnosis, context));
-
+  page.raw(parts.limits_html);
   page.section("faults", "Faults in the data");
   page.raw(html_faults(diagnosis, context));
-
   page.section("selection", "How the effects were chosen");
-  page.raw(html_selection(diagnosis));
-
-  how_to_read(page);
-  if (!diagnosis.candidates.empty()) {
+  page.raw(parts.selection_html);
+  page.section("reading", "How to read this");
+  page.raw(parts.reading_html);
+  if (scored) {
     page.section("components", "Appendix: every component");
     page.raw(html_components(diagnosis, threshold_z));
   }

@@ -6,9 +6,13 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "calib/diagnosis/diagnosis.h"
 #include "orchestrator/report/diagnosis_context.h"
+#include "orchestrator/report/diagnosis_text.h"
+#include "orchestrator/report/report_dwells.h"
+#include "orchestrator/report/report_figure.h"
 
 namespace turncal {
 
@@ -17,5 +21,23 @@ struct Report {
   std::string plot_problem;  // one line when there are no plots, else empty
 };
 Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context);
+
+// What a report of a table's recording and one of hand-turned data say differently (rest_report.h). Texts are plain, `_html` is HTML.
+struct ReportParts {
+  std::string sentence, reason;  // the verdict
+  std::vector<ErrorRow> errors;
+  std::string time_title, no_time;
+  Figure time;
+  std::vector<DwellResidual> residuals;  // one a dwell or rest
+  std::string one_point;  // caption of the effects' figures: of gyros, of accelerometers; empty: their own
+  std::string one_point_accel;
+  std::string nothing_shown;  // instead of an effect's figure
+  std::string residual_intro;
+  std::string not_scored;  // why there are no scores; empty: there are
+  std::string score_caption;
+  std::string noise_html, limits_html, selection_html, reading_html;
+  std::vector<Figure> further;  // after the noise
+};
+Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context, ReportParts parts);
 
 }  // namespace turncal

@@ -95,6 +95,31 @@ Figure time_figure(const Diagnosis& diagnosis) {
   return figure;
 }
 
+void mark_steps(const CompressedRecording& recording, Figure& figure) {
+  double unit_s = 0.0;  // of the axis; stacked panels share one
+  for (Panel& panel : figure.panels) {
+    if (panel.x_label == "time, h") unit_s = 3600.0;
+    if (panel.x_label == "time, min") unit_s = 60.0;
+  }
+  if (unit_s == 0.0 || recording.blocks.empty()) return;
+  const std::int64_t first_sample = recording.blocks.front().start_sample;
+  std::vector<std::pair<double, std::string>> marks;
+  int step = 0;
+  for (const Segment& segment : recording.segments) {
+    if (segment.step == step) continue;
+    step = segment.step;
+    marks.emplace_back(
+        static_cast<double>(segment.start_sample - first_sample) * recording.info.sample_period_s / unit_s,
+        std::to_string(step));
+  }
+  if (marks.size() < 2) return;
+  for (Panel& panel : figure.panels) {
+    const bool of_time = panel.x_label.starts_with("time, ");
+    if (of_time || figure.stacked) panel.marks = marks;
+  }
+  figure.caption += " Thin lines: where the steps of the sequence begin.";
+}
+
 Figure allan_figure(const AllanResult& allan) {
   Figure figure;
   figure.id = "allan";

@@ -14,6 +14,8 @@ bool has_after(const Diagnosis& diagnosis);
 std::vector<Series> before_after_series(bool with_after);
 
 Figure time_figure(const Diagnosis& diagnosis);
+// On every axis of time ("time, h", "time, min") where the steps of the sequence begin.
+void mark_steps(const CompressedRecording& recording, Figure& figure);
 Figure allan_figure(const AllanResult& allan);
 
 }  // namespace turncal

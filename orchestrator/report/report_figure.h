@@ -26,7 +26,9 @@ struct Panel {
   bool logarithmic = false;  // both axes
   bool angle = false;        // x in degrees: ticks at 30, 45, 90, ...
   double y_limit = 0.0;      // above 0: the frame ends at +- this
-  bool empty() const;        // nothing to draw
+  std::vector<std::pair<double, std::string>>
+      marks;           // x and a short name: thin lines, named at the top where there is room
+  bool empty() const;  // nothing to draw
 };
 
 struct Figure {

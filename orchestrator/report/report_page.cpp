@@ -42,13 +42,19 @@ figure svg { display:block; height:auto; }
 ul { margin:6px 0; padding-left:20px; }
 li { margin:2px 0; }
 .columns { columns:2; column-gap:36px; }
+@media screen and (max-width:700px) {
+  main { padding:16px 14px 32px; } .columns { columns:1; }
+  table { display:block; overflow-x:auto; }
+  figure { overflow-x:auto; } .verdict { padding:10px 12px; }
+  h1, p, li { overflow-wrap:anywhere; }
+}
 @media print {
   body { background:#fff; font-size:9.5pt; }
   table { font-size:8pt; } td.name { font-size:7.5pt; } .soft, figcaption, .legend { font-size:8pt; } .verdict { font-size:11pt; } .big { font-size:12pt; }
   th, td { padding-right:8px; } .bar { height:7px; }
   main { max-width:none; padding:0; }
   h2 { break-after:avoid; } h3 { break-after:avoid; }
-  figure, tr, .verdict { break-inside:avoid; }
+  figure, table, tr, .verdict { break-inside:avoid; }
   thead { display:table-header-group; }
   * { -webkit-print-color-adjust:exact; print-color-adjust:exact; }
   @page { size:A4; margin:16mm 14mm; }

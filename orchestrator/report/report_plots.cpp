@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "calib/joint/score_algebra.h"
+#include "calib/statistics/distributions.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/report/report_format.h"
 
@@ -137,6 +138,26 @@ bool has_points(const Series& series) {
                      [](const auto& p) { return std::isfinite(p.first) && std::isfinite(p.second); });
 }
 
+// Names that would touch the one before are left out; the line stays.
+void append_marks(const Panel& panel, int width, std::string& script) {
+  constexpr double pixels_a_name = 16.0;
+  script += "unset arrow\nunset label\n";
+  const Range x = range_of(panel, true);
+  const double apart = pixels_a_name * (x.high - x.low) / width;
+  double named = -1e300;
+  for (const auto& [at, name] : panel.marks) {
+    if (at < std::min(0.0, x.low) || at > x.high) continue;
+    std::string place;
+    append_number(at, place);
+    script += "set arrow from first " + place + ", graph 0 to first " + place +
+              ", graph 1 nohead lw 0.6 lc rgb '#B8B8B8' back\n";
+    if (at - named < apart) continue;
+    script += "set label " + quoted(name) + " at first " + place +
+              ", graph 0.94 left offset 0.2,0 font 'Sans,10' textcolor rgb '#777777'\n";
+    named = at;
+  }
+}
+
 void append_panel(const Panel& panel, const std::string& id, int width, std::string& script) {
   std::string plot;
   for (std::size_t s = 0; s < panel.series.size(); ++s) {
@@ -164,6 +185,7 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
     set_axis("y", y, 6, false, script);
     script += "set xzeroaxis lw 1 lc rgb '#777777'\n";
   }
+  append_marks(panel, width, script);
   script += plot + "\n";
 }
 

@@ -158,11 +158,6 @@ std::string html_identity(const DiagnosisContext& context) {
   return html;
 }
 
-std::string html_verdict(const Diagnosis& diagnosis, const DiagnosisContext& context) {
-  return html_verdict(diagnosis, verdict_sentence(diagnosis, context, typo),
-                      diagnosis.verdict == Verdict::extended ? "" : diagnosis.reason);
-}
-
 std::string html_verdict(const Diagnosis& diagnosis, const std::string& sentence, const std::string& reason) {
   const std::size_t colon = sentence.find(':');
   return "<div class=\"verdict " + std::string(to_string(diagnosis.verdict)) + "\"><p><b>" +
@@ -170,8 +165,6 @@ std::string html_verdict(const Diagnosis& diagnosis, const std::string& sentence
          unbroken_percent(html_escape(sentence.substr(colon + 1))) + "</p></div>\n" +
          (reason.empty() ? "" : paragraph("Reason: " + reason + ".", "soft"));
 }
-
-std::string html_errors(const Diagnosis& diagnosis) { return html_errors(diagnosis, error_rows(diagnosis)); }
 
 std::string html_errors(const Diagnosis& diagnosis, const std::vector<ErrorRow>& rows) {
   const bool both = has_after(diagnosis);

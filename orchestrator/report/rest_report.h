@@ -12,8 +12,7 @@ namespace turncal {
 Report make_rest_report(const RestDiagnosis& result, const RestData& data, const Diagnosis& d,
                         const DiagnosisContext& context);
 
-Result<WrittenDiagnosis> write_rest_diagnosis(const std::string& folder, const RestDiagnosis& result,
-                                              const RestData& data, const Diagnosis& d,
-                                              const DiagnosisContext& context);
+DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& result, const RestData& data, const Diagnosis& d,
+                                    const DiagnosisContext& context);
 
 }  // namespace turncal

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "calib/joint/score_algebra.h"
+#include "calib/statistics/distributions.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/report_data.h"
 #include "orchestrator/report/report_format.h"
@@ -321,12 +322,7 @@ void describe_rest_fit(const RestFit& fit, const std::vector<RestEffect>& effect
                        ParameterFile& file) {
   const JointResult joint = as_joint(fit, effects, data);
   describe_model(joint, *data.recording, file);
-  for (int k = 0; k < 3; ++k)
-    file.add_further(std::string("noise.angle_random_walk.") + "xyz"[k] + "_deg_per_rt_h",
-                     joint.noise.angle_random_walk[k] / radprs_per_degprh);
-  for (int k = 0; k < 3; ++k)
-    file.add_further(std::string("noise.velocity_random_walk.") + "xyz"[k] + "_ug_per_rt_hz",
-                     joint.noise.velocity_random_walk[k] / mpsprs_per_ugprHz);
+  describe_random_walk(joint.noise, file);
   const auto errors = [&](const std::string& key, const RestErrors& e) {
     file.add_further("quality." + key + ".norm_rms_mps2", e.norm_rms_mps2);
     file.add_further("quality." + key + ".direction_rms_rad", e.direction_rms_rad);

@@ -26,8 +26,6 @@
 
 namespace turncal {
 
-using TableStatus = std::array<AxisStatus, 3>;  // indexed by Axis
-
 class ArrivalMonitor {
  public:
   explicit ArrivalMonitor(const MotionConfig& config) : config_(config) {}

@@ -53,7 +53,8 @@ class RunJournal {
   virtual Status move(const Move& move, double time_s) = 0;
   virtual Status dwell(const CompletedDwell& dwell) = 0;
   virtual Status dropout(const Dropout& dropout) = 0;
-  virtual Status seal(double utc_s) = 0;  // the recording is about to be finished
+  // The recordings are about to be finished. hashes: of their contents, by unit; empty for one that dropped out.
+  virtual Status seal(double utc_s, const std::vector<std::string>& hashes) = 0;
 };
 
 }  // namespace turncal

@@ -37,10 +37,11 @@ struct RunSnapshot {
   AxisTriple position_deg;
   AxisTriple rate_degps;
   TableState table = TableState::not_ready;
-  double phase_fraction = 0.0;     // of the move or dwell that is going on
+  double phase_fraction = 0.0;     // of the move, dwell or rest that is going on
   double item_end_utc_s = 0.0;     // when that move or dwell will be over; 0: not known
   double run_fraction = 0.0;       // of the plan's time
-  double eta_s = 0.0;              // what the plan says is left
+  double eta_s = 0.0;              // what the plan says is left, a rest after an interruption included
+  double end_utc_s = 0.0;          // civil time of that end
   std::size_t moves_left = 0;      // of the plan, the one going on included
   int repeats = 0;                 // of the present dwell
   std::uint64_t lost_samples = 0;  // of all units

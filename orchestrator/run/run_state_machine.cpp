@@ -8,41 +8,20 @@ constexpr std::array<std::string_view, run_state_count> state_names = {
     "idle",      "connecting", "homing",      "resting",  "selecting", "moving", "settling", "dwelling",
     "step_done", "parking",    "calibrating", "stopping", "done",      "failed", "aborted",  "interrupted"};
 
-constexpr std::array<std::string_view, run_event_count> event_names = {"start",
-                                                                       "connected",
-                                                                       "connect_failed",
-                                                                       "homed",
-                                                                       "rest_over",
-                                                                       "back_in_place",
-                                                                       "move_next",
-                                                                       "dwell_next",
-                                                                       "step_complete",
-                                                                       "step_next",
-                                                                       "sequence_complete",
-                                                                       "arrived",
-                                                                       "unsettled",
-                                                                       "settled",
-                                                                       "dwell_complete",
-                                                                       "dwell_bad",
-                                                                       "calibration_ok",
-                                                                       "calibration_failed",
-                                                                       "stopped_verified",
-                                                                       "stall",
-                                                                       "deadline",
-                                                                       "table_fault",
-                                                                       "e_stop",
-                                                                       "link_lost",
-                                                                       "imu_lost",
-                                                                       "motion_data_lost",
-                                                                       "storage_failed",
-                                                                       "pause_wanted",
-                                                                       "operator_stop",
-                                                                       "end_wanted"};
+constexpr std::array<std::string_view, run_event_count> event_names = {
+    "start",         "connected",      "connect_failed",     "homed",
+    "rest_over",     "back_in_place",  "move_next",          "dwell_next",
+    "step_complete", "step_next",      "sequence_complete",  "arrived",
+    "unsettled",     "settled",        "dwell_complete",     "dwell_bad",
+    "move_bad",      "calibration_ok", "calibration_failed", "stopped_verified",
+    "stall",         "deadline",       "table_fault",        "e_stop",
+    "link_lost",     "imu_lost",       "motion_data_lost",   "storage_failed",
+    "pause_wanted",  "operator_stop",  "end_wanted"};
 
 constexpr std::array<std::string_view, run_action_count> action_names = {
-    "none",          "connect",        "enable_and_home", "begin_rest", "settle_again", "select_next",
-    "issue_move",    "watch_settling", "watch_moving",    "close_move", "begin_dwell",  "close_dwell",
-    "discard_dwell", "finish_step",    "calibrate",       "stop_table", "abort_table",  "announce"};
+    "none",           "connect",      "enable_and_home", "begin_rest",  "settle_again", "select_next",   "issue_move",
+    "watch_settling", "watch_moving", "close_move",      "begin_dwell", "close_dwell",  "discard_dwell", "discard_move",
+    "finish_step",    "calibrate",    "stop_table",      "abort_table", "announce"};
 
 constexpr std::array<std::string_view, run_guard_count> guard_names = {
     "always",      "rest_due", "no_rest_due",     "repeats_left", "no_repeats_left",

@@ -58,6 +58,7 @@ enum class RunEvent {
   settled,            // it held for the settle time
   dwell_complete,     // all samples of the dwell are there and good
   dwell_bad,          // the table moved, samples were lost, or the unit flagged its data
+  move_bad,           // samples were lost or flagged while the table turned, and it has settled
   calibration_ok,     // parameters estimated and durable on disk
   calibration_failed,
   stopped_verified,  // every axis reads at rest, and its drive is off
@@ -67,13 +68,13 @@ enum class RunEvent {
   e_stop,
   link_lost,         // the table does not answer
   imu_lost,          // the IMU is gone or silent
-  motion_data_lost,  // samples lost or flagged while the table turned: the estimator cuts the chain there
+  motion_data_lost,  // samples lost or flagged while the table turns: told at once, judged when it has settled
   storage_failed,    // the recording cannot be written
   pause_wanted,      // asked for a pause: told while an item goes on, and again at the next safe point
   operator_stop,     // the operator: stop now
   end_wanted         // from outside (SIGTERM, SIGHUP): stop now, nobody gives the run up
 };
-inline constexpr int run_event_count = 30;
+inline constexpr int run_event_count = 31;
 
 enum class RunAction {
   none,
@@ -89,19 +90,20 @@ enum class RunAction {
   begin_dwell,    // open the dwell's segment
   close_dwell,    // close it as what it is, select what comes next
   discard_dwell,  // close it as rotate, count the repeat, open a rotate segment to settle in
+  discard_move,   // close it as rotate, count the repeat, go back to where it began
   finish_step,    // sync the recording, look for a further step
   calibrate,      // seal the recording, calibrate from it, write the results
   stop_table,     // stop to all axes; once they rest, drives off
   abort_table,    // fastest stop, drives off
   announce        // say how it ended
 };
-inline constexpr int run_action_count = 18;
+inline constexpr int run_action_count = 19;
 
 enum class RunGuard {
   always,
   rest_due,  // the run goes on after an interruption in which time passed
   no_rest_due,
-  repeats_left,  // the dwell may be repeated once more
+  repeats_left,  // the dwell or move may be repeated once more
   no_repeats_left,
   by_operator,  // why the table is being stopped
   by_error,
@@ -175,6 +177,8 @@ inline constexpr TransitionRow rows[] = {
   {settling,       settled,            always,          selecting,   close_move},
   {moving,         motion_data_lost,   always,          moving,      none},
   {settling,       motion_data_lost,   always,          settling,    none},
+  {settling,       move_bad,           repeats_left,    selecting,   discard_move},
+  {settling,       move_bad,           no_repeats_left, stopping,    stop_table},
 
   {selecting,      dwell_next,         always,          dwelling,    begin_dwell},
   {dwelling,       dwell_complete,     always,          selecting,   close_dwell},
@@ -234,8 +238,8 @@ inline constexpr IgnoredRow ignored[] = {
                 "it stops already"},
   {{done, failed, aborted, interrupted},
                 {start, connected, connect_failed, homed, rest_over, back_in_place, move_next, dwell_next, step_complete,
-                 step_next, sequence_complete, arrived, unsettled, settled, dwell_complete, dwell_bad, calibration_ok,
-                 calibration_failed, stopped_verified, stall, deadline, table_fault, e_stop, link_lost, imu_lost,
+                 step_next, sequence_complete, arrived, unsettled, settled, dwell_complete, dwell_bad, move_bad,
+                 calibration_ok, calibration_failed, stopped_verified, stall, deadline, table_fault, e_stop, link_lost, imu_lost,
                  motion_data_lost, storage_failed, pause_wanted, operator_stop, end_wanted},
                 "the run is over"},
 };

@@ -54,7 +54,15 @@ UnitLane* StationRun::lead() {
   return first;
 }
 
+void StationRun::receive_meanwhile() {
+  for (UnitLane& lane : lanes_) lane.receive_meanwhile(devices_.clock.now_s());
+}
+
 StationRun::MaybeEvent StationRun::pump() {
+  for (UnitLane& lane : lanes_) {
+    if (!lane.alive() || !lane.trouble() || state_ == RunState::stopping) continue;
+    if (const MaybeEvent event = fail(lane, RunEvent::imu_lost, *lane.trouble())) return event;
+  }
   UnitLane* const lead_lane = lead();
   const double period_s = lead_lane ? lead_lane->sample_period_s() : lanes_.front().sample_period_s();
   const double now_s = devices_.clock.now_s();
@@ -137,11 +145,25 @@ StationRun::MaybeEvent StationRun::take(UnitLane& lane) {
   const Result<UnitLane::Taken> taken = lane.take(dwelling);
   if (!taken) return fail(lane, RunEvent::storage_failed, taken.error());
   if (dwelling) return taken->defect ? judge_defect(lane, *taken->defect) : std::nullopt;
-  if (!arrival_.move() || lane.motion_loss_told || (!taken->gap && !taken->flagged)) return std::nullopt;
-  lane.motion_loss_told = true;
+  if (!arrival_.move() || lane.motion_lost || (!taken->gap && !taken->flagged)) return std::nullopt;
+  lane.motion_lost = true;
   return raise(RunEvent::motion_data_lost, ErrorKind::device,
                named(lane, std::string(taken->gap ? "samples lost" : "the unit flagged its data as bad") +
                                " while the table turned, before sample " + std::to_string(lane.next_sample())));
+}
+
+// Settled, but what the unit sent of the way is not whole. A lane that has no repeat left drops out, and the others do not repeat it.
+StationRun::MaybeEvent StationRun::judge_move() {
+  if (!item_running_) return std::nullopt;
+  const std::string what =
+      std::string("samples lost or flagged while ") + to_string(job_.plan.items[item_].axis) + " turned";
+  for (UnitLane& lane : lanes_) {
+    if (!lane.alive() || !lane.motion_lost || lane.repeats < job_.station.dwell.max_repeats) continue;
+    const Error error = device_error(what + ", and the move was repeated " + std::to_string(lane.repeats) + " times");
+    if (const MaybeEvent event = fail(lane, RunEvent::move_bad, error)) return event;
+  }
+  if (!any_living([](const UnitLane& lane) { return lane.motion_lost; })) return std::nullopt;
+  return raise(RunEvent::move_bad, ErrorKind::device, what + ": goes back and repeats the move");
 }
 
 StationRun::MaybeEvent StationRun::judge_defect(UnitLane& lane, const DwellMonitor::Defect& defect) {

@@ -41,7 +41,8 @@ StationRun::StationRun(StationDevices devices, StationJob job, const std::vector
       hooks_(std::move(hooks)),
       lanes_(units.begin(), units.end()),
       commanded_deg_(job_.sequence.start_deg),
-      arrival_(patient(job_.station.motion, devices_.table.needs_operator())) {
+      arrival_(patient(job_.station.motion, devices_.table.needs_operator())),
+      stop_(devices_.table, job_.station.motion.settle_rate_degps) {
   if (job_.resume) take_up(*job_.resume);
 }
 
@@ -61,6 +62,12 @@ void StationRun::take_up(const ResumePoint& resume) {
 }
 
 RunOutcome StationRun::run() {
+  // The table outlives this object, and may be asked again by whoever leaves it.
+  struct Meanwhile {
+    Turntable& table;
+    ~Meanwhile() { table.set_meanwhile({}); }
+  } const meanwhile{devices_.table};
+  devices_.table.set_meanwhile([this] { receive_meanwhile(); });
   started_s_ = devices_.clock.now_s();
   handle(RunEvent::start);
   while (!is_final(state_)) {
@@ -84,6 +91,7 @@ RunOutcome StationRun::outcome() const {
   outcome.state = state_;
   if (first_error_) outcome.error = *first_error_;
   outcome.repeated_dwells = repeated_dwells_;
+  outcome.repeated_moves = repeated_moves_;
   for (const UnitLane& lane : lanes_) {
     const RecordingPoint at = lane.point();
     outcome.units.push_back({at.next_sample, at.lost_samples, at.duplicate_samples, lane.failure()});
@@ -203,6 +211,7 @@ StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
     case RunAction::begin_dwell: return begin_dwell();
     case RunAction::close_dwell: return close_dwell();
     case RunAction::discard_dwell: return discard_dwell();
+    case RunAction::discard_move: return discard_move();
     case RunAction::finish_step: return finish_step();
     case RunAction::calibrate: return calibrate();
     case RunAction::stop_table: return stop_table();
@@ -302,6 +311,7 @@ bool StationRun::stands_as_left() const {
 StationRun::MaybeEvent StationRun::begin_rest() {
   if (pause_asked()) return pause();
   rest_until_s_ = devices_.clock.now_s() + job_.station.resume_rest_s;
+  hold();
   detail_ = "rests for " + format_number(job_.station.resume_rest_s) + " s after the interruption";
   return std::nullopt;
 }
@@ -309,9 +319,14 @@ StationRun::MaybeEvent StationRun::begin_rest() {
 StationRun::MaybeEvent StationRun::settle_again(bool in_place) {
   recording_ = in_place;
   item_running_ = false;
+  hold();
   arrival_.settle_only(devices_.clock.now_s());
   begin_segment(SegmentKind::rotate);
   return std::nullopt;
+}
+
+void StationRun::hold() {
+  for (Axis axis : all_axes) held_deg_[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
 }
 
 StationRun::MaybeEvent StationRun::select_next() {
@@ -352,7 +367,8 @@ StationRun::MaybeEvent StationRun::issue_move() {
     recording_ = true;
     commanded_deg_ = job_.plan.items[item_].commanded_deg;
   }
-  for (UnitLane& lane : lanes_) lane.motion_loss_told = false;
+  for (UnitLane& lane : lanes_) lane.motion_lost = false;
+  hold();
   begin_segment(SegmentKind::rotate);
   const double from_deg = status_[static_cast<std::size_t>(move.axis)].position_deg;
   if (hooks_.journal) {
@@ -370,7 +386,27 @@ StationRun::MaybeEvent StationRun::issue_move() {
 StationRun::MaybeEvent StationRun::close_move() {
   if (const MaybeEvent event = end_segment(SegmentKind::rotate)) return event;
   pending_move_.reset();
-  if (item_running_) ++item_;
+  if (item_running_) {
+    ++item_;
+    forget_repeats();
+  }
+  item_running_ = false;
+  return select_next();
+}
+
+void StationRun::forget_repeats() {
+  repeats_ = 0;
+  for (UnitLane& lane : lanes_) lane.repeats = 0;
+}
+
+StationRun::MaybeEvent StationRun::discard_move() {
+  if (const MaybeEvent event = end_segment(SegmentKind::rotate)) return event;
+  ++repeats_;
+  ++repeated_moves_;
+  for (UnitLane& lane : lanes_) lane.repeats += lane.motion_lost ? 1 : 0;
+  const PlannedItem& item = job_.plan.items[item_];
+  commanded_deg_[item.axis] = item.from_deg;
+  pending_move_.reset();
   item_running_ = false;
   return select_next();
 }
@@ -402,8 +438,7 @@ StationRun::MaybeEvent StationRun::close_dwell() {
     for (const UnitLane& lane : lanes_) dwell.units.push_back(lane.point());
     if (const MaybeEvent event = keep(hooks_.journal->dwell(dwell))) return event;
   }
-  repeats_ = 0;
-  for (UnitLane& lane : lanes_) lane.repeats = 0;
+  forget_repeats();
   ++item_;
   item_running_ = false;
   return select_next();
@@ -415,6 +450,7 @@ StationRun::MaybeEvent StationRun::discard_dwell() {
   ++repeated_dwells_;
   for (UnitLane& lane : lanes_) lane.repeats += !bad_lane_ || bad_lane_ == &lane ? 1 : 0;
   item_running_ = false;
+  hold();
   arrival_.settle_only(devices_.clock.now_s());
   begin_segment(SegmentKind::rotate);
   return std::nullopt;
@@ -427,7 +463,14 @@ StationRun::MaybeEvent StationRun::finish_step() {
 
 StationRun::MaybeEvent StationRun::calibrate() {
   if (hooks_.journal) {
-    if (const MaybeEvent event = keep(hooks_.journal->seal(devices_.clock.utc_s()))) return event;
+    std::vector<std::string> hashes;
+    if (hooks_.content_hashes) {
+      if (const MaybeEvent event = in_every_lane([](UnitLane& lane) { return lane.sync(); })) return event;
+      Result<std::vector<std::string>> read = hooks_.content_hashes();
+      if (!read) return keep(read.error());
+      hashes = std::move(*read);
+    }
+    if (const MaybeEvent event = keep(hooks_.journal->seal(devices_.clock.utc_s(), hashes))) return event;
   }
   if (const MaybeEvent event = in_every_lane([](UnitLane& lane) { return lane.finish(); })) return event;
   tell_progress();
@@ -444,16 +487,18 @@ StationRun::MaybeEvent StationRun::stop_table() {
   for (const PlannedItem& item : job_.plan.items) {
     if (item.kind == SequenceItem::Kind::move) brake_s = std::max(brake_s, item.rate_degps / item.acceleration_degps2);
   }
-  phase_deadline_s_ = devices_.clock.now_s() + 2.0 * brake_s + job_.station.motion.deadline_margin_s;
-  if (Status status = devices_.table.stop_all(); !status) return abort_table();
+  const double now_s = devices_.clock.now_s();
+  phase_deadline_s_ = now_s + 2.0 * brake_s + job_.station.motion.deadline_margin_s;
+  stop_.begin();
+  // Whether it was taken is judged by what the axes do until the deadline.
+  abort_sent_ = !stop_.stop(now_s).ok();
   return std::nullopt;
 }
 
 StationRun::MaybeEvent StationRun::abort_table() {
   abort_sent_ = true;
   phase_deadline_s_ = devices_.clock.now_s() + job_.station.motion.deadline_margin_s;
-  // Whether it was taken is judged by what the axes do until the deadline.
-  if (Status status = devices_.table.abort_all(); !status) link_down_ = true;
+  static_cast<void>(stop_.abort(devices_.clock.now_s()).ok());
   return std::nullopt;
 }
 

@@ -10,14 +10,16 @@
 //   can be over, so that a table that keeps to its profile gives the segments of planned_segments() to the sample.
 // - Before any item every axis must stand where the plan says; one that does not is moved there first (roll, pitch, heading).
 //   That serves the start, a table that drifted, and a run that goes on after an interruption.
-// - Samples lost or flagged while the table turns stay as they are in the recording and are said in the log; the estimators
-//   see the gap by the counter and deal with it (or refuse).
+// - Samples lost or flagged while the table turns are said in the log, and stay in the recording as they are. Once it has settled the
+//   table goes back to where the move began, all of that recorded as rotate, and the move is made again, dwell.max_repeats times.
+// - An axis that turns although nothing sent it, or the commanded one that runs beyond its way, is a fault at the first poll that shows it.
+// - While the table's answer is awaited the units are read: a slow table costs no samples.
 // - A run that goes on (StationJob::resume) begins after its last completed dwell: it homes (or, where no time has passed,
 //   verifies that the encoders are homed and stand where they did), rests for resume.rest_s, goes back to where that dwell stood,
 //   not recorded, settles inside a rotate segment that begins with a gap of one sample, and does what came after that dwell. A run that is taken up clears a fault that a drive
 //   still shows (its watchdog stopped it when the last program died); what the drive says then decides. No other run does.
-// - On any error: stop to all axes, drives off at rest, both verified by their status; fastest stop when that fails; a lost link is tried again, for
-//   the stop only. The outcome names reason and place in one line.
+// - On any error: stop to all axes, drives off at rest, both verified by their status (turntable_drivers/table/table_stop.h); the
+//   fastest stop when that fails or nothing can be read. The outcome names reason and place in one line.
 //
 // - A pause lets the item that goes on come to its end, and homing; then the table is stopped and its drives go off, both verified
 //   as above. Once everything is recorded a pause changes nothing.
@@ -56,6 +58,7 @@
 #include "orchestrator/station/station_config.h"
 #include "sequences/plan.h"
 #include "sequences/sequence.h"
+#include "turntable_drivers/table/table_stop.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
@@ -84,12 +87,15 @@ struct StationHooks {
   RunJournal* journal = nullptr;
   const std::atomic<int>* pause_requests = nullptr;  // above 0: stop at the next safe point
   const std::atomic<int>* end_requests = nullptr;    // those of stop_requests that the operator did not make
+  // Of the contents of the recordings, by unit, when nothing more comes: what the journal keeps before they are sealed.
+  std::function<Result<std::vector<std::string>>()> content_hashes = nullptr;
 };
 
 struct RunOutcome {
   RunState state = RunState::failed;
   Error error{ErrorKind::internal, "the run did not end"};  // meaningful unless done
   int repeated_dwells = 0;
+  int repeated_moves = 0;  // of this session
   struct Unit {
     std::int64_t recorded_samples = 0;    // periods, lost ones included
     std::uint64_t lost_samples = 0;       // by the unit's counter, from the first recorded sample on
@@ -149,14 +155,17 @@ class StationRun {
   MaybeEvent begin_dwell();
   MaybeEvent close_dwell();
   MaybeEvent discard_dwell();
+  MaybeEvent discard_move();
+  void forget_repeats();
   MaybeEvent finish_step();
   MaybeEvent calibrate();
   MaybeEvent stop_table();
   MaybeEvent abort_table();
 
-  MaybeEvent pump();      // reads the IMU until the next poll is due
-  UnitLane* lead();       // the lane that the run waits for; null: none is open
-  MaybeEvent take_all();  // what the lanes have received; is the dwell complete?
+  void receive_meanwhile();  // what the units send while the table's answer is awaited
+  MaybeEvent pump();         // reads the IMU until the next poll is due
+  UnitLane* lead();          // the lane that the run waits for; null: none is open
+  MaybeEvent take_all();     // what the lanes have received; is the dwell complete?
   MaybeEvent take(UnitLane& lane);
   bool apart() const;                      // a unit's samples are so late that some may be from the move
   MaybeEvent receive_all(UnitLane& lane);  // that has arrived, without waiting for more
@@ -165,11 +174,13 @@ class StationRun {
   MaybeEvent read_table();                 // three tries; e-stop, faults and limits while live
   MaybeEvent judge(double now_s);
   MaybeEvent judge_dwell();
+  MaybeEvent judge_move();
+  MaybeEvent judge_strays();  // axes that turn although nothing sent them
   MaybeEvent judge_defect(UnitLane& lane, const DwellMonitor::Defect& defect);
   MaybeEvent judge_homing(double now_s);
   MaybeEvent judge_stop(double now_s);
-  void try_to_reconnect(double now_s);
   void schedule_poll(double now_s);
+  void hold();  // from here on the axes stay where they were last seen, but for the one that is sent
 
   void begin_segment(SegmentKind kind);
   MaybeEvent end_segment(SegmentKind kind);
@@ -186,13 +197,13 @@ class StationRun {
 
   RunState state_ = RunState::idle;
   int repeated_dwells_ = 0;
+  int repeated_moves_ = 0;
   std::optional<Error> first_error_;
   std::string detail_;  // of the event to be handled next
   ErrorKind raised_kind_ = ErrorKind::internal;
   StopCause stop_cause_ = StopCause::error;
   bool pause_told_ = false;
   bool abort_sent_ = false;
-  bool drives_off_sent_ = false;
   bool home_sent_ = false;
   bool fault_left_ = false;
   bool enabled_ = false;
@@ -203,9 +214,11 @@ class StationRun {
   bool item_running_ = false;  // plan.items[item_] is going on (not: a move back to where the table should stand)
   std::optional<Move> pending_move_;
   AxisTriple commanded_deg_;
+  AxisTriple held_deg_;  // where the axes stood when the present move, rest or settling began
   ArrivalMonitor arrival_;
+  TableStop stop_;
   AxisTriple dwell_start_deg_;
-  int repeats_ = 0;               // of the present dwell
+  int repeats_ = 0;               // of the present dwell or move
   UnitLane* bad_lane_ = nullptr;  // whose defect repeats it; null: the table moved
 
   bool recording_ = false;
@@ -218,8 +231,6 @@ class StationRun {
   double next_poll_s_ = 0.0;
   double phase_deadline_s_ = 0.0;
   double rest_until_s_ = 0.0;
-  double reconnect_at_s_ = 0.0;
-  double reconnect_wait_s_ = 0.5;
   bool link_down_ = false;
 };
 

@@ -72,6 +72,16 @@ RunSnapshot StationRun::snapshot() const {
   }
   s.run_fraction = job_.plan.station_s > 0.0 ? planned_s / job_.plan.station_s : 0.0;
   s.eta_s = std::max(0.0, job_.plan.station_s - planned_s);
+  if (state_ == RunState::resting) {
+    const double rest_s = job_.station.resume_rest_s;
+    const double left_s = std::clamp(rest_until_s_ - devices_.clock.now_s(), 0.0, rest_s);
+    s.phase_fraction = rest_s > 0.0 ? 1.0 - left_s / rest_s : 1.0;
+    s.item_end_utc_s = s.utc_s + left_s / job_.station.clock_speed_up;
+    s.eta_s += left_s;
+  } else if (rest_due_ && !recording_ && (state_ == RunState::connecting || state_ == RunState::homing)) {
+    s.eta_s += job_.station.resume_rest_s;
+  }
+  s.end_utc_s = s.utc_s + s.eta_s / job_.station.clock_speed_up;
   s.moves_left = static_cast<std::size_t>(std::count_if(
       job_.plan.items.begin() + static_cast<std::ptrdiff_t>(std::min(item_, job_.plan.items.size())),
       job_.plan.items.end(), [](const PlannedItem& item) { return item.kind == SequenceItem::Kind::move; }));

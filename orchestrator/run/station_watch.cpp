@@ -10,8 +10,7 @@ namespace turncal {
 namespace {
 
 constexpr int status_tries = 3;
-constexpr double reconnect_wait_min_s = 0.5;
-constexpr double reconnect_wait_max_s = 5.0;
+constexpr double least_runaway_deg = 1.0;  // beyond the way of a move, further than any overshoot
 
 bool by_operator(const Error& error) {
   return error.kind == ErrorKind::aborted || error.kind == ErrorKind::interrupted;
@@ -33,7 +32,34 @@ StationRun::MaybeEvent StationRun::poll() {
   return event;
 }
 
+// A table that turns by itself does not wait for the commanded axis to stall. A person who turns it may touch any axis.
+StationRun::MaybeEvent StationRun::judge_strays() {
+  if (devices_.table.needs_operator()) return std::nullopt;
+  const bool moving = state_ == RunState::moving || state_ == RunState::settling;
+  const std::optional<Move> move = moving ? arrival_.move() : std::nullopt;
+  for (Axis axis : all_axes) {
+    const double at_deg = status_[static_cast<std::size_t>(axis)].position_deg;
+    char text[160];
+    if (move && move->axis == axis) {
+      const double beyond_deg = std::max(least_runaway_deg, job_.station.motion.position_tolerance_deg);
+      const auto [low, high] = std::minmax(held_deg_[axis], move->target_deg);
+      if (at_deg >= low - beyond_deg && at_deg <= high + beyond_deg) continue;
+      std::snprintf(text, sizeof text, "%s runs away: at %.4f deg on the way from %.4f to %.4f deg", to_string(axis),
+                    at_deg, held_deg_[axis], move->target_deg);
+    } else {
+      if (!out_of_tolerance(axis, held_deg_[axis])) continue;
+      std::snprintf(text, sizeof text, "%s moves although nothing sent it: from %.4f to %.4f deg", to_string(axis),
+                    held_deg_[axis], at_deg);
+    }
+    return raise(RunEvent::table_fault, ErrorKind::device, text);
+  }
+  return std::nullopt;
+}
+
 StationRun::MaybeEvent StationRun::judge(double now_s) {
+  if (state_ == RunState::resting || state_ == RunState::moving || state_ == RunState::settling) {
+    if (const MaybeEvent stray = judge_strays()) return stray;
+  }
   switch (state_) {
     case RunState::homing: return judge_homing(now_s);
     case RunState::resting:
@@ -52,6 +78,7 @@ StationRun::MaybeEvent StationRun::judge(double now_s) {
     if (!unit_awaited_) await_until_s_ = now_s + job_.station.imu_timeout_s;
     unit_awaited_ = recording_ && apart() && now_s < await_until_s_;
     if (unit_awaited_) return std::nullopt;
+    if (const MaybeEvent bad = judge_move()) return bad;
   }
   const char* axis = arrival_.move() ? to_string(arrival_.move()->axis) : "table";
   char text[120];
@@ -148,35 +175,13 @@ StationRun::MaybeEvent StationRun::judge_dwell() {
 }
 
 StationRun::MaybeEvent StationRun::judge_stop(double now_s) {
-  if (link_down_) {
-    try_to_reconnect(now_s);
-  } else {
-    const bool off = std::none_of(status_.begin(), status_.end(), [](const AxisStatus& axis) { return axis.enabled; });
-    if (at_rest() && off) return RunEvent::stopped_verified;
-    if (at_rest() && !drives_off_sent_) {
-      drives_off_sent_ = true;
-      link_down_ = !devices_.table.abort_all().ok();
-    }
-  }
+  if (stop_.look(link_down_ ? nullptr : &status_, now_s)) return RunEvent::stopped_verified;
   if (now_s > phase_deadline_s_) {
     if (state_ == RunState::parking)
       return raise(RunEvent::deadline, ErrorKind::device, "the drives did not switch off");
     return RunEvent::deadline;
   }
   return std::nullopt;
-}
-
-// For the stop only: a motion is never taken up again.
-void StationRun::try_to_reconnect(double now_s) {
-  if (now_s < reconnect_at_s_) return;
-  reconnect_at_s_ = now_s + reconnect_wait_s_;
-  reconnect_wait_s_ = std::min(2.0 * std::max(reconnect_wait_s_, reconnect_wait_min_s), reconnect_wait_max_s);
-  if (!devices_.table.connect()) return;
-  link_down_ = false;
-  if (Status status = devices_.table.stop_all(); !status) {
-    abort_sent_ = true;
-    link_down_ = !devices_.table.abort_all().ok();
-  }
 }
 
 void StationRun::schedule_poll(double now_s) {

@@ -69,13 +69,27 @@ Result<std::size_t> UnitLane::receive(std::size_t count, double timeout_s) {
   for (std::size_t i = before; i < before + *got; ++i) {
     if (last_received_ && waiting_[i].counter <= *last_received_) {
       ++duplicate_samples_;
+      const bool same = waiting_[i].gyro == last_sample_.gyro && waiting_[i].accel == last_sample_.accel;
+      if (waiting_[i].counter == *last_received_ && have_last_sample_ && !same) conflict_ = *last_received_;
       continue;
     }
     last_received_ = waiting_[i].counter;
+    last_sample_ = waiting_[i];
+    have_last_sample_ = true;
     waiting_[kept++] = waiting_[i];
   }
   waiting_.resize(kept);
   return got;
+}
+
+void UnitLane::receive_meanwhile(double now_s) {
+  constexpr std::size_t at_a_time = 128, at_most = 16;
+  for (std::size_t i = 0; i < at_most && alive() && is_open(); ++i) {
+    const Result<std::size_t> got = receive(at_a_time, 0.0);
+    if (!got) trouble_ = got.error();
+    if (!got || *got == 0) return;
+    heard(now_s);
+  }
 }
 
 Result<UnitLane::Taken> UnitLane::take(bool dwelling) {
@@ -83,6 +97,7 @@ Result<UnitLane::Taken> UnitLane::take(bool dwelling) {
   std::size_t count = waiting_.size();
   if (dwelling) count = std::min(count, static_cast<std::size_t>(std::max<std::int64_t>(dwell_->remaining(), 0)));
   if (!segment_) waiting_.clear();
+  if (!segment_) conflict_.reset();
   if (waiting_.empty() || count == 0) return taken;
   const std::span<ImuSample> samples = std::span(waiting_).first(count);
   if (!segment_written_) {
@@ -106,6 +121,13 @@ Result<UnitLane::Taken> UnitLane::take(bool dwelling) {
   next_sample_ = samples.back().counter + 1;
   if (Status status = unit_.sink.add(samples); !status) return status.error();
   if (dwelling) taken.defect = dwell_->add(samples);
+  if (conflict_) {
+    const std::string text =
+        "two samples with the counter " + std::to_string(*conflict_ - *first_counter_) + " that differ";
+    if (dwelling && !taken.defect) taken.defect = DwellMonitor::Defect{ErrorKind::unit_failed, text};
+    taken.flagged = true;
+    conflict_.reset();
+  }
   waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
   return taken;
 }

@@ -2,7 +2,7 @@
 // state machine are StationRun's, which may have several lanes on one table.
 //
 // - What the source gives is received at once and waits here until it is taken, so that no line overflows because of another
-//   unit. Samples that came twice are dropped when they are received.
+//   unit. Samples that came twice are dropped when they are received; two of one counter that differ are a defect of what goes on.
 // - A dwell takes exactly the planned number of samples in every lane, counted from where the lane stood when it began. Units
 //   whose samples come a little apart are complete a little apart; what comes meanwhile waits for the next segment.
 // - A lane that drops out is closed and does nothing any more. Its recording keeps its partial name.
@@ -57,13 +57,16 @@ class UnitLane {
 
   // Reads up to `count` samples. Error: the unit is gone, and the lane closed. Returns how many came, those that came twice too.
   Result<std::size_t> receive(std::size_t count, double timeout_s);
+  // What has arrived, without waiting, while the run is busy with the table: an error is kept for the run, which asks for trouble().
+  void receive_meanwhile(double now_s);
+  const std::optional<Error>& trouble() const { return trouble_; }
   void heard(double now_s) { last_sample_s_ = now_s; }
   double last_sample_s() const { return last_sample_s_; }
 
   struct Taken {
     std::optional<DwellMonitor::Defect> defect;  // while dwelling
     bool gap = false;                            // samples are missing among these
-    bool flagged = false;                        // by the unit, as bad
+    bool flagged = false;                        // by the unit, as bad, or two samples that contradict each other
   };
   // What waits goes into the open segment, in a dwell no more than it needs; outside a segment it is dropped. Error: the
   // recording cannot be written.
@@ -80,12 +83,13 @@ class UnitLane {
   Status sync() { return unit_.sink.sync(); }
   Status finish() { return unit_.sink.finish(); }
 
-  int repeats = 0;                // of the present dwell, that this unit or the table made necessary
-  bool motion_loss_told = false;  // once a move is enough
+  int repeats = 0;           // of the present dwell, that this unit or the table made necessary
+  bool motion_lost = false;  // samples lost or flagged in the present move
 
  private:
   StationUnit unit_;
   std::optional<Error> failure_;
+  std::optional<Error> trouble_;
   RecordingInfo info_;
   std::optional<DwellMonitor> dwell_;
   std::vector<ImuSample> waiting_;  // counters are the unit's own
@@ -94,6 +98,9 @@ class UnitLane {
   bool segment_written_ = false;
   bool gap_due_ = false;
   std::optional<std::int64_t> last_received_;  // the unit's own
+  ImuSample last_sample_{};                    // with that counter, as it came
+  bool have_last_sample_ = false;              // not after a run was taken up
+  std::optional<std::int64_t> conflict_;       // two samples of this counter that differ, not yet told
   std::optional<std::int64_t> first_counter_;  // the unit's own, of the recording's first sample
   std::int64_t next_sample_ = 0;
   std::int64_t came_before_ = 0;         // the segment began: what was recorded, and what waited

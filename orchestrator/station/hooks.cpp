@@ -29,9 +29,10 @@ Status run_hook(const HookCommands& commands, const HookCall& call, double time_
   const auto failed = [&call](const std::string& what) { return device_error("hook." + call.event + ": " + what); };
 
   // Everything is allocated before the fork: there may be other threads.
-  std::vector<std::string> texts = {"TURNCAL_EVENT=" + call.event, "TURNCAL_UNIT=" + call.unit,
-                                    "TURNCAL_FOLDER=" + call.folder, "TURNCAL_MESSAGE=" + call.message,
-                                    std::string("TURNCAL_DRY_RUN=") + (call.dry_run ? "true" : "false")};
+  std::vector<std::string> texts = {
+      "TURNCAL_EVENT=" + call.event,     "TURNCAL_UNIT=" + call.unit,
+      "TURNCAL_FOLDER=" + call.folder,   "TURNCAL_MESSAGE=" + call.message,
+      "TURNCAL_OUTCOME=" + call.outcome, std::string("TURNCAL_DRY_RUN=") + (call.dry_run ? "true" : "false")};
   std::vector<char*> environment;
   for (std::string& text : texts) environment.push_back(text.data());
   for (char** entry = environ; *entry; ++entry) {

@@ -2,6 +2,7 @@
 // operator is needed. Given to /bin/sh with what happened in the environment:
 //
 //   TURNCAL_EVENT (done, fail, needs_operator, mount)  TURNCAL_UNIT  TURNCAL_FOLDER  TURNCAL_MESSAGE  TURNCAL_DRY_RUN (true, false)
+//   TURNCAL_OUTCOME: the unit's outcome in one word (pass, hold, fail, dropped ...; empty: it has none)
 //
 // A hook runs when the table stands and the results are durable, and has hook_time_s; then it and its children are killed.
 // What a hook does or fails to do changes nothing of the run; but without a mount that succeeds none begins.
@@ -21,6 +22,7 @@ struct HookCommands {  // empty: none
 
 struct HookCall {
   std::string event, unit, folder, message;
+  std::string outcome = {};
   bool dry_run = false;
 };
 

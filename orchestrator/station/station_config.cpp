@@ -228,6 +228,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   read_dwell(file, station.dwell);
   station.resume_rest_s = file.number_or("resume.rest_s", station.resume_rest_s, {0.0, 86400.0});
   station.limits = read_limits(file);
+  station.diagnosis = read_diagnosis_policy(file);
   station.hooks.done = file.text_or("hook.done", "");
   station.hooks.fail = file.text_or("hook.fail", "");
   station.hooks.needs_operator = file.text_or("hook.needs_operator", "");

@@ -84,6 +84,7 @@ struct StationConfig {
   double resume_rest_s = 600.0;  // after an interruption, before the first dwell: unit and table come to temperature
   HookCommands hooks;
   VerdictLimits limits;
+  DiagnosisPolicy diagnosis;
   std::string table_id;  // for the record; empty: not given
   std::string
       table_calibration_due;  // "2026-12-31"; a run after that day is refused unless overridden; empty: not given

@@ -5,12 +5,13 @@
 #include <limits>
 
 #include "imu_io/base/format_number.h"
+#include "imu_io/recordings/recording_check.h"
 
 namespace turncal {
 
 namespace {
 
-constexpr std::string_view names[] = {"not_judged", "pass", "conditional_pass", "conditional_fail", "fail"};
+constexpr std::string_view names[] = {"not_judged", "pass", "conditional_pass", "hold", "conditional_fail", "fail"};
 
 std::string number(std::optional<double> value) { return value ? format_number(*value) : "none"; }
 
@@ -87,17 +88,50 @@ VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c,
     judge_into(report, "temperature_c.min", temperature_range_c.min, 0.0, limits.temperature_c, 0.0);
     judge_into(report, "temperature_c.max", temperature_range_c.max, 0.0, limits.temperature_c, 0.0);
   }
+  if (const std::vector<std::string> lines = describe(report); !lines.empty()) {
+    const std::string word = ": " + std::string(to_string(report.verdict));
+    report.reason = *std::find_if(lines.begin(), lines.end(), [&](const auto& line) { return line.ends_with(word); });
+    if (lines.size() > 1) report.reason += " (and " + std::to_string(lines.size() - 1) + " more)";
+  }
   return report;
 }
 
+DiagnosisPolicy read_diagnosis_policy(KeyValueFile& file) {
+  DiagnosisPolicy policy;
+  if (file.has("diagnosis.extended")) {
+    const std::string word = file.one_of("diagnosis.extended", {"pass", "hold", "fail"});
+    policy.extended = word == "pass" ? UnitVerdict::pass : word == "fail" ? UnitVerdict::fail : UnitVerdict::hold;
+  }
+  if (file.has("diagnosis.parameters"))
+    policy.load_extended = file.one_of("diagnosis.parameters", {"base", "extended"}) == "extended";
+  return policy;
+}
+
+void judge_diagnosis(const std::string& diagnosis, const std::string& finding, const DiagnosisPolicy& policy,
+                     VerdictReport& report) {
+  report.diagnosis = diagnosis;
+  if (diagnosis == "clean" || diagnosis == "not_made") return;
+  const UnitVerdict found = diagnosis == "extended" ? policy.extended : UnitVerdict::hold;
+  const std::string why = "diagnosis " + diagnosis + (finding.empty() ? "" : ": " + finding);
+  report.reason += (report.reason.empty() ? "" : "; ") + why;
+  if (found != UnitVerdict::pass) report.verdict = std::max(report.verdict, found);
+}
+
 void add_verdict(const VerdictReport& report, ParameterFile& file) {
-  if (report.verdict == UnitVerdict::not_judged) return;
-  file.add_further("verdict.result", std::string(to_string(report.verdict)));
-  file.add_further("verdict.rule", report.rule);
+  const auto add = [&file](const std::string& key, const std::string& value) {
+    const bool there =
+        std::any_of(file.further.begin(), file.further.end(), [&](const auto& f) { return f.first == key; });
+    if (!there && is_plain_text(value)) file.add_further(key, value);
+  };
+  if (report.verdict == UnitVerdict::not_judged && report.diagnosis == "not_made") return;
+  add("verdict.result", std::string(to_string(report.verdict)));
+  add("verdict.reason", report.reason);
+  add("verdict.diagnosis", report.diagnosis);
+  add("verdict.rule", report.rule);
   for (const JudgedValue& judged : report.values) {
-    file.add_further("verdict." + judged.key, std::string(to_string(judged.verdict)) + ", limits " +
-                                                  number(judged.limit.min) + " .. " + number(judged.limit.max) +
-                                                  ", guard band " + format_number(judged.guard_band));
+    add("verdict." + judged.key, std::string(to_string(judged.verdict)) + ", limits " + number(judged.limit.min) +
+                                     " .. " + number(judged.limit.max) + ", guard band " +
+                                     format_number(judged.guard_band));
   }
 }
 

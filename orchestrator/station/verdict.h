@@ -5,7 +5,8 @@
 //
 // What has no uncertainty (sigma itself, the residual, temperatures) is judged with w = 0. A parameter without a sigma can at
 // best pass conditionally, and a value that a limit asks for and that is missing fails. A unit's verdict is that of its worst
-// value. The rule and every judged value go into the parameter file (`verdict.*`).
+// value, or of its diagnosis where that is worse: a residual beyond the 24 parameters holds the unit back. The rule, the reason and
+// every judged value go into the parameter file (`verdict.*`).
 #pragma once
 
 #include <array>
@@ -36,7 +37,8 @@ struct VerdictLimits {
 
 VerdictLimits read_limits(KeyValueFile& file);
 
-enum class UnitVerdict { not_judged, pass, conditional_pass, conditional_fail, fail };  // from good to bad
+// From good to bad. hold: somebody has to decide; until then its parameters are not put in use.
+enum class UnitVerdict { not_judged, pass, conditional_pass, hold, conditional_fail, fail };
 std::string_view to_string(UnitVerdict verdict);
 constexpr bool is_accepted(UnitVerdict verdict) { return verdict <= UnitVerdict::conditional_pass; }
 
@@ -48,16 +50,28 @@ struct JudgedValue {
   UnitVerdict verdict = UnitVerdict::not_judged;
 };
 
+// What the station makes of a diagnosis: keys diagnosis.extended = pass | hold | fail, diagnosis.parameters = base | extended.
+struct DiagnosisPolicy {
+  UnitVerdict extended = UnitVerdict::hold;  // of a unit in which an effect was found and added
+  bool load_extended = true;                 // its parameter file is the one with the effects
+};
+DiagnosisPolicy read_diagnosis_policy(KeyValueFile& file);
+
 struct VerdictReport {
   UnitVerdict verdict = UnitVerdict::not_judged;  // not judged: there are no limits
   std::string rule;
-  std::vector<JudgedValue> values;  // those with a limit
+  std::string reason;                  // one line: why it is not a plain pass
+  std::string diagnosis = "not_made";  // the word of diagnosis.conf
+  std::vector<JudgedValue> values;     // those with a limit
 };
 
 // One value by the rule above. No sigma: nothing is known of its uncertainty.
 UnitVerdict judge_value(double value, std::optional<double> sigma, const Limit& limit, double guard_factor);
 
 VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c, const VerdictLimits& limits);
+// Takes the diagnosis into the verdict. clean and not_made change nothing; `finding`: what was found, in a few words.
+void judge_diagnosis(const std::string& diagnosis, const std::string& finding, const DiagnosisPolicy& policy,
+                     VerdictReport& report);
 void add_verdict(const VerdictReport& report, ParameterFile& file);
 // "FAIL: N01 = 0.021, limits -0.01 .. 0.01, guard band 0.002 (fail)": one line a value that does not plainly pass.
 std::vector<std::string> describe(const VerdictReport& report);

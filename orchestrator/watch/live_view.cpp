@@ -7,6 +7,7 @@
 #include "calib/model/parameters.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
+#include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/run_log.h"
 
 namespace turncal {
@@ -58,15 +59,8 @@ class Object {
 
 }  // namespace
 
-LiveView::LiveView(std::string unit, std::string station, std::string sequence, bool simulated,
-                   std::vector<std::string> results, std::function<double()> wall_s)
-    : unit_(std::move(unit)),
-      station_(std::move(station)),
-      sequence_(std::move(sequence)),
-      simulated_(simulated),
-      results_(std::move(results)),
-      wall_s_(std::move(wall_s)),
-      heartbeat_s_(wall_s_()) {}
+LiveView::LiveView(LiveRun run, std::function<double()> wall_s)
+    : run_(std::move(run)), wall_s_(std::move(wall_s)), heartbeat_s_(wall_s_()) {}
 
 void LiveView::on_transition(const TransitionRecord& record) {
   const std::lock_guard lock(mutex_);
@@ -102,6 +96,8 @@ void LiveView::begin(const RecordingInfo& info) {
     per_count_[i] = start.n(0, 0) * si[6] / rad_per_deg / second_s;
     per_count_[3 + i] = start.a(0, 0) * si[15] / second_s;
   }
+  pulse_[0] = info.gyro_increment == IncrementKind::pulses ? per_count_[0] * second_s * 3600.0 : 0.0;
+  pulse_[1] = info.accel_increment == IncrementKind::pulses ? per_count_[3] * second_s * 1000.0 : 0.0;
 }
 
 void LiveView::begin_segment(SegmentKind kind) {
@@ -134,31 +130,61 @@ void LiveView::add(std::span<const ImuSample> samples) {
   }
 }
 
-void LiveView::end(const std::string& how) {
+void LiveView::end(const std::string& how, Tone tone) {
   const std::lock_guard lock(mutex_);
   ended_ = how;
+  ended_as_ = tone;
   heartbeat_s_ = wall_s_();
+}
+
+LiveView::Headline LiveView::headline() const {
+  const RunSnapshot& s = snapshot_;
+  std::string gone;
+  for (const UnitSnapshot& unit : s.units) {
+    if (!unit.dropped_out.empty()) gone += (gone.empty() ? "; dropped out: " : ", ") + unit.serial;
+  }
+  if (!ended_.empty()) return {ended_ + gone, gone.empty() ? ended_as_ : std::max(ended_as_, Tone::attention)};
+  const std::string step = "step " + std::to_string(s.step_place) + "/" + std::to_string(s.step_count) + ", ";
+  Headline head{"Running: " + step + phase_words(s, run_.by_hand), gone.empty() ? Tone::good : Tone::attention};
+  if (waits_for_operator(s, run_.by_hand)) {
+    head = {"Waits for the operator: " + step + phase_words(s, run_.by_hand), Tone::attention};
+  } else if (s.state == RunState::stopping) {
+    head = {"Stopping: " + (last_error_.empty() ? step + "the table" : last_error_), Tone::attention};
+  }
+  if (!pause_.empty()) {
+    head.text += "; " + pause_;
+    head.tone = Tone::attention;
+  }
+  head.text += gone;
+  return head;
 }
 
 std::string LiveView::json() const {
   const std::lock_guard lock(mutex_);
   const RunSnapshot& s = snapshot_;
+  constexpr const char* tones[] = {"good", "attention", "bad"};
+  const Headline head = headline();
   Object o;
-  o.text("unit", unit_);
-  o.text("station", station_);
-  o.text("sequence", sequence_);
-  o.raw("simulated", simulated_ ? "true" : "false");
+  o.text("headline", head.text);
+  o.text("tone", tones[static_cast<std::size_t>(head.tone)]);
+  o.text("unit", run_.unit);
+  o.text("station", run_.station);
+  o.text("sequence", run_.sequence);
+  o.text("folder", run_.folder);
+  o.raw("simulated", run_.simulated ? "true" : "false");
   o.number("step", s.step);
   o.number("step_place", static_cast<double>(s.step_place));
   o.number("step_count", static_cast<double>(s.step_count));
-  o.text("phase", s.dwell_kind ? (*s.dwell_kind == SegmentKind::align ? "align" : "dwell") : to_string(s.state));
+  o.text("phase", phase_words(s, run_.by_hand));
   o.number("phase_fraction", s.phase_fraction);
   o.number("run_fraction", s.run_fraction);
   o.text("table", to_string(s.table));
   o.triple("position_deg", s.position_deg);
   o.triple("rate_degps", s.rate_degps);
   o.number("eta_s", s.eta_s);
-  o.text("eta_utc", s.utc_s > 0.0 ? format_utc(s.utc_s + s.eta_s) : "");
+  // What a person takes for a turn is in no plan.
+  o.text("eta_utc", s.end_utc_s > 0.0 && !run_.by_hand ? format_utc(s.end_utc_s) : "");
+  o.number("moves_left", static_cast<double>(s.moves_left));
   o.text("time_utc", s.utc_s > 0.0 ? format_utc(s.utc_s) : "");
   o.number("repeats", s.repeats);
   o.number("lost_samples", static_cast<double>(s.lost_samples));
@@ -178,7 +204,8 @@ std::string LiveView::json() const {
   o.text("pause", pause_);
   o.text("ended", ended_);
   o.texts("transitions", transitions_);
-  o.texts("results", results_);
+  o.texts("results", run_.results);
+  o.raw("pulse", "[" + json_number(pulse_[0]) + "," + json_number(pulse_[1]) + "]");
   // Second by second, relative to the first; and the largest standard deviation of a triad, which is what stillness means here.
   std::array<double, 2> stillness{};
   std::string series;

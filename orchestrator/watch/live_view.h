@@ -14,11 +14,20 @@
 
 namespace turncal {
 
+// What does not change while it goes on.
+struct LiveRun {
+  std::string unit, station, sequence, folder;
+  bool simulated = false;                 // a rig or twins, at one end at least
+  bool by_hand = false;                   // a person turns the table
+  std::vector<std::string> results = {};  // of earlier runs, shown as they are
+};
+
+enum class Tone { good, attention, bad };  // green, amber, red
+
 class LiveView : public RunObserver {
  public:
-  // wall_s: seconds on a steady clock, for the age of the heartbeat. results: of earlier runs, shown as they are.
-  LiveView(std::string unit, std::string station, std::string sequence, bool simulated,
-           std::vector<std::string> results, std::function<double()> wall_s);
+  // wall_s: seconds on a steady clock, for the age of the heartbeat.
+  LiveView(LiveRun run, std::function<double()> wall_s);
 
   void on_transition(const TransitionRecord& record) override;
   void on_dropout(const Dropout& dropout) override;
@@ -26,25 +35,32 @@ class LiveView : public RunObserver {
   void begin(const RecordingInfo& info);
   void begin_segment(SegmentKind kind);
   void add(std::span<const ImuSample> samples);
-  void end(const std::string& how);  // after the run: "done: pass", or the error
+  void end(const std::string& how, Tone tone);  // after the run: "Done: pass", "Paused: ...", or the error
 
   // The page polls this. Numbers in degrees, deg/s, m/s^2, seconds.
   std::string json() const;
 
  private:
+  // Where the run is, in one line, and how that looks.
+  struct Headline {
+    std::string text;
+    Tone tone = Tone::good;
+  };
+  Headline headline() const;  // REQUIRES: the lock is held
+
   struct Second {
     std::array<double, 6> mean{};  // gyro x y z [deg/s], accelerometer x y z [m/s^2]
   };
   mutable std::mutex mutex_;
-  std::string unit_, station_, sequence_;
-  bool simulated_ = false;
-  std::vector<std::string> results_;
+  const LiveRun run_;
   std::function<double()> wall_s_;
   double heartbeat_s_ = 0.0;
   RunSnapshot snapshot_;
   std::string last_error_, pause_, ended_;
+  Tone ended_as_ = Tone::bad;
   std::vector<std::string> transitions_;  // the newest last
   std::array<double, 6> per_count_{};     // of a sum over one second
+  std::array<double, 2> pulse_{};         // of gyro [arcsec] and accelerometer [mm/s]; 0: the increments are no pulses
   std::size_t second_samples_ = 200;
   std::vector<Second> dwell_;
   std::array<double, 6> sum_{};

@@ -16,16 +16,27 @@ namespace {
 
 constexpr double redraw_interval_s = 0.1;
 
-std::string phase_text(const RunSnapshot& s) {
+}  // namespace
+
+bool waits_for_operator(const RunSnapshot& s, bool by_hand) {
+  return by_hand && (s.state == RunState::moving || s.state == RunState::homing);
+}
+
+std::string phase_words(const RunSnapshot& s, bool by_hand) {
   if (s.state == RunState::dwelling && s.dwell_kind) {
     std::string text = *s.dwell_kind == SegmentKind::align ? "align" : "dwell";
     if (s.repeats > 0) text += " (repeat " + std::to_string(s.repeats) + ")";
     return text;
   }
+  if (s.state == RunState::resting) return "resting after the interruption";
+  if (waits_for_operator(s, by_hand)) {
+    if (!s.axis) return "where the table stands";
+    char text[80];
+    std::snprintf(text, sizeof text, "turn %s to %.2f deg", to_string(*s.axis), s.target_deg);
+    return text;
+  }
   return std::string(to_string(s.state));
 }
-
-}  // namespace
 
 std::string format_duration(double seconds) {
   const long long whole = std::llround(std::max(0.0, seconds));
@@ -45,13 +56,17 @@ std::string format_progress(const RunSnapshot& s) {
   }
   char text[240];
   std::snprintf(text, sizeof text, "step %zu/%zu  %s  %s %3.0f%%  run %3.0f%%  ETA %s", s.step_place, s.step_count,
-                phase_text(s).c_str(), angles, 100.0 * s.phase_fraction, 100.0 * s.run_fraction,
+                phase_words(s, false).c_str(), angles, 100.0 * s.phase_fraction, 100.0 * s.run_fraction,
                 format_duration(s.eta_s).c_str());
   return text;
 }
 
 double steady_wall_s() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+double wall_utc_s() {
+  return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
 }
 
 bool stdout_takes_more() {

@@ -28,7 +28,6 @@ Bench bench(double instability) {
   Bench b{record_on_rig(must_read_sequence("short_demo.seq"), config), {}, {}};
   std::vector<EffectColumn> columns = catalogue_columns(b.made.recording.info);
   b.effects = make_effect_model(columns, {b.made.recording.info.latitude_deg}, b.made.recording.mean_temperature_c);
-  b.setup.initial_tilt_sigma_rad = 0.2;
   b.setup.noise.accel_pulse_mps = config.accel_pulse_mps;
   b.setup.noise.gyro_bias_instability_radps = instability * 5e-9;
   b.setup.noise.accel_bias_instability_mps2 = instability * 1e-5;

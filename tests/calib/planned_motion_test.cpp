@@ -7,7 +7,7 @@
 
 #include "calib/joint/joint_estimate.h"
 #include "calib/statistics/block_motion.h"
-#include "orchestrator/commands/command_predict.h"
+#include "orchestrator/jobs/sequence_coverage.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

@@ -11,9 +11,10 @@
 #include <string>
 
 #include "calib/joint/score_algebra.h"
+#include "calib/statistics/distributions.h"
 #include "imu_io/recordings/recording_source.h"
-#include "orchestrator/commands/command_predict.h"
 #include "orchestrator/devices/truth.h"
+#include "orchestrator/jobs/sequence_coverage.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
@@ -210,8 +211,7 @@ TEST(Predict, ASigmaThatIsPrintedHoldsWhateverTheUndeterminedIs) {
     options.look_for_faults = false;
     const JointResult r = joint_estimate(planned_recording(info, plan_of(steps_of_the_method(1, last)), unit), options);
     // The same information with nothing known beforehand but the plausible ranges.
-    const ParameterVector range = plausible_ranges(info);
-    const Eigen::VectorXd ranges = range(r.free);
+    const Eigen::VectorXd ranges = r.ranges(r.free);
     Eigen::MatrixXd A = r.last.information(r.free, r.free);
     A.diagonal() += ranges.cwiseAbs2().cwiseInverse();
     const Eigen::VectorXd balance = A.diagonal().cwiseSqrt().cwiseInverse();

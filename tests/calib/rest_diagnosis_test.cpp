@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "calib/diagnosis/rest_selection.h"
+#include "calib/statistics/distributions.h"
 #include "calib/statistics/segmentation.h"
 #include "tests/calib/hand_rotations.h"
 

@@ -1,5 +1,6 @@
 // The dense algebra of scores against textbook numbers and against plain least squares.
 #include "calib/joint/score_algebra.h"
+#include "calib/statistics/distributions.h"
 
 #include <gtest/gtest.h>
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "calib/model/parameters.h"
+#include "calib/statistics/clipping.h"
 
 namespace turncal {
 namespace {
@@ -76,11 +77,13 @@ TEST(CsvMapImport, GapsAndSaturatedRowsShowInTheCounter) {
   const CsvImport c = must(base_map + "time.column = t\ngyro.range = -32767, 32767\n", csv);
   EXPECT_EQ(c.gaps, 1);
   EXPECT_EQ(c.saturated, 1);
-  ASSERT_EQ(c.samples.size(), 27u);
+  ASSERT_EQ(c.samples.size(), 28u);
   EXPECT_EQ(c.samples[9].counter, 9);
   EXPECT_EQ(c.samples[10].counter, 12);
   EXPECT_EQ(c.samples.back().counter, 29);
-  EXPECT_EQ(c.samples[18].counter, 21);  // 20 is the saturated one
+  EXPECT_EQ(c.samples[18].counter, 20);  // the saturated one stays, and says so
+  EXPECT_EQ(c.samples[18].flags, gyro_clipped_flag(0) | sample_flag_invalid);
+  EXPECT_EQ(c.samples[19].flags, 0u);
 }
 
 TEST(CsvMapImport, IncrementsAreTakenAsTheyAre) {
@@ -110,9 +113,8 @@ TEST(CsvMapImport, DefectsNameFileLineAndColumn) {
       << refusal(map, "t,gx\n1,2\n");
   EXPECT_NE(refusal(map, rows(3)).find("at least 10 rows"), std::string::npos);
   const std::string timed = base_map + "time.column = t\n";
-  EXPECT_NE(
-      refusal(timed, rows(12) + "1.0,1,1,1,1,1,1,1\n").find("d.csv:14: column 't' = '1.0': expected a time after"),
-      std::string::npos);
+  EXPECT_NE(refusal(timed, rows(12) + "1.0,1,1,1,1,1,1,1\n").find("d.csv:14: column 't' = '1': expected a time after"),
+            std::string::npos);
 }
 
 TEST(CsvMapImport, DefectsOfTheMap) {

@@ -87,7 +87,7 @@ class Line {
 
   void feed(std::span<const std::byte> bytes) { feed(bytes, {time_s, time_s}); }
   void feed(std::span<const std::byte> bytes, const Arrival& arrival) {
-    while (!bytes.empty()) {
+    while (!bytes.empty() && !restarted) {  // nobody reads a unit that began anew
       const auto room = decoder.space();
       const std::size_t n = std::min(room.size(), bytes.size());
       ASSERT_GT(n, 0U);
@@ -107,6 +107,12 @@ class Line {
       time_s += period_s_;
       feed(bytes);
     }
+  }
+  // Nothing comes for so long.
+  void idle(double seconds) {
+    time_s += seconds;
+    decoder.idle(time_s);
+    drain();
   }
   void drain() {
     for (;;) {

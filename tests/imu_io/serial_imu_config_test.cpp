@@ -49,6 +49,11 @@ TEST(SerialImuConfig, AFileIsRelativeToTheStationFile) {
 
 TEST(SerialImuConfig, OneLineForEachMistake) {
   EXPECT_ERROR(parse("imu.frame = laser_gyro\n"), "a.station: key 'imu.device' is missing: expected a text");
+  for (const char* line : {"udp:127.0.0.1:5000", "tcp:host:1"}) {
+    EXPECT_ERROR(parse("imu.device = " + std::string(line) + "\nimu.frame = laser_gyro\n"),
+                 "a.station:1: key 'imu.device' = '" + std::string(line) +
+                     "': expected a serial device such as /dev/serial/by-id/...: no other kind of line is known");
+  }
   EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = laser_gyro\nimu.speedup = 20\n"),
                "a.station:3: key 'imu.speedup' = '20': expected 1 unless imu.simulated is true");
   EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = stim300\nimu.accel_pulse_mps = 1\n"),

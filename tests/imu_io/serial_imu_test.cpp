@@ -239,10 +239,11 @@ TEST_F(SerialImuTest, ASilenceOfMoreThanAWrapIsMeasured) {
   ASSERT_OK(drain(imu));
   const double silent_from_s = monotonic_s() - 0.03;  // drain() waited
   while (monotonic_s() - silent_from_s < 0.7) ASSERT_OK(drain(imu));
-  const auto missing = static_cast<std::int64_t>((monotonic_s() - silent_from_s) / 0.005);
-  send(10 + missing, 10);
-  ASSERT_OK(drain(imu));
-  ASSERT_EQ(samples.size(), 20U);
+  auto missing = static_cast<std::int64_t>((monotonic_s() - silent_from_s) / 0.005);
+  if ((10 + missing) % 64 == 0) ++missing;  // a counter that begins at 0 after a silence is a unit that was reset
+  send(10 + missing, 3);                    // more at once no unit would have yet
+  for (int i = 0; i < 6; ++i) ASSERT_OK(drain(imu));  // until the line has been quiet for 0.1 s
+  ASSERT_EQ(samples.size(), 13U);
   EXPECT_EQ(samples[10].counter, 10 + missing);
   EXPECT_EQ(imu.counters().lost_samples, static_cast<std::uint64_t>(missing));
 }
@@ -285,6 +286,24 @@ TEST_F(SerialImuTest, AWrongRateIsFoundOut) {
   EXPECT_EQ(status.error().kind, ErrorKind::device);
   EXPECT_NE(status.error().message.find("the frame description says every 0.5 s"), std::string::npos)
       << status.error().message;
+}
+
+// A unit that is 500 ppm fast, and one that is 100 ppm fast: the limit is 200.
+TEST(SerialImuClock, AClockBeyondItsLimitIsADeviceError) {
+  for (const double ppm : {500.0, -500.0, 100.0}) {
+    ArrivalFit fit;
+    std::optional<Error> error;
+    for (int i = 0; i < 60 * 200 && !error; ++i) {
+      const double unit_s = 0.005 * i;
+      fit.add(unit_s, unit_s * (1.0 - 1e-6 * ppm) + 1e-4 * (i % 7));
+      if (const Status judged = judge_clock(fit, 200.0); !judged) error = judged.error();
+    }
+    EXPECT_EQ(error.has_value(), std::abs(ppm) > 200.0) << ppm;
+    if (!error) continue;
+    EXPECT_EQ(error->kind, ErrorKind::device);
+    EXPECT_NE(error->message.find("imu.clock_max_ppm = 200"), std::string::npos) << error->message;
+    EXPECT_NE(error->message.find(ppm > 0.0 ? "off by 50" : "off by -50"), std::string::npos) << error->message;
+  }
 }
 
 TEST_F(SerialImuTest, StreamedFramesComeAtTheUnitsPace) {

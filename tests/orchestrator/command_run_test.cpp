@@ -109,7 +109,8 @@ TEST_F(Run, SignalsAreExit75AndStopTheTable) {
   const std::string sequence = write("long.seq", text);
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     const std::string out = "out" + std::to_string(signal);
-    const pid_t pid = start({"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence", sequence});
+    const pid_t pid =
+        start({"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence", sequence, "--capture-only"});
     for (int i = 0; i < 500 && !std::filesystem::exists(folder_ / out / "recording.partial.tcr"); ++i) ::usleep(10'000);
     ::usleep(20'000);
     ::kill(pid, signal);

@@ -41,7 +41,9 @@ struct GapStation : RigStation {
   }
   std::string recording() const { return RecordingSink(folder.path()).path(); }
   void expect_truth(RecordingSource& source) const {
-    const Result<CalibrationOutput> output = calibrate_recording(source, {});
+    const Result<LoadedRecording> loaded = load_recording(source);
+    ASSERT_TRUE(loaded.ok()) << loaded.error().message;
+    const Result<CalibrationOutput> output = calibrate_recording(*loaded, {});
     ASSERT_TRUE(output.ok()) << output.error().message;
     const std::array<double, 24> truth = rig.truth_at_reference(output->mean_temperature_c.value_or(24.0));
     for (std::size_t i = 0; i < truth.size(); ++i) {

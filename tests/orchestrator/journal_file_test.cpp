@@ -25,7 +25,7 @@ class Journal : public testing::Test {
     ASSERT_TRUE(journal->append(JournalType::resume, {{"what", "x"}}).ok());
     ASSERT_TRUE(journal->move({Axis::heading, 1.0, 2.0, 3.0}, 4.0).ok());
     ASSERT_TRUE(journal->dwell(two_).ok());
-    ASSERT_TRUE(journal->seal(1767225600.25).ok());
+    ASSERT_TRUE(journal->seal(1767225600.25, {"00ff"}).ok());
   }
   const CompletedDwell one_{.item = 0,
                             .units = {{.next_sample = 1000, .first_counter = -5, .last_counter = 994}},
@@ -48,6 +48,7 @@ TEST_F(Journal, IsReadBackAsWritten) {
   const Result<JournalContents> contents = read_journal(path());
   ASSERT_TRUE(contents.ok()) << contents.error().message;
   EXPECT_EQ(contents->begin_value("unit"), "SN 7");
+  EXPECT_EQ(contents->hashes, std::vector<std::string>{"00ff"});
   EXPECT_EQ(contents->begin_value("station"), " 100% # \n odd ");
   EXPECT_EQ(contents->begin_value("rig"), "");
   ASSERT_TRUE(contents->last_dwell);
@@ -84,7 +85,7 @@ TEST_F(Journal, CutAnywhereItIsAPrefixOrNothing) {
     if (length % 7 != 0) continue;
     Result<JournalFile> journal = JournalFile::reopen(path());
     ASSERT_TRUE(journal.ok()) << length;
-    ASSERT_TRUE(journal->seal(5.0).ok());
+    ASSERT_TRUE(journal->seal(5.0, {}).ok());
     const Result<JournalContents> more = read_journal(path());
     ASSERT_TRUE(more.ok()) << length << ": " << more.error().message;
     ASSERT_EQ(*more->seal_utc_s, 5.0);

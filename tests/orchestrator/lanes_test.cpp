@@ -47,7 +47,7 @@ class Dropouts : public RunJournal {
     serials.push_back(dropout.serial);
     return fails ? Status(device_error("journal: disk full (on demand)")) : Status{};
   }
-  Status seal(double) override { return {}; }
+  Status seal(double, const std::vector<std::string>&) override { return {}; }
   std::vector<CompletedDwell> dwells;
   std::vector<std::string> serials;
   bool fails = false;

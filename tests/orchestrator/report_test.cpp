@@ -571,9 +571,9 @@ TEST(Report, SaysSoWhenThereIsNoGnuplot) {
   auto context = sample_context(sample);
   context.gnuplot.program = "/nonexistent/gnuplot";
   const TemporaryFolder folder;
-  const auto written = write_diagnosis(folder.path(), sample.diagnosis, context);
-  ASSERT_OK(written);
-  EXPECT_EQ(written->plot_problem, "no plots: /nonexistent/gnuplot is not installed (Debian package gnuplot-nox)");
+  const DiagnosisFiles files = diagnosis_files(sample.diagnosis, context);
+  ASSERT_OK(write_diagnosis(folder.path(), files));
+  EXPECT_EQ(files.report.plot_problem, "no plots: /nonexistent/gnuplot is not installed (Debian package gnuplot-nox)");
   const std::string html = test::read_file(folder / "report.html");
   expect_sections_in_order(html);
   expect_balanced(html);
@@ -591,7 +591,7 @@ TEST(Report, LeavesTheFolderAloneWhenTheParametersCannotBeWritten) {
   sample.recording.info.unit_serial = "SN7";
   sample.diagnosis.extended.parameters.n(0, 0) = std::numeric_limits<double>::quiet_NaN();
   const TemporaryFolder folder;
-  EXPECT_FALSE(write_diagnosis(folder.path(), sample.diagnosis, sample_context(sample)).ok());
+  EXPECT_FALSE(write_diagnosis(folder.path(), diagnosis_files(sample.diagnosis, sample_context(sample))).ok());
   EXPECT_TRUE(folder.names().empty());
 }
 

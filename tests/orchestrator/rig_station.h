@@ -131,7 +131,7 @@ class DwellJournal : public RunJournal {
     return {};
   }
   Status dropout(const Dropout&) override { return {}; }
-  Status seal(double) override { return {}; }
+  Status seal(double, const std::vector<std::string>&) override { return {}; }
   std::vector<CompletedDwell> dwells;
   int homings = 0;
 };

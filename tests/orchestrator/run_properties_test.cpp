@@ -103,7 +103,7 @@ class MemoryJournal : public RunJournal {
     return {};
   }
   Status dropout(const Dropout&) override { return step(); }
-  Status seal(double) override {
+  Status seal(double, const std::vector<std::string>&) override {
     sealed = true;
     return step();
   }

@@ -254,16 +254,117 @@ TEST(StationRun, UnitThatKeepsFlaggingItsDataFailed) {
 
 // --- Data lost while the table turns.
 
-TEST(StationRun, SampleLostInAMoveIsSaidAndKeptVisible) {
+std::vector<std::pair<SegmentKind, double>> kinds_and_pitch(const Segments& segments) {
+  std::vector<std::pair<SegmentKind, double>> result;
+  for (const Segment& segment : segments) result.emplace_back(segment.kind, segment.pitch_deg);
+  return result;
+}
+
+TEST(StationRun, SamplesLostInAMoveRepeatIt) {
   // Samples 1000..3000 are the move; the motion itself ends with 2899, so that the loss comes up together with the arrival.
   RigStation s(two_steps_text,
                rig_with({unit_fault(RigFaultKind::lost_sample, 2895), unit_fault(RigFaultKind::invalid_sample, 2900)}));
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(s.watcher.count(RunEvent::motion_data_lost), 1) << "said once a move";
+  EXPECT_EQ(s.watcher.count(RunEvent::move_bad), 1);
+  EXPECT_EQ(outcome.repeated_moves, 1);
+  EXPECT_EQ(outcome.repeated_dwells, 0);
   EXPECT_EQ(outcome.units[0].lost_samples, 1U);
-  EXPECT_EQ(s.sink.sample_count, two_steps_samples - 1);
-  expect_same(s.sink.segments, planned_segments(s.plan));
+  // There, back, and there again, all of it in the recording; then the plan as it was.
+  using enum SegmentKind;
+  const std::vector<std::pair<SegmentKind, double>> expected = {
+      {align, 0.0},  {rotate, 90.0}, {rotate, 0.0}, {rotate, 90.0}, {SegmentKind::still, 90.0},
+      {rotate, 0.0}, {align, 0.0}};
+  EXPECT_EQ(kinds_and_pitch(s.sink.segments), expected);
+  EXPECT_EQ(s.sink.segments[3].end_sample - s.sink.segments[3].start_sample, 2000) << "as planned, and whole";
+  EXPECT_EQ(s.sink.sample_count, s.sink.segments.back().end_sample - 1);
+}
+
+TEST(StationRun, AMoveThatKeepsLosingSamplesFails) {
+  std::vector<RigFault> faults;
+  for (std::int64_t sample = 1500; sample < 60000; sample += 1500) {
+    faults.push_back(unit_fault(RigFaultKind::lost_sample, sample));
+  }
+  RigStation s(two_steps_text, rig_with(faults));
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(exit_code(outcome.error.kind), 50);
+  EXPECT_EQ(outcome.repeated_moves, s.station.dwell.max_repeats);
+  EXPECT_NE(outcome.error.message.find("the move was repeated"), std::string::npos) << outcome.error.message;
+}
+
+// Stopped while the table goes back, and taken up: the move is done once more, from where the last dwell stood.
+TEST(StationRun, AMoveThatIsRepeatedIsTakenUp) {
+  RigStation s(two_steps_text, rig_with({unit_fault(RigFaultKind::lost_sample, 2000)}));
+  DwellJournal kept;
+  s.journal = &kept;
+  s.station.resume_rest_s = 1.0;
+  s.watcher.on_tick = [&](const RunSnapshot& at) {
+    if (s.watcher.saw(RunEvent::move_bad) && at.state == RunState::moving) s.stop_requests = 1;
+  };
+  ASSERT_EQ(s.run().state, RunState::aborted);
+  ASSERT_EQ(kept.dwells.size(), 1u);
+  s.resume = ResumePoint{kept.dwells.back(), false};
+  s.stop_requests = 0;
+  s.watcher.on_tick = nullptr;
+  const RunOutcome outcome = s.run();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.units[0].lost_samples, 0U) << "those were cut away with the move";
+  using enum SegmentKind;
+  const std::vector<std::pair<SegmentKind, double>> expected = {
+      {align, 0.0}, {rotate, 0.0}, {rotate, 90.0}, {SegmentKind::still, 90.0}, {rotate, 0.0}, {align, 0.0}};
+  EXPECT_EQ(kinds_and_pitch(s.sink.segments), expected);
+}
+
+// Gives one sample a second time with another content.
+class TwoTongued : public ImuSource {
+ public:
+  TwoTongued(ImuSource& source, std::int64_t counter) : source_(source), counter_(counter) {}
+  Status open() override { return source_.open(); }
+  Result<ImuIdentity> identify() override { return source_.identify(); }
+  void describe(RecordingInfo& info) const override { source_.describe(info); }
+  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
+    if (again_) {
+      out[0] = *again_;
+      out[0].accel[0] += 1.0;
+      again_.reset();
+      return std::size_t{1};
+    }
+    const Result<std::size_t> got = source_.read(out, timeout_s);
+    if (!got || *got == 0) return got;
+    if (!told_ && out[*got - 1].counter >= counter_) {
+      told_ = true;
+      again_ = out[*got - 1];
+    }
+    return got;
+  }
+  ImuLinkCounters counters() const override { return source_.counters(); }
+  void close() override { source_.close(); }
+
+ private:
+  ImuSource& source_;
+  std::int64_t counter_;
+  bool told_ = false;
+  std::optional<ImuSample> again_;
+};
+
+TEST(StationRun, DuplicatesThatDifferRepeatTheDwell) {
+  RigStation s(two_steps_text);
+  s.devices.imu.describe(s.info);
+  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
+  for (const bool in_move : {false, true}) {
+    RigStation t(two_steps_text);
+    TwoTongued imu(t.devices.imu, (in_move ? 1700 : 3500) + 400);
+    StationDevices devices = t.devices.devices();
+    StationRun run({devices.table, imu, devices.clock, devices.wait}, {t.sequence, s.plan, t.station, "SN1"}, t.sink,
+                   {&t.watcher, &t.stop_requests, {}, nullptr});
+    const RunOutcome outcome = run.run();
+    ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+    EXPECT_EQ(outcome.repeated_dwells, in_move ? 0 : 1);
+    EXPECT_EQ(outcome.repeated_moves, in_move ? 1 : 0);
+    EXPECT_EQ(outcome.units[0].duplicate_samples, 1U);
+  }
 }
 
 TEST(StationRun, DuplicateSamplesAreDropped) {

@@ -2,11 +2,14 @@
 #include <httplib.h>
 #include <poll.h>
 
+#include <atomic>
 #include <chrono>
 #include <memory>
+#include <new>
 #include <thread>
 
 #include "orchestrator/watch/live_view.h"
+#include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/run_log.h"
 #include "orchestrator/watch/status_page.h"
@@ -177,7 +180,7 @@ TEST_F(Page, ABrowserShowsTheRunAndThatItDied) {
   Browser browser(path("profile"));
   ASSERT_TRUE(browser.open(url)) << "no answer from chromium";
   EXPECT_TRUE(browser.shows("Running: step", 20.0)) << browser.seen();
-  EXPECT_TRUE(browser.shows("turncal: unit SN-7 (dry run: simulated, no real unit)", 5.0)) << browser.seen();
+  EXPECT_TRUE(browser.shows("turncal: unit SN-7 (simulated: no real unit)", 5.0)) << browser.seen();
   // It lives: the station time moves on, and the running dwell is drawn.
   const std::string first = browser.text();
   ::usleep(2'500'000);
@@ -194,7 +197,7 @@ TEST_F(Page, ABrowserShowsTheRunAndThatItDied) {
   ::kill(pid, SIGKILL);
   finish(pid);
   EXPECT_TRUE(browser.shows("has not answered since", 15.0)) << browser.seen();
-  EXPECT_TRUE(browser.shows("the run has died", 1.0)) << browser.seen();
+  EXPECT_TRUE(browser.shows("how it ended is in out/run.log", 1.0)) << browser.seen();
 }
 
 TEST_F(Page, ABrowserShowsHowItEnded) {
@@ -206,13 +209,93 @@ TEST_F(Page, ABrowserShowsHowItEnded) {
   ASSERT_TRUE(browser.open(url));
   EXPECT_TRUE(browser.shows("Running: step", 20.0)) << browser.seen();
   ::kill(pid, SIGTERM);
-  EXPECT_TRUE(browser.shows("The run is over: step", 15.0)) << browser.seen();
+  EXPECT_TRUE(browser.shows("Paused: step", 15.0)) << browser.seen();
   EXPECT_TRUE(browser.shows("told to end", 1.0)) << browser.seen();
   EXPECT_EQ(finish(pid).code, 75);
 }
 
+// Out of memory while it answers: the client loses its answer, the program nothing.
+TEST(PageServer, AnExceptionEndsNothing) {
+  std::atomic<int> asked{0};
+  const auto pages = [&asked](std::string_view path) -> std::optional<PageText> {
+    ++asked;
+    if (path == "/throws") throw std::bad_alloc();
+    if (path == "/odd") throw 7;
+    return PageText{"text/plain", "here"};
+  };
+  Result<std::unique_ptr<PageServer>> server = PageServer::open("127.0.0.1:0", pages);
+  ASSERT_TRUE(server.ok());
+  const std::string url = (*server)->url();
+  httplib::Client client(url.substr(0, url.size() - 1));
+  client.set_read_timeout(5);
+  for (const char* path : {"/throws", "/odd", "/throws"}) {
+    EXPECT_FALSE(client.Get(path)) << path;
+    const auto answer = client.Get("/");
+    ASSERT_TRUE(answer) << path;
+    EXPECT_EQ(answer->body, "here");
+  }
+  EXPECT_EQ(asked, 6);
+}
+
+TEST(PageServer, Addresses) {
+  const auto host = [](const std::string& text) {
+    const Result<PageAddress> address = parse_page_address(text);
+    return address ? address->host + " " + std::to_string(address->port) : "refused";
+  };
+  EXPECT_EQ(host("127.0.0.1:8080"), "127.0.0.1 8080");
+  EXPECT_EQ(host("[::1]:0"), "::1 0");
+  EXPECT_EQ(host("localhost:65535"), "localhost 65535");
+  for (const char* bad :
+       {"", "8080", ":8080", "here", "here:", "here:65536", "here:-1", "::1:80", "[]:80", "[::1]", "[::1:80"}) {
+    EXPECT_EQ(host(bad), "refused") << bad;
+  }
+}
+
+LiveRun a_run() { return {.unit = "SN1", .station = "s", .sequence = "q", .folder = "out", .simulated = true}; }
+
+bool says(const LiveView& view, const std::string& headline, const std::string& tone) {
+  return view.json().starts_with("{\"headline\":\"" + headline + "\",\"tone\":\"" + tone + "\"");
+}
+
+// What stands in the coloured line is what is so, and green is for what needs nobody.
+TEST(LiveView, HeadlineIsTheStateAsItIs) {
+  LiveRun run = a_run();
+  RunSnapshot at;
+  at.step_place = 3;
+  at.step_count = 14;
+  at.state = RunState::moving;
+  at.axis = Axis::pitch;
+  at.target_deg = 90.0;
+  at.utc_s = 1767225600.0;
+  at.eta_s = 100.0;
+  at.end_utc_s = at.utc_s + 50.0;  // twins at twice the speed
+  {
+    LiveView view(run, steady_wall_s);
+    view.on_progress(at);
+    EXPECT_TRUE(says(view, "Running: step 3/14, moving", "good")) << view.json();
+    EXPECT_NE(view.json().find("\"eta_utc\":\"2026-01-01T00:00:50Z\""), std::string::npos) << view.json();
+    at.state = RunState::resting;
+    view.on_progress(at);
+    EXPECT_TRUE(says(view, "Running: step 3/14, resting after the interruption", "good")) << view.json();
+    at.state = RunState::moving;
+    at.units = {{"SN1", 10, 0, ""}, {"SN2", 5, 0, "silent"}};
+    view.on_progress(at);
+    EXPECT_TRUE(says(view, "Running: step 3/14, moving; dropped out: SN2", "attention")) << view.json();
+    view.end("Done: SN1 pass, SN2 dropped out", Tone::good);
+    EXPECT_TRUE(says(view, "Done: SN1 pass, SN2 dropped out; dropped out: SN2", "attention")) << view.json();
+  }
+  run.by_hand = true;
+  at.units.clear();
+  LiveView view(run, steady_wall_s);
+  view.on_progress(at);
+  EXPECT_TRUE(says(view, "Waits for the operator: step 3/14, turn pitch to 90.00 deg", "attention")) << view.json();
+  EXPECT_NE(view.json().find("\"eta_utc\":\"\""), std::string::npos) << "nobody knows how long a person takes";
+  view.end("Paused: step 3; go on with: turncal resume out", Tone::attention);
+  EXPECT_TRUE(says(view, "Paused: step 3; go on with: turncal resume out", "attention")) << view.json();
+}
+
 TEST(LiveView, SaysWhatAPauseWaitsFor) {
-  LiveView view("SN1", "s", "q", true, {}, [] { return 0.0; });
+  LiveView view(a_run(), [] { return 0.0; });
   EXPECT_NE(view.json().find("\"pause\":\"\""), std::string::npos);
   TransitionRecord record;
   record.from = record.to = record.at.state = RunState::dwelling;
@@ -227,7 +310,9 @@ TEST(LiveView, SaysWhatAPauseWaitsFor) {
 }
 
 TEST(LiveView, TextsAreSafeInsideThePage) {
-  LiveView view("</script><b>\"\\", "s", "q", true, {}, steady_wall_s);
+  LiveRun run = a_run();
+  run.unit = "</script><b>\"\\";
+  LiveView view(run, steady_wall_s);
   const std::string json = view.json();
   EXPECT_EQ(json.find("</script>"), std::string::npos);
   EXPECT_NE(json.find("\\u003c/script>\\u003cb>"), std::string::npos) << json;
@@ -236,7 +321,7 @@ TEST(LiveView, TextsAreSafeInsideThePage) {
 
 // One second of a dwell is one point, in deg/s and m/s^2.
 TEST(LiveView, TheDwellSecondBySecond) {
-  LiveView view("SN1", "s", "q", true, {}, steady_wall_s);
+  LiveView view(a_run(), steady_wall_s);
   RecordingInfo info;
   info.sample_period_s = 0.5;
   info.gyro_increment = IncrementKind::physical;

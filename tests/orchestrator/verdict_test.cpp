@@ -123,7 +123,7 @@ TEST_F(Production, VerdictIsExitCodeAndRecord) {
   const ProgramResult fail = dry_run("fail", "limit.residual_max = 0.5\nlimit.N01.max = -100\n");
   EXPECT_EQ(fail.code, 20) << fail.out;
   EXPECT_EQ(fail.err_lines(), 1);
-  EXPECT_NE(fail.err.find("unit SN1 is outside its limits: N01 = "), std::string::npos) << fail.err;
+  EXPECT_NE(fail.err.find("unit SN1: fail: N01 = "), std::string::npos) << fail.err;
   EXPECT_NE(fail.err.find("(and 1 more)"), std::string::npos) << fail.err;
   // It is on record, and its parameters are not in use.
   EXPECT_NE(file_text(folder_ / "fail/parameters.conf").find("verdict.result = fail"), std::string::npos);

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # `turncal commission` and `turncal monitor` over real lines: what fits is accepted, what does not is refused in one line, nothing is
-# left moving or switched on.
+# left moving or switched on. Gyros: axis, sign, scale to 0.5 % against the table. Accelerometers: the same against gravity in three poses.
 set -euo pipefail
 here=$(cd "$(dirname "$0")/../.." && pwd)
 binary=${TURNCAL_BINARY:-$here/build/release/turncal}
@@ -37,12 +37,30 @@ for axes in '+x, +y, -z' '+y, +x, +z'; do
   sed "s/^imu.frame = .*/imu.frame = ${axes:1:1}.frame/" "$work/twin.station" > "$work/${axes:1:1}.station"
 done
 
+# The accelerometers alone: y and z turned over, z and x exchanged, a pulse that is 20 % too heavy.
+accel() {
+  { grep -v '^accel.pulse_mps' "$here/imu_io/frames/laser_gyro.frame"; echo "accel.pulse_mps = ${3:-0.0005}"; echo "accel.axes = $2"; } > "$work/$1.frame"
+  sed "s/^imu.frame = .*/imu.frame = $1.frame/" "$work/twin.station" > "$work/$1.station"
+}
+accel up '+x, -y, -z'
+accel side '+x, +y, -z'
+accel front '-x, +y, +z'
+accel heavy '+x, +y, +z' 0.0006
+
 angles=(--heading 30 --pitch 20 --roll -10)
 expect 1 'not commissioned' commission --station "$work/new.station"
 expect 0 'nothing was moved' commission --station "$work/new.station" "${angles[@]}"
 expect 1 'heading: reads 30 deg, stands at 31 deg' commission --station "$work/twin.station" --heading 31 --pitch 20 --roll -10
 expect 0 'every axis turns the unit as it should' commission --station "$work/twin.station" "${angles[@]}" --gyro-pulse-arcsec 0.93292
 grep -q 'heading +5 deg: felt about -y' "$work/said" || fail "heading is not shown"
+for pose in 'gravity, level 0 deg: .*+9\.[78]' 'gravity, pitch 90 deg: +9\.[78]' 'gravity, roll 90 deg: .*-9\.[78]'; do
+  grep -q "$pose" "$work/said" || fail "$pose is not shown: $(cat "$work/said")"
+done
+expect 1 "the unit's -y is up instead of its +y" commission --station "$work/up.station"
+expect 1 "the unit's +z is up instead of its -z" commission --station "$work/side.station"
+expect 1 "the unit's -x is up instead of its +x" commission --station "$work/front.station"
+expect 1 'level.*scale of the accelerometers\|scale of the accelerometers' commission --station "$work/heavy.station"
+expect 1 'heading turned by +5 deg.*scale of the gyros.*0.5 %' commission --station "$work/twin.station" --gyro-pulse-arcsec 0.9393
 expect 1 'pitch turned by +5 deg.*expected plus about z' commission --station "$work/x.station"
 expect 1 'heading turned by +5 deg.*expected minus about y' commission --station "$work/y.station"
 expect 1 'heading turned by +5 deg.*-5.000000 deg about y' commission --station "$work/twin.station" --gyro-pulse-arcsec 1.1

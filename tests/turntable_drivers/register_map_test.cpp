@@ -62,6 +62,10 @@ TEST(RegisterMap, DefectsAreNamed) {
             std::string::npos)
       << "a stop would wait for it";
   EXPECT_NE(
+      error_of("write.abort = 0x203 u16 1", "write.abort = wait 0.06, 0x203 u16 1").find("waits of at most 0.05 s"),
+      std::string::npos);
+  EXPECT_EQ(error_of("write.enable = 0x200 u16 1", "write.enable = 0x200 u16 1, wait 1"), "accepted");
+  EXPECT_NE(
       error_of("s32 position + u32 rate", "s32 distance + s32 position + u32 rate").find("either position or distance"),
       std::string::npos);
   EXPECT_NE(error_of("", "axis.roll.modulo_deg = 360\n").find("distance: with modulo_deg"), std::string::npos);

@@ -165,6 +165,16 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
   }
   dialect.decimals = static_cast<int>(file.integer_or("number.decimals", dialect.decimals, 0, 9));
   read_steps(file, dialect);
+  dialect.can_switch_off = file.boolean_or("switch_off", true);
+  const auto sentences = [&](DialectOperation operation) {
+    std::string all;
+    for (const Exchange& exchange : dialect.of(operation).exchanges) all += exchange.send.text() + "\n";
+    return all;
+  };
+  if (dialect.can_switch_off && !sentences(DialectOperation::stop).empty() &&
+      sentences(DialectOperation::stop) == sentences(DialectOperation::abort)) {
+    file.reject("abort.1", "sentences that switch the drives off, unlike stop; or switch_off = false where none does");
+  }
   if (file.has("error.texts")) dialect.errors = file.list("error.texts");
   read_status(file, dialect.status);
   dialect.moving_rate_degps = file.number_or("moving.rate_degps", dialect.moving_rate_degps, positive);
@@ -202,6 +212,14 @@ Result<Dialect> parse_dialect(const std::string& text, const std::string& file_n
   Result<KeyValueFile> file = KeyValueFile::parse(text, file_name);
   if (!file) return file.error();
   return dialect_from(*file);
+}
+
+std::string caution_of(const Dialect& dialect) {
+  if (!dialect.can_switch_off) {
+    return "switch_off = false: its drives stay on after every run, with nobody to watch them";
+  }
+  if (dialect.status.tells(DriveBit::enabled)) return "";
+  return "its status does not tell whether a drive is on: that they are off is what was commanded, not what was read";
 }
 
 DialectFlags flags_of(const DialectStatus& status, const std::string& word) {

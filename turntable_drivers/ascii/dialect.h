@@ -82,6 +82,7 @@ struct Dialect {
   DialectLink link;
   std::array<DialectAxis, 3> axis;
   int decimals = 4;
+  bool can_switch_off = true;  // by the abort sentences
   std::array<DialectSteps, dialect_operation_count> steps;
   std::vector<std::string> errors;  // an answer that contains one of these is an error of the device
   DialectStatus status;
@@ -95,6 +96,9 @@ struct Dialect {
 
 Result<Dialect> read_dialect(const std::string& path);
 Result<Dialect> parse_dialect(const std::string& text, const std::string& file_name);
+
+// What a user should know before a run although the dialect is good; empty: nothing.
+std::string caution_of(const Dialect& dialect);
 
 // The flags of a status word: true, false, or not told. Unknown: every flag that is told is false, moving and fault excepted.
 struct DialectFlags {

@@ -1,5 +1,6 @@
 #include "turntable_drivers/ascii/serial_turntable.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -184,6 +185,9 @@ Result<AxisStatus> SerialTurntable::status(Axis axis) {
   report.in_position = flags[DriveBit::in_position].value_or(false);
   report.moving =
       flags[DriveBit::moving].value_or(!(std::abs(report.rate_degps) <= dialect_.moving_rate_degps)) || !flags.known;
+  report.drive_on =
+      flags[DriveBit::enabled].value_or(commanded_on_) || (!flags.known && dialect_.status.tells(DriveBit::enabled));
+  memory.drive_on = report.drive_on;
   report.enabled = enable_called_ && flags.known && flags[DriveBit::enabled].value_or(true);
   const bool tells_homed = dialect_.status.tells(DriveBit::homed);
   const bool homed = tells_homed ? flags[DriveBit::homed].value_or(false)
@@ -222,7 +226,7 @@ Status SerialTurntable::connect() {
     line_.close();
     return status;
   }
-  connected_ = true;
+  connected_ = was_connected_ = true;
   return {};
 }
 
@@ -246,6 +250,9 @@ Status SerialTurntable::enable() {
     if (now->emergency_stop || now->fault)
       return axis_error(axis, "enable: fault or emergency stop: expected it cleared");
   }
+  told_off_ = false;
+  commanded_on_ = true;
+  for (AxisMemory& memory : memory_) memory.drive_on.reset();
   if (Status status = carry_out_for_all(DialectOperation::enable); !status) return status;
   enable_called_ = true;
   return {};
@@ -304,7 +311,10 @@ Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rat
 }
 
 Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
-  if (!connected_) return table_error("not connected");
+  if (!was_connected_) return table_error("not connected");
+  const bool all_off =
+      std::all_of(memory_.begin(), memory_.end(), [](const AxisMemory& memory) { return memory.drive_on == false; });
+  if (told_off_ || all_off) operation = DialectOperation::abort;
   stop_.handled();
   if (!line_.is_open()) {
     enable_called_ = false;
@@ -333,7 +343,9 @@ Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
 Status SerialTurntable::stop_all() { return carry_out_at_once(DialectOperation::stop); }
 
 Status SerialTurntable::abort_all() {
+  told_off_ = true;
   const Status status = carry_out_at_once(DialectOperation::abort);
+  if (status) commanded_on_ = false;
   enable_called_ = false;
   return status;
 }

@@ -5,7 +5,8 @@
 //   arrived". Readings are repeated read_retries times; the next failure is a lost link. Commands are never repeated.
 // - A position is believed by axis_memory.h's rule. Rate comes from two positions where the device tells none.
 // - Nothing moves before the dialect is commissioned, enable() was called since connect(), and the axis is homed and at rest.
-// - stop_all() and abort_all() go out at once, whatever the line is doing; axes that did not answer are asked again.
+// - stop_all() and abort_all() go out at once, whatever the line is doing; axes that did not answer are asked again. Once the drives
+//   were told to go off, or all read off, a stop is another abort: it must not switch them on.
 // - What the device cannot tell: enabled is what was commanded; homed is "arrived after a homing"; faults, limits, emergency stop and
 //   local mode are not seen, which docs/tables.md says to the user.
 // One thread.
@@ -41,6 +42,9 @@ class SerialTurntable : public Turntable {
   Status abort_all() override;
   Status clear_fault() override;
   Result<AxisStatus> status(Axis axis) override;
+  void set_meanwhile(std::function<void()> meanwhile) override { stop_.set_meanwhile(std::move(meanwhile)); }
+  bool was_connected() const override { return was_connected_; }
+  bool can_switch_off() const override { return dialect_.can_switch_off; }
 
   // Reads every axis, which the user has put at known angles: sign and scale fit, or what would.
   Status commission(const AxisTriple& known_deg, double tolerance_deg);
@@ -76,7 +80,10 @@ class SerialTurntable : public Turntable {
   bool connected_ = false;
   bool lost_ = false;
   std::string lost_reason_;
+  bool was_connected_ = false;
   bool enable_called_ = false;
+  bool told_off_ = false;      // since enable()
+  bool commanded_on_ = false;  // enable was sent, and no abort was taken since
   std::array<AxisMemory, 3> memory_;
   std::array<Command, 3> commands_;  // the last of each axis
   bool targets_void_ = false;        // after a stop or a homing the axes stand elsewhere

@@ -91,6 +91,7 @@ Status TextLine::drain() {
   while (monotonic_s() - quiet_since_s < link_.quiet_s) {
     if (stop_.pending()) return given_up();
     if (limit.passed()) return failure("the line does not fall silent");
+    stop_.look_away();
     bool any = false;
     if (Status status = receive_some(slice_s, any); !status) return status;
     if (any) quiet_since_s = monotonic_s();
@@ -132,6 +133,7 @@ Result<std::string> TextLine::read_until(const std::string& end, double timeout_
       const std::string so_far = buffer_.empty() ? "" : ", only '" + visible(buffer_) + "'";
       return failure("no answer within " + std::to_string(static_cast<int>(1e3 * timeout_s)) + " ms" + so_far);
     }
+    if (!at_once) stop_.look_away();
     bool any = false;
     if (Status status = receive_some(std::min(slice_s, deadline.left_s()), any); !status) return status.error();
   }

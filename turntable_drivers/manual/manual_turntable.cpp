@@ -382,7 +382,7 @@ Result<AxisStatus> ManualTurntable::status(Axis axis) {
   report.moving =
       std::any_of(queue_.begin(), queue_.end(), [axis](const Wanted& wanted) { return wanted.axis == axis; });
   report.rate_degps = report.moving ? std::numeric_limits<double>::quiet_NaN() : 0.0;
-  report.enabled = enabled_;
+  report.enabled = report.drive_on = enabled_;
   report.homed = hand.homed;
   report.in_position = hand.known && !report.moving;
   report.remote = true;

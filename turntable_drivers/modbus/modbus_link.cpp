@@ -144,6 +144,7 @@ ModbusLink::Reply ModbusLink::drain() {
   while (monotonic_s() - quiet_since_s < settings_.quiet_s) {
     if (stop_.pending()) return {Failure::interrupted, 0, "", {}};
     if (limit.passed()) return {Failure::garbled, 0, "the line does not fall silent", {}};
+    stop_.look_away();
     pollfd which{descriptor_, POLLIN, 0};
     const int n = ::poll(&which, 1, StopSignal::longest_look_away_ms);
     if (n <= 0) continue;
@@ -180,6 +181,7 @@ ModbusLink::Reply ModbusLink::await(std::size_t bytes, double timeout_s, bool at
       stale_ = true;
       return {Failure::interrupted, 0, "", {}};
     }
+    if (!at_once) stop_.look_away();
     if (seen == 0) {
       pollfd which{descriptor_, POLLIN, 0};
       const int n = ::poll(&which, 1, std::min(deadline.left_ms(), StopSignal::longest_look_away_ms));

@@ -1,5 +1,6 @@
 #include "turntable_drivers/modbus/modbus_turntable.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "imu_io/base/format_number.h"
@@ -54,7 +55,7 @@ Status ModbusTurntable::connect() {
     }
   }
   memory_ = {};
-  connected_ = true;
+  connected_ = was_connected_ = true;
   return {};
 }
 
@@ -124,7 +125,9 @@ AxisStatus ModbusTurntable::status_from(Axis axis, const std::vector<std::uint16
                         scale.measured_rate_scale;
   }
 
-  report.enabled = enable_called_ && bit(block, DriveBit::enabled).value_or(false);
+  report.drive_on = bit(block, DriveBit::enabled).value_or(true);
+  memory.drive_on = report.drive_on;
+  report.enabled = enable_called_ && report.drive_on;
   report.moving = bit(block, DriveBit::moving).value_or(!(std::abs(report.rate_degps) <= map_.moving_rate_degps));
   report.in_position = bit(block, DriveBit::in_position).value_or(false);
   if (map_.bit(DriveBit::in_position)->pulse) {
@@ -305,6 +308,8 @@ Status ModbusTurntable::enable() {
     if (!now) return now.error();
     if (now->emergency_stop) return axis_error(axis, "enable: emergency stop is pressed");
     if (now->fault) return axis_error(axis, "enable: drive fault: expected it cleared");
+    told_off_ = false;
+    memory_[index(axis)].drive_on.reset();
     if (Status status = write_list(axis, DriveOperation::enable, {}); !status) return status;
   }
   enable_called_ = true;
@@ -353,12 +358,16 @@ Status ModbusTurntable::move_absolute(Axis axis, double position_deg, double rat
 }
 
 Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
-  if (!connected_) return device_error("table " + map_.name + ": not connected");
+  if (!was_connected_) return device_error("table " + map_.name + ": not connected");
   stop_.handled();
   if (!link_.is_open()) {
     enable_called_ = false;  // whoever comes back finds it not ready
     if (Status status = link_.open(); !status) return status;
   }
+  const auto operation_of = [&](Axis axis) {
+    const bool is_off = told_off_ || memory_[index(axis)].drive_on == false;
+    return is_off ? DriveOperation::abort : operation;
+  };
   const auto send = [&](Axis axis, const WriteStep& step, bool at_once) -> Status {
     const MapAxis& place = map_.of(axis);
     const Result<std::vector<std::uint16_t>> words = words_of(step, axis, {});
@@ -369,22 +378,30 @@ Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
                                   : link_.write(place.unit, function, address, *words);
     if (status) return {};
     return Error{status.error().kind,
-                 axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
+                 axis_error(axis, std::string(to_string(operation_of(axis))) + ": " + status.error().message).message};
   };
   // Step by step, each to every axis: what follows the first step of one axis must not keep it from the next.
   std::array<bool, 3> taken{true, true, true};
-  for (const WriteStep& step : map_.list(operation)) {
-    if (step.operands.empty()) hold(step.wait_s);
+  for (std::size_t i = 0, more = 1; more != 0; ++i) {
+    more = 0;
+    double wait_s = 0.0;
     for (const Axis axis : all_axes) {
-      if (step.operands.empty() || !taken[index(axis)]) continue;
-      taken[index(axis)] = send(axis, step, true).ok();
+      const WriteList& list = map_.list(operation_of(axis));
+      if (i >= list.size()) continue;
+      more += i + 1 < list.size() ? 1 : 0;
+      if (list[i].operands.empty()) {
+        wait_s = std::max(wait_s, list[i].wait_s);
+      } else if (taken[index(axis)]) {
+        taken[index(axis)] = send(axis, list[i], true).ok();
+      }
     }
+    hold(wait_s);
   }
   Status first_failure;
   for (const Axis axis : all_axes) {
     if (taken[index(axis)]) continue;
     Status status;
-    for (const WriteStep& step : map_.list(operation)) {
+    for (const WriteStep& step : map_.list(operation_of(axis))) {
       if (!status) break;
       status = step.operands.empty() ? Status() : send(axis, step, false);
       if (step.operands.empty()) hold(step.wait_s);
@@ -397,6 +414,7 @@ Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
 Status ModbusTurntable::stop_all() { return write_to_all_at_once(DriveOperation::stop); }
 
 Status ModbusTurntable::abort_all() {
+  told_off_ = true;
   const Status status = write_to_all_at_once(DriveOperation::abort);
   enable_called_ = false;
   return status;

@@ -7,7 +7,8 @@
 //   the user then writes `commissioned = true`), before enable() was called since connect(), and while the drive's own state
 //   says anything but enabled, homed, at rest, without fault, in remote.
 // - stop_all() and abort_all() go to every axis at once, each waiting at most stop_ack_s for the answer; those that did not answer
-//   are asked again, after the line was read empty. They also go out on a link that counts as lost.
+//   are asked again, after the line was read empty. They also go out on a link that counts as lost, or was closed after trouble.
+// - A drive that was told to go off, or last read off, gets write.abort in place of write.stop: a stop must not switch it on.
 // - The heartbeat, if the map has one, is written to every drive with any status reading, when it is due.
 // - homed is believed only after the homing was seen to begin, or three readings after the command.
 //
@@ -41,6 +42,9 @@ class ModbusTurntable : public Turntable {
   Status abort_all() override;
   Status clear_fault() override;
   Result<AxisStatus> status(Axis axis) override;
+  void set_meanwhile(std::function<void()> meanwhile) override { stop_.set_meanwhile(std::move(meanwhile)); }
+  bool was_connected() const override { return was_connected_; }
+  bool can_switch_off() const override { return map_.can_switch_off; }
 
   // Reads every axis, which the user has put at known angles, and says which word order and sign fit. Success: those of the map
   // do, and no other would.
@@ -68,7 +72,9 @@ class ModbusTurntable : public Turntable {
   StopSignal stop_;
   ModbusLink link_;
   bool connected_ = false;
+  bool was_connected_ = false;
   bool enable_called_ = false;
+  bool told_off_ = false;  // since enable()
   std::array<AxisMemory, 3> memory_;
 };
 

@@ -9,8 +9,9 @@
 namespace turncal {
 namespace {
 
-constexpr int longest_block = 120;        // registers of one request; the protocol ends at 125
-constexpr double longest_pause_s = 0.05;  // a stop must not wait for longer
+constexpr int longest_block = 120;             // registers of one request; the protocol ends at 125
+constexpr double longest_pause_s = 1.0;        // a stop cuts it short
+constexpr double longest_stop_pause_s = 0.05;  // of a stop itself
 
 // Decimal, or hexadecimal with 0x.
 std::optional<long> whole_number(std::string_view text) {
@@ -224,6 +225,11 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
     const auto operation = static_cast<DriveOperation>(i);
     const std::string key = "write." + std::string(to_string(operation));
     map.writes[static_cast<std::size_t>(i)] = write_list(file, key, map.layout);
+    const bool is_stop = operation == DriveOperation::stop || operation == DriveOperation::abort;
+    for (const WriteStep& step : map.list(operation)) {
+      if (!is_stop || step.wait_s <= longest_stop_pause_s) continue;
+      file.reject(key, "waits of at most " + format_number(longest_stop_pause_s) + " s: it must be out within 0.1 s");
+    }
     const bool optional = operation == DriveOperation::setup || operation == DriveOperation::clear_fault ||
                           operation == DriveOperation::enable ||
                           (operation == DriveOperation::home && map.home_by_encoder);
@@ -252,6 +258,12 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
     if (axis.modulo_deg > 0.0 && asks_for(Kind::position)) {
       file.reject("write.move", "distance: with modulo_deg a position does not say how many turns to go");
     }
+  }
+  map.can_switch_off = file.boolean_or("switch_off", true);
+  if (map.can_switch_off && !map.list(DriveOperation::stop).empty() &&
+      map.list(DriveOperation::stop) == map.list(DriveOperation::abort)) {
+    file.reject("write.abort",
+                "writes that switch the drive off, unlike write.stop; or switch_off = false where none does");
   }
   if (file.has("heartbeat.address")) {
     map.heartbeat_address = static_cast<int>(hex_or_decimal(file, "heartbeat.address", 0, 65535));
@@ -312,6 +324,10 @@ Result<RegisterMap> parse_register_map(const std::string& text, const std::strin
   Result<KeyValueFile> file = KeyValueFile::parse(text, file_name);
   if (!file) return file.error();
   return map_from(*file);
+}
+
+std::string caution_of(const RegisterMap& map) {
+  return map.can_switch_off ? "" : "switch_off = false: its drives stay on after every run, with nobody to watch them";
 }
 
 double counts_of(const MapAxis& axis, double angle_deg) {

@@ -58,6 +58,7 @@ struct WriteOperand {
   Kind kind = Kind::constant;
   WordType type = WordType::u16;
   double constant = 0.0;
+  bool operator==(const WriteOperand&) const = default;
 };
 
 // One request (operands at consecutive addresses), or a pause.
@@ -66,6 +67,7 @@ struct WriteStep {
   std::vector<WriteOperand> operands;
   double wait_s = 0.0;  // a pause when there are no operands
   int length() const;   // registers
+  bool operator==(const WriteStep&) const = default;
 };
 using WriteList = std::vector<WriteStep>;
 
@@ -97,6 +99,7 @@ struct RegisterMap {
   std::array<MapAxis, 3> axis;  // indexed by Axis
   bool acceleration_is_ramp_time = false;
   bool home_by_encoder = false;  // absolute encoder: homing moves nothing
+  bool can_switch_off = true;    // by write.abort
 
   int status_function = 3;  // 3 or 4
   int status_address = 0;
@@ -131,6 +134,9 @@ struct RegisterMap {
 
 Result<RegisterMap> read_register_map(const std::string& path);
 Result<RegisterMap> parse_register_map(const std::string& text, const std::string& file_name);
+
+// What a user should know before a run although the map is good; empty: nothing.
+std::string caution_of(const RegisterMap& map);
 
 // Angle to register value and back; `modulo_deg` is not applied.
 double counts_of(const MapAxis& axis, double angle_deg);

@@ -1,36 +1,55 @@
-// The text form of RigConfig. docs/rig.md is the list of keys; a test holds the two against each other.
+// Every key of RigConfig once, with its range: read from a file, or checked in a configuration that was made otherwise.
+// docs/rig.md is the list of keys; a test holds the two against each other.
+#include <algorithm>
 #include <cmath>
 
+#include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "turntable_drivers/rig/rig_config.h"
 
 namespace turncal {
 namespace {
 
+const std::initializer_list<std::string_view> table_axes = {"heading", "pitch", "roll"};  // as Axis
+
 class Reader {
  public:
-  explicit Reader(KeyValueFile& file) : file_(file) {}
+  explicit Reader(KeyValueFile& file) : file_(&file) {}
+  Reader() = default;  // without a file: looks at what there is
 
   void read(RigConfig& config);
+  const Status& status() const { return status_; }  // without a file: the first value out of its range
 
  private:
   void number(const std::string& key, double& value, NumberRange range = any_number) {
-    value = file_.number_or(key, value, range);
+    if (file_)
+      value = file_->number_or(key, value, range);
+    else if (status_ && !(range.contains(value) && std::isfinite(value)))
+      status_ = input_error("rig: " + key + " = " + format_number(value) + ": expected " + describe(range));
   }
   void number(const std::string& key, std::optional<double>& value, NumberRange range = any_number) {
-    if (const std::optional<double> given = file_.number_if(key, range)) value = given;
+    if (!file_) return;
+    if (const std::optional<double> given = file_->number_if(key, range)) value = given;
   }
   void whole(const std::string& key, int& value, int min, int max) {
-    value = static_cast<int>(file_.integer_or(key, value, min, max));
+    if (file_)
+      value = static_cast<int>(file_->integer_or(key, value, min, max));
+    else if (status_ && (value < min || value > max))
+      status_ = input_error("rig: " + key + " = " + std::to_string(value) + ": expected a whole number between " +
+                            std::to_string(min) + " and " + std::to_string(max));
   }
-  void sensor_axis(const std::string& key, int& axis) {
-    const std::string name = file_.one_of_or(key, axis == 0 ? "x" : axis == 1 ? "y" : "z", {"x", "y", "z"});
-    axis = name == "x" ? 0 : name == "y" ? 1 : 2;
+  void chosen(const std::string& key, int& value, std::initializer_list<std::string_view> names) {
+    if (!file_) return whole(key, value, 0, static_cast<int>(names.size()) - 1);
+    const std::string name = file_->one_of_or(key, names.begin()[value], names);
+    value = static_cast<int>(std::find(names.begin(), names.end(), name) - names.begin());
   }
-  void table_axis(const std::string& key, int& axis) {
-    const std::string name = file_.one_of_or(key, to_string(static_cast<Axis>(axis)), {"heading", "pitch", "roll"});
-    axis = name == "heading" ? 0 : name == "pitch" ? 1 : 2;
+  template <class Enum>
+  void chosen(const std::string& key, Enum& value, std::initializer_list<std::string_view> names) {
+    int place = static_cast<int>(value);
+    chosen(key, place, names);
+    value = static_cast<Enum>(place);
   }
+  void sensor_axis(const std::string& key, int& axis) { chosen(key, axis, {"x", "y", "z"}); }
   void general(RigConfig& config);
   void table_errors(RigTableErrors& errors);
   void table(RigTableBehaviour& table);
@@ -39,24 +58,24 @@ class Reader {
   void faults(std::vector<RigFault>& faults);
   void fault(const std::string& prefix, RigFault& fault);
 
-  KeyValueFile& file_;
+  KeyValueFile* file_ = nullptr;
+  Status status_;
 };
 
 void Reader::general(RigConfig& config) {
-  config.seed = static_cast<std::uint64_t>(file_.integer_or("seed", static_cast<std::int64_t>(config.seed), 0));
-  if (file_.has("noise.seed")) config.noise_seed = static_cast<std::uint64_t>(file_.integer("noise.seed", 0));
-  config.unit_serial = file_.text_or("unit_serial", config.unit_serial);
+  if (file_) {
+    config.seed = static_cast<std::uint64_t>(file_->integer_or("seed", static_cast<std::int64_t>(config.seed), 0));
+    if (file_->has("noise.seed")) config.noise_seed = static_cast<std::uint64_t>(file_->integer("noise.seed", 0));
+    config.unit_serial = file_->text_or("unit_serial", config.unit_serial);
+    config.first_counter = file_->integer_or("first_counter", config.first_counter);
+    config.random_truth = file_->boolean_or("random_truth", config.random_truth);
+  }
   number("start_utc_s", config.start_utc_s, not_negative);
   number("sample_period_s", config.sample_period_s, between(1e-5, 1.0));
-  config.first_counter = file_.integer_or("first_counter", config.first_counter);
   whole("quadrature_substeps", config.quadrature_substeps, 1, 1000);
   number("gyro_pulse_arcsec", config.gyro_pulse_arcsec, positive);
   number("accel_pulse_mps", config.accel_pulse_mps, positive);
-  const std::string quantisation = file_.one_of_or("quantisation", "floor", {"floor", "round", "off"});
-  config.quantisation = quantisation == "floor"   ? RigQuantisation::floor
-                        : quantisation == "round" ? RigQuantisation::round
-                                                  : RigQuantisation::off;
-  config.random_truth = file_.boolean_or("random_truth", config.random_truth);
+  chosen("quantisation", config.quantisation, {"floor", "round", "off"});
   for (std::size_t i = 0; i < config.truth.size(); ++i) {
     number(std::string("truth.") + rig_truth_keys[i], config.truth[i]);
   }
@@ -124,14 +143,7 @@ void Reader::table(RigTableBehaviour& table) {
   number("table.encoder_resolution_deg", table.encoder_resolution_deg, not_negative);
   number("table.in_position_tolerance_deg", table.in_position_tolerance_deg, not_negative);
   number("table.in_position_time_s", table.in_position_time_s, not_negative);
-  const std::string flag =
-      file_.one_of_or("table.in_position", "honest", {"honest", "servo_on", "after_stop", "stale", "late", "flicker"});
-  table.in_position = flag == "servo_on"     ? InPositionFlag::servo_on
-                      : flag == "after_stop" ? InPositionFlag::after_stop
-                      : flag == "stale"      ? InPositionFlag::stale
-                      : flag == "late"       ? InPositionFlag::late
-                      : flag == "flicker"    ? InPositionFlag::flicker
-                                             : InPositionFlag::honest;
+  chosen("table.in_position", table.in_position, {"honest", "servo_on", "after_stop", "stale", "late", "flicker"});
 }
 
 void Reader::effects(RigEffects& effects) {
@@ -149,9 +161,7 @@ void Reader::outside(RigOutsideEffects& outside) {
   number("outside.accel_bias_step.size_ug", outside.accel_bias_step.size);
   auto& angle = outside.gyro_angle_periodic;
   sensor_axis("outside.gyro_angle_periodic.axis", angle.axis);
-  int table_axis_number = static_cast<int>(angle.table_axis);
-  table_axis("outside.gyro_angle_periodic.table_axis", table_axis_number);
-  angle.table_axis = static_cast<Axis>(table_axis_number);
+  chosen("outside.gyro_angle_periodic.table_axis", angle.table_axis, table_axes);
   whole("outside.gyro_angle_periodic.order", angle.order, 0, 1000);
   number("outside.gyro_angle_periodic.size_degph", angle.size_degph);
   number("outside.gyro_angle_periodic.phase_deg", angle.phase_deg);
@@ -166,17 +176,17 @@ void Reader::outside(RigOutsideEffects& outside) {
 
 // Only the keys that mean something for the kind are asked for, so that the others are unknown keys.
 void Reader::fault(const std::string& prefix, RigFault& fault) {
-  const std::string name = file_.text(prefix + "kind");
+  const std::string name = file_->text(prefix + "kind");
   if (!parse_rig_fault_kind(name, fault.kind)) {
-    file_.reject(prefix + "kind", "a kind of fault of docs/rig.md, such as lost_sample");
+    file_->reject(prefix + "kind", "a kind of fault of docs/rig.md, such as lost_sample");
     return;
   }
-  const auto sample = [&] { fault.sample = file_.integer(prefix + "sample", 0); };
-  const auto count = [&] { fault.count = file_.integer_or(prefix + "count", 1, 1); };
-  const auto time = [&] { fault.time_s = file_.number(prefix + "time_s", not_negative); };
+  const auto sample = [&] { fault.sample = file_->integer(prefix + "sample", 0); };
+  const auto count = [&] { fault.count = file_->integer_or(prefix + "count", 1, 1); };
+  const auto time = [&] { fault.time_s = file_->number(prefix + "time_s", not_negative); };
   const auto duration = [&] { number(prefix + "duration_s", fault.duration_s, not_negative); };
-  const auto hidden = [&] { fault.hidden = file_.boolean_or(prefix + "hidden", false); };
-  if (concerns_unit(fault.kind)) fault.unit = static_cast<int>(file_.integer_or(prefix + "unit", 1, 1, 16));
+  const auto hidden = [&] { fault.hidden = file_->boolean_or(prefix + "hidden", false); };
+  if (concerns_unit(fault.kind)) fault.unit = static_cast<int>(file_->integer_or(prefix + "unit", 1, 1, 16));
   switch (fault.kind) {
     case RigFaultKind::lost_sample:
       sample();
@@ -190,12 +200,12 @@ void Reader::fault(const std::string& prefix, RigFault& fault) {
     case RigFaultKind::gyro_glitch:
       sample();
       sensor_axis(prefix + "axis", fault.axis);
-      fault.size = file_.number(prefix + "size_mrad");
+      fault.size = file_->number(prefix + "size_mrad");
       break;
     case RigFaultKind::velocity_knock:
       sample();
       sensor_axis(prefix + "axis", fault.axis);
-      fault.size = file_.number(prefix + "size_mps");
+      fault.size = file_->number(prefix + "size_mps");
       break;
     case RigFaultKind::invalid_sample:
       sample();
@@ -203,25 +213,25 @@ void Reader::fault(const std::string& prefix, RigFault& fault) {
       break;
     case RigFaultKind::imu_silent:
       time();
-      fault.duration_s = file_.number(prefix + "duration_s", positive);
+      fault.duration_s = file_->number(prefix + "duration_s", positive);
       break;
     case RigFaultKind::imu_unplugged: time(); break;
     case RigFaultKind::table_moved:
       time();
-      table_axis(prefix + "axis", fault.axis);
-      fault.size = file_.number(prefix + "size_deg");
+      chosen(prefix + "axis", fault.axis, table_axes);
+      fault.size = file_->number(prefix + "size_deg");
       number(prefix + "rate_degps", fault.rate_degps, positive);
       hidden();
       break;
     case RigFaultKind::never_in_position:
       time();
-      table_axis(prefix + "axis", fault.axis);
+      chosen(prefix + "axis", fault.axis, table_axes);
       duration();
       break;
     case RigFaultKind::stuck_axis:
     case RigFaultKind::axis_fault:
       time();
-      table_axis(prefix + "axis", fault.axis);
+      chosen(prefix + "axis", fault.axis, table_axes);
       break;
     case RigFaultKind::emergency_stop:
     case RigFaultKind::link_lost:
@@ -232,7 +242,7 @@ void Reader::fault(const std::string& prefix, RigFault& fault) {
 }
 
 void Reader::faults(std::vector<RigFault>& faults) {
-  for (int number = 1; !file_.keys_with_prefix("fault." + std::to_string(number) + ".").empty(); ++number) {
+  for (int number = 1; !file_->keys_with_prefix("fault." + std::to_string(number) + ".").empty(); ++number) {
     RigFault next;
     fault("fault." + std::to_string(number) + ".", next);
     faults.push_back(next);
@@ -245,7 +255,52 @@ void Reader::read(RigConfig& config) {
   table(config.table);
   effects(config.effects);
   outside(config.outside);
-  faults(config.faults);
+  if (file_) faults(config.faults);
+}
+
+Status bad(const std::string& key, double value, const std::string& expected) {
+  return input_error("rig: " + key + " = " + format_number(value) + ": expected " + expected);
+}
+
+Status positive_value(const std::string& key, double value) {
+  return value > 0.0 && std::isfinite(value) ? Status() : bad(key, value, "a number > 0");
+}
+
+Status not_negative_value(const std::string& key, double value) {
+  return value >= 0.0 && std::isfinite(value) ? Status() : bad(key, value, "a number >= 0");
+}
+
+double determinant(const std::array<double, 9>& m) {
+  return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
+}
+
+Status check_truth(const RigConfig& config) {
+  for (std::size_t first : {std::size_t{6}, std::size_t{15}}) {
+    const double nominal = first == 6 ? config.gyro_pulse_arcsec : 1.0;
+    std::array<double, 9> m;
+    for (std::size_t i = 0; i < 9; ++i) {
+      m[i] = config.truth[first + i].value_or(i % 4 == 0 ? nominal : 0.0) / nominal;
+    }
+    if (!(std::abs(determinant(m)) > 0.1)) {
+      return input_error(std::string("rig: truth.") + (first == 6 ? "n" : "a") +
+                         ": the matrix is singular or nearly so: expected a diagonal near its nominal value");
+    }
+  }
+  return {};
+}
+
+Status check_fault(const RigFault& fault, std::size_t number) {
+  const std::string prefix = "fault." + std::to_string(number) + ".";
+  if (fault.axis < 0 || fault.axis > 2) return bad(prefix + "axis", fault.axis, "0, 1 or 2");
+  if (fault.sample < 0) return bad(prefix + "sample", static_cast<double>(fault.sample), "a whole number >= 0");
+  if (fault.count < 1) return bad(prefix + "count", static_cast<double>(fault.count), "a whole number >= 1");
+  if (Status status = not_negative_value(prefix + "time_s", fault.time_s); !status) return status;
+  if (Status status = not_negative_value(prefix + "duration_s", fault.duration_s); !status) return status;
+  if (fault.kind == RigFaultKind::imu_silent && !(fault.duration_s > 0.0)) {
+    return bad(prefix + "duration_s", fault.duration_s, "a number > 0 for imu_silent");
+  }
+  if (!std::isfinite(fault.size)) return bad(prefix + "size", fault.size, "a finite number");
+  return positive_value(prefix + "rate_degps", fault.rate_degps);
 }
 
 Result<RigConfig> config_from(KeyValueFile& file) {
@@ -257,6 +312,24 @@ Result<RigConfig> config_from(KeyValueFile& file) {
 }
 
 }  // namespace
+
+Status check(const RigConfig& config) {
+  RigConfig copy = config;
+  Reader reader;
+  reader.read(copy);
+  if (!reader.status()) return reader.status();
+  for (Axis axis : all_axes) {
+    const std::size_t i = static_cast<std::size_t>(axis);
+    if (!(config.table.limit_min_deg[i] < config.table.limit_max_deg[i])) {
+      return bad(std::string("table.") + to_string(axis) + ".limit_min_deg", config.table.limit_min_deg[i],
+                 "a number below limit_max_deg = " + format_number(config.table.limit_max_deg[i]));
+    }
+  }
+  for (std::size_t i = 0; i < config.faults.size(); ++i) {
+    if (Status status = check_fault(config.faults[i], i + 1); !status) return status;
+  }
+  return check_truth(config);
+}
 
 Result<RigConfig> read_rig_config(const std::string& path) {
   Result<KeyValueFile> file = KeyValueFile::read(path);

@@ -26,6 +26,7 @@ struct AxisMemory {
   bool homing_seen = false;
   bool arrived_seen = false;  // of a flag that shows for a moment only
   double heartbeat_s = -1e9;
+  std::optional<bool> drive_on;  // as last read; empty: not read since it was connected or switched on
 
   bool believable(double angle_deg, double now_s, double plausible_deg, double plausible_rate_degps) const {
     if (!(std::abs(angle_deg) <= plausible_deg)) return false;

@@ -38,6 +38,9 @@ class LimitedTurntable : public Turntable {
   Status clear_fault() override { return table_.clear_fault(); }
   Result<AxisStatus> status(Axis axis) override;
   bool needs_operator() const override { return table_.needs_operator(); }
+  void set_meanwhile(std::function<void()> meanwhile) override { table_.set_meanwhile(std::move(meanwhile)); }
+  bool was_connected() const override { return table_.was_connected(); }
+  bool can_switch_off() const override { return table_.can_switch_off(); }
 
  private:
   struct Travel {

@@ -21,6 +21,7 @@ int connected(int descriptor, const addrinfo& to, const Deadline& deadline, cons
   pollfd which{descriptor, POLLOUT, 0};
   while (::poll(&which, 1, std::min(deadline.left_ms(), StopSignal::longest_look_away_ms)) <= 0) {
     if (stop.pending()) return ECANCELED;
+    stop.look_away();
     if (deadline.passed()) return ETIMEDOUT;
   }
   int result = 0;

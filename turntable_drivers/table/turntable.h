@@ -9,9 +9,14 @@
 //   any axis did not take it; that it took effect is verified by the caller through status().
 // - What is unknown is "not arrived" and "not enabled". A number that cannot be parsed is an error, never 0.
 // - After a lost link nothing is answered until connect(), and then the axes are off; motion never resumes by itself.
+// - Once connect() has succeeded, stop_all() and abort_all() go out whatever can be read, on a link that is opened anew where need be.
+// - After abort_all() nothing switches a drive on but enable(): a stop is then another abort, since the word for a braking stop may
+//   hold a drive's enable bit.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <functional>
 #include <string>
 
 #include "calib/types/axis.h"
@@ -27,7 +32,8 @@ struct TableIdentity {
 struct AxisStatus {
   double position_deg = 0.0;
   double rate_degps = 0.0;
-  bool enabled = false;
+  bool enabled = false;   // by this program, and the drive says so: it may be moved
+  bool drive_on = false;  // the drive's own word, whoever switched it on; what was commanded where it does not tell
   bool homed = false;
   bool moving = true;
   bool in_position = false;
@@ -39,6 +45,8 @@ struct AxisStatus {
   double time_s = 0.0;    // on the station's clock, when it was read
   std::string text;       // alarm text if the device gives one
 };
+
+using TableStatus = std::array<AxisStatus, 3>;  // indexed by Axis
 
 class Turntable {
  public:
@@ -54,6 +62,13 @@ class Turntable {
   virtual Result<AxisStatus> status(Axis axis) = 0;
   // True when moves wait for a person (a manual table): prompts are shown, and time limits are longer.
   virtual bool needs_operator() const { return false; }
+  // What else has to be looked at while an answer is awaited: called every 10 ms or more often, from within the calls above. It must
+  // not wait, nor use the table. Empty: nothing.
+  virtual void set_meanwhile(std::function<void()> meanwhile) { static_cast<void>(meanwhile); }
+  // False until connect() has succeeded once: until then the drives were told nothing but their setup.
+  virtual bool was_connected() const { return true; }
+  // False: abort_all() leaves the drives on, since the device has no word for it.
+  virtual bool can_switch_off() const { return true; }
 };
 
 }  // namespace turncal

@@ -1,0 +1,350 @@
+#include "calib/joint/linear_motion.h"
+
+#include <cmath>
+
+#include "calib/model/attitude.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+// Further from the navigated attitude nothing is linearised.
+constexpr double max_linear_rad = 0.02;
+// A rest is levelled again when it has tilted by this much: a gyro bias far from its value, a second of an hour's dwell.
+constexpr double max_tilt_rad = 0.01;
+
+// Takes a turn (rad) and a push (m/s) that the sensors read but the unit did not make off the motion over a block.
+void take_off(const Vector3d& turn, const Vector3d& push, BlockMotion& m) {
+  m.velocity -= push + 0.5 * (turn.cross(m.velocity) + m.rotation.cross(push));
+  m.mean_velocity -= 0.5 * push + turn.cross(m.mean_velocity) / 3.0;
+  m.rotation -= turn;
+}
+
+}  // namespace
+
+WalkNoise walk_noise(const NoiseModel& noise) {
+  return {noise.angle_random_walk.cwiseAbs2(), noise.velocity_random_walk.cwiseAbs2()};
+}
+
+LinearMotion::LinearMotion(const CompressedRecording& recording, const Parameters& parameters,
+                           const EffectModel& effects, const FilterSetup& setup, const Options& options)
+    : recording_(recording),
+      effects_(effects),
+      setup_(setup),
+      options_(options),
+      model_(sensor_model(parameters, recording.info)),
+      unit_(si_per_unit(recording.info)),
+      earth_(earth_rate_n(recording.info.latitude_deg)),
+      gravity_(recording.info.gravity_mps2),
+      F_(skew(Vector3d(0.0, recording.info.gravity_mps2, 0.0))),
+      p_(options.columns ? parameter_count + effects.columns : 0),
+      cut_(setup.breaks.begin()) {
+  for (Columns* columns : {&dr_, &dv_, &dm_}) columns->setZero(p_, 3);
+  turned_.setZero(effects.columns, 3);
+  pushed_.setZero(effects.columns, 3);
+  regressors_.gyro.setZero(3, effects.columns);
+  regressors_.accel.setZero(3, effects.columns);
+}
+
+bool LinearMotion::still(std::size_t index) const { return recording_.blocks[index].whole_second; }
+
+bool LinearMotion::observed(std::size_t index) const {
+  return still(index) && (setup_.unobserved.empty() || !setup_.unobserved[index]);
+}
+
+bool LinearMotion::next(LinearInterval& interval) {
+  // Before the first rest nothing is known of the attitude, so nothing is navigated.
+  for (; chain_ == 0 && index_ < recording_.blocks.size() && !still(index_); ++index_) {
+    if (setup_.keep_taken_off) taken_off.emplace_back();
+    for (; cut_at(index_); ++cut_) {
+    }
+  }
+  if (index_ >= recording_.blocks.size()) return false;
+  begin(index_, interval);
+  take_breaks(index_, interval);
+  if (still(index_))
+    rest(interval);
+  else
+    turn(interval);
+  return true;
+}
+
+void LinearMotion::begin(std::size_t index, LinearInterval& interval) const {
+  interval.block = index;
+  interval.blocks = 0;
+  interval.t = 0.0;
+  interval.begins_chain = false;
+  interval.cut_psi = interval.cut_v = 0.0;
+  interval.jump_psi.setZero();
+  interval.jump_v.setZero();
+  interval.turn.setIdentity();
+  for (Matrix3d* zero : {&interval.v_psi, &interval.psi_bg, &interval.v_bg, &interval.v_ba}) zero->setZero();
+  interval.B_psi.setZero(p_, 3);
+  interval.B_v.setZero(p_, 3);
+  interval.still = interval.observed = false;
+}
+
+void LinearMotion::take_breaks(std::size_t index, LinearInterval& interval) {
+  for (; cut_at(index); ++cut_) {
+    if (cut_->nothing_is_known()) chain_due_ = true;
+    interval.cut_psi += cut_->attitude_sigma_rad * cut_->attitude_sigma_rad;
+    interval.cut_v += cut_->velocity_sigma_mps * cut_->velocity_sigma_mps;
+  }
+}
+
+// What the neighbours did is taken for what happened in a gap; the Break beside it says how far that may be wrong.
+void LinearMotion::fill_gap(std::size_t index, Motion& m) const {
+  const Block& block = recording_.blocks[index];
+  if (block.missing == 0) return;
+  const double lost = block.missing * recording_.info.sample_period_s;
+  Vector3d rate = Vector3d::Zero();
+  Vector3d force = Vector3d::Zero();
+  int sides = 0;
+  for (const std::size_t k : {index - 1, index + 1}) {
+    if (k >= recording_.blocks.size() || recording_.blocks[k].missing > 0) continue;
+    const Block& side = recording_.blocks[k];
+    rate += model_.gyro_scale * side.gyro / side.duration_s;
+    force += model_.accel_scale * side.accel / side.duration_s;
+    ++sides;
+  }
+  if (sides == 0) return;
+  m.turn -= rate / sides * lost;
+  m.push -= force / sides * lost;
+  take_off(-rate / sides * lost, -force / sides * lost, m.motion);
+}
+
+void LinearMotion::effects_on(std::size_t index, Motion& m) {
+  const Block& block = recording_.blocks[index];
+  const double t = block.duration_s;
+  const auto rate = [&](std::size_t k) -> Vector3d {
+    const Block& b = recording_.blocks[k];
+    return model_.gyro_scale * b.gyro / b.duration_s - model_.gyro_bias_radps;
+  };
+  BlockState s;
+  s.w_b = m.motion.rotation / t;
+  s.f_b = model_.accel_scale * block.accel / t - model_.accel_bias_mps2;
+  const std::size_t before = index > 0 ? index - 1 : index;
+  const std::size_t after = index + 1 < recording_.blocks.size() ? index + 1 : index;
+  const double span = 0.5 * recording_.blocks[before].duration_s + 0.5 * recording_.blocks[after].duration_s +
+                      (before != index && after != index ? t : 0.0);
+  s.w_dot_b =
+      after == before || block.whole_second ? Vector3d::Zero().eval() : ((rate(after) - rate(before)) / span).eval();
+  s.C_nb = C_nb_ * rotation_exp(0.5 * m.motion.rotation);
+  s.duration_s = t;
+  s.time_s = static_cast<double>(block.start_sample - recording_.blocks.front().start_sample) *
+                 recording_.info.sample_period_s +
+             0.5 * t;
+  const bool rotating = recording_.segments[block.segment].kind == SegmentKind::rotate;
+  if (rotating) last_rotation_end_s_ = s.time_s + 0.5 * t;
+  s.since_rotation_s = rotating ? 1e9 : s.time_s - last_rotation_end_s_;
+  s.temperature_c = std::isnan(block.temperature_c) ? 0.0 : block.temperature_c - effects_.reference_temperature_c;
+  const Segment& segment = recording_.segments[block.segment];
+  const Segment& from = recording_.segments[rotating && block.segment > 0 ? block.segment - 1 : block.segment];
+  s.table_rad = 0.5 * rad_per_deg *
+                Vector3d(segment.heading_deg + from.heading_deg, segment.pitch_deg + from.pitch_deg,
+                         segment.roll_deg + from.roll_deg);
+  for (int axis = 0; axis < 3; ++axis)
+    if (std::abs(s.f_b[axis]) > 0.5 * standard_gravity_mps2) last_up_[axis] = s.f_b[axis] > 0.0 ? 1.0 : -1.0;
+  s.last_up = last_up_;
+  effects_.regressors(s, regressors_);
+  const Vector3d turn = regressors_.gyro * effects_.values * t;
+  const Vector3d push = regressors_.accel * effects_.values * t;
+  if (setup_.keep_taken_off) taken_off.push_back({turn, push});
+  take_off(turn, push, m.motion);
+  m.turn += turn;
+  m.push += push;
+  if (p_ > 0) {
+    turned_ += regressors_.gyro.transpose() * t;
+    pushed_ += regressors_.accel.transpose() * t;
+  }
+}
+
+LinearMotion::Motion LinearMotion::block_motion(std::size_t index) {
+  Motion m;
+  m.motion = evaluate(recording_.blocks[index], model_, recording_.info.sample_period_s);
+  fill_gap(index, m);
+  if (effects_.columns > 0)
+    effects_on(index, m);
+  else if (setup_.keep_taken_off)
+    taken_off.emplace_back();
+  return m;
+}
+
+void LinearMotion::columns_of(const Block& block, const BlockMotion& motion) {
+  parameter_columns(block, motion, model_, unit_, base_);
+  dr_.topRows<parameter_count>() = base_.rotation.transpose();
+  dv_.topRows<parameter_count>() = base_.velocity.transpose();
+  dm_.topRows<parameter_count>() = base_.mean_velocity.transpose();
+  const int n = effects_.columns;
+  if (n == 0) return;
+  // a x b for rows a: a * skew(b);   b x a: -a * skew(b)
+  const Matrix3d v_skew = skew(motion.velocity);
+  const Matrix3d r_skew = skew(motion.rotation);
+  dr_.bottomRows(n) = -turned_;
+  dv_.bottomRows(n) = -pushed_;
+  dv_.bottomRows(n).noalias() -= 0.5 * turned_ * v_skew;
+  dv_.bottomRows(n).noalias() += 0.5 * pushed_ * r_skew;
+  dm_.bottomRows(n) = -0.5 * pushed_;
+  dm_.bottomRows(n).noalias() -= turned_ * v_skew / 6.0;
+  turned_.setZero();
+  pushed_.setZero();
+}
+
+// What the parameters do to (psi, v) over a block.
+void LinearMotion::move_columns(const BlockMotion& motion, const Matrix3d& turn_n, double t, LinearInterval& interval) {
+  const Matrix3d rotate = linear_C_nb_ * left_jacobian(motion.rotation);
+  interval.B_v.noalias() -= interval.B_psi * (t * F_).transpose();
+  interval.B_v.noalias() += dv_ * linear_C_nb_.transpose();
+  dm_.noalias() = interval.B_psi * turn_n.transpose();
+  interval.B_psi = dm_;
+  interval.B_psi.noalias() += dr_ * rotate.transpose();
+}
+
+// The first second of a rest: the navigated motion is levelled on it and stands still.
+void LinearMotion::begin_rest(const Block& block, const BlockMotion& motion, LinearInterval& interval) {
+  const Vector3d f_b = motion.velocity / motion.velocity.norm() * gravity_;
+  if (chain_due_) {
+    const double heading = static_cast<std::size_t>(chain_) < setup_.headings_rad.size()
+                               ? setup_.headings_rad[static_cast<std::size_t>(chain_)]
+                               : (setup_.headings_rad.empty() ? 0.0 : setup_.headings_rad.front());
+    const Segment& at = recording_.segments[block.segment];
+    C_nb_ = level(attitude_from_angles(at.heading_deg * rad_per_deg + heading, at.pitch_deg * rad_per_deg,
+                                       at.roll_deg * rad_per_deg) *
+                      setup_.mounting,
+                  f_b);
+    linear_C_nb_ = C_nb_;
+    v_.setZero();
+    interval.begins_chain = true;
+    chain_due_ = false;
+    ++chain_;
+  } else {
+    const Vector3d up = C_nb_ * f_b / gravity_;
+    const bool tilted = Vector3d(up.x(), 0.0, up.z()).norm() > max_tilt_rad;
+    if (was_still_ && !tilted) return;
+    const Matrix3d levelled = level(C_nb_, f_b);
+    const Matrix3d by = C_nb_ * levelled.transpose();  // Exp(psi taken away)
+    interval.jump_psi = 0.5 * Vector3d(by(2, 1) - by(1, 2), by(0, 2) - by(2, 0), by(1, 0) - by(0, 1));
+    interval.jump_v = v_;
+    C_nb_ = levelled;
+    v_.setZero();
+  }
+  if ((linear_C_nb_ - C_nb_).squaredNorm() > 2.0 * max_linear_rad * max_linear_rad) linear_C_nb_ = C_nb_;
+}
+
+void LinearMotion::rest(LinearInterval& interval) {
+  Motion m = block_motion(index_);
+  Block block = recording_.blocks[index_];
+  begin_rest(block, m.motion, interval);
+  interval.still = true;
+  interval.observed = observed(index_);
+  interval.v_start = v_;
+  ++index_;
+  ++interval.blocks;
+  was_still_ = true;
+  for (; block.duration_s < options_.seconds_together - 0.5 && index_ < recording_.blocks.size() && !cut_at(index_) &&
+         observed(index_) == interval.observed && still(index_) && recording_.blocks[index_].segment == block.segment;
+       ++index_, ++interval.blocks) {
+    const Motion more = block_motion(index_);
+    m.turn += more.turn;
+    m.push += more.push;
+    block = merge(block, recording_.blocks[index_]);
+  }
+  if (interval.blocks > 1) {
+    m.motion = evaluate(block, model_, recording_.info.sample_period_s);
+    m.motion.rotation -= m.turn;
+    m.motion.velocity -= m.push;
+    m.motion.mean_velocity -= 0.5 * m.push;
+  }
+  const BlockMotion& motion = m.motion;
+  const double t = interval.t = block.duration_s;
+  interval.time_s = static_cast<double>(block.start_sample - recording_.blocks.front().start_sample) *
+                        recording_.info.sample_period_s +
+                    0.5 * block.samples * recording_.info.sample_period_s;
+  const MotionStep move = motion_step(C_nb_, motion, earth_, gravity_, t);
+  const MotionStep linear = motion_step(linear_C_nb_, motion, earth_, gravity_, t);
+  interval.C = linear.C_mid;
+  interval.F = F_;
+  interval.turn = move.turn_n;
+  interval.v_psi = -F_ * t;
+  interval.psi_bg = linear.C_mid * t;
+  interval.v_bg = -F_ * linear.C_mid * (0.5 * t * t);
+  interval.v_ba = linear.C_mid * t;
+  interval.y = v_ + move.mean_dv_n;
+  for (int axis = 0; axis < 3; ++axis)
+    interval.quantisation[axis] =
+        setup_.noise.accel_pulse_mps > 0.0
+            ? quantisation_variance(block.accel[axis], block.samples, setup_.noise.accel_pulse_mps)
+            : 0.0;
+  if (p_ > 0) {
+    columns_of(block, motion);
+    interval.D.noalias() = dm_ * linear_C_nb_.transpose();
+    move_columns(motion, move.turn_n, t, interval);
+  }
+  keep_step(interval.block, motion.rotation, linear, t);
+  if (setup_.keep_steps) steps.back().begins_chain = interval.begins_chain;
+  C_nb_ = move.C_end;
+  linear_C_nb_ = linear.C_end;
+  v_ += move.dv_n;
+}
+
+void LinearMotion::keep_step(std::size_t index, const Vector3d& rotation, const MotionStep& linear, double t) {
+  if (!setup_.keep_steps) return;
+  FilterStep step;
+  step.block = index;
+  step.rho = setup_.noise.has_bias_instability() ? std::exp(-t / setup_.noise.bias_correlation_s) : 1.0;
+  step.rotation = rotation;
+  step.turn_n = linear.turn_n;
+  step.F = F_;
+  step.C_mid = linear.C_mid;
+  steps.push_back(std::move(step));
+}
+
+void LinearMotion::turn(LinearInterval& interval) {
+  interval.noise.resize(options_.sources.size());
+  for (LinearInterval::Entered& n : interval.noise) n = {Matrix3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero()};
+  interval.v_start = v_;
+  was_still_ = false;
+  double rho = 1.0;
+  const std::size_t first = index_;
+  for (; index_ < recording_.blocks.size() && !still(index_) && (index_ == first || !cut_at(index_)); ++index_) {
+    const Block& block = recording_.blocks[index_];
+    const BlockMotion motion = block_motion(index_).motion;
+    const double t = block.duration_s;
+    const MotionStep move = motion_step(C_nb_, motion, earth_, gravity_, t);
+    const MotionStep linear = motion_step(linear_C_nb_, motion, earth_, gravity_, t);
+    const Matrix3d Ft = F_ * t;
+    const Matrix3d& T = linear.turn_n;
+    const Matrix3d by_bias = rho * t * linear.C_mid;
+    interval.v_bg -= Ft * interval.psi_bg + 0.5 * Ft * by_bias;
+    interval.psi_bg = T * interval.psi_bg + by_bias;
+    interval.v_ba += by_bias;
+    interval.v_psi -= Ft * interval.turn;
+    interval.turn = T * interval.turn;
+    rho *= std::exp(-t / setup_.noise.bias_correlation_s);
+    for (std::size_t k = 0; k < options_.sources.size(); ++k) {
+      LinearInterval::Entered& n = interval.noise[k];
+      const WalkNoise& source = options_.sources[k];
+      const StepNoise q = step_noise(linear.C_mid * source.gyro.asDiagonal() * linear.C_mid.transpose(),
+                                     linear.C_mid * source.accel.asDiagonal() * linear.C_mid.transpose(), F_, t);
+      const Matrix3d turned = n.psi_psi * Ft.transpose();
+      const Matrix3d crossed = Ft * n.psi_v;
+      n.v_v += Ft * turned - crossed - crossed.transpose() + q.v_v;
+      n.psi_v = T * (n.psi_v - turned) + q.psi_v;
+      n.psi_psi = T * n.psi_psi * T.transpose() + q.psi_psi;
+    }
+    if (p_ > 0) {
+      columns_of(block, motion);
+      move_columns(motion, move.turn_n, t, interval);
+    }
+    keep_step(index_, motion.rotation, linear, t);
+    C_nb_ = move.C_end;
+    linear_C_nb_ = linear.C_end;
+    v_ += move.dv_n;
+    interval.t += t;
+    ++interval.blocks;
+  }
+}
+
+}  // namespace turncal

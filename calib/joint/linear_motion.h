@@ -1,0 +1,127 @@
+// A recording as a linear system about the navigated motion: what the filter (joint_filter.h) runs on.
+//
+// The recording is navigated once with given parameters and cut into intervals: seconds at rest (or a few of them
+// together), and everything between two rests in one. The state is the error of the navigated motion,
+//   psi (attitude error in n, C_computed = (I + [psi x]) C_true), v (velocity), b_g, b_a (what the sensors read too much),
+// and over an interval, with p the parameters and effects' values,
+//   psi(end) = turn psi + psi_bg b_g + B_psi dp,       v(end) = v + v_psi psi + v_bg b_g + v_ba b_a + B_v dp
+//   mean v (at rest) = y = v + v_psi psi / 2 + ... + D dp: what should be zero
+// The navigation is closed: at the beginning of every rest the motion is levelled on the accelerometers and stands still.
+// How far it jumps is known (jump_psi, jump_v), so nothing is lost, and psi stays small however long the recording is.
+// A chain is what one attitude carries through: it begins at the first rest, and anew after a break across which nothing
+// is known. Its heading is the commanded one plus FilterSetup::headings_rad, which the filter's own estimate corrects.
+// The transitions are evaluated along an attitude that does not jump: at one that does, every jump would look like a turn
+// of the unit, and directions that nothing excites would seem to be determined (first-estimates Jacobians: Huang, Mourikis
+// and Roumeliotis, Int. J. Robotics Research 29 (2010) 502).
+#pragma once
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "calib/joint/joint_filter.h"
+#include "calib/joint/motion_step.h"
+
+namespace turncal {
+
+// Variance rates of white noise on the body axes: rad^2/s, m^2/s^3.
+struct WalkNoise {
+  Eigen::Vector3d gyro = Eigen::Vector3d::Zero();
+  Eigen::Vector3d accel = Eigen::Vector3d::Zero();
+};
+WalkNoise walk_noise(const NoiseModel& noise);
+
+using Columns = Eigen::MatrixXd;  // one row a parameter, so that all of them move through a 3x3 product together
+
+struct LinearInterval {
+  std::size_t block = 0;  // the first one
+  std::size_t blocks = 1;
+  double time_s = 0.0;  // middle, from the first sample
+  double t = 0.0;
+  // Before the interval: a chain begins (nothing before counts), or variances are added, and the navigated motion jumps.
+  bool begins_chain = false;
+  double cut_psi = 0.0, cut_v = 0.0;  // variances
+  Eigen::Vector3d jump_psi, jump_v;
+  Eigen::Vector3d v_start;  // of the navigated motion, after the jump
+
+  Eigen::Matrix3d turn, v_psi, psi_bg, v_bg, v_ba;
+  Columns B_psi, B_v;  // p x 3
+
+  bool still = false;     // at rest: y, D and the noise by C, F
+  bool observed = false;  // still, and not left out
+  Eigen::Matrix3d C, F;
+  Eigen::Vector3d y, quantisation;
+  Columns D;
+  // not still: covariance of the noise that enters, one for each WalkNoise asked for
+  struct Entered {
+    Eigen::Matrix3d psi_psi, psi_v, v_v;
+  };
+  std::vector<Entered> noise;
+};
+
+class LinearMotion {
+ public:
+  struct Options {
+    bool columns = true;
+    double seconds_together = 1.0;
+    std::vector<WalkNoise> sources;  // noise of the turns is given for each of them
+  };
+  LinearMotion(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
+               const FilterSetup& setup, const Options& options);
+  // The next interval; false at the end. `interval` is reused: nothing is allocated after the first few.
+  bool next(LinearInterval& interval);
+  std::vector<TakenOff> taken_off;  // of every block so far, with FilterSetup::keep_taken_off
+  std::vector<FilterStep> steps;    // of every block so far, with FilterSetup::keep_steps
+
+ private:
+  struct Motion {
+    BlockMotion motion;
+    Eigen::Vector3d turn = Eigen::Vector3d::Zero(), push = Eigen::Vector3d::Zero();  // taken off: effects, gaps
+  };
+  Motion block_motion(std::size_t index);
+  void effects_on(std::size_t index, Motion& m);
+  void fill_gap(std::size_t index, Motion& m) const;
+  bool still(std::size_t index) const;
+  bool observed(std::size_t index) const;
+  bool cut_at(std::size_t index) const { return cut_ != setup_.breaks.end() && cut_->block <= index; }
+  void take_breaks(std::size_t index, LinearInterval& interval);
+  void begin_rest(const Block& block, const BlockMotion& motion, LinearInterval& interval);
+  void rest(LinearInterval& interval);
+  void turn(LinearInterval& interval);
+  void columns_of(const Block& block, const BlockMotion& motion);
+  void move_columns(const BlockMotion& motion, const Eigen::Matrix3d& turn_n, double t, LinearInterval& interval);
+  void begin(std::size_t index, LinearInterval& interval) const;
+  void keep_step(std::size_t index, const Eigen::Vector3d& rotation, const MotionStep& linear, double t);
+
+  const CompressedRecording& recording_;
+  const EffectModel& effects_;
+  const FilterSetup& setup_;
+  const Options options_;
+  const SensorModel model_;
+  const ParameterVector unit_;
+  const Eigen::Vector3d earth_;
+  const double gravity_;
+  // [f_n x]. The station stands still, so what the specific force is in n is known, in turns as well. As navigated it would
+  // have the horizontal part g times the tilt, and that would seem to tell the heading.
+  const Eigen::Matrix3d F_;
+  const int p_;
+
+  std::size_t index_ = 0;
+  std::vector<Break>::const_iterator cut_;
+  int chain_ = 0;
+  bool chain_due_ = true;
+  bool was_still_ = false;
+  Eigen::Matrix3d C_nb_ = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d linear_C_nb_ = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d v_ = Eigen::Vector3d::Zero();
+  Columns dr_, dv_, dm_;     // p x 3: derivatives of rotation, velocity and mean velocity of the block, body frame
+  Columns turned_, pushed_;  // effects, over the blocks of the interval
+  BlockColumns base_;
+  EffectRegressors regressors_;
+  double last_rotation_end_s_ = -1e9;
+  Eigen::Vector3d last_up_ = Eigen::Vector3d::Zero();
+};
+
+}  // namespace turncal

@@ -1,0 +1,85 @@
+#include "calib/statistics/clipping.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+namespace turncal {
+namespace {
+
+constexpr std::int64_t shortest_run = 3;
+constexpr std::int64_t least_samples = 6;
+constexpr double share_of_band = 0.5;
+constexpr double least_steps = 50.0;
+constexpr double same = 1e-9;  // relative: rounding of a constant times an interval
+
+// Seven bits of the mantissa: bins of 1/128 of the value.
+std::size_t bin_of(double magnitude) { return std::bit_cast<std::uint32_t>(static_cast<float>(magnitude)) >> 16; }
+
+}  // namespace
+
+ClippingFinder::ClippingFinder() {
+  step_.fill(std::numeric_limits<double>::infinity());
+  for (auto& axis : sides_)
+    for (Side& side : axis) side.histogram.assign(std::size_t{1} << 15, 0);
+}
+
+void ClippingFinder::close(Side& side) {
+  if (side.current.count >= shortest_run) side.runs.push_back(side.current);
+  side.current.count = 0;
+}
+
+void ClippingFinder::add(const ImuSample& sample) {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double x = sample.gyro[axis];
+    const double magnitude = std::abs(x);
+    Side& side = sides_[axis][x < 0.0 ? 1 : 0];
+    close(sides_[axis][x < 0.0 ? 0 : 1]);
+    ++side.histogram[bin_of(magnitude)];
+    if (magnitude > side.extreme * (1.0 + same)) {
+      side.extreme = magnitude;
+      side.runs.clear();
+      side.current = {static_cast<int>(axis), sample.counter, 1, x};
+    } else if (magnitude >= side.extreme * (1.0 - same) && magnitude > 0.0) {
+      if (side.current.count == 0) side.current = {static_cast<int>(axis), sample.counter, 0, x};
+      ++side.current.count;
+    } else {
+      close(side);
+    }
+    if ((sample.flags & gyro_clipped_flag(static_cast<int>(axis))) != 0) {
+      const bool goes_on = !flagged_.empty() && flagged_.back().axis == static_cast<int>(axis) &&
+                           flagged_.back().sample + flagged_.back().count == sample.counter;
+      if (!goes_on) flagged_.push_back({static_cast<int>(axis), sample.counter, 0, x});
+      ++flagged_.back().count;
+    }
+    const double change = std::abs(x - last_[axis]);
+    if (any_ && change > same * magnitude) step_[axis] = std::min(step_[axis], change);
+    last_[axis] = x;
+  }
+  any_ = true;
+}
+
+std::vector<ClippedRun> ClippingFinder::finish() {
+  std::vector<ClippedRun> result = flagged_;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    for (Side& side : sides_[axis]) {
+      close(side);
+      std::int64_t at = 0;
+      for (const ClippedRun& run : side.runs) at += run.count;
+      if (at < least_samples || !(side.extreme > least_steps * step_[axis])) continue;
+      const std::size_t top = bin_of(side.extreme);
+      const double band = static_cast<double>(side.histogram[top]) + static_cast<double>(side.histogram[top - 1]);
+      if (static_cast<double>(at) < share_of_band * band) continue;
+      result.insert(result.end(), side.runs.begin(), side.runs.end());
+    }
+  std::sort(result.begin(), result.end(), [](const ClippedRun& a, const ClippedRun& b) { return a.sample < b.sample; });
+  return result;
+}
+
+void ClippingFinder::note(std::vector<DataEvent>& events) {
+  for (const ClippedRun& run : finish())
+    events.push_back({DataEvent::Kind::invalid, run.sample, run.count, run.axis, run.value});
+}
+
+}  // namespace turncal

@@ -1,0 +1,58 @@
+// Finds where a gyro stood at the end of its range: runs of one and the same extreme value.
+//
+// A clipped turn piles its samples up at one value. A channel and sense is clipped when its extreme value
+//   - comes at least three times in a row, and six times in such runs,
+//   - makes up at least half of all samples within about 1 % of it (a turn that only comes near its peak passes through many values),
+//   - is more than 50 of the smallest steps the channel makes (a coarse channel repeats itself anyway).
+// Three in a row within a band of many equally likely values is a chance of one in the band's width squared.
+//
+// A file reader that sees the numbers themselves flags samples that are clipped (gyro_clipped_flag); such are found too.
+//
+// One pass; memory: 0.8 MB and the runs. For units turned by hand: at the constant rate of a table a coarse gyro repeats one value for
+// as long as it turns. Not modelled: a sensor that wraps around, or that rings at the end of its range.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "calib/statistics/compression.h"
+#include "calib/types/recording_types.h"
+
+namespace turncal {
+
+// Bits of ImuSample::flags, together with sample_flag_invalid.
+constexpr std::uint32_t gyro_clipped_flag(int axis) { return std::uint32_t{2} << axis; }
+
+struct ClippedRun {
+  int axis = 0;
+  std::int64_t sample = 0;  // counter of the first
+  std::int64_t count = 0;
+  double value = 0.0;  // in increments
+};
+
+class ClippingFinder {
+ public:
+  ClippingFinder();
+  void add(const ImuSample& sample);
+  std::vector<ClippedRun> finish();  // in time order
+  // The same as events of a recording: invalid, with the axis, and the end of the range as size.
+  void note(std::vector<DataEvent>& events);
+
+ private:
+  struct Side {  // one axis, one sense of rotation
+    double extreme = 0.0;
+    std::vector<ClippedRun> runs;  // at the extreme so far
+    ClippedRun current;
+    std::vector<std::uint32_t> histogram;  // over magnitude, bins of 1/128 of it
+  };
+  void close(Side& side);
+
+  std::array<std::array<Side, 2>, 3> sides_;
+  std::vector<ClippedRun> flagged_;
+  std::array<double, 3> last_{};
+  std::array<double, 3> step_{};  // smallest change that is not zero
+  bool any_ = false;
+};
+
+}  // namespace turncal

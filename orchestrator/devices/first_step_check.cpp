@@ -1,0 +1,196 @@
+#include "orchestrator/devices/first_step_check.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include "calib/model/attitude.h"
+#include "imu_io/base/format_number.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr const char* channels[6] = {"gyro x",          "gyro y",          "gyro z",
+                                     "accelerometer x", "accelerometer y", "accelerometer z"};
+constexpr std::int64_t enough_samples = 400;  // to say that a channel stands still
+
+Eigen::Matrix3d attitude_of(const AxisTriple& deg) {
+  return attitude_from_angles(deg[Axis::heading] * rad_per_deg, deg[Axis::pitch] * rad_per_deg,
+                              deg[Axis::roll] * rad_per_deg);
+}
+
+bool points_along(const Eigen::Vector3d& v, const Eigen::Vector3d& direction, double within_deg) {
+  return v.norm() > 0.0 && v.dot(direction) >= v.norm() * direction.norm() * std::cos(within_deg * rad_per_deg);
+}
+
+// "-z": the axis that a direction is nearest to.
+std::string nearest_axis(const Eigen::Vector3d& v) {
+  Eigen::Index axis = 0;
+  v.cwiseAbs().maxCoeff(&axis);
+  return std::string(v[axis] < 0.0 ? "-" : "+") + "xyz"[axis];
+}
+
+std::string angles_text(const AxisTriple& deg) {
+  return "heading " + format_number(deg[Axis::heading]) + ", pitch " + format_number(deg[Axis::pitch]) + ", roll " +
+         format_number(deg[Axis::roll]) + " deg";
+}
+
+std::string triple_text(const Eigen::Vector3d& v) {
+  char text[80];
+  std::snprintf(text, sizeof text, "%+.4g, %+.4g, %+.4g", v.x(), v.y(), v.z());
+  return text;
+}
+
+// Axis and angle of a turn; nothing when more than one axis differs.
+std::optional<std::pair<Axis, double>> turn_between(const AxisTriple& from, const AxisTriple& to) {
+  std::optional<std::pair<Axis, double>> turn;
+  for (const Axis axis : all_axes) {
+    if (to[axis] == from[axis]) continue;
+    if (turn) return {};
+    turn = {axis, to[axis] - from[axis]};
+  }
+  return turn;
+}
+
+// Of the body, for a turn by + about an axis of the table (planned_motion.h).
+Eigen::Vector3d body_axis_of(Axis axis, const AxisTriple& at_deg) {
+  switch (axis) {
+    case Axis::heading: return -attitude_of(at_deg).transpose() * Eigen::Vector3d::UnitY();
+    case Axis::pitch:
+      return Eigen::AngleAxisd(-at_deg[Axis::roll] * rad_per_deg, Eigen::Vector3d::UnitX()) * Eigen::Vector3d::UnitZ();
+    case Axis::roll: break;
+  }
+  return Eigen::Vector3d::UnitX();
+}
+
+}  // namespace
+
+Status judge_force(const Eigen::Vector3d& force_mps2, const AxisTriple& angles_deg, double gravity_mps2,
+                   const FirstStepLimits& limits) {
+  const Eigen::Vector3d up = attitude_of(angles_deg).transpose() * Eigen::Vector3d::UnitY();
+  const bool size_fits = std::abs(force_mps2.norm() - gravity_mps2) <= limits.force_tolerance * gravity_mps2;
+  const bool points_up = points_along(force_mps2, up, limits.direction_deg);
+  if (size_fits && points_up) return {};
+  const std::string sensed = "at " + angles_text(angles_deg) + " the accelerometers sense " + triple_text(force_mps2) +
+                             " m/s^2 along x, y, z: expected " + triple_text(gravity_mps2 * up);
+  Eigen::Index most = 0;
+  up.cwiseAbs().maxCoeff(&most);
+  if (!size_fits && std::abs(force_mps2[most]) < 0.1 * gravity_mps2 && std::abs(up[most]) > 0.5) {
+    return device_error(sensed + "; accelerometer " + "xyz"[most] + " does not answer to gravity");
+  }
+  if (!points_up) {
+    return device_error(sensed + "; the unit's " + nearest_axis(force_mps2) + " is up instead of its " +
+                        nearest_axis(up) + ": mounted another way, or axes and signs of its frame (accel.axes)");
+  }
+  return device_error(sensed +
+                      "; scale of the accelerometers (accel.pulse_mps, accel.scale of the frame) or a dead one");
+}
+
+Status judge_felt(const Eigen::Vector3d& sum, const AxisTriple& from_deg, const AxisTriple& to_deg,
+                  const FirstStepLimits& limits) {
+  const auto turn = turn_between(from_deg, to_deg);
+  if (!turn || std::abs(turn->second) < limits.smallest_turn_deg) return {};
+  const Eigen::Vector3d expected = body_axis_of(turn->first, from_deg) * turn->second;
+  if (points_along(sum, expected, limits.direction_deg)) return {};
+  const std::string turned =
+      std::string("the turn of ") + to_string(turn->first) + " by " + format_number(turn->second) + " deg ";
+  if (sum.norm() == 0.0) return device_error(turned + "was not felt by any gyro");
+  return device_error(turned + "was felt about " + nearest_axis(sum) + " (" + triple_text(sum) + "): expected about " +
+                      nearest_axis(expected) +
+                      ": mounted another way, signs of the table's axis, or axes and signs of the unit's frame");
+}
+
+Status FirstStepCheck::start(const RecordingInfo& info) {
+  info_ = info;
+  active_ = true;
+  step_.reset();
+  before_deg_.reset();
+  rest_gyro_.reset();
+  rests_ = rests_other_way_ = 0;
+  step_samples_ = 0;
+  return sink_.start(info);
+}
+
+Status FirstStepCheck::begin_segment(const Segment& segment) {
+  if (active_ && step_ && segment.step != *step_) {
+    active_ = false;
+    if (Status status = judge_step(); !status) return status;
+  }
+  step_ = segment.step;
+  segment_ = segment;
+  gyro_.setZero();
+  accel_.setZero();
+  samples_ = 0;
+  return sink_.begin_segment(segment);
+}
+
+Status FirstStepCheck::add(std::span<const ImuSample> samples) {
+  if (active_) {
+    for (const ImuSample& sample : samples) {
+      for (std::size_t i = 0; i < 6; ++i) {
+        const double value = i < 3 ? sample.gyro[i] : sample.accel[i - 3];
+        least_[i] = step_samples_ == 0 ? value : std::min(least_[i], value);
+        most_[i] = step_samples_ == 0 ? value : std::max(most_[i], value);
+        (i < 3 ? gyro_ : accel_)[static_cast<Eigen::Index>(i % 3)] += value;
+      }
+      ++step_samples_;
+    }
+    samples_ += static_cast<std::int64_t>(samples.size());
+  }
+  return sink_.add(samples);
+}
+
+Status FirstStepCheck::end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) {
+  if (Status status = sink_.end_segment(kind, end_sample, angles_deg); !status || !active_) return status;
+  const Status judged = judge_segment(kind, end_sample, angles_deg);
+  before_deg_ = angles_deg;
+  return judged;
+}
+
+Status FirstStepCheck::finish() {
+  if (std::exchange(active_, false)) {  // there was no other step
+    if (Status status = judge_step(); !status) return status;
+  }
+  return sink_.finish();
+}
+
+Status FirstStepCheck::judge_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) {
+  if (samples_ == 0) return {};
+  const auto n = static_cast<double>(samples_);
+  const SensorModel model = sensor_model(start_parameters(info_), info_);
+  if (kind == SegmentKind::rotate) {
+    const bool whole = samples_ == end_sample - segment_.start_sample;
+    if (!before_deg_ || !rest_gyro_ || !whole) return {};
+    return judge_felt(gyro_ - *rest_gyro_ * n, *before_deg_, angles_deg, limits_);
+  }
+  rest_gyro_ = gyro_ / n;
+  const Eigen::Vector3d force = model.accel_scale * accel_ / (n * info_.sample_period_s);
+  if (Status status = judge_force(force, angles_deg, info_.gravity_mps2, limits_); !status) return status;
+  const double vertical = (model.gyro_scale * *rest_gyro_ / info_.sample_period_s).dot(force.normalized());
+  const double expected = earth_rate_radps * std::sin(info_.latitude_deg * rad_per_deg);
+  ++rests_;
+  if (std::abs(expected) >= limits_.least_vertical_degph * radps_per_degph &&
+      std::abs(vertical / expected + 1.0) < limits_.other_way) {
+    ++rests_other_way_;
+  }
+  return {};
+}
+
+Status FirstStepCheck::judge_step() const {
+  if (rests_ > 0 && rests_other_way_ == rests_) {
+    return device_error(
+        "in every rest of the first step the gyros feel the earth turn about the vertical the other way: "
+        "site.latitude_deg is " +
+        format_number(info_.latitude_deg) + " (north is positive), or the gyros' signs are wrong");
+  }
+  for (std::size_t i = 0; step_samples_ >= enough_samples && i < 6; ++i) {
+    if (least_[i] != most_[i]) continue;
+    return device_error(std::string(channels[i]) + " gave the same value, " + format_number(least_[i]) + ", in all " +
+                        std::to_string(step_samples_) + " samples of the first step: it does not live");
+  }
+  return {};
+}
+
+}  // namespace turncal

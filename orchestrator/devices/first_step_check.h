@@ -1,0 +1,71 @@
+// What a run learns of the unit on the table in its first step, so that it stops there and not at the calibration: is it mounted as the
+// sequence supposes, do axes and signs fit, does the earth turn the right way, does every sensor live.
+//
+// A sink on the way to the recording. At rest the specific force must point up, C_bn (0, g, 0), within direction_deg, and have that size
+// within force_tolerance; a turn of one axis must be felt about the body axis that the table's angles say (C_nb = Ry(-H) Rz(P) Rx(R)),
+// with that sign; the mean rate along the vertical must not be that of the other hemisphere; and no channel may give one and the same
+// value all the time. Coarse on purpose: what a calibration estimates (biases, scale factors, installation errors) is not judged.
+//
+// Not seen: the sign of a gyro that neither a turn nor the earth's rotation along the vertical shows in that step; gyro scale factors.
+// A run that goes on after an interruption has passed this. What is found is an error of kind device: somebody has to look.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include <Eigen/Core>
+
+#include "orchestrator/run/run_sink.h"
+
+namespace turncal {
+
+struct FirstStepLimits {
+  double direction_deg = 20.0;        // of gravity, and of a turn
+  double force_tolerance = 0.2;       // of 1
+  double smallest_turn_deg = 2.0;     // that is judged
+  double least_vertical_degph = 3.0;  // earth rate along the vertical; below that the hemisphere is not judged
+  double other_way = 0.3;             // it is the other hemisphere's when it is -1 times the expected within this
+};
+
+// Means over a rest: m/s^2, rad/s. Error: what is wrong, in one line.
+Status judge_force(const Eigen::Vector3d& force_mps2, const AxisTriple& angles_deg, double gravity_mps2,
+                   const FirstStepLimits& limits);
+// The gyros' sum over a turn from `from` to `to`, which differ in one axis; any unit.
+Status judge_felt(const Eigen::Vector3d& sum, const AxisTriple& from_deg, const AxisTriple& to_deg,
+                  const FirstStepLimits& limits);
+
+class FirstStepCheck : public RunSink {
+ public:
+  explicit FirstStepCheck(RunSink& sink, FirstStepLimits limits = {}) : sink_(sink), limits_(limits) {}
+
+  Status start(const RecordingInfo& info) override;
+  Status resume(const RecordingInfo& info, std::int64_t end_sample) override { return sink_.resume(info, end_sample); }
+  Status begin_segment(const Segment& segment) override;
+  Status add(std::span<const ImuSample> samples) override;
+  Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override;
+  Status sync() override { return sink_.sync(); }
+  Status finish() override;
+
+ private:
+  Status judge_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg);
+  Status judge_step() const;
+
+  RunSink& sink_;
+  FirstStepLimits limits_;
+  RecordingInfo info_;
+  bool active_ = false;
+  std::optional<int> step_;
+  Segment segment_;
+  Eigen::Vector3d gyro_ = Eigen::Vector3d::Zero(), accel_ = Eigen::Vector3d::Zero();  // sums over the segment
+  std::int64_t samples_ = 0;
+  std::optional<AxisTriple> before_deg_;      // where the segment before ended
+  std::optional<Eigen::Vector3d> rest_gyro_;  // mean of a sample in the last rest
+  int rests_ = 0, rests_other_way_ = 0;
+  // Of the step: gyros x y z, accelerometers x y z.
+  std::array<double, 6> least_{}, most_{};
+  std::int64_t step_samples_ = 0;
+};
+
+}  // namespace turncal

@@ -1,0 +1,28 @@
+// One process at a time on a station's devices: its table and its units, over TCP as well as on serial lines. (A serial port keeps a
+// second one away by itself, a TCP table may take both.) Taken before anything is opened, let go when the process ends, however.
+//
+// A lock file of this machine for each device, below /run/lock: another machine at the same table is not seen. A name of a host other
+// than localhost is taken as it is written.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "imu_io/base/lock_file.h"
+#include "orchestrator/station/station_config.h"
+
+namespace turncal {
+
+class StationLock {
+ public:
+  // Error: kind device, names the device and who holds it.
+  static Result<StationLock> take(const StationConfig& station);
+
+ private:
+  std::vector<LockFile> locks_;
+};
+
+// The lock file of a device: a path (links are followed) or HOST:PORT.
+std::string lock_path_of(const std::string& device);
+
+}  // namespace turncal

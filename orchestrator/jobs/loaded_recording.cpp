@@ -1,0 +1,45 @@
+#include "orchestrator/jobs/loaded_recording.h"
+
+#include <memory>
+#include <utility>
+
+#include "calib/rests/rest_data.h"
+#include "calib/statistics/segmentation.h"
+
+namespace turncal {
+
+Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress) {
+  if (source.segments().empty()) {
+    return input_error(source.path() +
+                       ": the recording has no segments, so nothing says when the unit was at rest: expected segments, "
+                       "as `turncal segment` finds them");
+  }
+  LoadedRecording loaded;
+  loaded.path = source.path();
+  loaded.damage = source.damage();
+  loaded.by_hand = without_table_angles(source.segments());
+  Compressor compressor(source.info(), loaded.by_hand ? rest_compression_options() : CompressionOptions{});
+  SegmentedFeed feed(compressor, source.segments());
+  std::int64_t count = 0;
+  const Status status = source.read([&](std::span<const ImuSample> samples) {
+    feed.add(samples);
+    count += static_cast<std::int64_t>(samples.size());
+    if (progress) progress(count);
+    return Status{};
+  });
+  if (!status) return status.error();
+  feed.finish();
+  loaded.data = compressor.take();
+  Result<std::string> hash = source.content_hash();  // falls out of read()
+  if (!hash) return hash.error();
+  loaded.hash = std::move(*hash);
+  return loaded;
+}
+
+Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress) {
+  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path);
+  if (!source) return source.error();
+  return load_recording(**source, progress);
+}
+
+}  // namespace turncal

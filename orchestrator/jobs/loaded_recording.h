@@ -1,0 +1,27 @@
+// A recording read once, from its beginning, into the sufficient statistics that calibration and diagnosis both start from.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "calib/statistics/compression.h"
+#include "calib/types/status.h"
+#include "imu_io/recordings/recording_source.h"
+
+namespace turncal {
+
+struct LoadedRecording {
+  std::string path;
+  CompressedRecording data;
+  RecordingDamage damage;
+  std::string hash;      // of the contents (RecordingSource::content_hash)
+  bool by_hand = false;  // no table angles
+};
+
+// Blocks as short as the recording needs: those of rests found by hand where it has no table angles. `progress`, if given, is
+// told the number of samples read so far. An error when the recording has no segments.
+Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress = {});
+Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress = {});
+
+}  // namespace turncal

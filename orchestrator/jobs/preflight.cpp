@@ -1,0 +1,89 @@
+#include "orchestrator/jobs/preflight.h"
+
+#include <algorithm>
+#include <climits>
+#include <cstdlib>
+#include <filesystem>
+
+#include "imu_io/base/posix_file.h"
+#include "orchestrator/records/parameter_store.h"
+#include "orchestrator/records/results_database.h"
+#include "orchestrator/station/due_date.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr std::uintmax_t bytes_a_sample = 64;       // at most, of a binary recording
+constexpr std::uintmax_t bytes_beside = 64u << 20;  // journal, log, report, database
+constexpr std::size_t longest_file_name = 60;       // of what is made in a folder: ".recording.partial.tcr.12345.0.tmp"
+
+Status check_space(const Preflight& run) {
+  std::error_code error;
+  const std::string folder = existing_folder_of(run.folder);
+  const std::uintmax_t free = std::filesystem::space(folder, error).available;
+  if (error) return device_error(folder + ": its free space cannot be read: " + error.message());
+  const std::uintmax_t needed =
+      run.units.size() * static_cast<std::uintmax_t>(run.samples) * bytes_a_sample + bytes_beside;
+  if (free >= needed) return {};
+  const auto megabytes = [](std::uintmax_t bytes) { return std::to_string(bytes >> 20) + " MiB"; };
+  return device_error(folder + ": " + megabytes(free) + " are free: expected " + megabytes(needed) + " for this run");
+}
+
+Status check_names(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path whole = std::filesystem::absolute(path, error);
+  for (const std::filesystem::path& part : whole) {
+    if (part.string().size() > NAME_MAX)
+      return input_error("'" + part.string() + "': " + std::to_string(part.string().size()) +
+                         " bytes: expected a name of at most " + std::to_string(NAME_MAX));
+  }
+  if (whole.string().size() + longest_file_name < PATH_MAX) return {};
+  return input_error(whole.string() + ": too long a path: expected at most " +
+                     std::to_string(PATH_MAX - longest_file_name) + " bytes");
+}
+
+// The program that a hook begins with. What is more than a plain word is the shell's to judge, when the hook runs.
+Status check_hook(const std::string& name, const std::string& command) {
+  const std::string program = command.substr(0, command.find_first_of(" \t"));
+  const bool plain = std::all_of(program.begin(), program.end(), [](unsigned char c) {
+    return std::isalnum(c) || c == '/' || c == '.' || c == '_' || c == '-' || c == '+';
+  });
+  if (program.empty() || !plain) return {};
+  if (std::system(("command -v " + program + " >/dev/null 2>&1").c_str()) == 0) return {};
+  return input_error(name + " = '" + command + "': there is no command '" + program + "'");
+}
+
+}  // namespace
+
+std::vector<Error> preflight(const Preflight& run) {
+  std::vector<Error> errors;
+  const auto add = [&errors](const Status& status) {
+    if (!status) errors.push_back(status.error());
+  };
+  const StationConfig& station = run.station;
+  add(check_due(station, run.utc_s, run.overdue_reason));
+  if (!run.folder.empty()) {
+    add(check_folder_writable(run.folder));
+    add(check_space(run));
+    for (const std::string& unit : run.units)
+      add(check_names(run.units.size() > 1 ? run.folder + "/" + name_of_unit(unit) : run.folder));
+  }
+  if (!station.database.empty()) add(ResultsDatabase::check_writable(station.database));
+  if (!station.store.empty()) {
+    add(check_folder_writable(station.store));
+    for (const std::string& unit : run.units) {
+      const std::string folder = unit_folder(station.store, unit, run.simulated);
+      add(check_names(folder + "/versions"));
+      if (path_exists(folder)) add(check_folder_writable(folder));
+    }
+  }
+  const HookCommands& hooks = station.hooks;
+  add(check_hook("hook.done", hooks.done));
+  add(check_hook("hook.fail", hooks.fail));
+  add(check_hook("hook.needs_operator", hooks.needs_operator));
+  add(check_hook("hook.mount", hooks.mount));
+  return errors;
+}
+
+}  // namespace turncal

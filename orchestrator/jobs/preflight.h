@@ -1,0 +1,28 @@
+// What would stop a run later, looked for before anything moves: `run` refuses to begin, and `check` tells all of it.
+//
+// Output folder, results database and parameter store can be written; there is room for the recordings; names are short enough for
+// the file system; the commands of the hooks exist; the table's calibration is not overdue. Nothing is made or changed.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/types/status.h"
+#include "orchestrator/station/station_config.h"
+
+namespace turncal {
+
+struct Preflight {
+  const StationConfig& station;
+  std::string folder = {};              // of the run; empty: not looked at
+  std::vector<std::string> units = {};  // serial numbers
+  std::int64_t samples = 0;             // of the plan, a unit
+  double utc_s = 0.0;                   // now
+  bool simulated = false;
+  std::string overdue_reason = {};  // why a table whose calibration is overdue is used all the same
+};
+
+// Kind device for what the storage cannot do, input for what has to be written otherwise.
+std::vector<Error> preflight(const Preflight& run);
+
+}  // namespace turncal

@@ -1,0 +1,24 @@
+// Which of the parameters a plan would leave undetermined, found before anything moves (calib/prediction/predict.h): a run of such a
+// sequence is refused unless it only captures (--capture-only) or may be estimated in part (--partial).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/prediction/planned_motion.h"
+#include "calib/types/recording_types.h"
+#include "sequences/plan.h"
+
+namespace turncal {
+
+// A plan as the pure functions of calib take it.
+PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan);
+
+// Keys of the free parameters, in their order; empty: all are determined. info: period, site and increments of the unit. The noise is
+// that of a good laser-gyro unit (0.002 deg/sqrt(h), 8 ug/sqrt(Hz)); what no rotation shows stays undetermined at any noise.
+std::vector<std::string> undetermined_by(const Sequence& sequence, const Plan& plan, const RecordingInfo& info);
+
+// "does not determine n11 n12: expected ...": to stand behind the name of the sequence.
+std::string coverage_text(const std::vector<std::string>& keys);
+
+}  // namespace turncal

@@ -1,0 +1,287 @@
+#include "orchestrator/watch/page_server.h"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <netdb.h>
+#include <poll.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <list>
+#include <thread>
+#include <vector>
+
+#include "imu_io/base/deadline.h"
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr int backlog = 64;
+constexpr int accepted_a_turn =
+    8;  // fewer than connections: whoever asks at once is heard before others take its place
+constexpr int low_priority = 5;
+constexpr int look_ms = 250;  // at connections that are out of time
+constexpr std::size_t drained_bytes = std::size_t{1} << 20;
+
+std::string lower(std::string_view text) {
+  std::string result(text);
+  for (char& c : result) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return result;
+}
+
+bool is_bare_address(const std::string& host) {
+  in6_addr any{};
+  return ::inet_pton(AF_INET, host.c_str(), &any) == 1 || ::inet_pton(AF_INET6, host.c_str(), &any) == 1;
+}
+
+// "host:80", "[::1]:80" or "host" without its port.
+std::string host_without_port(std::string_view text) {
+  if (text.starts_with("[")) return std::string(text.substr(1, text.find(']') - 1));
+  return std::string(text.substr(0, text.rfind(':')));
+}
+
+std::string response(int code, const char* reason, const PageText& text) {
+  return "HTTP/1.1 " + std::to_string(code) + " " + reason + "\r\nContent-Type: " + text.type +
+         "\r\nContent-Length: " + std::to_string(text.body.size()) +
+         "\r\nCache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nX-Frame-Options: DENY\r\nConnection: "
+         "close\r\n\r\n" +
+         text.body;
+}
+
+std::string refusal(int code, const char* reason) {
+  return response(code, reason, {"text/plain; charset=utf-8", std::string(reason) + "\n"});
+}
+
+// A socket and how far its one request is.
+struct Connection {
+  int fd = -1;
+  Deadline deadline;
+  std::string request, answer;
+  std::size_t sent = 0, drained = 0;
+  bool answered() const { return !answer.empty(); }
+  bool all_sent() const { return answered() && sent == answer.size(); }
+
+  Connection(int socket, double seconds) : fd(socket), deadline(seconds) {}
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+  ~Connection() { ::close(fd); }
+};
+
+}  // namespace
+
+Result<PageAddress> parse_page_address(const std::string& text) {
+  const std::size_t colon = text.rfind(':');
+  const auto port = colon == std::string::npos ? std::nullopt : parse_integer<int>(text.substr(colon + 1));
+  std::string host = colon == std::string::npos ? "" : text.substr(0, colon);
+  const bool brackets = host.size() > 2 && host.front() == '[' && host.back() == ']';
+  if (brackets) host = host.substr(1, host.size() - 2);
+  const bool plain = brackets || host.find_first_of(":[]") == std::string::npos;
+  if (!port || *port < 0 || *port > 65535 || host.empty() || !plain) {
+    return input_error("--listen '" + text + "': expected ADDRESS:PORT, as 127.0.0.1:8080 or [::1]:8080");
+  }
+  return PageAddress{host, *port};
+}
+
+struct PageServer::State {
+  Pages pages;
+  PageLimits limits;
+  std::string host;  // as given, without brackets
+  int port = 0;
+  bool loopback = false;
+  int listener = -1;
+  int wake[2] = {-1, -1};
+  std::list<Connection> connections;  // the oldest first
+  std::thread thread;
+
+  ~State() {
+    if (thread.joinable()) {
+      ::close(wake[1]);  // the other end sees it
+      wake[1] = -1;
+      thread.join();
+    }
+    for (const int fd : {listener, wake[0], wake[1]}) {
+      if (fd >= 0) ::close(fd);
+    }
+  }
+
+  bool is_our_host(std::string_view given) const {
+    const std::string name = lower(host_without_port(given));
+    if (name == lower(host)) return true;
+    if (loopback) return name == "localhost" || name == "127.0.0.1" || name == "::1";
+    char own[256] = {};
+    return is_bare_address(name) || (::gethostname(own, sizeof own - 1) == 0 && name == lower(own));
+  }
+
+  std::string answer_to(std::string_view request) const {
+    std::string_view rest = request;
+    const std::string_view line = take_line(rest);
+    const std::size_t first = line.find(' '), last = line.rfind(' ');
+    if (first == std::string_view::npos || last == first || !line.substr(last + 1).starts_with("HTTP/1.")) {
+      return refusal(400, "Bad Request");
+    }
+    std::optional<std::string> host_given;
+    bool body = false;
+    while (!rest.empty()) {
+      const std::string_view header = take_line(rest);
+      const std::size_t colon = header.find(':');
+      if (colon == std::string_view::npos) continue;
+      const std::string name = lower(header.substr(0, colon)), value(trimmed(header.substr(colon + 1)));
+      if (name == "host") host_given = value;
+      body = body || name == "transfer-encoding" || (name == "content-length" && value != "0");
+    }
+    if (!host_given || !is_our_host(*host_given)) return refusal(403, "Forbidden");
+    if (line.substr(0, first) != "GET") return refusal(404, "Not Found");
+    if (body) return refusal(413, "Content Too Large");
+    const std::optional<PageText> page = pages(line.substr(first + 1, last - first - 1));
+    return page ? response(200, "OK", *page) : refusal(404, "Not Found");
+  }
+
+  // False: nothing more is to come of it.
+  bool receive(Connection& c) const {
+    char buffer[4096];
+    const ssize_t got = ::recv(c.fd, buffer, sizeof buffer, MSG_DONTWAIT);
+    if (got < 0) return errno == EAGAIN || errno == EINTR;
+    if (got == 0) return false;
+    if (c.answered()) {  // what still comes is thrown away, so that the answer is not lost to a reset
+      c.drained += static_cast<std::size_t>(got);
+      return c.drained < drained_bytes;
+    }
+    c.request.append(buffer, static_cast<std::size_t>(got));
+    const std::size_t end = c.request.find("\r\n\r\n");
+    if (end != std::string::npos) {
+      c.answer = answer_to(std::string_view(c.request).substr(0, end));
+    } else if (c.request.size() > limits.request_bytes) {
+      c.answer = refusal(431, "Request Header Fields Too Large");
+    }
+    return !c.answered() || send(c);
+  }
+
+  bool send(Connection& c) const {
+    while (!c.all_sent()) {
+      const ssize_t put = ::send(c.fd, c.answer.data() + c.sent, c.answer.size() - c.sent, MSG_DONTWAIT | MSG_NOSIGNAL);
+      if (put < 0) return errno == EAGAIN || errno == EINTR;
+      c.sent += static_cast<std::size_t>(put);
+    }
+    ::shutdown(c.fd, SHUT_WR);
+    return true;  // until the other end has closed, or its time is over
+  }
+
+  void accept_some() {
+    for (int i = 0; i < accepted_a_turn; ++i) {
+      const int fd = ::accept4(listener, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+      if (fd < 0) {
+        // No descriptor is left: whoever waits there would keep this thread busy.
+        if (errno == EMFILE || errno == ENFILE) std::this_thread::sleep_for(std::chrono::milliseconds(look_ms));
+        return;
+      }
+      if (connections.size() >= limits.connections) {
+        const auto idle = std::find_if(connections.begin(), connections.end(),
+                                       [](const Connection& c) { return !c.answered() || c.all_sent(); });
+        connections.erase(idle == connections.end() ? connections.begin() : idle);
+      }
+      connections.emplace_back(fd, limits.connection_s);
+    }
+  }
+
+  // False: the end.
+  bool turn() {
+    std::vector<pollfd> watched = {{wake[0], POLLIN, 0}, {listener, POLLIN, 0}};
+    for (const Connection& c : connections) {
+      watched.push_back({c.fd, static_cast<short>(c.answered() && !c.all_sent() ? POLLOUT : POLLIN), 0});
+    }
+    if (::poll(watched.data(), watched.size(), connections.empty() ? -1 : look_ms) < 0) return errno == EINTR;
+    if (watched[0].revents != 0) return false;
+    auto ready = watched.begin() + 2;
+    for (auto c = connections.begin(); c != connections.end(); ++ready) {
+      const bool keep =
+          !c->deadline.passed() && (ready->revents == 0 || (c->answered() && !c->all_sent() ? send(*c) : receive(*c)));
+      c = keep ? std::next(c) : connections.erase(c);
+    }
+    if (watched[1].revents != 0) accept_some();
+    return true;
+  }
+
+  void serve() noexcept {
+    ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), low_priority);
+    for (bool more = true; more;) {
+      try {
+        more = turn();
+      } catch (...) {
+        connections.clear();
+        std::this_thread::sleep_for(std::chrono::milliseconds(look_ms));
+      }
+    }
+    connections.clear();
+  }
+
+  Status listen(const std::string& address, const PageAddress& at) {
+    const auto failed = [&address](const std::string& why) {
+      return input_error("--listen '" + address + "': cannot listen there: " + why);
+    };
+    addrinfo wanted{}, *found = nullptr;
+    wanted.ai_socktype = SOCK_STREAM;
+    wanted.ai_flags = AI_PASSIVE;
+    if (const int error = ::getaddrinfo(at.host.c_str(), std::to_string(at.port).c_str(), &wanted, &found); error != 0)
+      return failed(::gai_strerror(error));
+    const std::unique_ptr<addrinfo, void (*)(addrinfo*)> freed(found, ::freeaddrinfo);
+    listener = ::socket(found->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    const int yes = 1;  // not SO_REUSEPORT: a port that another program serves is refused
+    if (listener < 0 || ::setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
+        ::bind(listener, found->ai_addr, found->ai_addrlen) != 0 || ::listen(listener, backlog) != 0) {
+      return failed(std::generic_category().message(errno));
+    }
+    sockaddr_storage bound{};
+    socklen_t size = sizeof bound;
+    ::getsockname(listener, reinterpret_cast<sockaddr*>(&bound), &size);
+    if (bound.ss_family == AF_INET6) {
+      const auto& v6 = reinterpret_cast<const sockaddr_in6&>(bound);
+      port = ntohs(v6.sin6_port);
+      loopback = IN6_IS_ADDR_LOOPBACK(&v6.sin6_addr);
+    } else {
+      const auto& v4 = reinterpret_cast<const sockaddr_in&>(bound);
+      port = ntohs(v4.sin_port);
+      loopback = (ntohl(v4.sin_addr.s_addr) >> 24) == 127;
+    }
+    host = at.host;
+    if (::pipe2(wake, O_CLOEXEC) != 0) return failed(std::generic_category().message(errno));
+    return {};
+  }
+};
+
+PageServer::PageServer() : state_(std::make_unique<State>()) {}
+PageServer::~PageServer() = default;
+
+std::string PageServer::url() const {
+  const bool v6 = state_->host.find(':') != std::string::npos;
+  return "http://" + (v6 ? "[" + state_->host + "]" : state_->host) + ":" + std::to_string(state_->port) + "/";
+}
+
+bool PageServer::loopback() const { return state_->loopback; }
+
+Result<std::unique_ptr<PageServer>> PageServer::open(const std::string& address, Pages pages, PageLimits limits) {
+  const Result<PageAddress> at = parse_page_address(address);
+  if (!at) return at.error();
+  std::unique_ptr<PageServer> server(new PageServer);
+  State& state = *server->state_;
+  state.pages = std::move(pages);
+  state.limits = limits;
+  if (Status status = state.listen(address, *at); !status) return status.error();
+  // Signals belong to the thread that moves the table: they cut its waits short.
+  sigset_t all, before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
+  state.thread = std::thread([&state] { state.serve(); });
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  return server;
+}
+
+}  // namespace turncal

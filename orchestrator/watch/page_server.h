@@ -1,0 +1,64 @@
+// Serves a few read-only texts to browsers, from a program that moves a table: whatever a client does costs no more than the limits
+// below, and nobody waits for it.
+//
+//   connections   a further one takes the place of the oldest that has not asked for anything yet, else of the oldest
+//   request       its line and headers together; only GET; a body is never read (a request that announces one is refused)
+//   time          of a connection from beginning to end, however many bytes come in it
+//   Host          the address listened at, localhost on a loopback address, this machine's name or a bare address on any other:
+//                 a page of somewhere else cannot read this one by giving itself a name that leads here (DNS rebinding)
+//
+// HTTP/1.1 (RFC 9112), one request a connection. One thread with a lower priority serves all; it never blocks on a client, signals
+// go to others, and no exception leaves it: one that is out of memory drops its clients. The end does not wait for anybody.
+//
+// Why not a library: cpp-httplib reads headers without a limit, unpacks compressed bodies without one, and waits at the end for its
+// slowest client. No access control, no encryption: a loopback address, or a proxy that has them.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "calib/types/status.h"
+
+namespace turncal {
+
+struct PageLimits {
+  std::size_t connections = 32;
+  std::size_t request_bytes = 8192;
+  double connection_s = 10.0;
+};
+
+struct PageText {
+  std::string type;  // "text/html; charset=utf-8"
+  std::string body;
+};
+
+// ADDRESS:PORT, [ADDRESS]:PORT of IPv6; the address may be a name. Port 0: any free one.
+struct PageAddress {
+  std::string host;  // without brackets
+  int port = 0;
+};
+Result<PageAddress> parse_page_address(const std::string& text);
+
+class PageServer {
+ public:
+  // What is served at a path; nothing: 404. Called by the server's thread.
+  using Pages = std::function<std::optional<PageText>(std::string_view path)>;
+
+  static Result<std::unique_ptr<PageServer>> open(const std::string& address, Pages pages, PageLimits limits = {});
+  ~PageServer();
+  PageServer(const PageServer&) = delete;
+  PageServer& operator=(const PageServer&) = delete;
+
+  std::string url() const;
+  bool loopback() const;  // only this machine reaches it
+
+ private:
+  PageServer();
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace turncal

@@ -1,0 +1,85 @@
+#include "imu_io/recordings/number_table.h"
+
+#include <gtest/gtest.h>
+#include <matio.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "tests/imu_io/temporary_folder.h"
+
+namespace turncal {
+namespace {
+
+// As numpy.save writes it: magic, version 1.0, header padded to 64 bytes.
+std::string npy(const std::string& type, bool column_major, const std::string& shape, const std::string& data) {
+  std::string header =
+      "{'descr': '" + type + "', 'fortran_order': " + (column_major ? "True" : "False") + ", 'shape': " + shape + ", }";
+  while ((10 + header.size() + 1) % 64 != 0) header += ' ';
+  header += '\n';
+  std::string text("\x93NUMPY\x01\x00", 8);
+  text += static_cast<char>(header.size() & 0xFF);
+  text += static_cast<char>(header.size() >> 8);
+  return text + header + data;
+}
+template <class T>
+std::string bytes_of(const std::vector<T>& values) {
+  return std::string(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+}
+
+TEST(NumberTable, ReadsNumpyArraysOfEitherOrder) {
+  const std::vector<double> rows = {1, 2, 3, 4, 5, 6};  // 3 x 2
+  for (const bool column_major : {false, true}) {
+    const std::vector<double> data = column_major ? std::vector<double>{1, 3, 5, 2, 4, 6} : rows;
+    const auto table = read_number_table(npy("<f8", column_major, "(3, 2)", bytes_of(data)), "a.npy",
+                                         {{"2", false}, {"1", false}}, {});
+    ASSERT_TRUE(table.ok()) << table.error().message;
+    EXPECT_EQ(table->columns[0], (std::vector<double>{2, 4, 6}));
+    EXPECT_EQ(table->columns[1], (std::vector<double>{1, 3, 5}));
+  }
+  const auto counts = read_number_table(npy("<i2", false, "(3,)", bytes_of(std::vector<std::int16_t>{-7, 0, 9})),
+                                        "a.npy", {{"1", false}}, {});
+  ASSERT_TRUE(counts.ok()) << counts.error().message;
+  EXPECT_EQ(counts->columns[0], (std::vector<double>{-7, 0, 9}));
+}
+
+TEST(NumberTable, RefusesWhatIsNoArrayOfNumbers) {
+  const auto refusal = [](const std::string& content, const std::string& column) {
+    const auto table = read_number_table(content, "a.npy", {{column, false}}, {});
+    return table.ok() ? std::string() : table.error().message;
+  };
+  const std::string six = bytes_of(std::vector<double>{1, 2, 3, 4, 5, 6});
+  EXPECT_NE(refusal(npy(">f8", false, "(3, 2)", six), "1").find("little-endian"), std::string::npos);
+  EXPECT_NE(refusal(npy("<f8", false, "(1, 3, 2)", six), "1").find("one or two dimensions"), std::string::npos);
+  EXPECT_NE(refusal(npy("<f8", false, "(4, 2)", six), "1").find("cut off"), std::string::npos);
+  EXPECT_NE(refusal(npy("<f8", false, "(3, 2)", six), "3").find("from 1 to 2"), std::string::npos);
+  EXPECT_NE(refusal(std::string("\x93NUMPY\x01\x00\xFF\xFF", 10), "1").find("cut off"), std::string::npos);
+}
+
+TEST(NumberTable, ReadsMatlabVariables) {
+  test::TemporaryFolder folder;
+  const std::string file = folder.path() + "/imu.mat";
+  mat_t* mat = Mat_CreateVer(file.c_str(), nullptr, MAT_FT_MAT5);
+  ASSERT_NE(mat, nullptr);
+  const auto put = [&](const char* name, std::size_t rows, std::size_t columns, std::vector<double> values) {
+    std::size_t dims[2] = {rows, columns};
+    matvar_t* variable = Mat_VarCreate(name, MAT_C_DOUBLE, MAT_T_DOUBLE, 2, dims, values.data(), 0);
+    EXPECT_EQ(Mat_VarWrite(mat, variable, MAT_COMPRESSION_NONE), 0);
+    Mat_VarFree(variable);
+  };
+  put("t", 3, 1, {0.0, 0.1, 0.2});
+  put("gyro", 3, 2, {1, 2, 3, 4, 5, 6});  // column by column
+  put("wide", 2, 3, {1, 4, 2, 5, 3, 6});
+  Mat_Close(mat);
+  const auto table = read_number_table("MATLAB 5.0", file, {{"t", false}, {"gyro:2", false}, {"wide:2", false}}, {});
+  ASSERT_TRUE(table.ok()) << table.error().message;
+  EXPECT_EQ(table->columns[0], (std::vector<double>{0.0, 0.1, 0.2}));
+  EXPECT_EQ(table->columns[1], (std::vector<double>{4, 5, 6}));
+  EXPECT_EQ(table->columns[2], (std::vector<double>{4, 5, 6}));
+  const auto missing = read_number_table("MATLAB 5.0", file, {{"speed", false}}, {});
+  ASSERT_FALSE(missing.ok());
+  EXPECT_NE(missing.error().message.find("no variable 'speed'"), std::string::npos) << missing.error().message;
+}
+
+}  // namespace
+}  // namespace turncal

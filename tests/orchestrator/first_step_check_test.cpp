@@ -1,0 +1,123 @@
+// What a run finds wrong with the unit on the table in its first step, on the rig: the sink in between is given a unit mounted another
+// way, with another sign, or with a dead channel.
+#include "orchestrator/devices/first_step_check.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "tests/orchestrator/rig_station.h"
+
+namespace turncal {
+namespace {
+
+// Passes samples on with their channels changed: the unit as it would be.
+class ChangedUnit : public RunSink {
+ public:
+  ChangedUnit(RunSink& sink, std::function<void(ImuSample&)> change, double latitude_sign)
+      : check_(sink), change_(std::move(change)), latitude_sign_(latitude_sign) {}
+  Status start(const RecordingInfo& info) override {
+    RecordingInfo told = info;
+    told.latitude_deg *= latitude_sign_;
+    return check_.start(told);
+  }
+  Status resume(const RecordingInfo& info, std::int64_t end) override { return check_.resume(info, end); }
+  Status begin_segment(const Segment& segment) override { return check_.begin_segment(segment); }
+  Status add(std::span<const ImuSample> samples) override {
+    std::vector<ImuSample> changed(samples.begin(), samples.end());
+    for (ImuSample& sample : changed) change_(sample);
+    return check_.add(changed);
+  }
+  Status end_segment(SegmentKind kind, std::int64_t end, const AxisTriple& angles) override {
+    return check_.end_segment(kind, end, angles);
+  }
+  Status sync() override { return check_.sync(); }
+  Status finish() override { return check_.finish(); }
+
+ private:
+  FirstStepCheck check_;
+  std::function<void(ImuSample&)> change_;
+  double latitude_sign_;
+};
+
+// The first step of the fourteen with dwells of 10 s, and a second one. Levels, both signs of every accelerometer, turns of pitch and roll.
+constexpr const char* first_step_text =
+    "format = 1\nname = first\nrate_degps = 30\nacceleration_degps2 = 60\n"
+    "step 1 \"each accelerometer up and down\"\n  initial H 0 P 0 R 0\n  align 2000\n  rotate P +90\n  dwell 2000\n"
+    "  rotate P -180\n  dwell 2000\n  rotate P +90\n  rotate R +90\n  dwell 2000\n  rotate R -180\n  dwell 2000\n"
+    "  rotate R +90\nstep 2 \"again\"\n  initial H 0 P 0 R 0\n  align 1000\n";
+
+struct Found {
+  RunState state;
+  std::string why;
+  double time_s;
+};
+Found found_with(const std::function<void(ImuSample&)>& change, double latitude_sign = 1.0) {
+  RigStation rig(first_step_text);
+  ChangedUnit unit(rig.sink, change, latitude_sign);
+  rig.devices.imu.describe(rig.info);
+  rig.plan = make_plan(rig.sequence, plan_limits(rig.station, rig.info.sample_period_s));
+  StationRun run(
+      rig.devices.devices(), {rig.sequence, rig.plan, rig.station, "SN1"}, unit,
+      {&rig.watcher, &rig.stop_requests, [] { return Status{}; }, nullptr, &rig.pause_requests, &rig.end_requests});
+  const RunOutcome outcome = run.run();
+  EXPECT_TRUE(rig.at_rest());
+  return {outcome.state, outcome.state == RunState::done ? "" : outcome.error.message, rig.clock.now_s()};
+}
+
+TEST(FirstStep, AGoodUnitPasses) {
+  const Found found = found_with([](ImuSample&) {});
+  EXPECT_EQ(found.state, RunState::done) << found.why;
+}
+
+TEST(FirstStep, WrongMountingStopsAfterTheFirstRest) {
+  // Turned by 90 deg about x: y and z change places.
+  const Found found = found_with([](ImuSample& s) {
+    for (auto* v : {&s.gyro, &s.accel}) *v = {(*v)[0], (*v)[2], -(*v)[1]};
+  });
+  EXPECT_EQ(found.state, RunState::failed);
+  EXPECT_NE(found.why.find("the unit's -z is up instead of its +y"), std::string::npos) << found.why;
+  EXPECT_LT(found.time_s, 20.0);
+}
+
+TEST(FirstStep, EverySignOfAnAccelerometer) {
+  const char* up_instead[] = {"the unit's -x is up instead of its +x", "the unit's -y is up instead of its +y",
+                              "the unit's +z is up instead of its -z"};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const Found found = found_with([axis](ImuSample& s) { s.accel[axis] = -s.accel[axis]; });
+    EXPECT_EQ(found.state, RunState::failed);
+    EXPECT_NE(found.why.find(up_instead[axis]), std::string::npos) << found.why;
+  }
+}
+
+TEST(FirstStep, SignsAndAxesOfTheGyros) {
+  const Found z = found_with([](ImuSample& s) { s.gyro[2] = -s.gyro[2]; });
+  EXPECT_NE(z.why.find("the turn of pitch by 90 deg was felt about -z"), std::string::npos) << z.why;
+  const Found x = found_with([](ImuSample& s) { s.gyro[0] = -s.gyro[0]; });
+  EXPECT_NE(x.why.find("the turn of roll by 90 deg was felt about -x"), std::string::npos) << x.why;
+  const Found swapped = found_with([](ImuSample& s) { std::swap(s.gyro[1], s.gyro[2]); });
+  EXPECT_NE(swapped.why.find("felt about +y"), std::string::npos) << swapped.why;
+}
+
+TEST(FirstStep, TheOtherHemisphere) {
+  const Found found = found_with([](ImuSample&) {}, -1.0);
+  EXPECT_EQ(found.state, RunState::failed);
+  EXPECT_NE(found.why.find("site.latitude_deg is -29.53"), std::string::npos) << found.why;
+}
+
+TEST(FirstStep, DeadSensors) {
+  const char* names[] = {"gyro x", "gyro y", "gyro z", "accelerometer x", "accelerometer y", "accelerometer z"};
+  for (std::size_t i = 0; i < 6; ++i) {
+    const Found found = found_with([i](ImuSample& s) { (i < 3 ? s.gyro[i] : s.accel[i - 3]) = 0.0; });
+    EXPECT_EQ(found.state, RunState::failed) << names[i];
+    const bool named = found.why.find(names[i]) != std::string::npos;
+    // A turn or gravity may tell before the step is over.
+    const bool earlier = found.why.find("does not answer to gravity") != std::string::npos ||
+                         found.why.find("was not felt") != std::string::npos ||
+                         found.why.find("was felt about") != std::string::npos;
+    EXPECT_TRUE(named || earlier) << found.why;
+  }
+}
+
+}  // namespace
+}  // namespace turncal

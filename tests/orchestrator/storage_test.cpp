@@ -1,0 +1,140 @@
+// A recording is bound to the run that sealed it, and what the storage cannot do is nobody's fault but its own: nothing is made of
+// a damaged recording, and no measured unit is marked refused.
+#include "tests/orchestrator/program.h"
+#include "tests/orchestrator/queue_outcomes.h"
+
+#include <sqlite3.h>
+
+#include <cerrno>
+#include <climits>
+#include <random>
+
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/base/posix_file.h"
+#include "orchestrator/jobs/preflight.h"
+#include "orchestrator/records/journal_file.h"
+
+namespace turncal {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
+
+class Storage : public Program {
+ protected:
+  std::string station(const std::string& name, const std::string& more = "") const {
+    return write(name,
+                 "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\n"
+                 "imu.driver = rig\nmotion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\n" +
+                     more);
+  }
+  std::vector<std::string> begin(const std::string& out, const std::string& station, int seed = 1) const {
+    const std::string rig = write("rig" + std::to_string(seed), "seed = " + std::to_string(seed) + "\n");
+    return {"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence", demo, "--station", station, "--rig", rig};
+  }
+  // A run that was killed when its recording was sealed and nothing had been made of it yet.
+  void make_sealed(const std::string& folder) {
+    const std::string where = station("counted/s.station");
+    ASSERT_EQ(run_struck(begin("counted/out", where), 0, "kill").code, 0);
+    long points = 0;
+    std::istringstream(file_text(folder_.string() + ".count")) >> points;
+    fs::remove(folder_.string() + ".count");
+    for (long point = points; point > points - 60; --point) {
+      fs::remove_all(folder_ / folder);
+      run_struck(begin(folder + "/out", station(folder + "/s.station")), point, "kill");
+      if (fs::exists(folder_ / folder / "out/recording.tcr") && !fs::exists(folder_ / folder / "out/parameters.conf"))
+        return;
+    }
+    FAIL() << "no such moment";
+  }
+};
+
+TEST_F(Storage, NothingIsMadeOfASealedRecordingThatWasChanged) {
+  make_sealed("run");
+  ASSERT_EQ(run(begin("other", station("o/s.station"), 2)).code, 0);
+  const std::string whole = file_text(folder_ / "run/out/recording.tcr");
+  const std::string other = file_text(folder_ / "other/recording.tcr");
+  const Result<JournalContents> journal = read_journal(path("run/out/journal.tcj"));
+  ASSERT_TRUE(journal.ok() && journal->hashes.size() == 1 && journal->hashes[0].size() == 32);
+  std::mt19937 random(20261122);
+  const auto at = [&](std::size_t size) { return random() % size; };
+  for (int i = 0; i < 24; ++i) {
+    std::string bytes = whole;
+    switch (i % 6) {
+      case 0: bytes[at(bytes.size())] ^= 1 << at(8); break;
+      case 1: bytes.resize(at(bytes.size())); break;
+      case 2: bytes.erase(at(bytes.size() - 5000), 1 + at(5000)); break;
+      case 3: bytes = i == 3 ? other : whole + whole.substr(0, 1 + at(4000)); break;
+      case 4: bytes.replace(at(bytes.size() - 300), 300, 300, '\0'); break;
+      case 5: bytes = bytes.substr(0, bytes.size() / 2) + other.substr(other.size() / 2); break;
+    }
+    if (bytes == whole) continue;
+    std::ofstream(folder_ / "run/out/recording.tcr", std::ios::binary) << bytes;
+    const ProgramResult result = run({"resume", "run/out"});
+    EXPECT_EQ(result.code, 50) << i << ": " << result.err << result.out;
+    EXPECT_EQ(result.err_lines(), 1) << result.err;
+    EXPECT_NE(result.err.find("recording.tcr"), std::string::npos) << result.err;
+    EXPECT_EQ(result.err.find("wrong segments, signs or units"), std::string::npos) << result.err;
+    EXPECT_FALSE(fs::exists(folder_ / "run/out/parameters.conf")) << i;
+    EXPECT_FALSE(fs::exists(folder_ / "run/store")) << i;
+    EXPECT_FALSE(fs::exists(folder_ / "run/results.db")) << i;
+  }
+  std::ofstream(folder_ / "run/out/recording.tcr", std::ios::binary) << whole;
+  EXPECT_EQ(run({"resume", "run/out"}).code, 0);
+  EXPECT_TRUE(fs::exists(folder_ / "run/store/simulated/SN1/parameters.conf"));
+}
+
+TEST_F(Storage, ALockedDatabaseStopsTheBatchAndTheUnitIsNotRefused) {
+  write("queue", "SN1\nSN2\n");
+  const std::string where = station("s.station");
+  const std::vector<std::string> batch = {"batch",      "queue", "--dry-run", "--out", "units",
+                                          "--sequence", demo,    "--station", where};
+  sqlite3* lock = nullptr;
+  ASSERT_EQ(sqlite3_open(path("results.db").c_str(), &lock), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(lock, "CREATE TABLE other(x); BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
+  const ProgramResult before = run(batch);
+  EXPECT_EQ(before.code, 50) << before.err;
+  EXPECT_NE(before.err.find("results.db: results database: "), std::string::npos) << before.err;
+  EXPECT_FALSE(fs::exists(folder_ / "units/SN1/journal.tcj")) << "seen before anything moved";
+  // Locked while the unit is measured.
+  sqlite3_exec(lock, "ROLLBACK", nullptr, nullptr, nullptr);
+  const pid_t pid = start(batch);
+  while (!fs::exists(folder_ / "units/SN1/journal.tcj")) ::usleep(1000);
+  ASSERT_EQ(sqlite3_exec(lock, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
+  const ProgramResult during = finish(pid);
+  EXPECT_EQ(during.code, 50) << during.err;
+  EXPECT_EQ(outcomes_text(path("queue")), "");
+  sqlite3_close(lock);
+  ASSERT_EQ(run(batch).code, 0);
+  EXPECT_EQ(outcomes_text(path("queue")), "SN1=not_judged SN2=not_judged ");
+}
+
+TEST_F(Storage, WhatWouldStopARunIsSaidBeforeItBegins) {
+  expect_refused(begin("r", station("a.station", "hook.done = no_such_program_of_ours --now\n")),
+                 "there is no command 'no_such_program_of_ours'");
+  expect_refused(begin(std::string(300, 'x'), station("a.station")), "at most 255");
+  StationConfig none = default_station_config();
+  const auto first = [&](const Preflight& run) {
+    const std::vector<Error> found = preflight(run);
+    return found.empty() ? Error{ErrorKind::internal, "nothing"} : found.front();
+  };
+  const Error full = first({.station = none, .folder = path("r"), .units = {"SN1"}, .samples = LLONG_MAX / 128});
+  EXPECT_EQ(full.kind, ErrorKind::device);
+  EXPECT_NE(full.message.find("MiB are free: expected"), std::string::npos) << full.message;
+  none.table_calibration_due = "2026-01-01";
+  EXPECT_EQ(first({.station = none, .utc_s = 1767312000.0}).kind, ErrorKind::input);  // 2026-01-02
+  EXPECT_EQ(first({.station = none, .utc_s = 1767312000.0, .overdue_reason = "x"}).kind, ErrorKind::internal);
+}
+
+TEST(StorageError, IsADeviceErrorUnlessTheNameIsWrong) {
+  for (const int number : {EROFS, EACCES, EPERM, ENOSPC, EIO, EMFILE, EBUSY})
+    EXPECT_EQ(storage_error("x", "cannot create", number).kind, ErrorKind::device) << number;
+  for (const int number : {ENOENT, ENOTDIR, EEXIST, ENAMETOOLONG})
+    EXPECT_EQ(storage_error("x", "cannot create", number).kind, ErrorKind::input) << number;
+  EXPECT_EQ(rename_durably("/proc/version", "/tmp/turncal_version").error().kind, ErrorKind::device);
+  EXPECT_EQ(check_folder_writable("/proc/version/x").error().kind, ErrorKind::input);
+}
+
+}  // namespace
+}  // namespace turncal

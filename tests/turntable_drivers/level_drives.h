@@ -1,0 +1,158 @@
+// Three drives of a kind that the twin is not: a control word whose lowest bit is the enable, as a level, so that a braking stop which
+// holds it switches a drive on. Written against the Modbus frames alone; turns at the commanded rate in real time.
+//
+//   0x00 control: bit 0 enable, bit 1 brake, bit 2 go (an edge), bit 3 home
+//   0x10 s32 position, 0x12 s32 rate (counts/s), 0x14 status: bit 0 on, 1 in position, 2 fault, 3 moving, 4 homed
+//   0x20 s32 target, u32 rate
+#pragma once
+
+#include <atomic>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "imu_io/base/deadline.h"
+#include "turntable_drivers/modbus/modbus_frame.h"
+#include "turntable_drivers/modbus/register_map.h"
+#include "turntable_drivers/twins/line_server.h"
+
+namespace turncal {
+
+struct LevelDrive {
+  std::uint16_t control = 0;
+  bool homed = false;
+  double position = 0.0, target = 0.0, rate = 0.0, commanded_rate = 0.0, at_s = monotonic_s();
+  std::vector<std::uint16_t> words;  // every control word that came
+
+  void pass() {
+    const double now_s = monotonic_s();
+    const double left = target - position, step = std::abs(rate) * (now_s - at_s);
+    at_s = now_s;
+    if ((control & 1) == 0 || (control & 2) != 0) rate = 0.0;
+    if (rate == 0.0) return;
+    position = step >= std::abs(left) ? target : position + std::copysign(step, left);
+    if (position == target) rate = 0.0;
+  }
+  void write_control(std::uint16_t word) {
+    pass();
+    if ((word & 5) == 5 && (control & 4) == 0) rate = std::copysign(commanded_rate, target - position);
+    if ((word & 9) == 9) homed = true;
+    control = word;
+    words.push_back(word);
+    pass();
+  }
+};
+
+class LevelDrives : public LineServer {
+ public:
+  LevelDrives() {
+    EXPECT_TRUE(listen_tcp(0).ok());
+    thread_ = std::thread([this] {
+      while (!ended_) run_once(0.01);
+    });
+  }
+  ~LevelDrives() override {
+    ended_ = true;
+    thread_.join();
+  }
+  RegisterMap map(const std::string& more = "") const {
+    std::string text =
+        "format = 1\nname = level drives\ncommissioned = true\nlink.kind = tcp\nlink.address = " + address() + R"(
+link.response_timeout_s = 0.1
+link.quiet_s = 0.05
+words.order = high_first
+status.address = 0x10
+status.count = 5
+position.address = 0x10
+rate.address = 0x12
+bit.enabled.address = 0x14
+bit.enabled.mask = 1
+bit.in_position.address = 0x14
+bit.in_position.mask = 2
+bit.fault.address = 0x14
+bit.fault.mask = 4
+bit.moving.address = 0x14
+bit.moving.mask = 8
+bit.homed.address = 0x14
+bit.homed.mask = 16
+write.enable = 0 u16 1
+write.home = 0 u16 9, 0 u16 1
+write.move = 0x20 s32 position + u32 rate, 0 u16 5, 0 u16 1
+write.stop = 0 u16 3
+write.abort = 0 u16 0
+)" + more;
+    for (const char* axis : {"heading", "pitch", "roll"}) {
+      const std::string prefix = std::string("axis.") + axis;
+      text += prefix + ".unit = " +
+              (axis[0] == 'h'   ? "1"
+               : axis[0] == 'p' ? "2"
+                                : "3") +
+              "\n" + prefix + ".counts_per_degree = 1000\n";
+    }
+    const Result<RegisterMap> map = parse_register_map(text, "level.map");
+    EXPECT_TRUE(map.ok()) << (map.ok() ? "" : map.error().message);
+    return map.ok() ? *map : RegisterMap();
+  }
+  // Copies, for the server's thread goes on.
+  LevelDrive drive(int unit) {
+    const std::lock_guard lock(mutex);
+    drives[unit].pass();
+    return drives[unit];
+  }
+  bool all_off() { return (drive(1).control & 1) == 0 && (drive(2).control & 1) == 0 && (drive(3).control & 1) == 0; }
+  std::size_t words() { return drive(1).words.size() + drive(2).words.size() + drive(3).words.size(); }
+
+  std::atomic<bool> reads_answered{true};
+  std::atomic<int> refuses_off{0};  // so many words that would switch a drive off are answered and do nothing
+  std::map<int, LevelDrive> drives{{1, {}}, {2, {}}, {3, {}}};
+
+ private:
+  std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) override {
+    const std::optional<ModbusRequest> request = take_request(bytes, true);
+    if (!request) return {};
+    const std::lock_guard lock(mutex);
+    LevelDrive& drive = drives[request->unit];
+    drive.pass();
+    AnswerPlan plan;
+    if (request->function == 3) {
+      if (!reads_answered) return plan;
+      const auto position = static_cast<std::uint32_t>(static_cast<std::int32_t>(drive.position));
+      const auto rate = static_cast<std::uint32_t>(static_cast<std::int32_t>(drive.rate));
+      const bool on = (drive.control & 1) != 0, moves = drive.rate != 0.0;
+      const std::uint16_t status = static_cast<std::uint16_t>((on ? 1 : 0) | (moves ? 8 : 2) | (drive.homed ? 16 : 0));
+      std::vector<std::uint16_t> block = {static_cast<std::uint16_t>(position >> 16),
+                                          static_cast<std::uint16_t>(position), static_cast<std::uint16_t>(rate >> 16),
+                                          static_cast<std::uint16_t>(rate), status};
+      block.resize(static_cast<std::size_t>(request->count));
+      plan.pieces.push_back({read_reply(*request, block, true), 0.0});
+      return plan;
+    }
+    if (request->address == 0) {
+      const bool ignored = (request->values[0] & 1) == 0 && refuses_off > 0;
+      if (ignored) {
+        --refuses_off;
+      } else {
+        drive.write_control(request->values[0]);
+      }
+    } else if (request->address == 0x20) {
+      drive.target =
+          static_cast<std::int32_t>(static_cast<std::uint32_t>(request->values[0]) << 16 | request->values[1]);
+      drive.commanded_rate =
+          static_cast<double>(static_cast<std::uint32_t>(request->values[2]) << 16 | request->values[3]);
+    }
+    plan.pieces.push_back({write_reply(*request, true), 0.0});
+    return plan;
+  }
+  void tick() override {}
+
+  std::thread thread_;
+  std::atomic<bool> ended_{false};
+};
+
+}  // namespace turncal

@@ -1,0 +1,174 @@
+// A table that takes 150 ms an answer, and units at 1 kHz beside it: they are read while it is awaited.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+
+#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/frames/frame_encoder.h"
+#include "imu_io/lines/pty.h"
+#include "imu_io/units/serial_imu.h"
+#include "tests/imu_io/temporary_folder.h"
+#include "tests/turntable_drivers/dialect_station.h"
+#include "tests/turntable_drivers/modbus_run.h"
+
+namespace turncal {
+namespace {
+
+constexpr double answer_s = 0.15;
+constexpr std::size_t unit_count = 3;
+
+// Sends frames at 1 kHz into three pseudo-terminals, in a thread of its own; what nobody reads in time is lost.
+class Units {
+ public:
+  Units() {
+    const Result<FrameDescription> found = find_frame("laser_gyro");
+    EXPECT_TRUE(found.ok());
+    frame_ = *found;
+    frame_.sample_period_s = 0.001;
+    for (std::size_t i = 0; i < unit_count; ++i) {
+      Result<Pty> pty = Pty::create(folder_ / ("unit" + std::to_string(i)));
+      EXPECT_TRUE(pty.ok());
+      ptys_.push_back(std::move(*pty));
+      SerialImuSettings settings;
+      settings.device = folder_ / ("unit" + std::to_string(i));
+      settings.simulated = true;
+      imus.push_back(std::make_unique<SerialImu>(frame_, settings));
+      EXPECT_TRUE(imus.back()->open().ok());
+    }
+    thread_ = std::thread([this] { send(); });
+  }
+  ~Units() {
+    ended_ = true;
+    thread_.join();
+  }
+  void read_all() {
+    std::array<ImuSample, 256> block;
+    for (const auto& imu : imus) {
+      for (;;) {
+        const Result<std::size_t> got = imu->read(block, 0.0);
+        ASSERT_TRUE(got.ok()) << got.error().message;
+        if (*got == 0) break;
+      }
+    }
+  }
+  std::uint64_t lost() const {
+    std::uint64_t all = 0;
+    for (const auto& imu : imus) all += imu->counters().lost_samples;
+    return all;
+  }
+  std::uint64_t samples() const {
+    std::uint64_t least = ~std::uint64_t{0};
+    for (const auto& imu : imus) least = std::min(least, imu->counters().samples);
+    return least;
+  }
+  std::vector<std::unique_ptr<SerialImu>> imus;
+
+ private:
+  void send() {
+    FrameEncoder encoder(frame_);
+    std::vector<std::byte> bytes(encoder.length());
+    const double began_s = monotonic_s();
+    for (std::int64_t next = 0; !ended_;) {
+      const auto due = static_cast<std::int64_t>((monotonic_s() - began_s) * 1000.0);
+      for (; next < due; ++next) {
+        ImuSample sample;
+        sample.counter = next;
+        EXPECT_TRUE(encoder.encode(sample, bytes).ok());
+        for (Pty& pty : ptys_) static_cast<void>(pty.write_all(bytes, 0.0).ok());  // a full line loses it
+      }
+      ::usleep(1000);
+    }
+  }
+  test::TemporaryFolder folder_;
+  FrameDescription frame_;
+  std::vector<Pty> ptys_;
+  std::atomic<bool> ended_{false};
+  std::thread thread_;
+};
+
+template <class Plan>
+auto slowly() {
+  return [](const auto&, Plan& plan) {
+    for (auto& piece : plan.pieces) piece.delay_s = answer_s;
+  };
+}
+
+template <class Table>
+void expect_nothing_lost(Table& table) {
+  Units units;
+  units.read_all();
+  std::uint64_t lost_unread = 0;
+  for (const bool read_meanwhile : {false, true}) {
+    table.driver.set_meanwhile(read_meanwhile ? std::function<void()>([&] { units.read_all(); }) : nullptr);
+    for (int i = 0; i < 20; ++i) {  // what was lost before shows in the frames after it
+      ::usleep(5000);
+      units.read_all();
+    }
+    const std::uint64_t before = units.lost();
+    const double began_s = monotonic_s();
+    for (int i = 0; i < 6; ++i) {  // 2.7 s and more: beyond what a pseudo-terminal holds
+      for (const Axis axis : all_axes) {
+        const Result<AxisStatus> now = table.driver.status(axis);
+        ASSERT_TRUE(now.ok()) << now.error().message;
+      }
+    }
+    units.read_all();
+    EXPECT_GT(monotonic_s() - began_s, 18 * answer_s) << "the table is slow";
+    for (int i = 0; i < 20; ++i) {
+      ::usleep(5000);
+      units.read_all();
+    }
+    if (read_meanwhile) {
+      EXPECT_EQ(units.lost() - before, 0u);
+    } else {
+      lost_unread = units.lost() - before;
+    }
+  }
+  EXPECT_GT(lost_unread, 0u) << "the test would show a loss";
+  EXPECT_GT(units.samples(), 1000u);
+}
+
+TEST(SlowTable, UnitsAreReadWhileItsAnswerIsAwaited) {
+  FaultTable<TwinStation, ModbusTurntable> modbus(map_of(plain_map_text("tcp")));
+  modbus.station.disturb(slowly<AnswerPlan>());
+  expect_nothing_lost(modbus);
+}
+
+TEST(SlowTable, UnitsAreReadWhileADialectIsAwaited) {
+  FaultTable<DialectStation, SerialTurntable> dialect(shipped_dialect("three_axis_dollar", true));
+  dialect.station.disturb(slowly<AnswerPlan>());
+  expect_nothing_lost(dialect);
+}
+
+// A run lets its units be read by the driver, and takes the hook away when it is over.
+TEST(SlowTable, ARunReadsItsUnitsMeanwhile) {
+  struct Table : LimitedTurntable {
+    using LimitedTurntable::LimitedTurntable;
+    void set_meanwhile(std::function<void()> meanwhile) override { hook = std::move(meanwhile); }
+    Result<AxisStatus> status(Axis axis) override {
+      if (hook) {
+        ++hooked;
+        hook();
+      }
+      return LimitedTurntable::status(axis);
+    }
+    std::function<void()> hook;
+    int hooked = 0;
+  };
+  RigStation s(two_steps_text);
+  const StationDevices devices = s.devices.devices();
+  Table table(devices.table, {});
+  s.devices.imu.describe(s.info);
+  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
+  StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
+                 {&s.watcher, &s.stop_requests, {}, nullptr});
+  const RunOutcome outcome = run.run();
+  EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_GT(table.hooked, 100);
+  EXPECT_FALSE(table.hook);
+  EXPECT_EQ(s.sink.sample_count, two_steps_samples);
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,234 @@
+// The last word to every drive: off, read back, on every way out; and the fastest stop where nothing can be read.
+#include "turntable_drivers/table/table_stop.h"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "orchestrator/devices/table_device.h"
+#include "tests/turntable_drivers/level_drives.h"
+#include "tests/turntable_drivers/modbus_run.h"
+
+namespace turncal {
+namespace {
+
+struct LastWord : testing::Test {
+  LevelDrives drives;
+  RealClock clock;
+  std::atomic<int> stop_requests{0};
+  StationConfig station = default_station_config();
+
+  std::unique_ptr<TableDevice> device(const std::string& more = "") {
+    station.table.driver = TableDriver::modbus;
+    station.table.map = drives.map(more);
+    Result<std::unique_ptr<TableDevice>> made = make_table(station, {clock, &stop_requests});
+    EXPECT_TRUE(made.ok());
+    return std::move(*made);
+  }
+  void make_ready(Turntable& table) {
+    ASSERT_TRUE(table.connect().ok());
+    ASSERT_TRUE(table.enable().ok());
+    ASSERT_TRUE(table.home().ok());
+    for (int i = 0; i < 5; ++i) {
+      for (const Axis axis : all_axes) ASSERT_TRUE(table.status(axis).ok());
+    }
+    EXPECT_FALSE(drives.all_off());
+  }
+  void begin_move(Turntable& table) {
+    const Status moved = table.move_absolute(Axis::pitch, 90.0, 10.0, 10.0);
+    ASSERT_TRUE(moved.ok()) << moved.error().message;
+    ASSERT_NE(drives.drive(2).rate, 0.0);
+  }
+};
+
+TEST_F(LastWord, NormalEnd) {
+  {
+    const auto table = device();
+    make_ready(table->table());
+  }
+  EXPECT_TRUE(drives.all_off());
+}
+
+TEST_F(LastWord, AfterADriverThatWasToldOffAStopDoesNotSwitchOn) {
+  const auto table = device();
+  make_ready(table->table());
+  ASSERT_TRUE(table->table().abort_all().ok());
+  ASSERT_TRUE(table->table().stop_all().ok());
+  EXPECT_TRUE(drives.all_off());
+  // Nor over a link that was lost and opened anew.
+  ASSERT_TRUE(table->table().connect().ok());
+  ASSERT_TRUE(table->table().stop_all().ok());
+  EXPECT_TRUE(drives.all_off());
+}
+
+// A drive that an operator switched off in mid-move stays off when the others are stopped.
+TEST_F(LastWord, AStopDoesNotSwitchOnADriveThatReadsOff) {
+  const auto table = device();
+  make_ready(table->table());
+  {
+    const std::lock_guard lock(drives.mutex);
+    drives.drives[3].control = 0;
+  }
+  ASSERT_TRUE(table->table().status(Axis::roll).ok());
+  ASSERT_TRUE(table->table().stop_all().ok());
+  EXPECT_EQ(drives.drive(3).control & 1, 0);
+  EXPECT_EQ(drives.drive(1).control, 3) << "the others brake";
+}
+
+TEST_F(LastWord, ExceptionInMidMove) {
+  const auto run = [&] {
+    const auto table = device();
+    make_ready(table->table());
+    begin_move(table->table());
+    throw std::runtime_error("in mid-move");
+  };
+  EXPECT_THROW(run(), std::runtime_error);
+  EXPECT_TRUE(drives.all_off());
+  EXPECT_EQ(drives.drive(2).rate, 0.0);
+  EXPECT_GE(drives.drive(2).words.size(), 2u);
+  EXPECT_EQ(drives.drive(2).words.end()[-2], 3) << "it brakes before its drive goes off";
+}
+
+TEST_F(LastWord, SignalInMidMove) {
+  {
+    const auto table = device();
+    make_ready(table->table());
+    begin_move(table->table());
+    ++stop_requests;  // and nobody handled it
+  }
+  EXPECT_TRUE(drives.all_off());
+  EXPECT_EQ(drives.drive(2).rate, 0.0);
+}
+
+// `monitor` enables nothing: it leaves drives that are off untouched, and those that it found on are off.
+TEST_F(LastWord, WhoOnlyLooks) {
+  const auto look = [&] {
+    const auto table = device();
+    EXPECT_TRUE(table->table().connect().ok());
+    EXPECT_TRUE(table->table().status(Axis::heading).ok());
+  };
+  look();
+  EXPECT_EQ(drives.words(), 0u) << "nothing was written";
+  {
+    const std::lock_guard lock(drives.mutex);
+    for (auto& [unit, drive] : drives.drives) drive.control = 1;
+  }
+  look();
+  EXPECT_TRUE(drives.all_off());
+}
+
+TEST_F(LastWord, WhatIsRefusedIsSentAgain) {
+  {
+    const auto table = device();
+    make_ready(table->table());
+    drives.refuses_off = 4;
+  }
+  EXPECT_TRUE(drives.all_off());
+}
+
+TEST_F(LastWord, ADriveThatStaysOnIsSaid) {
+  const auto table = device();
+  make_ready(table->table());
+  drives.refuses_off = 1000000;
+  const Status left =
+      leave_off(table->table(), {.now_s = monotonic_s,
+                                 .wait = [](double seconds) { ::usleep(static_cast<unsigned>(1e6 * seconds)); },
+                                 .brake_s = 0.2,
+                                 .deadline_s = 1.0});
+  ASSERT_FALSE(left.ok());
+  EXPECT_NE(left.error().message.find("its drives may be on"), std::string::npos) << left.error().message;
+  drives.refuses_off = 0;
+}
+
+TEST_F(LastWord, AMapThatCannotSwitchOffSaysSo) {
+  const RegisterMap map = drives.map("switch_off = false\n");
+  EXPECT_NE(caution_of(map).find("switch_off = false"), std::string::npos);
+  EXPECT_EQ(caution_of(drives.map()), "");
+  // The same words for both, and no admission.
+  std::string text = plain_map_text("tcp");
+  text.replace(text.find("write.abort = 0x203 u16 1"), 25, "write.abort = 0x202 u16 1, 0x202 u16 0");
+  const Result<RegisterMap> same = parse_register_map(text, "my.map");
+  ASSERT_FALSE(same.ok());
+  EXPECT_NE(same.error().message.find("switch_off = false"), std::string::npos) << same.error().message;
+  EXPECT_EQ(same.error().message.find('\n'), std::string::npos);
+  EXPECT_TRUE(parse_register_map(text + "switch_off = false\n", "my.map").ok());
+}
+
+// Reads are not answered any more, writes work: the fastest stop goes out to every axis, again and again.
+TEST_F(LastWord, FastestStopGoesOutWhenNothingCanBeRead) {
+  const auto table = device();
+  make_ready(table->table());
+  begin_move(table->table());
+  drives.reads_answered = false;
+  const double began_s = monotonic_s();
+  const Status left =
+      leave_off(table->table(), {.now_s = monotonic_s,
+                                 .wait = [](double seconds) { ::usleep(static_cast<unsigned>(1e6 * seconds)); },
+                                 .brake_s = 1.0,
+                                 .deadline_s = 4.0});
+  EXPECT_FALSE(left.ok()) << "it cannot be verified";
+  EXPECT_GE(monotonic_s() - began_s, 4.0) << "to the deadline";
+  EXPECT_TRUE(drives.all_off());
+  for (const int unit : {1, 2, 3}) {
+    const LevelDrive drive = drives.drive(unit);
+    EXPECT_EQ(drive.rate, 0.0);
+    EXPECT_GE(std::count(drive.words.begin(), drive.words.end(), 0), 2) << unit;
+  }
+  drives.reads_answered = true;
+}
+
+// The same in a run, whose reconnecting fails as well.
+TEST(TableStopInARun, FastestStopGoesOutWhenNothingCanBeRead) {
+  ModbusRun s;
+  std::map<int, int> aborts;
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (request.function == 3 && s.rig_time_s() > in_mid_move_s) plan.pieces.clear();
+    if (request.address == 0x203) ++aborts[request.unit];
+  });
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_NE(outcome.error.message.find("COULD NOT BE VERIFIED"), std::string::npos) << outcome.error.message;
+  for (const int unit : {1, 2, 3}) EXPECT_GE(aborts[unit], 3) << unit;
+  EXPECT_LT(s.station.rig.axis(Axis::pitch).position_deg, 19.9);
+}
+
+// A second axis turns although nothing sent it, or the commanded one runs the wrong way: seen at the next poll.
+TEST(StrayAxis, AnotherAxisThatTurnsStopsTheRunWithinOnePoll) {
+  for (const bool in_dwell : {false, true}) {
+    ModbusRun s;
+    double began_s = 0.0;
+    s.watcher.on_tick = [&](const RunSnapshot&) {
+      if (began_s > 0.0 || s.rig_time_s() < (in_dwell ? 7.0 : in_mid_move_s)) return;
+      const std::lock_guard lock(s.station.server.mutex);
+      began_s = s.rig_time_s();
+      s.station.rig.command_move(Axis::roll, 300.0, 20.0, 1000.0);
+    };
+    const RunOutcome outcome = s.run();
+    EXPECT_EQ(outcome.state, RunState::failed);
+    EXPECT_TRUE(s.watcher.saw(RunEvent::table_fault)) << outcome.error.message;
+    EXPECT_NE(outcome.error.message.find("roll moves although nothing sent it"), std::string::npos)
+        << outcome.error.message;
+    const double turned_deg = s.station.rig.axis(Axis::roll).position_deg;
+    // A poll of 0.1 s, in a dwell one of 0.5 s before it; the stop from 20 deg/s at the rig's rate takes up to 2 deg... of its own.
+    EXPECT_LT(turned_deg, in_dwell ? 20.0 : 8.0);
+    RecordProperty(in_dwell ? "dwell_deg" : "move_deg", std::to_string(turned_deg));
+  }
+}
+
+TEST(StrayAxis, TheCommandedAxisThatRunsTheWrongWayStopsTheRun) {
+  ModbusRun s;
+  bool done = false;
+  s.watcher.on_tick = [&](const RunSnapshot& at) {
+    if (done || at.state != RunState::moving || s.rig_time_s() < 3.2) return;
+    done = true;
+    const std::lock_guard lock(s.station.server.mutex);
+    s.station.rig.command_move(Axis::pitch, -300.0, 20.0, 1000.0);
+  };
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_NE(outcome.error.message.find("pitch runs away"), std::string::npos) << outcome.error.message;
+  EXPECT_GT(s.station.rig.axis(Axis::pitch).position_deg, -30.0);
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,58 @@
+// How a table is left: at rest, every drive off, and both read back. One rule for a run that stops, a command that is over and a
+// program that unwinds.
+//
+//   stop      the braking stop to every axis; where one does not take it, the fastest
+//   off       once every axis reads at rest: the fastest stop, drives off
+//   verified  every axis reads at rest, and its drive off by the drive's own word (not where the device cannot switch it off)
+//
+// What cannot be read is not waited for: the fastest stop goes out to every axis at once and again every repeat_s, with attempts to open
+// the link anew in between, for as long as the caller goes on. It is repeated likewise while a drive that was told reads on.
+// A motion is never taken up again.
+#pragma once
+
+#include <functional>
+
+#include "turntable_drivers/table/turntable.h"
+
+namespace turncal {
+
+class TableStop {
+ public:
+  // The table must outlive this. At rest: no axis says that it moves, or turns faster than that.
+  TableStop(Turntable& table, double rest_rate_degps) : table_(table), rest_rate_degps_(rest_rate_degps) {}
+
+  void begin();                // of another stop: what was sent before does not count
+  Status stop(double now_s);   // an error: some axis did not take it
+  Status abort(double now_s);  // likewise
+  // What was read just now; null: some axis could not be. True: verified.
+  bool look(const TableStatus* axes, double now_s);
+
+  static constexpr double repeat_s = 0.5;
+
+ private:
+  bool at_rest(const TableStatus& axes) const;
+  void reconnect(double now_s);
+
+  Turntable& table_;
+  double rest_rate_degps_;
+  bool abort_taken_ = false;  // by every axis
+  double repeat_at_s_ = 0.0;
+  double reconnect_at_s_ = 0.0;
+  double reconnect_wait_s_ = repeat_s;
+};
+
+// The time that a stop may take, on the caller's clock, and how that passes.
+struct StopTime {
+  std::function<double()> now_s;
+  std::function<void(double seconds)> wait;
+  double brake_s = 3.0;      // then the fastest stop, though it still moves
+  double deadline_s = 10.0;  // in all
+  double poll_s = 0.05;
+  double rest_rate_degps = 0.02;
+};
+
+// Carries the rule out from wherever the table is. Nothing is sent to a table whose axes all read at rest with their drives off.
+// An error: it could not be verified.
+Status leave_off(Turntable& table, const StopTime& time);
+
+}  // namespace turncal
