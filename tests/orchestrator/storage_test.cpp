@@ -62,7 +62,11 @@ TEST_F(Storage, NothingIsMadeOfASealedRecordingThatWasChanged) {
   for (int i = 0; i < 24; ++i) {
     std::string bytes = whole;
     switch (i % 6) {
-      case 0: bytes[at(bytes.size())] ^= 1 << at(8); break;
+      case 0: {
+        char& byte = bytes[at(bytes.size())];
+        byte = static_cast<char>(byte ^ (1 << at(8)));
+        break;
+      }
       case 1: bytes.resize(at(bytes.size())); break;
       case 2: bytes.erase(at(bytes.size() - 5000), 1 + at(5000)); break;
       case 3: bytes = i == 3 ? other : whole + whole.substr(0, 1 + at(4000)); break;
