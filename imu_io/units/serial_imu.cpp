@@ -12,6 +12,10 @@ namespace turncal {
 namespace {
 
 constexpr double slice_s = 0.02;  // at most so long is one wait
+// The kernel hands out at most 4095 bytes at once and moves up later what is behind them, in pieces of any size: after half as much
+// the line counts as empty only when nothing came for a while.
+constexpr std::size_t backlog_bytes = 2048;
+constexpr double moved_up_s = 0.005;
 constexpr double skew_judged_after_s = 10.0;
 constexpr double gross_skew = 2e-3;       // of another rate than described: no clock is so bad
 constexpr double least_lateness_s = 0.1;  // below this a busy host may be the reason
@@ -44,6 +48,7 @@ Status SerialImu::open() {
   fit_.restart();
   restarted_ = false;
   empty_s_ = line_checked_s_ = monotonic_s();
+  backlog_ = false;
   line_at_open_ = port_.line_errors();
   line_errors_ = {};
   return {};
@@ -95,12 +100,19 @@ Result<std::size_t> SerialImu::receive(double timeout_s) {
   const double now_s = monotonic_s();
   count_line_errors(now_s);
   if (*count == 0) {
+    backlog_ = backlog_ && now_s - backlog_s_ < moved_up_s;
+    if (backlog_) return std::size_t{0};
     empty_s_ = began_s + timeout_s;
     decoder_.idle(empty_s_ * settings_.speedup);
     return std::size_t{0};
   }
   decoder_.added(*count, {empty_s_ * settings_.speedup, now_s * settings_.speedup});
-  if (*count < room.size()) empty_s_ = began_s;
+  if (*count >= std::min(backlog_bytes, room.size())) {
+    backlog_ = true;
+    backlog_s_ = now_s;
+  } else if (!backlog_) {
+    empty_s_ = began_s;
+  }
   return *count;
 }
 

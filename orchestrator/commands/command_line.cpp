@@ -1,5 +1,8 @@
 #include "orchestrator/commands/command_line.h"
 
+#include <poll.h>
+#include <unistd.h>
+
 #include <cstdint>
 #include <exception>
 #include <optional>
@@ -9,6 +12,15 @@
 #include "orchestrator/station/version.h"
 
 namespace turncal {
+namespace {
+
+// A pipe that nobody reads any more (| head -1): who was there wanted no more of it.
+bool reader_has_left() {
+  pollfd output{STDOUT_FILENO, POLLOUT, 0};
+  return ::poll(&output, 1, 0) == 1 && (output.revents & POLLERR) != 0;
+}
+
+}  // namespace
 
 const Option& Option::required() const { return option_->required(), *this; }
 const Option& Option::positive() const { return option_->check(CLI::PositiveNumber), *this; }
@@ -73,7 +85,8 @@ int run_command_line(int argc, const char* const* argv, const std::vector<AddCom
     context.fail({ErrorKind::internal, "internal error"});
   }
   context.out.flush();
-  if (!context.out && context.exit_code == 0) context.fail(device_error("standard output: not all could be written"));
+  if (!context.out && context.exit_code == 0 && !reader_has_left())
+    context.fail(device_error("standard output: not all could be written"));
   return context.exit_code;
 }
 

@@ -14,6 +14,7 @@ namespace {
 
 constexpr const char* channels[6] = {"gyro x",          "gyro y",          "gyro z",
                                      "accelerometer x", "accelerometer y", "accelerometer z"};
+constexpr double stretch_s = 0.5;
 constexpr std::int64_t enough_samples = 400;  // to say that a channel stands still
 
 Eigen::Matrix3d attitude_of(const AxisTriple& deg) {
@@ -123,6 +124,9 @@ Status FirstStepCheck::begin_segment(const Segment& segment) {
   gyro_.setZero();
   accel_.setZero();
   samples_ = 0;
+  stretch_.setZero();
+  stretch_samples_ = 0;
+  way_ = 0.0;
   return sink_.begin_segment(segment);
 }
 
@@ -136,10 +140,19 @@ Status FirstStepCheck::add(std::span<const ImuSample> samples) {
         (i < 3 ? gyro_ : accel_)[static_cast<Eigen::Index>(i % 3)] += value;
       }
       ++step_samples_;
+      stretch_ += Eigen::Vector3d(sample.gyro[0], sample.gyro[1], sample.gyro[2]);
+      ++stretch_samples_;
+      if (static_cast<double>(stretch_samples_) * info_.sample_period_s >= stretch_s) end_stretch();
     }
     samples_ += static_cast<std::int64_t>(samples.size());
   }
   return sink_.add(samples);
+}
+
+void FirstStepCheck::end_stretch() {
+  if (rest_gyro_) way_ += (stretch_ - *rest_gyro_ * static_cast<double>(stretch_samples_)).norm();
+  stretch_.setZero();
+  stretch_samples_ = 0;
 }
 
 Status FirstStepCheck::end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) {
@@ -163,7 +176,13 @@ Status FirstStepCheck::judge_segment(SegmentKind kind, std::int64_t end_sample, 
   if (kind == SegmentKind::rotate) {
     const bool whole = samples_ == end_sample - segment_.start_sample;
     if (!before_deg_ || !rest_gyro_ || !whole) return {};
-    return judge_felt(gyro_ - *rest_gyro_ * n, *before_deg_, angles_deg, limits_);
+    end_stretch();
+    const Eigen::Vector3d sum = gyro_ - *rest_gyro_ * n;
+    const auto turn = turn_between(*before_deg_, angles_deg);
+    const bool moved =
+        turn && model.gyro_scale.norm() / std::sqrt(3.0) * way_ > 0.5 * std::abs(turn->second) * rad_per_deg;
+    if (moved && way_ > limits_.detour * sum.norm()) return {};
+    return judge_felt(sum, *before_deg_, angles_deg, limits_);
   }
   rest_gyro_ = gyro_ / n;
   const Eigen::Vector3d force = model.accel_scale * accel_ / (n * info_.sample_period_s);

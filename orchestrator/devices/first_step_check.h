@@ -6,6 +6,8 @@
 // with that sign; the mean rate along the vertical must not be that of the other hemisphere; and no channel may give one and the same
 // value all the time. Coarse on purpose: what a calibration estimates (biases, scale factors, installation errors) is not judged.
 //
+// A person may turn another axis first and back again: of a move whose way in the gyros is much longer than what they add up to nothing
+// is concluded.
 // Not seen: the sign of a gyro that neither a turn nor the earth's rotation along the vertical shows in that step; gyro scale factors.
 // A run that goes on after an interruption has passed this. What is found is an error of kind device: somebody has to look.
 #pragma once
@@ -25,6 +27,7 @@ struct FirstStepLimits {
   double direction_deg = 20.0;        // of gravity, and of a turn
   double force_tolerance = 0.2;       // of 1
   double smallest_turn_deg = 2.0;     // that is judged
+  double detour = 1.3;                // a way longer than this times the gyros' sum was not one turn
   double least_vertical_degph = 3.0;  // earth rate along the vertical; below that the hemisphere is not judged
   double other_way = 0.3;             // it is the other hemisphere's when it is -1 times the expected within this
 };
@@ -51,6 +54,7 @@ class FirstStepCheck : public RunSink {
  private:
   Status judge_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg);
   Status judge_step() const;
+  void end_stretch();
 
   RunSink& sink_;
   FirstStepLimits limits_;
@@ -60,6 +64,10 @@ class FirstStepCheck : public RunSink {
   Segment segment_;
   Eigen::Vector3d gyro_ = Eigen::Vector3d::Zero(), accel_ = Eigen::Vector3d::Zero();  // sums over the segment
   std::int64_t samples_ = 0;
+  // The way that the gyros felt, half a second at a time, so that noise adds little to it; the mean of the last rest taken off.
+  Eigen::Vector3d stretch_ = Eigen::Vector3d::Zero();
+  std::int64_t stretch_samples_ = 0;
+  double way_ = 0.0;
   std::optional<AxisTriple> before_deg_;      // where the segment before ended
   std::optional<Eigen::Vector3d> rest_gyro_;  // mean of a sample in the last rest
   int rests_ = 0, rests_other_way_ = 0;

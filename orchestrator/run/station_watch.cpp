@@ -10,7 +10,8 @@ namespace turncal {
 namespace {
 
 constexpr int status_tries = 3;
-constexpr double least_runaway_deg = 1.0;  // beyond the way of a move, further than any overshoot
+constexpr double least_runaway_deg =
+    1.0;  // beyond the way of a move, further than any overshoot, and than a slip in a dwell
 
 bool by_operator(const Error& error) {
   return error.kind == ErrorKind::aborted || error.kind == ErrorKind::interrupted;
@@ -40,8 +41,11 @@ StationRun::MaybeEvent StationRun::judge_strays() {
   for (Axis axis : all_axes) {
     const double at_deg = status_[static_cast<std::size_t>(axis)].position_deg;
     char text[160];
+    const double beyond_deg = std::max(least_runaway_deg, job_.station.motion.position_tolerance_deg);
+    const double off_deg = std::abs(at_deg - held_deg_[axis]);
+    // What spoilt a dwell may still go on: a slip is put right, and the dwell repeated.
+    if (state_ == RunState::settling && !move && off_deg <= beyond_deg) continue;
     if (move && move->axis == axis) {
-      const double beyond_deg = std::max(least_runaway_deg, job_.station.motion.position_tolerance_deg);
       const auto [low, high] = std::minmax(held_deg_[axis], move->target_deg);
       if (at_deg >= low - beyond_deg && at_deg <= high + beyond_deg) continue;
       std::snprintf(text, sizeof text, "%s runs away: at %.4f deg on the way from %.4f to %.4f deg", to_string(axis),

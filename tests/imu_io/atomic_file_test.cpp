@@ -121,7 +121,8 @@ TEST(PosixFile, LockIsExclusive) {
   auto first = PosixFile::open_to_change(folder / "a");
   auto second = PosixFile::open_to_change(folder / "a");
   ASSERT_OK(first->lock_exclusive());
-  EXPECT_ERROR(second->lock_exclusive(), (folder / "a") + ": in use by another process");
+  EXPECT_ERROR(second->lock_exclusive(),
+               (folder / "a") + ": in use by another process (" + std::to_string(::getpid()) + ")");
   ASSERT_OK(first->close());
   ASSERT_OK(second->lock_exclusive());
 }

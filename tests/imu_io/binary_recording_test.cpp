@@ -263,7 +263,8 @@ TEST_F(WriterTest, NothingIsAcceptedAfterTheEnd) {
 
 TEST_F(WriterTest, OneWriterAFile) {
   auto writer = RecordingWriter::create(path, info);
-  EXPECT_ERROR(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep), path + ": in use by another process");
+  EXPECT_ERROR(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep),
+               path + ": in use by another process (" + std::to_string(::getpid()) + ")");
 }
 
 TEST_F(WriterTest, FullDiskIsReportedAndWhatWasWrittenCanBeRead) {

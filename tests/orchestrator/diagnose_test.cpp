@@ -122,9 +122,10 @@ TEST_F(Diagnose, RefusesInOneLine) {
                  "is the folder of the recording rec/recording.tcr");
   expect_refused({"diagnose", "rec", "--holdout", "other", "--out", "other"}, "is the folder of the recording other");
   expect_refused({"diagnose", "rec", "--holdout", "missing", "--out", "out"}, "missing");
-  expect_refused({"diagnose", "rec", "--holdout", "rec", "--out", "out"}, "rec: is the recording to be fitted itself");
+  expect_refused({"diagnose", "rec", "--holdout", "rec", "--out", "out"},
+                 "rec/recording.tcr: is the recording to be fitted itself");
   expect_refused({"diagnose", "rec", "--holdout", "other", "--out", "out"},
-                 "other: unit_serial = 'SN2': expected 'SN1', as in the recording to be fitted");
+                 "other/recording.tcr: unit_serial = 'SN2': expected 'SN1', as in the recording to be fitted");
   expect_refused({"diagnose", "rec", "--out", "file"}, "file");
   expect_refused({"diagnose", "rec", "--out", "out", "--arw", "0.002"}, "--arw and --vrw fix the noise together");
   expect_refused({"diagnose", "rec", "--out", "out", "--vrw", "8"}, "--arw and --vrw fix the noise together");

@@ -99,6 +99,11 @@ step 1 "pitch"
   dwell 4000
   rotate P -180
   dwell 4000
+  rotate P +90
+  rotate R +90
+  dwell 4000
+  rotate R +90
+  dwell 4000
 SEQ
 expect 1 'short does not determine' run --dry-run --unit A --sequence short.seq --out a
 [ ! -e a ] || fail "something was made"
@@ -107,7 +112,7 @@ expect 1 'short does not determine' batch queue --dry-run --sequence short.seq -
 [ ! -e b ] && [ ! -e queue.state ] || fail "something was made"
 expect 0 'does not determine' check --sequence short.seq
 expect 0 'complete' run --dry-run --unit A --sequence short.seq --out a --capture-only
-expect 0 'not judged: estimated in part' run --dry-run --no-diagnosis --station station --unit P --sequence short.seq --out p --partial
+expect 0 'verdict *not_judged: estimated in part' run --dry-run --no-diagnosis --station station --unit P --sequence short.seq --out p --partial
 grep -q '^a11 = ' p/parameters.conf || fail "no estimate"
 [ ! -e store/simulated/P ] || fail "an estimate in part was put in use"
 expect 0 'can run this sequence' check --sequence "$demo"

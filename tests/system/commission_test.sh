@@ -53,7 +53,9 @@ expect 0 'nothing was moved' commission --station "$work/new.station" "${angles[
 expect 1 'heading: reads 30 deg, stands at 31 deg' commission --station "$work/twin.station" --heading 31 --pitch 20 --roll -10
 expect 0 'every axis turns the unit as it should' commission --station "$work/twin.station" "${angles[@]}" --gyro-pulse-arcsec 0.93292
 grep -q 'heading +5 deg: felt about -y' "$work/said" || fail "heading is not shown"
-for pose in 'gravity, level 0 deg: .*+9\.[78]' 'gravity, pitch 90 deg: +9\.[78]' 'gravity, roll 90 deg: .*-9\.[78]'; do
+# The twin's accelerometers have scale factors of some per cent, as the unit's before its first calibration.
+g='\(9\|10\)\.'
+for pose in "gravity, level 0 deg: [^,]*, +$g" "gravity, pitch 90 deg: +$g" "gravity, roll 90 deg: [^,]*, [^,]*, -$g"; do
   grep -q "$pose" "$work/said" || fail "$pose is not shown: $(cat "$work/said")"
 done
 expect 1 "the unit's -y is up instead of its +y" commission --station "$work/up.station"

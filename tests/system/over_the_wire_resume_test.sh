@@ -52,7 +52,7 @@ await_turning() {
   port=$(sed -n 's|.*status page http://127.0.0.1:\([0-9]*\)/.*|\1|p' "$work/$name.out")
   for _ in $(seq 500); do
     exec 3<> "/dev/tcp/127.0.0.1/$port"
-    printf 'GET /status.json HTTP/1.0\r\n\r\n' >&3
+    printf 'GET /status.json HTTP/1.0\r\nHost: 127.0.0.1:%s\r\n\r\n' "$port" >&3
     rate=$(sed -n 's/.*"rate_degps":\[\([^]]*\)\].*/\1/p' <&3 | cut -d, -f"$1")
     exec 3<&-
     awk -v r="${rate:-0}" 'BEGIN { exit (r > 1 || r < -1) ? 0 : 1 }' && return
