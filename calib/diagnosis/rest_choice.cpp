@@ -7,7 +7,7 @@ namespace turncal {
 
 namespace {
 
-constexpr double alias_correlation = 0.9;    // one class: the data hardly tell them apart
+constexpr double class_correlation = 0.9;    // one class: the data hardly tell them apart
 constexpr double kindred_correlation = 0.7;  // what one explains, the other nearly does
 
 bool cause_on_other_triad(const RestDiagnosisModel& m, const EffectEntry& entry) {
@@ -65,7 +65,7 @@ int simplest_alias(const RestDiagnosisModel& m, const RestScores& scores, int be
       continue;
     if (scores.of(best).statistic - score.statistic > m.options.alias_margin) continue;
     const double statistic = score.statistic - (other.entry->taus_s.empty() ? 0.0 : std::log(m.rows()));
-    if (scores.correlation(best, k) < alias_correlation || statistic <= highest) continue;
+    if (scores.correlation(best, k) < class_correlation || statistic <= highest) continue;
     highest = statistic;
     simplest = k;
   }

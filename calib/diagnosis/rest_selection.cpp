@@ -45,7 +45,7 @@ RestScores::RestScores(const RestSystem& system, const RestFit& fit, int model_c
       const VectorXd left = column - Q * (Q.transpose() * column);
       extra.col(static_cast<Index>(k)) = left / std::max(column.norm(), 1e-300);
     }
-    const Eigen::BDCSVD<MatrixXd> svd(extra, Eigen::ComputeThinU);
+    const Eigen::JacobiSVD<MatrixXd> svd(extra, Eigen::ComputeThinU);
     Index rank = 0;
     while (rank < extra.cols() && svd.singularValues()[rank] > nuisance_floor * svd.singularValues()[0]) ++rank;
     const MatrixXd U = svd.matrixU().leftCols(rank);

@@ -7,6 +7,7 @@
 #include <Eigen/Dense>
 
 #include "calib/joint/joint_faults.h"
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {

@@ -7,6 +7,7 @@
 #include <Eigen/Dense>
 
 #include "calib/joint/linear_motion.h"
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {

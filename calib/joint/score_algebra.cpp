@@ -5,6 +5,8 @@
 
 #include <Eigen/Dense>
 
+#include "calib/statistics/linear_algebra.h"
+
 namespace turncal {
 namespace {
 

@@ -27,7 +27,7 @@ double floor_of(const RestFloors& floors, RestKind kind) { return floor_of(const
 struct Whitened {
   VectorXd residual;
   VectorXd column_length;
-  Eigen::BDCSVD<MatrixXd> svd;
+  Eigen::JacobiSVD<MatrixXd> svd;
   Index rank = 0;
   MatrixXd basis() const { return svd.matrixU().leftCols(rank); }
 };

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 
 namespace turncal {
 
@@ -11,11 +12,13 @@ constexpr const char* to_string(Axis axis) {
   return axis == Axis::heading ? "heading" : axis == Axis::pitch ? "pitch" : "roll";
 }
 
+constexpr std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
+
 // One number an axis, indexed by Axis: degrees, deg/s or deg/s^2, as the name says.
 struct AxisTriple {
   std::array<double, 3> value{};
-  double& operator[](Axis axis) { return value[static_cast<std::size_t>(axis)]; }
-  double operator[](Axis axis) const { return value[static_cast<std::size_t>(axis)]; }
+  double& operator[](Axis axis) { return value[index(axis)]; }
+  double operator[](Axis axis) const { return value[index(axis)]; }
   bool operator==(const AxisTriple&) const = default;
 };
 

@@ -16,6 +16,8 @@ namespace turncal {
 
 class LockFile {
  public:
+  static constexpr double change_s =
+      5.0;  // wait_s for a lock that is held while a file is changed, which takes milliseconds
   // Made when it is missing (its folder must be there). Waits for wait_s at most while another holds it.
   static Result<LockFile> take(const std::string& path, double wait_s = 0.0);
   LockFile(LockFile&& other) noexcept = default;

@@ -19,7 +19,7 @@ namespace {
 constexpr double line_every_s = 1.0;
 constexpr double look_every_s = 0.1;  // at a signal, and at a unit that is silent
 
-struct Options {
+struct MonitorOptions {
   std::string station;
   double seconds = 0.0;  // 0: until a signal
 };
@@ -128,7 +128,7 @@ Status watch(LiveDevices& live, const std::string& tag, double seconds, std::ost
   return {};
 }
 
-Status run_monitor(const Options& options, CommandContext& context) {
+Status run_monitor(const MonitorOptions& options, CommandContext& context) {
   const Result<StationConfig> station = read_station_config(options.station);
   if (!station) return station.error();
   if (Status status = check_real_devices(*station); !status) return status;
@@ -141,7 +141,7 @@ Status run_monitor(const Options& options, CommandContext& context) {
 }  // namespace
 
 void add_monitor_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<MonitorOptions>();
   const Command command =
       line.command("monitor", "look at a station's table and unit, one line a second; nothing is moved");
   command.option("--station", options->station, "station configuration").required();

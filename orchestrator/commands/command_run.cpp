@@ -13,7 +13,7 @@ namespace turncal {
 
 namespace {
 
-struct Options {
+struct RunOptions {
   RunRequest request;
   std::string folder;
 };
@@ -40,7 +40,7 @@ void add_view_options(const Command& command, RunRequest& request) {
 }
 
 void add_run_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<RunOptions>();
   RunRequest& request = options->request;
   const Command command = line.command("run", "run a calibration: move the table, record, calibrate");
   command.flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
@@ -66,7 +66,7 @@ void add_run_command(CommandLine& line, CommandContext& context) {
 }
 
 void add_resume_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<RunOptions>();
   RunRequest& moved = options->request;
   const Command command =
       line.command("resume", "go on with a run that was interrupted, after its last complete dwell");

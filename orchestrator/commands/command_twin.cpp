@@ -11,13 +11,13 @@ namespace turncal {
 
 namespace {
 
-struct Options {
+struct TwinCommandOptions {
   std::string station;
   std::string rig;
   TwinSettings settings{.speed_up = 0.0, .table = {}};  // 0: the station's
 };
 
-Status run_twin(const Options& options, CommandContext& context) {
+Status run_twin(const TwinCommandOptions& options, CommandContext& context) {
   const Result<StationConfig> station = read_station_config(options.station);
   if (!station) return station.error();
   const std::string rig_file = options.rig.empty() ? station->rig_file : options.rig;
@@ -45,7 +45,7 @@ Status run_twin(const Options& options, CommandContext& context) {
 }  // namespace
 
 void add_twin_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<TwinCommandOptions>();
   const Command command = line.command("twin", "serve the simulated table and unit of a station on real lines");
   command.option("--station", options->station, "station configuration: which lines, which map or dialect, which frame")
       .required();

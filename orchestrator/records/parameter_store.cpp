@@ -31,9 +31,6 @@ std::string unit_folder(const std::string& store, const std::string& unit, bool 
 namespace {
 
 constexpr const char* in_use_name = "parameters.conf";
-constexpr double change_time_s = 5.0;  // changes take milliseconds
-
-Result<LockFile> locked(const std::string& folder) { return LockFile::take(folder + "/.lock", change_time_s); }
 
 std::string version_path(const std::string& folder, int number) {
   char name[40];
@@ -60,7 +57,7 @@ Status put_in_use(const std::string& store, const ParameterFile& file) {
   if (!text) return text.error();
   const std::string folder = unit_folder(store, file.unit_serial, file.simulated);
   if (Status status = make_folder(folder + "/versions"); !status) return status;
-  const Result<LockFile> lock = locked(folder);
+  const Result<LockFile> lock = LockFile::take(folder + "/.lock", LockFile::change_s);
   if (!lock) return lock.error();
   for (const std::string& made : {folder, folder_of(folder), store}) {
     if (Status status = sync_folder(made); !status) return status;
@@ -79,7 +76,7 @@ Status restore_version(const std::string& store, const std::string& unit, int ve
   const std::string folder = unit_folder(store, unit, simulated);
   const std::string path = version_path(folder, version);
   if (!path_exists(path)) return input_error(path + ": there is no such version");
-  const Result<LockFile> lock = locked(folder);
+  const Result<LockFile> lock = LockFile::take(folder + "/.lock", LockFile::change_s);
   if (!lock) return lock.error();
   const Result<ParameterFile> file = read_parameter_file(path);
   if (!file) return file.error();

@@ -22,10 +22,6 @@ std::string serial_in(std::string_view line) {
   return std::string(line.substr(first, line.find_last_not_of(" \t") - first + 1));
 }
 
-constexpr double change_time_s = 5.0;  // changes take milliseconds
-
-Result<LockFile> locked(const std::string& path) { return LockFile::take(path + ".lock", change_time_s); }
-
 Status write_outcomes(const std::string& path, const std::vector<UnitOutcome>& outcomes) {
   std::string text;
   for (const UnitOutcome& o : outcomes)
@@ -49,8 +45,8 @@ Result<std::vector<std::string>> read_queue(const std::string& path) {
     if (unit.empty()) continue;
     const std::string where = path + ":" + std::to_string(line) + ": ";
     if (!is_plain_text(unit))
-      return input_error(where + quoted(unit) + ": expected a serial number of printable characters");
-    if (holds(units, unit)) return input_error(where + quoted(unit) + ": is in the queue already");
+      return input_error(where + turncal::quoted(unit) + ": expected a serial number of printable characters");
+    if (holds(units, unit)) return input_error(where + turncal::quoted(unit) + ": is in the queue already");
     units.push_back(unit);
   }
   return units;
@@ -71,7 +67,7 @@ Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path) {
     }
     const std::size_t time = line.find(' '), unit = time == std::string::npos ? time : line.find(' ', time + 1);
     if (unit == std::string::npos || unit + 1 >= line.size()) {
-      return input_error(state + ":" + std::to_string(number) + ": " + quoted(line) +
+      return input_error(state + ":" + std::to_string(number) + ": " + turncal::quoted(line) +
                          ": expected outcome, time and serial number");
     }
     outcomes.push_back({line.substr(unit + 1), line.substr(0, time), line.substr(time + 1, unit - time - 1), reason});
@@ -98,7 +94,7 @@ std::vector<std::string> next_units(const std::vector<std::string>& queue, const
 Result<LockFile> hold_queue(const std::string& path) { return LockFile::take(path + ".batch.lock"); }
 
 Status record_outcome(const std::string& path, const UnitOutcome& outcome) {
-  const Result<LockFile> lock = locked(path);
+  const Result<LockFile> lock = LockFile::take(path + ".lock", LockFile::change_s);
   if (!lock) return lock.error();
   Result<std::vector<UnitOutcome>> outcomes = read_outcomes(path);
   if (!outcomes) return outcomes.error();
@@ -109,7 +105,7 @@ Status record_outcome(const std::string& path, const UnitOutcome& outcome) {
 }
 
 Status change_queue(const std::string& path, const QueueChange& change) {
-  const Result<LockFile> lock = locked(path);
+  const Result<LockFile> lock = LockFile::take(path + ".lock", LockFile::change_s);
   if (!lock) return lock.error();
   const Result<std::string> old = path_exists(path) ? read_whole_file(path) : Result<std::string>("");
   if (!old) return old.error();

@@ -12,7 +12,6 @@ namespace turncal {
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 using Points = std::vector<std::pair<double, double>>;
 
 struct Group {
@@ -45,7 +44,7 @@ Panel panel_of(const ParameterHistory& history) {
     const bool out = std::find(chart.outside.begin(), chart.outside.end(), i) != chart.outside.end();
     (out ? outside : inside).emplace_back(x, y);
     if (const std::optional<double>& sigma = history.sigmas[i]) {
-      for (const double end : {y - *sigma, y + *sigma, nan}) bars.emplace_back(x, end);
+      for (const double end : {y - *sigma, y + *sigma, no_point}) bars.emplace_back(x, end);
     }
   }
   Panel panel;

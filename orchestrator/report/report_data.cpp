@@ -11,10 +11,7 @@
 namespace turncal {
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t points_a_curve = 3000;
-constexpr std::array<const char*, 3> body_names = {"x", "y", "z"};
-constexpr std::array<const char*, 3> n_names = {"north", "up", "east"};
 
 // A few branches that a fault has thrown far out must not flatten all others: then the frame is three times what 97 % need.
 double frame_limit(const Panel& panel, bool& cut) {
@@ -83,7 +80,7 @@ Figure time_figure(const Diagnosis& diagnosis) {
           points.emplace_back(p.time_s / 3600.0,
                               (s == 0 ? p.velocity_before_mps : p.velocity_after_mps)[axis] * unit.factor);
         }
-        points.emplace_back(nan, nan);
+        points.emplace_back(no_point, no_point);
       }
       panel.series[s].points = outline(points, points_a_curve);
     }

@@ -12,7 +12,6 @@ namespace turncal {
 namespace {
 
 using Eigen::Vector3d;
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t fewest_seconds = 8;
 
 double within_180(double angle_deg) { return std::remainder(angle_deg, 360.0); }
@@ -95,7 +94,7 @@ std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const Com
     }
     f /= static_cast<double>(last - first);
     d.f_b_g = f / standard_gravity_mps2;
-    d.temperature_c = recording.info.has_temperature ? temperature / static_cast<double>(last - first) : nan;
+    d.temperature_c = recording.info.has_temperature ? temperature / static_cast<double>(last - first) : no_point;
     const Eigen::Matrix3d C_nb =
         level(attitude_from_angles(segment.heading_deg * rad_per_deg, segment.pitch_deg * rad_per_deg,
                                    segment.roll_deg * rad_per_deg),
@@ -118,7 +117,7 @@ double velocity_rms_mps(const Diagnosis& diagnosis, bool after) {
       sum += (after ? p.velocity_after_mps : p.velocity_before_mps).squaredNorm();
       count += 1.0;
     }
-  return count > 0.0 ? std::sqrt(sum / count) : nan;
+  return count > 0.0 ? std::sqrt(sum / count) : no_point;
 }
 
 }  // namespace turncal

@@ -1,11 +1,17 @@
 // Figures as data: what is drawn, before anybody thinks about gnuplot. report_data.h makes them, report_plots.h draws them.
 #pragma once
 
+#include <array>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
 
 namespace turncal {
+
+inline constexpr double no_point = std::numeric_limits<double>::quiet_NaN();  // breaks a line
+inline constexpr std::array<const char*, 3> body_names = {"x", "y", "z"};
+inline constexpr std::array<const char*, 3> n_names = {"north", "up", "east"};
 
 // Distinguishable with every kind of colour blindness and in grey print (Okabe and Ito, 2008).
 enum class Colour { before, after, x, y, z, neutral };

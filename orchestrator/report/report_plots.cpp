@@ -33,7 +33,7 @@ std::string terminal(int width, int height) {
 }
 
 // A text in gnuplot's single quotes. Only our own labels and catalogue names come here.
-std::string quoted(const std::string& text) {
+std::string gnuplot_text(const std::string& text) {
   std::string result = "'";
   for (const char c : text) {
     if (c == '\'') result += '\'';
@@ -152,7 +152,7 @@ void append_marks(const Panel& panel, int width, std::string& script) {
     script += "set arrow from first " + place + ", graph 0 to first " + place +
               ", graph 1 nohead lw 0.6 lc rgb '#B8B8B8' back\n";
     if (at - named < apart) continue;
-    script += "set label " + quoted(name) + " at first " + place +
+    script += "set label " + gnuplot_text(name) + " at first " + place +
               ", graph 0.94 left offset 0.2,0 font 'Sans,10' textcolor rgb '#777777'\n";
     named = at;
   }
@@ -167,9 +167,9 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
     plot += (plot.empty() ? "plot " : ", ") + name + " using 1:2 with " + style_of(panel.series[s]) + " notitle";
   }
   if (plot.empty()) plot = "plot NaN notitle";
-  script += panel.title.empty() ? "unset title\n" : "set title " + quoted(panel.title) + " offset 0,-0.6\n";
-  script += panel.x_label.empty() ? "unset xlabel\n" : "set xlabel " + quoted(panel.x_label) + " offset 0,0.4\n";
-  script += "set ylabel " + quoted(panel.y_label) + " offset 0.5,0\n";
+  script += panel.title.empty() ? "unset title\n" : "set title " + gnuplot_text(panel.title) + " offset 0,-0.6\n";
+  script += panel.x_label.empty() ? "unset xlabel\n" : "set xlabel " + gnuplot_text(panel.x_label) + " offset 0,0.4\n";
+  script += "set ylabel " + gnuplot_text(panel.y_label) + " offset 0.5,0\n";
   if (panel.logarithmic) {
     script += "set logscale xy\nset format xy '%g'\n";
     set_decades("x", range_of(panel, true), script);
@@ -274,17 +274,17 @@ Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z) {
     if (tick > largest) break;
     // ticks that would crowd the left end of a long axis are left out
     if (tick > 0.0 && tick < largest / 150.0) continue;
-    script += (first ? "" : ", ") + quoted(format_number(tick)) + " " + significant(std::sqrt(tick), 7);
+    script += (first ? "" : ", ") + gnuplot_text(format_number(tick)) + " " + significant(std::sqrt(tick), 7);
     first = false;
   }
   script += ")\nset ytics scale 0 (";
   for (int k = 0; k < rows; ++k)
-    script += (k > 0 ? ", " : "") + quoted(bars[static_cast<std::size_t>(k)].name) + " " + std::to_string(k);
+    script += (k > 0 ? ", " : "") + gnuplot_text(bars[static_cast<std::size_t>(k)].name) + " " + std::to_string(k);
   script += ")\n";
   const std::string x = significant(std::sqrt(threshold_z), 7);
   script += "set arrow 1 from " + x + ",-0.8 to " + x + "," + significant(rows - 0.4, 6) +
             " nohead front dt 2 lw 1.5 lc rgb '" + ink + "'\n";
-  script += "set label 1 " + quoted("family-wise threshold " + significant(threshold_z, 2)) + " at " + x +
+  script += "set label 1 " + gnuplot_text("family-wise threshold " + significant(threshold_z, 2)) + " at " + x +
             ",-1.25 center textcolor rgb '" + ink + "'\n";
   const auto colour = [](ScoreBar::Role role) {
     return role == ScoreBar::Role::added ? 0x0072B2 : role == ScoreBar::Role::above ? 0xE69F00 : 0xB8B8B8;
@@ -299,7 +299,7 @@ Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z) {
   script += "EOD\n";
   for (int k = 0; k < rows; ++k) {
     const ScoreBar& bar = bars[static_cast<std::size_t>(k)];
-    script += "set label " + std::to_string(k + 2) + " " + quoted(bar.remark) + " at graph 1.03, first " +
+    script += "set label " + std::to_string(k + 2) + " " + gnuplot_text(bar.remark) + " at graph 1.03, first " +
               std::to_string(k) + " left textcolor rgb '" + ink + "'\n";
   }
   script += "$dots << EOD\n";

@@ -12,7 +12,6 @@ namespace turncal {
 namespace {
 
 using Eigen::Vector3d;
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 enum class Abscissa { specific_force, force_product, temperature, time, since_rotation, turned, rate, heading };
 enum class Ordinate { accel, accel_per_g, tilt, tilt_per_turn, gyro, velocity };
@@ -56,9 +55,6 @@ View view_of(const std::string& effect) {
   return {effect, Abscissa::time, effect.starts_with("gyro") ? Ordinate::gyro : Ordinate::accel};
 }
 
-constexpr std::array<const char*, 3> body_names = {"x", "y", "z"};
-constexpr std::array<const char*, 3> n_names = {"north", "up", "east"};
-
 // Sensor axis and the axes of what it depends on, from the component's name: x, xy, x_yz, x_rx; -1 where there is none.
 struct ComponentAxes {
   int sensor = -1, first = -1, second = -1;
@@ -100,20 +96,20 @@ constexpr double loaded_g = 0.3;               // specific force that shows a sc
 double abscissa_of(const DwellResidual& d, Abscissa x, const ComponentAxes& axes, int sensor) {
   switch (x) {
     case Abscissa::specific_force: return d.f_b_g[axes.first >= 0 ? axes.first : sensor];
-    case Abscissa::force_product: return axes.second < 0 ? nan : d.f_b_g[axes.first] * d.f_b_g[axes.second];
+    case Abscissa::force_product: return axes.second < 0 ? no_point : d.f_b_g[axes.first] * d.f_b_g[axes.second];
     case Abscissa::temperature: return d.temperature_c;
     case Abscissa::time: return d.time_s / 60.0;
-    case Abscissa::since_rotation: return nan;  // seconds, not dwells: since_rotation_panels()
+    case Abscissa::since_rotation: return no_point;  // seconds, not dwells: since_rotation_panels()
     case Abscissa::turned: {
       int axis = axes.sensor;
       if (axis < 0) d.turned_rad.cwiseAbs().maxCoeff(&axis);
-      return std::abs(d.turned_rad[axis]) < real_turn_rad ? nan : d.turned_rad[axis] / rad_per_deg;
+      return std::abs(d.turned_rad[axis]) < real_turn_rad ? no_point : d.turned_rad[axis] / rad_per_deg;
     }
     case Abscissa::rate:
-      return std::abs(d.turned_rad[sensor]) < real_turn_rad ? nan : d.fastest_radps[sensor] / rad_per_deg;
+      return std::abs(d.turned_rad[sensor]) < real_turn_rad ? no_point : d.fastest_radps[sensor] / rad_per_deg;
     case Abscissa::heading: return d.table_deg[0];
   }
-  return nan;
+  return no_point;
 }
 
 std::string abscissa_label(Abscissa x, const ComponentAxes& axes, int sensor) {
@@ -137,19 +133,19 @@ double ordinate_of(const DwellResidual& d, const DwellResidual::Side& side, Ordi
     case Ordinate::accel: return side.accel_mps2[axis] * acceleration_unit(l.accel).factor;
     case Ordinate::accel_per_g:
       return std::abs(d.f_b_g[axis]) < loaded_g
-                 ? nan
+                 ? no_point
                  : side.accel_mps2[axis] / d.f_b_g[axis] * acceleration_unit(l.accel).factor;
     case Ordinate::tilt:
-      return d.level_share[axis] < horizontal ? nan : side.tilt_rad[axis] * angle_unit(l.tilt).factor;
+      return d.level_share[axis] < horizontal ? no_point : side.tilt_rad[axis] * angle_unit(l.tilt).factor;
     case Ordinate::tilt_per_turn:
       return d.level_share[axis] < horizontal || std::abs(d.turned_rad[axis]) < real_turn_rad
-                 ? nan
+                 ? no_point
                  : 1e6 * side.tilt_rad[axis] / d.turned_rad[axis];
     case Ordinate::gyro:
-      return d.level_share[axis] < horizontal ? nan : side.gyro_radps[axis] * rate_unit(l.gyro).factor;
+      return d.level_share[axis] < horizontal ? no_point : side.gyro_radps[axis] * rate_unit(l.gyro).factor;
     case Ordinate::velocity: return side.velocity_mps[axis] * velocity_unit(l.velocity).factor;
   }
-  return nan;
+  return no_point;
 }
 
 std::string ordinate_label(Ordinate y, int axis, const Limits& l) {
@@ -304,7 +300,7 @@ std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells
       {"specific force along z, g", false, [](const DwellResidual& d, int) { return d.f_b_g[2]; }},
       {"rate about the axis before, °/s", false,
        [](const DwellResidual& d, int axis) {
-         return std::abs(d.turned_rad[axis]) < real_turn_rad ? nan : d.fastest_radps[axis] / rad_per_deg;
+         return std::abs(d.turned_rad[axis]) < real_turn_rad ? no_point : d.fastest_radps[axis] / rad_per_deg;
        }},
       {"temperature, °C", false, [](const DwellResidual& d, int) { return d.temperature_c; }},
       {"time, min", false, [](const DwellResidual& d, int) { return d.time_s / 60.0; }},

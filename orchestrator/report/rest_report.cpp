@@ -36,7 +36,7 @@ std::string html_remarks(const RestDiagnosis& r) {
   return html.empty() ? "" : "<ul>\n" + html + "</ul>\n";
 }
 
-constexpr const char* reading =
+constexpr const char* how_to_read_rests =
     "<ul class=\"soft\">\n"
     "<li><b>Direction.</b> The gyros carry gravity from one rest to the next; where it arrives is compared with what "
     "the "
@@ -76,7 +76,7 @@ Report make_rest_report(const RestDiagnosis& r, const RestData& data, const Diag
   parts.noise_html = "<p>" + html_escape(words.noise + ".") + "</p>\n";
   parts.limits_html = html_limits(d, context) + html_remarks(r);
   parts.selection_html = html_stages(r);
-  parts.reading_html = reading;
+  parts.reading_html = how_to_read_rests;
   return make_report(d, context, std::move(parts));
 }
 

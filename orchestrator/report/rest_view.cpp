@@ -14,7 +14,6 @@ namespace turncal {
 namespace {
 
 using Eigen::Vector3d;
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr double loaded_share = 0.5;  // of gravity that an axis must carry to be charged with an error of the norm
 constexpr double level_share = 0.5;   // what must be left of an axis across gravity to show a tilt about it
 
@@ -136,9 +135,9 @@ struct Rows {  // residuals of one system by rest
 };
 Rows rows_of(const RestSystem& system, std::size_t rests) {
   Rows rows;
-  rows.norm.assign(rests, nan);
-  rows.gyro.assign(rests, Vector3d::Constant(nan));
-  rows.direction.assign(rests, Eigen::Vector2d::Constant(nan));
+  rows.norm.assign(rests, no_point);
+  rows.gyro.assign(rests, Vector3d::Constant(no_point));
+  rows.direction.assign(rests, Eigen::Vector2d::Constant(no_point));
   std::vector<int> gyros(rests, 0), directions(rests, 0);
   for (Eigen::Index k = 0; k < system.residual.size(); ++k) {
     const auto at = static_cast<std::size_t>(k);
@@ -196,8 +195,8 @@ Diagnosis as_diagnosis(const RestDiagnosis& r, const RestData& data) {
   d.error_after = r.error_after;
   const bool second = r.holdout_before.observations > 0;
   d.holdout_source = second ? "second recording" : "rests and rotations left out in turn";
-  d.holdout_before = {second ? r.holdout_before.normalised_rms : r.left_out_before, nan, nan, 1};
-  d.holdout_after = {second ? r.holdout_after.normalised_rms : r.left_out_after, nan, nan, 1};
+  d.holdout_before = {second ? r.holdout_before.normalised_rms : r.left_out_before, no_point, no_point, 1};
+  d.holdout_after = {second ? r.holdout_after.normalised_rms : r.left_out_after, no_point, no_point, 1};
   return d;
 }
 
@@ -245,7 +244,7 @@ std::vector<DwellResidual> rest_residuals(const RestDiagnosis& r, const RestData
     DwellResidual d;
     d.segment = recording.blocks[rest.whole.first_block].segment;
     d.time_s = middle_s(rest);
-    d.table_deg.setConstant(nan);
+    d.table_deg.setConstant(no_point);
     const Vector3d f = model.accel_scale * rest.whole.accel - model.accel_bias_mps2;
     d.f_b_g = f / standard_gravity_mps2;
     d.level_share.setOnes();
@@ -254,7 +253,7 @@ std::vector<DwellResidual> rest_residuals(const RestDiagnosis& r, const RestData
       temperature += recording.blocks[b].temperature_c;
     d.temperature_c = recording.info.has_temperature
                           ? temperature / static_cast<double>(rest.whole.end_block - rest.whole.first_block)
-                          : nan;
+                          : no_point;
     if (k > 0)
       for (std::size_t b = data.legs[k - 1].first_block; b < data.legs[k - 1].end_block; ++b) {
         const Block& block = recording.blocks[b];
@@ -267,12 +266,12 @@ std::vector<DwellResidual> rest_residuals(const RestDiagnosis& r, const RestData
     const Vector3d u = f.normalized();
     const Vector3d v = (model.accel_scale * rest.first_edge.accel - model.accel_bias_mps2).normalized();
     const auto fill = [&](const Rows& from, DwellResidual::Side& side) {
-      side.velocity_mps.setConstant(nan);
+      side.velocity_mps.setConstant(no_point);
       side.gyro_radps = from.gyro[k];
       side.tilt_rad = v.cross(axes_across(v).transpose() * from.direction[k]);
       for (int axis = 0; axis < 3; ++axis) {
-        side.accel_mps2[axis] = std::abs(u[axis]) > loaded_share ? from.norm[k] / u[axis] : nan;
-        if (1.0 - v[axis] * v[axis] < level_share) side.tilt_rad[axis] = nan;
+        side.accel_mps2[axis] = std::abs(u[axis]) > loaded_share ? from.norm[k] / u[axis] : no_point;
+        if (1.0 - v[axis] * v[axis] < level_share) side.tilt_rad[axis] = no_point;
       }
     };
     fill(rows.before, d.before);

@@ -61,37 +61,38 @@ std::string refusal(int code, const char* reason) {
   return response(code, reason, {"text/plain; charset=utf-8", std::string(reason) + "\n"});
 }
 
-// A socket and how far its one request is.
-struct Connection {
-  int fd = -1;
-  Deadline deadline;
-  std::string request, answer;
-  std::size_t sent = 0, drained = 0;
-  bool answered() const { return !answer.empty(); }
-  bool all_sent() const { return answered() && sent == answer.size(); }
-
-  Connection(int socket, double seconds) : fd(socket), deadline(seconds) {}
-  Connection(const Connection&) = delete;
-  Connection& operator=(const Connection&) = delete;
-  ~Connection() { ::close(fd); }
-};
-
 }  // namespace
 
 Result<PageAddress> parse_page_address(const std::string& text) {
   const std::size_t colon = text.rfind(':');
-  const auto port = colon == std::string::npos ? std::nullopt : parse_integer<int>(text.substr(colon + 1));
+  const std::optional<int> given = parse_integer<int>(colon == std::string::npos ? "" : text.substr(colon + 1));
+  const int port = given.value_or(-1);
   std::string host = colon == std::string::npos ? "" : text.substr(0, colon);
   const bool brackets = host.size() > 2 && host.front() == '[' && host.back() == ']';
   if (brackets) host = host.substr(1, host.size() - 2);
   const bool plain = brackets || host.find_first_of(":[]") == std::string::npos;
-  if (!port || *port < 0 || *port > 65535 || host.empty() || !plain) {
+  if (port < 0 || port > 65535 || host.empty() || !plain) {
     return input_error("--listen '" + text + "': expected ADDRESS:PORT, as 127.0.0.1:8080 or [::1]:8080");
   }
-  return PageAddress{host, *port};
+  return PageAddress{host, port};
 }
 
 struct PageServer::State {
+  // A socket and how far its one request is.
+  struct Connection {
+    int fd = -1;
+    Deadline deadline;
+    std::string request, answer;
+    std::size_t sent = 0, drained = 0;
+    bool answered() const { return !answer.empty(); }
+    bool all_sent() const { return answered() && sent == answer.size(); }
+
+    Connection(int socket, double seconds) : fd(socket), deadline(seconds) {}
+    Connection(const Connection&) = delete;
+    Connection& operator=(const Connection&) = delete;
+    ~Connection() { ::close(fd); }
+  };
+
   Pages pages;
   PageLimits limits;
   std::string host;  // as given, without brackets

@@ -25,8 +25,6 @@ constexpr int rehearsal_wait_ms = 1000;
 constexpr double gravity_settle_s = 1.6;
 constexpr double gravity_deadline_s = 10.0;
 
-std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
-
 std::string shown(double angle_deg) {
   char text[40];
   std::snprintf(text, sizeof text, "%.4g", std::abs(angle_deg) < 1e-9 ? 0.0 : angle_deg);

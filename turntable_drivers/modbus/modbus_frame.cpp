@@ -7,7 +7,7 @@ std::uint16_t word_at(std::span<const std::uint8_t> bytes, std::size_t i) {
   return static_cast<std::uint16_t>(bytes[i] << 8 | bytes[i + 1]);
 }
 
-void append_word(Frame& frame, int value) {
+void append_big_endian(Frame& frame, int value) {
   frame.push_back(static_cast<std::uint8_t>(value >> 8));
   frame.push_back(static_cast<std::uint8_t>(value));
 }
@@ -16,9 +16,9 @@ void append_word(Frame& frame, int value) {
 Frame wrapped(const ModbusRequest& request, const Frame& body, bool tcp) {
   Frame frame;
   if (tcp) {
-    append_word(frame, request.transaction);
-    append_word(frame, 0);
-    append_word(frame, static_cast<int>(body.size()));
+    append_big_endian(frame, request.transaction);
+    append_big_endian(frame, 0);
+    append_big_endian(frame, static_cast<int>(body.size()));
     frame.insert(frame.end(), body.begin(), body.end());
   } else {
     frame = body;
@@ -110,14 +110,14 @@ std::optional<ModbusRequest> take_request(std::vector<std::uint8_t>& bytes, bool
 Frame read_reply(const ModbusRequest& request, std::span<const std::uint16_t> values, bool tcp) {
   Frame body = body_of(request);
   body.push_back(static_cast<std::uint8_t>(2 * values.size()));
-  for (const std::uint16_t value : values) append_word(body, value);
+  for (const std::uint16_t value : values) append_big_endian(body, value);
   return wrapped(request, body, tcp);
 }
 
 Frame write_reply(const ModbusRequest& request, bool tcp) {
   Frame body = body_of(request);
-  append_word(body, request.address);
-  append_word(body, request.function == 6 ? request.values.front() : request.count);
+  append_big_endian(body, request.address);
+  append_big_endian(body, request.function == 6 ? request.values.front() : request.count);
   return wrapped(request, body, tcp);
 }
 

@@ -7,8 +7,6 @@
 namespace turncal {
 namespace {
 
-std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
-
 Error table_error(const std::string& what) { return device_error("simulated table: " + what); }
 
 Error axis_error(Axis axis, const std::string& what) { return table_error(std::string(to_string(axis)) + ": " + what); }

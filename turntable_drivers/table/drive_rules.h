@@ -12,8 +12,6 @@ namespace turncal {
 inline constexpr double stop_ack_s =
     0.025;  // awaited by a stop; three axes: within 100 ms of the request with all else
 
-inline std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
-
 std::string degrees(double value);  // "12.5 deg", rounded to 0.0001
 
 // A move's numbers, before anything is asked of the device.

@@ -8,8 +8,6 @@
 namespace turncal {
 namespace {
 
-std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
-
 // Operations in the order in which a sentence is looked for: what several share is the gentlest.
 constexpr std::array<DialectOperation, dialect_operation_count> search_order = {
     DialectOperation::status,  DialectOperation::stop,     DialectOperation::abort,

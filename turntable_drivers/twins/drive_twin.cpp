@@ -5,8 +5,6 @@
 namespace turncal {
 namespace {
 
-std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
-
 constexpr int illegal_function = 1, illegal_address = 2, illegal_value = 3, device_failure = 4;
 
 }  // namespace
