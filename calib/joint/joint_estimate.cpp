@@ -6,6 +6,7 @@
 
 #include <Eigen/Dense>
 
+#include "calib/joint/coarser_recording.h"
 #include "calib/joint/joint_faults.h"
 #include "calib/statistics/linear_algebra.h"
 
@@ -14,9 +15,20 @@ namespace {
 
 constexpr double smallest_part = 0.1;  // of a parameter in an undetermined direction that is worth naming
 
+// Far from the solution it is enough to come within some sigma of it. Beside it, the middle of a dwell says little second by
+// second: the sigmas are 0.1 to 0.5 % larger than from every second.
+constexpr Coarseness far_off = {20.0, 0.05};
+constexpr Coarseness close_by = {8.0, 0.025};
+constexpr Coarseness for_noise = {8.0, 0.0};
+// What a unit can be off goes with its noise, not with how long it was recorded: the ranges are those of this time at rest.
+constexpr double fourteen_steps_s = 5400.0;
+// A step of so many sigma is taken from the last pass, and its effect on that pass is linear.
+constexpr double last_step_sigma = 1.0;
+
 // The noise to begin with: read off the static dwells, never below what a tenth of a pulse in a second would make.
-NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& allan, const SensorModel& model) {
+NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& allan, const Parameters& from) {
   NoiseModel noise;
+  const SensorModel model = sensor_model(from, recording.info);
   const bool gyro_pulses = recording.info.gyro_increment == IncrementKind::pulses;
   const bool accel_pulses = recording.info.accel_increment == IncrementKind::pulses;
   if (gyro_pulses) noise.gyro_pulse_rad = model.gyro_scale(0, 0);
@@ -25,9 +37,17 @@ NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& 
   // of pulses a sample can look three times too quiet, and what follows would be taken for faults.
   double gyro = gyro_pulses ? 0.02 * noise.gyro_pulse_rad : 1e-9;
   double accel = accel_pulses ? 0.02 * noise.accel_pulse_mps : 1e-8;
+  // Where no dwell is long enough for the fit, what neighbouring seconds differ by, quantisation included.
+  constexpr double shortest_dwell_s = 3.0;
+  const bool fitted = allan.total_s > 0.0;
+  const AllanResult brief = fitted ? allan : allan_deviation(recording, from, shortest_dwell_s);
+  const auto random_walk = [&](const AllanAxis& axis) {
+    if (fitted || axis.points.empty()) return axis.fit.random_walk;
+    return axis.points.front().deviation * std::sqrt(axis.points.front().tau_s);
+  };
   for (std::size_t k = 0; k < 3; ++k) {
-    gyro = std::max(gyro, allan.axes[k].fit.random_walk);
-    accel = std::max(accel, allan.axes[k + 3].fit.random_walk);
+    gyro = std::max(gyro, random_walk(brief.axes[k]));
+    accel = std::max(accel, random_walk(brief.axes[k + 3]));
   }
   noise.angle_random_walk.setConstant(gyro);
   noise.velocity_random_walk.setConstant(accel);
@@ -61,14 +81,20 @@ class JointRun {
 
  private:
   bool settle();
-  bool iterate(double tolerance, int max_iterations);
+  bool settle_from_here();
+  bool iterate(double tolerance, int max_iterations, const Coarseness& coarseness);
+  double improve(const FilterResult& pass);
+  void move(const Eigen::VectorXd& step);
+  double out_of_range();
   double& value_of(int column, ParameterVector& parameters) {
     return column < parameter_count ? parameters[column] : effects_.values[column - parameter_count];
   }
   void step_within_ranges(const FilterResult& pass, Eigen::VectorXd& step, Eigen::VectorXd& sigma);
   double correct_headings(const FilterResult& pass);
   void look_for_faults();
-  void finish();
+  bool is_open() const { return solution_.undetermined.cols() > 0; }
+  bool last_passes();
+  void report();
 
   const CompressedRecording& recording_;
   const JointOptions& options_;
@@ -78,6 +104,9 @@ class JointRun {
   std::vector<int> subset_;
   Eigen::VectorXd start_;  // where the parameters of the subset began
   SubsetSolution solution_;
+  Eigen::VectorXd step_;  // of the subset, the last one taken
+  double looseness_ =
+      1.0;               // of the noise, as long as the misfit is larger: else residuals push what hardly shows in them
   double misfit_ = 0.0;  // chi-square an observation before the last step of iterate()
   JointResult result_;
 };
@@ -116,11 +145,11 @@ JointResult JointRun::run() {
   else if (options_.start_noise)
     r.setup.noise = *options_.start_noise;
   else
-    r.setup.noise = start_noise(recording_, r.allan, sensor_model(r.parameters, recording_.info));
+    r.setup.noise = start_noise(recording_, r.allan, r.parameters);
   if (options_.faults_of)
     ranges_ = options_.faults_of->ranges.head<parameter_count>();
   else
-    ranges_ = plausible_ranges(r.setup.noise, r.start.static_s);
+    ranges_ = plausible_ranges(r.setup.noise, fourteen_steps_s);
   ranges_ = r.ranges = all_ranges(ranges_, options_.effects);
   if (options_.faults_of) {
     r.faults = options_.faults_of->faults;
@@ -130,7 +159,7 @@ JointResult JointRun::run() {
   }
 
   if (options_.faults_of) {
-    iterate(0.3, 1);  // beside a finished fit one step is most of the way
+    iterate(0.3, 1, close_by);  // beside a finished fit one step is most of the way
   } else if (!settle()) {
     r.message = "the estimate does not settle: the recording contradicts the model (wrong segments, signs or units?)";
     return r;
@@ -148,12 +177,16 @@ JointResult JointRun::run() {
     NoiseFitOptions fit_options;
     fit_options.bias_instability = options_.fit_bias_instability;
     fit_options.near_start = options_.faults_of != nullptr;  // a trial beside a finished fit
-    r.noise_fit = fit_noise(recording_, r.parameters, effects_, r.setup, subset_, ranges_, fit_options);
+    FilterSetup setup = r.setup;
+    const CompressedRecording fewer = coarser(recording_, for_noise, setup);
+    r.noise_fit = fit_noise(fewer, r.parameters, effects_, setup, subset_, ranges_, fit_options);
     r.setup.noise = r.noise_fit->noise;
   }
-  r.converged = options_.faults_of ? iterate(0.3, 3) : iterate(0.01, 5);
+  const bool ended = is_open() ? iterate(0.3, options_.max_iterations, {1.0, 0.0})
+                               : options_.candidates.empty() || iterate(0.3, 5, close_by);  // their passes are dear
+  r.converged = last_passes() && (ended || !is_open());
   r.message = r.converged ? "converged" : "the last iterations still moved the parameters";
-  finish();
+  report();
   return r;
 }
 
@@ -165,7 +198,7 @@ bool JointRun::settle() {
   const Parameters start = r.parameters;
   const Eigen::VectorXd start_values = effects_.values;
   const NoiseModel noise = r.setup.noise;
-  const bool settled = iterate(0.3, options_.max_iterations);
+  const bool settled = settle_from_here();
   if (settled && misfit_ < suspicious) return true;
   const Parameters first = r.parameters;
   const Eigen::VectorXd first_values = effects_.values;
@@ -178,7 +211,7 @@ bool JointRun::settle() {
     wide.velocity_random_walk *= louder;
     const auto settles_with = [&](const NoiseModel& with) {
       r.setup.noise = with;
-      return iterate(0.3, options_.max_iterations);
+      return settle_from_here();
     };
     const bool near = settles_with(wide) && misfit_ < suspicious;
     const Parameters found = r.parameters;
@@ -198,38 +231,91 @@ bool JointRun::settle() {
   return settled;
 }
 
-// Gauss-Newton until the largest step of a determined parameter is below `tolerance` sigma.
-bool JointRun::iterate(double tolerance, int max_iterations) {
+bool JointRun::settle_from_here() {
+  const Parameters start = result_.parameters;
+  const Eigen::VectorXd start_values = effects_.values;
+  if (!options_.start && !iterate(1.0, 6, far_off)) {
+    result_.parameters = start;
+    effects_.values = start_values;
+  }
+  return iterate(0.3, options_.max_iterations, close_by);
+}
+
+// Gauss-Newton until the largest step is below `tolerance` sigma. Where directions are open, a step of their ranges is far from
+// linear and its sigma says little: a step that made things worse is taken back to a part of it, and it ends when nothing is
+// gained any more.
+bool JointRun::iterate(double tolerance, int max_iterations, const Coarseness& coarseness) {
+  constexpr double part = 0.3;
+  constexpr double nothing_gained = 0.1;  // of chi-square
+  FilterSetup setup = result_.setup;
+  const CompressedRecording fewer = coarser(recording_, coarseness, setup);
+  const auto pass_here = [&] {
+    setup.headings_rad = result_.setup.headings_rad;
+    return run_filter(fewer, result_.parameters, effects_, setup);
+  };
+  bool open = false;
+  double before = std::numeric_limits<double>::infinity();
   for (int k = 0; k < max_iterations; ++k) {
-    const FilterResult pass = run_filter(recording_, result_.parameters, effects_, result_.setup);
-    ++result_.iterations;
-    solution_ = solve_subset(pass.information, pass.gradient, subset_, ranges_);
-    misfit_ = pass.chi_square / static_cast<double>(std::max<std::int64_t>(pass.observations, 1));
-    if (!solution_.step.allFinite()) return false;
-    Eigen::VectorXd step = solution_.step;
-    Eigen::VectorXd sigma = solution_.covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
-    if (solution_.undetermined.cols() > 0) step_within_ranges(pass, step, sigma);
-    ParameterVector values = to_vector(result_.parameters);
-    for (std::size_t i = 0; i < subset_.size(); ++i) value_of(subset_[i], values) += step[static_cast<Eigen::Index>(i)];
-    result_.parameters = from_vector(values);
-    double largest = 0.0;  // of the determined ones
-    for (Eigen::Index i = 0; i < step.size(); ++i)
-      if (!solution_.lost[static_cast<std::size_t>(i)]) largest = std::max(largest, std::abs(step[i]) / sigma[i]);
-    largest = std::max(largest, correct_headings(pass));
-    if (largest < tolerance) return true;
+    FilterResult pass = pass_here();
+    double from_start = out_of_range();
+    for (int less = 0; less < 8 && open && pass.chi_square + looseness_ * from_start > before; ++less) {
+      move(-(1.0 - part) * step_);
+      step_ *= part;
+      pass = pass_here();
+      from_start = out_of_range();
+    }
+    if (open && before - (pass.chi_square + looseness_ * from_start) < nothing_gained * looseness_) return true;
+    const double largest = improve(pass);
+    if (std::isnan(largest)) return false;
+    open = is_open();
+    if (!open && largest < tolerance) return true;
+    before = pass.chi_square + looseness_ * from_start;
   }
   return false;
 }
 
-// Every chain is linearised about the heading that the pass before found for it. Returns the largest correction in sigma.
+void JointRun::move(const Eigen::VectorXd& step) {
+  ParameterVector values = to_vector(result_.parameters);
+  for (std::size_t i = 0; i < subset_.size(); ++i) value_of(subset_[i], values) += step[static_cast<Eigen::Index>(i)];
+  result_.parameters = from_vector(values);
+}
+
+// How far the parameters are from where they began, in ranges, squared.
+double JointRun::out_of_range() {
+  ParameterVector values = to_vector(result_.parameters);
+  double sum = 0.0;
+  for (std::size_t i = 0; i < subset_.size(); ++i)
+    sum += std::pow((value_of(subset_[i], values) - start_[static_cast<Eigen::Index>(i)]) / ranges_[subset_[i]], 2);
+  return sum;
+}
+
+// The step that a pass suggests. Returns the largest one in sigma; NaN where there is none.
+double JointRun::improve(const FilterResult& pass) {
+  ++result_.iterations;
+  solution_ = solve_subset(pass.information, pass.gradient, subset_, ranges_);
+  misfit_ = pass.chi_square / static_cast<double>(std::max<std::int64_t>(pass.observations, 1));
+  looseness_ = std::max(misfit_, 1.0);
+  if (!solution_.step.allFinite()) return std::numeric_limits<double>::quiet_NaN();
+  step_ = solution_.step;
+  Eigen::VectorXd sigma = solution_.covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
+  if (is_open()) step_within_ranges(pass, step_, sigma);
+  move(step_);
+  const double largest = step_.size() > 0 ? step_.cwiseQuotient(sigma).cwiseAbs().maxCoeff() : 0.0;
+  return std::max(largest, correct_headings(pass));
+}
+
+// Every chain is linearised about the heading that the pass before found for it, the step included. Returns the largest correction in sigma.
 double JointRun::correct_headings(const FilterResult& pass) {
+  if (!(result_.start.heading_sigma_rad < 1.0)) return 0.0;  // not seen: nothing to correct it by
   std::vector<double>& headings = result_.setup.headings_rad;
   const double first = headings.front();
   double largest = 0.0;
   for (std::size_t k = 0; k < pass.heading_error_rad.size(); ++k) {
     if (k >= headings.size()) headings.push_back(first);
-    headings[k] += pass.heading_error_rad[k];
-    largest = std::max(largest, std::abs(pass.heading_error_rad[k]) / pass.heading_sigma_rad[k]);
+    const Eigen::VectorXd by_parameter = pass.heading_by_parameter[k](subset_);
+    const double correction = pass.heading_error_rad[k] + by_parameter.dot(step_);
+    headings[k] += correction;
+    largest = std::max(largest, std::abs(correction) / pass.heading_sigma_rad[k]);
   }
   return largest;
 }
@@ -238,7 +324,7 @@ double JointRun::correct_headings(const FilterResult& pass) {
 // So where some are open, the plausible ranges about the start are taken for observations; what is determined does not
 // notice them.
 void JointRun::step_within_ranges(const FilterResult& pass, Eigen::VectorXd& step, Eigen::VectorXd& sigma) {
-  const Eigen::VectorXd weight = Eigen::VectorXd(ranges_(subset_)).cwiseAbs2().cwiseInverse();
+  const Eigen::VectorXd weight = looseness_ * Eigen::VectorXd(ranges_(subset_)).cwiseAbs2().cwiseInverse();
   ParameterVector values = to_vector(result_.parameters);
   Eigen::VectorXd gradient = pass.gradient(subset_);
   for (std::size_t i = 0; i < subset_.size(); ++i) {
@@ -262,20 +348,41 @@ void JointRun::look_for_faults() {
     setup.keep_innovations = true;
     const FilterResult pass = run_filter(recording_, result_.parameters, effects_, setup);
     if (!cut_worst_fault(recording_, pass.innovations, result_.faults, result_.setup.breaks)) return;
-    iterate(0.3, 4);
+    iterate(0.3, 4, close_by);
   }
 }
 
-void JointRun::finish() {
+// Every second, and the candidates.
+bool JointRun::last_passes() {
   JointResult& r = result_;
   std::vector<EffectColumn> columns = options_.effects;
   columns.insert(columns.end(), options_.candidates.begin(), options_.candidates.end());
   EffectModel with_candidates = make_effect_model(columns, {recording_.info.latitude_deg}, reference_temperature_c_);
-  with_candidates.values.head(effects_.columns) = effects_.values;
-  r.setup.keep_innovations = true;
-  r.last = run_filter(recording_, r.parameters, with_candidates, r.setup);
-  r.setup.keep_innovations = false;
-  solution_ = solve_subset(r.last.information, r.last.gradient, subset_, ranges_);
+  FilterSetup setup = r.setup;
+  setup.keep_innovations = true;
+  for (int k = 0; k < 5; ++k) {
+    with_candidates.values.head(effects_.columns) = effects_.values;
+    setup.headings_rad = r.setup.headings_rad;
+    r.last = run_filter(recording_, r.parameters, with_candidates, setup);
+    if (is_open()) {  // where it ended it stays
+      solution_ = solve_subset(r.last.information, r.last.gradient, subset_, ranges_);
+      return true;
+    }
+    const double largest = improve(r.last);
+    if (std::isnan(largest)) return false;
+    if (largest > last_step_sigma) continue;
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(r.last.gradient.size());
+    step(subset_) = step_;
+    const Eigen::VectorXd change = r.last.information * step;
+    r.last.chi_square += step.dot(2.0 * r.last.gradient + change);
+    r.last.gradient += change;
+    return true;
+  }
+  return false;
+}
+
+void JointRun::report() {
+  JointResult& r = result_;
   r.free = subset_;
   r.covariance = solution_.covariance;
   r.noise = r.setup.noise;

@@ -13,15 +13,16 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+// psi, v and, with bias instability, b_g, b_a; what couples them over an interval are 3x3 blocks (linear_motion.h).
 template <int NS>  // 6: psi, v;  12: psi, v, b_g, b_a
 class Filter {
  public:
   Filter(const FilterSetup& setup, const std::vector<double>& source_weights, int columns)
-      : setup_(setup), weights_(source_weights), p_(columns) {
+      : setup_(setup), weights_(source_weights), walk_(walk_noise(setup.noise)), p_(columns) {
     X_.setZero(p_, NS);
     N_.setZero(p_, 3);
     scratch_.setZero(p_, 3);
-    buffer_.setZero(p_ + 1, 48);
+    buffer_.setZero(p_ + 1, 96);
     moments_.setZero(p_ + 1, p_ + 1);
     P_.setZero();
   }
@@ -30,7 +31,7 @@ class Filter {
   void step(const LinearInterval& interval, FilterStep* kept = nullptr) {
     kept_ = kept;
     begin(interval);
-    transition(interval);
+    if constexpr (NS == 12) rho_ = std::exp(-interval.t / setup_.noise.bias_correlation_s);
     if (interval.still)
       rest(interval);
     else
@@ -52,28 +53,34 @@ class Filter {
   using State = Eigen::Matrix<double, NS, 1>;
   using Covariance = Eigen::Matrix<double, NS, NS>;
   using Cross = Eigen::Matrix<double, NS, 3>;
+  using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
   void begin(const LinearInterval& interval);
   void end_chain();
-  void transition(const LinearInterval& interval);
   void rest(const LinearInterval& interval);
   void turn(const LinearInterval& interval);
+  template <class Rows>
+  Rows moved(const LinearInterval& interval, const Rows& rows) const;
   void predict(const LinearInterval& interval);
+  void predict_columns(const LinearInterval& interval);
   void update(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root, const Cross& M);
   void accumulate(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root);
   void flush();
 
   const FilterSetup& setup_;
   const std::vector<double>& weights_;
+  const WalkNoise walk_;
   const int p_;  // parameters and effect components
   bool in_chain_ = false;
   bool was_still_ = false;
+  double rho_ = 1.0;            // decay of b_g, b_a over the interval
   State x_ = State::Zero();     // estimated error of the navigated motion
   State free_ = State::Zero();  // the same, as known when the last rotation began; for the reports
-  Covariance P_, Phi_, Q_;
-  Columns X_;  // p x NS
+  Covariance P_;
+  Matrix6d Q_;  // of psi, v
+  Columns X_;   // p x NS
   Columns N_, scratch_;
-  Eigen::MatrixXd buffer_;  // (p + 1) x 48: whitened rows waiting to be added to the information
+  Eigen::MatrixXd buffer_;  // (p + 1) x 96: whitened rows waiting to be added to the information
   int buffered_ = 0;
   Eigen::MatrixXd moments_;  // (p + 1)^2: [N nu]' [N nu], lower triangle
   FilterResult result_;
@@ -85,6 +92,7 @@ void Filter<NS>::end_chain() {
   if (!in_chain_) return;
   result_.heading_error_rad.push_back(x_[1]);
   result_.heading_sigma_rad.push_back(std::sqrt(std::max(P_(1, 1), 0.0)));
+  if (p_ > 0) result_.heading_by_parameter.push_back(-X_.col(1));
 }
 
 template <int NS>
@@ -123,31 +131,43 @@ void Filter<NS>::begin(const LinearInterval& interval) {
   }
 }
 
+// The transition times a matrix of NS rows.
 template <int NS>
-void Filter<NS>::transition(const LinearInterval& i) {
-  Phi_.setIdentity();
-  Q_.setZero();
-  Phi_.template block<3, 3>(0, 0) = i.turn;
-  Phi_.template block<3, 3>(3, 0) = i.v_psi;
+template <class Rows>
+Rows Filter<NS>::moved(const LinearInterval& i, const Rows& rows) const {
+  Rows result;
+  const auto psi = rows.template topRows<3>();
+  result.template topRows<3>().noalias() = i.turn * psi;
+  result.template middleRows<3>(3) = rows.template middleRows<3>(3);
+  result.template middleRows<3>(3).noalias() += i.v_psi * psi;
   if constexpr (NS == 12) {
-    const double rho = std::exp(-i.t / setup_.noise.bias_correlation_s);
-    Phi_.template block<3, 3>(0, 6) = i.psi_bg;
-    Phi_.template block<3, 3>(3, 6) = i.v_bg;
-    Phi_.template block<3, 3>(3, 9) = i.v_ba;
-    Phi_.template block<6, 6>(6, 6) *= rho;
-    const double grow = 1.0 - rho * rho;
-    Q_.diagonal().template segment<3>(6).setConstant(grow * std::pow(setup_.noise.gyro_bias_instability_radps, 2));
-    Q_.diagonal().template segment<3>(9).setConstant(grow * std::pow(setup_.noise.accel_bias_instability_mps2, 2));
+    const auto b_g = rows.template middleRows<3>(6);
+    result.template topRows<3>().noalias() += i.psi_bg * b_g;
+    result.template middleRows<3>(3).noalias() += i.v_bg * b_g;
+    result.template middleRows<3>(3).noalias() += i.v_ba * rows.template middleRows<3>(9);
+    result.template bottomRows<6>() = rho_ * rows.template bottomRows<6>();
   }
+  return result;
 }
 
-// State, covariance and columns over the interval; Phi_ and Q_ are those of transition().
+// State and covariance over the interval; Q_ is what enters.
 template <int NS>
 void Filter<NS>::predict(const LinearInterval& i) {
-  x_ = (Phi_ * x_).eval();
-  free_ = (Phi_ * free_).eval();
-  P_ = (Phi_ * P_ * Phi_.transpose() + Q_).eval();
-  if (p_ == 0) return;
+  x_ = moved(i, x_);
+  if (setup_.keep_innovations) free_ = moved(i, free_);
+  const Covariance half = moved(i, P_);
+  P_ = moved(i, Covariance(half.transpose()));
+  P_.template topLeftCorner<6, 6>() += Q_;
+  if constexpr (NS == 12) {
+    const double grow = 1.0 - rho_ * rho_;
+    P_.diagonal().template segment<3>(6).array() += grow * std::pow(setup_.noise.gyro_bias_instability_radps, 2);
+    P_.diagonal().template segment<3>(9).array() += grow * std::pow(setup_.noise.accel_bias_instability_mps2, 2);
+  }
+  if (p_ > 0) predict_columns(i);
+}
+
+template <int NS>
+void Filter<NS>::predict_columns(const LinearInterval& i) {
   scratch_ = X_.template leftCols<3>();
   X_.template leftCols<3>().noalias() = scratch_ * i.turn.transpose();
   X_.template leftCols<3>() += i.B_psi;
@@ -157,12 +177,13 @@ void Filter<NS>::predict(const LinearInterval& i) {
     X_.template leftCols<3>().noalias() += X_.template middleCols<3>(6) * i.psi_bg.transpose();
     X_.template middleCols<3>(3).noalias() += X_.template middleCols<3>(6) * i.v_bg.transpose();
     X_.template middleCols<3>(3).noalias() += X_.template middleCols<3>(9) * i.v_ba.transpose();
-    X_.template rightCols<6>() *= Phi_(6, 6);
+    X_.template rightCols<6>() *= rho_;
   }
 }
 
 template <int NS>
 void Filter<NS>::turn(const LinearInterval& i) {
+  Q_.setZero();
   for (std::size_t k = 0; k < i.noise.size(); ++k) {
     const LinearInterval::Entered& n = i.noise[k];
     Q_.template block<3, 3>(0, 0) += weights_[k] * n.psi_psi;
@@ -177,41 +198,47 @@ void Filter<NS>::turn(const LinearInterval& i) {
 template <int NS>
 void Filter<NS>::rest(const LinearInterval& i) {
   const double t = i.t;
-  const WalkNoise walk = walk_noise(setup_.noise);
-  const StepNoise q = step_noise(i.C * walk.gyro.asDiagonal() * i.C.transpose(),
-                                 i.C * walk.accel.asDiagonal() * i.C.transpose(), i.F, t);
+  const StepNoise q = step_noise(i.C * walk_.gyro.asDiagonal() * i.C.transpose(),
+                                 i.C * walk_.accel.asDiagonal() * i.C.transpose(), i.F, t);
   Q_.template block<3, 3>(0, 0) = q.psi_psi;
   Q_.template block<3, 3>(0, 3) = q.psi_v;
   Q_.template block<3, 3>(3, 0) = q.psi_v.transpose();
   Q_.template block<3, 3>(3, 3) = q.v_v;
 
+  // Mean velocity = y + H (psi, v, b_g, b_a) with H = [by_psi, I, by_bg, by_ba]
   const bool predicted = i.observed || setup_.keep_innovations;  // left out, but looked at
-  Eigen::Matrix<double, 3, NS> H = Eigen::Matrix<double, 3, NS>::Zero();
+  const Matrix3d by_psi = -0.5 * t * i.F;
+  Matrix3d by_bg, by_ba;
+  if constexpr (NS == 12) {
+    by_bg = (-t * t / 6.0) * (i.F * i.C);
+    by_ba = (0.5 * t) * i.C;
+  }
+  const auto seen = [&](const auto& rows) {
+    Eigen::Matrix<double, 3, std::decay_t<decltype(rows)>::ColsAtCompileTime> sum =
+        by_psi * rows.template topRows<3>() + rows.template middleRows<3>(3);
+    if constexpr (NS == 12)
+      sum.noalias() += by_bg * rows.template middleRows<3>(6) + by_ba * rows.template middleRows<3>(9);
+    return sum;
+  };
   Matrix3d S = Matrix3d::Identity();
   Cross M = Cross::Zero();  // cov(state at the end, nu)
   Vector3d nu = i.y;
   Vector3d free_mean = i.y;
   if (predicted) {
-    H.template block<3, 3>(0, 0) = -i.F * (0.5 * t);
-    H.template block<3, 3>(0, 3).setIdentity();
-    if constexpr (NS == 12) {
-      H.template block<3, 3>(0, 6) = -i.F * i.C * (t * t / 6.0);
-      H.template block<3, 3>(0, 9) = i.C * (0.5 * t);
-    }
-    const Cross PH = P_ * H.transpose();
-    S = H * PH + q.z_z + i.C * i.quantisation.asDiagonal() * i.C.transpose();
-    M = Phi_ * PH;
+    const Cross PH = seen(P_).transpose();
+    S = seen(PH) + q.z_z + i.C * i.quantisation.asDiagonal() * i.C.transpose();
+    M = moved(i, PH);
     M.template topRows<3>() += q.psi_z;
     M.template block<3, 3>(3, 0) += q.v_z;
-    nu -= H * x_;
-    free_mean -= H * free_;
+    nu -= seen(x_);
+    if (setup_.keep_innovations) free_mean -= seen(free_);
   }
   if (p_ > 0 && i.observed) {
     N_ = X_.template middleCols<3>(3) + i.D;
-    N_.noalias() += X_.template leftCols<3>() * H.template block<3, 3>(0, 0).transpose();
+    N_.noalias() += X_.template leftCols<3>() * by_psi.transpose();
     if constexpr (NS == 12) {
-      N_.noalias() += X_.template middleCols<3>(6) * H.template block<3, 3>(0, 6).transpose();
-      N_.noalias() += X_.template middleCols<3>(9) * H.template block<3, 3>(0, 9).transpose();
+      N_.noalias() += X_.template middleCols<3>(6) * by_bg.transpose();
+      N_.noalias() += X_.template middleCols<3>(9) * by_ba.transpose();
     }
   }
   predict(i);

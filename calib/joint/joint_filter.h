@@ -98,6 +98,7 @@ struct FilterResult {
   std::vector<FilterStep> steps;     // of every block from the first rest on, with keep_steps
   // Of each chain: how far the heading it was linearised about is off, as estimated by its end, and the sigma of that.
   std::vector<double> heading_error_rad, heading_sigma_rad;
+  std::vector<Eigen::VectorXd> heading_by_parameter;  // and how that error changes with each column's parameter
 };
 
 // `effects`: the candidate columns beside the 24 (may be empty) and the values that are already in the model.

@@ -233,40 +233,37 @@ void LinearMotion::begin_rest(const Block& block, const BlockMotion& motion, Lin
   if ((linear_C_nb_ - C_nb_).squaredNorm() > 2.0 * max_linear_rad * max_linear_rad) linear_C_nb_ = C_nb_;
 }
 
+// The turn of n is the same for most blocks: they are as long.
+StepTurn LinearMotion::step_turn(const BlockMotion& motion, double t) {
+  if (t != turned_for_s_) {
+    turn_n_ = rotation_exp(-earth_ * t);
+    turned_for_s_ = t;
+  }
+  return {turn_n_, rotation_exp(0.5 * motion.rotation)};
+}
+
 void LinearMotion::rest(LinearInterval& interval) {
-  Motion m = block_motion(index_);
-  Block block = recording_.blocks[index_];
+  const Motion m = block_motion(index_);
+  const Block& block = recording_.blocks[index_];
   begin_rest(block, m.motion, interval);
   interval.still = true;
   interval.observed = observed(index_);
+  interval.noise.clear();
   interval.v_start = v_;
   ++index_;
   ++interval.blocks;
   was_still_ = true;
-  for (; block.duration_s < options_.seconds_together - 0.5 && index_ < recording_.blocks.size() && !cut_at(index_) &&
-         observed(index_) == interval.observed && still(index_) && recording_.blocks[index_].segment == block.segment;
-       ++index_, ++interval.blocks) {
-    const Motion more = block_motion(index_);
-    m.turn += more.turn;
-    m.push += more.push;
-    block = merge(block, recording_.blocks[index_]);
-  }
-  if (interval.blocks > 1) {
-    m.motion = evaluate(block, model_, recording_.info.sample_period_s);
-    m.motion.rotation -= m.turn;
-    m.motion.velocity -= m.push;
-    m.motion.mean_velocity -= 0.5 * m.push;
-  }
   const BlockMotion& motion = m.motion;
   const double t = interval.t = block.duration_s;
   interval.time_s = static_cast<double>(block.start_sample - recording_.blocks.front().start_sample) *
                         recording_.info.sample_period_s +
                     0.5 * block.samples * recording_.info.sample_period_s;
-  const MotionStep move = motion_step(C_nb_, motion, earth_, gravity_, t);
-  const MotionStep linear = motion_step(linear_C_nb_, motion, earth_, gravity_, t);
+  const StepTurn turned = step_turn(motion, t);
+  const VelocityStep move = velocity_step(C_nb_, motion, earth_, gravity_, t);
+  const AttitudeStep linear = attitude_step(linear_C_nb_, turned);
   interval.C = linear.C_mid;
   interval.F = F_;
-  interval.turn = move.turn_n;
+  interval.turn = turned.turn_n;
   interval.v_psi = -F_ * t;
   interval.psi_bg = linear.C_mid * t;
   interval.v_bg = -F_ * linear.C_mid * (0.5 * t * t);
@@ -280,24 +277,25 @@ void LinearMotion::rest(LinearInterval& interval) {
   if (p_ > 0) {
     columns_of(block, motion);
     interval.D.noalias() = dm_ * linear_C_nb_.transpose();
-    move_columns(motion, move.turn_n, t, interval);
+    move_columns(motion, turned.turn_n, t, interval);
   }
-  keep_step(interval.block, motion.rotation, linear, t);
+  keep_step(interval.block, motion.rotation, turned.turn_n, linear.C_mid, t);
   if (setup_.keep_steps) steps.back().begins_chain = interval.begins_chain;
-  C_nb_ = move.C_end;
+  C_nb_ = attitude_step(C_nb_, turned).C_end;
   linear_C_nb_ = linear.C_end;
   v_ += move.dv_n;
 }
 
-void LinearMotion::keep_step(std::size_t index, const Vector3d& rotation, const MotionStep& linear, double t) {
+void LinearMotion::keep_step(std::size_t index, const Vector3d& rotation, const Matrix3d& turn_n, const Matrix3d& C_mid,
+                             double t) {
   if (!setup_.keep_steps) return;
   FilterStep step;
   step.block = index;
   step.rho = setup_.noise.has_bias_instability() ? std::exp(-t / setup_.noise.bias_correlation_s) : 1.0;
   step.rotation = rotation;
-  step.turn_n = linear.turn_n;
+  step.turn_n = turn_n;
   step.F = F_;
-  step.C_mid = linear.C_mid;
+  step.C_mid = C_mid;
   steps.push_back(std::move(step));
 }
 
@@ -312,10 +310,11 @@ void LinearMotion::turn(LinearInterval& interval) {
     const Block& block = recording_.blocks[index_];
     const BlockMotion motion = block_motion(index_).motion;
     const double t = block.duration_s;
-    const MotionStep move = motion_step(C_nb_, motion, earth_, gravity_, t);
-    const MotionStep linear = motion_step(linear_C_nb_, motion, earth_, gravity_, t);
+    const StepTurn turned = step_turn(motion, t);
+    const VelocityStep move = velocity_step(C_nb_, motion, earth_, gravity_, t);
+    const AttitudeStep linear = attitude_step(linear_C_nb_, turned);
     const Matrix3d Ft = F_ * t;
-    const Matrix3d& T = linear.turn_n;
+    const Matrix3d& T = turned.turn_n;
     const Matrix3d by_bias = rho * t * linear.C_mid;
     interval.v_bg -= Ft * interval.psi_bg + 0.5 * Ft * by_bias;
     interval.psi_bg = T * interval.psi_bg + by_bias;
@@ -328,18 +327,18 @@ void LinearMotion::turn(LinearInterval& interval) {
       const WalkNoise& source = options_.sources[k];
       const StepNoise q = step_noise(linear.C_mid * source.gyro.asDiagonal() * linear.C_mid.transpose(),
                                      linear.C_mid * source.accel.asDiagonal() * linear.C_mid.transpose(), F_, t);
-      const Matrix3d turned = n.psi_psi * Ft.transpose();
+      const Matrix3d tilted = n.psi_psi * Ft.transpose();
       const Matrix3d crossed = Ft * n.psi_v;
-      n.v_v += Ft * turned - crossed - crossed.transpose() + q.v_v;
-      n.psi_v = T * (n.psi_v - turned) + q.psi_v;
+      n.v_v += Ft * tilted - crossed - crossed.transpose() + q.v_v;
+      n.psi_v = T * (n.psi_v - tilted) + q.psi_v;
       n.psi_psi = T * n.psi_psi * T.transpose() + q.psi_psi;
     }
     if (p_ > 0) {
       columns_of(block, motion);
-      move_columns(motion, move.turn_n, t, interval);
+      move_columns(motion, turned.turn_n, t, interval);
     }
-    keep_step(index_, motion.rotation, linear, t);
-    C_nb_ = move.C_end;
+    keep_step(index_, motion.rotation, turned.turn_n, linear.C_mid, t);
+    C_nb_ = attitude_step(C_nb_, turned).C_end;
     linear_C_nb_ = linear.C_end;
     v_ += move.dv_n;
     interval.t += t;

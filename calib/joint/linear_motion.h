@@ -1,7 +1,7 @@
 // A recording as a linear system about the navigated motion: what the filter (joint_filter.h) runs on.
 //
-// The recording is navigated once with given parameters and cut into intervals: seconds at rest (or a few of them
-// together), and everything between two rests in one. The state is the error of the navigated motion,
+// The recording is navigated once with given parameters and cut into intervals: blocks at rest (seconds; longer ones in a
+// coarser_recording.h), and everything between two rests in one. The state is the error of the navigated motion,
 //   psi (attitude error in n, C_computed = (I + [psi x]) C_true), v (velocity), b_g, b_a (what the sensors read too much),
 // and over an interval, with p the parameters and effects' values,
 //   psi(end) = turn psi + psi_bg b_g + B_psi dp,       v(end) = v + v_psi psi + v_bg b_g + v_ba b_a + B_v dp
@@ -65,7 +65,6 @@ class LinearMotion {
  public:
   struct Options {
     bool columns = true;
-    double seconds_together = 1.0;
     std::vector<WalkNoise> sources;  // noise of the turns is given for each of them
   };
   LinearMotion(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
@@ -93,7 +92,9 @@ class LinearMotion {
   void columns_of(const Block& block, const BlockMotion& motion);
   void move_columns(const BlockMotion& motion, const Eigen::Matrix3d& turn_n, double t, LinearInterval& interval);
   void begin(std::size_t index, LinearInterval& interval) const;
-  void keep_step(std::size_t index, const Eigen::Vector3d& rotation, const MotionStep& linear, double t);
+  StepTurn step_turn(const BlockMotion& motion, double t);
+  void keep_step(std::size_t index, const Eigen::Vector3d& rotation, const Eigen::Matrix3d& turn_n,
+                 const Eigen::Matrix3d& C_mid, double t);
 
   const CompressedRecording& recording_;
   const EffectModel& effects_;
@@ -116,6 +117,8 @@ class LinearMotion {
   Eigen::Matrix3d C_nb_ = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d linear_C_nb_ = Eigen::Matrix3d::Identity();
   Eigen::Vector3d v_ = Eigen::Vector3d::Zero();
+  double turned_for_s_ = -1.0;
+  Eigen::Matrix3d turn_n_ = Eigen::Matrix3d::Identity();  // over so long
   Columns dr_, dv_, dm_;     // p x 3: derivatives of rotation, velocity and mean velocity of the block, body frame
   Columns turned_, pushed_;  // effects, over the blocks of the interval
   BlockColumns base_;

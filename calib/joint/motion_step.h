@@ -16,27 +16,35 @@
 
 namespace turncal {
 
-struct MotionStep {
-  Eigen::Matrix3d turn_n;     // Exp(-w_ie t)
-  Eigen::Matrix3d C_mid;      // C_nb in the middle of the step
-  Eigen::Vector3d dv_n;       // v(end) - v
-  Eigen::Vector3d mean_dv_n;  // mean v - v
-  Eigen::Matrix3d C_end;
+// What turns over a step, whatever the attitude.
+struct StepTurn {
+  Eigen::Matrix3d turn_n;  // Exp(-w_ie t)
+  Eigen::Matrix3d half;    // Exp(rotation / 2)
 };
 
-inline MotionStep motion_step(const Eigen::Matrix3d& C_nb, const BlockMotion& motion, const Eigen::Vector3d& earth_n,
-                              double gravity_mps2, double t) {
+struct AttitudeStep {
+  Eigen::Matrix3d C_mid;  // C_nb in the middle of the step
+  Eigen::Matrix3d C_end;
+};
+inline AttitudeStep attitude_step(const Eigen::Matrix3d& C_nb, const StepTurn& turn) {
+  AttitudeStep step;
+  step.C_mid.noalias() = C_nb * turn.half;
+  const Eigen::Matrix3d seen = step.C_mid * turn.half;
+  step.C_end.noalias() = turn.turn_n * seen;
+  return step;
+}
+
+struct VelocityStep {
+  Eigen::Vector3d dv_n;       // v(end) - v
+  Eigen::Vector3d mean_dv_n;  // mean v - v
+};
+inline VelocityStep velocity_step(const Eigen::Matrix3d& C_nb, const BlockMotion& motion,
+                                  const Eigen::Vector3d& earth_n, double gravity_mps2, double t) {
   const Eigen::Vector3d gained = C_nb * motion.velocity;
   const Eigen::Vector3d mean = C_nb * motion.mean_velocity;
   const Eigen::Vector3d gravity(0.0, -gravity_mps2, 0.0);
-  MotionStep step;
-  step.turn_n = rotation_exp(-earth_n * t);
-  const Eigen::Matrix3d half = rotation_exp(0.5 * motion.rotation);
-  step.C_mid = C_nb * half;
-  step.dv_n = gained - 0.5 * t * earth_n.cross(gained) + gravity * t;
-  step.mean_dv_n = mean - t / 3.0 * earth_n.cross(mean) + 0.5 * t * gravity;
-  step.C_end = step.turn_n * step.C_mid * half;
-  return step;
+  return {gained - 0.5 * t * earth_n.cross(gained) + gravity * t,
+          mean - t / 3.0 * earth_n.cross(mean) + 0.5 * t * gravity};
 }
 
 // Covariance of the noise that enters over a step of length t, for the state at its end (psi, v) and for the mean velocity

@@ -33,17 +33,16 @@ class RestrictedLikelihood {
   };
 
   RestrictedLikelihood(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
-                       const FilterSetup& setup, const std::vector<int>& free, const Eigen::VectorXd& ranges,
-                       int seconds_together)
+                       const FilterSetup& setup, const std::vector<int>& free, const Eigen::VectorXd& ranges)
       : setup_(setup), free_(free), ranges_(Eigen::VectorXd(ranges(free))) {
     LinearMotion::Options options;
-    options.seconds_together = seconds_together;
     for (int k = 0; k < walks; ++k) {
       WalkNoise unit;
       (k < 3 ? unit.gyro : unit.accel)[k % 3] = 1.0;
       options.sources.push_back(unit);
     }
     LinearMotion motion(recording, parameters, effects, setup_, options);
+    intervals_.reserve(recording.blocks.size());
     for (LinearInterval interval; motion.next(interval);) intervals_.push_back(interval);
     setup_.keep_innovations = true;
   }
@@ -171,7 +170,7 @@ bool differ(const Vector3d& values) { return values.maxCoeff() > values.minCoeff
 NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
                    const FilterSetup& setup, const std::vector<int>& free, const Eigen::VectorXd& ranges,
                    const NoiseFitOptions& options) {
-  RestrictedLikelihood likelihood(recording, parameters, effects, setup, free, ranges, options.seconds_together);
+  RestrictedLikelihood likelihood(recording, parameters, effects, setup, free, ranges);
   const double tau = setup.noise.bias_correlation_s;
   Variances s;
   s << setup.noise.angle_random_walk.cwiseAbs2(), setup.noise.velocity_random_walk.cwiseAbs2(),

@@ -34,7 +34,6 @@ struct NoiseFitOptions {
   bool bias_instability = true;
   bool near_start = false;  // the start model was fitted beside this: axes that agree in it are not looked at apart
   int max_iterations = 6;
-  int seconds_together = 4;
 };
 
 struct NoiseFit {

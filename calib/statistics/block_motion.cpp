@@ -64,20 +64,21 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
   columns.velocity.setZero();
   columns.mean_velocity.setZero();
 
-  const auto third_order = [&](const Eigen::Vector3d& dr) -> Eigen::Vector3d {
-    return (dr.cross(r_cross_dv) + r.cross(dr.cross(dv))) / 6.0;
-  };
+  // What a change dr of the rotation does to r x (r x dv) / 6 is third_order * dr, and a change of dv third_order_push * it.
+  const Eigen::Matrix3d third_order = (skew(r_cross_dv) + r_skew * skew(dv)) / -6.0;
+  const Eigen::Matrix3d third_order_push = r_skew * r_skew / 6.0;
+  const Eigen::Matrix3d turned_mean = skew(dv) / -6.0;  // dr x dv / 6
   for (int axis = 0; axis < 3; ++axis) {
     const Eigen::Vector3d e = Eigen::Vector3d::Unit(axis);
     // gyro bias: turns by -t about the axis, evenly over the block
     const Eigen::Vector3d turn = -t * e;
     columns.rotation.col(axis) = unit[axis] * (turn + 0.5 * lag.cross(e));
-    columns.velocity.col(axis) = unit[axis] * (third_order(turn) - e.cross(speed_time));
-    columns.mean_velocity.col(axis) = unit[axis] * turn.cross(dv) / 6.0;
+    columns.velocity.col(axis) = unit[axis] * (third_order * turn - e.cross(speed_time));
+    columns.mean_velocity.col(axis) = unit[axis] * (turned_mean * turn);
     // accelerometer bias
     const Eigen::Vector3d push = -t * e;
     columns.velocity.col(3 + axis) =
-        unit[3 + axis] * (push + (0.5 * t * t * b - middle).cross(e) + r_skew * (r_skew * push) / 6.0);
+        unit[3 + axis] * (push + (0.5 * t * t * b - middle).cross(e) + third_order_push * push);
     columns.mean_velocity.col(3 + axis) = unit[3 + axis] * (0.5 * push + r.cross(push) / 6.0);
   }
   for (int i = 0; i < 3; ++i) {
@@ -94,13 +95,13 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
       turn[k] += 0.5 * row_l.cross(e_j).dot(block.coning);
       turn[l] += 0.5 * e_j.cross(row_k).dot(block.coning);
       columns.rotation.col(g) = unit[g] * turn;
-      columns.velocity.col(g) = unit[g] * (e_i.cross(accel_sum.col(j) - gyro_middle[j] * f0) + third_order(turn));
-      columns.mean_velocity.col(g) = unit[g] * turn.cross(dv) / 6.0;
+      columns.velocity.col(g) = unit[g] * (e_i.cross(accel_sum.col(j) - gyro_middle[j] * f0) + third_order * turn);
+      columns.mean_velocity.col(g) = unit[g] * (turned_mean * turn);
       // accelerometer scale and installation
       const int a = 15 + 3 * i + j;
       const Eigen::Vector3d push = e_i * block.accel[j];
       columns.velocity.col(a) =
-          unit[a] * (push + (gyro_sum.col(j) - block.accel_time[j] * b).cross(e_i) + r_skew * (r_skew * push) / 6.0);
+          unit[a] * (push + (gyro_sum.col(j) - block.accel_time[j] * b).cross(e_i) + third_order_push * push);
       const Eigen::Vector3d mean_push = e_i * (block.accel[j] - block.accel_time[j] / t);
       columns.mean_velocity.col(a) = unit[a] * (mean_push + r.cross(mean_push) / 3.0);
     }

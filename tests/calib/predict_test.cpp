@@ -186,14 +186,16 @@ TEST(Predict, NamesWhatOneStepLeavesUndetermined) {
     EXPECT_EQ(p.sigma[std::find(parameter_keys.begin(), parameter_keys.end(), key) - parameter_keys.begin()], 0.0)
         << key;
 
-  // A recording of it says the same.
+  // A recording of it says the same, but for n11: the axis of the table is not quite the unit's, and n12 and n13, known to a per cent
+  // beforehand, move n11 by a thousandth of that, twenty times the sigma which it would have without them.
   const RigRecording made = record_on_rig(step_2, rig_with_walks_only(5));
   JointOptions options;
   options.noise = noise_of_rig();
   const JointResult estimate = joint_estimate(made.recording, options);
   const std::vector<std::string> lost = undetermined_keys(estimate.determined);
-  EXPECT_TRUE(estimate.determined[6]);
-  EXPECT_LT(std::abs(estimate.parameters.n(0, 0) - made.truth.n(0, 0)), 3.5 * estimate.sigma[6]);
+  EXPECT_TRUE(estimate.converged) << estimate.message;
+  EXPECT_FALSE(estimate.determined[6]);
+  EXPECT_LT(std::abs(estimate.parameters.n(0, 0) - made.truth.n(0, 0)), 1e-4);
   for (const char* key : {"n22", "n33", "a11", "a13", "A01"})
     EXPECT_NE(std::find(lost.begin(), lost.end(), key), lost.end()) << key;
   EXPECT_FALSE(estimate.undetermined.empty());
