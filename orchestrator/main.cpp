@@ -6,6 +6,7 @@
 #include <iostream>
 
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/jobs/exit_code.h"
 
 namespace {
 

@@ -1,7 +1,6 @@
 // Status and Result<T>: what every function at an I/O border returns.
 //
-// An Error carries its kind (which fixes the exit code of the program, see exit_code) and one line for the user that
-// says where, what was found and what was expected. A Result without a value never looks like success: both classes
+// An Error carries its kind and one line for the user that says where, what was found and what was expected. A Result without a value never looks like success: both classes
 // are [[nodiscard]], and value() on an error is a programming mistake (assert).
 //
 // Not for our own mistakes: those are assert().
@@ -16,25 +15,13 @@
 namespace turncal {
 
 enum class ErrorKind {
-  input,        // usage, configuration or input data: exit code 1
-  unit_failed,  // the unit failed its limits, or a diagnosis is not clean: 20
-  aborted,      // by the operator: 30
-  device,       // device or link: 50
-  internal,     // 70
-  interrupted   // can be resumed: 75
+  input,        // usage, configuration or input data
+  unit_failed,  // the unit failed its limits, or a diagnosis is not clean
+  aborted,      // by the operator
+  device,       // device or link
+  internal,     // our own mistake
+  interrupted   // can be resumed
 };
-
-constexpr int exit_code(ErrorKind kind) {
-  switch (kind) {
-    case ErrorKind::input: return 1;
-    case ErrorKind::unit_failed: return 20;
-    case ErrorKind::aborted: return 30;
-    case ErrorKind::device: return 50;
-    case ErrorKind::internal: return 70;
-    case ErrorKind::interrupted: return 75;
-  }
-  return 70;
-}
 
 struct Error {
   ErrorKind kind = ErrorKind::internal;

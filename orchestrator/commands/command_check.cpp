@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/watch/progress.h"

@@ -1,6 +1,7 @@
 // `turncal commission`: is the table what its map or dialect says, and does the unit feel its axes as it should? (docs/twin.md)
 #include <memory>
 
+#include "imu_io/base/line_prefix.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/commissioning.h"
 #include "orchestrator/devices/live_devices.h"
@@ -23,34 +24,31 @@ bool is_commissioned(const StationConfig& station) {
   return station.table.map ? station.table.map->commissioned : station.table.dialect->commissioned;
 }
 
-Status commission(const Options& options, const StationConfig& station, LiveDevices& live, const std::string& tag,
-                  std::ostream& out) {
+Status commission(const Options& options, const StationConfig& station, LiveDevices& live, std::ostream& out) {
   const StationDevices devices = live.devices();
   if (Status status = devices.table.connect(); !status) return status;
   const Result<TableIdentity> table = devices.table.identify();
   if (!table) return table.error();
-  out << tag << table->description << std::endl;
+  out << table->description << std::endl;
   if (options.heading) {
     const AxisTriple known{*options.heading, *options.pitch, *options.roll};
     if (Status status = live.commission_table(known, options.tolerance_deg); !status) return status;
-    out << tag << "every axis reads where it stands; no other word order, sign or scale would" << std::endl;
+    out << "every axis reads where it stands; no other word order, sign or scale would" << std::endl;
   } else if (!is_commissioned(station)) {
     return input_error(
         "the table is not commissioned: expected --heading, --pitch and --roll, the angles (not 0) at which its axes "
         "stand");
   }
   if (!is_commissioned(station)) {
-    out << tag
-        << "nothing was moved: write commissioned = true into your copy of the table's file, then call this again "
+    out << "nothing was moved: write commissioned = true into your copy of the table's file, then call this again "
            "without angles"
         << std::endl;
     return {};
   }
   if (Status status = devices.imu.open(); !status) return status;
-  if (Status status = try_axes(devices, station, options.settings, StopSignals::requests(), tag, out); !status)
+  if (Status status = try_axes(devices, station, options.settings, StopSignals::requests(), out); !status)
     return status;
-  out << tag
-      << "every axis turns the unit as it should, and gravity is felt where it should be; the table rests, its drives "
+  out << "every axis turns the unit as it should, and gravity is felt where it should be; the table rests, its drives "
          "are off"
       << std::endl;
   return {};
@@ -66,7 +64,8 @@ Status run_commission(const Options& options, CommandContext& context) {
   const StopSignals signals;
   Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
   if (!live) return live.error();
-  return commission(options, *station, **live, station->simulated() ? std::string(simulated_tag) : "", context.out);
+  const LinePrefix marked(context.out, station->simulated() ? std::string(simulated_tag) : "");
+  return commission(options, *station, **live, context.out);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "imu_io/base/clock.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/diagnosis_job.h"
+#include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/report_format.h"
 #include "orchestrator/watch/progress.h"

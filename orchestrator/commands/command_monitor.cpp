@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "imu_io/base/line_prefix.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/live_devices.h"
 #include "orchestrator/devices/stop_signals.h"
@@ -91,7 +92,7 @@ std::string unit_text(const Second& second, const RecordingInfo& info, double se
   return whole;
 }
 
-Status watch(LiveDevices& live, const std::string& tag, double seconds, std::ostream& out) {
+Status watch(LiveDevices& live, double seconds, std::ostream& out) {
   const StationDevices devices = live.devices();
   if (Status status = devices.table.connect(); !status) return status;
   const Result<TableIdentity> table = devices.table.identify();
@@ -101,7 +102,7 @@ Status watch(LiveDevices& live, const std::string& tag, double seconds, std::ost
   if (!unit) return unit.error();
   RecordingInfo info;
   devices.imu.describe(info);
-  out << tag << table->description << "; " << unit->description << std::endl;
+  out << table->description << "; " << unit->description << std::endl;
 
   std::vector<ImuSample> buffer(1024);
   std::optional<std::int64_t> last_counter;
@@ -118,13 +119,13 @@ Status watch(LiveDevices& live, const std::string& tag, double seconds, std::ost
     char time[32];
     std::snprintf(time, sizeof time, "%8.1f s  ", now_s - began_s);
     const std::uint64_t bad_frames = devices.imu.counters().bad_frames;
-    out << tag << time << table_text(devices.table) << unit_text(second, info, now_s - line_s);
+    out << time << table_text(devices.table) << unit_text(second, info, now_s - line_s);
     if (bad_frames > bad_frames_before) out << ", " << bad_frames - bad_frames_before << " bad frames";
     out << std::endl;
     bad_frames_before = bad_frames;
     line_s = now_s;
   }
-  out << tag << "unit: " << live.unit_summary(0) << std::endl;
+  out << "unit: " << live.unit_summary(0) << std::endl;
   return {};
 }
 
@@ -135,7 +136,8 @@ Status run_monitor(const MonitorOptions& options, CommandContext& context) {
   const StopSignals signals;
   Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
   if (!live) return live.error();
-  return watch(**live, station->simulated() ? std::string(simulated_tag) : "", options.seconds, context.out);
+  const LinePrefix marked(context.out, station->simulated() ? std::string(simulated_tag) : "");
+  return watch(**live, options.seconds, context.out);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <memory>
 #include <sstream>
 
+#include "imu_io/base/line_prefix.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/run_job.h"
 #include "orchestrator/jobs/run_results.h"
@@ -89,10 +90,8 @@ void add_journal_command(CommandLine& line, CommandContext& context) {
     const Result<std::string> text = journal_as_text(*folder + "/" + journal_name);
     if (!text) return text.error();
     const Result<JournalContents> contents = read_journal(*folder + "/" + journal_name);
-    const std::string_view tag = contents ? tag_of(*contents) : std::string_view();
-    std::istringstream lines(*text);
-    for (std::string record; std::getline(lines, record);) context.out << tag << record << '\n';
-    context.out << std::flush;
+    const LinePrefix marked(context.out, std::string(contents ? tag_of(*contents) : ""));
+    context.out << *text << std::flush;
     return {};
   });
 }

@@ -224,8 +224,7 @@ Status judge_turn(Axis axis, double turned_deg, const std::array<double, 3>& sum
 
 namespace {
 
-Status try_turns(Trial& trial, const CommissioningSettings& settings, IncrementKind kind, const std::string& tag,
-                 std::ostream& out) {
+Status try_turns(Trial& trial, const CommissioningSettings& settings, IncrementKind kind, std::ostream& out) {
   for (const Axis axis : all_axes) {
     const Result<Trial::Turn> turned = trial.turn(axis);
     if (!turned) return turned.error();
@@ -237,17 +236,16 @@ Status try_turns(Trial& trial, const CommissioningSettings& settings, IncrementK
                   felt(axis).sign > 0 ? "+" : "-", body_axis[felt(axis).axis],
                   pulses ? std::abs(turned->turned_deg) * 3600.0 / size : size / rad_per_deg,
                   pulses ? "arcsec a pulse" : "deg");
-    out << tag << text << std::endl;
+    out << text << std::endl;
   }
   if (kind == IncrementKind::pulses && settings.gyro_pulse_arcsec <= 0.0) {
-    out << tag << "the scale of the gyros was not judged: give the weight of a pulse with --gyro-pulse-arcsec"
-        << std::endl;
+    out << "the scale of the gyros was not judged: give the weight of a pulse with --gyro-pulse-arcsec" << std::endl;
   }
   return {};
 }
 
 Status try_poses(Trial& trial, const RecordingInfo& info, double gravity_mps2, const CommissioningSettings& settings,
-                 const std::string& tag, std::ostream& out) {
+                 std::ostream& out) {
   FirstStepLimits limits;
   limits.direction_deg = settings.direction_deg;
   limits.force_tolerance = settings.force_tolerance;
@@ -260,7 +258,7 @@ Status try_poses(Trial& trial, const RecordingInfo& info, double gravity_mps2, c
     if (axis) angles_deg[*axis] = std::min(settings.pose_deg, trial.limits_of(*axis).soft_max_deg);
     const double to_deg = axis ? angles_deg[*axis] : 0.0;
     if (axis && to_deg < least_pose_deg) {
-      out << tag << name << " may turn to " << to_deg << " deg only: gravity was not compared there" << std::endl;
+      out << name << " may turn to " << to_deg << " deg only: gravity was not compared there" << std::endl;
       continue;
     }
     const Result<Eigen::Vector3d> mean = trial.force_at(axis, to_deg);
@@ -271,7 +269,7 @@ Status try_poses(Trial& trial, const RecordingInfo& info, double gravity_mps2, c
     char text[160];
     std::snprintf(text, sizeof text, "gravity, %s %g deg: %+.4f, %+.4f, %+.4f m/s^2 along x, y, z", name, to_deg,
                   force.x(), force.y(), force.z());
-    out << tag << text << std::endl;
+    out << text << std::endl;
   }
   return {};
 }
@@ -279,13 +277,13 @@ Status try_poses(Trial& trial, const RecordingInfo& info, double gravity_mps2, c
 }  // namespace
 
 Status try_axes(const StationDevices& devices, const StationConfig& station, const CommissioningSettings& settings,
-                const std::atomic<int>& stop_requests, const std::string& tag, std::ostream& out) {
+                const std::atomic<int>& stop_requests, std::ostream& out) {
   RecordingInfo info;
   devices.imu.describe(info);
   Trial trial(devices, station, settings, stop_requests);
   Status tried = trial.home();
-  if (tried) tried = try_turns(trial, settings, info.gyro_increment, tag, out);
-  if (tried) tried = try_poses(trial, info, station.gravity_mps2, settings, tag, out);
+  if (tried) tried = try_turns(trial, settings, info.gyro_increment, out);
+  if (tried) tried = try_poses(trial, info, station.gravity_mps2, settings, out);
   const Status stopped = trial.stop();
   if (!stopped) return tried ? stopped : Status(device_error(tried.error().message + "; " + stopped.error().message));
   return tried;

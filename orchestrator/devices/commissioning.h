@@ -38,7 +38,7 @@ struct CommissioningSettings {
 
 // REQUIRES: table connected, unit open. Prints one line an axis.
 Status try_axes(const StationDevices& devices, const StationConfig& station, const CommissioningSettings& settings,
-                const std::atomic<int>& stop_requests, const std::string& tag, std::ostream& out);
+                const std::atomic<int>& stop_requests, std::ostream& out);
 
 // What the sum of the gyros says about a turn of `axis` by turned_deg; the error names axis, expected and found.
 Status judge_turn(Axis axis, double turned_deg, const std::array<double, 3>& sum, IncrementKind kind,

@@ -63,10 +63,9 @@ void LiveDevices::wait_a_little(double wall_s) {
   ::nanosleep(&pause, nullptr);
 }
 
-RunObserver* LiveDevices::prompts(const Sequence& sequence, const std::string& tag) {
+RunObserver* LiveDevices::prompts(const Sequence& sequence) {
   ManualTurntable* manual = table_->manual();
   if (!manual) return nullptr;
-  manual->set_tag(tag);
   prompts_ = std::make_unique<OperatorPrompts>(*manual, sequence, first_turn_s);
   return prompts_.get();
 }

@@ -46,8 +46,8 @@ class LiveDevices {
     return table_->commission(known_deg, tolerance_deg);
   }
 
-  // Of a table turned by hand: what its operator is told, each line with `tag`; else null. The sequence must outlive the devices.
-  RunObserver* prompts(const Sequence& sequence, const std::string& tag);
+  // Of a table turned by hand: what its operator is told; else null. The sequence must outlive the devices.
+  RunObserver* prompts(const Sequence& sequence);
 
  private:
   LiveDevices(const StationConfig& station, std::size_t units, StationLock lock);

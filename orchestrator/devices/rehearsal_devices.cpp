@@ -12,14 +12,13 @@ constexpr double rehearsed_turn_s = 2.0;  // beyond its planned time: the compar
 }  // namespace
 
 RehearsalDevices::RehearsalDevices(const RigConfig& config, const StationConfig& station, const Sequence& sequence,
-                                   int input, std::ostream& out, const std::string& tag)
+                                   int input, std::ostream& out)
     : rig_(config),
       watched_(rig_.imu, config.sample_period_s),
       manual_(station.table.manual, rig_.clock, input, out, [this] { return watched_.mean(); }),
       limited_(manual_, motion_limits(station)),
       prompts_(manual_, sequence, rehearsed_turn_s) {
   manual_.rehearse_on(rehearsed_table(rig_.rig));
-  manual_.set_tag(tag);
 }
 
 StationDevices RehearsalDevices::devices() { return {limited_, watched_, rig_.clock, rig_.devices().wait}; }

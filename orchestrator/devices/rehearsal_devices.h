@@ -20,7 +20,7 @@ class RehearsalDevices {
  public:
   // `input`: file descriptor of the answers. Sequence and stream must outlive the devices.
   RehearsalDevices(const RigConfig& config, const StationConfig& station, const Sequence& sequence, int input,
-                   std::ostream& out, const std::string& tag);
+                   std::ostream& out);
   RehearsalDevices(const RehearsalDevices&) = delete;
   RehearsalDevices& operator=(const RehearsalDevices&) = delete;
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "orchestrator/jobs/exit_code.h"
+
 namespace turncal {
 
 namespace {

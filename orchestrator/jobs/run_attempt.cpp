@@ -114,10 +114,8 @@ void note_outcome(const RunOutcome& outcome, double sample_period_s, std::vector
 
 Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context) {
   RunDevices made;
-  const std::string tag(tag_of(run));
   if (run.request.rehearsal()) {
-    made.rehearsal =
-        std::make_unique<RehearsalDevices>(run.rig, run.station, run.sequence, STDIN_FILENO, context.out, tag);
+    made.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, run.sequence, STDIN_FILENO, context.out);
     made.prompts = &made.rehearsal->prompts();
     return made;
   }
@@ -129,18 +127,18 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
       LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size());
   if (!live) return live.error();
   made.live = std::move(*live);
-  made.prompts = made.live->prompts(run.sequence, tag);
+  made.prompts = made.live->prompts(run.sequence);
   return made;
 }
 
 // One attempt with the devices, up to the verdicts.
 RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   const StationDevices devices = made.devices();
-  const std::string tag(tag_of(a.run));
   const double began_s = steady_wall_s();
   // A line redrawn in place would run over the operator's answers.
   const bool in_place = context.out_is_terminal && !made.prompts;
-  ProgressView view(context.out, in_place ? context.terminal_columns : 0, tag, steady_wall_s, stdout_takes_more);
+  const int columns = context.terminal_columns - static_cast<int>(tag_of(a.run).size());
+  ProgressView view(context.out, in_place ? columns : 0, steady_wall_s, stdout_takes_more);
   LiveView live({.unit = join(a.run.request.units),
                  .station = a.run.station.name,
                  .sequence = a.run.sequence.name,
@@ -154,7 +152,7 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
     Result<std::unique_ptr<StatusPage>> opened = StatusPage::open(a.run.request.listen, live);
     if (!opened) return opened.error();
     page = std::move(*opened);
-    context.out << tag << "status page " << page->url() << std::endl;
+    context.out << "status page " << page->url() << std::endl;
     if (const std::string warning = page->warning(); !warning.empty()) context.err << warning << std::endl;
   }
   PaceKeeper pace(a.run.request.pace);
@@ -227,7 +225,7 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
     if (outcome.state == RunState::interrupted) {
       whole.message += "; go on with: turncal resume " + a.folder;
     } else if (recorded) {
-      context.out << tag << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
+      context.out << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
     }
     return whole;
   }

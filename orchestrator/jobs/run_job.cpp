@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/line_prefix.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_attempt.h"
 #include "orchestrator/jobs/run_results.h"
@@ -134,8 +135,8 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
     if (unit.dropped) continue;
     const JournalFields& verdict = *verdict_of(contents, unit.run.unit());
     const std::string& result = verdict.front().second;
-    out << tag_of(contents) << "The run of unit " << unit.run.unit() << " is complete, verdict " << result
-        << ": nothing to resume." << std::endl;
+    out << "The run of unit " << unit.run.unit() << " is complete, verdict " << result << ": nothing to resume."
+        << std::endl;
     unit.results.verdict = report_of(verdict);
     unit.status = verdict_status(unit.run.unit(), unit.results.verdict);
   }
@@ -186,6 +187,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   Result<PreparedRun> prepared = prepare(request);
   if (!prepared) return prepared.error();
   context.tag = tag_of(*prepared);
+  const LinePrefix marked(context.out, context.tag);
   const double period_s = prepared->sample_period_s();
   const Plan plan = plan_of(*prepared, period_s);
   if (Status status = check_sequence(*prepared, plan); !status) return status;
@@ -232,6 +234,7 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   const Result<JournalContents> contents = read_journal(path);
   if (!contents) return contents.error();
   if (contents->begin_value("live") != "true") context.tag = dry_run_tag;
+  const LinePrefix marked(context.out, std::string(tag_of(*contents)));
   if (is_over(*contents)) return say_over(*contents, folder, context.out);
   const Result<RunRequest> request = request_again(*contents, now);
   if (!request) return request.error();

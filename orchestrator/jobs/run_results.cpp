@@ -218,13 +218,7 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
   }
   if (run.request.dry_run) out << "truth       " << path(truth_name) << '\n';
   out << "recording   " << path(binary_recording_name) << '\n' << "log         " << log << '\n';
-  const std::string whole = out.str();
-  const std::string_view tag = tag_of(run);
-  for (std::string_view rest = whole; !rest.empty();) {
-    const std::string_view line = take_line(rest);
-    printed << (line.empty() && !tag.empty() ? tag.substr(0, tag.size() - 1) : tag) << line << '\n';
-  }
-  printed << std::flush;
+  printed << out.str() << std::flush;
 }
 
 }  // namespace turncal

@@ -4,6 +4,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/recordings/recording_source.h"
+#include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/recording_sink.h"
 
@@ -79,7 +80,7 @@ Status calibrate_units(std::vector<UnitRun>& units, double utc_s, JournalFile& j
 void conclude_units(std::vector<UnitRun>& units, double wall_s, const std::string& log, std::ostream& out) {
   for (UnitRun& unit : units) {
     if (unit.dropped || !unit.status) continue;
-    if (units.size() > 1) out << tag_of(unit.run) << "unit " << unit.run.unit() << ":\n";
+    if (units.size() > 1) out << "unit " << unit.run.unit() << ":\n";
     print_summary(unit.run, unit.folder, unit.counts, unit.results, wall_s, log, out);
     unit.status = verdict_status(unit.run.unit(), unit.results.verdict);
   }

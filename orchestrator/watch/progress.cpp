@@ -74,28 +74,24 @@ bool stdout_takes_more() {
   return ::poll(&out, 1, 0) != 0;  // a reader that is gone is an error at once, and no wait
 }
 
-ProgressView::ProgressView(std::ostream& out, int columns, std::string tag, std::function<double()> wall_s,
+ProgressView::ProgressView(std::ostream& out, int columns, std::function<double()> wall_s,
                            std::function<bool()> takes_more)
-    : out_(out),
-      columns_(columns),
-      tag_(std::move(tag)),
-      wall_s_(std::move(wall_s)),
-      takes_more_(std::move(takes_more)) {}
+    : out_(out), columns_(columns), wall_s_(std::move(wall_s)), takes_more_(std::move(takes_more)) {}
 
 void ProgressView::on_transition(const TransitionRecord& record) {
   if (!takes_more_()) return;
   if (columns_ == 0) {
-    out_ << format_transition(record, tag_) << std::endl;
+    out_ << format_transition(record) << std::endl;
   } else if (record.event == RunEvent::pause_wanted) {
     clear();
-    out_ << tag_ << record.detail << std::endl;
+    out_ << record.detail << std::endl;
   }
 }
 
 void ProgressView::on_dropout(const Dropout& dropout) {
   if (!takes_more_()) return;
   clear();
-  out_ << format_dropout(dropout, tag_) << std::endl;
+  out_ << format_dropout(dropout) << std::endl;
 }
 
 void ProgressView::on_progress(const RunSnapshot& snapshot) {
@@ -105,7 +101,7 @@ void ProgressView::on_progress(const RunSnapshot& snapshot) {
   drawn_s_ = now_s;
   line_shown_ = true;
   // A line that wraps could not be redrawn in place.
-  std::string line = tag_ + format_progress(snapshot);
+  std::string line = format_progress(snapshot);
   line.resize(std::min(line.size(), static_cast<std::size_t>(columns_ - 1)));
   out_ << '\r' << line << "\x1b[K" << std::flush;
 }
@@ -113,7 +109,7 @@ void ProgressView::on_progress(const RunSnapshot& snapshot) {
 void ProgressView::clear() {
   if (!line_shown_ || !takes_more_()) return;
   line_shown_ = false;
-  out_ << "\r\x1b[K" << std::flush;
+  out_ << "\x1b[2K\r" << std::flush;
 }
 
 }  // namespace turncal

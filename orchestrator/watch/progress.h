@@ -19,7 +19,7 @@ class ProgressView : public RunObserver {
   // wall_s: seconds on any steady clock; only used to limit redrawing.
   // takes_more: false while the stream would block; what is shown then is left out, since the run may not wait for it.
   ProgressView(
-      std::ostream& out, int columns, std::string tag, std::function<double()> wall_s,
+      std::ostream& out, int columns, std::function<double()> wall_s,
       std::function<bool()> takes_more = [] { return true; });
   ~ProgressView() override { clear(); }
   void on_transition(const TransitionRecord& record) override;
@@ -31,7 +31,6 @@ class ProgressView : public RunObserver {
   std::ostream& out_;
   int columns_;
   bool line_shown_ = false;
-  std::string tag_;
   std::function<double()> wall_s_;
   std::function<bool()> takes_more_;
   double drawn_s_ = -1e9;

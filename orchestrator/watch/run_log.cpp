@@ -8,18 +8,18 @@ namespace turncal {
 
 namespace {
 
-std::string head_of(const RunSnapshot& at, std::string_view tag) {
+std::string head_of(const RunSnapshot& at) {
   char head[120];
   std::snprintf(head, sizeof head, "%s %11.3f s  step %zu/%zu  ", format_utc(at.utc_s).c_str(), at.time_s,
                 at.step_place, at.step_count);
-  return std::string(tag) + head;
+  return head;
 }
 
 }  // namespace
 
-std::string format_transition(const TransitionRecord& record, std::string_view tag) {
+std::string format_transition(const TransitionRecord& record) {
   const RunSnapshot& at = record.at;
-  std::string text = head_of(at, tag);
+  std::string text = head_of(at);
   text += to_string(record.from);
   if (record.to != record.from) {
     text += " -> ";
@@ -39,8 +39,8 @@ std::string format_transition(const TransitionRecord& record, std::string_view t
   return text;
 }
 
-std::string format_dropout(const Dropout& dropout, std::string_view tag) {
-  return head_of(dropout.at, tag) + "unit " + dropout.serial + " dropped out at " + dropout.why.message;
+std::string format_dropout(const Dropout& dropout) {
+  return head_of(dropout.at) + "unit " + dropout.serial + " dropped out at " + dropout.why.message;
 }
 
 Result<RunLog> RunLog::create(const std::string& path, std::string tag) {
@@ -61,12 +61,8 @@ Result<RunLog> RunLog::append(const std::string& path, std::string tag) {
   return log;
 }
 
-void RunLog::line_as_is(const std::string& text) {
-  if (status_) status_ = file_.write_all(std::string_view(text + "\n"));
+void RunLog::line(const std::string& text) {
+  if (status_) status_ = file_.write_all(std::string_view(tag_ + text + "\n"));
 }
-
-void RunLog::line(const std::string& text) { line_as_is(tag_ + text); }
-
-void RunLog::on_transition(const TransitionRecord& record) { line_as_is(format_transition(record, tag_)); }
 
 }  // namespace turncal

@@ -14,21 +14,20 @@
 
 namespace turncal {
 
-// Without the line break. `tag` stands in front ("[dry run] "), so that no line of a simulation passes for a real one.
-std::string format_transition(const TransitionRecord& record, std::string_view tag);
-
-std::string format_dropout(const Dropout& dropout, std::string_view tag);
+// Without the line break.
+std::string format_transition(const TransitionRecord& record);
+std::string format_dropout(const Dropout& dropout);
 
 class RunLog : public RunObserver {
  public:
-  // The file must not exist. Every line is handed to the system at once.
+  // The file must not exist. Every line is handed to the system at once. `tag` stands in front of each ("[dry run] "), so that none of a
+  // simulation passes for a real one.
   static Result<RunLog> create(const std::string& path, std::string tag);
-
   static Result<RunLog> append(const std::string& path, std::string tag);  // to a log that is there, or a new one
 
   void line(const std::string& text);
-  void on_transition(const TransitionRecord& record) override;
-  void on_dropout(const Dropout& dropout) override { line_as_is(format_dropout(dropout, tag_)); }
+  void on_transition(const TransitionRecord& record) override { line(format_transition(record)); }
+  void on_dropout(const Dropout& dropout) override { line(format_dropout(dropout)); }
   void on_progress(const RunSnapshot&) override {}
   // The first failure to write, which the run must not hide.
   const Status& status() const { return status_; }
@@ -36,7 +35,6 @@ class RunLog : public RunObserver {
  private:
   RunLog(PosixFile file, std::string tag) : file_(std::move(file)), tag_(std::move(tag)) {}
   PosixFile file_;
-  void line_as_is(const std::string& text);
   std::string tag_;
   Status status_;
 };

@@ -8,6 +8,7 @@
 #include "imu_io/base/deadline.h"
 #include "orchestrator/devices/gravity_watch.h"
 #include "orchestrator/devices/live_devices.h"
+#include "orchestrator/jobs/exit_code.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"
 

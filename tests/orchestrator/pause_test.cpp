@@ -1,6 +1,7 @@
 // A pause lets the item that goes on come to its end, leaves the table at rest with its drives off, and costs nothing that was
 // recorded; a stop asked for from outside is an interruption too; twice by the operator is an abort.
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/records/journal_file.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/program.h"

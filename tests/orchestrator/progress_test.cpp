@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <sstream>
 
+#include "imu_io/base/line_prefix.h"
 #include "orchestrator/watch/run_log.h"
 
 namespace turncal {
@@ -46,7 +47,7 @@ TEST(Progress, DwellSaysItsKindAndRepeat) {
 TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
   std::ostringstream out;
   double wall_s = 50.0;
-  ProgressView view(out, 41, "", [&] { return wall_s; });
+  ProgressView view(out, 41, [&] { return wall_s; });
   TransitionRecord record;
   record.at = moving();
   int calls = 0;
@@ -61,12 +62,13 @@ TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
   EXPECT_NE(text.find("\rstep 2/14  moving  roll 123.46 -> 360.00\x1b[K"), std::string::npos) << "cut to 40 columns";
   EXPECT_EQ(text.find('\n'), std::string::npos) << "the live line never scrolls";
   view.clear();
-  EXPECT_TRUE(out.str().ends_with("\r\x1b[K"));
+  EXPECT_TRUE(out.str().ends_with("\x1b[2K\r"));
 }
 
 TEST(Progress, TerminalSaysAtOnceWhatAPauseWaitsFor) {
   std::ostringstream out;
-  ProgressView view(out, 80, "[dry run] ", [] { return 0.0; });
+  const LinePrefix marked(out, "[dry run] ");
+  ProgressView view(out, 80, [] { return 0.0; });
   view.on_progress(moving());
   out.str("");
   TransitionRecord record;
@@ -74,7 +76,7 @@ TEST(Progress, TerminalSaysAtOnceWhatAPauseWaitsFor) {
   record.event = RunEvent::pause_wanted;
   record.detail = format_pause(record.at);
   view.on_transition(record);
-  EXPECT_EQ(out.str(), "\r\x1b[K[dry run] pause asked for: after this move; Ctrl-C again stops now\n");
+  EXPECT_EQ(out.str(), "\x1b[2K\r[dry run] pause asked for: after this move; Ctrl-C again stops now\n");
   for (const auto& [state, text] :
        {std::pair{RunState::homing, "after homing;"}, std::pair{RunState::settling, "after settling;"},
         std::pair{RunState::parking, "everything is recorded, the run finishes"}}) {
@@ -85,7 +87,8 @@ TEST(Progress, TerminalSaysAtOnceWhatAPauseWaitsFor) {
 
 TEST(Progress, ElsewhereOnePlainLineATransition) {
   std::ostringstream out;
-  ProgressView view(out, 0, "[dry run] ", [] { return 0.0; });
+  const LinePrefix marked(out, "[dry run] ");
+  ProgressView view(out, 0, [] { return 0.0; });
   TransitionRecord record;
   record.at = moving();
   record.from = RunState::moving;

@@ -1,5 +1,6 @@
 // The station's loop on the rig: an undisturbed run to the sample, and what it does about every fault the rig can make.
 #include "orchestrator/run/station_run.h"
+#include "orchestrator/jobs/exit_code.h"
 
 #include <gtest/gtest.h>
 

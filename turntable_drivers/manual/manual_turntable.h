@@ -62,7 +62,6 @@ class ManualTurntable : public Turntable {
   // `input` is a file descriptor (0: the terminal); clock and stream must outlive the table.
   ManualTurntable(ManualSettings settings, const Clock& clock, int input, std::ostream& out, GravitySense sense = {});
   void rehearse_on(RehearsedTable rehearsed) { rehearsed_ = std::move(rehearsed); }
-  void set_tag(const std::string& tag) { tag_ = tag; }  // in front of every line
 
   Status connect() override;
   Result<TableIdentity> identify() override;
@@ -124,7 +123,6 @@ class ManualTurntable : public Turntable {
   std::ostream& out_;
   GravitySense sense_;
   std::optional<RehearsedTable> rehearsed_;
-  std::string tag_;
   std::string reason_;
   bool reason_told_ = false;
   std::string typed_;  // lines not taken yet, and the one that is not complete
