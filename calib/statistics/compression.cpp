@@ -129,7 +129,7 @@ void Compressor::end_segment(SegmentKind final_kind, std::int64_t end_sample) {
     for (auto block = recording_.blocks.rbegin(); block != recording_.blocks.rend() && block->segment == index; ++block)
       block->whole_second = false;
     segment.kind = final_kind;
-  } else if (final_kind != SegmentKind::rotate) {
+  } else if (final_kind != SegmentKind::rotate && options_.leaves_out_turning) {
     const std::int32_t index = static_cast<std::int32_t>(recording_.segments.size()) - 1;
     auto first = recording_.blocks.end();
     while (first != recording_.blocks.begin() && std::prev(first)->segment == index) --first;

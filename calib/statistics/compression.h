@@ -73,6 +73,7 @@ struct CompressionOptions {
   // A sample is a glitch when it stands this many typical second differences (rms, and counts) from its neighbours.
   double glitch_ratio = 12.0;
   double glitch_counts_min = 20.0;
+  bool leaves_out_turning = true;  // what still turns in a rest is no rest
 };
 
 class Compressor {

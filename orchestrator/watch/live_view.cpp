@@ -64,7 +64,7 @@ LiveView::LiveView(LiveRun run, std::function<double()> wall_s)
 
 void LiveView::on_transition(const TransitionRecord& record) {
   const std::lock_guard lock(mutex_);
-  transitions_.push_back(format_transition(record, ""));
+  transitions_.push_back(format_transition(record));
   if (transitions_.size() > transitions_kept) transitions_.erase(transitions_.begin());
   if (record.event == RunEvent::pause_wanted) {
     pause_ = record.detail;

@@ -12,7 +12,9 @@ TEST(LinePrefix, StandsInFrontOfEveryLineWhileItLives) {
   out << "before\n";
   {
     const LinePrefix marked(out, "[t] ");
-    out << "one\n\nt" << "wo" << std::endl << "three";
+    out << "one\n\nt"
+        << "wo" << std::endl
+        << "three";
     out << ", and on\n";
   }
   out << "after\n";
@@ -22,7 +24,10 @@ TEST(LinePrefix, StandsInFrontOfEveryLineWhileItLives) {
 TEST(LinePrefix, ALineDrawnAgainHasItAgain) {
   std::ostringstream out;
   const LinePrefix marked(out, "[t] ");
-  out << "\r10 %" << "\r11 %" << "\x1b[2K\r" << "done\n";
+  out << "\r10 %"
+      << "\r11 %"
+      << "\x1b[2K\r"
+      << "done\n";
   EXPECT_EQ(out.str(), "\r[t] 10 %\r[t] 11 %\x1b[2K\r[t] done\n");
 }
 
