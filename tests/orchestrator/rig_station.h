@@ -97,7 +97,7 @@ class Watcher : public RunObserver {
  public:
   void on_transition(const TransitionRecord& record) override {
     transitions.push_back(record);
-    text.push_back(format_transition(record, ""));
+    text.push_back(format_transition(record));
   }
   void on_progress(const RunSnapshot& snapshot) override {
     ++progress_calls;
