@@ -1,4 +1,4 @@
-// What the program ends with for each kind of error (formats.md). 0: all is well.
+// What the program ends with for each kind of error. 0: all is well.
 #pragma once
 
 #include "calib/types/status.h"
