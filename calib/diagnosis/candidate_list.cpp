@@ -10,8 +10,6 @@ namespace turncal {
 
 namespace {
 
-constexpr double alias_correlation = 0.97;
-
 std::vector<double> taus_of(const EffectEntry& entry) {
   return entry.taus_s.empty() ? std::vector<double>{0.0} : entry.taus_s;
 }
@@ -95,13 +93,16 @@ void name_aliases(const DiagnosisModel& m, const Scores& s, const EffectColumn& 
         best = k;
         best_z_square = z_square;
       }
-      if (!members.empty() && multiple_correlation(s, chosen_index, members) > alias_correlation) imitates = true;
+      if (!members.empty() &&
+          multiple_correlation(s, chosen_index, members) > m.options.limits.selection.alias_correlation)
+        imitates = true;
     }
-    const bool as_good = best >= 0 && best_z_square > chosen_z_square - bic_margin;
+    const bool as_good = best >= 0 && best_z_square > chosen_z_square - m.options.limits.selection.bic_margin;
     if (as_good) {
       stage.rivals.emplace_back(std::string(entry.name), best_z_square);
       stage.rival_columns.push_back(m.catalogue[static_cast<std::size_t>(best)]);
     }
+    if ((as_good || imitates) && best >= 0) stage.alias_columns.push_back(m.catalogue[static_cast<std::size_t>(best)]);
     if ((as_good || imitates) && std::find(names.begin(), names.end(), entry.name) == names.end()) {
       names.emplace_back(entry.name);
       std::string& how = d.separate_by[name];

@@ -8,13 +8,123 @@
 #include "calib/diagnosis/effect_gate.h"
 #include "calib/diagnosis/effect_selection.h"
 #include "calib/diagnosis/holdout.h"
+#include "calib/diagnosis/lack_of_fit.h"
 
 namespace turncal {
 namespace {
 
+std::vector<std::string> names_of(const std::vector<EffectColumn>& columns) {
+  std::vector<std::string> names;
+  for (const EffectColumn& c : columns)
+    if (std::find(names.begin(), names.end(), c.entry->name) == names.end()) names.emplace_back(c.entry->name);
+  return names;
+}
+
+// Adds to the covariance what the free parameters and effects may be off by.
+void widen(JointResult& r, const std::vector<Eigen::VectorXd>& shifts, double factor) {
+  r.covariance *= factor;
+  for (const Eigen::VectorXd& shift : shifts)
+    if (shift.size() == r.covariance.rows() && shift.allFinite()) r.covariance += shift * shift.transpose();
+  for (std::size_t i = 0; i < r.free.size(); ++i) {
+    const Eigen::Index k = static_cast<Eigen::Index>(i);
+    const double sigma = std::sqrt(r.covariance(k, k));
+    if (r.free[i] < parameter_count) {
+      if (r.sigma[r.free[i]] > 0.0) r.sigma[r.free[i]] = sigma;
+    } else {
+      r.effects[static_cast<std::size_t>(r.free[i] - parameter_count)].sigma = sigma;
+    }
+  }
+}
+
+// How far the free parameters go when another of its alias class stands in the place of a chosen effect. One pass, then linear.
+std::vector<Eigen::VectorXd> alias_shifts(const DiagnosisModel& m, const Diagnosis& d) {
+  std::vector<Eigen::VectorXd> shifts;
+  std::vector<EffectColumn> columns = m.chosen, others;
+  std::vector<int> instead_of;  // index into m.chosen
+  for (std::size_t k = 0; k < m.chosen.size(); ++k)
+    for (const SelectionStage& stage : d.stages) {
+      if (!stage.accepted || stage.chosen.key() != m.chosen[k].key()) continue;
+      for (const EffectColumn& other : stage.alias_columns) {
+        others.push_back(other);
+        instead_of.push_back(static_cast<int>(k));
+      }
+    }
+  if (others.empty()) return shifts;
+  columns.insert(columns.end(), others.begin(), others.end());
+  EffectModel model = make_effect_model(columns, {m.recording.info.latitude_deg}, m.current.reference_temperature_c);
+  for (std::size_t k = 0; k < m.current.effects.size(); ++k)
+    model.values[static_cast<Eigen::Index>(k)] = m.current.effects[k].value;
+  FilterSetup setup = m.current.setup;
+  setup.narrow_columns = 0;
+  const FilterResult pass = run_filter(m.recording, m.current.parameters, model, setup);
+  Eigen::VectorXd ranges(parameter_count + model.columns);
+  ranges.head<parameter_count>() = m.current.ranges.head<parameter_count>();
+  for (std::size_t k = 0; k < columns.size(); ++k)
+    ranges[parameter_count + static_cast<Eigen::Index>(k)] = absurd_magnitude(*columns[k].entry);
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    const int out = parameter_count + instead_of[i];
+    const int in = parameter_count + static_cast<int>(m.chosen.size() + i);
+    std::vector<int> subset = m.current.free;
+    std::replace(subset.begin(), subset.end(), out, in);
+    const double value = model.values[out - parameter_count];
+    const Eigen::VectorXd gradient = pass.gradient - value * pass.information.col(out);
+    const SubsetSolution solution = solve_subset(pass.information, gradient, subset, ranges);
+    Eigen::VectorXd shift = solution.step;
+    for (std::size_t k = 0; k < subset.size(); ++k)
+      if (subset[k] == in || solution.lost[k]) shift[static_cast<Eigen::Index>(k)] = 0.0;
+    shifts.push_back(shift);
+  }
+  return shifts;
+}
+
+// Parameters that one of the shifts moves by more than their sigma.
+std::vector<std::string> moved_by(const JointResult& r, const std::vector<Eigen::VectorXd>& shifts) {
+  std::vector<std::string> moved;
+  for (std::size_t i = 0; i < r.free.size(); ++i) {
+    if (r.free[i] >= parameter_count) continue;
+    const double sigma = r.sigma[r.free[i]];
+    const bool far = std::any_of(shifts.begin(), shifts.end(), [&](const Eigen::VectorXd& s) {
+      return s.size() == r.covariance.rows() && sigma > 0.0 && std::abs(s[static_cast<Eigen::Index>(i)]) > sigma;
+    });
+    if (far) moved.emplace_back(parameter_keys[static_cast<std::size_t>(r.free[i])]);
+  }
+  return moved;
+}
+
+// Nothing is named: what was found is a candidate, the base model is handed out with sigmas that hold what was left unexplained.
+void leave_unexplained(DiagnosisModel& m, Diagnosis& d) {
+  d.verdict = Verdict::unexplained;
+  d.candidate_names = names_of(m.chosen);
+  for (const std::string& name : d.gated_out)
+    if (std::find(d.candidate_names.begin(), d.candidate_names.end(), name) == d.candidate_names.end())
+      d.candidate_names.push_back(name);
+  const Eigen::Index base_rows = d.base.covariance.rows();
+  std::vector<Eigen::VectorXd> shifts;
+  double factor = 1.0;
+  for (const LackOfFitTest& test : d.lack_of_fit.tests) {
+    if (test.log10_p >= d.lack_of_fit.log10_limit) continue;
+    if (test.shift.size() >= base_rows) shifts.push_back(test.shift.head(base_rows));
+    if (test.tries == 1.0 && test.degrees > 0) factor = std::max(factor, test.chi_square / test.degrees);
+  }
+  if (!m.chosen.empty()) {
+    const ParameterVector change = to_vector(m.current.parameters) - to_vector(d.base.parameters);
+    Eigen::VectorXd shift = Eigen::VectorXd::Zero(base_rows);
+    for (Eigen::Index i = 0; i < base_rows; ++i) shift[i] = change[d.base.free[static_cast<std::size_t>(i)]];
+    shifts.push_back(shift);
+  }
+  d.moved = moved_by(d.base, shifts);
+  m.current = d.base;
+  m.chosen.clear();
+  widen(m.current, shifts, factor);
+  d.holdout_after = d.holdout_before;
+  d.aliases.clear();
+  d.separate_by.clear();
+}
+
 void judge(DiagnosisModel& m, Diagnosis& d) {
-  char text[256];
+  char text[320];
   const bool noise_given = m.options.estimate.noise.has_value();
+  d.trusted = false;
   // Where even the noise does not fit, neither names nor patterns mean anything.
   if (!m.current.whiteness.white) {
     d.verdict = Verdict::noise_model;
@@ -28,17 +138,34 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
     d.holdout_after = d.holdout_before;
     return;
   }
+  d.lack_of_fit = test_lack_of_fit(m.recording, m.current, m.options.holdout, m.options.limits.fit);
+  const LackOfFitTest& worst = d.lack_of_fit.worst;
   if (d.verdict == Verdict::unexplained) {
     d.reason = "a residual beyond noise that no catalogue effect explains; it looks like: " + d.unexplained_pattern;
+    leave_unexplained(m, d);
     return;
   }
+  if (!d.lack_of_fit.passed) {
+    std::snprintf(text, sizeof text, "%s: chi-square %.1f of %d (%s), which noise does once in 1e%.0f recordings",
+                  worst.what.c_str(), worst.chi_square, worst.degrees, worst.family.c_str(), -worst.log10_p);
+    d.unexplained_pattern = worst.what;
+    d.reason = text;
+    leave_unexplained(m, d);
+    return;
+  }
+  if (!d.gated_out.empty()) {
+    d.reason = "an effect was found that held-out data do not confirm";
+    d.unexplained_pattern = "";
+    leave_unexplained(m, d);
+    return;
+  }
+  d.trusted = true;
   if (m.chosen.empty()) {
     d.verdict = Verdict::clean;
-    d.reason = d.gated_out.empty()
-                   ? "the base model explains the data"
-                   : "the base model explains the data; what was found on them did not help on held-out data";
+    d.reason = "the base model explains the data";
     return;
   }
+  widen(m.current, alias_shifts(m, d), 1.0);
   d.verdict = Verdict::extended;
   std::snprintf(text, sizeof text, "held-out error %.4f before, %.4f after", d.holdout_before.normalised_rms,
                 d.holdout_after.normalised_rms);
@@ -97,6 +224,7 @@ const char* to_string(Verdict verdict) {
     case Verdict::extended: return "extended";
     case Verdict::unexplained: return "unexplained";
     case Verdict::noise_model: return "noise_model";
+    case Verdict::not_tested: return "not_tested";
   }
   return "?";
 }
@@ -106,8 +234,11 @@ Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions&
   Diagnosis d;
   d.base = options.base ? *options.base : joint_estimate(recording, m.estimate_options({}, nullptr));
   m.current = d.base;
-  if (!d.base.converged) {
-    d.reason = "the base model could not be fitted: " + d.base.message;
+  const bool nothing = std::none_of(d.base.determined.begin(), d.base.determined.end(), [](bool b) { return b; });
+  if (!d.base.converged || nothing) {
+    d.verdict = Verdict::not_tested;
+    d.reason = nothing && d.base.converged ? "the recording determines none of the parameters"
+                                           : "the base model could not be fitted: " + d.base.message;
     d.extended = d.base;
     return d;
   }

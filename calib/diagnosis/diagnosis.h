@@ -9,10 +9,13 @@
 // 3. Beside the catalogue stand patterns without a physical name (unexplained.h: bias steps, periodic ones, table angle,
 //    approach direction). Where such a pattern explains the residual better (one with angle or direction: by more than 10),
 //    no name is given: unexplained.
-// 4. Gate: an effect stays only if it lowers the error of data that was not used to fit it: a holdout recording, else dwells
-//    left out in turn. Where the chosen member of an alias class does not, the others of the class are tried: held-out data
+// 4. Gate: an effect stays only if it lowers the error of data that was not used to fit it by more than the standard error of
+//    that gain: a holdout recording (with biases of its own), else, or where that cannot decide, dwells left out in turn. Where the chosen member of an alias class does not, the others of the class are tried: held-out data
 //    decide between names that the fitted data cannot tell apart.
 // 5. Aliases: effects within 10 of the best when it was chosen, or whose columns explain the chosen one's to more than 0.97.
+// 6. The lack-of-fit tests (lack_of_fit.h) on what has come out. Where they fire, or where an effect was found and not confirmed, the
+//    verdict is unexplained: names become candidates, sigmas are widened by what the residual may have moved, trusted is false.
+//    In an extended model every sigma includes the spread over the alias class.
 //
 // Pure mathematics on compressed recordings. Sources: Cox and Hinkley, Theoretical Statistics (score tests); Schwarz (1978)
 // BIC; de Jong (1991) for the columns. What no recording can show is listed in effects.h, unobservable_quantities().
@@ -23,11 +26,12 @@
 #include <string>
 #include <vector>
 
+#include "calib/diagnosis/diagnosis_limits.h"
 #include "calib/joint/joint_estimate.h"
 
 namespace turncal {
 
-enum class Verdict { clean, extended, unexplained, noise_model };
+enum class Verdict { clean, extended, unexplained, noise_model, not_tested };
 const char* to_string(Verdict verdict);
 
 struct DiagnosisOptions {
@@ -37,6 +41,7 @@ struct DiagnosisOptions {
   const CompressedRecording* holdout = nullptr;
   double false_alarm = 0.005;  // family-wise, a stage
   int max_components = 12;
+  DiagnosisLimits limits;
 };
 
 struct CandidateScore {  // of one component, beside the base model
@@ -65,6 +70,7 @@ struct SelectionStage {
   std::string note;
   std::vector<std::pair<std::string, double>> rivals;  // other effects' best z^2 at this stage, within 10 of the chosen
   std::vector<EffectColumn> rival_columns;             // the components that made them so
+  std::vector<EffectColumn> alias_columns;             // the best component of each effect of the alias class
 };
 
 // One static second, for plots: what remains, and what it may depend on.
@@ -84,6 +90,25 @@ struct HoldoutError {
   double velocity_rms_mps = 0.0;  // plain velocity error, see ResidualPoint
   double chi_square = 0.0;
   std::int64_t observations = 0;
+  std::vector<Eigen::Vector3d> normalised;  // innovations, for the difference of two models
+};
+
+// One test of lack of fit, see lack_of_fit.h.
+struct LackOfFitTest {
+  std::string family;  // "turn, worst"
+  std::string what;    // "jump at the turn that ends at 1234 s (step 4)"
+  double chi_square = 0.0;
+  int degrees = 0;
+  double tries = 1.0;      // of which this is the worst
+  double inflation = 1.0;  // LackOfFitLimits
+  double log10_p = 0.0;    // of chi_square / inflation, times tries
+  Eigen::VectorXd shift;   // what explaining it away does to the free parameters and effects (empty: not known)
+};
+struct LackOfFit {
+  bool passed = true;
+  std::vector<LackOfFitTest> tests;
+  LackOfFitTest worst;
+  double log10_limit = 0.0;
 };
 
 struct Diagnosis {
@@ -99,6 +124,10 @@ struct Diagnosis {
   std::vector<std::string> undetectable;
   std::vector<SelectionStage> stages;
   std::vector<std::string> gated_out;            // found but not confirmed on held-out data
+  std::vector<std::string> candidate_names;      // beside `unexplained`: what was found, but does not explain the data
+  bool trusted = false;                          // every parameter is within its sigma, as far as the tests can tell
+  std::vector<std::string> moved;                // parameters that the unexplained may have moved by more than a sigma
+  LackOfFit lack_of_fit;                         // of the final model
   std::string unexplained_pattern;               // what the unexplained residual looks like
   double error_before = 0.0, error_after = 0.0;  // rms normalised residual, both with the noise of the final model
   HoldoutError holdout_before, holdout_after;

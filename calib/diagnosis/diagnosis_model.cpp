@@ -7,17 +7,13 @@
 
 namespace turncal {
 
-namespace {
-
-constexpr double slow_correlation_s = 2400.0;
-
-}  // namespace
-
 double minus_two_log_likelihood(const JointResult& result) {
   return result.last.chi_square + result.last.log_determinant;
 }
 
-bool visible(const Scores& scores, int column) { return scores.kept[column] > 1e-9 && scores.Q(column, column) > 0.0; }
+bool visible(const Scores& scores, int column) {
+  return scores.kept[column] > SelectionLimits{}.visible_part && scores.Q(column, column) > 0.0;
+}
 
 DiagnosisModel::DiagnosisModel(const CompressedRecording& the_recording, const DiagnosisOptions& the_options)
     : recording(the_recording), options(the_options), catalogue(catalogue_columns(recording.info)), columns(catalogue) {
@@ -50,7 +46,7 @@ double DiagnosisModel::misfit_beside_slow_noise(const std::vector<EffectColumn>&
   JointOptions o = estimate_options(effects, &from);
   o.faults_of = &from;
   o.start_noise = current.noise;
-  o.start_noise->bias_correlation_s = slow_correlation_s;
+  o.start_noise->bias_correlation_s = options.limits.selection.slow_correlation_s;
   return minus_two_log_likelihood(joint_estimate(recording, o));
 }
 

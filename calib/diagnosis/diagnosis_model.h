@@ -11,9 +11,6 @@
 
 namespace turncal {
 
-// By how much, in 2 ln L, an effect must beat another with as many parameters; else both are one class (docs/diagnosis.md).
-inline constexpr double bic_margin = 10.0;
-
 double minus_two_log_likelihood(const JointResult& result);
 // Every column has a score; one of which the model already imitates all but a billionth says nothing.
 bool visible(const Scores& scores, int column);

@@ -23,9 +23,46 @@ std::vector<std::string> names_of(const std::vector<EffectColumn>& columns) {
   return names;
 }
 
+// The held-out data, in the order in which they are asked: a holdout recording, then dwells left out of the fitted one.
+class Gate {
+ public:
+  explicit Gate(const DiagnosisModel& m) : m_(m), first_(m.recording, m.options.holdout, refit()) {}
+  const HoldoutGate& first() const { return first_; }
+  // Both are measured with the noise of `with`.
+  bool confirms(const JointResult& with, const JointResult& without) {
+    const GateLimits& limits = m_.options.limits.gate;
+    const auto gain_on = [&](const HoldoutGate& data) {
+      return holdout_gain(data.error(without, with.noise), data.error(with));
+    };
+    HoldoutGain gain = gain_on(first_);
+    if (gain.confirmed(limits.standard_errors)) return true;
+    if (m_.options.holdout == nullptr || gain.expected >= limits.expected_gain) return false;
+    if (!left_out_) left_out_.emplace(m_.recording, nullptr, refit());
+    gain += gain_on(*left_out_);
+    return gain.confirmed(limits.standard_errors);
+  }
+
+ private:
+  HoldoutGate::Refit refit() const {
+    return
+        [this](const std::vector<EffectColumn>& effects, const JointResult& from, const std::vector<char>& unobserved) {
+          JointOptions o = m_.estimate_options(effects, &from);
+          o.unobserved = unobserved;
+          o.noise = m_.current.noise;
+          o.faults_of = &from;
+          // A quarter of the dwells moves no parameter by more than a few sigma: the problem is linear there.
+          o.one_step = true;
+          return joint_estimate(m_.recording, o);
+        };
+  }
+
+  const DiagnosisModel& m_;
+  HoldoutGate first_;
+  std::optional<HoldoutGate> left_out_;
+};
+
 // The effect of `name` did not help on held-out data; does another of its alias class, in its place?
-bool take_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name, double error_without,
-                const HoldoutGate& check) {
+bool take_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name, const JointResult& without, Gate& gate) {
   for (SelectionStage& stage : d.stages) {
     if (!stage.accepted || stage.chosen.entry->name != name) continue;
     for (const EffectColumn& rival : stage.rival_columns) {
@@ -34,7 +71,7 @@ bool take_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name, double
       std::vector<EffectColumn> model = chosen_without(m, name);
       model.push_back(rival);
       JointResult other = m.fit(model, m.current);
-      if (check.error(other, m.current.noise).chi_square >= error_without) continue;
+      if (!gate.confirms(other, without)) continue;
       std::vector<std::string> names = d.aliases[name];
       std::replace(names.begin(), names.end(), rival_name, name);
       d.aliases.erase(name);
@@ -42,7 +79,6 @@ bool take_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name, double
       d.separate_by[rival_name] = d.separate_by[name];
       d.separate_by.erase(name);
       stage.note += "; held-out data prefer " + rival.key() + " of the same alias class";
-      d.gated_out.push_back(name);
       m.chosen = model;
       m.current = std::move(other);
       return true;
@@ -54,35 +90,20 @@ bool take_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name, double
 }  // namespace
 
 void gate_effects(DiagnosisModel& m, Diagnosis& d) {
-  const HoldoutGate check(
-      m.recording, m.options.holdout,
-      [&m](const std::vector<EffectColumn>& effects, const JointResult& from, const std::vector<char>& unobserved) {
-        JointOptions o = m.estimate_options(effects, &from);
-        o.unobserved = unobserved;
-        o.noise = m.current.noise;
-        o.faults_of = &from;
-        o.one_step =
-            true;  // a quarter of the dwells moves no parameter by more than a few sigma: the problem is linear there
-        return joint_estimate(m.recording, o);
-      });
-  d.holdout_source = check.source();
-  std::optional<HoldoutError> of_current, of_base;  // at the noise of m.current
+  Gate gate(m);
+  d.holdout_source = gate.first().source();
   for (bool changed = true; changed && !m.chosen.empty();) {
     changed = false;
-    of_base.reset();
-    of_current = check.error(m.current);
     for (const std::string& name : names_of(m.chosen)) {
       const std::vector<EffectColumn> without = chosen_without(m, name);
       // Judged at the noise of m.current, so it is fitted at that, too.
       JointOptions at_noise = m.estimate_options(without, &m.current);
       at_noise.noise = m.current.noise;
       at_noise.faults_of = &m.current;
-      const HoldoutError of_reduced =
-          check.error(without.empty() ? d.base : joint_estimate(m.recording, at_noise), m.current.noise);
-      if (without.empty()) of_base = of_reduced;
-      if (of_reduced.chi_square > of_current->chi_square) continue;
+      const JointResult reduced = without.empty() ? d.base : joint_estimate(m.recording, at_noise);
+      if (gate.confirms(m.current, reduced)) continue;
       changed = true;
-      if (take_rival(m, d, name, of_reduced.chi_square, check)) break;
+      if (take_rival(m, d, name, reduced, gate)) break;
       d.gated_out.push_back(name);
       d.aliases.erase(name);
       d.separate_by.erase(name);
@@ -91,8 +112,8 @@ void gate_effects(DiagnosisModel& m, Diagnosis& d) {
       break;
     }
   }
-  d.holdout_before = of_base && !m.chosen.empty() ? *of_base : check.error(d.base, m.current.noise);
-  d.holdout_after = m.chosen.empty() ? d.holdout_before : *of_current;
+  d.holdout_before = gate.first().error(d.base, m.current.noise);
+  d.holdout_after = m.chosen.empty() ? d.holdout_before : gate.first().error(m.current);
 }
 
 }  // namespace turncal

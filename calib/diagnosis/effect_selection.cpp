@@ -11,10 +11,6 @@ namespace turncal {
 
 namespace {
 
-constexpr std::size_t most_rivals = 3;
-constexpr double surely = 150.0;     // 2 ln L beyond which no choice of noise matters
-constexpr double hiding_gain = 8.0;  // 2 ln L that bias instability must bring before an effect can be hiding in it
-
 // A free time constant is one more parameter: ln n of BIC.
 double penalty(const EffectColumn& column, std::int64_t observations) {
   return column.entry->taus_s.empty() ? 0.0 : std::log(static_cast<double>(observations));
@@ -61,10 +57,12 @@ std::vector<Nominee> rivals_of(const DiagnosisModel& m, const Nominee& top, cons
       const double z_square = s.s[k] * s.s[k] / s.Q(k, k) - penalty(column, m.current.last.observations);
       if (z_square > rival.z_square) rival = {k, z_square};
     }
-    if (rival.candidate >= 0 && rival.z_square > top.z_square - bic_margin) rivals.push_back(rival);
+    if (rival.candidate >= 0 && rival.z_square > top.z_square - m.options.limits.selection.bic_margin)
+      rivals.push_back(rival);
   }
   std::sort(rivals.begin(), rivals.end(), [](const Nominee& a, const Nominee& b) { return a.z_square > b.z_square; });
-  if (rivals.size() > most_rivals) rivals.resize(most_rivals);
+  const std::size_t most = static_cast<std::size_t>(m.options.limits.selection.most_rivals);
+  if (rivals.size() > most) rivals.resize(most);
   return rivals;
 }
 
@@ -77,7 +75,8 @@ std::vector<Trial> nominate(const DiagnosisModel& m, const Scores& fitted, const
       const Nominee nominee = best(m, *s, patterns);
       if (nominee.candidate < 0 || nominee.z_square < m.threshold) continue;
       // A pattern matters only where it may beat the best effect; its time or period is not yet the right one.
-      if (patterns && nominee.z_square < 0.6 * best(m, *s, false).z_square) continue;
+      if (patterns && nominee.z_square < m.options.limits.selection.pattern_part * best(m, *s, false).z_square)
+        continue;
       std::vector<Nominee> nominees = {nominee};
       if (!patterns) {
         const std::vector<Nominee> rivals = rivals_of(m, nominee, *s);
@@ -140,11 +139,24 @@ Trial* best_of(std::vector<Trial>& trials, bool patterns) {
   return top;
 }
 
+// Where a g-sensitivity and a drift of the gyros explain the same (in a sequence whose positions come in the order of time), the drift
+// is tried: every gyro has one.
+Trial* time_before_g(std::vector<Trial>& trials, Trial* top, double margin) {
+  if (top == nullptr || top->column.entry->name != "gyro_g_sensitivity") return top;
+  Trial* time = nullptr;
+  for (Trial& trial : trials)
+    if (!is_pattern(trial.column) && trial.column.entry->of_one_run &&
+        trial.column.entry->name.starts_with("gyro_bias") && trial.plain_gain > top->plain_gain - margin &&
+        (!time || trial.plain_gain > time->plain_gain))
+      time = &trial;
+  return time ? time : top;
+}
+
 // Only the best ones are judged, so only they have to hold beside slow noise.
 void hold_beside_slow_noise(const DiagnosisModel& m, std::initializer_list<Trial*> judged) {
   std::optional<double> without;
   for (Trial* trial : judged) {
-    if (!trial || trial->gain <= m.threshold || trial->gain >= surely) continue;
+    if (!trial || trial->gain <= m.threshold || trial->gain >= m.options.limits.selection.surely) continue;
     if (!without) without = m.misfit_beside_slow_noise(m.chosen, m.current);
     trial->gain = std::min(trial->gain, *without - m.misfit_beside_slow_noise(with(m, trial->column), trial->fit) -
                                             penalty(trial->column, m.current.last.observations));
@@ -166,8 +178,8 @@ void stop_unexplained(DiagnosisModel& m, Diagnosis& d, const Trial& pattern) {
 // One stage; false when nothing more is to be added.
 bool select_one(DiagnosisModel& m, Diagnosis& d) {
   const std::optional<NoiseFit>& noise = m.current.noise_fit;
-  const bool has_instability =
-      noise && noise->gyro_bias_instability_gain + noise->accel_bias_instability_gain > hiding_gain;
+  const bool has_instability = noise && noise->gyro_bias_instability_gain + noise->accel_bias_instability_gain >
+                                            m.options.limits.selection.hiding_gain;
   const Scores fitted = m.scores(m.columns, false);
   if (d.candidates.empty()) list_candidates(m, fitted, d);
   // Slow effects hide in the fitted bias instability: they are looked for without it, and judged with the noise fitted again.
@@ -177,7 +189,7 @@ bool select_one(DiagnosisModel& m, Diagnosis& d) {
 
   std::vector<Trial> trials = nominate(m, fitted, bare);
   fit_trials(m, bare, trials);
-  Trial* effect = best_of(trials, false);
+  Trial* effect = time_before_g(trials, best_of(trials, false), m.options.limits.selection.bic_margin);
   Trial* pattern = best_of(trials, true);
   if (!effect && !pattern) return false;
   if (has_instability) hold_beside_slow_noise(m, {effect, pattern});
@@ -189,7 +201,7 @@ bool select_one(DiagnosisModel& m, Diagnosis& d) {
   stage.z = winner.scores->s[k] / std::sqrt(winner.scores->Q(k, k));
   stage.gain = winner.gain;
   stage.threshold = m.threshold;
-  const double margin = pattern && depends_on_time_only(pattern->column) ? 0.0 : bic_margin;
+  const double margin = pattern && depends_on_time_only(pattern->column) ? 0.0 : m.options.limits.selection.bic_margin;
   if (pattern && pattern->gain > m.threshold && pattern->plain_gain > (effect ? effect->plain_gain : 0.0) + margin) {
     stage.chosen = pattern->column;
     stage.gain = pattern->gain;

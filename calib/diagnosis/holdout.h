@@ -1,7 +1,8 @@
 // The error of a model on data that was not used to fit it: the gate of the diagnosis.
 //
-// With a holdout recording: its own start is levelled and its first heading estimated by the filter, the parameters and
-// effects are taken as they are; the error is the normalised innovation of every static second there.
+// With a holdout recording: its own start is levelled and its first heading estimated by the filter; its six biases are its own (a
+// unit switched off and on again has others), as are effects of the time since its beginning; the other parameters and effects
+// are taken as they are. The error is the normalised innovation of every static second there.
 // Without one: the dwells of the recording are left out in turn (four folds, every fourth dwell), the model is fitted to the
 // rest, and the error is the normalised prediction of the seconds left out.
 #pragma once
@@ -15,6 +16,20 @@
 namespace turncal {
 
 EffectModel effect_model_of(const JointResult& result, double latitude_deg);
+
+// How the filter is to be run on a holdout: its own start, heading and faults.
+FilterSetup holdout_setup(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise);
+
+// What a model gains on held-out data over another, both with the same noise. With d the difference of their normalised innovations
+// the gain is |d|^2 in the mean where the richer model is right and -|d|^2 where the other is, with standard error 2 |d|.
+struct HoldoutGain {
+  double gain = 0.0;
+  double standard_error = 0.0;
+  double expected = 0.0;
+  HoldoutGain& operator+=(const HoldoutGain& other);
+  bool confirmed(double standard_errors) const { return gain > standard_errors * standard_error; }
+};
+HoldoutGain holdout_gain(const HoldoutError& without, const HoldoutError& with);
 
 class HoldoutGate {
  public:

@@ -31,7 +31,15 @@ const std::vector<std::string_view> nine = {"xx", "xy", "xz", "yx", "yy", "yz", 
 const std::vector<std::string_view> products = {"x_xy", "x_xz", "x_yz", "y_xy", "y_xz", "y_yz", "z_xy", "z_xz", "z_yz"};
 const std::vector<std::string_view> arms = {"x_rx", "x_ry", "x_rz", "y_rx", "y_ry", "y_rz", "z_rx", "z_ry", "z_rz"};
 const std::vector<double> warm_up_taus_s = {60.0, 120.0, 240.0, 480.0, 960.0, 1920.0};
+const std::vector<double> scale_warm_up_taus_s = {240.0, 960.0, 1920.0};
 const std::vector<double> relaxation_taus_s = {2.0, 5.0, 12.0};
+const std::vector<double> creep_taus_s = {60.0, 150.0, 400.0, 1000.0};
+const std::vector<double> lag_taus_s = {300.0, 1200.0};
+const std::vector<double> lock_in_rates_degph = {2.0, 5.0, 12.0};
+constexpr double rate_time_s = 60.0;  // over which a temperature rate is measured
+constexpr int most_components = 18;
+const std::vector<std::string_view> squares = {"x_xx", "x_yy", "x_zz", "x_xy", "x_xz", "x_yz", "y_xx", "y_yy", "y_zz",
+                                               "y_xy", "y_xz", "y_yz", "z_xx", "z_yy", "z_zz", "z_xy", "z_xz", "z_yz"};
 
 // Diagonal effect on a triad: component k acts on axis k with a value of its own.
 void diagonal(Out out, const Vector3d& value) {
@@ -137,6 +145,7 @@ std::vector<EffectEntry> make_catalogue() {
        .unit = "ug/h",
        .components = xyz,
        .si = micro_g,
+       .of_one_run = true,
        .seen_by = "a return to an earlier position",
        .write = [](const BlockState& s, const Site&, double, Out,
                    Out a) { diagonal(a, Vector3d::Constant(hours(s))); }},
@@ -147,6 +156,7 @@ std::vector<EffectEntry> make_catalogue() {
        .components = xyz,
        .si = micro_g,
        .taus_s = warm_up_taus_s,
+       .of_one_run = true,
        .seen_by = "a return to an earlier position, dense in the first minutes",
        .write = [](const BlockState& s, const Site&, double tau, Out,
                    Out a) { diagonal(a, Vector3d::Constant(std::exp(-s.time_s / tau))); }},
@@ -200,6 +210,7 @@ std::vector<EffectEntry> make_catalogue() {
        .unit = "deg/h/h",
        .components = xyz,
        .si = radps_per_degph,
+       .of_one_run = true,
        .seen_by = "a longer run, a return to the first position",
        .write = [](const BlockState& s, const Site&, double, Out g,
                    Out) { diagonal(g, Vector3d::Constant(hours(s))); }},
@@ -210,6 +221,7 @@ std::vector<EffectEntry> make_catalogue() {
        .components = xyz,
        .si = radps_per_degph,
        .taus_s = warm_up_taus_s,
+       .of_one_run = true,
        .seen_by = "a longer run, dense in the first minutes",
        .write = [](const BlockState& s, const Site&, double tau, Out g,
                    Out) { diagonal(g, Vector3d::Constant(std::exp(-s.time_s / tau))); }},
@@ -258,8 +270,167 @@ std::vector<EffectEntry> make_catalogue() {
                for (int j = 0; j < 3; ++j) g.col(3 * i + j) = turn * f[j];
              }
            }},
+      {.name = "gyro_scale_warm_up",
+       .term = "warm-up transient of scale factor (IEEE 647)",
+       .formula = "c exp(-t/tau) w_i",
+       .unit = "ppm",
+       .components = xyz,
+       .si = 1e-6,
+       .taus_s = scale_warm_up_taus_s,
+       .of_one_run = true,
+       .seen_by = "turns about each axis at the beginning and later",
+       .write = [](const BlockState& s, const Site&, double tau, Out g,
+                   Out) { diagonal(g, s.w_b * std::exp(-s.time_s / tau)); }},
+      {.name = "gyro_scale_drift",
+       .term = "scale factor drift (IEEE 647)",
+       .formula = "c t w_i",
+       .unit = "ppm/h",
+       .components = xyz,
+       .si = 1e-6,
+       .of_one_run = true,
+       .seen_by = "turns about each axis at the beginning and at the end",
+       .write = [](const BlockState& s, const Site&, double, Out g, Out) { diagonal(g, s.w_b * hours(s)); }},
+      {.name = "accel_scale_warm_up",
+       .term = "warm-up transient of scale factor (IEEE 1293)",
+       .formula = "c exp(-t/tau) f_i",
+       .unit = "ppm",
+       .components = xyz,
+       .si = micro_g,
+       .taus_s = scale_warm_up_taus_s,
+       .of_one_run = true,
+       .seen_by = "+1 g and -1 g at the beginning and later",
+       .write = [](const BlockState& s, const Site&, double tau, Out,
+                   Out a) { diagonal(a, in_g(s) * std::exp(-s.time_s / tau)); }},
+      {.name = "accel_scale_drift",
+       .term = "scale factor drift (IEEE 1293)",
+       .formula = "c t f_i",
+       .unit = "ppm/h",
+       .components = xyz,
+       .si = micro_g,
+       .of_one_run = true,
+       .seen_by = "+1 g and -1 g at the beginning and at the end",
+       .write = [](const BlockState& s, const Site&, double, Out, Out a) { diagonal(a, in_g(s) * hours(s)); }},
+      {.name = "accel_creep",
+       .term = "creep after a change of specific force",
+       .formula = "c (f_i - f_i lagged by tau)",
+       .unit = "ug/g",
+       .components = xyz,
+       .si = micro_g,
+       .taus_s = creep_taus_s,
+       .seen_by = "long dwells after a change of the axis from up to down",
+       .write = [](const BlockState& s, const Site&, double, Out, Out a) { diagonal(a, (s.f_b - s.lagged_f_b) / g0); }},
+      {.name = "accel_rectification",
+       .term = "bias while the unit turns (vibration rectification, IEEE 1293)",
+       .formula = "c while abs(w) > 0.5 deg/s",
+       .unit = "ug",
+       .components = xyz,
+       .si = micro_g,
+       .seen_by = "rotations with velocity carried, of different lengths",
+       .write =
+           [](const BlockState& s, const Site&, double, Out, Out a) {
+             if (s.w_b.norm() > 0.5 * rad_per_deg) diagonal(a, Vector3d::Ones());
+           }},
+      {.name = "gyro_g_squared",
+       .term = "acceleration-squared-sensitive drift (IEEE 952, 647)",
+       .formula = "G f_j f_k",
+       .unit = "deg/h/g^2",
+       .components = squares,
+       .si = radps_per_degph,
+       .seen_by = "dwells with each axis up, down and level; products at 45 deg",
+       .write =
+           [](const BlockState& s, const Site&, double, Out g, Out) {
+             const Vector3d f = in_g(s);
+             for (int i = 0; i < 3; ++i)
+               g.block<1, 6>(i, 6 * i) << f.x() * f.x(), f.y() * f.y(), f.z() * f.z(), f.x() * f.y(), f.x() * f.z(),
+                   f.y() * f.z();
+           }},
+      {.name = "gyro_lock_in",
+       .term = "smooth lock-in of a ring laser (IEEE 647)",
+       .formula = "c w_i / (1 + (w_i / w_0)^2)",
+       .unit = "%",
+       .components = xyz,
+       .si = 1e-2,
+       .taus_s = lock_in_rates_degph,
+       .variant = "w0_degph",
+       .seen_by = "dwells with the axis north, south, up, down and east",
+       .write =
+           [](const BlockState& s, const Site&, double w0_degph, Out g, Out) {
+             const Vector3d ratio = s.w_b / (w0_degph * radps_per_degph);
+             diagonal(g, s.w_b.array() / (1.0 + ratio.array().square()));
+           }},
+      {.name = "gyro_bias_temperature_rate",
+       .term = "bias with the rate of temperature (IEEE 647, 952)",
+       .formula = "c dT/dt",
+       .unit = "deg/h/(C/h)",
+       .components = xyz,
+       .si = radps_per_degph,
+       .needs_temperature = true,
+       .seen_by = "temperature that changes at different rates",
+       .write = [](const BlockState& s, const Site&, double, Out g,
+                   Out) { diagonal(g, Vector3d::Constant(s.temperature_rate_c_per_h)); }},
+      {.name = "accel_bias_temperature_rate",
+       .term = "bias with the rate of temperature (IEEE 1293)",
+       .formula = "c dT/dt",
+       .unit = "ug/(C/h)",
+       .components = xyz,
+       .si = micro_g,
+       .needs_temperature = true,
+       .seen_by = "temperature that changes at different rates",
+       .write = [](const BlockState& s, const Site&, double, Out,
+                   Out a) { diagonal(a, Vector3d::Constant(s.temperature_rate_c_per_h)); }},
+      {.name = "gyro_bias_temperature_lag",
+       .term = "bias with a temperature that lags (IEEE 647, 952)",
+       .formula = "c (T lagged by tau - T_ref)",
+       .unit = "deg/h/C",
+       .components = xyz,
+       .si = radps_per_degph,
+       .taus_s = lag_taus_s,
+       .needs_temperature = true,
+       .seen_by = "temperature that changes, and then stays",
+       .write = [](const BlockState& s, const Site&, double, Out g,
+                   Out) { diagonal(g, Vector3d::Constant(s.lagged_temperature_c)); }},
+      {.name = "accel_bias_temperature_lag",
+       .term = "bias with a temperature that lags (IEEE 1293)",
+       .formula = "c (T lagged by tau - T_ref)",
+       .unit = "ug/C",
+       .components = xyz,
+       .si = micro_g,
+       .taus_s = lag_taus_s,
+       .needs_temperature = true,
+       .seen_by = "temperature that changes, and then stays",
+       .write = [](const BlockState& s, const Site&, double, Out,
+                   Out a) { diagonal(a, Vector3d::Constant(s.lagged_temperature_c)); }},
   };
 }
+
+// What the effects with a memory look back on: each is called block after block, from the first on.
+class History {
+ public:
+  // Follows f and T with the time constant tau (0: none), and T with rate_time_s.
+  void follow(BlockState& s, double tau) {
+    if (s.time_s <= time_s_) {  // another pass
+      lagged_f_ = s.f_b;
+      lagged_c_ = minute_c_ = s.temperature_c;
+    } else {
+      const double step_s = s.time_s - time_s_;
+      if (tau > 0.0) {
+        const double part = -std::expm1(-step_s / tau);
+        lagged_f_ += part * (s.f_b - lagged_f_);
+        lagged_c_ += part * (s.temperature_c - lagged_c_);
+      }
+      minute_c_ -= std::expm1(-step_s / rate_time_s) * (s.temperature_c - minute_c_);
+    }
+    time_s_ = s.time_s;
+    s.lagged_f_b = lagged_f_;
+    s.lagged_temperature_c = lagged_c_;
+    s.temperature_rate_c_per_h = (s.temperature_c - minute_c_) / rate_time_s * 3600.0;
+  }
+
+ private:
+  double time_s_ = 1e300;
+  Vector3d lagged_f_ = Vector3d::Zero();
+  double lagged_c_ = 0.0, minute_c_ = 0.0;
+};
 
 }  // namespace
 
@@ -310,23 +481,26 @@ EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Si
   struct Part {
     const EffectEntry* entry;
     double tau_s;
-    std::vector<std::pair<int, int>> pick;  // component, column
+    std::vector<std::pair<int, int>> pick = {};  // component, column
+    History history = {};
   };
   std::vector<Part> parts;
   for (int k = 0; k < static_cast<int>(columns.size()); ++k) {
     const EffectColumn& column = columns[static_cast<std::size_t>(k)];
     if (parts.empty() || parts.back().entry != column.entry || parts.back().tau_s != column.tau_s)
-      parts.push_back({column.entry, column.tau_s, {}});
+      parts.push_back({.entry = column.entry, .tau_s = column.tau_s});
     parts.back().pick.emplace_back(column.component, k);
   }
   EffectModel model;
   model.columns = static_cast<int>(columns.size());
   model.values = Eigen::VectorXd::Zero(model.columns);
   model.reference_temperature_c = reference_temperature_c;
-  Eigen::Matrix3Xd gyro = Eigen::Matrix3Xd::Zero(3, 9);
-  Eigen::Matrix3Xd accel = Eigen::Matrix3Xd::Zero(3, 9);
-  model.regressors = [parts, site, gyro, accel](const BlockState& s, EffectRegressors& out) mutable {
-    for (const Part& part : parts) {
+  Eigen::Matrix3Xd gyro = Eigen::Matrix3Xd::Zero(3, most_components);
+  Eigen::Matrix3Xd accel = Eigen::Matrix3Xd::Zero(3, most_components);
+  model.regressors = [parts, site, gyro, accel](const BlockState& at, EffectRegressors& out) mutable {
+    BlockState s = at;
+    for (Part& part : parts) {
+      part.history.follow(s, part.tau_s);
       const int count = static_cast<int>(part.entry->components.size());
       gyro.leftCols(count).setZero();
       accel.leftCols(count).setZero();

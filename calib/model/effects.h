@@ -28,8 +28,10 @@ struct EffectEntry {
   std::string_view formula;
   std::string_view unit;
   std::vector<std::string_view> components;
-  double si = 1.0;                  // one unit in rad/s (gyro) or m/s^2 (accelerometer) terms of `write`
-  std::vector<double> taus_s = {};  // variants; empty: none
+  double si = 1.0;                     // one unit in rad/s (gyro) or m/s^2 (accelerometer) terms of `write`
+  std::vector<double> taus_s = {};     // variants; empty: none
+  std::string_view variant = "tau_s";  // what a variant is called in files, with its unit
+  bool of_one_run = false;             // depends on the time since this run began: another run has its own
   bool needs_temperature = false;
   std::string_view seen_by;  // the positions or rates that would show it
   // Adds one unit of component k to column k of gyro and accel (3 x components, zero before), times si.

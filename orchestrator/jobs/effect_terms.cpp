@@ -21,7 +21,7 @@ Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const st
     const std::string key = "effect." + effect.name + "." + effect.component;
     const EffectEntry* entry = find_effect(effect.name);
     if (entry == nullptr) return input_error(file_name + ": '" + key + "' is not an effect of the catalogue");
-    if (effect.component == "tau_s") continue;
+    if (effect.component == entry->variant) continue;
     const auto at = std::find(entry->components.begin(), entry->components.end(), effect.component);
     if (at == entry->components.end())
       return input_error(file_name + ": '" + key + "' is not a component of " + effect.name);
@@ -33,9 +33,11 @@ Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const st
     EffectColumn column{entry, static_cast<int>(at - entry->components.begin()), 0.0};
     if (!entry->taus_s.empty()) {
       const auto tau = std::find_if(file.effects.begin(), file.effects.end(), [&](const EffectValue& e) {
-        return e.name == effect.name && e.component == "tau_s";
+        return e.name == effect.name && e.component == entry->variant;
       });
-      if (tau == file.effects.end()) return input_error(file_name + ": missing key 'effect." + effect.name + ".tau_s'");
+      if (tau == file.effects.end())
+        return input_error(file_name + ": missing key 'effect." + effect.name + "." + std::string(entry->variant) +
+                           "'");
       column.tau_s = tau->value;
     }
     columns.push_back(column);

@@ -63,7 +63,15 @@ std::string format_diagnosis(const Diagnosis& d) {
   lines.comment("turncal diagnosis: which effect the 24 parameters lack, and the error before and after it was added");
   if (!d.reason.empty()) lines.comment("reason: " + d.reason);
   lines.value("verdict", to_string(d.verdict));
+  lines.value("quality.trusted", d.trusted ? "true" : "false");
   lines.list("effects", d.effect_names);
+  if (!d.candidate_names.empty()) lines.list("candidates", d.candidate_names);
+  if (!d.moved.empty()) lines.list("may_have_moved", d.moved);
+  if (!d.lack_of_fit.tests.empty()) {
+    lines.value("lack_of_fit.worst", d.lack_of_fit.worst.what);
+    lines.number("lack_of_fit.log10_probability", d.lack_of_fit.worst.log10_p);
+    lines.number("lack_of_fit.log10_limit", d.lack_of_fit.log10_limit);
+  }
   for (const std::string& name : d.effect_names) {
     const auto parts = of_effect(d.extended, name);
     for (const EstimatedEffect* e : parts) {
@@ -71,7 +79,8 @@ std::string format_diagnosis(const Diagnosis& d) {
       lines.number("sigma.effect." + e->column.key(), e->sigma);
     }
     if (!parts.empty() && parts.front()->column.tau_s > 0.0)
-      lines.number("effect." + name + ".tau_s", parts.front()->column.tau_s);
+      lines.number("effect." + name + "." + std::string(parts.front()->column.entry->variant),
+                   parts.front()->column.tau_s);
   }
   for (const std::string& name : d.effect_names) {
     const auto found = d.aliases.find(name);
@@ -106,7 +115,8 @@ void describe_model(const JointResult& result, const CompressedRecording& record
                               std::string(e->column.entry->components[static_cast<std::size_t>(e->column.component)]),
                               e->value, e->sigma > 0.0 ? std::optional(e->sigma) : std::nullopt});
     if (parts.front()->column.tau_s > 0.0)
-      file.effects.push_back({name, "tau_s", parts.front()->column.tau_s, std::nullopt});
+      file.effects.push_back(
+          {name, std::string(parts.front()->column.entry->variant), parts.front()->column.tau_s, std::nullopt});
   }
   file.model = result.effects.empty() ? "base" : "extended";
 }
@@ -184,8 +194,7 @@ void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& con
   file.method = context.method;
   file.software_version = software_version();
   file.time_utc = context.time_utc;
-  const bool trusted = diagnosis.verdict == Verdict::clean || diagnosis.verdict == Verdict::extended;
-  file.add_further("quality.trusted", std::string(trusted ? "true" : "false"));
+  file.add_further("quality.trusted", std::string(diagnosis.trusted ? "true" : "false"));
   file.add_further("verdict.diagnosis", std::string(to_string(diagnosis.verdict)));
 }
 

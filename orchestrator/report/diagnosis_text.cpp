@@ -251,6 +251,7 @@ std::string verdict_title(Verdict verdict) {
     case Verdict::extended: return "Extended";
     case Verdict::unexplained: return "Unexplained";
     case Verdict::noise_model: return "Noise model";
+    case Verdict::not_tested: return "Not tested";
   }
   return "";
 }
@@ -272,7 +273,9 @@ std::string verdict_sentence(const Diagnosis& d, const DiagnosisContext& context
     case Verdict::unexplained:
       return title + "a residual is left that is not noise and that no effect of the catalogue explains (" +
              remaining_clause(d) + ")" + pattern_clause(d) +
-             (has_after(d) ? "; beside it " + effects_clause(d, alphabet) : "; no effect is named") + ".";
+             (has_after(d) ? "; beside it " + effects_clause(d, alphabet) : "; no effect is named") +
+             (d.candidate_names.empty() ? "" : "; candidates: " + join(d.candidate_names)) +
+             (d.moved.empty() ? "" : "; it may have moved " + join(d.moved)) + "; the sigmas are widened by that.";
     case Verdict::noise_model:
       return title + "the assumed noise does not fit the data (innovations " + significant(d.base.whiteness.level, 3) +
              " times the expected variance" +
@@ -280,6 +283,7 @@ std::string verdict_sentence(const Diagnosis& d, const DiagnosisContext& context
                   ? ", correlation from second to second " + significant(d.base.whiteness.autocorrelation[0], 2)
                   : "") +
              "; " + remaining_clause(d) + "); nothing is claimed about effects.";
+    case Verdict::not_tested: return title + d.reason + ".";
   }
   return title;
 }

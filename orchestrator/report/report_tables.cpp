@@ -60,7 +60,9 @@ std::string heading(std::string_view plain) { return "<h3>" + html_escape(plain)
 
 std::string component_text(const EffectColumn& column) {
   std::string result(column.entry->components[static_cast<std::size_t>(column.component)]);
-  if (column.tau_s > 0.0) result += ", τ " + significant(column.tau_s, 3) + " s";
+  if (column.tau_s > 0.0)
+    result += column.entry->variant == "tau_s" ? ", τ " + significant(column.tau_s, 3) + " s"
+                                               : ", w0 " + significant(column.tau_s, 3) + " deg/h";
   return result;
 }
 std::string key_text(const EffectColumn& column) {

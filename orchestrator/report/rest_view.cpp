@@ -169,6 +169,7 @@ Diagnosis as_diagnosis(const RestDiagnosis& r, const RestData& data) {
   d.verdict = r.verdict == RestDiagnosis::Verdict::clean      ? Verdict::clean
               : r.verdict == RestDiagnosis::Verdict::extended ? Verdict::extended
                                                               : Verdict::unexplained;
+  d.trusted = d.verdict != Verdict::unexplained;
   d.reason = r.not_tested.empty() ? "" : "no effect was looked for: " + r.not_tested;
   d.base = as_joint(r.base, {}, data);
   d.extended = as_joint(r.final, r.effects, data);

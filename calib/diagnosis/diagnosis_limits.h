@@ -1,0 +1,55 @@
+// Every threshold of the diagnosis, with its derivation or its calibration (docs/diagnosis.md, "Limits").
+#pragma once
+
+#include <map>
+#include <string>
+
+namespace turncal {
+
+struct LackOfFitLimits {
+  // All tests together; each gets an equal share (Bonferroni).
+  double family_wise = 0.005;
+  // A direction of which the model imitates all but this is not tested: rounding and linearisation are larger than what is left.
+  double rank_floor = 1e-3;
+  // chi2 is divided by these before it is judged: what clean recordings have beyond the theory; 1 where none is given.
+  // innovations: the pulses of an accelerometer that counts close to a whole number a sample beat, and their error is not white.
+  std::map<std::string, double> inflation = {{"innovations", 2.0}};
+  double inflation_of(const std::string& family) const;
+};
+
+struct SelectionLimits {
+  // 2 ln L by which an effect is better than another with as many parameters: "very strong" in the scale of Kass and Raftery, J. Am.
+  // Stat. Assoc. 90 (1995) 773.
+  double bic_margin = 10.0;
+  // A component whose columns' multiple correlation with another effect is above this is its alias: 4 sigma of one are then 1 sigma
+  // of the difference (1 / sqrt(1 - 0.97^2) = 4.1).
+  double alias_correlation = 0.97;
+  // Of what the columns hold, the part that the model does not imitate must be above rounding.
+  double visible_part = 1e-9;
+  // 2 ln L that bias instability must bring before an effect can be hiding in it: chi2 of two variances, 2 %.
+  double hiding_gain = 8.0;
+  // 2 ln L beyond which no choice of noise matters: eight times the family-wise limit.
+  double surely = 150.0;
+  // Correlation time of flicker noise that a process of some minutes cannot follow: a third of a two-hour run.
+  double slow_correlation_s = 2400.0;
+  // Other effects within bic_margin of the best that are fitted: more only cost time.
+  int most_rivals = 3;
+  // A pattern is fitted when its score is this part of the best effect's (its time or period is not yet the right one).
+  double pattern_part = 0.6;
+};
+
+struct GateLimits {
+  // The gain of held-out chi2 must exceed this many of its standard errors.
+  double standard_errors = 1.0;
+  // Held-out data where the gain to be expected is below three standard errors cannot decide alone: the gain on the dwells left
+  // out of the fitted recording is added. (|d|^2 < 3 * 2 |d|.)
+  double expected_gain = 36.0;
+};
+
+struct DiagnosisLimits {
+  LackOfFitLimits fit;
+  SelectionLimits selection;
+  GateLimits gate;
+};
+
+}  // namespace turncal

@@ -1,0 +1,292 @@
+#include "calib/diagnosis/lack_of_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+
+#include <Eigen/Dense>
+
+#include "calib/diagnosis/holdout.h"
+#include "calib/diagnosis/segment_scores.h"
+#include "calib/joint/score_algebra.h"
+#include "calib/model/attitude.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+const std::vector<int> bias_dims = {0, 1, 2, 3, 4, 5};
+const std::vector<int> jump_dims = {6, 7, 8, 9, 10, 11};
+constexpr const char* channels[] = {"gyro x",          "gyro y",          "gyro z",
+                                    "accelerometer x", "accelerometer y", "accelerometer z"};
+
+// Information of the pass and the columns of the model in it.
+struct Pass {
+  FilterResult filter;
+  std::vector<int> columns;
+};
+Pass run_pass(const CompressedRecording& recording, const JointResult& fit, const FilterSetup& given) {
+  FilterSetup setup = given;
+  setup.with_columns = setup.keep_steps = setup.keep_innovations = true;
+  setup.narrow_columns = 0;
+  const EffectModel model = effect_model_of(fit, recording.info.latitude_deg);
+  Pass pass{run_filter(recording, fit.parameters, model, setup), {}};
+  for (int k = 0; k < parameter_count; ++k)
+    if (parameter_is_free[static_cast<std::size_t>(k)]) pass.columns.push_back(k);
+  for (int k = 0; k < model.columns; ++k) pass.columns.push_back(parameter_count + k);
+  return pass;
+}
+
+// What a bias of the pieces may go with: `count` functions of a piece.
+struct Basis {
+  std::string what;
+  int count;
+  std::function<VectorXd(const Piece&)> at;
+};
+
+double log10_chi_square_tail(double value, int degrees) {
+  return std::log10(std::max(chi_square_tail(value, degrees), 1e-300));
+}
+
+class Tester {
+ public:
+  Tester(const CompressedRecording& recording, const LackOfFitLimits& limits, LackOfFit& result)
+      : recording_(recording), limits_(limits), result_(result) {}
+
+  void pieces(const SegmentScores& scores, const std::string& where);
+  void contrasts(const SegmentScores& scores, const std::vector<int>& columns);
+  void innovations(const std::vector<Innovation>& all);
+  void add(LackOfFitTest test);
+
+ private:
+  void sum_and_worst(const std::string& family, const std::string& what, const SegmentScores& scores,
+                     const std::vector<int>& dims, bool turns_only);
+  void contrast(const std::string& family, const std::string& what, const SegmentScores& scores,
+                const MatrixXd& weights, const std::vector<int>& columns);
+
+  const CompressedRecording& recording_;
+  const LackOfFitLimits& limits_;
+  LackOfFit& result_;
+};
+
+void Tester::add(LackOfFitTest test) {
+  test.inflation = limits_.inflation_of(test.family);
+  test.log10_p = log10_chi_square_tail(test.chi_square / test.inflation, test.degrees) + std::log10(test.tries);
+  result_.tests.push_back(std::move(test));
+}
+
+void Tester::sum_and_worst(const std::string& family, const std::string& what, const SegmentScores& scores,
+                           const std::vector<int>& dims, bool turns_only) {
+  LackOfFitTest sum, worst;
+  double least = 1.0;
+  int tries = 0;
+  for (std::size_t k = 0; k < scores.pieces().size(); ++k) {
+    const Piece& piece = scores.pieces()[k];
+    if (turns_only && !piece.after_turn) continue;
+    const SegmentScores::Test test = scores.test(k, dims);
+    const RankedChiSquare ranked = ranked_chi_square(test, limits_.rank_floor);
+    if (ranked.rank == 0) continue;
+    ++tries;
+    sum.chi_square += ranked.chi_square;
+    sum.degrees += ranked.rank;
+    const double p = log10_chi_square_tail(ranked.chi_square, ranked.rank);
+    if (p >= least) continue;
+    least = p;
+    worst.chi_square = ranked.chi_square;
+    worst.degrees = ranked.rank;
+    char text[160];
+    std::snprintf(text, sizeof text, "%s at %.0f s (step %d)", what.c_str(), piece.begin_s,
+                  recording_.segments[piece.segment].step);
+    worst.what = text;
+    worst.shift = test.shift * ranked.estimate;
+  }
+  if (tries == 0) return;
+  sum.family = family + ", all";
+  sum.what = what + ", all together";
+  worst.family = family + ", worst";
+  worst.tries = tries;
+  add(std::move(sum));
+  add(std::move(worst));
+}
+
+void Tester::pieces(const SegmentScores& scores, const std::string& where) {
+  sum_and_worst(where + "turn", "jump at the turn that ends", scores, jump_dims, true);
+  sum_and_worst(where + "rest", "bias within the rest that begins", scores, bias_dims, false);
+}
+
+void Tester::contrast(const std::string& family, const std::string& what, const SegmentScores& scores,
+                      const MatrixXd& weights, const std::vector<int>&) {
+  const SegmentScores::Test test = scores.test(weights);
+  const RankedChiSquare ranked = ranked_chi_square(test, limits_.rank_floor);
+  if (ranked.rank == 0 || !std::isfinite(ranked.chi_square)) return;
+  LackOfFitTest t;
+  t.family = family;
+  t.what = what;
+  t.chi_square = ranked.chi_square;
+  t.degrees = ranked.rank;
+  t.shift = test.shift * ranked.estimate;
+  add(std::move(t));
+}
+
+void Tester::contrasts(const SegmentScores& scores, const std::vector<int>& columns) {
+  const std::vector<Piece>& pieces = scores.pieces();
+  const double length = pieces.empty() ? 1.0 : pieces.back().end_s;
+  const auto up_of = [](const Piece& p) -> Vector3d { return p.C_nb.row(1).transpose(); };
+  const std::vector<Basis> bases = {{"orientation", 19,
+                                     [&](const Piece& p) {
+                                       const Vector3d u = up_of(p);
+                                       VectorXd v(19);
+                                       v << u, u.x() * u.x(), u.y() * u.y(), u.x() * u.y(), u.x() * u.z(),
+                                           u.y() * u.z(), u.x() * u.x() * u.x(), u.y() * u.y() * u.y(),
+                                           u.z() * u.z() * u.z(), u.x() * u.x() * u.y(), u.x() * u.x() * u.z(),
+                                           u.y() * u.y() * u.x(), u.y() * u.y() * u.z(), u.x() * u.y() * u.z(),
+                                           p.C_nb.row(0).transpose();
+                                       return v;
+                                     }},
+                                    {"time", 8,
+                                     [&](const Piece& p) {
+                                       VectorXd v(8);
+                                       const double phase = pi * 0.5 * (p.begin_s + p.end_s) / length;
+                                       for (int k = 1; k <= 8; ++k) v[k - 1] = std::cos(k * phase);
+                                       return v;
+                                     }},
+                                    {"after turns", 4,
+                                     [&](const Piece& p) {
+                                       VectorXd v = VectorXd::Zero(4);
+                                       if (p.after_turn) v << 1.0, up_of(p);
+                                       return v;
+                                     }},
+                                    {"temperature", 2, [&](const Piece& p) {
+                                       VectorXd v(2);
+                                       v << p.temperature_c, p.temperature_c * p.temperature_c;
+                                       return v;
+                                     }}};
+  for (const Basis& basis : bases)
+    for (int channel = 0; channel < 6; ++channel) {
+      MatrixXd weights = MatrixXd::Zero(scores.rows(), basis.count);
+      for (std::size_t k = 0; k < pieces.size(); ++k)
+        weights.row(piece_dims * static_cast<Eigen::Index>(k) + channel) = basis.at(pieces[k]).transpose();
+      contrast(basis.what, std::string("bias of ") + channels[channel] + " with " + basis.what, scores, weights,
+               columns);
+    }
+  for (int axis = 0; axis < 3; ++axis) {
+    MatrixXd accel = MatrixXd::Zero(scores.rows(), 6), gyro = MatrixXd::Zero(scores.rows(), 6);
+    for (std::size_t k = 0; k < pieces.size(); ++k) {
+      const Piece& p = pieces[k];
+      const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(k);
+      const double phase = pi * 0.5 * (p.begin_s + p.end_s) / length;
+      for (int order = 0; order < 6; ++order) {
+        accel(row + 3 + axis, order) = up_of(p)[axis] * std::cos((order + 1) * phase);
+        gyro.block<3, 1>(row + 6, order) = p.turned.col(axis) * std::cos(pi * (order + 1) * p.begin_s / length);
+      }
+    }
+    contrast("scale with time", std::string("scale factor of ") + channels[3 + axis] + " with time", scores, accel,
+             columns);
+    contrast("scale with time", std::string("scale factor of ") + channels[axis] + " with time", scores, gyro, columns);
+  }
+}
+
+// Correlation of the normalised innovations at lags of 1 .. n seconds, each with variance 1 / pairs.
+void Tester::innovations(const std::vector<Innovation>& all) {
+  constexpr int lags = 30;
+  VectorXd sum = VectorXd::Zero(lags), pairs = VectorXd::Zero(lags);
+  for (std::size_t i = 0; i < all.size(); ++i)
+    for (int lag = 1; lag <= lags && static_cast<std::size_t>(lag) <= i; ++lag) {
+      const Innovation& other = all[i - static_cast<std::size_t>(lag)];
+      if (all[i].block - other.block != static_cast<std::size_t>(lag)) continue;
+      sum[lag - 1] += all[i].normalised.cwiseMax(-4.0).cwiseMin(4.0).dot(other.normalised.cwiseMax(-4.0).cwiseMin(4.0));
+      pairs[lag - 1] += 3.0;
+    }
+  LackOfFitTest test;
+  test.family = "innovations";
+  test.what = "correlation of the innovations over 1 to 30 s";
+  for (int k = 0; k < lags; ++k)
+    if (pairs[k] > 100.0) {
+      test.chi_square += sum[k] * sum[k] / pairs[k];
+      ++test.degrees;
+    }
+  if (test.degrees > 0) add(std::move(test));
+}
+
+// The holdout with the fit as a prior, its six biases free.
+void test_holdout(const CompressedRecording& holdout, const JointResult& fit, const MatrixXd& information,
+                  const std::vector<int>& columns, Tester& tester) {
+  const FilterSetup setup = holdout_setup(holdout, fit, fit.noise);
+  const Pass pass = run_pass(holdout, fit, setup);
+  // Information of the fit on everything but the six biases: they are eliminated from it.
+  const int n = static_cast<int>(columns.size());
+  std::vector<int> biases, others;
+  for (int k = 0; k < n; ++k) {
+    const int column = columns[static_cast<std::size_t>(k)];
+    const bool own =
+        column < 6 || (column >= parameter_count &&
+                       fit.effects[static_cast<std::size_t>(column - parameter_count)].column.entry->of_one_run);
+    (own ? biases : others).push_back(k);
+  }
+  MatrixXd prior = MatrixXd::Zero(n, n);
+  const MatrixXd cross = information(biases, others);
+  const MatrixXd kept =
+      information(others, others) - cross.transpose() * MatrixXd(information(biases, biases)).ldlt().solve(cross);
+  prior(others, others) = kept;
+  const SegmentScores scores(holdout, pass.filter, pass.columns, fit.reference_temperature_c, prior);
+  tester.pieces(scores, "holdout, ");
+  // What the holdout says of the parameters that it shares with the fit, against what the fit says. Minimised over the parameters
+  // chi2 falls by c' M^-1 c: with M = A alone, and with what the fit knows added, M = A + P; the difference is chi2.
+  const MatrixXd A = pass.filter.information(pass.columns, pass.columns);
+  const VectorXd c = pass.filter.gradient(pass.columns);
+  int rank = 0;
+  const auto fall = [&](const MatrixXd& M) {
+    const VectorXd scale = M.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scale.asDiagonal() * M * scale.asDiagonal());
+    const VectorXd along = eigen.eigenvectors().transpose() * scale.cwiseProduct(c);
+    double sum = 0.0;
+    rank = 0;
+    for (Eigen::Index k = 0; k < along.size(); ++k) {
+      if (eigen.eigenvalues()[k] < 1e-9) continue;
+      sum += along[k] * along[k] / eigen.eigenvalues()[k];
+      ++rank;
+    }
+    return sum;
+  };
+  LackOfFitTest agreement;
+  agreement.family = "holdout, parameters";
+  agreement.what = "parameters of the holdout against those of the fit";
+  agreement.chi_square = -fall(A + prior);
+  agreement.chi_square += fall(A);
+  agreement.degrees = rank - static_cast<int>(biases.size());
+  if (agreement.degrees > 0) tester.add(std::move(agreement));
+}
+
+}  // namespace
+
+double LackOfFitLimits::inflation_of(const std::string& family) const {
+  const auto found = inflation.find(family);
+  return found == inflation.end() ? 1.0 : found->second;
+}
+
+LackOfFit test_lack_of_fit(const CompressedRecording& recording, const JointResult& fit,
+                           const CompressedRecording* holdout, const LackOfFitLimits& limits) {
+  LackOfFit result;
+  const Pass pass = run_pass(recording, fit, fit.setup);
+  const SegmentScores scores(recording, pass.filter, pass.columns, fit.reference_temperature_c);
+  if (scores.pieces().empty()) return result;
+  Tester tester(recording, limits, result);
+  tester.pieces(scores, "");
+  tester.contrasts(scores, pass.columns);
+  tester.innovations(pass.filter.innovations);
+  if (holdout != nullptr)
+    test_holdout(*holdout, fit, pass.filter.information(pass.columns, pass.columns), pass.columns, tester);
+  for (const LackOfFitTest& test : result.tests) {
+    if (result.worst.family.empty() || test.log10_p < result.worst.log10_p) result.worst = test;
+  }
+  const double limit = std::log10(limits.family_wise / static_cast<double>(result.tests.size()));
+  result.passed = result.worst.log10_p > limit;
+  result.log10_limit = limit;
+  return result;
+}
+
+}  // namespace turncal

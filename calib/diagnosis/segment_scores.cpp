@@ -1,0 +1,245 @@
+#include "calib/diagnosis/segment_scores.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Dense>
+
+namespace turncal {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr double first_piece_s = 25.0;  // what comes with a turn and fades
+constexpr double longest_piece_s = 120.0;
+constexpr std::size_t neighbours = 4;  // pieces after which the filter has forgotten
+
+// Pieces of rest in order, with what the tests need to know of each.
+std::vector<Piece> pieces_of(const CompressedRecording& recording, const std::vector<FilterStep>& steps,
+                             double reference_temperature_c) {
+  std::vector<Piece> pieces;
+  const double period = recording.info.sample_period_s;
+  const auto start_s = [&](const Block& b) {
+    return static_cast<double>(b.start_sample - recording.blocks.front().start_sample) * period;
+  };
+  Matrix3d turned = Matrix3d::Zero();
+  double rest_began_s = 0.0;
+  bool at_rest = false;
+  double temperature = 0.0, weight = 0.0;
+  for (std::size_t k = 0; k < steps.size(); ++k) {
+    const Block& block = recording.blocks[steps[k].block];
+    if (!steps[k].observed) {
+      if (recording.segments[block.segment].kind != SegmentKind::rotate) continue;
+      at_rest = false;
+      turned += steps[k].C_mid * steps[k].rotation.asDiagonal();
+      continue;
+    }
+    const double t = start_s(block);
+    if (!at_rest) rest_began_s = t;
+    const bool begins = !at_rest || pieces.back().segment != block.segment;
+    const double since = t - rest_began_s;
+    const bool cut = !begins && ((pieces.back().since_turn_s < first_piece_s && since >= first_piece_s) ||
+                                 t - pieces.back().begin_s >= longest_piece_s);
+    if (begins || cut) {
+      Piece piece;
+      piece.first_step = k;
+      piece.segment = block.segment;
+      piece.after_turn = !at_rest && !pieces.empty();
+      piece.begin_s = t;
+      piece.since_turn_s = since;
+      piece.C_nb = steps[k].C_mid;
+      if (piece.after_turn) piece.turned = turned;
+      turned.setZero();
+      temperature = weight = 0.0;
+      pieces.push_back(piece);
+    }
+    at_rest = true;
+    Piece& piece = pieces.back();
+    piece.last_step = k;
+    piece.end_s = t + block.duration_s;
+    if (!std::isnan(block.temperature_c)) {
+      temperature += block.temperature_c - reference_temperature_c;
+      weight += 1.0;
+    }
+    piece.temperature_c = weight > 0.0 ? temperature / weight : 0.0;
+  }
+  return pieces;
+}
+
+}  // namespace
+
+SegmentScores::SegmentScores(const CompressedRecording& recording, const FilterResult& pass,
+                             const std::vector<int>& columns, double reference_temperature_c, const MatrixXd& prior)
+    : pieces_(pieces_of(recording, pass.steps, reference_temperature_c)) {
+  MatrixXd A = pass.information(columns, columns);
+  if (prior.size() > 0) A += prior;
+  const VectorXd scale = A.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const MatrixXd unit = scale.asDiagonal() * A * scale.asDiagonal();
+  const MatrixXd lifted = unit + 1e-13 * MatrixXd::Identity(A.rows(), A.cols());
+  A_inverse_ = scale.asDiagonal() * lifted.ldlt().solve(MatrixXd(scale.asDiagonal()));
+  s_.setZero(piece_dims * static_cast<Eigen::Index>(pieces_.size()));
+  R_.setZero(s_.size(), static_cast<Eigen::Index>(columns.size()));
+  information_.resize(pieces_.size());
+  const bool biases = std::any_of(pass.steps.begin(), pass.steps.end(), [](const FilterStep& s) {
+    return s.observed && s.K.bottomRows<6>().squaredNorm() > 0.0;
+  });
+  if (biases)
+    run<12>(pass, recording, columns);
+  else
+    run<6>(pass, recording, columns);
+  s_ += R_ * (A_inverse_ * VectorXd(pass.gradient(columns)));  // the fit stops a little short of its optimum
+}
+
+template <int NS>
+void SegmentScores::run(const FilterResult& pass, const CompressedRecording& recording,
+                        const std::vector<int>& columns) {
+  constexpr int Z = NS + 6;  // state, then the biases within the piece
+  using MatrixZ = Eigen::Matrix<double, Z, Z>;
+  const int p = static_cast<int>(columns.size());
+  // Columns of R: the model's, then those of the pieces that come next, nearest first.
+  MatrixXd R = MatrixXd::Zero(Z, p + static_cast<int>(neighbours) * piece_dims);
+  int alive = 0;  // pieces among them
+  VectorXd r = VectorXd::Zero(Z);
+  MatrixZ I = MatrixZ::Zero();
+  MatrixXd next(Z, R.cols());
+  Eigen::Matrix<double, 3, Eigen::Dynamic> weighted(3, p);
+  std::size_t piece = pieces_.size();
+  const auto forget = [&] {  // psi and v before a chain say nothing about what comes in it
+    r.template head<6>().setZero();
+    I.template topRows<6>().setZero();
+    I.template leftCols<6>().setZero();
+    R.template topRows<6>().setZero();
+  };
+  for (std::size_t k = pass.steps.size(); k-- > 0;) {
+    const FilterStep& step = pass.steps[k];
+    const double t = recording.blocks[step.block].duration_s;
+    if (piece > 0 && k == pieces_[piece - 1].last_step) --piece;
+    const bool in_piece = piece < pieces_.size() && k >= pieces_[piece].first_step && k <= pieces_[piece].last_step;
+    MatrixZ L = MatrixZ::Identity();
+    const Matrix3d psi_b = step.C_mid * t;
+    const Matrix3d v_b = -step.F * step.C_mid * (0.5 * t * t);
+    L.template block<3, 3>(0, 0) = step.turn_n;
+    L.template block<3, 3>(3, 0) = -step.F * t;
+    if (in_piece) {
+      L.template block<3, 3>(0, NS) = psi_b;
+      L.template block<3, 3>(3, NS) = v_b;
+      L.template block<3, 3>(3, NS + 3) = psi_b;
+    }
+    if constexpr (NS == 12) {
+      L.template block<3, 3>(0, 6) = psi_b;
+      L.template block<3, 3>(3, 6) = v_b;
+      L.template block<3, 3>(3, 9) = psi_b;
+      L.template block<6, 6>(6, 6) *= step.rho;
+    }
+    const int width = p + alive * piece_dims;
+    if (step.observed) {
+      Eigen::Matrix<double, 3, Z> H = Eigen::Matrix<double, 3, Z>::Zero();
+      H.template block<3, 3>(0, 0) = -step.F * (0.5 * t);
+      H.template block<3, 3>(0, 3).setIdentity();
+      const Matrix3d by_gyro = -step.F * step.C_mid * (t * t / 6.0);
+      const Matrix3d by_accel = step.C_mid * (0.5 * t);
+      H.template block<3, 3>(0, NS) = by_gyro;
+      H.template block<3, 3>(0, NS + 3) = by_accel;
+      if constexpr (NS == 12) {
+        H.template block<3, 3>(0, 6) = by_gyro;
+        H.template block<3, 3>(0, 9) = by_accel;
+      }
+      L.template topRows<NS>() -= step.K.template topRows<NS>() * H;
+      const Eigen::Matrix<double, Z, 3> HS = H.transpose() * step.S_inverse;
+      r = (L.transpose() * r + HS * step.nu).eval();
+      I = (L.transpose() * I * L + HS * H).eval();
+      for (int c = 0; c < p; ++c) weighted.col(c) = step.N.row(columns[static_cast<std::size_t>(c)]).transpose();
+      next.leftCols(width).noalias() = L.transpose() * R.leftCols(width);
+      next.leftCols(p).noalias() += HS * weighted;
+    } else {
+      r = (L.transpose() * r).eval();
+      I = (L.transpose() * I * L).eval();
+      next.leftCols(width).noalias() = L.transpose() * R.leftCols(width);
+    }
+    R.swap(next);
+    if (!in_piece || k != pieces_[piece].first_step) {
+      if (step.begins_chain) forget();
+      continue;
+    }
+    // The piece begins here: its biases, and a jump of psi and v.
+    std::vector<int> mine;
+    for (int d = 0; d < 6; ++d) mine.push_back(NS + d);
+    for (int d = 0; d < 6; ++d) mine.push_back(d);
+    const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(piece);
+    s_.segment<piece_dims>(row) = -r(mine);
+    R_.middleRows<piece_dims>(row) = R(mine, Eigen::seqN(0, p));
+    information_[piece].push_back(I(mine, mine));
+    for (int other = 0; other < alive; ++other)
+      information_[piece].push_back(R(mine, Eigen::seqN(p + other * piece_dims, piece_dims)));
+    // For the pieces before, this one is a column.
+    const int kept = std::min<int>(alive, static_cast<int>(neighbours) - 1);
+    for (int other = kept; other > 0; --other)
+      R.middleCols(p + other * piece_dims, piece_dims) = R.middleCols(p + (other - 1) * piece_dims, piece_dims).eval();
+    R.middleCols(p, piece_dims) = I(Eigen::all, mine);
+    alive = kept + 1;
+    R.bottomRows(6).setZero();
+    r.tail<6>().setZero();
+    I.template bottomRows<6>().setZero();
+    I.template rightCols<6>().setZero();
+    if (step.begins_chain) forget();
+  }
+}
+
+SegmentScores::Test SegmentScores::test(const MatrixXd& weights) const {
+  Test result;
+  result.s = weights.transpose() * s_;
+  MatrixXd product = MatrixXd::Zero(weights.rows(), weights.cols());
+  for (std::size_t a = 0; a < pieces_.size(); ++a)
+    for (std::size_t k = 0; k < information_[a].size(); ++k) {
+      const Eigen::Index i = piece_dims * static_cast<Eigen::Index>(a);
+      const Eigen::Index j = piece_dims * static_cast<Eigen::Index>(a + k);
+      const MatrixXd& part = information_[a][k];
+      product.middleRows<piece_dims>(i).noalias() += part * weights.middleRows<piece_dims>(j);
+      if (k > 0) product.middleRows<piece_dims>(j).noalias() += part.transpose() * weights.middleRows<piece_dims>(i);
+    }
+  result.Q = weights.transpose() * product;
+  result.before = result.Q.diagonal();
+  const MatrixXd cross = R_.transpose() * weights;
+  result.shift = -A_inverse_ * cross;
+  result.Q += cross.transpose() * result.shift;
+  result.Q = (0.5 * (result.Q + result.Q.transpose())).eval();
+  return result;
+}
+
+SegmentScores::Test SegmentScores::test(std::size_t piece, const std::vector<int>& dims) const {
+  std::vector<int> rows;
+  for (const int d : dims) rows.push_back(piece_dims * static_cast<int>(piece) + d);
+  Test result;
+  result.s = s_(rows);
+  result.Q = information_[piece][0](dims, dims);
+  result.before = result.Q.diagonal();
+  const MatrixXd cross = R_(rows, Eigen::all).transpose();
+  result.shift = -A_inverse_ * cross;
+  result.Q += cross.transpose() * result.shift;
+  return result;
+}
+
+RankedChiSquare ranked_chi_square(const SegmentScores::Test& test, double floor) {
+  RankedChiSquare result;
+  result.estimate.setZero(test.s.size());
+  // A column of which the pieces show nothing (a product of two axes where all stand on one) is left out.
+  const double least = 1e-12 * test.before.maxCoeff();
+  VectorXd scale = VectorXd::Zero(test.before.size());
+  for (Eigen::Index k = 0; k < scale.size(); ++k)
+    if (test.before[k] > least) scale[k] = 1.0 / std::sqrt(test.before[k]);
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scale.asDiagonal() * test.Q * scale.asDiagonal());
+  const VectorXd along = eigen.eigenvectors().transpose() * scale.cwiseProduct(test.s);
+  for (Eigen::Index k = 0; k < along.size(); ++k) {
+    const double value = eigen.eigenvalues()[k];
+    if (value < floor) continue;
+    result.chi_square += along[k] * along[k] / value;
+    ++result.rank;
+    result.estimate += scale.cwiseProduct(eigen.eigenvectors().col(k)) * (along[k] / value);
+  }
+  return result;
+}
+
+}  // namespace turncal

@@ -1,0 +1,75 @@
+// What each piece of rest says against the model: score tests of a bias within the piece and of a jump at its beginning.
+//
+// The filter of the estimate (calib/joint/joint_filter.h) is run backward over its own steps (the disturbance smoother of de Jong,
+// Biometrika 75 (1988) 594; Harvey and Koopman, J. Bus. Econ. Stat. 10 (1992) 377, for its use in tests of lack of fit). With
+// z = (state error x, bias b of gyros and accelerometers within the piece at hand), L its closed-loop transition, H its
+// derivative of the innovation nu with covariance S, and N' the innovations' derivatives by the model's own columns:
+//   r <- H' S^-1 nu + L' r,   I <- H' S^-1 H + L' I L,   R <- H' S^-1 N' + L' R
+// r is then the score of an error z that begins there, I its information, R its information with the columns. What the columns
+// (base parameters and effects, information A) imitate is eliminated: Q = I - R A^-1 R', s' Q^-1 s ~ chi2(rank).
+// Information between two pieces is kept for the next few pieces; further on the filter has forgotten the first.
+//
+// A dwell is cut into pieces where it is long, and after its first seconds, so that what comes with a turn and fades shows.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "calib/joint/joint_filter.h"
+
+namespace turncal {
+
+inline constexpr int piece_dims = 12;  // bias of gyro x y z, of accelerometer x y z (body); jump of psi and v (n frame)
+
+struct Piece {
+  std::size_t first_step = 0, last_step = 0;
+  int segment = 0;
+  bool after_turn = false;            // the first piece of a dwell
+  double begin_s = 0.0, end_s = 0.0;  // from the first sample
+  double since_turn_s = 0.0;          // at its beginning
+  double temperature_c = 0.0;         // mean, minus the reference
+  Eigen::Matrix3d C_nb = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d turned = Eigen::Matrix3d::Zero();  // column i: C_nb e_i w_i, integrated over the turn before it
+};
+
+class SegmentScores {
+ public:
+  // `pass`: run with keep_steps; its information is of the same columns as the steps' N. `columns`: those of the model.
+  // `prior`: information on them from elsewhere (a holdout: from the fit), or empty.
+  SegmentScores(const CompressedRecording& recording, const FilterResult& pass, const std::vector<int>& columns,
+                double reference_temperature_c, const Eigen::MatrixXd& prior = {});
+
+  const std::vector<Piece>& pieces() const { return pieces_; }
+  Eigen::Index rows() const { return s_.size(); }  // piece_dims a piece
+  // Score and information of nuisance columns given by their weights (rows() x any), the model's columns eliminated.
+  struct Test {
+    Eigen::VectorXd s;
+    Eigen::MatrixXd Q;
+    Eigen::VectorXd before;  // diagonal of Q before the elimination
+    Eigen::MatrixXd shift;   // change of the model's columns for one unit of each
+  };
+  Test test(const Eigen::MatrixXd& weights) const;
+  // Of some of the piece_dims of one piece.
+  Test test(std::size_t piece, const std::vector<int>& dims) const;
+
+ private:
+  template <int NS>
+  void run(const FilterResult& pass, const CompressedRecording& recording, const std::vector<int>& columns);
+
+  std::vector<Piece> pieces_;
+  Eigen::VectorXd s_;
+  std::vector<std::vector<Eigen::MatrixXd>> information_;  // [piece][k]: with piece + k
+  Eigen::MatrixXd R_;                                      // rows() x columns
+  Eigen::MatrixXd A_inverse_;
+};
+
+// s' Q^-1 s on the directions that hold more than `floor` of what they had before the elimination.
+struct RankedChiSquare {
+  double chi_square = 0.0;
+  int rank = 0;
+  Eigen::VectorXd estimate;  // of the weights' columns
+};
+RankedChiSquare ranked_chi_square(const SegmentScores::Test& test, double floor);
+
+}  // namespace turncal

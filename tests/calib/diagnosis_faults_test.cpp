@@ -1,0 +1,218 @@
+// Effects that once were handed out as `clean` or under a false name. They are laid on recordings of the rig by formulas of their own
+// (tests/disturbance.h). Whatever the verdict is: no parameter of a trusted result is far from the truth.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "calib/diagnosis/diagnosis.h"
+#include "tests/disturbance.h"
+#include "tests/rig_recorder.h"
+
+namespace turncal {
+namespace {
+
+constexpr double degph = pi / 180.0 / 3600.0;
+constexpr double ug = 9.80665e-6;
+
+struct Made {
+  CompressedRecording recording, holdout;
+  Parameters truth;
+};
+
+Made make(RigConfig config, const std::function<void(RigConfig&)>& before_holdout = {}) {
+  static const Sequence sequence = must_read_sequence("fourteen_step.seq");
+  static const Sequence second = must_read_sequence("holdout.seq");
+  RigRecording first = record_on_rig(sequence, config);
+  config.noise_seed = config.noise_seed.value_or(config.seed) + 1000000;
+  for (std::size_t k = 0; k < 24; ++k) config.truth[k] = to_vector(first.truth)[static_cast<int>(k)];
+  if (before_holdout) before_holdout(config);
+  return {std::move(first.recording), record_on_rig(second, config).recording, first.truth};
+}
+
+RigConfig unit(std::uint64_t seed) {
+  RigConfig config = default_rig_config();
+  config.seed = seed;
+  config.noise_seed = 40 + seed;
+  return config;
+}
+
+// One clean recording for all disturbances.
+const Made& clean() {
+  static const Made made = make(unit(31));
+  return made;
+}
+
+Diagnosis diagnose_with(const Made& made, const Disturbance& disturbance) {
+  CompressedRecording recording = made.recording, holdout = made.holdout;
+  if (disturbance) {
+    disturb(recording, made.truth, disturbance);
+    disturb(holdout, made.truth, disturbance);
+  }
+  DiagnosisOptions options;
+  options.holdout = &holdout;
+  return diagnose(recording, options);
+}
+
+double worst_sigmas(const Diagnosis& d, const Parameters& truth) {
+  const ParameterVector error = to_vector(d.extended.parameters) - to_vector(truth);
+  double worst = 0.0;
+  for (int k = 0; k < parameter_count; ++k)
+    if (d.extended.sigma[k] > 0.0) worst = std::max(worst, std::abs(error[k]) / d.extended.sigma[k]);
+  return worst;
+}
+
+bool in_class(const Diagnosis& d, const std::string& name) {
+  const auto has = [&](const std::vector<std::string>& names) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+  };
+  if (has(d.effect_names)) return true;
+  return std::any_of(d.aliases.begin(), d.aliases.end(), [&](const auto& alias) { return has(alias.second); });
+}
+
+std::string told(const Diagnosis& d) {
+  std::string text = std::string(to_string(d.verdict)) + ": " + d.reason;
+  for (const std::string& name : d.effect_names) text += ", " + name;
+  for (const std::string& name : d.candidate_names) text += ", candidate " + name;
+  return text;
+}
+
+TEST(DiagnosisFaults, SecondOrderTermIsKeptThoughTheUnitWasSwitchedOffAndOn) {
+  RigConfig config = unit(32);
+  config.effects.accel_second_order = {0.0, 15.0, 0.0};
+  const Made made = make(config, [](RigConfig& c) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      *c.truth[k] += k == 1 ? -0.02 : 0.02;
+      *c.truth[3 + k] += k == 1 ? 20e-6 : -20e-6;
+    }
+  });
+  const Diagnosis d = diagnose_with(made, {});
+  EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
+  EXPECT_TRUE(in_class(d, "accel_second_order")) << told(d);
+  EXPECT_LT(worst_sigmas(d, made.truth), 4.5);
+}
+
+TEST(DiagnosisFaults, DriftThatGoesOnIntoTheHoldoutIsKept) {
+  const Made& made = clean();
+  CompressedRecording recording = made.recording, holdout = made.holdout;
+  const auto drift = [](double from_h) {
+    return [from_h](const DisturbedMoment& m) {
+      AddedReading added;
+      added.accel_mps2[0] = 12.0 * ug * (from_h + m.time_s / 3600.0);
+      return added;
+    };
+  };
+  disturb(recording, made.truth, drift(0.0));
+  disturb(holdout, made.truth, drift(1.8));
+  DiagnosisOptions options;
+  options.holdout = &holdout;
+  const Diagnosis d = diagnose(recording, options);
+  EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
+  EXPECT_TRUE(in_class(d, "accel_bias_drift")) << told(d);
+}
+
+TEST(DiagnosisFaults, ScaleWarmUpIsNamedOrHasItsAlias) {
+  const Diagnosis gyro = diagnose_with(clean(), [](const DisturbedMoment& m) {
+    AddedReading added;
+    added.gyro_radps[2] = 20e-6 * m.rate_radps[2] * std::exp(-m.time_s / 1200.0);
+    return added;
+  });
+  EXPECT_EQ(gyro.verdict, Verdict::extended) << told(gyro);
+  EXPECT_TRUE(in_class(gyro, "gyro_scale_warm_up")) << told(gyro);
+  const Diagnosis accel = diagnose_with(clean(), [](const DisturbedMoment& m) {
+    AddedReading added;
+    added.accel_mps2[2] = 20.0 * ug * m.force_g[2] * std::exp(-m.time_s / 1200.0);
+    return added;
+  });
+  EXPECT_EQ(accel.verdict, Verdict::extended) << told(accel);
+  EXPECT_TRUE(in_class(accel, "accel_scale_warm_up")) << told(accel);
+}
+
+TEST(DiagnosisFaults, ScatterOfScaleFromTurnToTurnIsNotClean) {
+  const Diagnosis d = diagnose_with(clean(), [](const DisturbedMoment& m) {
+    AddedReading added;
+    for (int axis = 0; axis < 3; ++axis) {
+      std::mt19937_64 own(static_cast<std::uint64_t>(3 * m.turn + axis));
+      added.gyro_radps[axis] = 6e-6 * std::normal_distribution<double>()(own) * m.rate_radps[axis];
+    }
+    return added;
+  });
+  EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
+  EXPECT_FALSE(d.trusted);
+  EXPECT_TRUE(d.effect_names.empty()) << told(d);
+}
+
+TEST(DiagnosisFaults, CreepAfterAChangeOfForce) {
+  double force = 1e9, left = 0.0, time = 1e9;
+  const Diagnosis d = diagnose_with(clean(), [&](const DisturbedMoment& m) {
+    AddedReading added;
+    if (m.time_s < time || force > 1e8) {
+      left = 0.0;
+      force = m.force_g[1];
+    } else {
+      left = left * std::exp(-(m.time_s - time) / 250.0) + (m.force_g[1] - force);
+      force = m.force_g[1];
+    }
+    time = m.time_s;
+    added.accel_mps2[1] = 15.0 * ug * left;
+    return added;
+  });
+  EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
+  EXPECT_TRUE(in_class(d, "accel_creep")) << told(d);
+  EXPECT_LT(worst_sigmas(d, clean().truth), 4.5);
+}
+
+TEST(DiagnosisFaults, SmoothLockInIsNotTheEarthRate) {
+  const Diagnosis d = diagnose_with(clean(), [](const DisturbedMoment& m) {
+    AddedReading added;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double w = m.rate_radps[axis], w0 = 3.0 * degph;
+      added.gyro_radps[axis] = -0.04 * w * w0 * w0 / (w0 * w0 + w * w);
+    }
+    return added;
+  });
+  EXPECT_EQ(std::count(d.effect_names.begin(), d.effect_names.end(), "earth_rate"), 0) << told(d);
+  if (d.trusted) {
+    EXPECT_LT(worst_sigmas(d, clean().truth), 4.5) << told(d);
+  }
+}
+
+TEST(DiagnosisFaults, BiasWithThePitchAngleGetsNoName) {
+  const Diagnosis d = diagnose_with(clean(), [](const DisturbedMoment& m) {
+    AddedReading added;
+    added.accel_mps2[2] = 20.0 * ug * std::sin(3.0 * m.table_rad[1] + 0.4);
+    return added;
+  });
+  EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
+  EXPECT_TRUE(d.effect_names.empty()) << told(d);
+  EXPECT_FALSE(d.trusted);
+}
+
+TEST(DiagnosisFaults, SigmasHoldTheSpreadOverTheAliasClass) {
+  const Diagnosis d = diagnose_with(clean(), [](const DisturbedMoment& m) {
+    AddedReading added;
+    added.accel_mps2[0] = 60.0 * ug * m.force_g[0] * std::abs(m.force_g[0]);
+    return added;
+  });
+  EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
+  EXPECT_TRUE(in_class(d, "accel_odd_quadratic")) << told(d);
+  EXPECT_LT(worst_sigmas(d, clean().truth), 4.5) << told(d);
+}
+
+TEST(DiagnosisFaults, CleanIsTrusted) {
+  const Diagnosis d = diagnose_with(clean(), {});
+  EXPECT_EQ(d.verdict, Verdict::clean) << told(d);
+  EXPECT_TRUE(d.trusted);
+  EXPECT_TRUE(d.lack_of_fit.passed);
+  EXPECT_GT(d.lack_of_fit.tests.size(), 30u);
+}
+
+TEST(DiagnosisFaults, NothingDeterminedIsNotTested) {
+  CompressedRecording empty;
+  empty.info = clean().recording.info;
+  EXPECT_EQ(diagnose(empty).verdict, Verdict::not_tested);
+}
+
+}  // namespace
+}  // namespace turncal

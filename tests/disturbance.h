@@ -1,0 +1,86 @@
+// For tests and studies: a recording with something added to what its sensors read, block by block.
+//
+// Any function of the moment will do, so this knows no catalogue: it shares no formula with the estimator's effects or with the rig's.
+// Over a block (a second at rest, some 0.01 rad in a turn) the addition is taken as constant; with alpha, beta constant over a block
+// its sums change by gyro_time = t/2 gyro and sculling = gyro accel' / 2, and its coning not at all.
+#pragma once
+
+#include <cmath>
+#include <functional>
+
+#include <Eigen/LU>
+
+#include "calib/model/parameters.h"
+#include "calib/statistics/compression.h"
+
+namespace turncal {
+
+struct DisturbedMoment {
+  double time_s = 0.0;  // middle of the block, from the first sample
+  double length_s = 0.0;
+  double temperature_c = 0.0;
+  bool at_rest = false;
+  int turn = 0;                         // turns before this moment, or the turn it lies in
+  double since_turn_s = 1e9;            // at rest
+  Eigen::Vector3d force_g, rate_radps;  // as measured, body axes
+  Eigen::Vector3d table_rad;            // heading, pitch, roll as commanded (half way in a turn)
+};
+struct AddedReading {
+  Eigen::Vector3d gyro_radps = Eigen::Vector3d::Zero();
+  Eigen::Vector3d accel_mps2 = Eigen::Vector3d::Zero();
+};
+using Disturbance = std::function<AddedReading(const DisturbedMoment&)>;
+
+// Calls `visit(block, moment)` for every block. `truth`: of the unit.
+template <class Visit>
+void each_moment(const CompressedRecording& recording, const Parameters& truth, Visit visit) {
+  const SensorModel model = sensor_model(truth, recording.info);
+  const double period = recording.info.sample_period_s;
+  const auto start_s = [&](const Block& b) {
+    return static_cast<double>(b.start_sample - recording.blocks.front().start_sample) * period;
+  };
+  const double length = start_s(recording.blocks.back()) + recording.blocks.back().duration_s;
+  double rest_began = -1e9;
+  int turn = 0;
+  bool turning = false;
+  for (std::size_t k = 0; k < recording.blocks.size(); ++k) {
+    const Block& block = recording.blocks[k];
+    const Segment& segment = recording.segments[block.segment];
+    const bool rotating = segment.kind == SegmentKind::rotate;
+    const Segment& from = recording.segments[rotating && block.segment > 0 ? block.segment - 1 : block.segment];
+    DisturbedMoment m;
+    m.time_s = start_s(block) + 0.5 * block.duration_s;
+    m.length_s = length;
+    m.temperature_c = block.temperature_c;
+    m.at_rest = !rotating;
+    if (rotating && !turning) ++turn;
+    if (!rotating && turning) rest_began = start_s(block);
+    turning = rotating;
+    m.turn = turn;
+    m.since_turn_s = rotating ? 1e9 : m.time_s - rest_began;
+    m.rate_radps = model.gyro_scale * block.gyro / block.duration_s - model.gyro_bias_radps;
+    m.force_g = (model.accel_scale * block.accel / block.duration_s - model.accel_bias_mps2) / 9.80665;
+    m.table_rad = 0.5 * (pi / 180.0) *
+                  Eigen::Vector3d(segment.heading_deg + from.heading_deg, segment.pitch_deg + from.pitch_deg,
+                                  segment.roll_deg + from.roll_deg);
+    visit(k, m);
+  }
+}
+
+inline void disturb(CompressedRecording& recording, const Parameters& truth, const Disturbance& disturbance) {
+  const SensorModel model = sensor_model(truth, recording.info);
+  const Eigen::Matrix3d gyro_counts = model.gyro_scale.inverse(), accel_counts = model.accel_scale.inverse();
+  each_moment(recording, truth, [&](std::size_t k, const DisturbedMoment& m) {
+    Block& b = recording.blocks[k];
+    const AddedReading added = disturbance(m);
+    const Eigen::Vector3d g = gyro_counts * added.gyro_radps * b.duration_s;
+    const Eigen::Vector3d a = accel_counts * added.accel_mps2 * b.duration_s;
+    b.sculling += 0.5 * (g * b.accel.transpose() + b.gyro * a.transpose() + g * a.transpose());
+    b.gyro += g;
+    b.accel += a;
+    b.gyro_time += 0.5 * b.duration_s * g;
+    b.accel_time += 0.5 * b.duration_s * a;
+  });
+}
+
+}  // namespace turncal

@@ -1,0 +1,257 @@
+// Effects drawn at random, that nobody declared (docs/diagnosis-study.md): what does the diagnosis say of them?
+//
+//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--clean] [--tests]
+// Every seed is a unit on a table, with noise, temperature history and (three in ten) bias instability and random walk of its own; on
+// its recording and holdout N effects are laid one after another. --clean: none is. An effect is a random smooth function of one of
+// time, a table angle, a component of force or rate, or temperature; a product of two; steps in time; a number for every turn or every dwell
+// - on a bias or a scale factor of one sensor. Its size is drawn from invisible to gross. What of it a bias or the sensor's row of the
+// matrix would take up is taken off first (least squares over the recording), so that the truth of the 24 parameters stands.
+// One line a run: seed draw effect size verdict trusted names candidates worst_parameter_sigmas parameter log10_p family
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <random>
+#include <string>
+
+#include <Eigen/Dense>
+
+#include "calib/diagnosis/diagnosis.h"
+#include "tests/disturbance.h"
+#include "tests/rig_recorder.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::Vector3d;
+using Random = std::mt19937_64;
+
+double uniform(Random& r, double low, double high) { return std::uniform_real_distribution<double>(low, high)(r); }
+int one_of(Random& r, int n) { return std::uniform_int_distribution<int>(0, n - 1)(r); }
+double normal(Random& r) { return std::normal_distribution<double>()(r); }
+
+// Smooth on [-1, 1], or periodic in 2 pi: of order one.
+std::function<double(double)> smooth(Random& r, bool periodic) {
+  struct Wave {
+    double size, frequency, phase;
+  };
+  std::vector<Wave> waves;
+  for (int k = 0, n = 1 + one_of(r, 4); k < n; ++k)
+    waves.push_back({normal(r), periodic ? 1.0 + one_of(r, 5) : uniform(r, 0.3, 8.0), uniform(r, 0.0, 2.0 * pi)});
+  const double norm = std::sqrt(static_cast<double>(waves.size()));
+  return [waves, norm](double x) {
+    double sum = 0.0;
+    for (const Wave& w : waves) sum += w.size * std::cos(w.frequency * x + w.phase);
+    return sum / norm;
+  };
+}
+
+struct Term {
+  std::string what;
+  std::function<double(const DisturbedMoment&)> at;
+};
+
+Term draw_term(Random& r) {
+  const int axis = one_of(r, 3);
+  static constexpr const char* table[] = {"heading", "pitch", "roll"};
+  static constexpr const char* body[] = {"x", "y", "z"};
+  switch (one_of(r, 8)) {
+    case 0: {
+      const auto f = smooth(r, false);
+      return {"time", [f](const DisturbedMoment& m) { return f(2.0 * m.time_s / 6342.0 - 1.0); }};
+    }
+    case 1: {
+      const auto f = smooth(r, true);
+      return {std::string("angle_") + table[axis],
+              [f, axis](const DisturbedMoment& m) { return f(m.table_rad[axis]); }};
+    }
+    case 2: {
+      const auto f = smooth(r, false);
+      return {std::string("force_") + body[axis], [f, axis](const DisturbedMoment& m) { return f(m.force_g[axis]); }};
+    }
+    case 3: {
+      const auto f = smooth(r, false);
+      return {std::string("rate_") + body[axis],
+              [f, axis](const DisturbedMoment& m) { return f(m.rate_radps[axis] / 0.1745) - f(0.0); }};
+    }
+    case 4: {
+      const auto f = smooth(r, false);
+      return {"temperature", [f](const DisturbedMoment& m) { return f((m.temperature_c - 27.0) / 3.0); }};
+    }
+    case 5: {
+      std::vector<std::pair<double, double>> steps;
+      for (int k = 0, n = 1 + one_of(r, 3); k < n; ++k) steps.emplace_back(uniform(r, 200.0, 6000.0), normal(r));
+      return {"steps", [steps](const DisturbedMoment& m) {
+                double sum = 0.0;
+                for (const auto& [time, size] : steps) sum += m.time_s > time ? size : 0.0;
+                return sum;
+              }};
+    }
+    default: {
+      const std::uint64_t seed = r();
+      return {"scatter", [seed](const DisturbedMoment& m) {
+                Random own(seed + 7919u * static_cast<std::uint64_t>(m.turn));
+                own.discard(3);
+                return normal(own);
+              }};
+    }
+  }
+}
+
+struct Drawn {
+  std::string what;
+  double size = 0.0;
+  int channel = 0;  // 0 gyro bias, 1 gyro scale factor, 2 accelerometer bias, 3 accelerometer scale factor
+  int axis = 0;
+  Disturbance disturbance;
+};
+
+Drawn draw(Random& r, double largest) {
+  Drawn d;
+  Term term = draw_term(r);
+  if (one_of(r, 4) == 0) {
+    const Term other = draw_term(r);
+    term = {term.what + "*" + other.what,
+            [a = term.at, b = other.at](const DisturbedMoment& m) { return a(m) * b(m); }};
+  }
+  d.channel = one_of(r, 4);
+  d.axis = one_of(r, 3);
+  static constexpr const char* names[] = {"gyro_bias", "gyro_scale", "accel_bias", "accel_scale"};
+  static constexpr double units[] = {0.01 * pi / 180.0 / 3600.0, 2e-6, 2e-6 * 9.80665, 2e-6};
+  d.what = std::string(names[d.channel]) + "_" + "xyz"[d.axis] + ":" + term.what;
+  d.size = std::exp(uniform(r, std::log(0.1), std::log(largest)));
+  const double amplitude = d.size * units[d.channel];
+  d.disturbance = [at = term.at, amplitude, channel = d.channel, axis = d.axis](const DisturbedMoment& m) {
+    AddedReading added;
+    const double value = amplitude * at(m);
+    if (channel == 0) added.gyro_radps[axis] = value;
+    if (channel == 1) added.gyro_radps[axis] = value * m.rate_radps[axis];
+    if (channel == 2) added.accel_mps2[axis] = value;
+    if (channel == 3) added.accel_mps2[axis] = value * 9.80665 * m.force_g[axis];
+    return added;
+  };
+  return d;
+}
+
+// What a bias and the sensor's row would take up: the bias at rest, the row of a gyro in the turns, that of an accelerometer at rest.
+Disturbance without_parameters(const Disturbance& whole, const CompressedRecording& recording,
+                               const Parameters& truth) {
+  Eigen::Matrix4d normal_accel = Eigen::Matrix4d::Zero(), normal_gyro = Eigen::Matrix4d::Zero();
+  Eigen::Matrix<double, 4, 3> right_accel = Eigen::Matrix<double, 4, 3>::Zero(),
+                              right_gyro = Eigen::Matrix<double, 4, 3>::Zero();
+  each_moment(recording, truth, [&](std::size_t k, const DisturbedMoment& m) {
+    const AddedReading added = whole(m);
+    const double t = recording.blocks[k].duration_s;
+    if (m.at_rest) {
+      const Eigen::Vector4d x(1.0, m.force_g.x(), m.force_g.y(), m.force_g.z());
+      normal_accel += t * x * x.transpose();
+      right_accel += t * x * added.accel_mps2.transpose();
+    }
+    // A turn is worth more than a rest: a ppm of it stands against the rest of a minute.
+    Eigen::Vector4d x(1.0, 0.0, 0.0, 0.0);
+    if (!m.at_rest) x.tail<3>() = m.rate_radps;
+    normal_gyro += t * x * x.transpose();
+    right_gyro += t * x * added.gyro_radps.transpose();
+  });
+  const Eigen::Matrix<double, 4, 3> accel = normal_accel.completeOrthogonalDecomposition().solve(right_accel);
+  const Eigen::Matrix<double, 4, 3> gyro = normal_gyro.completeOrthogonalDecomposition().solve(right_gyro);
+  return [whole, accel, gyro](const DisturbedMoment& m) {
+    AddedReading added = whole(m);
+    added.accel_mps2 -= accel.row(0).transpose() + accel.bottomRows<3>().transpose() * m.force_g;
+    added.gyro_radps -= gyro.row(0).transpose() + gyro.bottomRows<3>().transpose() * m.rate_radps;
+    return added;
+  };
+}
+
+std::string join(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& n : names) text += (text.empty() ? "" : "+") + n;
+  return text.empty() ? "-" : text;
+}
+
+void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d, const Parameters& truth, bool tests) {
+  const ParameterVector error = to_vector(d.extended.parameters) - to_vector(truth);
+  double worst = 0.0;
+  std::string_view parameter = "-";
+  for (int k = 0; k < parameter_count; ++k)
+    if (d.extended.sigma[k] > 0.0 && std::abs(error[k]) > worst * d.extended.sigma[k]) {
+      worst = std::abs(error[k]) / d.extended.sigma[k];
+      parameter = parameter_keys[static_cast<std::size_t>(k)];
+    }
+  std::string family = d.lack_of_fit.worst.family.empty() ? "-" : d.lack_of_fit.worst.family;
+  std::replace(family.begin(), family.end(), ' ', '_');
+  std::printf("%llu %d %s %.3g %s %d %s %s %.2f %s %.2f %s\n", static_cast<unsigned long long>(seed), draw,
+              drawn.what.c_str(), drawn.size, to_string(d.verdict), d.trusted, join(d.effect_names).c_str(),
+              join(d.candidate_names).c_str(), worst, std::string(parameter).c_str(), d.lack_of_fit.worst.log10_p,
+              family.c_str());
+  if (tests)
+    for (const LackOfFitTest& t : d.lack_of_fit.tests) {
+      std::string name = t.family;
+      std::replace(name.begin(), name.end(), ' ', '_');
+      std::printf("test %llu %d %s %.2f %d %.3f\n", static_cast<unsigned long long>(seed), draw, name.c_str(),
+                  t.chi_square, t.degrees, t.log10_p);
+    }
+  std::fflush(stdout);
+}
+
+}  // namespace
+}  // namespace turncal
+
+int main(int argc, char** argv) {
+  using namespace turncal;
+  if (argc < 3) {
+    std::fprintf(stderr,
+                 "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--clean] [--tests]\n");
+    return 1;
+  }
+  int draws = 4;
+  double largest = 30.0;
+  bool clean = false, tests = false;
+  for (int k = 3; k < argc; ++k) {
+    if (std::strcmp(argv[k], "--draws") == 0 && k + 1 < argc) draws = std::atoi(argv[k + 1]);
+    if (std::strcmp(argv[k], "--largest") == 0 && k + 1 < argc) largest = std::atof(argv[k + 1]);
+    clean = clean || std::strcmp(argv[k], "--clean") == 0;
+    tests = tests || std::strcmp(argv[k], "--tests") == 0;
+  }
+  const Sequence sequence = must_read_sequence("fourteen_step.seq");
+  const Sequence second = must_read_sequence("holdout.seq");
+  const std::uint64_t first = std::strtoull(argv[1], nullptr, 10), count = std::strtoull(argv[2], nullptr, 10);
+  for (std::uint64_t seed = first; seed < first + count; ++seed) {
+    Random r(seed * 1000003u + 17u);
+    RigConfig config = default_rig_config();
+    config.seed = 20000 + seed;
+    config.noise_seed = 300000 + seed;
+    config.table_errors.random_arcmin = uniform(r, 0.5, 10.0);
+    config.noise.gyro_random_walk_deg_per_rt_h *= std::exp(uniform(r, -0.7, 0.7));
+    config.noise.accel_random_walk_ug_per_rt_hz *= std::exp(uniform(r, -0.7, 0.7));
+    config.temperature.rise_c = uniform(r, -4.0, 10.0);
+    config.temperature.tau_s = uniform(r, 900.0, 6000.0);
+    config.noise.gyro_bias_instability_degph = config.noise.accel_bias_instability_ug = 0.0;
+    if (one_of(r, 10) < 3) {
+      config.noise.gyro_bias_instability_degph = uniform(r, 0.0005, 0.003);
+      config.noise.accel_bias_instability_ug = uniform(r, 0.3, 2.0);
+      config.noise.gyro_rate_random_walk_degph_per_rt_h = uniform(r, 0.0, 0.002);
+      config.noise.accel_acceleration_random_walk_ug_per_rt_h = uniform(r, 0.0, 1.0);
+    }
+    const RigRecording made = record_on_rig(sequence, config);
+    RigConfig again = config;
+    again.noise_seed = 600000 + seed;
+    const RigRecording held = record_on_rig(second, again);
+    for (int k = 0; k < (clean ? 1 : draws); ++k) {
+      Drawn drawn{"none", 0.0, 0, 0, {}};
+      CompressedRecording recording = made.recording, holdout = held.recording;
+      if (!clean) {
+        drawn = draw(r, largest);
+        const Disturbance rest = without_parameters(drawn.disturbance, made.recording, made.truth);
+        disturb(recording, made.truth, rest);
+        disturb(holdout, made.truth, rest);
+      }
+      DiagnosisOptions options;
+      options.holdout = &holdout;
+      report(seed, k, drawn, diagnose(recording, options), made.truth, tests);
+    }
+  }
+}
