@@ -51,7 +51,8 @@ Result<DiagnosisOutput> of_table(const LoadedRecording& recording, const Diagnos
   if (request.holdout) settings.holdout = &request.holdout->data;
   request.phase("diagnosing: fit, scores of the catalogue, selection, held-out data");
   Diagnosis diagnosis = diagnose(recording.data, settings);
-  if (!diagnosis.base.converged) return Error{ErrorKind::unit_failed, recording.path + ": " + diagnosis.reason};
+  if (diagnosis.verdict == Verdict::not_tested)
+    return Error{ErrorKind::unit_failed, recording.path + ": " + diagnosis.reason};
   context.false_alarm = settings.false_alarm;
   context.noise_given = request.noise.has_value();
   request.phase("writing the report");
