@@ -14,6 +14,9 @@ struct LackOfFitLimits {
   // chi2 is divided by these before it is judged: what clean recordings have beyond the theory; 1 where none is given.
   // innovations: the pulses of an accelerometer that counts close to a whole number a sample beat, and their error is not white.
   std::map<std::string, double> inflation = {{"innovations", 2.0}};
+  // Flicker noise wanders on every scale: where there is bias instability, a test must fire beside a slow one, too (a third of a
+  // two-hour run).
+  double slow_correlation_s = 2400.0;
   double inflation_of(const std::string& family) const;
 };
 

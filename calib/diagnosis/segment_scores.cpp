@@ -15,7 +15,6 @@ using Eigen::VectorXd;
 
 constexpr double first_piece_s = 25.0;  // what comes with a turn and fades
 constexpr double longest_piece_s = 120.0;
-constexpr std::size_t neighbours = 4;  // pieces after which the filter has forgotten
 
 // Pieces of rest in order, with what the tests need to know of each.
 std::vector<Piece> pieces_of(const CompressedRecording& recording, const std::vector<FilterStep>& steps,
@@ -82,7 +81,7 @@ SegmentScores::SegmentScores(const CompressedRecording& recording, const FilterR
   A_inverse_ = scale.asDiagonal() * lifted.ldlt().solve(MatrixXd(scale.asDiagonal()));
   s_.setZero(piece_dims * static_cast<Eigen::Index>(pieces_.size()));
   R_.setZero(s_.size(), static_cast<Eigen::Index>(columns.size()));
-  information_.resize(pieces_.size());
+  links_.resize(pieces_.size());
   const bool biases = std::any_of(pass.steps.begin(), pass.steps.end(), [](const FilterStep& s) {
     return s.observed && s.K.bottomRows<6>().squaredNorm() > 0.0;
   });
@@ -99,12 +98,10 @@ void SegmentScores::run(const FilterResult& pass, const CompressedRecording& rec
   constexpr int Z = NS + 6;  // state, then the biases within the piece
   using MatrixZ = Eigen::Matrix<double, Z, Z>;
   const int p = static_cast<int>(columns.size());
-  // Columns of R: the model's, then those of the pieces that come next, nearest first.
-  MatrixXd R = MatrixXd::Zero(Z, p + static_cast<int>(neighbours) * piece_dims);
-  int alive = 0;  // pieces among them
+  MatrixXd R = MatrixXd::Zero(Z, p), next(Z, p);
   VectorXd r = VectorXd::Zero(Z);
   MatrixZ I = MatrixZ::Zero();
-  MatrixXd next(Z, R.cols());
+  MatrixZ T = MatrixZ::Identity();  // from here to where the next piece begins
   Eigen::Matrix<double, 3, Eigen::Dynamic> weighted(3, p);
   std::size_t piece = pieces_.size();
   const auto forget = [&] {  // psi and v before a chain say nothing about what comes in it
@@ -112,6 +109,19 @@ void SegmentScores::run(const FilterResult& pass, const CompressedRecording& rec
     I.template topRows<6>().setZero();
     I.template leftCols<6>().setZero();
     R.template topRows<6>().setZero();
+    T.template leftCols<6>().setZero();
+  };
+  MatrixZ turn = MatrixZ::Identity();  // the steps of a turn are taken together
+  bool turning = false;
+  const auto end_turn = [&] {
+    if (!turning) return;
+    r = (turn.transpose() * r).eval();
+    I = (turn.transpose() * I * turn).eval();
+    next.noalias() = turn.transpose() * R;
+    R.swap(next);
+    T = (T * turn).eval();
+    turn.setIdentity();
+    turning = false;
   };
   for (std::size_t k = pass.steps.size(); k-- > 0;) {
     const FilterStep& step = pass.steps[k];
@@ -134,7 +144,12 @@ void SegmentScores::run(const FilterResult& pass, const CompressedRecording& rec
       L.template block<3, 3>(3, 9) = psi_b;
       L.template block<6, 6>(6, 6) *= step.rho;
     }
-    const int width = p + alive * piece_dims;
+    if (!step.observed && !in_piece && !step.begins_chain) {
+      turn = (turn * L).eval();
+      turning = true;
+      continue;
+    }
+    end_turn();
     if (step.observed) {
       Eigen::Matrix<double, 3, Z> H = Eigen::Matrix<double, 3, Z>::Zero();
       H.template block<3, 3>(0, 0) = -step.F * (0.5 * t);
@@ -152,14 +167,15 @@ void SegmentScores::run(const FilterResult& pass, const CompressedRecording& rec
       r = (L.transpose() * r + HS * step.nu).eval();
       I = (L.transpose() * I * L + HS * H).eval();
       for (int c = 0; c < p; ++c) weighted.col(c) = step.N.row(columns[static_cast<std::size_t>(c)]).transpose();
-      next.leftCols(width).noalias() = L.transpose() * R.leftCols(width);
-      next.leftCols(p).noalias() += HS * weighted;
+      next.noalias() = L.transpose() * R;
+      next.noalias() += HS * weighted;
     } else {
       r = (L.transpose() * r).eval();
       I = (L.transpose() * I * L).eval();
-      next.leftCols(width).noalias() = L.transpose() * R.leftCols(width);
+      next.noalias() = L.transpose() * R;
     }
     R.swap(next);
+    T = (T * L).eval();
     if (!in_piece || k != pieces_[piece].first_step) {
       if (step.begins_chain) forget();
       continue;
@@ -168,39 +184,41 @@ void SegmentScores::run(const FilterResult& pass, const CompressedRecording& rec
     std::vector<int> mine;
     for (int d = 0; d < 6; ++d) mine.push_back(NS + d);
     for (int d = 0; d < 6; ++d) mine.push_back(d);
+    const auto state = Eigen::seqN(0, NS);
     const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(piece);
     s_.segment<piece_dims>(row) = -r(mine);
-    R_.middleRows<piece_dims>(row) = R(mine, Eigen::seqN(0, p));
-    information_[piece].push_back(I(mine, mine));
-    for (int other = 0; other < alive; ++other)
-      information_[piece].push_back(R(mine, Eigen::seqN(p + other * piece_dims, piece_dims)));
-    // For the pieces before, this one is a column.
-    const int kept = std::min<int>(alive, static_cast<int>(neighbours) - 1);
-    for (int other = kept; other > 0; --other)
-      R.middleCols(p + other * piece_dims, piece_dims) = R.middleCols(p + (other - 1) * piece_dims, piece_dims).eval();
-    R.middleCols(p, piece_dims) = I(Eigen::all, mine);
-    alive = kept + 1;
+    R_.middleRows<piece_dims>(row) = R(mine, Eigen::all);
+    Link& link = links_[piece];
+    link.I = I(mine, mine);
+    link.E = T(state, mine);
+    if (step.begins_chain) forget();
+    link.G = I(state, mine);
+    link.M = T(state, state);
+    T.setIdentity();
     R.bottomRows(6).setZero();
     r.tail<6>().setZero();
     I.template bottomRows<6>().setZero();
     I.template rightCols<6>().setZero();
-    if (step.begins_chain) forget();
   }
 }
 
 SegmentScores::Test SegmentScores::test(const MatrixXd& weights) const {
   Test result;
   result.s = weights.transpose() * s_;
-  MatrixXd product = MatrixXd::Zero(weights.rows(), weights.cols());
-  for (std::size_t a = 0; a < pieces_.size(); ++a)
-    for (std::size_t k = 0; k < information_[a].size(); ++k) {
-      const Eigen::Index i = piece_dims * static_cast<Eigen::Index>(a);
-      const Eigen::Index j = piece_dims * static_cast<Eigen::Index>(a + k);
-      const MatrixXd& part = information_[a][k];
-      product.middleRows<piece_dims>(i).noalias() += part * weights.middleRows<piece_dims>(j);
-      if (k > 0) product.middleRows<piece_dims>(j).noalias() += part.transpose() * weights.middleRows<piece_dims>(i);
+  MatrixXd with_later = MatrixXd::Zero(weights.cols(), weights.cols()), with_itself = with_later;
+  MatrixXd later;  // information of the state where the next piece begins with the weighted pieces from there on
+  for (std::size_t a = pieces_.size(); a-- > 0;) {
+    const Link& link = links_[a];
+    const MatrixXd w = weights.middleRows<piece_dims>(piece_dims * static_cast<Eigen::Index>(a));
+    with_itself.noalias() += w.transpose() * (link.I * w);
+    if (later.size() == 0) {
+      later = link.G * w;
+      continue;
     }
-  result.Q = weights.transpose() * product;
+    with_later.noalias() += w.transpose() * (link.E.transpose() * later);
+    later = (link.G * w + link.M.transpose() * later).eval();
+  }
+  result.Q = with_itself + with_later + with_later.transpose();
   result.before = result.Q.diagonal();
   const MatrixXd cross = R_.transpose() * weights;
   result.shift = -A_inverse_ * cross;
@@ -214,7 +232,7 @@ SegmentScores::Test SegmentScores::test(std::size_t piece, const std::vector<int
   for (const int d : dims) rows.push_back(piece_dims * static_cast<int>(piece) + d);
   Test result;
   result.s = s_(rows);
-  result.Q = information_[piece][0](dims, dims);
+  result.Q = links_[piece].I(dims, dims);
   result.before = result.Q.diagonal();
   const MatrixXd cross = R_(rows, Eigen::all).transpose();
   result.shift = -A_inverse_ * cross;

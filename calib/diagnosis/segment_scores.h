@@ -7,7 +7,10 @@
 //   r <- H' S^-1 nu + L' r,   I <- H' S^-1 H + L' I L,   R <- H' S^-1 N' + L' R
 // r is then the score of an error z that begins there, I its information, R its information with the columns. What the columns
 // (base parameters and effects, information A) imitate is eliminated: Q = I - R A^-1 R', s' Q^-1 s ~ chi2(rank).
-// Information between two pieces is kept for the next few pieces; further on the filter has forgotten the first.
+// Between two pieces the state carries the information: with E = d(state where the next piece begins)/dz, M the state's transition
+// over a piece and the turn after it, and G = information of (state, z) at the beginning of a piece,
+//   I_ab = E_a' M_(a+1)' ... M_(b-1)' G_b for a < b
+// to whatever distance: the heading and slow biases are remembered to the end of a run.
 //
 // A dwell is cut into pieces where it is long, and after its first seconds, so that what comes with a turn and fades shows.
 #pragma once
@@ -59,8 +62,13 @@ class SegmentScores {
 
   std::vector<Piece> pieces_;
   Eigen::VectorXd s_;
-  std::vector<std::vector<Eigen::MatrixXd>> information_;  // [piece][k]: with piece + k
-  Eigen::MatrixXd R_;                                      // rows() x columns
+  struct Link {
+    Eigen::Matrix<double, piece_dims, piece_dims> I;         // of the piece with itself
+    Eigen::Matrix<double, Eigen::Dynamic, piece_dims> E, G;  // states x piece_dims
+    Eigen::MatrixXd M;                                       // states x states
+  };
+  std::vector<Link> links_;  // of each piece, to the next
+  Eigen::MatrixXd R_;        // rows() x columns
   Eigen::MatrixXd A_inverse_;
 };
 

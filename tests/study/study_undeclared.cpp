@@ -1,8 +1,9 @@
 // Effects drawn at random, that nobody declared (docs/diagnosis-study.md): what does the diagnosis say of them?
 //
-//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--clean] [--tests]
+//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--clean] [--tests] [--fit]
 // Every seed is a unit on a table, with noise, temperature history and (three in ten) bias instability and random walk of its own; on
-// its recording and holdout N effects are laid one after another. --clean: none is. An effect is a random smooth function of one of
+// its recording and holdout N effects are laid one after another. --clean: none is; --fit: the base model is fitted and
+// tested, and no effect looked for. An effect is a random smooth function of one of
 // time, a table angle, a component of force or rate, or temperature; a product of two; steps in time; a number for every turn or every dwell
 // - on a bias or a scale factor of one sensor. Its size is drawn from invisible to gross. What of it a bias or the sensor's row of the
 // matrix would take up is taken off first (least squares over the recording), so that the truth of the 24 parameters stands.
@@ -20,6 +21,7 @@
 #include <Eigen/Dense>
 
 #include "calib/diagnosis/diagnosis.h"
+#include "calib/diagnosis/lack_of_fit.h"
 #include "tests/disturbance.h"
 #include "tests/rig_recorder.h"
 
@@ -203,18 +205,20 @@ void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d
 int main(int argc, char** argv) {
   using namespace turncal;
   if (argc < 3) {
-    std::fprintf(stderr,
-                 "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--clean] [--tests]\n");
+    std::fprintf(
+        stderr,
+        "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--clean] [--tests] [--fit]\n");
     return 1;
   }
   int draws = 4;
   double largest = 30.0;
-  bool clean = false, tests = false;
+  bool clean = false, tests = false, fit_only = false;
   for (int k = 3; k < argc; ++k) {
     if (std::strcmp(argv[k], "--draws") == 0 && k + 1 < argc) draws = std::atoi(argv[k + 1]);
     if (std::strcmp(argv[k], "--largest") == 0 && k + 1 < argc) largest = std::atof(argv[k + 1]);
     clean = clean || std::strcmp(argv[k], "--clean") == 0;
     tests = tests || std::strcmp(argv[k], "--tests") == 0;
+    fit_only = fit_only || std::strcmp(argv[k], "--fit") == 0;
   }
   const Sequence sequence = must_read_sequence("fourteen_step.seq");
   const Sequence second = must_read_sequence("holdout.seq");
@@ -251,6 +255,15 @@ int main(int argc, char** argv) {
       }
       DiagnosisOptions options;
       options.holdout = &holdout;
+      if (fit_only) {
+        Diagnosis d;
+        d.extended = joint_estimate(recording);
+        d.lack_of_fit = test_lack_of_fit(recording, d.extended, &holdout, options.limits.fit);
+        d.trusted = d.lack_of_fit.passed;
+        d.verdict = d.trusted ? Verdict::clean : Verdict::unexplained;
+        report(seed, k, drawn, d, made.truth, tests);
+        continue;
+      }
       report(seed, k, drawn, diagnose(recording, options), made.truth, tests);
     }
   }
