@@ -88,6 +88,9 @@ void Tester::sum_and_worst(const std::string& family, const std::string& what, c
   LackOfFitTest sum, worst;
   double least = 1.0;
   int tries = 0;
+  const Eigen::Index d = static_cast<Eigen::Index>(dims.size());
+  MatrixXd C = scores.covariance(dims);  // then of the whitened scores
+  std::vector<Eigen::Index> kept;
   for (std::size_t k = 0; k < scores.pieces().size(); ++k) {
     const Piece& piece = scores.pieces()[k];
     if (turns_only && !piece.after_turn) continue;
@@ -96,7 +99,10 @@ void Tester::sum_and_worst(const std::string& family, const std::string& what, c
     if (ranked.rank == 0) continue;
     ++tries;
     sum.chi_square += ranked.chi_square;
-    sum.degrees += ranked.rank;
+    const Eigen::Index at = static_cast<Eigen::Index>(k) * d;
+    C.middleRows(at, ranked.rank) = (ranked.whiten * C.middleRows(at, d)).eval();
+    C.middleCols(at, ranked.rank) = (C.middleCols(at, d) * ranked.whiten.transpose()).eval();
+    for (Eigen::Index i = 0; i < ranked.rank; ++i) kept.push_back(at + i);
     const double p = log10_chi_square_tail(ranked.chi_square, ranked.rank);
     if (p >= least) continue;
     least = p;
@@ -111,6 +117,11 @@ void Tester::sum_and_worst(const std::string& family, const std::string& what, c
   if (tries == 0) return;
   sum.family = family + ", all";
   sum.what = what + ", all together";
+  // Pieces share the heading and the parameters, so the sum spreads more than chi2 does: a chi2 of fewer degrees with the same mean and
+  // variance 2 tr C^2 (Satterthwaite, Biometrics Bull. 2 (1946) 110).
+  const double mean = static_cast<double>(kept.size());
+  sum.degrees = std::max(1, static_cast<int>(std::lround(mean * mean / C(kept, kept).squaredNorm())));
+  sum.chi_square *= sum.degrees / mean;
   worst.family = family + ", worst";
   worst.tries = tries;
   add(std::move(sum));
@@ -192,8 +203,18 @@ void Tester::contrasts(const SegmentScores& scores) {
   }
 }
 
-// Correlation of the innovations at lags of 1 .. n seconds, each with variance 1 / pairs. On body axes: where an accelerometer counts
-// close to a whole number of pulses a sample, its pulses beat over seconds, and those seconds of that axis do not take part.
+// Variance of the mean velocity by the beat of an accelerometer's pulses: a count close to p / q of a pulse a sample leaves a
+// sawtooth of 1 / q of a pulse that lasts for seconds.
+double beat_variance(double counts, int samples, double pulse) {
+  constexpr int finest = 16;
+  double largest = 0.0;
+  for (int q = 1; q <= finest; ++q)
+    largest = std::max(largest, quantisation_variance(q * counts, samples, pulse / q));
+  return largest;
+}
+
+// Correlation of the innovations at lags of 1 .. n seconds, each with variance 1 / pairs. On body axes: seconds in which an
+// accelerometer's pulses beat do not take part, for their error is not white.
 void Tester::innovations(const FilterResult& pass) {
   constexpr int lags = 30;
   constexpr double pulses_at_most = 0.02;  // of the variance
@@ -208,7 +229,7 @@ void Tester::innovations(const FilterResult& pass) {
     for (int axis = 0; axis < 3; ++axis) {
       v[axis] = std::clamp(v[axis], -4.0, 4.0);
       if (accel_pulse_mps_ > 0.0 &&
-          quantisation_variance(block.accel[axis], block.samples, accel_pulse_mps_) > pulses_at_most * variance[axis])
+          beat_variance(block.accel[axis], block.samples, accel_pulse_mps_) > pulses_at_most * variance[axis])
         v[axis] = 0.0;
     }
     u.push_back(v);

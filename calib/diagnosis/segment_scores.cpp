@@ -240,9 +240,33 @@ SegmentScores::Test SegmentScores::test(std::size_t piece, const std::vector<int
   return result;
 }
 
+MatrixXd SegmentScores::covariance(const std::vector<int>& dims) const {
+  const Eigen::Index d = static_cast<Eigen::Index>(dims.size()), n = static_cast<Eigen::Index>(pieces_.size());
+  MatrixXd Q = MatrixXd::Zero(n * d, n * d);
+  MatrixXd R(n * d, R_.cols());
+  MatrixXd later;  // information of the state where the next piece begins with the pieces from there on
+  for (Eigen::Index a = n; a-- > 0;) {
+    const Link& link = links_[static_cast<std::size_t>(a)];
+    const Eigen::Index after = (n - a - 1) * d;
+    MatrixXd here(link.M.rows(), after + d);
+    here.leftCols(d) = link.G(Eigen::all, dims);
+    if (after > 0) {
+      Q.block(a * d, (a + 1) * d, d, after).noalias() = link.E(Eigen::all, dims).transpose() * later;
+      here.rightCols(after).noalias() = link.M.transpose() * later;
+    }
+    Q.block(a * d, a * d, d, d) = link.I(dims, dims);
+    for (Eigen::Index k = 0; k < d; ++k) R.row(a * d + k) = R_.row(piece_dims * a + dims[static_cast<std::size_t>(k)]);
+    later = std::move(here);
+  }
+  Q.triangularView<Eigen::StrictlyLower>() = Q.transpose();
+  Q.noalias() -= R * (A_inverse_ * R.transpose());
+  return Q;
+}
+
 RankedChiSquare ranked_chi_square(const SegmentScores::Test& test, double floor) {
   RankedChiSquare result;
   result.estimate.setZero(test.s.size());
+  result.whiten.resize(test.s.size(), test.s.size());
   // A column of which the pieces show nothing (a product of two axes where all stand on one) is left out.
   const double least = 1e-12 * test.before.maxCoeff();
   VectorXd scale = VectorXd::Zero(test.before.size());
@@ -254,9 +278,11 @@ RankedChiSquare ranked_chi_square(const SegmentScores::Test& test, double floor)
     const double value = eigen.eigenvalues()[k];
     if (value < floor) continue;
     result.chi_square += along[k] * along[k] / value;
+    result.whiten.row(result.rank) = eigen.eigenvectors().col(k).cwiseProduct(scale).transpose() / std::sqrt(value);
     ++result.rank;
     result.estimate += scale.cwiseProduct(eigen.eigenvectors().col(k)) * (along[k] / value);
   }
+  result.whiten.conservativeResize(result.rank, Eigen::NoChange);
   return result;
 }
 

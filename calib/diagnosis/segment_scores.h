@@ -55,6 +55,8 @@ class SegmentScores {
   Test test(const Eigen::MatrixXd& weights) const;
   // Of some of the piece_dims of one piece.
   Test test(std::size_t piece, const std::vector<int>& dims) const;
+  // Covariance of the scores of all pieces with each other, of some of the piece_dims: (pieces dims)^2.
+  Eigen::MatrixXd covariance(const std::vector<int>& dims) const;
 
  private:
   template <int NS>
@@ -77,6 +79,7 @@ struct RankedChiSquare {
   double chi_square = 0.0;
   int rank = 0;
   Eigen::VectorXd estimate;  // of the weights' columns
+  Eigen::MatrixXd whiten;    // rank x dims: chi_square = |whiten s|^2
 };
 RankedChiSquare ranked_chi_square(const SegmentScores::Test& test, double floor);
 

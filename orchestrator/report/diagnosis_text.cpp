@@ -299,7 +299,7 @@ std::vector<ErrorRow> error_rows(const Diagnosis& d) {
   rows.push_back({"fitted recording: velocity rms, first 20 s of dwells", 1e3 * velocity_rms_mps(d, false),
                   1e3 * velocity_rms_mps(d, true), "mm/s", false});
   if (known(d.holdout_before)) {
-    const HoldoutError after = known(d.holdout_after) ? d.holdout_after : HoldoutError{nan, nan, nan, 0};
+    const HoldoutError after = known(d.holdout_after) ? d.holdout_after : HoldoutError{nan, nan, nan, 0, {}};
     rows.push_back(
         {"held-out data: normalised residual rms", d.holdout_before.normalised_rms, after.normalised_rms, "", true});
     rows.push_back({"held-out data: velocity rms, first 20 s of dwells", 1e3 * d.holdout_before.velocity_rms_mps,

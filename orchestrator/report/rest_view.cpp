@@ -196,8 +196,8 @@ Diagnosis as_diagnosis(const RestDiagnosis& r, const RestData& data) {
   d.error_after = r.error_after;
   const bool second = r.holdout_before.observations > 0;
   d.holdout_source = second ? "second recording" : "rests and rotations left out in turn";
-  d.holdout_before = {second ? r.holdout_before.normalised_rms : r.left_out_before, no_point, no_point, 1};
-  d.holdout_after = {second ? r.holdout_after.normalised_rms : r.left_out_after, no_point, no_point, 1};
+  d.holdout_before = {second ? r.holdout_before.normalised_rms : r.left_out_before, no_point, no_point, 1, {}};
+  d.holdout_after = {second ? r.holdout_after.normalised_rms : r.left_out_after, no_point, no_point, 1, {}};
   return d;
 }
 

@@ -1,6 +1,6 @@
 // Effects drawn at random, that nobody declared (docs/diagnosis-study.md): what does the diagnosis say of them?
 //
-//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--clean] [--tests] [--fit]
+//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--clean] [--tests] [--fit] [--real-pulses]
 // Every seed is a unit on a table, with noise, temperature history and (three in ten) bias instability and random walk of its own; on
 // its recording and holdout N effects are laid one after another. --clean: none is; --fit: the base model is fitted and
 // tested, and no effect looked for. An effect is a random smooth function of one of
@@ -189,13 +189,19 @@ void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d
               drawn.what.c_str(), drawn.size, to_string(d.verdict), d.trusted, join(d.effect_names).c_str(),
               join(d.candidate_names).c_str(), worst, std::string(parameter).c_str(), d.lack_of_fit.worst.log10_p,
               family.c_str());
-  if (tests)
+  if (tests) {
+    const NoiseModel& noise = d.extended.noise;
+    std::printf(
+        "noise %llu %.5f %.3f %.5f %.3f\n", static_cast<unsigned long long>(seed),
+        noise.angle_random_walk.mean() / radprs_per_degprh, noise.velocity_random_walk.mean() / mpsprs_per_ugprHz,
+        noise.gyro_bias_instability_radps / radps_per_degph, noise.accel_bias_instability_mps2 / mpsprs_per_ugprHz);
     for (const LackOfFitTest& t : d.lack_of_fit.tests) {
       std::string name = t.family;
       std::replace(name.begin(), name.end(), ' ', '_');
       std::printf("test %llu %d %s %.2f %d %.3f\n", static_cast<unsigned long long>(seed), draw, name.c_str(),
                   t.chi_square, t.degrees, t.log10_p);
     }
+  }
   std::fflush(stdout);
 }
 
@@ -205,19 +211,20 @@ void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d
 int main(int argc, char** argv) {
   using namespace turncal;
   if (argc < 3) {
-    std::fprintf(
-        stderr,
-        "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--clean] [--tests] [--fit]\n");
+    std::fprintf(stderr,
+                 "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--clean] [--tests] [--fit] "
+                 "[--real-pulses]\n");
     return 1;
   }
   int draws = 4;
   double largest = 30.0;
-  bool clean = false, tests = false, fit_only = false;
+  bool clean = false, tests = false, fit_only = false, real_pulses = false;
   for (int k = 3; k < argc; ++k) {
     if (std::strcmp(argv[k], "--draws") == 0 && k + 1 < argc) draws = std::atoi(argv[k + 1]);
     if (std::strcmp(argv[k], "--largest") == 0 && k + 1 < argc) largest = std::atof(argv[k + 1]);
     clean = clean || std::strcmp(argv[k], "--clean") == 0;
     tests = tests || std::strcmp(argv[k], "--tests") == 0;
+    real_pulses = real_pulses || std::strcmp(argv[k], "--real-pulses") == 0;
     fit_only = fit_only || std::strcmp(argv[k], "--fit") == 0;
   }
   const Sequence sequence = must_read_sequence("fourteen_step.seq");
@@ -240,6 +247,13 @@ int main(int argc, char** argv) {
       config.noise.gyro_rate_random_walk_degph_per_rt_h = uniform(r, 0.0, 0.002);
       config.noise.accel_acceleration_random_walk_ug_per_rt_h = uniform(r, 0.0, 1.0);
     }
+    if (tests)
+      std::printf("true_noise %llu %.5f %.3f %.5f %.3f %.5f %.3f\n", static_cast<unsigned long long>(seed),
+                  config.noise.gyro_random_walk_deg_per_rt_h, config.noise.accel_random_walk_ug_per_rt_hz,
+                  config.noise.gyro_bias_instability_degph, config.noise.accel_bias_instability_ug,
+                  config.noise.gyro_rate_random_walk_degph_per_rt_h,
+                  config.noise.accel_acceleration_random_walk_ug_per_rt_h);
+    if (real_pulses) config.quantisation = RigQuantisation::off;
     const RigRecording made = record_on_rig(sequence, config);
     RigConfig again = config;
     again.noise_seed = 600000 + seed;
