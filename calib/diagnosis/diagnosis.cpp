@@ -104,7 +104,7 @@ void leave_unexplained(DiagnosisModel& m, Diagnosis& d) {
   for (const LackOfFitTest& test : d.lack_of_fit.tests) {
     if (test.log10_p >= d.lack_of_fit.log10_limit) continue;
     if (test.shift.size() >= base_rows) shifts.push_back(test.shift.head(base_rows));
-    if (test.tries == 1.0 && test.degrees > 0) factor = std::max(factor, test.chi_square / test.degrees);
+    if (test.tries == 1.0 && test.degrees > 0.0) factor = std::max(factor, test.chi_square / test.degrees);
   }
   if (!m.chosen.empty()) {
     const ParameterVector change = to_vector(m.current.parameters) - to_vector(d.base.parameters);
@@ -121,15 +121,28 @@ void leave_unexplained(DiagnosisModel& m, Diagnosis& d) {
   d.separate_by.clear();
 }
 
+// Empty where the innovations are about white.
+std::string misfit_of_noise(const DiagnosisModel& m, const LackOfFit& fit) {
+  const NoiseLimits& limits = m.options.limits.noise;
+  const Whiteness& whiteness = m.current.whiteness;
+  if (fit.innovation_correlation < 0.0) return whiteness.white ? "" : whiteness.message;
+  if (fit.innovation_correlation >= limits.correlation)
+    return "innovations are correlated in time: the noise model does not fit";
+  if (whiteness.level <= limits.lowest_level || whiteness.level >= limits.highest_level)
+    return "innovations are larger or smaller than the noise model says";
+  return "";
+}
+
 void judge(DiagnosisModel& m, Diagnosis& d) {
   char text[320];
   const bool noise_given = m.options.estimate.noise.has_value();
   d.trusted = false;
+  d.lack_of_fit = test_lack_of_fit(m.recording, m.current, m.options.holdout, m.options.limits.fit);
   // Where even the noise does not fit, neither names nor patterns mean anything.
-  if (!m.current.whiteness.white) {
+  const std::string noise_misfit = misfit_of_noise(m, d.lack_of_fit);
+  if (!noise_misfit.empty()) {
     d.verdict = Verdict::noise_model;
-    d.reason = m.current.whiteness.message + (noise_given ? " (the noise was given, not measured)" : "") +
-               ": no claim on effects";
+    d.reason = noise_misfit + (noise_given ? " (the noise was given, not measured)" : "") + ": no claim on effects";
     m.chosen.clear();
     d.aliases.clear();
     d.separate_by.clear();
@@ -138,7 +151,6 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
     d.holdout_after = d.holdout_before;
     return;
   }
-  d.lack_of_fit = test_lack_of_fit(m.recording, m.current, m.options.holdout, m.options.limits.fit);
   const LackOfFitTest& worst = d.lack_of_fit.worst;
   if (d.verdict == Verdict::unexplained) {
     d.reason = "a residual beyond noise that no catalogue effect explains; it looks like: " + d.unexplained_pattern;
@@ -146,7 +158,7 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
     return;
   }
   if (!d.lack_of_fit.passed) {
-    std::snprintf(text, sizeof text, "%s: chi-square %.1f of %d (%s), which noise does once in 1e%.0f recordings",
+    std::snprintf(text, sizeof text, "%s: chi-square %.1f of %.0f (%s), which noise does once in 1e%.0f recordings",
                   worst.what.c_str(), worst.chi_square, worst.degrees, worst.family.c_str(), -worst.log10_p);
     d.unexplained_pattern = worst.what;
     d.reason = text;

@@ -98,7 +98,7 @@ struct LackOfFitTest {
   std::string family;  // "turn, worst"
   std::string what;    // "jump at the turn that ends at 1234 s (step 4)"
   double chi_square = 0.0;
-  int degrees = 0;
+  double degrees = 0.0;
   double tries = 1.0;      // of which this is the worst
   double inflation = 1.0;  // LackOfFitLimits
   double log10_p = 0.0;    // of chi_square / inflation, times tries
@@ -109,6 +109,8 @@ struct LackOfFit {
   std::vector<LackOfFitTest> tests;
   LackOfFitTest worst;
   double log10_limit = 0.0;
+  // The largest of the innovations over 1 to 5 s, on body axes, seconds in which pulses beat set aside; negative: too few to say.
+  double innovation_correlation = -1.0;
 };
 
 struct Diagnosis {

@@ -1,5 +1,6 @@
 #include "calib/diagnosis/holdout.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "calib/joint/joint_faults.h"
@@ -73,16 +74,6 @@ HoldoutGain holdout_gain(const HoldoutError& without, const HoldoutError& with) 
   return result;
 }
 
-FilterSetup holdout_setup(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise) {
-  FilterSetup setup;
-  setup.noise = noise;
-  faults_from_events(holdout, setup.breaks);
-  const JointStart start = joint_start(holdout, result.parameters);
-  setup.headings_rad = {start.heading_rad};
-  setup.mounting = start.mounting;
-  return setup;
-}
-
 EffectModel effect_model_of(const JointResult& result, double latitude_deg) {
   std::vector<EffectColumn> columns;
   for (const EstimatedEffect& e : result.effects) columns.push_back(e.column);
@@ -90,6 +81,24 @@ EffectModel effect_model_of(const JointResult& result, double latitude_deg) {
   for (std::size_t k = 0; k < result.effects.size(); ++k)
     model.values[static_cast<Eigen::Index>(k)] = result.effects[k].value;
   return model;
+}
+
+FilterSetup holdout_setup(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise) {
+  FilterSetup setup;
+  setup.noise = noise;
+  faults_from_events(holdout, setup.breaks);
+  const JointStart start = joint_start(holdout, result.parameters);
+  setup.headings_rad = {start.heading_rad};
+  setup.mounting = start.mounting;
+  // Attitude is linear in the heading to its square: an angular minute of the first look would already show at the turns.
+  setup.with_columns = false;
+  const EffectModel model = effect_model_of(result, holdout.info.latitude_deg);
+  for (int iteration = 0; iteration < 2; ++iteration) {
+    const FilterResult pass = run_filter(holdout, result.parameters, model, setup);
+    setup.headings_rad.resize(std::max(setup.headings_rad.size(), pass.heading_error_rad.size()), start.heading_rad);
+    for (std::size_t k = 0; k < pass.heading_error_rad.size(); ++k) setup.headings_rad[k] += pass.heading_error_rad[k];
+  }
+  return setup;
 }
 
 HoldoutGate::HoldoutGate(const CompressedRecording& recording, const CompressedRecording* holdout, Refit refit)

@@ -51,7 +51,7 @@ struct Basis {
   std::function<VectorXd(const Piece&)> at;
 };
 
-double log10_chi_square_tail(double value, int degrees) {
+double log10_chi_square_tail(double value, double degrees) {
   return std::log10(std::max(chi_square_tail(value, degrees), 1e-300));
 }
 
@@ -117,11 +117,13 @@ void Tester::sum_and_worst(const std::string& family, const std::string& what, c
   if (tries == 0) return;
   sum.family = family + ", all";
   sum.what = what + ", all together";
-  // Pieces share the heading and the parameters, so the sum spreads more than chi2 does: a chi2 of fewer degrees with the same mean and
-  // variance 2 tr C^2 (Satterthwaite, Biometrics Bull. 2 (1946) 110).
-  const double mean = static_cast<double>(kept.size());
-  sum.degrees = std::max(1, static_cast<int>(std::lround(mean * mean / C(kept, kept).squaredNorm())));
-  sum.chi_square *= sum.degrees / mean;
+  // Pieces share the heading and the parameters, so the sum spreads more than chi2 does and its tail is longer: a shifted and stretched
+  // chi2 with the same mean tr C, variance 2 tr C^2 and third cumulant 8 tr C^3 (Buckley and Eagleson, Austral. J. Stat. 30A (1988) 150).
+  const MatrixXd whitened = C(kept, kept);
+  const double second = whitened.squaredNorm();
+  const double third = whitened.cwiseProduct(whitened * whitened).sum();
+  sum.degrees = std::pow(second, 3) / (third * third);
+  sum.chi_square = sum.degrees + (sum.chi_square - whitened.trace()) * std::sqrt(sum.degrees / second);
   worst.family = family + ", worst";
   worst.tries = tries;
   add(std::move(sum));
@@ -208,8 +210,7 @@ void Tester::contrasts(const SegmentScores& scores) {
 double beat_variance(double counts, int samples, double pulse) {
   constexpr int finest = 16;
   double largest = 0.0;
-  for (int q = 1; q <= finest; ++q)
-    largest = std::max(largest, quantisation_variance(q * counts, samples, pulse / q));
+  for (int q = 1; q <= finest; ++q) largest = std::max(largest, quantisation_variance(q * counts, samples, pulse / q));
   return largest;
 }
 
@@ -219,6 +220,7 @@ void Tester::innovations(const FilterResult& pass) {
   constexpr int lags = 30;
   constexpr double pulses_at_most = 0.02;  // of the variance
   std::vector<Vector3d> u;
+  double taking_part = 0.0;
   std::vector<std::size_t> blocks;
   for (const FilterStep& step : pass.steps) {
     if (!step.observed) continue;
@@ -232,6 +234,7 @@ void Tester::innovations(const FilterResult& pass) {
           beat_variance(block.accel[axis], block.samples, accel_pulse_mps_) > pulses_at_most * variance[axis])
         v[axis] = 0.0;
     }
+    taking_part += static_cast<double>((v.array() != 0.0).count());
     u.push_back(v);
     blocks.push_back(step.block);
   }
@@ -244,6 +247,13 @@ void Tester::innovations(const FilterResult& pass) {
       sum[k] += product.sum();
       pairs[k] += static_cast<double>((product.array() != 0.0).count());
     }
+  double square = 0.0;
+  for (const Vector3d& v : u) square += v.squaredNorm();
+  square /= std::max(1.0, taking_part);
+  constexpr int near = 5;
+  for (int k = 0; k < near; ++k)
+    if (pairs[k] > 100.0)
+      result_.innovation_correlation = std::max(result_.innovation_correlation, std::abs(sum[k]) / (pairs[k] * square));
   LackOfFitTest test;
   test.family = "innovations";
   test.what = "correlation of the innovations over 1 to 30 s";

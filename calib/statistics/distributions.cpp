@@ -4,8 +4,8 @@
 
 namespace turncal {
 
-double chi_square_tail(double value, int degrees) {
-  return degrees > 0 && value > 0.0 ? Eigen::numext::igammac(0.5 * degrees, 0.5 * value) : 1.0;
+double chi_square_tail(double value, double degrees) {
+  return degrees > 0.0 && value > 0.0 ? Eigen::numext::igammac(0.5 * degrees, 0.5 * value) : 1.0;
 }
 
 double chi_square_1_limit(double tail_probability) {

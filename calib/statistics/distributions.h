@@ -4,7 +4,7 @@
 namespace turncal {
 
 // Upper tail of chi-square with n degrees of freedom; 1 for none.
-double chi_square_tail(double value, int degrees);
+double chi_square_tail(double value, double degrees);
 // What chi-square with one degree of freedom exceeds with this probability.
 double chi_square_1_limit(double tail_probability);
 // Upper tail of Fisher's F with these degrees of freedom.

@@ -72,7 +72,7 @@ void print_stages(const Diagnosis& d) {
   for (const std::string& name : d.gated_out)
     std::fprintf(stderr, "  not confirmed on held-out data: %s\n", name.c_str());
   for (const LackOfFitTest& t : d.lack_of_fit.tests)
-    std::fprintf(stderr, "  fit %-20s %8.1f of %4d  log10 p %7.2f  %s\n", t.family.c_str(), t.chi_square, t.degrees,
+    std::fprintf(stderr, "  fit %-20s %8.1f of %6.1f  log10 p %7.2f  %s\n", t.family.c_str(), t.chi_square, t.degrees,
                  t.log10_p, t.what.c_str());
   for (const Fault& f : d.extended.faults)
     std::fprintf(stderr, "  fault %lld-%lld: %s, %s\n", static_cast<long long>(f.first_sample),

@@ -191,6 +191,8 @@ void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d
               family.c_str());
   if (tests) {
     const NoiseModel& noise = d.extended.noise;
+    std::printf("reason %llu level %.3f correlation %.3f: %s\n", static_cast<unsigned long long>(seed),
+                d.extended.whiteness.level, d.lack_of_fit.innovation_correlation, d.reason.c_str());
     std::printf(
         "noise %llu %.5f %.3f %.5f %.3f\n", static_cast<unsigned long long>(seed),
         noise.angle_random_walk.mean() / radprs_per_degprh, noise.velocity_random_walk.mean() / mpsprs_per_ugprHz,
@@ -198,7 +200,7 @@ void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d
     for (const LackOfFitTest& t : d.lack_of_fit.tests) {
       std::string name = t.family;
       std::replace(name.begin(), name.end(), ' ', '_');
-      std::printf("test %llu %d %s %.2f %d %.3f\n", static_cast<unsigned long long>(seed), draw, name.c_str(),
+      std::printf("test %llu %d %s %.2f %.1f %.3f\n", static_cast<unsigned long long>(seed), draw, name.c_str(),
                   t.chi_square, t.degrees, t.log10_p);
     }
   }
