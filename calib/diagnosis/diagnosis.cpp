@@ -13,13 +13,6 @@
 namespace turncal {
 namespace {
 
-std::vector<std::string> names_of(const std::vector<EffectColumn>& columns) {
-  std::vector<std::string> names;
-  for (const EffectColumn& c : columns)
-    if (std::find(names.begin(), names.end(), c.entry->name) == names.end()) names.emplace_back(c.entry->name);
-  return names;
-}
-
 // Adds to the covariance what the free parameters and effects may be off by.
 void widen(JointResult& r, const std::vector<Eigen::VectorXd>& shifts, double factor) {
   r.covariance *= factor;

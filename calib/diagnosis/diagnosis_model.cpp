@@ -15,6 +15,13 @@ bool visible(const Scores& scores, int column) {
   return scores.kept[column] > SelectionLimits{}.visible_part && scores.Q(column, column) > 0.0;
 }
 
+std::vector<std::string> names_of(const std::vector<EffectColumn>& columns) {
+  std::vector<std::string> names;
+  for (const EffectColumn& c : columns)
+    if (std::find(names.begin(), names.end(), c.entry->name) == names.end()) names.emplace_back(c.entry->name);
+  return names;
+}
+
 DiagnosisModel::DiagnosisModel(const CompressedRecording& the_recording, const DiagnosisOptions& the_options)
     : recording(the_recording), options(the_options), catalogue(catalogue_columns(recording.info)), columns(catalogue) {
   const std::vector<EffectColumn> patterns = pattern_columns(recording);

@@ -15,6 +15,9 @@ double minus_two_log_likelihood(const JointResult& result);
 // Every column has a score; one of which the model already imitates all but a billionth says nothing.
 bool visible(const Scores& scores, int column);
 
+// Of the effects, each once.
+std::vector<std::string> names_of(const std::vector<EffectColumn>& columns);
+
 struct DiagnosisModel {
   DiagnosisModel(const CompressedRecording& recording, const DiagnosisOptions& options);
 

@@ -16,13 +16,6 @@ std::vector<EffectColumn> chosen_without(const DiagnosisModel& m, const std::str
   return without;
 }
 
-std::vector<std::string> names_of(const std::vector<EffectColumn>& columns) {
-  std::vector<std::string> names;
-  for (const EffectColumn& c : columns)
-    if (std::find(names.begin(), names.end(), c.entry->name) == names.end()) names.emplace_back(c.entry->name);
-  return names;
-}
-
 // The held-out data, in the order in which they are asked: a holdout recording, then dwells left out of the fitted one.
 class Gate {
  public:
