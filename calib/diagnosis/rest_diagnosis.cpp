@@ -8,35 +8,28 @@
 #include "calib/diagnosis/rest_choice.h"
 #include "calib/diagnosis/rest_diagnosis_model.h"
 #include "calib/diagnosis/rest_gate.h"
+#include "calib/rests/rest_units.h"
 
 namespace turncal {
 namespace {
 
-// Rows that are left over after the base fit are all that can speak for a name.
-std::string why_not_tested(const RestDiagnosisModel& m, const RestFit& base) {
-  double redundancy = 0.0;
-  for (const double r : base.redundancy) redundancy += r;
-  if (!base.converged) return "the 21 parameters could not be fitted: " + base.message;
-  std::string why;
-  if (redundancy < m.options.least_redundancy)
-    why = std::to_string(m.data.rests.size()) + " rests and " + std::to_string(m.data.legs.size()) +
-          " rotations leave " + std::to_string(static_cast<int>(std::lround(redundancy))) +
-          " observations beyond the 21 parameters, where " +
-          std::to_string(static_cast<int>(std::lround(m.options.least_redundancy))) + " are wanted";
-  const auto hangs = [&](RestKind kind, double left_out, double fitted) {
-    if (!(left_out > m.options.most_leverage * fitted)) return;
-    why += (why.empty() ? "the fit hangs on single rests: left out in turn, " : " and ") +
-           std::string("the error of ") + to_string(kind) + " is " +
-           std::to_string(static_cast<int>(std::lround(left_out / fitted))) + " times the fitted one";
-  };
-  if (why.empty() && base.undetermined.empty()) {
-    hangs(RestKind::norm, base.left_out.norm_rms_mps2, base.errors.norm_rms_mps2);
-    hangs(RestKind::direction, base.left_out.direction_rms_rad, base.errors.direction_rms_rad);
-  } else if (!base.undetermined.empty()) {
-    why += (why.empty() ? "" : "; ") + std::string("not determined:");
-    for (const std::string& key : base.undetermined) why += " " + key;
-  }
-  return why;
+std::string hangs_on_single_rests(RestKind kind, double left_out, double fitted, double most) {
+  if (!(left_out > most * fitted)) return {};
+  return std::string("left out in turn, the error of ") + to_string(kind) + " is " +
+         std::to_string(std::lround(left_out / fitted)) + " times the fitted one: the fit hangs on single rests";
+}
+
+bool of_accelerometers(const EffectEntry& entry) { return !entry.name.starts_with("gyro_"); }
+
+// Where gravity's norm hangs on single rests, so would every effect of the accelerometers.
+void judge_accelerometers(RestDiagnosisModel& m, RestDiagnosis& d) {
+  d.accel_not_tested = hangs_on_single_rests(RestKind::norm, d.base.left_out.norm_rms_mps2, d.base.errors.norm_rms_mps2,
+                                             m.options.most_leverage);
+  if (d.accel_not_tested.empty()) return;
+  std::erase_if(m.testable, [](const EffectColumn& column) { return of_accelerometers(*column.entry); });
+  for (RestCandidate& candidate : d.candidates)
+    if (candidate.remark.empty() && of_accelerometers(*find_effect(candidate.effect)))
+      candidate.remark = "not tested: " + d.accel_not_tested;
 }
 
 // What was found early may have been a stand-in for what was found later.
@@ -93,9 +86,12 @@ void conclude(const RestDiagnosisModel& m, RestDiagnosis& d) {
     worst = std::max(worst, ratio);
     if (ratio > 2.0) d.remainder.push_back(to_string(kind));
   }
-  d.verdict = !m.model.columns.empty()              ? RestDiagnosis::Verdict::extended
-              : worst > m.options.unexplained_ratio ? RestDiagnosis::Verdict::unexplained
-                                                    : RestDiagnosis::Verdict::clean;
+  d.verdict = !d.not_tested.empty()                 ? Verdict::not_tested
+              : !m.model.columns.empty()            ? Verdict::extended
+              : worst > m.options.unexplained_ratio ? Verdict::unexplained
+              : !d.accel_not_tested.empty()         ? Verdict::not_tested
+                                                    : Verdict::clean;
+  d.trusted = d.accel_not_tested.empty() && (d.verdict == Verdict::clean || d.verdict == Verdict::extended);
   std::stable_sort(d.candidates.begin(), d.candidates.end(),
                    [](const RestCandidate& a, const RestCandidate& b) { return a.score > b.score; });
 }
@@ -163,13 +159,23 @@ bool select_one(RestDiagnosisModel& m, RestDiagnosis& d, bool& table_filled) {
 
 }  // namespace
 
-const char* to_string(RestDiagnosis::Verdict verdict) {
-  switch (verdict) {
-    case RestDiagnosis::Verdict::clean: return "clean";
-    case RestDiagnosis::Verdict::extended: return "extended";
-    case RestDiagnosis::Verdict::unexplained: return "unexplained";
+// Rows that are left over after the base fit are all that can speak for a name.
+std::string why_not_tested(const RestData& data, const RestFit& base, const RestDiagnosisOptions& options) {
+  double redundancy = 0.0;
+  for (const double r : base.redundancy) redundancy += r;
+  if (!base.converged) return "the 21 parameters could not be fitted: " + base.message;
+  std::string why;
+  if (redundancy < options.least_redundancy)
+    why = std::to_string(data.rests.size()) + " rests and " + std::to_string(data.legs.size()) + " rotations leave " +
+          std::to_string(std::lround(redundancy)) + " observations beyond the 21 parameters, where " +
+          std::to_string(std::lround(options.least_redundancy)) + " are wanted";
+  if (!base.undetermined.empty()) {
+    why += (why.empty() ? "" : "; ") + std::string("not determined:");
+    for (const std::string& key : base.undetermined) why += " " + key;
   }
-  return "?";
+  if (!why.empty()) return why;
+  return hangs_on_single_rests(RestKind::direction, base.left_out.direction_rms_rad, base.errors.direction_rms_rad,
+                               options.most_leverage);
 }
 
 double rest_reference_temperature_c(const RestData& data) {
@@ -190,18 +196,23 @@ Result<RestDiagnosis> diagnose_rests(const RestData& data, const RestDiagnosisOp
   RestDiagnosisModel m(data, options);
   RestDiagnosis d;
   find_testable(m, d);
+  if (d.not_tested = wrong_units(data); !d.not_tested.empty()) {
+    d.base.message = d.not_tested;
+    return d;
+  }
   Result<RestFit> base = fit_rests(data, m.effect_model({}, Eigen::VectorXd()));
   if (!base) return base.error();
   d.base = *base;
   m.model.fit = *base;
-  d.not_tested = why_not_tested(m, d.base);
+  d.not_tested = why_not_tested(data, d.base, options);
   if (d.not_tested.empty()) {
+    judge_accelerometers(m, d);
     bool table_filled = false;
     while (static_cast<int>(m.model.columns.size()) < options.max_components && select_one(m, d, table_filled)) {
     }
   } else {
     for (RestCandidate& candidate : d.candidates)
-      if (candidate.remark.empty()) candidate.remark = "not tested: too few observations";
+      if (candidate.remark.empty()) candidate.remark = "not tested: " + d.not_tested;
   }
   conclude(m, d);
   return d;

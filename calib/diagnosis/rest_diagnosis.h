@@ -24,12 +24,17 @@
 // Where too little is left over after the base fit nothing is tested, since a residual of so few numbers fits any name:
 // fewer than least_redundancy observations, parameters that are not determined themselves, or a fit that hangs on single
 // rests (few distinct poses, however often they are taken), so that what is left out is predicted far worse than fitted.
+// The triads are judged apart: gravity's norm is the accelerometers' alone. Where only it hangs on single rests, effects of the
+// gyros are looked for, and none of the accelerometers. Units that are plainly wrong (rest_units.h) are not fitted at all.
+//
+// Verdict: not_tested when nothing was, or when the gyros' part is clean and the accelerometers were not tested.
 #pragma once
 
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "calib/diagnosis/diagnosis.h"
 #include "calib/model/effects.h"
 #include "calib/rests/rest_model.h"
 
@@ -84,7 +89,7 @@ struct RestEffect {
 };
 
 struct RestDiagnosis {
-  enum class Verdict { clean, extended, unexplained } verdict = Verdict::unexplained;
+  Verdict verdict = Verdict::not_tested;
   RestFit base;
   RestFit final;                                                          // equal to base when nothing was added
   std::vector<RestCandidate> candidates;                                  // highest score first
@@ -93,6 +98,8 @@ struct RestDiagnosis {
   std::vector<RestStage> stages;
   std::vector<std::string> struck_out;  // declared, but the left-out error did not fall, or absurdly large: key: why
   std::string not_tested;               // why no effect was tested at all; empty: they were
+  std::string accel_not_tested;         // why none of the accelerometers was; empty: they were, or nothing was
+  bool trusted = true;                  // every parameter is within its sigma, as far as this recording can tell
   std::vector<std::string> remainder;   // what stays above the white noise, in words
   double error_before = 0.0;            // rms of residuals over the final model's sigmas, fitted data
   double error_after = 0.0;
@@ -100,13 +107,15 @@ struct RestDiagnosis {
   double left_out_after = 0.0;
   RestHoldout holdout_before, holdout_after;  // of options.holdout; observations = 0 without one
 };
-const char* to_string(RestDiagnosis::Verdict verdict);
 
 // The observations of `data` at a fit and its effects (those of RestDiagnosis::effects; none for the base).
 RestSystem rest_system_at(const RestData& data, const RestFit& fit, const std::vector<RestEffect>& effects,
                           double reference_temperature_c);
 // What temperature effects are referred to: the mean of the recording, 0 without a thermometer.
 double rest_reference_temperature_c(const RestData& data);
+
+// Why a fit cannot be judged: nothing beyond it is left, or it hangs on single rests. Empty: it can.
+std::string why_not_tested(const RestData& data, const RestFit& base, const RestDiagnosisOptions& options = {});
 
 Result<RestDiagnosis> diagnose_rests(const RestData& data, const RestDiagnosisOptions& options = {});
 

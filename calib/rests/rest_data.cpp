@@ -2,7 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
+#include <span>
+
+#include "calib/model/parameters.h"
+#include "calib/statistics/stillness.h"
 
 namespace turncal {
 namespace {
@@ -50,24 +55,46 @@ Rest make_rest(const CompressedRecording& recording, std::size_t first, std::siz
   return rest;
 }
 
+std::string samples_text(std::int64_t count) { return std::to_string(count) + " sample" + (count == 1 ? "" : "s"); }
+
+// The rate of an increment a sample, by the nominal scale.
+std::string rate_text(const RecordingInfo& info, double increment) {
+  const double radps = sensor_model(start_parameters(info), info).gyro_scale(0, 0) * increment / info.sample_period_s;
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g deg/s", radps / rad_per_deg);
+  return text;
+}
+
 std::string fault_in(const CompressedRecording& recording, std::size_t first, std::size_t end) {
   if (first >= end) return "no sample between the two rests";
   const std::int64_t from = recording.blocks[first].start_sample;
   const Block& last = recording.blocks[end - 1];
   const std::int64_t to = last.start_sample + last.samples + last.missing;
+  const auto in_leg = [&](const DataEvent& event) {
+    return event.sample < to && event.sample + std::max<std::int64_t>(event.count, 1) > from;
+  };
   for (const DataEvent& event : recording.events)
-    if (event.sample >= from && event.sample < to && event.kind != DataEvent::Kind::duplicate)
-      return std::string(to_string(event.kind)) + " of " + std::to_string(event.count) + " sample" +
-             (event.count == 1 ? "" : "s") + " at sample " + std::to_string(event.sample);
+    if (event.kind == DataEvent::Kind::invalid && event.axis >= 0 && in_leg(event))
+      return std::string("gyro ") + "xyz"[event.axis] + " clipped at " + rate_text(recording.info, event.size) +
+             " for " + samples_text(event.count) + " from sample " + std::to_string(event.sample);
+  for (const DataEvent& event : recording.events)
+    if (event.kind != DataEvent::Kind::duplicate && event.sample >= from && event.sample < to)
+      return std::string(to_string(event.kind)) + " of " + samples_text(event.count) + " at sample " +
+             std::to_string(event.sample);
   return {};
 }
 
-// Half the mean square of differences of neighbouring blocks in rests, as a white density; the median keeps out knocks.
-void measure_noise(RestData& data) {
-  const CompressedRecording& recording = *data.recording;
+struct Run {  // blocks
+  std::size_t first = 0;
+  std::size_t end = 0;
+};
+
+// White variance a second and channel: half the mean square of differences of neighbouring blocks; the median keeps out knocks. Zero
+// when there are fewer than `least` differences.
+SixChannels white_variance(const CompressedRecording& recording, std::span<const Run> runs, std::size_t least) {
   std::vector<double> squares[6];
-  for (const Rest& rest : data.rests)
-    for (std::size_t k = rest.whole.first_block; k + 1 < rest.whole.end_block; ++k) {
+  for (const Run& run : runs)
+    for (std::size_t k = run.first; k + 1 < run.end; ++k) {
       const Block& a = recording.blocks[k];
       const Block& b = recording.blocks[k + 1];
       if (a.samples != b.samples || a.missing != 0 || b.missing != 0) continue;
@@ -76,13 +103,54 @@ void measure_noise(RestData& data) {
         squares[3 + axis].push_back(std::pow(a.accel[axis] - b.accel[axis], 2) / (2.0 * a.duration_s));
       }
     }
-  if (squares[0].size() < 10) return;
+  SixChannels variance = SixChannels::Zero();
+  if (squares[0].size() < least) return variance;
   constexpr double median_of_chi_square = 0.454936;
   for (int channel = 0; channel < 6; ++channel) {
     const auto middle = squares[channel].begin() + static_cast<std::ptrdiff_t>(squares[channel].size() / 2);
     std::nth_element(squares[channel].begin(), middle, squares[channel].end());
-    (channel < 3 ? data.gyro_white : data.accel_white)[channel % 3] = std::sqrt(*middle / median_of_chi_square);
+    variance[channel] = *middle / median_of_chi_square;
   }
+  return variance;
+}
+
+// Cuts `run` to what stands still; false when it is no rest. `white`: of all rests.
+bool verify(const CompressedRecording& recording, const SixChannels& white, Run& run, std::vector<std::string>& notes) {
+  const auto seconds = [&](std::size_t block) {
+    return static_cast<double>(recording.blocks[block].start_sample - recording.blocks.front().start_sample) *
+           recording.info.sample_period_s;
+  };
+  const auto say = [&](const char* what, double number) {
+    char text[160];
+    std::snprintf(text, sizeof text, "rest at %.1f s %s %.3g", seconds(run.first), what, number);
+    notes.push_back(text);
+  };
+  const SixChannels own = white_variance(recording, {&run, 1}, 3);
+  const double tremor = std::max(own.head<3>().sum() / std::max(white.head<3>().sum(), 1e-300),
+                                 own.tail<3>().sum() / std::max(white.tail<3>().sum(), 1e-300));
+  if ((white > 0.0).all() && tremor > most_tremor) {
+    say("set aside: the unit moves there, its variance over that of the other rests is", tremor);
+    return false;
+  }
+  std::vector<SixChannels> means;
+  for (std::size_t k = run.first; k < run.end; ++k) {
+    const Block& block = recording.blocks[k];
+    means.emplace_back();
+    means.back() << block.gyro.array() / block.duration_s, block.accel.array() / block.duration_s;
+  }
+  const StillPart part = longest_still(means, (white / recording.blocks[run.first].duration_s).sqrt());
+  if (part.end - part.first == means.size()) return true;
+  const Run cut{run.first + part.first, run.first + part.end};
+  constexpr std::size_t fewest_blocks = 4;
+  if (part.end - part.first < fewest_blocks) {
+    say("set aside: the unit moves there; seconds of it that are still:",
+        part.end > part.first ? seconds(cut.end - 1) - seconds(cut.first) : 0.0);
+    return false;
+  }
+  say("cut to where the unit stands still; seconds cut:",
+      seconds(run.end - 1) - seconds(run.first) - seconds(cut.end - 1) + seconds(cut.first));
+  run = cut;
+  return true;
 }
 
 }  // namespace
@@ -102,31 +170,32 @@ RestData make_rest_data(const CompressedRecording& recording, double edge_s) {
   const auto still = [&](std::size_t k) {
     return recording.segments[static_cast<std::size_t>(recording.blocks[k].segment)].kind != SegmentKind::rotate;
   };
-  std::size_t last_end = 0;
-  for (std::size_t k = 0; k < recording.blocks.size();) {
-    if (!still(k)) {
-      ++k;
-      continue;
-    }
-    std::size_t end = k;
-    while (end < recording.blocks.size() && still(end)) ++end;
+  std::vector<Run> runs;
+  for (std::size_t k = 0; k < recording.blocks.size(); ++k) {
+    if (!still(k)) continue;
+    if (runs.empty() || runs.back().end != k) runs.push_back({k, k});
+    runs.back().end = k + 1;
+  }
+  const SixChannels white = white_variance(recording, runs, 10);
+  std::erase_if(runs, [&](Run& run) { return !verify(recording, white, run, data.notes); });
+  for (const Run& run : runs) {
     if (!data.rests.empty()) {
       RestLeg leg;
       leg.from = data.rests.size() - 1;
-      leg.first_block = last_end;
-      leg.end_block = k;
-      for (std::size_t b = last_end; b < k; ++b) {
+      leg.first_block = data.rests.back().whole.end_block;
+      leg.end_block = run.first;
+      for (std::size_t b = leg.first_block; b < leg.end_block; ++b) {
         leg.duration_s += recording.blocks[b].duration_s;
         leg.turn_increments += recording.blocks[b].gyro.norm();
       }
-      leg.fault = fault_in(recording, last_end, k);
+      leg.fault = fault_in(recording, leg.first_block, leg.end_block);
       data.legs.push_back(std::move(leg));
     }
-    data.rests.push_back(make_rest(recording, k, end, edge_s));
-    last_end = end;
-    k = end;
+    data.rests.push_back(make_rest(recording, run.first, run.end, edge_s));
   }
-  measure_noise(data);
+  const SixChannels density = white_variance(recording, runs, 10).sqrt();
+  data.gyro_white = density.head<3>();
+  data.accel_white = density.tail<3>();
   return data;
 }
 

@@ -1,7 +1,9 @@
 // A recording without table angles, seen as rests and the rotations by hand between them.
 //
 // A rest is a run of static segments, a leg the rotation between two neighbouring rests. What comes before the first
-// and after the last rest is not used. Headings are unknown: only gravity ties one rest to the next.
+// and after the last rest is not used. Whoever found the rests, they are verified: each is cut to the longest stretch that stands
+// still (calib/statistics/stillness.h), and one that shakes by more than most_tremor is none; what is cut belongs to the legs. A leg
+// with lost, invalid or clipped samples has a fault and is set aside. Headings are unknown: only gravity ties one rest to the next.
 //
 // A unit that was put down by hand creeps, so a leg starts from the direction of gravity in the last second of one rest
 // and ends in the first second of the next, and the gyros' mean at rest is taken between the middles of these two
@@ -59,6 +61,7 @@ struct RestData {
   // in increments per sqrt(s). Zero when there are fewer than ten differences.
   Eigen::Vector3d gyro_white = Eigen::Vector3d::Zero();
   Eigen::Vector3d accel_white = Eigen::Vector3d::Zero();
+  std::vector<std::string> notes;  // rests that were cut or set aside, one sentence each
 };
 
 RestData make_rest_data(const CompressedRecording& recording, double edge_s = 1.0);

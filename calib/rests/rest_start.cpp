@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -60,44 +61,52 @@ double direction_misfit(const RestData& data, const Parameters& parameters) {
   return sum;
 }
 
+// Accelerometers from the ellipsoid, gyro bias from the means at rest, for any common factor on the nominal gyro scale.
+class CoarseStart {
+ public:
+  explicit CoarseStart(const RestData& data) : start_(start_parameters(data.recording->info)) {
+    const RecordingInfo& info = data.recording->info;
+    unit_ = si_per_unit(info);
+    if (const std::optional<AccelStart> accel = ellipsoid(data, info.gravity_mps2)) {
+      for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j < 3; ++j) start_.a(i, j) = accel->scale(i, j) / unit_[15 + 3 * i + j];
+        start_.A0_g[i] = accel->bias[i] / unit_[3 + i];
+      }
+    }
+    double total_s = 0.0;
+    for (const Rest& rest : data.rests) {
+      mean_ += rest.gyro_between * rest.between_s;
+      total_s += rest.between_s;
+    }
+    mean_ /= total_s;
+  }
+  Parameters with_factor(double factor) const {
+    Parameters p = start_;
+    p.n = start_.n * factor;
+    for (int axis = 0; axis < 3; ++axis)
+      p.N0_degph[axis] = p.n(axis, axis) * unit_[6 + 4 * axis] * mean_[axis] / unit_[axis];
+    return p;
+  }
+
+ private:
+  Parameters start_;
+  ParameterVector unit_;
+  Vector3d mean_ = Vector3d::Zero();
+};
+
 }  // namespace
 
 Result<Parameters> coarse_rest_parameters(const RestData& data) {
-  const RecordingInfo& info = data.recording->info;
   std::size_t usable = 0;
   for (const RestLeg& leg : data.legs) usable += leg.fault.empty() ? 1 : 0;
   if (data.rests.size() < 4 || usable < 3)
     return input_error(
         "calibration with unknown angles wants at least 4 rests and 3 rotations without lost samples; found " +
         std::to_string(data.rests.size()) + " and " + std::to_string(usable));
-  Parameters parameters = start_parameters(info);
-  const ParameterVector unit = si_per_unit(info);
-  if (const std::optional<AccelStart> accel = ellipsoid(data, info.gravity_mps2)) {
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) parameters.a(i, j) = accel->scale(i, j) / unit[15 + 3 * i + j];
-      parameters.A0_g[i] = accel->bias[i] / unit[3 + i];
-    }
-  }
-  Vector3d mean = Vector3d::Zero();
-  double total_s = 0.0;
-  for (const Rest& rest : data.rests) {
-    mean += rest.gyro_between * rest.between_s;
-    total_s += rest.between_s;
-  }
-  mean /= total_s;
-
-  // One common factor on the nominal gyro scale: coarse steps over a factor of two either way, then finer around the
-  // best.
-  const Matrix3d nominal = parameters.n;
-  const auto with_factor = [&](double factor) {
-    Parameters p = parameters;
-    p.n = nominal * factor;
-    for (int axis = 0; axis < 3; ++axis)
-      p.N0_degph[axis] = p.n(axis, axis) * unit[6 + 4 * axis] * mean[axis] / unit[axis];
-    return p;
-  };
+  const CoarseStart start(data);
+  // Coarse steps over a factor of two either way, then finer around the best.
   double best = 1.0;
-  double best_misfit = direction_misfit(data, with_factor(1.0));
+  double best_misfit = direction_misfit(data, start.with_factor(1.0));
   const double satisfied = static_cast<double>(usable) * 0.1 * 0.1;  // rad^2: Gauss-Newton finds the rest of the way
   if (best_misfit > satisfied) {
     for (double step : {0.05, 0.01}) {
@@ -105,7 +114,7 @@ Result<Parameters> coarse_rest_parameters(const RestData& data) {
       const int reach = step > 0.02 ? 14 : 5;
       for (int k = -reach; k <= reach; ++k) {
         const double factor = centre * std::exp(k * step);
-        const double misfit = direction_misfit(data, with_factor(factor));
+        const double misfit = direction_misfit(data, start.with_factor(factor));
         if (misfit < best_misfit) {
           best_misfit = misfit;
           best = factor;
@@ -113,7 +122,13 @@ Result<Parameters> coarse_rest_parameters(const RestData& data) {
       }
     }
   }
-  return with_factor(best);
+  return start.with_factor(best);
+}
+
+double rest_misfit_rad(const RestData& data, double gyro_factor) {
+  const double usable = static_cast<double>(
+      std::count_if(data.legs.begin(), data.legs.end(), [](const RestLeg& leg) { return leg.fault.empty(); }));
+  return std::sqrt(direction_misfit(data, CoarseStart(data).with_factor(gyro_factor)) / std::max(1.0, usable));
 }
 
 }  // namespace turncal

@@ -15,4 +15,8 @@ namespace turncal {
 
 Result<Parameters> coarse_rest_parameters(const RestData& data);
 
+// Angle by which gravity's direction is missed after a turn, rms over the legs without a fault, with the coarse accelerometers and the
+// nominal gyro scale times `gyro_factor`.
+double rest_misfit_rad(const RestData& data, double gyro_factor);
+
 }  // namespace turncal

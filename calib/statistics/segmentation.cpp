@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "calib/statistics/stillness.h"
+
 namespace turncal {
 namespace {
 
@@ -33,7 +35,10 @@ void RestFinder::add(std::span<const ImuSample> samples) {
   for (const ImuSample& sample : samples) {
     Eigen::Array<double, 6, 1> x;
     x << sample.gyro[0], sample.gyro[1], sample.gyro[2], sample.accel[0], sample.accel[1], sample.accel[2];
-    if (!have_origin_) origin_ = x;
+    if (!have_origin_) {
+      origin_ = x;
+      last_gyro_ = x.head<3>();
+    }
     const bool gap = (have_origin_ && sample.counter != next_) || (sample.flags & sample_flag_invalid) != 0;
     have_origin_ = true;
     next_ = sample.counter + 1;
@@ -46,6 +51,8 @@ void RestFinder::add(std::span<const ImuSample> samples) {
     cell.gap = cell.gap || gap;
     cell.end = sample.counter + 1;
     ++cell.samples;
+    if (!gap) cell.gyro_changes += (x.head<3>() - last_gyro_).square().sum();
+    last_gyro_ = x.head<3>();
     x -= origin_;  // variances of small differences keep their digits
     cell.sum += x;
     cell.squares += x * x;
@@ -59,8 +66,10 @@ std::vector<RestFinder::Window> RestFinder::window_variances() const {
     Eigen::Array<double, 6, 1> sum = Eigen::Array<double, 6, 1>::Zero();
     Eigen::Array<double, 6, 1> squares = sum;
     double n = 0.0;
+    double changes = 0.0;
     bool gap = false;
     for (std::size_t c = k; c < k + width; ++c) {
+      changes += cells_[c].gyro_changes;
       sum += cells_[c].sum;
       squares += cells_[c].squares;
       n += cells_[c].samples;
@@ -68,6 +77,7 @@ std::vector<RestFinder::Window> RestFinder::window_variances() const {
     }
     const Eigen::Array<double, 6, 1> variance = ((squares - sum * sum / n) / std::max(n - 1.0, 1.0)).max(0.0);
     windows[k] = {variance.head<3>().mean(), variance.tail<3>().mean()};
+    if (changes > 0.0) windows[k].smoothness = 2.0 * n * variance.head<3>().sum() / changes;
     if (gap) windows[k].gyro = windows[k].accel = INFINITY;
   }
   return windows;
@@ -87,7 +97,7 @@ void RestFinder::choose_threshold(const std::vector<double>& ratios, Segmentatio
   double begin = first;
   const auto judge = [&](double end, int count) {
     const double length = end - begin;
-    if (count >= fewest_rests && length > best_length + 1e-9) {
+    if (count >= fewest_rests && length > best_length + 1e-9 && begin <= std::log10(most_tremor)) {
       best_length = length;
       result.plateau_begin = std::pow(10.0, begin);
       result.plateau_end = std::pow(10.0, end);
@@ -181,6 +191,27 @@ void RestFinder::drop_slow_turns(std::vector<Run>& runs, Segmentation& result) c
   }
 }
 
+void RestFinder::cut_to_still(std::vector<Run>& runs, Segmentation& result) const {
+  SixChannels noise;
+  noise << Eigen::Array3d::Constant(result.quiet_gyro), Eigen::Array3d::Constant(result.quiet_accel);
+  noise /= std::sqrt(static_cast<double>(cell_samples_));
+  const auto guard = static_cast<std::int64_t>(std::lround(options_.guard_s / period_s_));
+  std::vector<SixChannels> means;
+  for (Run& run : runs) {
+    // The guard is cut off later: what moves in it is no reason to cut more, and a cut keeps its distance for it.
+    const auto spared = static_cast<std::size_t>(guard / cell_samples_);
+    const std::size_t first = run.first == 0 ? 0 : std::min(run.first + spared, run.end);
+    const std::size_t end = run.end == cells_.size() ? run.end : std::max(run.end - spared, first);
+    means.clear();
+    for (std::size_t c = first; c < end; ++c) means.push_back(cells_[c].sum / std::max(1, cells_[c].samples));
+    const StillPart part = longest_still(means, noise);
+    if (part.first == 0 && part.end == means.size()) continue;
+    ++result.cut;
+    if (part.end < means.size()) run.end = first + part.end;
+    if (part.first > 0) run.first = first + part.first;
+  }
+}
+
 Segmentation RestFinder::finish() {
   Segmentation result;
   const std::vector<Window> windows = window_variances();
@@ -200,11 +231,32 @@ Segmentation RestFinder::finish() {
   result.quiet_accel = std::sqrt(quiet_accel);
   std::vector<double> ratios;
   for (const Window& w : windows) ratios.push_back(std::max(w.gyro / quiet_gyro, w.accel / quiet_accel));
-  choose_threshold(ratios, result);
+  // The quietest fifth, by the gyros.
+  std::vector<double> smooth;
+  const double quiet_fifth = quantile(gyro, 0.2);
+  for (const Window& w : windows)
+    if (w.gyro <= quiet_fifth) smooth.push_back(w.smoothness);
+  result.smoothness = quantile(smooth, 0.5);
+  if (result.smoothness > options_.smooth_motion) {
+    result.reason = "even in its quietest fifth the gyros follow a smooth motion and no noise (variance " +
+                    rounded(result.smoothness) +
+                    " times that of neighbouring samples): the unit swings and never rests";
+    return result;
+  }
+  if (options_.threshold) {
+    result.threshold = result.plateau_begin = result.plateau_end = *options_.threshold;
+    result.reason = "given";
+  } else {
+    choose_threshold(ratios, result);
+  }
   std::vector<Run> runs = runs_below(ratios, result.threshold);
   const auto guard = static_cast<std::int64_t>(std::lround(options_.guard_s / period_s_));
   drop_short(runs);
   drop_slow_turns(runs, result);
+  const std::size_t found = runs.size();
+  cut_to_still(runs, result);
+  drop_short(runs);
+  result.moving = static_cast<int>(found - runs.size());
   const std::int64_t first = cells_.front().start;
   const std::int64_t end = cells_.back().end;
   std::int64_t at = first;

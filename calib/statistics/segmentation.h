@@ -8,17 +8,24 @@
 // is near 1 at rest and 10 to 10^7 in motion. A hand that holds the unit shakes it, so the threshold cannot follow from
 // the noise: it is looked for where the outcome does not depend on it. Of all thresholds from what noise reaches to
 // 10^5 times that, in steps of 26 %, the longest stretch over which the number of rests (four or more) stays the same
-// is taken, and in it a point near the lower end. Hysteresis: a rest begins where R falls below the threshold and ends
+// is taken, and in it a point near the lower end. A stretch that begins above most_tremor (stillness.h) is none: what shakes so much
+// moves. Hysteresis: a rest begins where R falls below the threshold and ends
 // where R rises above three times it, or stays above the threshold for a whole window. Cells of quiet windows are at
 // rest; guard_s is cut at both ends, where a window may still hold the end of a motion; shorter than min_rest_s is no
 // rest. A slow even turn is as quiet as a rest: one whose mean rate stands out from the others (by slow_turn_sigmas
 // robust deviations and more than the sample noise) is taken out.
+//
+// What was found verifies itself. Each rest is cut to the longest stretch that stands still (stillness.h), which takes the slow start
+// of a turn off its ends. And the quiet level must be noise: the variance of a window about its mean is set against half the mean
+// square of the differences of neighbouring samples, 1 for white noise and (2 n / 2 pi)^2 / 2 and the like for a smooth motion that
+// turns back within n samples. Where that ratio is above smooth_motion in the gyros' quiet windows, the unit swings: no rest.
 //
 // Pure function of the samples; memory: 100 bytes a cell. Not modelled: gaps (a cell with one is in motion).
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -33,6 +40,8 @@ struct SegmentationOptions {
   double min_rest_s = 1.5;
   double guard_s = 0.3;
   double slow_turn_sigmas = 8.0;
+  std::optional<double> threshold;  // on R, given and not looked for
+  double smooth_motion = 30.0;      // a filter of a tenth of the bandwidth makes 10
 };
 
 struct Segmentation {
@@ -42,8 +51,11 @@ struct Segmentation {
   double quiet_accel = 0.0;
   double plateau_begin = 0.0;  // thresholds between which the number of rests stays the same
   double plateau_end = 0.0;
-  int slow_turns = 0;  // taken out
-  std::string reason;  // one sentence
+  int slow_turns = 0;       // taken out
+  int cut = 0;              // rests that were shortened because the unit still moved in them
+  int moving = 0;           // taken out: too little of them was still
+  double smoothness = 0.0;  // variance over half the mean square difference, gyros, median of the quiet windows
+  std::string reason;       // one sentence
 };
 
 // Feeds on chunks of a stream; finish() gives the result.
@@ -61,10 +73,12 @@ class RestFinder {
     bool gap = false;
     Eigen::Array<double, 6, 1> sum = Eigen::Array<double, 6, 1>::Zero();  // less the first sample of the stream
     Eigen::Array<double, 6, 1> squares = Eigen::Array<double, 6, 1>::Zero();
+    double gyro_changes = 0.0;  // sum of squared differences to the sample before, over the three axes
   };
   struct Window {
     double gyro = 0.0;  // mean variance over the axes
     double accel = 0.0;
+    double smoothness = 1.0;  // of the gyros
   };
   struct Run {
     std::size_t first = 0;  // cells
@@ -76,6 +90,7 @@ class RestFinder {
   void choose_threshold(const std::vector<double>& ratios, Segmentation& result) const;
   std::vector<Run> runs_below(const std::vector<double>& ratios, double threshold) const;
   void drop_slow_turns(std::vector<Run>& runs, Segmentation& result) const;
+  void cut_to_still(std::vector<Run>& runs, Segmentation& result) const;
   Eigen::Vector3d mean_gyro(const Run& run) const;
 
   SegmentationOptions options_;
@@ -83,6 +98,7 @@ class RestFinder {
   int cell_samples_;
   bool have_origin_ = false;
   Eigen::Array<double, 6, 1> origin_ = Eigen::Array<double, 6, 1>::Zero();
+  Eigen::Array3d last_gyro_ = Eigen::Array3d::Zero();
   std::int64_t next_ = 0;
   std::vector<Cell> cells_;
 };

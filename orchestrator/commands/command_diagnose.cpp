@@ -137,9 +137,11 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
   context.out << '\n';
   if (const std::string& problem = output->files.report.plot_problem; !problem.empty())
     context.out << "report without plots: " << problem << '\n';
-  context.out << "report      " << folder->file(report_name) << "\ndiagnosis   " << folder->file(diagnosis_name)
-              << "\nparameters  " << folder->file(parameters_name_of_diagnosis) << "\n"
-              << significant(steady_wall_s() - began_s, 2) << " s" << std::endl;
+  const DiagnosisFiles& files = output->files;
+  if (!files.report.html.empty()) context.out << "report      " << folder->file(report_name) << '\n';
+  context.out << "diagnosis   " << folder->file(diagnosis_name) << '\n';
+  if (files.parameters) context.out << "parameters  " << folder->file(parameters_name_of_diagnosis) << '\n';
+  context.out << significant(steady_wall_s() - began_s, 2) << " s" << std::endl;
   return output->diagnosis.verdict;
 }
 

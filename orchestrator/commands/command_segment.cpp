@@ -1,8 +1,12 @@
 #include "orchestrator/commands/command_segment.h"
 
 #include <cstdio>
+#include <functional>
 #include <memory>
+#include <optional>
 
+#include "calib/rests/rest_data.h"
+#include "calib/rests/rest_units.h"
 #include "calib/statistics/segmentation.h"
 #include "imu_io/recordings/csv_map_import.h"
 #include "imu_io/recordings/recording_source.h"
@@ -19,6 +23,7 @@ struct SegmentOptions {
   std::string source;
   std::string out;
   double min_rest_s = SegmentationOptions{}.min_rest_s;
+  std::optional<double> threshold;
 };
 
 template <class... Numbers>
@@ -40,8 +45,10 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
                      found.quiet_accel);
   }
   if (found.slow_turns > 0) {
-    out << found.slow_turns << " quiet stretches taken out: their mean rate is that of a slow rotation\n";
+    out << found.slow_turns << " quiet stretches taken out: their mean rate is that of a slow turn\n";
   }
+  if (found.cut > 0) out << found.cut << " rests cut to where the unit stands still\n";
+  if (found.moving > 0) out << found.moving << " rests taken out: too little of them is still\n";
   int rest = 0;
   out << "rest      from s        to s    length s\n";
   for (const Segment& s : found.segments) {
@@ -50,6 +57,18 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
                      static_cast<double>(s.end_sample - first) * period,
                      static_cast<double>(s.end_sample - s.start_sample) * period);
   }
+}
+
+// What is plainly wrong with the units, where there are rests to tell it by.
+void warn_of_units(const RecordingInfo& info, const Segments& segments,
+                   const std::function<void(SegmentedFeed&)>& feed_samples, std::ostream& out) {
+  Compressor compressor(info, rest_compression_options());
+  SegmentedFeed feed(compressor, segments);
+  feed_samples(feed);
+  feed.finish();
+  const CompressedRecording recording = compressor.take();
+  if (const std::string wrong = wrong_units(make_rest_data(recording)); !wrong.empty())
+    out << "units: " << wrong << std::endl;
 }
 
 Status segment_recording(const SegmentOptions& options, CommandContext& context) {
@@ -61,6 +80,7 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   if (!folder) return folder.error();
   SegmentationOptions segmentation;
   segmentation.min_rest_s = options.min_rest_s;
+  segmentation.threshold = options.threshold;
   RestFinder finder(source.info(), segmentation);
   const Status read = source.read([&](std::span<const ImuSample> samples) {
     finder.add(samples);
@@ -73,6 +93,16 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   if (Status status = import_binary(source, found.segments, folder->file(binary_recording_name)); !status)
     return status;
   folder->keep();
+  warn_of_units(
+      source.info(), found.segments,
+      [&](SegmentedFeed& feed) {
+        const Status again = source.read([&](std::span<const ImuSample> samples) {
+          feed.add(samples);
+          return Status();
+        });
+        (void)again;  // read once already
+      },
+      context.out);
   context.out << "written to " << folder->path() << ": " << found.segments.size() << " segments" << std::endl;
   return {};
 }
@@ -98,6 +128,9 @@ Status import_mapped_csv(const MappedImport& from, const std::string& out, Comma
     context.out << content->clipped << " samples clipped: a gyro repeats its extreme value" << std::endl;
   if (content->bad_rows > 0)
     context.out << content->bad_rows << " bad rows skipped, the first: " << content->first_bad << std::endl;
+  if (const Segmentation found = find_rests(content->info, content->samples); !found.segments.empty())
+    warn_of_units(
+        content->info, found.segments, [&](SegmentedFeed& feed) { feed.add(content->samples); }, context.out);
   return {};
 }
 
@@ -106,6 +139,10 @@ void add_segment_command(CommandLine& line, CommandContext& context) {
   const Command command = line.command("segment", "find the rests of a recording and write it with segments");
   command.option("source", options->source, "recording: a folder or a .tcr file").required();
   command.option("--out", options->out, "folder to write to; must not hold a recording yet").required();
+  command
+      .option("--threshold", options->threshold,
+              "variance over the quiet one at which a rest ends; default: looked for")
+      .positive();
   command.option("--min-rest", options->min_rest_s, "shortest rest, s").positive();
   command.runs(context, [options, &context] { return segment_recording(*options, context); });
 }

@@ -6,7 +6,9 @@
 #include <map>
 
 #include "calib/closed_form/closed_form.h"
+#include "calib/diagnosis/rest_diagnosis.h"
 #include "calib/rests/rest_model.h"
+#include "calib/rests/rest_units.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/rest_view.h"
 #include "orchestrator/station/version.h"
@@ -79,6 +81,8 @@ Status joint(const CompressedRecording& recording, bool partial, CalibrationOutp
 
 Status rests_by_hand(const CompressedRecording& recording, bool partial, CalibrationOutput& output) {
   const RestData data = make_rest_data(recording);
+  output.notes.insert(output.notes.end(), data.notes.begin(), data.notes.end());
+  if (const std::string wrong = wrong_units(data); !wrong.empty()) return input_error(wrong);
   const Result<RestFit> fit = fit_rests(data, EffectModel{});
   if (!fit) return fit.error();
   if (!fit->converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + fit->message};
@@ -88,7 +92,13 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
     return input_error("these rests and rotations do not determine" + keys +
                        ": expected more of them, about other axes (--partial writes what there is)");
   }
+  const std::string unjudged = why_not_tested(data, *fit);
+  if (!unjudged.empty() && !partial)
+    return input_error("not tested: the data determine nothing that could be judged: " + unjudged +
+                       " (--partial writes what there is)");
   describe_rest_fit(*fit, {}, data, output.file);
+  output.file.add_further("quality.trusted", std::string(unjudged.empty() ? "true" : "false"));
+  if (!unjudged.empty()) output.notes.push_back("not tested: " + unjudged);
   output.notes.push_back("no table angles: " + std::to_string(data.rests.size()) + " rests and " +
                          std::to_string(data.legs.size()) + " rotations by hand, settled after " +
                          std::to_string(fit->iterations) + " iterations");

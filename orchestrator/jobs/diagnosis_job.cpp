@@ -3,9 +3,11 @@
 #include <algorithm>
 
 #include "calib/diagnosis/rest_diagnosis.h"
+#include "calib/rests/single_pose.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/report/diagnosis_text.h"
+#include "orchestrator/report/pose_report.h"
 #include "orchestrator/report/rest_report.h"
 #include "orchestrator/report/rest_view.h"
 
@@ -61,6 +63,19 @@ Result<DiagnosisOutput> of_table(const LoadedRecording& recording, const Diagnos
   return DiagnosisOutput{std::move(diagnosis), std::move(files), std::move(table)};
 }
 
+// It lies still all the time: what that tells.
+Result<DiagnosisOutput> of_single_pose(const LoadedRecording& recording) {
+  const Result<LoadedRecording> in_seconds = load_recording(recording.path, {}, CompressionOptions{});
+  if (!in_seconds) return in_seconds.error();
+  const Result<SinglePose> pose = analyse_single_pose(in_seconds->data);
+  if (!pose) return input_error(recording.path + ": " + pose.error().message);
+  DiagnosisOutput output;
+  output.diagnosis.verdict = Verdict::not_tested;
+  output.files.conf = format_pose(*pose);
+  output.table = pose_table(*pose);
+  return output;
+}
+
 Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const DiagnosisRequest& request,
                                        DiagnosisContext& context) {
   if (request.noise)
@@ -68,6 +83,7 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
                        ": has no table angles: expected no --arw, --vrw or bias instability, the noise is "
                        "measured in the rests");
   const RestData data = make_rest_data(recording.data);
+  if (data.rests.size() == 1) return of_single_pose(recording);
   std::optional<RestData> other;
   RestDiagnosisOptions settings;
   if (request.holdout) {
@@ -78,9 +94,7 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
   request.phase("diagnosing: fit, scores of the catalogue, selection, rests left out");
   const Result<RestDiagnosis> result = diagnose_rests(data, settings);
   if (!result) return Error{result.error().kind, recording.path + ": " + result.error().message};
-  if (!result->base.converged)
-    return Error{ErrorKind::unit_failed,
-                 recording.path + ": the base model could not be fitted: " + result->base.message};
+  context.notes.insert(context.notes.end(), data.notes.begin(), data.notes.end());
   context.false_alarm = settings.false_alarm;
   context.method = rest_method;
   context.hand_turned = true;
@@ -88,7 +102,8 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
   request.phase("writing the report");
   DiagnosisFiles files = rest_diagnosis_files(*result, data, diagnosis, context);
   std::vector<std::string> table =
-      terminal_table(diagnosis, context, rest_words(*result, data, diagnosis, Alphabet::plain));
+      result->base.converged ? terminal_table(diagnosis, context, rest_words(*result, data, diagnosis, Alphabet::plain))
+                             : std::vector{"verdict     " + verdict_sentence(diagnosis, context, Alphabet::plain)};
   return DiagnosisOutput{std::move(diagnosis), std::move(files), std::move(table)};
 }
 

@@ -1,6 +1,7 @@
 #include "orchestrator/jobs/effect_terms.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "calib/joint/joint_estimate.h"
 #include "calib/joint/joint_faults.h"
@@ -59,15 +60,18 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
   const auto nowhere = [&] {
     return input_error(source.path() + ": has no segments, expected some to evaluate effects over");
   };
-  if (source.segments().empty()) return nowhere();
+  EffectModel model =
+      make_effect_model(*columns, {source.info().latitude_deg}, file.reference_temperature_c.value_or(0.0));
+  model.values = values;
+  if (source.segments().empty()) {
+    if (Status status = terms.of_motion_alone(source, file, model); !status) return status.error();
+    return terms;
+  }
   const Result<LoadedRecording> loaded = load_recording(source);
   if (!loaded) return loaded.error();
   const CompressedRecording& recording = loaded->data;
   if (recording.blocks.empty()) return nowhere();
 
-  EffectModel model =
-      make_effect_model(*columns, {recording.info.latitude_deg}, file.reference_temperature_c.value_or(0.0));
-  model.values = values;
   FilterSetup setup;
   setup.with_columns = false;
   setup.keep_taken_off = true;
@@ -81,6 +85,52 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
     terms.terms_.push_back({result.taken_off[k].turn_rad / t, result.taken_off[k].push_mps / t});
   }
   return terms;
+}
+
+Status EffectTerms::of_motion_alone(RecordingSource& source, const ParameterFile& file, EffectModel model) {
+  Compressor compressor(source.info());
+  Segment whole;
+  whole.kind = SegmentKind::rotate;
+  compressor.begin_segment(whole);
+  const Status status = source.read([&](std::span<const ImuSample> samples) {
+    compressor.add(samples);
+    return Status{};
+  });
+  if (!status) return status;
+  const CompressedRecording recording = compressor.take();
+  const SensorModel sensors = sensor_model(from_vector(file.parameters), recording.info);
+  const std::vector<Block>& blocks = recording.blocks;
+  const auto rate = [&](const Block& b) -> Eigen::Vector3d {
+    return sensors.gyro_scale * b.gyro / b.duration_s - sensors.gyro_bias_radps;
+  };
+  const auto middle_s = [&](const Block& b) {
+    return static_cast<double>(b.start_sample - blocks.front().start_sample) * recording.info.sample_period_s +
+           0.5 * b.duration_s;
+  };
+  EffectRegressors regressors;
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const Block& block = blocks[k];
+    const Block& before = blocks[k > 0 ? k - 1 : k];
+    const Block& after = blocks[std::min(k + 1, blocks.size() - 1)];
+    BlockState s;
+    s.f_b = sensors.accel_scale * block.accel / block.duration_s - sensors.accel_bias_mps2;
+    s.w_b = rate(block);
+    s.w_dot_b.setZero();
+    if (&before != &after) s.w_dot_b = (rate(after) - rate(before)) / (middle_s(after) - middle_s(before));
+    s.C_nb.setIdentity();  // what needs it was refused
+    s.duration_s = block.duration_s;
+    s.time_s = middle_s(block);
+    s.since_rotation_s = 1e9;
+    s.temperature_c = std::isnan(block.temperature_c)
+                          ? 0.0
+                          : static_cast<double>(block.temperature_c) - model.reference_temperature_c;
+    regressors.gyro.setZero(3, model.columns);
+    regressors.accel.setZero(3, model.columns);
+    model.regressors(s, regressors);
+    starts_.push_back(block.start_sample);
+    terms_.push_back({regressors.gyro * model.values, regressors.accel * model.values});
+  }
+  return {};
 }
 
 const EffectTerms::Term& EffectTerms::at(std::int64_t counter) {

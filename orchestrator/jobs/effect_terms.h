@@ -30,6 +30,9 @@ class EffectTerms {
   const Term& at(std::int64_t counter);
 
  private:
+  // Without segments nothing says when the unit was at rest: every block by its own readings. What follows a rotation is left out.
+  Status of_motion_alone(RecordingSource& source, const ParameterFile& file, EffectModel model);
+
   std::vector<std::int64_t> starts_;
   std::vector<Term> terms_;
   std::size_t index_ = 0;

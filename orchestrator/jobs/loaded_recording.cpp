@@ -4,11 +4,13 @@
 #include <utility>
 
 #include "calib/rests/rest_data.h"
+#include "calib/statistics/clipping.h"
 #include "calib/statistics/segmentation.h"
 
 namespace turncal {
 
-Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress) {
+Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress,
+                                       const std::optional<CompressionOptions>& blocks) {
   if (source.segments().empty()) {
     return input_error(source.path() +
                        ": the recording has no segments, so nothing says when the unit was at rest: expected segments, "
@@ -18,11 +20,16 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
   loaded.path = source.path();
   loaded.damage = source.damage();
   loaded.by_hand = without_table_angles(source.segments());
-  Compressor compressor(source.info(), loaded.by_hand ? rest_compression_options() : CompressionOptions{});
+  Compressor compressor(source.info(),
+                        blocks.value_or(loaded.by_hand ? rest_compression_options() : CompressionOptions{}));
+  std::optional<ClippingFinder> clipping;
+  if (loaded.by_hand) clipping.emplace();
   SegmentedFeed feed(compressor, source.segments());
   std::int64_t count = 0;
   const Status status = source.read([&](std::span<const ImuSample> samples) {
     feed.add(samples);
+    if (clipping)
+      for (const ImuSample& sample : samples) clipping->add(sample);
     count += static_cast<std::int64_t>(samples.size());
     if (progress) progress(count);
     return Status{};
@@ -30,16 +37,18 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
   if (!status) return status.error();
   feed.finish();
   loaded.data = compressor.take();
+  if (clipping) clipping->note(loaded.data.events);
   Result<std::string> hash = source.content_hash();  // falls out of read()
   if (!hash) return hash.error();
   loaded.hash = std::move(*hash);
   return loaded;
 }
 
-Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress) {
+Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress,
+                                       const std::optional<CompressionOptions>& blocks) {
   const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path);
   if (!source) return source.error();
-  return load_recording(**source, progress);
+  return load_recording(**source, progress, blocks);
 }
 
 }  // namespace turncal

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "calib/statistics/compression.h"
@@ -20,8 +21,10 @@ struct LoadedRecording {
 };
 
 // Blocks as short as the recording needs: those of rests found by hand where it has no table angles. `progress`, if given, is
-// told the number of samples read so far. An error when the recording has no segments.
-Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress = {});
-Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress = {});
+// told the number of samples read so far; `blocks`: others. An error when the recording has no segments.
+Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress = {},
+                                       const std::optional<CompressionOptions>& blocks = {});
+Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress = {},
+                                       const std::optional<CompressionOptions>& blocks = {});
 
 }  // namespace turncal

@@ -92,7 +92,7 @@ Result<Finding> diagnose_unit(const PreparedRun& run, const std::string& folder,
 void choose_file(const PreparedRun& run, const RunCounts& counts, const Finding& finding, RunResults& results) {
   CalibrationOutput& output = *results.output;
   if (finding.diagnosis == to_string(Verdict::extended) && run.station.diagnosis.load_extended)
-    output.file = results.diagnosis->files.parameters;
+    output.file = *results.diagnosis->files.parameters;
   else if (finding.diagnosis != "clean" &&
            finding.diagnosis != "not_made")  // the base model alone is not the whole truth
     for (auto& [key, value] : output.file.further)

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
@@ -205,11 +206,20 @@ DiagnosisFiles diagnosis_files(const Diagnosis& diagnosis, const DiagnosisContex
 }
 
 Status write_diagnosis(const std::string& folder, const DiagnosisFiles& files) {
-  const Result<std::string> parameters = format_parameter_file(files.parameters);
+  const Result<std::string> parameters =
+      files.parameters ? format_parameter_file(*files.parameters) : Result<std::string>(std::string());
   if (!parameters) return parameters.error();
-  if (Status s = write_file_atomically(folder + "/" + report_name, files.report.html); !s) return s;
-  if (Status s = write_file_atomically(folder + "/" + diagnosis_name, files.conf); !s) return s;
-  return write_file_atomically(folder + "/" + parameters_name_of_diagnosis, *parameters);
+  // What this diagnosis does not have must not stay from an earlier one.
+  const auto write = [&folder](const char* name, const std::string& text) -> Status {
+    const std::string file = folder + "/" + name;
+    if (!text.empty()) return write_file_atomically(file, text);
+    std::error_code error;
+    std::filesystem::remove(file, error);
+    return error ? Status(device_error(file + ": cannot remove: " + error.message())) : Status();
+  };
+  if (Status s = write(report_name, files.report.html); !s) return s;
+  if (Status s = write(diagnosis_name, files.conf); !s) return s;
+  return write(parameters_name_of_diagnosis, *parameters);
 }
 
 }  // namespace turncal

@@ -5,6 +5,7 @@
 // empty and a number that is not known are empty values. Numbers: shortest round trip, units of docs/effect-components.md.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "calib/diagnosis/diagnosis.h"
@@ -38,10 +39,11 @@ ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisCo
 struct DiagnosisFiles {
   Report report;
   std::string conf;
-  ParameterFile parameters;
+  std::optional<ParameterFile> parameters;  // none where nothing was tested
 };
 DiagnosisFiles diagnosis_files(const Diagnosis& diagnosis, const DiagnosisContext& context);
-// All three into `folder`, which exists; parameters.conf last. What cannot be formatted leaves the folder as it was.
+// All three into `folder`, which exists; parameters.conf last. What cannot be formatted leaves the folder as it was; what is empty is
+// not written, and removed where it was.
 Status write_diagnosis(const std::string& folder, const DiagnosisFiles& files);
 
 }  // namespace turncal

@@ -283,7 +283,7 @@ std::string verdict_sentence(const Diagnosis& d, const DiagnosisContext& context
                   ? ", correlation from second to second " + significant(d.base.whiteness.autocorrelation[0], 2)
                   : "") +
              "; " + remaining_clause(d) + "); nothing is claimed about effects.";
-    case Verdict::not_tested: return title + d.reason + ".";
+    case Verdict::not_tested: return title + "the data determine nothing that could be judged: " + d.reason + ".";
   }
   return title;
 }

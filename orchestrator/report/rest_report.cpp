@@ -82,16 +82,19 @@ Report make_rest_report(const RestDiagnosis& r, const RestData& data, const Diag
 
 DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data, const Diagnosis& d,
                                     const DiagnosisContext& context) {
+  std::string conf = format_diagnosis(d);
+  if (!r.base.converged) return {{}, conf, std::nullopt};  // not fitted: nothing to report but why
   ParameterFile file;
   describe_recording(context.recording.info, file);
   describe_rest_fit(r.final, r.effects, data, file);
   complete_parameters(d, context, file);
-  std::string conf = format_diagnosis(d);
   for (const ErrorRow& row : rest_words(r, data, d, Alphabet::plain).errors)
     if (!row.normalised)
       conf += "# " + row.what + ": " + format_number(row.before) + " before, " + format_number(row.after) + " after, " +
               row.unit + "\n";
-  return {make_rest_report(r, data, d, context), conf, file};
+  DiagnosisFiles files{make_rest_report(r, data, d, context), conf, std::nullopt};
+  if (d.verdict != Verdict::not_tested) files.parameters = std::move(file);
+  return files;
 }
 
 }  // namespace turncal

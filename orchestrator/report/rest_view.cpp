@@ -116,13 +116,16 @@ std::string sentence_of(const RestDiagnosis& r, const RestData& data, const Diag
                                                                    : "with each rest and rotation left out in turn";
   if (d.verdict == Verdict::extended)
     return title + effects_clause(d, alphabet) + "; " + where + ": " + change_text(r, alphabet) + alias_clause(d) +
-           "; " + remainder_text(r) + ".";
-  std::string text =
-      title + (d.verdict == Verdict::clean ? "the 21 parameters explain the data: "
-               : r.not_tested.empty()      ? "a residual is left that is not white noise and that no effect explains: "
-                                      : "a residual is left that is not white noise, and too few data to name it: ");
+           "; " + remainder_text(r) + (r.accel_not_tested.empty() ? "" : "; " + d.reason) + ".";
+  if (d.verdict == Verdict::not_tested) {
+    if (r.not_tested.empty()) return title + "the gyros show no effect, " + strongest_text(r) + "; " + d.reason + ".";
+    return title + "the data determine nothing that could be judged: " + r.not_tested +
+           (r.base.converged ? "; " + error_text(r.final.errors, alphabet) : "") + ".";
+  }
+  std::string text = title + (d.verdict == Verdict::clean
+                                  ? "the 21 parameters explain the data: "
+                                  : "a residual is left that is not white noise and that no effect explains: ");
   text += error_text(r.final.errors, alphabet) + "; " + remainder_text(r);
-  if (!r.not_tested.empty()) return text + "; no effect was looked for, because " + r.not_tested + ".";
   text += "; " + strongest_text(r);
   if (!r.struck_out.empty()) text += "; tried and struck out: " + join(r.struck_out, "; ");
   return text + " (" + std::to_string(data.rests.size()) + " rests).";
@@ -166,11 +169,16 @@ double middle_s(const Rest& rest) { return rest.start_s + 0.5 * rest.whole.durat
 
 Diagnosis as_diagnosis(const RestDiagnosis& r, const RestData& data) {
   Diagnosis d;
-  d.verdict = r.verdict == RestDiagnosis::Verdict::clean      ? Verdict::clean
-              : r.verdict == RestDiagnosis::Verdict::extended ? Verdict::extended
-                                                              : Verdict::unexplained;
-  d.trusted = d.verdict != Verdict::unexplained;
-  d.reason = r.not_tested.empty() ? "" : "no effect was looked for: " + r.not_tested;
+  d.verdict = r.verdict;
+  if (!r.base.converged) {
+    d.reason = r.not_tested;
+    return d;
+  }
+  d.trusted = r.trusted && (d.verdict == Verdict::clean || d.verdict == Verdict::extended);
+  if (!r.not_tested.empty())
+    d.reason = r.not_tested;
+  else if (!r.accel_not_tested.empty())
+    d.reason = "no effect of the accelerometers was looked for: " + r.accel_not_tested;
   d.base = as_joint(r.base, {}, data);
   d.extended = as_joint(r.final, r.effects, data);
   std::vector<EstimatedEffect> order = d.extended.effects;

@@ -30,6 +30,7 @@ struct HandPlan {
   double gyro_noise_radps = 0.005;  // a sample, white
   double accel_noise_mps2 = 0.008;
   unsigned seed = 1;
+  double scale_accel = 1.0;                              // of what is written: another unit
   Eigen::Vector3d fixed_axis = Eigen::Vector3d::Zero();  // not zero: every turn is about it
   // Added to the true rate (rad/s) and specific force (m/s^2), of true w, f and time.
   std::function<void(const Eigen::Vector3d&, const Eigen::Vector3d&, double, Eigen::Vector3d&, Eigen::Vector3d&)>
@@ -77,7 +78,7 @@ inline HandData make_hand_data(const HandPlan& plan) {
     sample.counter = static_cast<std::int64_t>(data.samples.size());
     for (std::size_t k = 0; k < 3; ++k) {
       sample.gyro[k] = gyro[static_cast<int>(k)] * dt;
-      sample.accel[k] = accel[static_cast<int>(k)] * dt;
+      sample.accel[k] = accel[static_cast<int>(k)] * dt * plan.scale_accel;
     }
     data.samples.push_back(sample);
   };

@@ -31,7 +31,7 @@ TEST(RestDiagnosis, NothingIsFoundWhereNothingIs) {
   for (unsigned seed = 1; seed <= 20; ++seed) {
     const RestDiagnosis d = diagnose_hand({.seed = seed});
     alarms += d.effects.empty() ? 0 : 1;
-    EXPECT_TRUE(!d.effects.empty() || d.verdict == RestDiagnosis::Verdict::clean);
+    EXPECT_TRUE(!d.effects.empty() || d.verdict == Verdict::clean);
   }
   EXPECT_LE(alarms, 1);  // of 20 at 1 %: two or more have probability 0.017
 }
@@ -45,7 +45,7 @@ TEST(RestDiagnosis, GSensitivityIsFoundNamedAndMeasured) {
     w += G * f / standard_gravity_mps2 * radps_per_degph;
   };
   const RestDiagnosis d = diagnose_hand(plan);
-  EXPECT_EQ(d.verdict, RestDiagnosis::Verdict::extended);
+  EXPECT_EQ(d.verdict, Verdict::extended);
   ASSERT_GE(d.effects.size(), 5u);
   for (const RestEffect& e : d.effects) {
     ASSERT_EQ(e.column.entry->name, "gyro_g_sensitivity");

@@ -88,7 +88,7 @@ TEST(Measured, XsensHoldsGSensitivity) {
   const RestDiagnosis d = diagnose_with(content, found.segments);
   EXPECT_LE(d.base.errors.norm_rms_mps2, 0.95e-3);
   EXPECT_LE(d.base.errors.direction_rms_rad, 7.3e-3);
-  EXPECT_EQ(d.verdict, RestDiagnosis::Verdict::extended);
+  EXPECT_EQ(d.verdict, Verdict::extended);
   EXPECT_EQ(names(d), std::set<std::string>{"gyro_g_sensitivity"});
   EXPECT_LE(d.final.errors.direction_rms_rad, 1.8e-3);
   EXPECT_LE(d.final.left_out.direction_rms_rad, 3.5e-3);

@@ -169,6 +169,25 @@ TEST_F(HandTurned, RefusesWhatItCannotUse) {
   expect_refused({"diagnose", "rec", "--arw", "0.1", "--vrw", "10", "--out", "out"}, "expected no --arw");
 }
 
+// A not_tested verdict leaves no parameters, not even those of an earlier diagnosis in the folder.
+TEST_F(HandTurned, WrongUnitsAreSaidAndNothingIsWritten) {
+  HandPlan plan;
+  plan.seed = 2;
+  synthetic("right", plan);
+  EXPECT_EQ(run({"diagnose", "right", "--out", "out"}).code, 0);
+  EXPECT_TRUE(std::filesystem::exists(path("out/parameters.conf")));
+  plan.scale_accel = 1.0 / standard_gravity_mps2;
+  synthetic("in_g", plan);
+  const ProgramResult result = run({"diagnose", "in_g", "--out", "out"});
+  EXPECT_EQ(result.code, 20);
+  EXPECT_NE(result.out.find("look as if they were in g"), std::string::npos) << result.out;
+  EXPECT_EQ(conf("out").at("verdict"), "not_tested");
+  EXPECT_FALSE(std::filesystem::exists(path("out/parameters.conf")));
+  expect_refused({"calibrate", "in_g", "--out", "calibrated"}, "look as if they were in g");
+  const ProgramResult segmented_again = run({"segment", "in_g", "--out", "segmented"});
+  EXPECT_NE(segmented_again.out.find("units: gravity reads 1"), std::string::npos) << segmented_again.out;
+}
+
 // docs/measured.md, story 1.
 TEST_F(HandTurned, MeasuredXsens) {
   SKIP_WITHOUT_DATA();
@@ -228,8 +247,9 @@ TEST_F(HandTurned, MeasuredControls) {
   segmented(map_of("imucal_ferraris"), "imucal_ferraris/example_ferraris_session.csv", "ferraris");
   const ProgramResult few = run({"diagnose", "ferraris", "--out", "few"});
   EXPECT_EQ(few.code, 20);
-  EXPECT_EQ(conf("few").at("verdict"), "unexplained");
+  EXPECT_EQ(conf("few").at("verdict"), "not_tested");
   EXPECT_EQ(conf("few").at("effects"), "");
+  EXPECT_FALSE(std::filesystem::exists(path("few/parameters.conf")));
   EXPECT_NE(few.out.find("hangs on single rests"), std::string::npos) << few.out;
 }
 

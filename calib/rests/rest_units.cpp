@@ -1,0 +1,92 @@
+#include "calib/rests/rest_units.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <vector>
+
+#include "calib/model/parameters.h"
+#include "calib/rests/rest_start.h"
+
+namespace turncal {
+namespace {
+
+struct Slip {
+  double factor;  // what is read over what is true
+  const char* words;
+};
+constexpr double near = 0.12;  // of the factor: raw sensors are off by less
+
+constexpr Slip accel_slips[] = {
+    {1.0 / standard_gravity_mps2, "as if they were in g, not m/s^2"},
+    {standard_gravity_mps2, "as if they were in m/s^2, not g"},
+    {1000.0 / standard_gravity_mps2, "as if they were in mg, not m/s^2"},
+    {standard_gravity_mps2 / 1000.0, "as if they were in m/s^2, not mg"},
+    {2.0, "too large by 2: the range, or the rate, is another"},
+    {0.5, "too small by 2: the range, or the rate, is another"},
+};
+constexpr Slip gyro_slips[] = {
+    {1.0 / rad_per_deg, "as if they were in deg/s, not rad/s"},
+    {rad_per_deg, "as if they were in rad/s, not deg/s"},
+    {2.0, "too large by 2: the range, or the rate, is another"},
+    {0.5, "too small by 2: the range, or the rate, is another"},
+};
+
+}  // namespace
+
+std::string wrong_accelerometer_unit(const RestData& data) {
+  if (data.rests.empty()) return {};
+  const RecordingInfo& info = data.recording->info;
+  const SensorModel model = sensor_model(start_parameters(info), info);
+  std::vector<double> norms;
+  for (const Rest& rest : data.rests) norms.push_back((model.accel_scale * rest.whole.accel).norm());
+  const auto middle = norms.begin() + static_cast<std::ptrdiff_t>(norms.size() / 2);
+  std::nth_element(norms.begin(), middle, norms.end());
+  for (const Slip& slip : accel_slips)
+    if (std::abs(*middle / info.gravity_mps2 / slip.factor - 1.0) < near) {
+      char text[200];
+      std::snprintf(text, sizeof text, "gravity reads %.3g where %.3g m/s^2 is expected: the accelerometers look %s",
+                    *middle, info.gravity_mps2, slip.words);
+      return text;
+    }
+  return {};
+}
+
+std::string wrong_gyro_unit(const RestData& data) {
+  // A turn of a few degrees tells no factor.
+  constexpr double least_misfit_rad = 0.15;  // rms over the legs, below which a factor of one is good enough
+  constexpr double clearly_better = 0.3;
+  if (std::count_if(data.legs.begin(), data.legs.end(), [](const RestLeg& leg) { return leg.fault.empty(); }) < 3)
+    return {};
+  const double as_given = rest_misfit_rad(data, 1.0);
+  if (!(as_given > least_misfit_rad)) return {};
+  const Slip* best = nullptr;
+  double best_misfit = as_given;
+  for (const Slip& slip : gyro_slips)
+    if (const double misfit = rest_misfit_rad(data, 1.0 / slip.factor); misfit < best_misfit) {
+      best = &slip;
+      best_misfit = misfit;
+    }
+  // A factor between, which is a scale and no slip, explains the turns as well: then nothing is said.
+  if (best == nullptr || best_misfit > clearly_better * as_given) return {};
+  if (rest_misfit_rad(data, (1.0 - near) / best->factor) < best_misfit ||
+      rest_misfit_rad(data, (1.0 + near) / best->factor) < best_misfit)
+    return {};
+  char text[200];
+  std::snprintf(
+      text, sizeof text,
+      "gravity's direction after a turn is off by %.2g rad as given and by %.2g rad with the rates divided by "
+      "%.3g: the gyros look %s",
+      as_given, best_misfit, best->factor, best->words);
+  return text;
+}
+
+std::string wrong_units(const RestData& data) {
+  std::string both = wrong_accelerometer_unit(data);
+  // Gravity's direction does not depend on the accelerometers' common scale.
+  const std::string gyro = wrong_gyro_unit(data);
+  if (!both.empty() && !gyro.empty()) both += "; ";
+  return both + gyro;
+}
+
+}  // namespace turncal
