@@ -90,7 +90,7 @@ struct HoldoutError {
   double velocity_rms_mps = 0.0;  // plain velocity error, see ResidualPoint
   double chi_square = 0.0;
   std::int64_t observations = 0;
-  std::vector<Eigen::Vector3d> normalised;  // innovations, for the difference of two models
+  std::vector<Eigen::Vector3d> normalised = {};  // innovations, for the difference of two models
 };
 
 // One test of lack of fit, see lack_of_fit.h.

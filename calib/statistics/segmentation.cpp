@@ -195,6 +195,8 @@ void RestFinder::cut_to_still(std::vector<Run>& runs, Segmentation& result) cons
   SixChannels noise;
   noise << Eigen::Array3d::Constant(result.quiet_gyro), Eigen::Array3d::Constant(result.quiet_accel);
   noise /= std::sqrt(static_cast<double>(cell_samples_));
+  // Rests that tremble (held by hand) are rests all the same: they do so by this variance ratio at least, or fewer would be found.
+  noise *= std::sqrt(std::max(1.0, result.plateau_begin));
   const auto guard = static_cast<std::int64_t>(std::lround(options_.guard_s / period_s_));
   std::vector<SixChannels> means;
   for (Run& run : runs) {

@@ -128,6 +128,7 @@ std::string sentence_of(const RestDiagnosis& r, const RestData& data, const Diag
   text += error_text(r.final.errors, alphabet) + "; " + remainder_text(r);
   text += "; " + strongest_text(r);
   if (!r.struck_out.empty()) text += "; tried and struck out: " + join(r.struck_out, "; ");
+  if (!r.accel_not_tested.empty()) text += "; " + d.reason;
   return text + " (" + std::to_string(data.rests.size()) + " rests).";
 }
 

@@ -47,6 +47,7 @@ TEST(DiagnosisFile, HoldsTheContractForAnAddedEffect) {
             "# turncal diagnosis: which effect the 24 parameters lack, and the error before and after it was added\n"
             "# reason: held-out error 3.2 before, 1.01 after\n"
             "verdict = extended\n"
+            "quality.trusted = false\n"
             "effects = accel_second_order\n"
             "effect.accel_second_order.x = 20.25\n"
             "sigma.effect.accel_second_order.x = 0.75\n"
@@ -75,6 +76,7 @@ TEST(DiagnosisFile, KeepsEveryKeyWhenThereIsNothingToSay) {
             "# turncal diagnosis: which effect the 24 parameters lack, and the error before and after it was added\n"
             "# reason: first line second line\n"
             "verdict = unexplained\n"
+            "quality.trusted = false\n"
             "effects =\n"
             "undetectable =\n"
             "error.before =\n"
@@ -156,9 +158,9 @@ TEST(DiagnosisParameters, AreThoseOfTheBaseModelWhenNothingWasAdded) {
 TEST(VerdictSentence, SaysWhatWasFoundWithNumbers) {
   const Sample clean = clean_sample();
   EXPECT_EQ(verdict_sentence(clean.diagnosis, sample_context(clean), Alphabet::plain),
-            "Clean: the 24 parameters explain the data to the noise; the strongest of 93 candidates, "
-            "accel_cross_coupling.z_yz, "
-            "scores 2.1 sigma where 4.0 are needed; on held-out data (second recording) the velocity error is 1.50 "
+            "Clean: the 24 parameters explain the data to the noise; the strongest of 144 candidates, "
+            "gyro_g_squared.z_yz, "
+            "scores 3.9 sigma where 4.1 are needed; on held-out data (second recording) the velocity error is 1.50 "
             "mm/s rms and "
             "the normalised residual 0.998.");
   const Sample extended = extended_sample();
@@ -181,7 +183,7 @@ TEST(VerdictSentence, SaysWhatWasFoundWithNumbers) {
       << text;
   EXPECT_TRUE(text.ends_with(
       "it looks like: bias step of gyro x at about 2973 s (likelihood gain 66.5 where 18.4 is needed); no "
-      "effect is named."))
+      "effect is named; the sigmas are widened by that."))
       << text;
   const Sample noise = noise_model_sample();
   EXPECT_TRUE(
