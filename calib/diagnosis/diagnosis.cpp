@@ -99,12 +99,14 @@ void leave_unexplained(DiagnosisModel& m, Diagnosis& d) {
     if (test.shift.size() >= base_rows) shifts.push_back(test.shift.head(base_rows));
     if (test.tries == 1.0 && test.degrees > 0.0) factor = std::max(factor, test.chi_square / test.degrees);
   }
-  if (!m.chosen.empty()) {
-    const ParameterVector change = to_vector(m.current.parameters) - to_vector(d.base.parameters);
+  const auto moved_to = [&](const Parameters& other) {
+    const ParameterVector change = to_vector(other) - to_vector(d.base.parameters);
     Eigen::VectorXd shift = Eigen::VectorXd::Zero(base_rows);
     for (Eigen::Index i = 0; i < base_rows; ++i) shift[i] = change[d.base.free[static_cast<std::size_t>(i)]];
     shifts.push_back(shift);
-  }
+  };
+  if (!m.chosen.empty()) moved_to(m.current.parameters);
+  if (m.beside_pattern) moved_to(*m.beside_pattern);
   d.moved = moved_by(d.base, shifts);
   m.current = d.base;
   m.chosen.clear();

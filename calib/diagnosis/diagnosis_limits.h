@@ -14,6 +14,12 @@ struct LackOfFitLimits {
   // chi2 is divided by these before it is judged: what clean recordings have beyond the theory; 1 where none is given.
   // innovations: the pulses of an accelerometer that counts close to a whole number a sample beat, and their error is not white.
   std::map<std::string, double> inflation = {{"innovations", 2.0}};
+  // Share of pulses in the variance of a second's mean velocity beyond which that axis and second are left out of the innovations'
+  // correlation. Calibrated: with these seconds chi2 a degree of clean runs came to 37, without them to 2.5 at most (96 runs).
+  double pulse_share = 0.02;
+  int lags_s = 30;
+  // Where a dwell is cut: what comes with a turn and fades, and what wanders.
+  double first_piece_s = 25.0, longest_piece_s = 120.0;
   // Flicker noise wanders on every scale: where there is bias instability, a test must fire beside a slow one, too (a third of a
   // two-hour run).
   double slow_correlation_s = 2400.0;
@@ -48,6 +54,20 @@ struct GateLimits {
   // out of the fitted recording is added. (|d|^2 < 3 * 2 |d|.)
   double expected_gain = 36.0;
 };
+
+// Of hand-turned data (rest_diagnosis.h).
+struct RestLimits {
+  // Correlation of what two effects explain: one class from 0.9 on (of 4.5 sigma of one 2 are left of the difference), and kindred from
+  // 0.7 on (half of the variance in common).
+  double class_correlation = 0.9, kindred_correlation = 0.7;
+  // Length of a column that is left after projection: below this it is rounding and linearisation.
+  double unseen_part = 1e-5;
+  // Kinds of observation that hold less than this share of a column do not count among its degrees of freedom.
+  double touched_share = 0.01;
+  // Directions of a set of slow curves flatter than this are noise.
+  double nuisance_floor = 0.03;
+};
+inline constexpr RestLimits rest_limits;
 
 struct NoiseLimits {
   // Beyond these the noise model is wrong as a whole and nothing else means anything. A correlation of r makes means (1 + r) / (1 - r)

@@ -4,6 +4,7 @@
 // Used by diagnosis.cpp only; see diagnosis.h for the method.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "calib/diagnosis/diagnosis.h"
@@ -38,6 +39,7 @@ struct DiagnosisModel {
   double threshold = 0.0;  // of 2 ln L, family-wise over all columns
   std::vector<EffectColumn> chosen;
   JointResult current;
+  std::optional<Parameters> beside_pattern;  // fitted with the pattern that explains the residual best
 };
 
 }  // namespace turncal

@@ -167,6 +167,7 @@ void hold_beside_slow_noise(const DiagnosisModel& m, std::initializer_list<Trial
 void stop_unexplained(DiagnosisModel& m, Diagnosis& d, const Trial& pattern) {
   d.verdict = Verdict::unexplained;
   d.unexplained_pattern = describe_pattern(pattern.column);
+  m.beside_pattern = pattern.fit.parameters;
   std::vector<EffectColumn> kept;
   for (const EstimatedEffect& e : pattern.fit.effects)
     if (!is_pattern(e.column) && e.value * e.value > m.threshold * e.sigma * e.sigma) kept.push_back(e.column);

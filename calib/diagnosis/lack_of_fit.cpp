@@ -64,6 +64,7 @@ class Tester {
   void contrasts(const SegmentScores& scores);
   void innovations(const FilterResult& pass);
   void add(LackOfFitTest test);
+  const LackOfFitLimits& limits() const { return limits_; }
 
  private:
   void sum_and_worst(const std::string& family, const std::string& what, const SegmentScores& scores,
@@ -217,8 +218,7 @@ double beat_variance(double counts, int samples, double pulse) {
 // Correlation of the innovations at lags of 1 .. n seconds, each with variance 1 / pairs. On body axes: seconds in which an
 // accelerometer's pulses beat do not take part, for their error is not white.
 void Tester::innovations(const FilterResult& pass) {
-  constexpr int lags = 30;
-  constexpr double pulses_at_most = 0.02;  // of the variance
+  const int lags = limits_.lags_s;
   std::vector<Vector3d> u;
   double taking_part = 0.0;
   std::vector<std::size_t> blocks;
@@ -231,7 +231,7 @@ void Tester::innovations(const FilterResult& pass) {
     for (int axis = 0; axis < 3; ++axis) {
       v[axis] = std::clamp(v[axis], -4.0, 4.0);
       if (accel_pulse_mps_ > 0.0 &&
-          beat_variance(block.accel[axis], block.samples, accel_pulse_mps_) > pulses_at_most * variance[axis])
+          beat_variance(block.accel[axis], block.samples, accel_pulse_mps_) > limits_.pulse_share * variance[axis])
         v[axis] = 0.0;
     }
     taking_part += static_cast<double>((v.array() != 0.0).count());
@@ -240,7 +240,7 @@ void Tester::innovations(const FilterResult& pass) {
   }
   VectorXd sum = VectorXd::Zero(lags), pairs = VectorXd::Zero(lags);
   for (std::size_t i = 0; i < u.size(); ++i)
-    for (std::size_t lag = 1; lag <= lags && lag <= i; ++lag) {
+    for (std::size_t lag = 1; lag <= static_cast<std::size_t>(lags) && lag <= i; ++lag) {
       if (blocks[i] - blocks[i - lag] != lag) continue;
       const Vector3d product = u[i].cwiseProduct(u[i - lag]);
       const Eigen::Index k = static_cast<Eigen::Index>(lag) - 1;
@@ -285,7 +285,7 @@ void test_holdout(const CompressedRecording& holdout, const JointResult& fit, co
   const MatrixXd kept =
       information(others, others) - cross.transpose() * MatrixXd(information(biases, biases)).ldlt().solve(cross);
   prior(others, others) = kept;
-  const SegmentScores scores(holdout, pass.filter, pass.columns, fit.reference_temperature_c, prior);
+  const SegmentScores scores(holdout, pass.filter, pass.columns, fit.reference_temperature_c, tester.limits(), prior);
   tester.pieces(scores, "holdout, ");
   // What the holdout says of the parameters that it shares with the fit, against what the fit says. Minimised over the parameters
   // chi2 falls by c' M^-1 c: with M = A alone, and with what the fit knows added, M = A + P; the difference is chi2.
@@ -329,7 +329,7 @@ LackOfFit tests_at(const CompressedRecording& recording, const JointResult& fit,
   FilterSetup setup = fit.setup;
   setup.noise = noise;
   const Pass pass = run_pass(recording, fit, setup);
-  const SegmentScores scores(recording, pass.filter, pass.columns, fit.reference_temperature_c);
+  const SegmentScores scores(recording, pass.filter, pass.columns, fit.reference_temperature_c, limits);
   if (scores.pieces().empty()) return result;
   Tester tester(recording, noise.accel_pulse_mps, limits, result);
   tester.pieces(scores, "");

@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/diagnosis/diagnosis_limits.h"
+
 namespace turncal {
 
 namespace {
-
-constexpr double class_correlation = 0.9;    // one class: the data hardly tell them apart
-constexpr double kindred_correlation = 0.7;  // what one explains, the other nearly does
 
 bool cause_on_other_triad(const RestDiagnosisModel& m, const EffectEntry& entry) {
   const std::string_view cause = cause_of(entry);
@@ -65,7 +64,7 @@ int simplest_alias(const RestDiagnosisModel& m, const RestScores& scores, int be
       continue;
     if (scores.of(best).statistic - score.statistic > m.options.alias_margin) continue;
     const double statistic = score.statistic - (other.entry->taus_s.empty() ? 0.0 : std::log(m.rows()));
-    if (scores.correlation(best, k) < class_correlation || statistic <= highest) continue;
+    if (scores.correlation(best, k) < rest_limits.class_correlation || statistic <= highest) continue;
     highest = statistic;
     simplest = k;
   }
@@ -99,7 +98,7 @@ void note_aliases(const RestDiagnosisModel& m, const RestScores& scores, int cho
     if (other.entry == entry || !scores.of(k).visible) continue;
     const bool close = scores.of(chosen).statistic - scores.of(k).statistic < m.options.alias_margin &&
                        scores.of(k).statistic > m.options.alias_margin &&
-                       scores.correlation(chosen, k) > kindred_correlation;
+                       scores.correlation(chosen, k) > rest_limits.kindred_correlation;
     if (!close && scores.correlation(chosen, k) < 0.97) continue;
     const std::string name(other.entry->name);
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);

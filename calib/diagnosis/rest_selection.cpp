@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/diagnosis/diagnosis_limits.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/linear_algebra.h"
 
@@ -12,10 +13,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double unseen_part = 1e-5;  // length left after projection over length before
-constexpr double touched_share = 0.01;
-constexpr double nuisance_floor = 0.03;  // flat directions of a set of slow curves are noise
 
 }  // namespace
 
@@ -47,7 +44,8 @@ RestScores::RestScores(const RestSystem& system, const RestFit& fit, int model_c
     }
     const Eigen::JacobiSVD<MatrixXd> svd(extra, Eigen::ComputeThinU);
     Index rank = 0;
-    while (rank < extra.cols() && svd.singularValues()[rank] > nuisance_floor * svd.singularValues()[0]) ++rank;
+    while (rank < extra.cols() && svd.singularValues()[rank] > rest_limits.nuisance_floor * svd.singularValues()[0])
+      ++rank;
     const MatrixXd U = svd.matrixU().leftCols(rank);
     for (Index k = 0; k < U.rows(); ++k)
       freedom_[static_cast<std::size_t>(system.kind[static_cast<std::size_t>(k)])] -= U.row(k).squaredNorm();
@@ -63,7 +61,7 @@ RestScores::RestScores(const RestSystem& system, const RestFit& fit, int model_c
     ColumnScore& score = scores_[static_cast<std::size_t>(k)];
     const double before = raw.col(k).norm();
     const double length = columns_.col(k).norm();
-    if (!(before > 0.0) || length < unseen_part * before) {
+    if (!(before > 0.0) || length < rest_limits.unseen_part * before) {
       columns_.col(k).setZero();
       continue;
     }
@@ -100,7 +98,7 @@ double RestScores::gain(const VectorXd& after, const std::vector<int>& members, 
     const double before = std::max(s0[k] / d, white_share_[k]);
     const double variance = std::max(s1[k] / d, white_share_[k]);
     total += d * std::log(before / variance) + s0[k] / before - s1[k] / variance;
-    if (touched[k] > touched_share * length) freedom += d;
+    if (touched[k] > rest_limits.touched_share * length) freedom += d;
   }
   total = std::max(total, 0.0);
   const double left = freedom - rank;

@@ -13,12 +13,9 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double first_piece_s = 25.0;  // what comes with a turn and fades
-constexpr double longest_piece_s = 120.0;
-
 // Pieces of rest in order, with what the tests need to know of each.
 std::vector<Piece> pieces_of(const CompressedRecording& recording, const std::vector<FilterStep>& steps,
-                             double reference_temperature_c) {
+                             double reference_temperature_c, const LackOfFitLimits& limits) {
   std::vector<Piece> pieces;
   const double period = recording.info.sample_period_s;
   const auto start_s = [&](const Block& b) {
@@ -40,8 +37,8 @@ std::vector<Piece> pieces_of(const CompressedRecording& recording, const std::ve
     if (!at_rest) rest_began_s = t;
     const bool begins = !at_rest || pieces.back().segment != block.segment;
     const double since = t - rest_began_s;
-    const bool cut = !begins && ((pieces.back().since_turn_s < first_piece_s && since >= first_piece_s) ||
-                                 t - pieces.back().begin_s >= longest_piece_s);
+    const bool cut = !begins && ((pieces.back().since_turn_s < limits.first_piece_s && since >= limits.first_piece_s) ||
+                                 t - pieces.back().begin_s >= limits.longest_piece_s);
     if (begins || cut) {
       Piece piece;
       piece.first_step = k;
@@ -71,8 +68,9 @@ std::vector<Piece> pieces_of(const CompressedRecording& recording, const std::ve
 }  // namespace
 
 SegmentScores::SegmentScores(const CompressedRecording& recording, const FilterResult& pass,
-                             const std::vector<int>& columns, double reference_temperature_c, const MatrixXd& prior)
-    : pieces_(pieces_of(recording, pass.steps, reference_temperature_c)) {
+                             const std::vector<int>& columns, double reference_temperature_c,
+                             const LackOfFitLimits& limits, const MatrixXd& prior)
+    : pieces_(pieces_of(recording, pass.steps, reference_temperature_c, limits)) {
   MatrixXd A = pass.information(columns, columns);
   if (prior.size() > 0) A += prior;
   const VectorXd scale = A.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();

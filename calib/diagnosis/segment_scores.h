@@ -19,6 +19,7 @@
 
 #include <Eigen/Core>
 
+#include "calib/diagnosis/diagnosis_limits.h"
 #include "calib/joint/joint_filter.h"
 
 namespace turncal {
@@ -41,7 +42,7 @@ class SegmentScores {
   // `pass`: run with keep_steps; its information is of the same columns as the steps' N. `columns`: those of the model.
   // `prior`: information on them from elsewhere (a holdout: from the fit), or empty.
   SegmentScores(const CompressedRecording& recording, const FilterResult& pass, const std::vector<int>& columns,
-                double reference_temperature_c, const Eigen::MatrixXd& prior = {});
+                double reference_temperature_c, const LackOfFitLimits& limits, const Eigen::MatrixXd& prior = {});
 
   const std::vector<Piece>& pieces() const { return pieces_; }
   Eigen::Index rows() const { return s_.size(); }  // piece_dims a piece
