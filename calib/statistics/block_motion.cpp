@@ -37,7 +37,11 @@ BlockMotion evaluate(const Block& block, const SensorModel& m, double period_s) 
   BlockMotion motion;
   motion.rotation = angle - b * t + 0.5 * coning;
   const Eigen::Vector3d dv = speed - f0 * t;
-  motion.velocity = dv + sculling + motion.rotation.cross(motion.rotation.cross(dv)) / 6.0;
+  // Half the mean square of the angle: 1/6 r r in even rotation, 1/10 or 4/15 where it begins or ends; by the mean angle m,
+  // (m/2 - r/12) r is 1/6, 1/12 or 1/4.
+  const Eigen::Vector3d mean_angle = middle / t - 0.5 * t * b;
+  const Eigen::Vector3d& r = motion.rotation;
+  motion.velocity = dv + sculling + (0.5 * mean_angle - r / 12.0).cross(r.cross(dv));
   // sum beta_i (T - s_i) / T, turned by the mean third of the rotation that it sees
   const Eigen::Vector3d mean = speed - speed_time / t - 0.5 * f0 * t;
   motion.mean_velocity = mean + motion.rotation.cross(mean) / 3.0;
@@ -64,16 +68,19 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
   columns.velocity.setZero();
   columns.mean_velocity.setZero();
 
-  // What a change dr of the rotation does to r x (r x dv) / 6 is third_order * dr, and a change of dv third_order_push * it.
-  const Eigen::Matrix3d third_order = (skew(r_cross_dv) + r_skew * skew(dv)) / -6.0;
-  const Eigen::Matrix3d third_order_push = r_skew * r_skew / 6.0;
+  // Of (m/2 - r/12) x (r x dv): by a change of m, of r, of dv.
+  const Eigen::Vector3d u = 0.5 * (middle / t - 0.5 * t * b) - r / 12.0;
+  const Eigen::Matrix3d third_order_mean = -0.5 * skew(r_cross_dv);
+  const Eigen::Matrix3d third_order = skew(r_cross_dv) / 12.0 - skew(u) * skew(dv);
+  const Eigen::Matrix3d third_order_push = skew(u) * r_skew;
   const Eigen::Matrix3d turned_mean = skew(dv) / -6.0;  // dr x dv / 6
   for (int axis = 0; axis < 3; ++axis) {
     const Eigen::Vector3d e = Eigen::Vector3d::Unit(axis);
     // gyro bias: turns by -t about the axis, evenly over the block
     const Eigen::Vector3d turn = -t * e;
     columns.rotation.col(axis) = unit[axis] * (turn + 0.5 * lag.cross(e));
-    columns.velocity.col(axis) = unit[axis] * (third_order * turn - e.cross(speed_time));
+    columns.velocity.col(axis) =
+        unit[axis] * (third_order * turn + third_order_mean * (0.5 * turn) - e.cross(speed_time));
     columns.mean_velocity.col(axis) = unit[axis] * (turned_mean * turn);
     // accelerometer bias
     const Eigen::Vector3d push = -t * e;
@@ -86,6 +93,7 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
     const int k = (i + 1) % 3;
     const int l = (i + 2) % 3;
     for (int j = 0; j < 3; ++j) {
+      const double mean_turn = gyro_middle[j] / t;  // about axis i
       const Eigen::Vector3d e_j = Eigen::Vector3d::Unit(j);
       // gyro scale and installation
       const int g = 6 + 3 * i + j;
@@ -95,7 +103,8 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
       turn[k] += 0.5 * row_l.cross(e_j).dot(block.coning);
       turn[l] += 0.5 * e_j.cross(row_k).dot(block.coning);
       columns.rotation.col(g) = unit[g] * turn;
-      columns.velocity.col(g) = unit[g] * (e_i.cross(accel_sum.col(j) - gyro_middle[j] * f0) + third_order * turn);
+      columns.velocity.col(g) = unit[g] * (e_i.cross(accel_sum.col(j) - gyro_middle[j] * f0) + third_order * turn +
+                                           third_order_mean.col(i) * mean_turn);
       columns.mean_velocity.col(g) = unit[g] * (turned_mean * turn);
       // accelerometer scale and installation
       const int a = 15 + 3 * i + j;

@@ -4,14 +4,15 @@
 //   v_n(end) = v_n(start) + Exp(-w_ie dt / 2) C_nb(start) velocity - g dt U
 // (n turns with the earth during the block: without the half turn a second at rest gains 0.3 mm/s to the east)
 // with, in the body frame at the start of the block (G, b, A, f0: SensorModel; T the block's length),
-//   rotation = G gyro - b T + 1/2 coning',        velocity = A accel - f0 T + sculling' + 1/6 r x (r x v)
+//   rotation = G gyro - b T + 1/2 coning',   velocity = A accel - f0 T + sculling' + (m/2 - r/12) x (r x v)
+// m: the mean over the block of the angle turned so far (r/2 in even rotation, from gyro_time).
 // coning' and sculling' are the sums of compression.h taken with calibrated increments: coning transforms with the
 // cofactor matrix of G because (G x) x (G y) = cof(G) (x x y), sculling as G S A', bias terms by first moments.
 // mean_velocity is the time average over the block of the velocity gained since its start (same frame), to first order
 // in rotation: exact enough for static seconds, where it is used.
 //
-// Valid for blocks that turn less than about 0.1 rad. Dropped: third-order coning (1e-9 rad a block at 0.012 rad),
-// and r^3 / 24 of the velocity (5e-8 m/s a block, 3e-5 m/s in a turn of 360 deg).
+// Valid for blocks that turn less than about 0.1 rad. Dropped: third-order coning (1e-9 rad a block at 0.012 rad), and of the
+// velocity r^2/60 in blocks in which a turn begins or ends (5e-7 m/s at 60 deg/s^2), r^3/24 for a force that turns with the unit.
 #pragma once
 
 #include <Eigen/Core>
