@@ -12,8 +12,9 @@ using Eigen::Vector3d;
 
 // Further from the navigated attitude nothing is linearised.
 constexpr double max_linear_rad = 0.02;
-// A rest is levelled again when it has tilted by this much: a gyro bias far from its value, a second of an hour's dwell.
-constexpr double max_tilt_rad = 0.01;
+// A rest is levelled again when it has tilted by this much: a gyro bias far from its value, a random walk of degrees. The vertical
+// force is g (1 - tilt^2 / 2), which is not linear: 5e-7 of it.
+constexpr double max_tilt_rad = 0.001;
 
 // Takes a turn (rad) and a push (m/s) that the sensors read but the unit did not make off the motion over a block.
 void take_off(const Vector3d& turn, const Vector3d& push, BlockMotion& m) {

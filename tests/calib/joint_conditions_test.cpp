@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "calib/joint/joint_estimate.h"
+#include "calib/joint/motion_step.h"
 #include "tests/nees.h"
 #include "tests/rig_recorder.h"
 
@@ -140,6 +141,69 @@ TEST(JointConditions, AnInstabilityThatIsNotThereIsNotInvented) {
     invented += r.noise.accel_bias_instability_mps2 > 0.0;
   }
   EXPECT_LE(invented, 4);
+}
+
+struct Grade {
+  const char* name;
+  double arw_deg_prh, vrw_ug_prhz, period_s, latitude_deg;
+  RigQuantisation quantisation;
+};
+class AnyGrade : public testing::TestWithParam<Grade> {};
+
+// What a unit of the grade, at the rate and the place can know is determined, its noise measured, and the errors what sigma says.
+TEST_P(AnyGrade, IsEstimatedToItsSigma) {
+  const Grade& grade = GetParam();
+  RigConfig config = unit(41);
+  config.noise.gyro_random_walk_deg_per_rt_h = grade.arw_deg_prh;
+  config.noise.accel_random_walk_ug_per_rt_hz = grade.vrw_ug_prhz;
+  config.noise.gyro_bias_instability_degph = config.noise.accel_bias_instability_ug = 0.0;
+  config.sample_period_s = grade.period_s;
+  config.site.latitude_deg = grade.latitude_deg;
+  config.quantisation = grade.quantisation;
+  const RigRecording made = record(config);
+  const JointResult r = joint_estimate(made.recording);
+  ASSERT_TRUE(r.converged) << r.message;
+  EXPECT_TRUE(r.undetermined.empty());
+  EXPECT_TRUE(r.faults.empty()) << r.faults.front().what;
+  EXPECT_TRUE(r.whiteness.white) << r.whiteness.message;
+  EXPECT_NEAR(r.whiteness.level, 1.0, 0.06);
+  EXPECT_NEAR(r.noise.angle_random_walk.mean() / radprs_per_degprh / grade.arw_deg_prh, 1.0, 0.12);
+  EXPECT_NEAR(r.noise.velocity_random_walk.mean() / mpsprs_per_ugprHz / grade.vrw_ug_prhz, 1.0, 0.08);
+  EXPECT_LT(nees(r, made.truth), chi_square_21_one_in_1000);
+}
+
+INSTANTIATE_TEST_SUITE_P(JointConditions, AnyGrade,
+                         testing::Values(Grade{"NavigationFarSouth", 0.002, 8.0, 0.005, -75.0, RigQuantisation::floor},
+                                         Grade{"NavigationFarNorthReal", 0.002, 8.0, 0.005, 75.0, RigQuantisation::off},
+                                         Grade{"NavigationAt50Hz", 0.002, 8.0, 0.02, -33.0, RigQuantisation::floor},
+                                         Grade{"NavigationAt2kHz", 0.002, 8.0, 0.0005, 50.0, RigQuantisation::floor},
+                                         Grade{"Tactical", 0.05, 50.0, 0.005, 45.0, RigQuantisation::off},
+                                         Grade{"Mems", 0.3, 100.0, 0.005, 45.0, RigQuantisation::floor},
+                                         Grade{"MemsOfDegrees", 3.0, 200.0, 0.01, 45.0, RigQuantisation::off}),
+                         [](const auto& grade) { return std::string(grade.param.name); });
+
+// B1 sampled, over a fraction of a tooth to many.
+TEST(JointConditions, QuantisationIsThatOfACountedVelocity) {
+  constexpr int samples = 200;
+  constexpr double pulse = 0.0005;
+  for (const double teeth : {0.05, 0.4, 0.8, 7.37, 29.63}) {
+    double square = 0.0;
+    double sum = 0.0;
+    constexpr int phases = 5000;
+    for (int phase = 0; phase < phases; ++phase) {
+      double mean = 0.0;
+      const double spread =
+          teeth < 1.0 ? 0.0 : 0.5 * std::sin(phase);  // over many teeth n is not known to a part of one
+      for (int k = 0; k < samples; ++k) {
+        const double v = 0.618034 * phase + (k + 0.5) * (teeth + spread) / samples;
+        mean += (v - std::floor(v)) / samples;
+      }
+      sum += mean / phases;
+      square += mean * mean / phases;
+    }
+    const double variance = pulse * pulse * (square - sum * sum);
+    EXPECT_NEAR(quantisation_variance(teeth + 3.0 * samples, samples, pulse) / variance, 1.0, 0.25) << teeth;
+  }
 }
 
 CompressedRecording seen_from(const CompressedRecording& recording, const Eigen::Matrix3d& M) {
