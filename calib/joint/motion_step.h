@@ -70,18 +70,25 @@ inline StepNoise step_noise(const Eigen::Matrix3d& W, const Eigen::Matrix3d& V, 
   return q;
 }
 
-// Quantisation noise of the mean velocity over `samples` samples that hold `counts` pulses. The count is short of the truth by a
-// sawtooth of one pulse; sampled, it makes as many teeth n as the counts a sample are away from a whole number, and begins
-// anywhere. The mean of the sawtooth B1 over n teeth is [B2]/2n (Bernoulli polynomials), of variance
-//   pulse^2 (1/180 + B4(n) / 6) / 2n^2:  1/12 without a tooth, 1/360 n^2 over many (B4 averages to zero; n is not known so well)
+// Quantisation noise of the mean velocity over N samples that hold `counts` pulses. The count is short of the truth by a sawtooth
+// of one pulse, -sum sin(2 pi k x) / pi k, that begins anywhere and is sampled every s teeth, s the counts a sample. Of harmonic k
+// the mean over N samples keeps sin(pi k s N) / N sin(pi k s): all of it where k s is whole, else, s N not known to a part of a
+// tooth, in the mean square 1 / 2 (N sin(pi k s))^2. Many fine teeth: pulse^2 / 360 (s N)^2. Of the harmonics above the eighth one in N
+// is near a whole number.
 inline double quantisation_variance(double counts, int samples, double pulse) {
-  const double per_sample = counts / samples;
-  const double n = std::abs(per_sample - std::round(per_sample)) * samples;
-  if (n < 1e-3) return pulse * pulse / 12.0;
-  const double many = 1.0 / (360.0 * std::max(n, 1.0) * std::max(n, 1.0));
-  const double b4 = n * n * (1.0 - n) * (1.0 - n) - 1.0 / 30.0;  // of 0 to 1
-  const double few = n < 1.0 ? (1.0 / 180.0 + b4 / 6.0) / (2.0 * n * n) : 0.0;
-  return pulse * pulse * std::max(few, many);
+  constexpr double pi_square = 9.8696044010893586;
+  const double s = counts / samples;
+  double sum = 0.00595 / samples;  // k > 8
+  for (int k = 1; k <= 8; ++k) {
+    const double d = std::abs(k * s - std::round(k * s));
+    const double teeth = d * samples;
+    const double arch = 4.0 * d * (1.0 - d);
+    const double sine = 4.0 * arch / (5.0 - arch);  // sin(pi d) to 0.002 (Bhaskara)
+    const double whole = std::max(1.0 - pi_square * teeth * teeth / 3.0, 0.0);
+    const double kept = teeth < 0.4 ? whole : std::min(0.5 / std::pow(samples * sine, 2), 0.4);
+    sum += kept / (2.0 * pi_square * k * k);
+  }
+  return pulse * pulse * sum;
 }
 
 }  // namespace turncal
