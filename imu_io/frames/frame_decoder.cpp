@@ -1,5 +1,6 @@
 #include "imu_io/frames/frame_decoder.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace turncal {
@@ -30,8 +31,69 @@ double cumulative_step(std::uint64_t now, std::uint64_t before, std::uint64_t mo
 
 }  // namespace
 
+FrameDecoder::Variant FrameDecoder::variant_of(const FrameDescription& frame, const FrameVariant& from) {
+  Variant variant;
+  variant.length = from.length;
+  for (std::size_t i = 0; i < 6; ++i) {
+    const FrameTriad& triad = i < 3 ? from.gyro : from.accel;
+    const std::size_t axis = i % 3;
+    const auto place = static_cast<std::size_t>(triad.from[axis]);
+    Element& element = variant.element[i];
+    element.field = FieldCodec(triad.element[place]);
+    element.has_down = triad.down.has_value();
+    if (triad.down) element.down = FieldCodec((*triad.down)[place]);
+    element.zero = triad.zero[place];
+    element.factor =
+        triad.sign[axis] * triad.scale[place] * (triad.kind == FieldKind::rate ? frame.sample_period_s : 1.0);
+    element.low = triad.low;
+    element.high = triad.high;
+    element.cumulative = triad.kind == FieldKind::cumulative;
+    element.modulus = triad.modulus;
+    if (element.cumulative && element.modulus == 0 && element.field.bits() < 64) {
+      element.modulus = std::uint64_t{1} << element.field.bits();
+    }
+    element.pulses = triad.pulses;
+  }
+  if (from.temperature) {
+    for (const FrameField& field : from.temperature->places) variant.temperature.emplace_back(field);
+    variant.temperature_zero = from.temperature->zero;
+    variant.temperature_scale = from.temperature->scale;
+    variant.multiplexed = from.temperature->when.has_value();
+    variant.when = from.temperature->when.value_or(0);
+  }
+  if (from.multiplexer) variant.multiplexer = FieldCodec(*from.multiplexer);
+  variant.has_counter = from.counter.has_value();
+  if (from.counter) variant.counter = FieldCodec(from.counter->field);
+  for (const FrameStatus& status : from.status) {
+    variant.status.push_back({FieldCodec(status.field), status.mask, status.good});
+  }
+  return variant;
+}
+
+FrameDecoder::Variant FrameDecoder::joined(const Variant& gyro, const Variant& accel) {
+  Variant both = gyro;
+  const std::size_t by = gyro.length;
+  both.length += accel.length;
+  for (std::size_t i = 3; i < 6; ++i) {
+    both.element[i] = accel.element[i];
+    both.element[i].field = accel.element[i].field.shifted(by);
+    both.element[i].down = accel.element[i].down.shifted(by);
+  }
+  for (const Status& status : accel.status) both.status.push_back({status.field.shifted(by), status.mask, status.good});
+  if (gyro.temperature.empty()) {
+    for (const FieldCodec& field : accel.temperature) both.temperature.push_back(field.shifted(by));
+    both.temperature_zero = accel.temperature_zero;
+    both.temperature_scale = accel.temperature_scale;
+    both.multiplexed = accel.multiplexed;
+    both.multiplexer = accel.multiplexer.shifted(by);
+    both.when = accel.when;
+  }
+  return both;
+}
+
 FrameDecoder::FrameDecoder(const FrameDescription& frame)
     : scanner_(frame),
+      split_(frame.split),
       weak_(frame.check.weak()),
       step_(frame.variants.front().counter ? frame.variants.front().counter->step : 1.0),
       modulus_(frame.variants.front().counter ? frame.variants.front().counter->modulus : 0.0),
@@ -40,43 +102,12 @@ FrameDecoder::FrameDecoder(const FrameDescription& frame)
       period_s_(frame.sample_period_s) {
   const bool may_hold = modulus_ > 0.0 && state_.tracker.wrap_s() < narrow_wrap_s;
   ready_.reserve(may_hold ? most_held + 4 : 4);
-  for (const FrameVariant& from : frame.variants) {
-    Variant variant;
-    variant.length = from.length;
-    for (std::size_t i = 0; i < 6; ++i) {
-      const FrameTriad& triad = i < 3 ? from.gyro : from.accel;
-      const std::size_t axis = i % 3;
-      const auto place = static_cast<std::size_t>(triad.from[axis]);
-      Element& element = variant.element[i];
-      element.field = FieldCodec(triad.element[place]);
-      element.zero = triad.zero[place];
-      element.factor =
-          triad.sign[axis] * triad.scale[place] * (triad.kind == FieldKind::rate ? frame.sample_period_s : 1.0);
-      element.low = triad.low;
-      element.high = triad.high;
-      element.cumulative = triad.kind == FieldKind::cumulative;
-      element.modulus = triad.modulus;
-      if (element.cumulative && element.modulus == 0 && element.field.bits() < 64) {
-        element.modulus = std::uint64_t{1} << element.field.bits();
-      }
-      element.pulses = triad.pulses;
-      any_cumulative_ = any_cumulative_ || element.cumulative;
-    }
-    if (from.temperature) {
-      for (const FrameField& field : from.temperature->places) variant.temperature.emplace_back(field);
-      variant.temperature_zero = from.temperature->zero;
-      variant.temperature_scale = from.temperature->scale;
-      variant.multiplexed = from.temperature->when.has_value();
-      variant.when = from.temperature->when.value_or(0);
-    }
-    if (from.multiplexer) variant.multiplexer = FieldCodec(*from.multiplexer);
-    variant.has_counter = from.counter.has_value();
-    if (from.counter) variant.counter = FieldCodec(from.counter->field);
-    for (const FrameStatus& status : from.status) {
-      variant.status.push_back({FieldCodec(status.field), status.mask, status.good});
-    }
-    variants_.push_back(std::move(variant));
+  for (const FrameVariant& from : frame.variants) variants_.push_back(variant_of(frame, from));
+  if (split_) {
+    variants_.push_back(joined(variants_[0], variants_[1]));
+    joined_.resize(variants_.back().length);
   }
+  for (const Element& element : variants_.back().element) any_cumulative_ = any_cumulative_ || element.cumulative;
 }
 
 void FrameDecoder::added(std::size_t count, const Arrival& arrival) {
@@ -89,6 +120,7 @@ void FrameDecoder::rejoin() {
   if (waiting_) state_ = before_;
   waiting_ = false;
   strays_in_row_ = 0;
+  part_counter_ = {};
   restarted_ = false;
   ready_.clear();
   ready_given_ = ready_free_ = 0;
@@ -113,8 +145,30 @@ FrameDecoder::Next FrameDecoder::next(ImuSample& sample) {
     if (restarted_) return Next::restarted;
     ScannedFrame scanned;
     if (!scanner_.next(scanned)) return Next::more;
-    take(scanned);
+    if (!split_) {
+      take(scanned);
+    } else if (ScannedFrame whole; join(scanned, whole)) {
+      take(whole);
+    }
   }
+}
+
+bool FrameDecoder::join(const ScannedFrame& scanned, ScannedFrame& whole) {
+  const std::size_t part = scanned.variant;
+  const std::size_t other = 1 - part;
+  const double raw = variants_[part].counter.number(scanned.data);
+  if (part_counter_[part]) ++unusable_;  // stayed alone
+  std::copy_n(scanned.data, variants_[part].length, joined_.data() + (part == 0 ? 0 : variants_[0].length));
+  part_counter_[part] = raw;
+  if (!part_counter_[other]) return false;
+  if (*part_counter_[other] != raw) {
+    ++unusable_;
+    part_counter_[other].reset();
+    return false;
+  }
+  part_counter_ = {};
+  whole = {joined_.data(), 2, scanned.skipped_before};
+  return true;
 }
 
 bool FrameDecoder::read_values(const Variant& variant, const std::byte* frame, ImuSample& sample) const {
@@ -124,12 +178,19 @@ bool FrameDecoder::read_values(const Variant& variant, const std::byte* frame, I
     if (element.cumulative) {
       const std::uint64_t now = element.field.bits_of(frame);
       if (element.modulus != 0 && now >= element.modulus) return false;
-      value = element.factor * cumulative_step(now, state_.base[i], element.modulus);
+      double steps = cumulative_step(now, state_.base[i], element.modulus);
+      if (element.has_down) {
+        const std::uint64_t down = element.down.bits_of(frame);
+        if (element.modulus != 0 && down >= element.modulus) return false;
+        steps -= cumulative_step(down, state_.base[6 + i], element.modulus);
+      }
+      value = element.factor * steps;
       if (!state_.has_base) value = 0.0;
       value += 0.0;
       continue;  // across a gap it may be anything
     } else {
-      const double raw = element.field.number(frame);
+      double raw = element.field.number(frame);
+      if (element.has_down) raw -= element.down.number(frame);
       if (raw < element.low || raw > element.high) sample.flags |= sample_flag_invalid;
       value = element.factor * (raw - element.zero);
     }
@@ -342,7 +403,10 @@ void FrameDecoder::believe(const PlacedCounter& placed, double raw, const Varian
   if (placed.ahead > 1) state_.lost += static_cast<std::uint64_t>(placed.ahead - 1);
   if (no_base && placed.outcome != CounterOutcome::first) ++state_.lost;
   if (any_cumulative_) {
-    for (std::size_t i = 0; i < 6; ++i) state_.base[i] = variant.element[i].field.bits_of(frame);
+    for (std::size_t i = 0; i < 6; ++i) {
+      state_.base[i] = variant.element[i].field.bits_of(frame);
+      if (variant.element[i].has_down) state_.base[6 + i] = variant.element[i].down.bits_of(frame);
+    }
     state_.has_base = true;
   }
   if (!variant.temperature.empty() && (!variant.multiplexed || variant.multiplexer.bits_of(frame) == variant.when)) {

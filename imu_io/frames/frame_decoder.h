@@ -13,6 +13,7 @@
 // silence its samples are held until their arrival tells. A line that stalled catches up: nothing was lost. Samples that come at
 // the unit's pace, or a line that falls silent again, show by how much: if that is whole wraps, those were lost, else (or when the
 // counter begins at 0) it is Next::restarted.
+// Of a unit that sends gyros and accelerometers apart two frames of one counter are a sample; one that stays alone is a bad frame.
 // A cumulative field gives no sample at the beginning and after a gap: one row never holds more than one period.
 // No allocation after construction.
 #pragma once
@@ -20,6 +21,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -55,7 +57,8 @@ class FrameDecoder {
 
  private:
   struct Element {
-    FieldCodec field;
+    FieldCodec field, down;
+    bool has_down = false;
     double zero = 0.0;
     double factor = 1.0;  // to an increment of the body axis, sign included
     double low = 0.0, high = 0.0;
@@ -92,7 +95,7 @@ class FrameDecoder {
   // What a frame that turns out not to be believed must not have changed.
   struct State {
     CounterTracker tracker;
-    std::array<std::uint64_t, 6> base{};
+    std::array<std::uint64_t, 12> base{};  // the fields, then what counts the other way
     bool has_base = false;
     float temperature_c = std::numeric_limits<float>::quiet_NaN();
     std::uint64_t lost = 0;
@@ -100,6 +103,10 @@ class FrameDecoder {
     ImuSample last{};  // as believed
     bool has_last = false;
   };
+  static Variant variant_of(const FrameDescription& frame, const FrameVariant& from);
+  static Variant joined(const Variant& gyro, const Variant& accel);
+  // The two frames of a sample put together; false: the other one is still to come.
+  bool join(const ScannedFrame& scanned, ScannedFrame& whole);
   // False: the numbers are impossible.
   bool read_values(const Variant& variant, const std::byte* frame, ImuSample& sample) const;
   void take(const ScannedFrame& scanned);
@@ -118,7 +125,10 @@ class FrameDecoder {
   void restart(const std::string& reason);
 
   FrameScanner scanner_;
-  std::vector<Variant> variants_;
+  std::vector<Variant> variants_;  // split: gyros, accelerometers, and the two frames one after the other
+  bool split_;
+  std::vector<std::byte> joined_;
+  std::array<std::optional<double>, 2> part_counter_;  // of the frames that wait for the other one
   bool any_cumulative_ = false;
   bool weak_;
   double step_, modulus_;

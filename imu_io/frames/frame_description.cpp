@@ -49,6 +49,11 @@ FrameTriad read_triad(FrameKeys& keys, const std::string& prefix, std::span<cons
   FrameTriad triad;
   const std::vector<FrameField> elements = keys.fields(prefix, "i32", 3);
   std::copy_n(elements.begin(), 3, triad.element.begin());
+  if (keys.has(prefix + ".down")) {
+    const std::vector<FrameField> down = keys.places(prefix + ".down", elements[0].form, 3);
+    triad.down.emplace();
+    std::copy_n(down.begin(), 3, triad.down->begin());
+  }
   read_axes(keys, prefix + ".axes", triad);
   KeyValueFile& file = keys.file();
   const std::string unit_key = keys.name(prefix + ".unit");
@@ -74,9 +79,12 @@ FrameTriad read_triad(FrameKeys& keys, const std::string& prefix, std::span<cons
     }
     if (known != units.end() && known->is_rate) triad.kind = FieldKind::rate;
   }
-  const bool integer = triad.element[0].form.type != NumberType::floating;
+  const NumberType type = triad.element[0].form.type;
+  const bool integer = type != NumberType::floating;
+  const bool wraps = integer && type != NumberType::sign_magnitude;
+  if (triad.down && !wraps) file.reject(keys.name(prefix + ".down"), "no such key unless the field is a counter");
   if (file.one_of_or(keys.name(prefix + ".kind"), "each", {"each", "cumulative"}) == "cumulative") {
-    if (!integer || triad.kind == FieldKind::rate) {
+    if (!wraps || triad.kind == FieldKind::rate) {
       file.reject(keys.name(prefix + ".kind"), "'each' unless the field is a whole number of increments");
     }
     triad.kind = FieldKind::cumulative;
@@ -101,7 +109,7 @@ FrameCounter read_counter(FrameKeys& keys) {
   counter.modulus = file.number_or(keys.name("counter.modulus"), 0.0, not_negative);
   const bool integer = counter.field.form.type != NumberType::floating;
   const double all = integer ? std::ldexp(1.0, used_bits(counter.field.form)) : 0x1p53;
-  if (counter.field.form.type == NumberType::signed_integer) {
+  if (counter.field.form.type == NumberType::signed_integer || counter.field.form.type == NumberType::sign_magnitude) {
     file.reject(keys.name("counter.type"), "an unsigned or floating type");
   }
   if (integer && used_bits(counter.field.form) > 53) {
@@ -127,8 +135,11 @@ FrameVariant read_variant(FrameKeys& keys, const std::string& name, const FrameD
   variant.length = static_cast<std::size_t>(
       std::max<std::int64_t>(file.integer(keys.name("length"), 2, static_cast<std::int64_t>(longest_frame)), 0));
   if (frame.id) variant.id = keys.bits("id.value", std::nullopt);
-  variant.gyro = read_triad(keys, "gyro", gyro_units);
-  variant.accel = read_triad(keys, "accel", accel_units);
+  const std::string carries = file.one_of_or(keys.name("carries"), "both", {"both", "gyro", "accel"});
+  variant.has_gyro = carries != "accel";
+  variant.has_accel = carries != "gyro";
+  if (variant.has_gyro) variant.gyro = read_triad(keys, "gyro", gyro_units);
+  if (variant.has_accel) variant.accel = read_triad(keys, "accel", accel_units);
   if (keys.has("mux.offset")) variant.multiplexer = keys.field("mux", "u8");
   if (keys.has("temperature.offset")) {
     FrameScalar scalar;
@@ -156,39 +167,28 @@ FrameVariant read_variant(FrameKeys& keys, const std::string& name, const FrameD
   return variant;
 }
 
-void read_check(FrameKeys& keys, FrameCheck& check) {
+ByteStuffing read_stuffing(FrameKeys& keys, const FrameDescription& frame) {
+  ByteStuffing stuffing;
   KeyValueFile& file = keys.file();
-  const std::string kind = file.one_of("check", {"none", "sum8", "sum16", "sum32", "xor8", "crc"});
-  if (kind == "none" || kind.empty()) return;
-  check.kind = kind == "crc" ? CheckKind::crc : kind == "xor8" ? CheckKind::exclusive_or : CheckKind::sum;
-  int width = kind == "sum16" ? 16 : kind == "sum32" ? 32 : 8;
-  if (check.kind == CheckKind::crc) {
-    width = static_cast<int>(file.integer("crc.width", 8, 32));
-    if (width % 8 != 0) file.reject("crc.width", "8, 16, 24 or 32");
-    width = std::clamp(width / 8 * 8, 8, 32);
-    const std::uint64_t most = (std::uint64_t{1} << width) - 1;
-    const auto read_bits = [&](const char* key, std::optional<std::uint64_t> otherwise) {
-      const std::uint64_t value = keys.bits(key, otherwise);
-      if (value > most) file.reject(key, "at most " + std::to_string(width) + " bits");
-      return static_cast<std::uint32_t>(value & most);
-    };
-    check.crc.width = width;
-    check.crc.polynomial = read_bits("crc.polynomial", std::nullopt);
-    check.crc.initial = read_bits("crc.initial", 0);
-    check.crc.final_xor = read_bits("crc.final_xor", 0);
-    check.crc.reflect_input = file.boolean_or("crc.reflect_input", false);
-    check.crc.reflect_output = file.boolean_or("crc.reflect_output", false);
+  const std::string kind = file.one_of_or("stuffing", "none", {"none", "escape", "slip", "repeat"});
+  stuffing.kind = kind == "escape"   ? StuffingKind::escape
+                  : kind == "slip"   ? StuffingKind::slip
+                  : kind == "repeat" ? StuffingKind::repeat
+                                     : StuffingKind::none;
+  const auto one_byte = [&](const std::string& key, std::byte otherwise) {
+    const std::vector<std::byte> given = keys.bytes(key);
+    if (file.has(key) && given.size() != 1) file.reject(key, "one byte of two hexadecimal digits");
+    return given.size() == 1 ? given[0] : otherwise;
+  };
+  if (kind == "escape" || kind == "repeat") {
+    stuffing.byte = one_byte("stuffing.byte", stuffing.byte);
+    if (kind == "escape") stuffing.flip = one_byte("stuffing.xor", stuffing.flip);
   }
-  check.field.form.bytes = width / 8;
-  const std::string order_key = file.has("check.order") ? "check.order" : "order";
-  check.field.form.big_endian = file.one_of_or(order_key, "little", {"little", "big"}) == "big";
-  constexpr auto far = static_cast<std::int64_t>(longest_frame);
-  const std::int64_t offset = file.integer("check.offset", -far, far);
-  check.from_end = offset < 0;
-  check.field.offset = static_cast<std::size_t>(std::abs(offset));
-  check.start = static_cast<std::size_t>(file.integer_or("check.start", 0, 0, far));
-  check.gap = static_cast<std::size_t>(file.integer_or("check.gap", 0, 0, far));
-  check.pad = static_cast<std::size_t>(file.integer_or("check.pad", 1, 1, 64));
+  const auto begins = [&](const std::vector<std::byte>& mark) { return mark.empty() || mark[0] == stuffing.byte; };
+  if (kind == "repeat" && !frame.sync.empty() && !(begins(frame.sync) && begins(frame.tail))) {
+    file.reject("stuffing", "a sync, and a tail if there is one, that begin with stuffing.byte");
+  }
+  return stuffing;
 }
 
 void read_line(KeyValueFile& file, SerialSettings& line) {
@@ -206,8 +206,13 @@ void check_layout(KeyValueFile& file, const FrameDescription& frame, const Frame
     const FrameKeys keys(file, variant.name);
     file.reject(keys.name(key), "a place inside the frame of " + std::to_string(variant.length) + " bytes");
   };
-  for (const FrameField& field : variant.gyro.element) inside(field, "gyro.offset");
-  for (const FrameField& field : variant.accel.element) inside(field, "accel.offset");
+  const auto triad_inside = [&](const FrameTriad& triad, const char* key, const char* down) {
+    for (const FrameField& field : triad.element) inside(field, key);
+    if (!triad.down) return;
+    for (const FrameField& field : *triad.down) inside(field, down);
+  };
+  if (variant.has_gyro) triad_inside(variant.gyro, "gyro.offset", "gyro.down");
+  if (variant.has_accel) triad_inside(variant.accel, "accel.offset", "accel.down");
   if (variant.temperature) {
     for (const FrameField& field : variant.temperature->places) inside(field, "temperature.offset");
   }
@@ -224,10 +229,13 @@ void check_layout(KeyValueFile& file, const FrameDescription& frame, const Frame
     if (place + static_cast<std::size_t>(frame.check.bytes()) + frame.tail.size() > variant.length ||
         frame.check.start + frame.check.gap >= place) {
       file.reject("check.offset", "a place inside the frame, after what the check covers and before the tail");
+    } else if (frame.check.of_words && frame.check.pad % 2 != 0 &&
+               (place - frame.check.gap - frame.check.start) % 2 != 0) {
+      file.reject("check.offset", "a whole number of 16-bit words covered, or check.pad = 2");
     }
   }
   const FrameVariant& first = frame.variants.front();
-  if (variant.gyro.pulses != first.gyro.pulses || variant.accel.pulses != first.accel.pulses) {
+  if (!frame.split && (variant.gyro.pulses != first.gyro.pulses || variant.accel.pulses != first.accel.pulses)) {
     file.reject("variants", "variants of the same increments: pulses or not");
   }
   if (variant.counter.has_value() != first.counter.has_value()) file.reject("variants", "all with a counter or none");
@@ -260,7 +268,8 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
     frame.length_add = file.integer_or("length.add", 0, -1024, 1024);
   }
   frame.sample_period_s = file.number("sample_period_s", {1e-5, 10.0});
-  read_check(keys, frame.check);
+  frame.stuffing = read_stuffing(keys, frame);
+  frame.check = read_frame_check(keys);
   read_line(file, frame.line);
   for (const std::string& name : file.list_or("variants", {""})) {
     FrameKeys own(file, name);
@@ -271,10 +280,32 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
   if (frame.variants.empty()) {  // refused already, as an empty list
     return file.error_at("variants", "names separated by commas");
   }
-  if (!frame.variants.front().accel.pulses && file.has("accel.pulse_mps")) {
+  frame.split = std::any_of(frame.variants.begin(), frame.variants.end(),
+                            [](const FrameVariant& v) { return !(v.has_gyro && v.has_accel); });
+  if (frame.split) {
+    const auto& all = frame.variants;
+    const bool pair = all.size() == 2 && !all[0].has_accel && !all[1].has_gyro;
+    if (!pair) {
+      file.reject("variants", "two: the first carries = gyro, the second carries = accel");
+      return file.status().error();
+    }
+    if (!all[0].counter) file.reject("variants", "a counter in both: it tells which two frames are one sample");
+  }
+  if (!frame.accel().pulses && file.has("accel.pulse_mps")) {
     file.reject("accel.pulse_mps", "no such key unless accel.unit = pulses");
   }
-  if (frame.variants.front().accel.pulses) frame.accel_pulse_mps = file.number("accel.pulse_mps", positive);
+  if (frame.accel().pulses) frame.accel_pulse_mps = file.number("accel.pulse_mps", positive);
+  if (file.has("request")) {
+    frame.request = keys.bytes("request");
+    if (frame.request.empty()) file.reject("request", "at least one byte");
+    frame.request_period_s = file.number_or("request.period_s", 0.5 * frame.sample_period_s, {1e-5, 10.0});
+    if (frame.request_period_s > 0.9 * frame.sample_period_s) {
+      file.reject("request.period_s", "at most 0.9 sample_period_s: unit and station have a clock each");
+    }
+    if (!frame.variants.front().counter) {
+      file.reject("request", "a counter beside it: only it tells a new sample from one sent twice");
+    }
+  }
   if (frame.variants.size() > 1 && !frame.id) file.reject("variants", "a key id.offset beside it");
   if (Status status = file.check_all_used(); !status) return status.error();
   for (const FrameVariant& variant : frame.variants) {
@@ -288,27 +319,14 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
 
 }  // namespace
 
-int used_shift(const FieldForm& form) { return form.mask == 0 ? 0 : std::countr_zero(form.mask); }
-
-int used_bits(const FieldForm& form) {
-  const int width = 8 * form.bytes;
-  const std::uint64_t room = width == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << width) - 1;
-  return std::max(64 - std::countl_zero(form.mask & room) - used_shift(form), 1);
-}
-
-std::size_t check_offset(const FrameCheck& check, std::size_t frame_length) {
-  if (!check.from_end) return check.field.offset;
-  return check.field.offset <= frame_length ? frame_length - check.field.offset : frame_length;
-}
-
 bool FrameDescription::has_temperature() const {
   return std::any_of(variants.begin(), variants.end(), [](const FrameVariant& v) { return v.temperature.has_value(); });
 }
 
 void FrameDescription::describe(RecordingInfo& info) const {
   info.sample_period_s = sample_period_s;
-  info.gyro_increment = variants.front().gyro.pulses ? IncrementKind::pulses : IncrementKind::physical;
-  info.accel_increment = variants.front().accel.pulses ? IncrementKind::pulses : IncrementKind::physical;
+  info.gyro_increment = gyro().pulses ? IncrementKind::pulses : IncrementKind::physical;
+  info.accel_increment = accel().pulses ? IncrementKind::pulses : IncrementKind::physical;
   info.accel_pulse_mps = accel_pulse_mps;
   info.has_temperature = has_temperature();
 }

@@ -22,35 +22,21 @@
 
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
-#include "imu_io/base/crc.h"
+#include "imu_io/frames/byte_stuffing.h"
+#include "imu_io/frames/field_form.h"
+#include "imu_io/frames/frame_check.h"
 #include "imu_io/lines/serial_port.h"
 
 namespace turncal {
 
 inline constexpr std::size_t longest_frame = 1024;  // bytes
 
-enum class NumberType { unsigned_integer, signed_integer, floating };
-
-// How a number lies in the frame.
-struct FieldForm {
-  NumberType type = NumberType::unsigned_integer;
-  int bytes = 1;            // 1, 2, 3, 4 or 8; floating: 4 or 8
-  bool big_endian = false;  // bytes in a 16-bit word, and words too unless swapped
-  bool swap_words = false;  // 16-bit words in the opposite order
-  std::uint64_t mask =
-      ~std::uint64_t{0};  // of the raw bits; the value is what is left, shifted down; its top bit is the sign
-};
-
-struct FrameField {
-  std::size_t offset = 0;
-  FieldForm form;
-};
-
 enum class FieldKind { increment, rate, cumulative };
 
 struct FrameTriad {
-  std::array<FrameField, 3> element;  // in the frame's own order
-  std::array<int, 3> from{0, 1, 2};   // body axis k is element from[k]
+  std::array<FrameField, 3> element;              // in the frame's own order
+  std::optional<std::array<FrameField, 3>> down;  // counts the other way: raw = element - down
+  std::array<int, 3> from{0, 1, 2};               // body axis k is element from[k]
   std::array<double, 3> sign{1.0, 1.0, 1.0};
   FieldKind kind = FieldKind::increment;
   bool pulses = true;                          // whole numbers; scale is then 1
@@ -80,25 +66,12 @@ struct FrameStatus {
   std::uint64_t good = 0;  // the data are valid when (raw & mask) == good
 };
 
-enum class CheckKind { none, sum, exclusive_or, crc };
-
-struct FrameCheck {
-  CheckKind kind = CheckKind::none;
-  FrameField field;  // offset counts from the frame's end when from_end
-  bool from_end = false;
-  std::size_t start = 0;  // first byte covered
-  std::size_t gap = 0;    // bytes before the check's place that are not covered
-  int bytes() const { return field.form.bytes; }
-  CrcParameters crc;
-  std::size_t pad = 1;  // covered bytes are filled up with zeros to a multiple of this
-  // 8 bits let 0.4 % of damaged frames pass: more has to agree before a frame is believed.
-  bool weak() const { return kind == CheckKind::none || bytes() == 1; }
-};
-
 struct FrameVariant {
   std::string name;  // empty when there is only one
   std::uint64_t id = 0;
   std::size_t length = 0;  // of the whole frame
+  bool has_gyro = true;    // a unit may send gyros and accelerometers apart
+  bool has_accel = true;
   FrameTriad gyro;
   FrameTriad accel;
   std::optional<FrameScalar> temperature;
@@ -118,12 +91,18 @@ struct FrameDescription {
   std::int64_t length_scale = 1;
   std::int64_t length_add = 0;
   std::size_t longest = 0;  // of all variants, and of what the length field may say
+  ByteStuffing stuffing;
   FrameCheck check;
   std::vector<FrameVariant> variants;
+  bool split = false;  // variants 0 and 1 of one counter are a sample: gyros in the one, accelerometers in the other
+  std::vector<std::byte> request;  // what makes the unit send its last sample; empty: it sends by itself
+  double request_period_s = 0.0;
   double sample_period_s = 0.005;
   double accel_pulse_mps = 0.0;
   SerialSettings line;  // device is left empty
 
+  const FrameTriad& gyro() const { return variants.front().gyro; }
+  const FrameTriad& accel() const { return variants[split ? 1 : 0].accel; }
   bool has_temperature() const;
   // Period, increment kinds, pulse weight, temperature. Site, serial and `simulated` are left as they are.
   void describe(RecordingInfo& info) const;
@@ -131,11 +110,5 @@ struct FrameDescription {
 
 Result<FrameDescription> read_frame_description(const std::string& path);
 Result<FrameDescription> parse_frame_description(std::string_view text, const std::string& file_name);
-
-// The bits that are left of a raw number, shifted down: how many, and by how much.
-int used_bits(const FieldForm& form);
-int used_shift(const FieldForm& form);
-// Where the check stands in a frame of this length; at the frame's length or beyond when it has no room.
-std::size_t check_offset(const FrameCheck& check, std::size_t frame_length);
 
 }  // namespace turncal

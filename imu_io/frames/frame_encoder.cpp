@@ -4,9 +4,9 @@
 #include <bit>
 #include <cassert>
 #include <cmath>
+#include <optional>
 
 #include "imu_io/base/format_number.h"
-#include "imu_io/frames/frame_scanner.h"
 
 namespace turncal {
 namespace {
@@ -19,13 +19,36 @@ double modulo(double value, double modulus) {
 
 }  // namespace
 
-FrameEncoder::FrameEncoder(const FrameDescription& frame) : frame_(frame), crc_(frame.check.crc) {}
+FrameEncoder::FrameEncoder(const FrameDescription& frame) : frame_(frame), crc_(frame.check.crc), plain_(length()) {}
+
+std::size_t FrameEncoder::length() const {
+  return frame_.variants[0].length + (frame_.split ? frame_.variants[1].length : 0);
+}
+
+Status FrameEncoder::encode(const ImuSample& sample, std::span<std::byte> out) {
+  assert(out.size() >= length());
+  const FrameVariant& first = frame_.variants[0];
+  if (Status status = encode_variant(first, sample, out.first(first.length)); !status || !frame_.split) return status;
+  return encode_variant(frame_.variants[1], sample, out.subspan(first.length, frame_.variants[1].length));
+}
+
+Status FrameEncoder::append(const ImuSample& sample, std::vector<std::byte>& out) {
+  if (Status status = encode(sample, plain_); !status) return status;
+  std::span<const std::byte> rest = plain_;
+  for (std::size_t i = 0; i < (frame_.split ? 2U : 1U); ++i) {
+    append_stuffed(frame_.stuffing, rest.first(frame_.variants[i].length), frame_.sync.size(), frame_.tail.size(), out);
+    rest = rest.subspan(frame_.variants[i].length);
+  }
+  return {};
+}
 
 Status FrameEncoder::put_triad(const FrameTriad& triad, const std::array<double, 3>& value, std::size_t first,
                                const char* name, std::byte* out) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const auto element = static_cast<std::size_t>(triad.from[axis]);
     const FieldCodec field(triad.element[element]);
+    std::optional<FieldCodec> down;
+    if (triad.down) down.emplace((*triad.down)[element]);
     const double period = triad.kind == FieldKind::rate ? frame_.sample_period_s : 1.0;
     const double factor = triad.sign[axis] * triad.scale[element] * period;
     double& left = left_[first + element];
@@ -41,10 +64,17 @@ Status FrameEncoder::put_triad(const FrameTriad& triad, const std::array<double,
       fits = std::abs(whole) < (modulus != 0 ? 0.5 * static_cast<double>(modulus) : 0x1p62);
       if (fits) {
         const auto step = static_cast<std::int64_t>(whole);
-        total += static_cast<std::uint64_t>(step);
-        if (modulus != 0 && total >= modulus) total = step >= 0 ? total - modulus : total + modulus;
+        std::uint64_t& turned = down && step < 0 ? total_[6 + first + element] : total;
+        const std::int64_t by = down ? std::abs(step) : step;
+        turned += static_cast<std::uint64_t>(by);
+        if (modulus != 0 && turned >= modulus) turned = by >= 0 ? turned - modulus : turned + modulus;
         field.put_bits(out, total);
+        if (down) down->put_bits(out, total_[6 + first + element]);
       }
+    } else if (fits && down) {
+      const double whole = std::nearbyint(exact);
+      fits = field.put_number(out, std::max(whole, 0.0)) && down->put_number(out, std::max(-whole, 0.0));
+      left = triad.pulses ? 0.0 : exact - whole;
     } else if (fits) {
       fits = field.put_number(out, exact);
       if (fits) left = field.type() == NumberType::floating || triad.pulses ? 0.0 : exact - std::nearbyint(exact);
@@ -57,10 +87,7 @@ Status FrameEncoder::put_triad(const FrameTriad& triad, const std::array<double,
   return {};
 }
 
-Status FrameEncoder::encode(const ImuSample& sample, std::span<std::byte> out) {
-  const FrameVariant& variant = frame_.variants.front();
-  assert(out.size() >= variant.length);
-  out = out.first(variant.length);
+Status FrameEncoder::encode_variant(const FrameVariant& variant, const ImuSample& sample, std::span<std::byte> out) {
   std::fill(out.begin(), out.end(), std::byte{0});
   if (variant.multiplexer && variant.temperature && variant.temperature->when) {
     FieldCodec(*variant.multiplexer).put_bits(out.data(), *variant.temperature->when);
@@ -72,8 +99,10 @@ Status FrameEncoder::encode(const ImuSample& sample, std::span<std::byte> out) {
     const std::uint64_t lowest = judged & (~judged + 1);
     field.put_bits(out.data(), field.bits_of(out.data()) | (invalid ? status.good ^ lowest : status.good));
   }
-  if (Status status = put_triad(variant.gyro, sample.gyro, 0, "gyro", out.data()); !status) return status;
-  if (Status status = put_triad(variant.accel, sample.accel, 3, "accelerometer", out.data()); !status) return status;
+  Status put;
+  if (variant.has_gyro) put = put_triad(variant.gyro, sample.gyro, 0, "gyro", out.data());
+  if (put && variant.has_accel) put = put_triad(variant.accel, sample.accel, 3, "accelerometer", out.data());
+  if (!put) return put;
   if (variant.temperature && std::isfinite(sample.temperature_c)) {
     const FrameScalar& scalar = *variant.temperature;
     const double raw = static_cast<double>(sample.temperature_c) / scalar.scale + scalar.zero;

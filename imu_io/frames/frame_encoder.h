@@ -2,7 +2,7 @@
 //
 // decode(encode(x)) == x for pulses. For units that send rad or rates the value is rounded to the frame's number, and what the
 // rounding left out goes into the next frame (as a unit's own integrator does), so that no angle is lost.
-// The first variant is used. Bytes that the description does not name are 0; a multiplexed temperature is in every frame.
+// The first variant is used; of a unit that sends gyros and accelerometers apart both, one after the other. Bytes that the description does not name are 0; a multiplexed temperature is in every frame.
 // An invalid sample gets a status that differs from the good one in its lowest judged bit.
 // Errors (kind input): a number that does not fit the frame's field; the message names axis and value.
 #pragma once
@@ -22,18 +22,22 @@ namespace turncal {
 class FrameEncoder {
  public:
   explicit FrameEncoder(const FrameDescription& frame);
-  std::size_t length() const { return frame_.variants.front().length; }
-  // Writes one frame to the front of `out`; out.size() >= length().
+  std::size_t length() const;  // of what one sample makes, before it is stuffed
+  // Writes the frame, or the two of them, to the front of `out`, without stuffing; out.size() >= length().
   Status encode(const ImuSample& sample, std::span<std::byte> out);
+  // Appends them as they go over the line.
+  Status append(const ImuSample& sample, std::vector<std::byte>& out);
 
  private:
+  Status encode_variant(const FrameVariant& variant, const ImuSample& sample, std::span<std::byte> out);
   Status put_triad(const FrameTriad& triad, const std::array<double, 3>& value, std::size_t first, const char* name,
                    std::byte* out);
 
   FrameDescription frame_;
   Crc crc_;
-  std::array<double, 6> left_{};          // what rounding left out, by element
-  std::array<std::uint64_t, 6> total_{};  // of cumulative fields
+  std::array<double, 6> left_{};           // what rounding left out, by element
+  std::array<std::uint64_t, 12> total_{};  // of cumulative fields, then of what counts the other way
+  std::vector<std::byte> plain_;
 };
 
 }  // namespace turncal

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <cstring>
 
-#include "imu_io/frames/frame_description.h"
+#include "imu_io/frames/field_form.h"
 
 namespace turncal {
 
@@ -29,6 +29,11 @@ class FieldCodec {
   }
 
   std::size_t offset() const { return offset_; }
+  FieldCodec shifted(std::size_t bytes) const {
+    FieldCodec result = *this;
+    result.offset_ += bytes;
+    return result;
+  }
   std::size_t bytes() const { return static_cast<std::size_t>(form_.bytes); }
   // 2^bits - 1: the values that fit.
   std::uint64_t largest_bits() const { return used_; }
@@ -48,6 +53,11 @@ class FieldCodec {
     switch (form_.type) {
       case NumberType::unsigned_integer: return static_cast<double>(value);
       case NumberType::signed_integer: return static_cast<double>(signed_from(value));
+      case NumberType::sign_magnitude: {
+        const std::uint64_t sign = std::uint64_t{1} << (bits_ - 1);
+        const auto magnitude = static_cast<double>(value & (sign - 1));
+        return (value & sign) != 0 ? -magnitude : magnitude;
+      }
       case NumberType::floating: break;
     }
     if (form_.bytes == 4) return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(value)));

@@ -53,14 +53,15 @@ std::vector<std::byte> FrameKeys::bytes(const std::string& key) {
 
 FieldForm FrameKeys::form(const std::string& prefix, std::string_view default_type) {
   FieldForm form;
-  std::string type =
-      file_.one_of_or(name(prefix + ".type"), default_type,
-                      {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32", "f64"});
+  std::string type = file_.one_of_or(name(prefix + ".type"), default_type,
+                                     {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32", "f64",
+                                      "sm8", "sm16", "sm24", "sm32"});
   if (type.empty()) type = default_type;  // refused already
   form.type = type[0] == 'u'   ? NumberType::unsigned_integer
               : type[0] == 'i' ? NumberType::signed_integer
+              : type[0] == 's' ? NumberType::sign_magnitude
                                : NumberType::floating;
-  form.bytes = parse_integer<int>(std::string_view(type).substr(1)).value_or(8) / 8;
+  form.bytes = parse_integer<int>(std::string_view(type).substr(type[0] == 's' ? 2 : 1)).value_or(8) / 8;
   const std::string order_key = has(prefix + ".order") ? name(prefix + ".order") : name("order");
   form.big_endian = file_.one_of_or(order_key, "little", {"little", "big"}) == "big";
   const std::string words_key = has(prefix + ".word_order") ? name(prefix + ".word_order") : name("word_order");
@@ -82,8 +83,11 @@ FieldForm FrameKeys::form(const std::string& prefix, std::string_view default_ty
 
 std::vector<FrameField> FrameKeys::fields(const std::string& prefix, std::string_view default_type,
                                           std::size_t wanted) {
-  const FieldForm shape = form(prefix, default_type);
-  const std::string at = name(prefix + ".offset");
+  return places(prefix + ".offset", form(prefix, default_type), wanted);
+}
+
+std::vector<FrameField> FrameKeys::places(const std::string& key, const FieldForm& shape, std::size_t wanted) {
+  const std::string at = name(key);
   const std::vector<double> offsets = file_.numbers(at, 0, between(0.0, last_offset));
   std::vector<FrameField> result;
   const auto whole = [](double x) { return x >= 0.0 && x == std::floor(x); };

@@ -30,6 +30,8 @@ class FrameKeys {
   FieldForm form(const std::string& prefix, std::string_view default_type);
   // prefix.offset with its form: one offset or as many as are wanted (0: any number); the others follow the only one given.
   std::vector<FrameField> fields(const std::string& prefix, std::string_view default_type, std::size_t wanted);
+  // The offsets that stand at `key`, of numbers of this form.
+  std::vector<FrameField> places(const std::string& key, const FieldForm& shape, std::size_t wanted);
   FrameField field(const std::string& prefix, std::string_view default_type) {
     return fields(prefix, default_type, 1)[0];
   }

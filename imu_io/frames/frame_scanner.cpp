@@ -11,23 +11,6 @@ constexpr std::size_t buffer_size = 8192;  // several of the longest frames
 
 }  // namespace
 
-std::uint32_t frame_check_value(const FrameCheck& check, const Crc& crc, std::span<const std::byte> frame) {
-  const std::size_t end = check_offset(check, frame.size()) - check.gap;
-  const auto covered = frame.subspan(check.start, end - check.start);
-  std::uint32_t value = 0;
-  switch (check.kind) {
-    case CheckKind::none: break;
-    case CheckKind::sum:
-      for (const std::byte byte : covered) value += std::to_integer<std::uint32_t>(byte);
-      break;
-    case CheckKind::exclusive_or:
-      for (const std::byte byte : covered) value ^= std::to_integer<std::uint32_t>(byte);
-      break;
-    case CheckKind::crc: value = crc(covered, (check.pad - covered.size() % check.pad) % check.pad); break;
-  }
-  return check.bytes() == 4 ? value : value & ((1U << (8 * check.bytes())) - 1U);
-}
-
 FrameScanner::FrameScanner(const FrameDescription& frame)
     : sync_(frame.sync),
       mask_(frame.sync_mask),
@@ -40,6 +23,8 @@ FrameScanner::FrameScanner(const FrameDescription& frame)
       check_field_(frame.check.field),
       crc_(frame.check.crc),
       weak_(frame.check.weak()),
+      unstuffer_(frame.stuffing),
+      lead_(frame.stuffing.kind == StuffingKind::none ? 0 : 1),
       buffer_(buffer_size) {
   if (has_id_) id_ = FieldCodec(*frame.id);
   if (has_length_) length_ = FieldCodec(*frame.length);
@@ -52,16 +37,17 @@ std::span<std::byte> FrameScanner::space() {
     end_ -= begin_;
     begin_ = 0;
   }
-  return std::span(buffer_).subspan(end_);
+  return std::span(buffer_).subspan(std::min(end_ + lead_, buffer_.size()));
 }
 
 void FrameScanner::added(std::size_t count) {
-  assert(count <= buffer_.size() - end_);
-  end_ += count;
+  assert(count <= buffer_.size() - end_ - lead_);
+  end_ += lead_ == 0 ? count : unstuffer_.take(buffer_.data() + end_, count);
 }
 
 void FrameScanner::restart() {
   begin_ = end_ = 0;
+  unstuffer_.restart();
   in_step_ = false;
   seeking_again_ = false;
   skipped_ = 0;

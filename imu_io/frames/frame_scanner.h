@@ -64,6 +64,8 @@ class FrameScanner {
   FieldCodec check_field_;
   Crc crc_;
   bool weak_;
+  Unstuffer unstuffer_;
+  std::size_t lead_;  // bytes between end_ and space(): what was held back comes first
 
   std::vector<std::byte> buffer_;
   std::size_t begin_ = 0, end_ = 0;
@@ -72,8 +74,5 @@ class FrameScanner {
   std::uint64_t skipped_ = 0;
   ScanCounters counters_;
 };
-
-// The check over a frame, as the unit must have computed it. REQUIRES: check.kind is not none.
-std::uint32_t frame_check_value(const FrameCheck& check, const Crc& crc, std::span<const std::byte> frame);
 
 }  // namespace turncal

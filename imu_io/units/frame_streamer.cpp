@@ -3,6 +3,7 @@
 #include <time.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "imu_io/base/deadline.h"
@@ -24,7 +25,9 @@ FrameStreamer::FrameStreamer(ImuSource& source, const FrameDescription& frame, P
       speedup_(speedup),
       patience_s_(patience_s),
       samples_(batch),
-      bytes_(batch * encoder_.length()) {}
+      bytes_() {
+  bytes_.reserve(2 * batch * encoder_.length());
+}
 
 Status FrameStreamer::start(double now_s) {
   if (Status status = source_.open(); !status) return status;
@@ -49,20 +52,36 @@ Status FrameStreamer::start(double now_s) {
 }
 
 Status FrameStreamer::send(std::span<const ImuSample> samples) {
-  const std::size_t length = encoder_.length();
-  std::size_t used = 0;
+  bytes_.clear();
   for (const ImuSample& sample : samples) {
-    if (Status status = encoder_.encode(sample, std::span(bytes_).subspan(used, length)); !status) return status;
-    used += length;
+    if (Status status = encoder_.append(sample, bytes_); !status) return status;
   }
   // A listener that does not read loses what it has no room for. It is waited for once, not at every batch: time goes on.
-  const bool sent =
-      line_.write_all(std::span<const std::byte>(bytes_).first(used), listener_reads_ ? patience_s_ : 0.0).ok();
+  const bool sent = line_.write_all(bytes_, listener_reads_ ? patience_s_ : 0.0).ok();
   listener_reads_ = sent;
   if (sent) {
     frames_sent_ += samples.size();
   } else {
     ++batches_dropped_;
+  }
+  return {};
+}
+
+Status FrameStreamer::answer_requests() {
+  if (frame_.request.empty()) return {};
+  std::array<std::byte, 256> chunk;
+  const Result<std::size_t> n = line_.read(chunk, 0.0);
+  if (!n) return n.error();
+  asked_.insert(asked_.end(), chunk.begin(), chunk.begin() + static_cast<std::ptrdiff_t>(*n));
+  for (;;) {
+    const auto at = std::search(asked_.begin(), asked_.end(), frame_.request.begin(), frame_.request.end());
+    if (at == asked_.end()) break;
+    asked_.erase(asked_.begin(), at + static_cast<std::ptrdiff_t>(frame_.request.size()));
+    if (!last_) continue;
+    if (Status status = send({&*last_, 1}); !status) return status;
+  }
+  if (asked_.size() > frame_.request.size()) {
+    asked_.erase(asked_.begin(), asked_.end() - static_cast<std::ptrdiff_t>(frame_.request.size()));
   }
   return {};
 }
@@ -78,8 +97,11 @@ Result<std::size_t> FrameStreamer::pump(double now_s) {
     if (!got) return got.error();
     steps_ += count;
     passed += count;
+    if (*got > 0) last_ = samples_[*got - 1];
+    if (!frame_.request.empty()) continue;
     if (Status status = send(std::span<const ImuSample>(samples_).first(*got)); !status) return status.error();
   }
+  if (Status status = answer_requests(); !status) return status.error();
   return passed;
 }
 

@@ -2,6 +2,7 @@
 //
 // pump(now) sends what a unit that runs `speedup` times faster than the clock would have sent by `now`; the source's time
 // passes by as much. As on a real line, what nobody listens to or does not read in time is lost, while time goes on.
+// Of a unit that answers requests every one that has come is answered with the last sample.
 // In time: within patience_s of the host. A line's buffer that lasts half a second at a unit's pace lasts a fiftieth of that at 50 times
 // the pace, so a faster twin needs more patience; what its time fell behind meanwhile it catches up.
 // Errors: kind input where source and frame do not fit (period, increments, pulse weight), or a sample does not fit the frame.
@@ -9,6 +10,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "imu_io/frames/frame_encoder.h"
@@ -32,6 +34,7 @@ class FrameStreamer {
 
  private:
   Status send(std::span<const ImuSample> samples);
+  Status answer_requests();
 
   ImuSource& source_;
   FrameDescription frame_;
@@ -43,6 +46,8 @@ class FrameStreamer {
   std::uint64_t steps_ = 0;  // periods that have passed
   std::vector<ImuSample> samples_;
   std::vector<std::byte> bytes_;
+  std::vector<std::byte> asked_;  // what has come and is no whole request yet
+  std::optional<ImuSample> last_;
   std::uint64_t frames_sent_ = 0;
   std::uint64_t batches_dropped_ = 0;
   bool listener_reads_ = true;

@@ -41,9 +41,10 @@ SerialImu::SerialImu(const FrameDescription& frame, const SerialImuSettings& set
 
 Status SerialImu::open() {
   close();
-  auto port = SerialPort::open(line_of(frame_, settings_.device));
+  auto port = ByteLine::open(line_of(frame_, settings_.device));
   if (!port) return port.error();
   port_ = std::move(*port);
+  if (!frame_.request.empty()) requests_.start(port_, frame_.request, frame_.request_period_s / settings_.speedup);
   decoder_.rejoin();
   fit_.restart();
   restarted_ = false;
@@ -54,12 +55,14 @@ Status SerialImu::open() {
   return {};
 }
 
-void SerialImu::close() { port_.close(); }
+void SerialImu::close() {
+  requests_.stop();
+  port_.close();
+}
 
 Result<ImuIdentity> SerialImu::identify() {
   if (!port_.is_open()) return device_error(settings_.device + ": identify before open");
-  return ImuIdentity{settings_.unit_serial,
-                     frame_.name + " on " + turncal::describe(line_of(frame_, settings_.device))};
+  return ImuIdentity{settings_.unit_serial, frame_.name + " on " + describe_line(line_of(frame_, settings_.device))};
 }
 
 void SerialImu::describe(RecordingInfo& info) const {
@@ -179,8 +182,9 @@ Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) 
     }
     const auto received = receive(deadline.left_s());
     if (!received) {
+      const Error error = received.error();
       close();
-      return received.error();
+      return error;
     }
     if (*received == 0 && deadline.passed()) return std::size_t{0};
   }

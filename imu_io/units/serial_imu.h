@@ -1,4 +1,5 @@
-// A unit on a serial line as an ImuSource: port, decoder, counter and the watch over both.
+// A unit on a line (byte_line.h: serial, TCP, UDP) as an ImuSource: line, decoder, counter and the watch over both. A unit that answers
+// requests is asked for samples all the while that it is open.
 //
 // read()'s timeout is in seconds of the unit (of the host, times speedup). It waits for at most 20 ms of the host even if the timeout
 // is longer: so it is known when the line was last empty (counter_tracker.h), and a silent unit does not keep the station from
@@ -22,9 +23,10 @@
 
 #include "imu_io/frames/frame_decoder.h"
 #include "imu_io/frames/frame_description.h"
-#include "imu_io/lines/serial_port.h"
+#include "imu_io/lines/byte_line.h"
 #include "imu_io/recordings/imu_source.h"
 #include "imu_io/units/arrival_fit.h"
+#include "imu_io/units/request_pump.h"
 
 namespace turncal {
 
@@ -64,7 +66,8 @@ class SerialImu : public ImuSource {
 
   FrameDescription frame_;
   SerialImuSettings settings_;
-  SerialPort port_;
+  ByteLine port_;
+  RequestPump requests_;
   FrameDecoder decoder_;
   ArrivalFit fit_;
   bool restarted_ = false;

@@ -9,8 +9,10 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
   SerialImuConfig config;
   config.settings.device = file.text("imu.device");
   const std::string& device = config.settings.device;
-  if (const std::size_t colon = device.find(':'); colon != std::string::npos && device.find('/') > colon) {
-    file.reject("imu.device", "a serial device such as /dev/serial/by-id/...: no other kind of line is known");
+  const std::optional<LineAddress> line = parse_line(device);
+  if (!line && !device.empty()) {
+    file.reject("imu.device",
+                "a serial device such as /dev/serial/by-id/..., tcp:HOST:PORT, or udp:PORT or udp:ADDRESS:PORT");
   }
   std::string name = file.text("imu.frame");
   config.settings.unit_serial = file.text_or("imu.unit_serial", "");
@@ -29,6 +31,15 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
   if (Status status = file.status(); !status) return status.error();
   if (!frame) return frame.error();
   config.frame = std::move(*frame);
+  if (line && line->kind == LineKind::udp) {
+    if (!config.frame.variants.front().counter) {
+      file.reject("imu.device", "a frame with a counter: only it tells of datagrams that were lost");
+    }
+    if (!config.frame.request.empty()) file.reject("imu.device", "a serial line or tcp: a unit on UDP cannot be asked");
+  }
+  if (line && line->kind != LineKind::serial && file.has("imu.baud")) {
+    file.reject("imu.baud", "no such key unless the device is a serial line");
+  }
   config.frame.line.baud =
       static_cast<std::uint32_t>(file.integer_or("imu.baud", config.frame.line.baud, 50, 20'000'000));
   if (file.has("imu.accel_pulse_mps") && config.frame.accel_pulse_mps == 0.0) {

@@ -40,6 +40,12 @@ class LiveDevices {
   StationDevices devices();  // valid as long as this object
   ImuSource& imu(std::size_t place) { return place == 0 ? static_cast<ImuSource&>(watched_) : *further_[place - 1]; }
   std::string unit_summary(std::size_t place) const { return (place == 0 ? imu_ : *further_[place - 1]).summary(); }
+  // The clock of a unit against the host's; empty as long as it is not known, and of a twin that runs at another pace.
+  std::optional<ArrivalEstimate> unit_clock(std::size_t place) const {
+    const auto clock = (place == 0 ? imu_ : *further_[place - 1]).clock();
+    const bool known = clock && clock->skew_uncertainty > 0.0 && speed_up_ == 1.0;
+    return known ? clock : std::nullopt;
+  }
   // At most 20 ms, so that whoever waits finds out about a stop in time; a signal ends it earlier.
   static void wait_a_little(double wall_s);
   Status commission_table(const AxisTriple& known_deg, double tolerance_deg) {

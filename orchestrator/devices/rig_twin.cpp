@@ -89,7 +89,12 @@ Result<std::unique_ptr<RigTwin>> RigTwin::open(const StationConfig& station, con
 }
 
 Status RigTwin::open_line(const StationConfig& station, std::size_t unit, double speed_up) {
-  Result<Pty> line = Pty::create(station.imu_settings(unit).device);
+  const std::string& device = station.imu_settings(unit).device;
+  if (const auto kind = parse_line(device); !kind || kind->kind != LineKind::serial) {
+    return input_error("the twin's unit at '" + device +
+                       "': expected a serial line, which it makes; none over a network");
+  }
+  Result<Pty> line = Pty::create(device);
   if (!line) return line.error();
   auto made = std::make_unique<UnitLine>();
   made->line = std::move(*line);

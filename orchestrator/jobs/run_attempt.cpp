@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <deque>
 #include <thread>
@@ -95,6 +96,20 @@ Tone tone_of(const RunOutcome& outcome, const std::vector<UnitRun>& units) {
   return worst;
 }
 
+// Of every unit, rounded to what can be known; kept with its counts, too.
+std::vector<std::optional<UnitClock>> clocks_of(const LiveDevices& devices, std::vector<UnitRun>& units) {
+  std::vector<std::optional<UnitClock>> clocks;
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    clocks.emplace_back();
+    if (const auto clock = devices.unit_clock(i)) {
+      const auto rounded_ppm = [](double part) { return std::round(1e8 * part) / 100.0; };
+      clocks.back() = {rounded_ppm(-clock->skew), rounded_ppm(clock->skew_uncertainty)};
+    }
+    units[i].counts.clock = clocks.back();
+  }
+  return clocks;
+}
+
 // How far every unit came, and what is known of it before there are results.
 void note_outcome(const RunOutcome& outcome, double sample_period_s, std::vector<UnitRun>& units) {
   for (std::size_t i = 0; i < units.size(); ++i) {
@@ -183,6 +198,7 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   StationRun* running = nullptr;
   const auto content_hashes = [&] {
     note_outcome(running->outcome(), a.sample_period_s, a.units);
+    if (made.live) a.journal.note_clocks(clocks_of(*made.live, a.units));
     return read_recordings(a.units);
   };
   const auto calibrate = [&]() -> Status {

@@ -39,7 +39,9 @@ void add_record(const PreparedRun& run, const RunCounts& counts, ParameterFile& 
       {"record.table_calibration_due", run.station.table_calibration_due},
       {"record.overdue_reason", request.overdue_reason},
       {"record.repeated_dwells", format_number(counts.repeated_dwells)},
-      {"record.lost_samples", format_number(counts.lost_samples)}};
+      {"record.lost_samples", format_number(counts.lost_samples)},
+      {"record.clock_ppm", counts.clock ? format_number(counts.clock->ppm) : ""},
+      {"record.clock_uncertainty_ppm", counts.clock ? format_number(counts.clock->uncertainty_ppm) : ""}};
   for (const auto& [key, value] : fields) {
     if (!value.empty()) file.add_further(key, value);
   }
@@ -98,8 +100,12 @@ void choose_file(const PreparedRun& run, const RunCounts& counts, const Finding&
     for (auto& [key, value] : output.file.further)
       if (key == "quality.trusted") value = "false";
   add_record(run, counts, output.file);
-  if (!run.request.partial)  // an estimate in part is no judgement of the unit
-    results.verdict = judge(output.file, {output.min_temperature_c, output.max_temperature_c}, run.station.limits);
+  std::optional<ClockLimit> clock;
+  if (counts.clock && run.station.imu) clock = {*counts.clock, run.station.imu->settings.clock_max_ppm};
+  if (!run.request.partial) {  // an estimate in part is no judgement of the unit
+    results.verdict =
+        judge(output.file, {output.min_temperature_c, output.max_temperature_c}, run.station.limits, clock);
+  }
   judge_diagnosis(finding.diagnosis, finding.text, run.station.diagnosis, results.verdict);
   add_verdict(results.verdict, output.file);
 }

@@ -31,7 +31,8 @@ struct RunCounts {
   double recorded_s = 0.0;
   int repeated_dwells = 0;
   std::uint64_t lost_samples = 0;
-  int sessions = 1;  // how often the run was begun or taken up again
+  int sessions = 1;                     // how often the run was begun or taken up again
+  std::optional<UnitClock> clock = {};  // empty: not measured, as in a dry run
 };
 
 struct RunResults {

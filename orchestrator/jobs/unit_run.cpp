@@ -172,6 +172,7 @@ Status verify_recordings(std::vector<UnitRun>& units, const JournalContents& con
     unit.counts.repeated_dwells = contents.last_dwell->repeated_dwells;
     unit.counts.lost_samples = contents.last_dwell->units[i].lost_samples;
     unit.counts.sessions = contents.sessions + 1;
+    unit.counts.clock = i < contents.clocks.size() ? contents.clocks[i] : std::nullopt;
     unit.counts.recorded_s = static_cast<double>(loaded->data.segments.back().end_sample) * info.sample_period_s;
     unit.recording = std::move(*loaded);
   }

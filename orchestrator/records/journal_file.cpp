@@ -252,6 +252,11 @@ Status JournalFile::seal(double utc_s, const std::vector<std::string>& hashes) {
   JournalFields fields = {{"utc_s", format_number(utc_s)}};
   for (std::size_t unit = 0; unit < hashes.size(); ++unit)
     fields.emplace_back(unit_prefix(unit) + "recording_hash", hashes[unit]);
+  for (std::size_t unit = 0; unit < clocks_.size(); ++unit) {
+    if (!clocks_[unit]) continue;
+    fields.emplace_back(unit_prefix(unit) + "clock_ppm", format_number(clocks_[unit]->ppm));
+    fields.emplace_back(unit_prefix(unit) + "clock_uncertainty_ppm", format_number(clocks_[unit]->uncertainty_ppm));
+  }
   return append(JournalType::seal, fields);
 }
 
@@ -301,8 +306,13 @@ Result<JournalContents> read_journal(const std::string& path) {
       case JournalType::seal:
         contents.seal_utc_s = fields->number("utc_s");
         contents.hashes.assign(contents.units().size(), "");
-        for (std::size_t unit = 0; unit < contents.hashes.size(); ++unit)
+        contents.clocks.assign(contents.units().size(), std::nullopt);
+        for (std::size_t unit = 0; unit < contents.hashes.size(); ++unit) {
           contents.hashes[unit] = fields->text_or(unit_prefix(unit) + "recording_hash", "");
+          if (!fields->has(unit_prefix(unit) + "clock_ppm")) continue;
+          contents.clocks[unit] = {fields->number(unit_prefix(unit) + "clock_ppm"),
+                                   fields->number(unit_prefix(unit) + "clock_uncertainty_ppm")};
+        }
         break;
       case JournalType::resume:  // what was commanded after the last completed dwell is taken back
         contents.commands.resize(commands_kept);

@@ -14,6 +14,7 @@
 
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/run/run_journal.h"
+#include "orchestrator/station/verdict.h"
 
 namespace turncal {
 
@@ -51,12 +52,15 @@ class JournalFile : public RunJournal {
   Status dropout(const Dropout& dropout) override;
   Status seal(double utc_s, const std::vector<std::string>& hashes) override;
   Status clock_set(double by_s, const RunSnapshot& at);
+  // What is known of the units' clocks; goes with the seal.
+  void note_clocks(std::vector<std::optional<UnitClock>> clocks) { clocks_ = std::move(clocks); }
 
  private:
   JournalFile(PosixFile file, std::uint32_t next_number) : file_(std::move(file)), next_number_(next_number) {}
   PosixFile file_;
   std::uint32_t next_number_ = 0;
   bool failed_ = false;
+  std::vector<std::optional<UnitClock>> clocks_;
 };
 
 // A command to the table, on the station's clock. No move: home.
@@ -69,11 +73,12 @@ struct JournalCommand {
 struct JournalContents {
   JournalFields begin;
   std::optional<CompletedDwell> last_dwell;
-  std::vector<JournalCommand> commands;  // up to last_dwell, without those of attempts that were taken back
-  std::optional<double> seal_utc_s;      // of the last attempt to seal
-  std::vector<std::string> hashes;       // the same: of the recordings' contents, by unit; empty: none was kept
-  int sessions = 1;                      // 1 + resumes
-  std::vector<JournalFields> verdicts;   // one a unit, as they came
+  std::vector<JournalCommand> commands;          // up to last_dwell, without those of attempts that were taken back
+  std::optional<double> seal_utc_s;              // of the last attempt to seal
+  std::vector<std::string> hashes;               // the same: of the recordings' contents, by unit; empty: none was kept
+  std::vector<std::optional<UnitClock>> clocks;  // the same
+  int sessions = 1;                              // 1 + resumes
+  std::vector<JournalFields> verdicts;           // one a unit, as they came
   struct DroppedUnit {
     std::size_t unit = 0;
     Error why;

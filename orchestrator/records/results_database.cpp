@@ -103,7 +103,9 @@ std::string defect_of(const StoredCalibration& row, const std::string& text, con
   }
   const auto judged = std::find_if(file->further.begin(), file->further.end(),
                                    [](const auto& field) { return field.first == "verdict.result"; });
-  if (judged != file->further.end() && judged->second != row.verdict) return differs("verdict");
+  // A file without a verdict was not judged.
+  const std::string said = judged != file->further.end() ? judged->second : "not_judged";
+  if (said != row.verdict) return differs("verdict");
   for (const StoredValue& value : row.values) {
     const auto key = std::find(parameter_keys.begin(), parameter_keys.end(), value.key);
     if (key == parameter_keys.end()) return differs(value.key);

@@ -191,6 +191,7 @@ void read_further_places(KeyValueFile& file, StationConfig& station) {
   for (std::size_t place = 2; place <= most_imu_places; ++place) {
     if (!file.has(key(place))) continue;
     const std::string device = file.text(key(place));
+    if (!parse_line(device) && !device.empty()) file.reject(key(place), "a line as in imu.device");
     if (place != taken.size() + 1) {
       file.reject(key(place), key(taken.size() + 1) + " before it: places are numbered without a gap");
       return;

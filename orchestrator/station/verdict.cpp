@@ -73,7 +73,8 @@ UnitVerdict judge_value(double value, std::optional<double> sigma, const Limit& 
   return margin >= -guard_band ? UnitVerdict::conditional_fail : UnitVerdict::fail;
 }
 
-VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c, const VerdictLimits& limits) {
+VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c, const VerdictLimits& limits,
+                    const std::optional<ClockLimit>& clock) {
   VerdictReport report;
   if (!limits.any()) return report;
   report.rule = "ILAC-G8:09/2019 4.2.3, U = 2 sigma, guard band " + format_number(limits.guard_factor) + " U";
@@ -87,6 +88,10 @@ VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c,
   if (limits.temperature_c.min || limits.temperature_c.max) {
     judge_into(report, "temperature_c.min", temperature_range_c.min, 0.0, limits.temperature_c, 0.0);
     judge_into(report, "temperature_c.max", temperature_range_c.max, 0.0, limits.temperature_c, 0.0);
+  }
+  if (clock) {
+    judge_into(report, "clock_ppm", clock->clock.ppm, clock->clock.uncertainty_ppm, {-clock->max_ppm, clock->max_ppm},
+               limits.guard_factor);
   }
   if (const std::vector<std::string> lines = describe(report); !lines.empty()) {
     const std::string word = ": " + std::string(to_string(report.verdict));

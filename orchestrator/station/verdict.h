@@ -3,7 +3,7 @@
 //   U = 2 sigma, guard band w = guard_factor U, margin m = distance to the nearer limit, negative outside
 //   pass m >= w | conditional pass 0 <= m < w | conditional fail -w <= m < 0 | fail m < -w
 //
-// What has no uncertainty (sigma itself, the residual, temperatures) is judged with w = 0. A parameter without a sigma can at
+// The unit's clock is judged beside them where it was measured (live, at the unit's own pace). What has no uncertainty (sigma itself, the residual, temperatures) is judged with w = 0. A parameter without a sigma can at
 // best pass conditionally, and a value that a limit asks for and that is missing fails. A unit's verdict is that of its worst
 // value, or of its diagnosis where that is worse: a residual beyond the 24 parameters holds the unit back. The rule, the reason and
 // every judged value go into the parameter file (`verdict.*`).
@@ -68,7 +68,19 @@ struct VerdictReport {
 // One value by the rule above. No sigma: nothing is known of its uncertainty.
 UnitVerdict judge_value(double value, std::optional<double> sigma, const Limit& limit, double guard_factor);
 
-VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c, const VerdictLimits& limits);
+// The unit's clock against the station's, as it was measured while the recording was made.
+struct UnitClock {
+  double ppm = 0.0;              // positive: the unit's is fast
+  double uncertainty_ppm = 0.0;  // 1 sigma
+  bool operator==(const UnitClock&) const = default;
+};
+struct ClockLimit {
+  UnitClock clock;
+  double max_ppm = 0.0;  // imu.clock_max_ppm
+};
+
+VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c, const VerdictLimits& limits,
+                    const std::optional<ClockLimit>& clock = {});
 // Takes the diagnosis into the verdict. clean and not_made change nothing; `finding`: what was found, in a few words.
 void judge_diagnosis(const std::string& diagnosis, const std::string& finding, const DiagnosisPolicy& policy,
                      VerdictReport& report);

@@ -49,11 +49,22 @@ TEST(SerialImuConfig, AFileIsRelativeToTheStationFile) {
 
 TEST(SerialImuConfig, OneLineForEachMistake) {
   EXPECT_ERROR(parse("imu.frame = laser_gyro\n"), "a.station: key 'imu.device' is missing: expected a text");
-  for (const char* line : {"udp:127.0.0.1:5000", "tcp:host:1"}) {
+  for (const char* line :
+       {"usb:1", "udp:", "udp:0", "udp:host:5000", "udp:1.2.3:5", "tcp:5000", "tcp:host:70000", "tcp::1"}) {
     EXPECT_ERROR(parse("imu.device = " + std::string(line) + "\nimu.frame = laser_gyro\n"),
                  "a.station:1: key 'imu.device' = '" + std::string(line) +
-                     "': expected a serial device such as /dev/serial/by-id/...: no other kind of line is known");
+                     "': expected a serial device such as /dev/serial/by-id/..., tcp:HOST:PORT, or udp:PORT or "
+                     "udp:ADDRESS:PORT");
   }
+  for (const char* line : {"udp:5000", "udp:127.0.0.1:5000", "tcp:host:1", "tcp:10.0.0.5:4001"}) {
+    ASSERT_OK(parse("imu.device = " + std::string(line) + "\nimu.frame = laser_gyro\n"));
+  }
+  EXPECT_ERROR(
+      parse("imu.device = udp:5000\nimu.frame = f64_55aa34\n"),
+      "a.station:1: key 'imu.device' = 'udp:5000': expected a frame with a counter: only it tells of datagrams "
+      "that were lost");
+  EXPECT_ERROR(parse("imu.device = tcp:h:1\nimu.frame = laser_gyro\nimu.baud = 9600\n"),
+               "a.station:3: key 'imu.baud' = '9600': expected no such key unless the device is a serial line");
   EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = laser_gyro\nimu.speedup = 20\n"),
                "a.station:3: key 'imu.speedup' = '20': expected 1 unless imu.simulated is true");
   EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = stim300\nimu.accel_pulse_mps = 1\n"),

@@ -25,6 +25,7 @@ class Journal : public testing::Test {
     ASSERT_TRUE(journal->append(JournalType::resume, {{"what", "x"}}).ok());
     ASSERT_TRUE(journal->move({Axis::heading, 1.0, 2.0, 3.0}, 4.0).ok());
     ASSERT_TRUE(journal->dwell(two_).ok());
+    journal->note_clocks({UnitClock{-12.34, 0.05}});
     ASSERT_TRUE(journal->seal(1767225600.25, {"00ff"}).ok());
   }
   const CompletedDwell one_{.item = 0,
@@ -49,6 +50,8 @@ TEST_F(Journal, IsReadBackAsWritten) {
   ASSERT_TRUE(contents.ok()) << contents.error().message;
   EXPECT_EQ(contents->begin_value("unit"), "SN 7");
   EXPECT_EQ(contents->hashes, std::vector<std::string>{"00ff"});
+  ASSERT_EQ(contents->clocks.size(), 1u);
+  EXPECT_EQ(contents->clocks[0], (UnitClock{-12.34, 0.05}));
   EXPECT_EQ(contents->begin_value("station"), " 100% # \n odd ");
   EXPECT_EQ(contents->begin_value("rig"), "");
   ASSERT_TRUE(contents->last_dwell);

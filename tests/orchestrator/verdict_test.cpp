@@ -104,6 +104,30 @@ class Production : public Program {
   }
 };
 
+// imu.clock_max_ppm = 200, the guard band 2 sigma; the file says what was judged.
+TEST(Verdict, TheClockIsJudgedWithTheValues) {
+  ParameterFile file;
+  file.add_further("quality.normalised_rms", "1");
+  VerdictLimits limits;
+  const auto judged = [&](double ppm, double sigma_ppm) {
+    return judge(file, {}, limits, ClockLimit{{ppm, sigma_ppm}, 200.0});
+  };
+  EXPECT_EQ(judged(500.0, 1.0).verdict, UnitVerdict::not_judged) << "nothing is judged without limits";
+  limits.residual_max = 2.0;
+  EXPECT_EQ(judge(file, {}, limits).verdict, UnitVerdict::pass);
+  EXPECT_EQ(judged(-150.0, 2.0).verdict, UnitVerdict::pass);
+  EXPECT_EQ(judged(199.0, 2.0).verdict, UnitVerdict::conditional_pass);
+  EXPECT_EQ(judged(-201.0, 2.0).verdict, UnitVerdict::conditional_fail);
+  const VerdictReport far = judged(-300.0, 2.0);
+  EXPECT_EQ(far.verdict, UnitVerdict::fail);
+  EXPECT_NE(far.reason.find("clock_ppm = -300, limits -200 .. 200"), std::string::npos) << far.reason;
+  add_verdict(judged(-150.0, 2.0), file);
+  EXPECT_NE(
+      std::find(file.further.begin(), file.further.end(),
+                std::pair<std::string, std::string>("verdict.clock_ppm", "pass, limits -200 .. 200, guard band 4")),
+      file.further.end());
+}
+
 TEST_F(Production, VerdictIsExitCodeAndRecord) {
   const ProgramResult good =
       dry_run("good", "limit.residual_max = 1.5\nlimit.N01.min = -1\nlimit.N01.max = 1\n",

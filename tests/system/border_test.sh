@@ -46,6 +46,7 @@ grep -q ",'@SUM(1)," all.csv || fail "a formula is in the CSV: $(head -c 300 all
 expect 0 'SN2' history results.db
 for change in "UPDATE value SET value = value * 1.001 WHERE calibration = 2 AND key = 'n11'" \
               "UPDATE calibration SET unit = 'SN3' WHERE id = 2" "UPDATE calibration SET time_utc = '2027-01-01T00:00:00Z' WHERE id = 2" \
+              "UPDATE calibration SET verdict = 'pass' WHERE id = 2" \
               "UPDATE calibration SET simulated = 0 WHERE id = 2" "UPDATE calibration SET operator = 'X' WHERE id = 2" \
               "UPDATE calibration SET parameter_file = replace(parameter_file, 'n11 = 0', 'n11 = 1') WHERE id = 2"; do
   cp results.db changed.db

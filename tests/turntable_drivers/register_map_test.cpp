@@ -35,8 +35,8 @@ TEST(RegisterMap, EveryKeyArrives) {
   ASSERT_EQ(map.list(DriveOperation::move).size(), 2u);
   EXPECT_EQ(map.list(DriveOperation::move)[0].length(), 6);
   EXPECT_EQ(map.list(DriveOperation::move)[0].address, 0x210);
-  EXPECT_EQ(map.bit(DriveBit::emergency_stop)->active_high, false);
-  EXPECT_FALSE(map.bit(DriveBit::limit_negative));
+  EXPECT_EQ(map.of(Axis::roll).bit(DriveBit::emergency_stop)->active_high, false);
+  EXPECT_FALSE(map.of(Axis::heading).bit(DriveBit::limit_negative));
 }
 
 TEST(RegisterMap, DefectsAreNamed) {

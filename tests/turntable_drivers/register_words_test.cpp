@@ -71,5 +71,17 @@ TEST(RegisterWords, WrapAt360) {
   EXPECT_EQ(unwrapped_deg(10.0, 12.0, 360.0), 10.0);
 }
 
+// pi is 400921FB 54442D18.
+TEST(RegisterWords, NumbersOf64Bits) {
+  EXPECT_EQ(decode_words(V{0x4009, 0x21FB, 0x5444, 0x2D18}, WordType::f64, high), 3.141592653589793);
+  EXPECT_EQ(decode_words(V{0x2D18, 0x5444, 0x21FB, 0x4009}, WordType::f64, {false, false}), 3.141592653589793);
+  EXPECT_EQ(decode_words(V{0x182D, 0x4454, 0xFB21, 0x0940}, WordType::f64, {false, true}), 3.141592653589793);
+  const std::optional<Words> words = encode_words(-123456.789012345, WordType::f64, {false, true});
+  ASSERT_TRUE(words);
+  EXPECT_EQ(words->span().size(), 4u);
+  EXPECT_EQ(decode_words(words->span(), WordType::f64, {false, true}), -123456.789012345);
+  EXPECT_FALSE(encode_words(std::nan(""), WordType::f64, high));
+}
+
 }  // namespace
 }  // namespace turncal

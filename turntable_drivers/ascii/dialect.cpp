@@ -17,11 +17,11 @@ std::optional<DriveBit> drive_bit(std::string_view name) {
 }
 
 bool placeholder_is_known(const std::string& name) {
-  for (const char* const own : {"axis", "position", "rate", "acceleration", "status", "*"}) {
+  for (const char* const own : {"axis", "position", "distance", "rate", "acceleration", "status", "*"}) {
     if (name == own) return true;
   }
   for (const Axis axis : all_axes) {
-    for (const char* const quantity : {"position.", "rate.", "acceleration.", "status."}) {
+    for (const char* const quantity : {"position.", "distance.", "rate.", "acceleration.", "status."}) {
       if (name == quantity + std::string(to_string(axis))) return true;
     }
   }
@@ -29,15 +29,21 @@ bool placeholder_is_known(const std::string& name) {
 }
 
 std::optional<SentenceTemplate> sentence(KeyValueFile& file, const std::string& key) {
-  const auto result = SentenceTemplate::parse(file.text(key));
+  std::string text = file.text(key);
+  if (key.ends_with(".expect")) {
+    for (std::size_t at = text.find("\\n"); at != std::string::npos; at = text.find("\\n", at))
+      text.replace(at, 2, "\n");
+  }
+  const auto result = SentenceTemplate::parse(text);
   bool good = result.has_value();
   if (good) {
     for (const std::string& name : result->names()) good = good && placeholder_is_known(name);
   }
   if (!good) {
-    file.reject(key,
-                "a sentence with {axis} {position} {rate} {acceleration} {status} {*} or one of these with .heading "
-                ".pitch .roll, something between any two of them");
+    file.reject(
+        key,
+        "a sentence with {axis} {position} {distance} {rate} {acceleration} {status} {*} or one of these with .heading "
+        ".pitch .roll, something between any two of them unless they have a width, {position:10}");
     return {};
   }
   return result;
@@ -48,6 +54,20 @@ std::string escaped_text(KeyValueFile& file, const std::string& key, const std::
   const auto text = unescaped(file.text_or(key, ""));
   if (!text) file.reject(key, "text with \\r \\n \\t or \\\\");
   return text.value_or("");
+}
+
+// Of 16 bits, decimal or with 0x.
+std::uint32_t crc_number(KeyValueFile& file, const std::string& key, std::optional<std::uint32_t> otherwise) {
+  if (otherwise && !file.has(key)) return *otherwise;
+  const std::string text = file.text(key);
+  const bool hex = text.starts_with("0x");
+  std::uint32_t value = 0;
+  const char* const end = text.data() + text.size();
+  const auto result = std::from_chars(text.data() + (hex ? 2 : 0), end, value, hex ? 16 : 10);
+  if (result.ec != std::errc{} || result.ptr != end || value > 0xFFFF) {
+    file.reject(key, "a number of 16 bits, decimal or with 0x");
+  }
+  return value & 0xFFFF;
 }
 
 void read_link(KeyValueFile& file, DialectLink& link) {
@@ -69,11 +89,22 @@ void read_link(KeyValueFile& file, DialectLink& link) {
   if (link.terminator_in.empty()) file.reject("link.terminator_in", "at least one character");
   link.prompt = escaped_text(file, "link.prompt", "");
   link.echo = file.boolean_or("link.echo", false);
+  link.echo_terminator = link.terminator_out;
+  if (link.echo) link.echo_terminator = escaped_text(file, "link.echo_terminator", link.terminator_out);
+  if (link.echo && link.echo_terminator.empty()) file.reject("link.echo_terminator", "at least one character");
   link.prefix = file.text_or("link.prefix", "");
-  const std::string check = file.one_of_or("link.check", "none", {"none", "sum8", "xor"});
-  link.check = check == "none"   ? SentenceCheck::none
-               : check == "sum8" ? SentenceCheck::sum8
-                                 : SentenceCheck::exclusive_or;
+  const std::string check = file.one_of_or("link.check", "none", {"none", "sum8", "xor", "crc16"});
+  link.check = check == "none"    ? SentenceCheck::none
+               : check == "sum8"  ? SentenceCheck::sum8
+               : check == "crc16" ? SentenceCheck::crc16
+                                  : SentenceCheck::exclusive_or;
+  if (link.check == SentenceCheck::crc16) {
+    link.crc.polynomial = crc_number(file, "link.crc.polynomial", {});
+    link.crc.initial = crc_number(file, "link.crc.initial", 0);
+    link.crc.final_xor = crc_number(file, "link.crc.final_xor", 0);
+    link.crc.reflect_input = file.boolean_or("link.crc.reflect_input", false);
+    link.crc.reflect_output = file.boolean_or("link.crc.reflect_output", false);
+  }
   link.check_mark = file.text_or("link.check_mark", "*");
   link.reply_timeout_s = file.number_or("link.reply_timeout_s", link.reply_timeout_s, some_time);
   link.quiet_s = file.number_or("link.quiet_s", link.quiet_s, some_time);
@@ -97,7 +128,28 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
     const bool needed = operation == DialectOperation::home || operation == DialectOperation::move ||
                         operation == DialectOperation::status || operation == DialectOperation::stop ||
                         operation == DialectOperation::abort;
+    const bool is_stop = operation == DialectOperation::stop || operation == DialectOperation::abort;
+    for (std::size_t k = 0; is_stop && k < steps.exchanges.size(); ++k) {
+      const auto& expect = steps.exchanges[k].expect;
+      if (expect && expect->lines() > 1) {
+        file.reject(name + "." + std::to_string(k + 1) + ".expect", "an answer of one line: a stop waits for no more");
+      }
+    }
     if (needed && steps.exchanges.empty()) file.text(name + ".1");  // the defect: it is missing
+  }
+  const auto asks_for = [&](const std::string& quantity) {
+    for (const Exchange& exchange : dialect.of(DialectOperation::move).exchanges) {
+      for (const std::string& name : exchange.send.names()) {
+        if (name == quantity || name.starts_with(quantity + ".")) return true;
+      }
+    }
+    return false;
+  };
+  for (const DialectAxis& axis : dialect.axis) {
+    if (axis.modulo_deg > 0.0 && (asks_for("position") || !asks_for("distance"))) {
+      file.reject("move.1",
+                  "{distance} in a sentence, not {position}: with modulo_deg that does not say how many turns to go");
+    }
   }
   bool tells_position = false;
   for (const Exchange& exchange : dialect.of(DialectOperation::status).exchanges) {
@@ -162,8 +214,13 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
     axis.sign = file.one_of_or(prefix + "sign", "1", {"1", "-1"}) == "-1" ? -1 : 1;
     axis.zero_deg = file.number_or(prefix + "zero_deg", 0.0, between(-360.0, 360.0));
     axis.units_per_degree = file.number_or(prefix + "units_per_degree", 1.0, positive);
+    axis.modulo_deg = file.number_or(prefix + "modulo_deg", 0.0, between(0.0, 3600.0));
+    axis.rate_scale = file.number_or(prefix + "rate_scale", axis.units_per_degree, positive);
+    axis.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", axis.rate_scale, positive);
+    axis.acceleration_scale = file.number_or(prefix + "acceleration_scale", axis.units_per_degree, positive);
   }
   dialect.decimals = static_cast<int>(file.integer_or("number.decimals", dialect.decimals, 0, 9));
+  dialect.plus = file.boolean_or("number.plus", false);
   read_steps(file, dialect);
   dialect.can_switch_off = file.boolean_or("switch_off", true);
   const auto sentences = [&](DialectOperation operation) {

@@ -3,11 +3,12 @@
 //
 // Every operation is a list of exchanges, done for the table as a whole or for one axis after another. An exchange is a sentence
 // and, where the device answers, what the answer must look like; anything else is an error. Placeholders: {axis}; of the axis
-// addressed {position} {rate} {acceleration} {status}; of any axis {position.heading} and so on, for tables that take or tell all
+// addressed {position} {distance} {rate} {acceleration} {status}; of any axis {position.heading} and so on, for tables that take or tell all
 // three in one sentence.
 // A status that the map does not know means: not enabled, not arrived, moving.
 //
-// Not modelled: binary answers, unsolicited messages, angles modulo a turn.
+// An answer may have several lines (\n in OP.N.expect), each framed as one.
+// Not modelled: binary answers, unsolicited messages, moves of a circle the shorter way.
 #pragma once
 
 #include <array>
@@ -31,10 +32,12 @@ struct DialectLink {
   SerialSettings serial;  // of a serial line: rate, bits, parity
   std::string terminator_out = "\r";
   std::string terminator_in = "\n";
-  std::string prompt;  // what the device says when it is ready; an answer ends with it
-  bool echo = false;   // the device repeats what it is sent, before its answer
-  std::string prefix;  // before the body of every sentence, both ways
+  std::string prompt;                  // what the device says when it is ready; an answer ends with it
+  bool echo = false;                   // the device repeats what it is sent, before its answer
+  std::string echo_terminator = "\r";  // what the echo ends with
+  std::string prefix;                  // before the body of every sentence, both ways
   SentenceCheck check = SentenceCheck::none;
+  CrcParameters crc;             // of crc16
   std::string check_mark = "*";  // between body and check digits
   double reply_timeout_s = 1.0;
   double quiet_s = 0.5;
@@ -60,6 +63,10 @@ struct DialectAxis {
   int sign = 1;
   double zero_deg = 0.0;
   double units_per_degree = 1.0;
+  double modulo_deg = 0.0;  // 0: positions are cumulative; 360: the device tells a circle only
+  double rate_scale = 1.0;  // units of a commanded rate for 1 deg/s
+  double measured_rate_scale = 1.0;
+  double acceleration_scale = 1.0;
 };
 
 // Flags of a status: by value, or by bit.
@@ -82,6 +89,7 @@ struct Dialect {
   DialectLink link;
   std::array<DialectAxis, 3> axis;
   int decimals = 4;
+  bool plus = false;           // numbers that are not negative have a sign, too
   bool can_switch_off = true;  // by the abort sentences
   std::array<DialectSteps, dialect_operation_count> steps;
   std::vector<std::string> errors;  // an answer that contains one of these is an error of the device

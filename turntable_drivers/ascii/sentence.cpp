@@ -1,5 +1,9 @@
 #include "turntable_drivers/ascii/sentence.h"
 
+#include <algorithm>
+#include <cctype>
+#include <span>
+
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 
@@ -18,8 +22,15 @@ std::optional<SentenceTemplate> SentenceTemplate::parse(std::string_view text) {
     }
     const std::size_t close = text.find_first_of("{}", 1);
     if (close == std::string_view::npos || text[close] != '}' || close == 1) return {};
-    if (!result.pieces_.empty() && !result.pieces_.back().name.empty()) return {};
-    result.pieces_.push_back({"", std::string(text.substr(1, close - 1))});
+    if (!result.pieces_.empty() && !result.pieces_.back().name.empty() && result.pieces_.back().width == 0) return {};
+    Piece piece{"", std::string(text.substr(1, close - 1))};
+    if (const std::size_t colon = piece.name.find(':'); colon != std::string::npos) {
+      const std::optional<int> width = parse_integer<int>(std::string_view(piece.name).substr(colon + 1));
+      if (!width || *width < 1 || *width > 64 || colon == 0) return {};
+      piece.width = static_cast<std::size_t>(*width);
+      piece.name.resize(colon);
+    }
+    result.pieces_.push_back(std::move(piece));
     text.remove_prefix(close + 1);
   }
   return result;
@@ -27,7 +38,16 @@ std::optional<SentenceTemplate> SentenceTemplate::parse(std::string_view text) {
 
 std::string SentenceTemplate::fill(const std::function<std::string(const std::string&)>& value) const {
   std::string text;
-  for (const Piece& piece : pieces_) text += piece.name.empty() ? piece.literal : value(piece.name);
+  for (const Piece& piece : pieces_) {
+    std::string filled = piece.name.empty() ? piece.literal : value(piece.name);
+    if (filled.size() < piece.width) {
+      const bool sign = filled.starts_with('-') || filled.starts_with('+');
+      const bool number =
+          filled.size() > (sign ? 1U : 0U) && std::isdigit(static_cast<unsigned char>(filled[sign])) != 0;
+      filled.insert(number && sign ? 1 : 0, piece.width - filled.size(), number ? '0' : ' ');
+    }
+    text += filled;
+  }
   return text;
 }
 
@@ -41,11 +61,15 @@ std::optional<std::map<std::string, std::string>> SentenceTemplate::match(std::s
       continue;
     }
     const bool last = i + 1 == pieces_.size();
-    const std::size_t end = last ? sentence.size() : sentence.find(pieces_[i + 1].literal, piece.name == "*" ? 0 : 1);
+    if (piece.width > sentence.size()) return {};
+    const std::size_t end = piece.width > 0 ? piece.width
+                            : last          ? sentence.size()
+                                            : sentence.find(pieces_[i + 1].literal, piece.name == "*" ? 0 : 1);
     if (end == std::string_view::npos) return {};
-    const std::string_view value = sentence.substr(0, end);
+    std::string_view value = sentence.substr(0, end);
+    if (piece.width > 0) value = trimmed(value);
     if (piece.name != "*") {
-      if (value.empty() || value.find_first_of(", \t") != std::string_view::npos) return {};
+      if (value.empty() || value.find_first_of(", \t\n") != std::string_view::npos) return {};
       values[piece.name] = value;
     }
     sentence.remove_prefix(end);
@@ -53,6 +77,8 @@ std::optional<std::map<std::string, std::string>> SentenceTemplate::match(std::s
   if (!sentence.empty()) return {};
   return values;
 }
+
+int SentenceTemplate::lines() const { return 1 + static_cast<int>(std::count(text_.begin(), text_.end(), '\n')); }
 
 bool SentenceTemplate::has(std::string_view name) const {
   for (const Piece& piece : pieces_) {
@@ -69,13 +95,17 @@ std::vector<std::string> SentenceTemplate::names() const {
   return result;
 }
 
-std::string check_digits(std::string_view body, SentenceCheck check) {
+std::string check_digits(std::string_view body, SentenceCheck check, const CrcParameters& crc) {
+  constexpr const char* digits = "0123456789ABCDEF";
+  if (check == SentenceCheck::crc16) {
+    const unsigned sum = Crc(crc)(std::as_bytes(std::span(body.data(), body.size())));
+    return {digits[sum >> 12 & 15], digits[sum >> 8 & 15], digits[sum >> 4 & 15], digits[sum & 15]};
+  }
   unsigned value = 0;
   for (const char c : body) {
     const auto byte = static_cast<unsigned char>(c);
     value = check == SentenceCheck::sum8 ? value + byte : value ^ byte;
   }
-  constexpr const char* digits = "0123456789ABCDEF";
   return {digits[value >> 4 & 15], digits[value & 15]};
 }
 

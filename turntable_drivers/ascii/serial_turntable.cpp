@@ -6,19 +6,22 @@
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
+#include "turntable_drivers/table/angle.h"
 #include "turntable_drivers/table/drive_rules.h"
 
 namespace turncal {
 namespace {
 
-std::string fixed(double value, int decimals) {
+std::string fixed(double value, int decimals, bool plus) {
   char text[64];
-  std::snprintf(text, sizeof text, "%.*f", decimals, value);
+  std::snprintf(text, sizeof text, plus ? "%+.*f" : "%.*f", decimals, value);
   // "-0.0000" confuses some parsers.
   bool zero = true;
   for (const char* c = text; *c != '\0'; ++c) zero = zero && (*c == '-' || *c == '0' || *c == '.');
-  return zero && text[0] == '-' ? text + 1 : text;
+  return zero && text[0] == '-' ? (plus ? "+" : "") + std::string(text + 1) : text;
 }
+
+int lines_of(const Exchange& exchange) { return exchange.expect ? exchange.expect->lines() : 0; }
 
 }  // namespace
 
@@ -55,12 +58,13 @@ std::string SerialTurntable::filled(const SentenceTemplate& sentence, Axis axis,
     }
     const DialectAxis& scale = dialect_.of(which);
     const Command& command = commands[index(which)];
+    const auto number = [&](double value) { return fixed(value, dialect_.decimals, dialect_.plus); };
     if (quantity == "position") {
-      return fixed(scale.sign * scale.units_per_degree * (command.position_deg - scale.zero_deg), dialect_.decimals);
+      return number(scale.sign * scale.units_per_degree * (command.position_deg - scale.zero_deg));
     }
-    if (quantity == "rate") return fixed(scale.units_per_degree * command.rate_degps, dialect_.decimals);
-    if (quantity == "acceleration")
-      return fixed(scale.units_per_degree * command.acceleration_degps2, dialect_.decimals);
+    if (quantity == "distance") return number(scale.sign * scale.units_per_degree * command.distance_deg);
+    if (quantity == "rate") return number(scale.rate_scale * command.rate_degps);
+    if (quantity == "acceleration") return number(scale.acceleration_scale * command.acceleration_degps2);
     return "";
   });
 }
@@ -68,7 +72,7 @@ std::string SerialTurntable::filled(const SentenceTemplate& sentence, Axis axis,
 Result<SerialTurntable::Values> SerialTurntable::talk(const Exchange& exchange, Axis axis,
                                                       const std::array<Command, 3>& commands) {
   const std::string body = filled(exchange.send, axis, commands);
-  const Result<std::string> answer = line_.exchange(body, exchange.expect.has_value());
+  const Result<std::string> answer = line_.exchange(body, lines_of(exchange));
   const auto about = [&](const std::string& what) { return axis_error(axis, "'" + visible(body) + "': " + what); };
   if (!answer) return Error{answer.error().kind, about(answer.error().message).message};
   for (const std::string& text : dialect_.errors) {
@@ -133,7 +137,7 @@ Result<SerialTurntable::Reading> SerialTurntable::read_once(Axis axis) {
     if (tells("rate")) {
       const Result<double> value = number(axis, *values, "rate");
       if (!value) return value.error();
-      reading.rate_degps = scale.sign * *value / scale.units_per_degree;
+      reading.rate_degps = scale.sign * *value / scale.measured_rate_scale;
     }
     if (tells("status")) {
       const auto place = values->find("status");
@@ -143,6 +147,10 @@ Result<SerialTurntable::Reading> SerialTurntable::read_once(Axis axis) {
   }
   if (!position_deg || !status_told) return axis_error(axis, "no position or no status in the answers");
   reading.position_deg = *position_deg;
+  if (scale.modulo_deg > 0.0) {
+    reading.position_deg =
+        unwrapped_deg(*position_deg, memory_[index(axis)].position_deg.value_or(0.0), scale.modulo_deg);
+  }
   return reading;
 }
 
@@ -190,10 +198,13 @@ Result<AxisStatus> SerialTurntable::status(Axis axis) {
   memory.drive_on = report.drive_on;
   report.enabled = enable_called_ && flags.known && flags[DriveBit::enabled].value_or(true);
   const bool tells_homed = dialect_.status.tells(DriveBit::homed);
+  // A device that knows only a circle has forgotten the turns after a lost link: it has to be homed again.
+  const bool turns_known = dialect_.of(axis).modulo_deg == 0.0 || memory.home_called;
   const bool homed = tells_homed ? flags[DriveBit::homed].value_or(false)
                                  : memory.homed || (memory.home_called && report.in_position && !report.moving);
   // Without a flag of its own, "arrived" may be the old one: it counts from the fourth reading on, or once it was seen gone.
-  report.homed = memory.judge_homed(homed, report.moving || (!tells_homed && !report.in_position && !memory.homed));
+  report.homed =
+      memory.judge_homed(homed && turns_known, report.moving || (!tells_homed && !report.in_position && !memory.homed));
   report.limit = flags[DriveBit::limit_positive].value_or(false) || flags[DriveBit::limit_negative].value_or(false);
   report.fault = flags[DriveBit::fault].value_or(false);
   report.emergency_stop = flags[DriveBit::emergency_stop].value_or(false);
@@ -219,7 +230,7 @@ Status SerialTurntable::connect() {
     if (!reading) {
       status = reading.error();
     } else {
-      commands_[index(axis)] = {reading->position_deg, 1.0, 1.0};
+      commands_[index(axis)] = {reading->position_deg};
     }
   }
   if (!status) {
@@ -235,7 +246,7 @@ Result<TableIdentity> SerialTurntable::identify() {
   std::string description = dialect_.name + " at " + dialect_.link.address;
   for (const Exchange& exchange : dialect_.of(DialectOperation::identify).exchanges) {
     const Result<std::string> answer =
-        line_.exchange(filled(exchange.send, Axis::heading, commands_), exchange.expect.has_value());
+        line_.exchange(filled(exchange.send, Axis::heading, commands_), lines_of(exchange));
     if (!answer) return answer.error();
     description += ", " + visible(*answer);
   }
@@ -300,7 +311,15 @@ Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rat
     targets_void_ = false;
   }
   std::array<Command, 3> commands = commands_;
-  commands[index(axis)] = {position_deg, rate_degps, acceleration_degps2};
+  for (Command& command : commands) command.distance_deg = 0.0;
+  commands[index(axis)] = {position_deg, rate_degps, acceleration_degps2, position_deg - now->position_deg};
+  for (const Exchange& exchange : dialect_.of(DialectOperation::move).exchanges) {
+    const std::string body = filled(exchange.send, axis, commands);
+    if (!exchange.send.match(body)) {
+      return axis_error(axis, "the device cannot be told '" + visible(body) + "': expected numbers that fit '" +
+                                  exchange.send.text() + "'");
+    }
+  }
   const Status sent = carry_out(DialectOperation::move, axis, commands);
   if (sent) {
     commands_ = commands;
@@ -361,7 +380,9 @@ Status SerialTurntable::commission(const AxisTriple& known_deg, double tolerance
     const Result<Reading> reading = read(axis, false);
     if (!reading) return reading.error();
     const DialectAxis& scale = dialect_.of(axis);
-    if (std::abs(reading->position_deg - known_deg[axis]) <= tolerance_deg) {
+    double read_deg = reading->position_deg;
+    if (scale.modulo_deg > 0.0) read_deg = unwrapped_deg(read_deg, known_deg[axis], scale.modulo_deg);
+    if (std::abs(read_deg - known_deg[axis]) <= tolerance_deg) {
       if (std::abs(2.0 * (known_deg[axis] - scale.zero_deg)) <= 2.0 * tolerance_deg) {
         return input_error(
             axis_error(axis, "at " + degrees(known_deg[axis]) + " the other sign fits as well: expected another angle")

@@ -51,7 +51,7 @@ class SerialTurntable : public Turntable {
 
  private:
   struct Command {
-    double position_deg = 0.0, rate_degps = 1.0, acceleration_degps2 = 1.0;
+    double position_deg = 0.0, rate_degps = 1.0, acceleration_degps2 = 1.0, distance_deg = 0.0;
   };
   using Values = std::map<std::string, std::string>;
   struct Reading {

@@ -10,7 +10,7 @@
 #include <cstring>
 
 #include "imu_io/base/deadline.h"
-#include "turntable_drivers/table/tcp_connection.h"
+#include "imu_io/lines/tcp_connection.h"
 
 namespace turncal {
 namespace {
@@ -55,7 +55,7 @@ Status TextLine::open() {
     descriptor_ = port_.descriptor();
     return {};
   }
-  const Result<int> socket = connect_tcp(link_.address, link_.reply_timeout_s, stop_);
+  const Result<int> socket = connect_tcp(link_.address, link_.reply_timeout_s, stop_.giving_up());
   if (!socket) return socket.error();
   descriptor_ = *socket;
   return {};
@@ -101,10 +101,14 @@ Status TextLine::drain() {
   return {};
 }
 
-Status TextLine::write(const std::string& body) {
+std::string TextLine::frame_of(const std::string& body) const {
   std::string frame = link_.prefix + body;
-  if (link_.check != SentenceCheck::none) frame += link_.check_mark + check_digits(body, link_.check);
-  frame += link_.terminator_out;
+  if (link_.check != SentenceCheck::none) frame += link_.check_mark + check_digits(body, link_.check, link_.crc);
+  return frame;
+}
+
+Status TextLine::write(const std::string& body) {
+  const std::string frame = frame_of(body) + link_.terminator_out;
   last_sent_s_ = monotonic_s();
   if (!link_.tcp) return port_.write_all(frame, write_timeout_s);
   const ssize_t n = ::send(descriptor_, frame.data(), frame.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
@@ -144,18 +148,37 @@ Result<std::string> TextLine::body_of(std::string frame) const {
   if (!frame.starts_with(link_.prefix)) return wrong("expected it to begin with " + link_.prefix);
   std::string body = frame.substr(link_.prefix.size());
   if (link_.check == SentenceCheck::none) return body;
-  const std::size_t tail = link_.check_mark.size() + 2;
+  const std::size_t digit_count = link_.check == SentenceCheck::crc16 ? 4 : 2;
+  const std::size_t tail = link_.check_mark.size() + digit_count;
   if (body.size() < tail || body.substr(body.size() - tail, link_.check_mark.size()) != link_.check_mark) {
     return wrong("no checksum");
   }
-  const std::string digits = body.substr(body.size() - 2);
+  const std::string digits = body.substr(body.size() - digit_count);
   body.resize(body.size() - tail);
-  const std::string expected = check_digits(body, link_.check);
+  const std::string expected = check_digits(body, link_.check, link_.crc);
   if (digits != expected) return wrong("checksum " + digits + ", expected " + expected);
   return body;
 }
 
-Result<std::string> TextLine::exchange(const std::string& body, bool answered) {
+Result<std::string> TextLine::bodies_of(const std::string& frames, int lines) {
+  std::string rest = frames;
+  if (rest.ends_with(link_.terminator_in)) rest.resize(rest.size() - link_.terminator_in.size());
+  std::string bodies;
+  int count = 0;
+  for (bool more = !rest.empty() || lines > 0; more;) {
+    const std::size_t end = rest.find(link_.terminator_in);
+    more = end != std::string::npos;
+    const Result<std::string> body = body_of(rest.substr(0, end));
+    if (!body) return body.error();
+    bodies += (count++ > 0 ? "\n" : "") + *body;
+    if (more) rest.erase(0, end + link_.terminator_in.size());
+  }
+  if (count == lines || (lines == 0 && count == 1)) return bodies;  // what was not asked for is for the caller to judge
+  return failure("answer '" + visible(frames) + "': expected " +
+                 (lines > 1 ? std::to_string(lines) + " lines" : std::string("one line")));
+}
+
+Result<std::string> TextLine::exchange(const std::string& body, int lines) {
   if (!is_open()) return failure("not open");
   if (stop_.pending()) return given_up();
   bool any = false;
@@ -167,32 +190,35 @@ Result<std::string> TextLine::exchange(const std::string& body, bool answered) {
   if (!stop_.pause(last_sent_s_ + link_.gap_s - monotonic_s())) return given_up();
   if (Status status = write(body); !status) return status.error();
   if (link_.echo) {
-    const Result<std::string> echo = read_until(link_.terminator_out, link_.reply_timeout_s, false);
+    const Result<std::string> echo = read_until(link_.echo_terminator, link_.reply_timeout_s, false);
     if (!echo) return echo.error();
-    if (!echo->ends_with(body)) {
+    if (!echo->ends_with(frame_of(body))) {
       stale_ = true;
-      return failure("echo '" + visible(*echo) + "': expected '" + visible(body) + "'");
+      return failure("echo '" + visible(*echo) + "': expected '" + visible(frame_of(body)) + "'");
     }
   }
-  if (!answered && link_.prompt.empty()) return std::string();
-  Result<std::string> frame =
-      read_until(link_.prompt.empty() ? link_.terminator_in : link_.prompt, link_.reply_timeout_s, false);
-  if (!frame) return frame.error();
+  Result<std::string> result = std::string();
+  std::string said;
   if (!link_.prompt.empty()) {
-    // What stands before the prompt is one line, or none.
-    if (frame->ends_with(link_.terminator_in)) frame->resize(frame->size() - link_.terminator_in.size());
-    if (frame->find(link_.terminator_in) != std::string::npos) {
-      stale_ = true;
-      return failure("answer '" + visible(*frame) + "': expected one line");
+    const Result<std::string> frames = read_until(link_.prompt, link_.reply_timeout_s, false);
+    if (!frames) return frames.error();
+    said = *frames;
+    result = bodies_of(*frames, lines);
+  } else {
+    for (int i = 0; i < lines && result; ++i) {
+      const Result<std::string> frame = read_until(link_.terminator_in, link_.reply_timeout_s, false);
+      if (!frame) return frame.error();
+      said += *frame;
+      const Result<std::string> line = body_of(*frame);
+      result = line ? Result<std::string>(*result + (i > 0 ? "\n" : "") + *line) : line;
     }
-    if (!answered && frame->empty()) return std::string();
+    if (lines == 0) return result;
   }
   if (Status status = receive_some(0.0, any); !status) return status.error();
-  if (!buffer_.empty()) {
+  if (result && !buffer_.empty()) {
     stale_ = true;
-    return failure("answer '" + visible(*frame) + "': more after it: '" + visible(buffer_) + "'");
+    return failure("answer '" + visible(said) + "': more after it: '" + visible(buffer_) + "'");
   }
-  Result<std::string> result = body_of(*frame);
   if (!result) stale_ = true;
   return result;
 }

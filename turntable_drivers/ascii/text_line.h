@@ -28,14 +28,16 @@ class TextLine {
   Status open();  // closes first
   void close();
   bool is_open() const { return descriptor_ >= 0; }
-  // Sends the body; with `answered` waits for the answer and returns its body, else "" (after the prompt, if there is one).
-  Result<std::string> exchange(const std::string& body, bool answered);
+  // Sends the body, waits for an answer of so many lines and returns their bodies with \n between; 0: "" (after the prompt, if any).
+  Result<std::string> exchange(const std::string& body, int lines);
   // The same for a stop: no drain, at most timeout_s, and answers that do not match are skipped.
   Status send_at_once(const std::string& body, const std::optional<SentenceTemplate>& expect, double timeout_s);
 
  private:
+  std::string frame_of(const std::string& body) const;  // without the terminator
   Status write(const std::string& body);
   Result<std::string> read_until(const std::string& end, double timeout_s, bool at_once);  // without the end
+  Result<std::string> bodies_of(const std::string& frames, int lines);                     // that stood before a prompt
   Result<std::string> body_of(std::string frame) const;
   Status receive_some(double wait_s, bool& any);  // into buffer_
   Status drain();

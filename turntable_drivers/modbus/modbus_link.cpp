@@ -14,7 +14,7 @@
 #include <cstring>
 
 #include "imu_io/base/deadline.h"
-#include "turntable_drivers/table/tcp_connection.h"
+#include "imu_io/lines/tcp_connection.h"
 
 namespace turncal {
 namespace {
@@ -82,9 +82,10 @@ Status ModbusLink::open() {
   const std::string& address = settings_.address;
   const auto failure = [&](const std::string& why) { return device_error(address + ": " + why); };
   if (settings_.tcp) {
-    const Result<int> socket = connect_tcp(address, settings_.response_timeout_s, stop_);
+    const Result<int> socket = connect_tcp(address, settings_.response_timeout_s, stop_.giving_up());
     if (!socket) return socket.error();
-    context_ = modbus_new_tcp(nullptr, 0);
+    // A context for a device that is never opened: the socket takes its place.
+    context_ = settings_.rtu_frames ? modbus_new_rtu("/dev/null", 9600, 'N', 8, 1) : modbus_new_tcp(nullptr, 0);
     if (context_ != nullptr) {
       modbus_set_socket(context_, *socket);
     } else {
@@ -156,7 +157,7 @@ ModbusLink::Reply ModbusLink::drain() {
 }
 
 ModbusLink::Reply ModbusLink::send(std::span<const std::uint8_t> body) {
-  if (settings_.tcp) {
+  if (settings_.header()) {
     // libmodbus's raw requests all carry transaction 0, so the seven bytes before the PDU are made here.
     std::vector<std::uint8_t> frame;
     append_word(frame, ++transaction_);
@@ -220,14 +221,14 @@ ModbusLink::Reply ModbusLink::receive(std::span<const std::uint8_t> request) {
     return {Failure::garbled, 0, errno == ETIMEDOUT ? "the reply broke off" : modbus_strerror(errno), {}};
   }
   const auto header = static_cast<std::size_t>(modbus_get_header_length(context_));
-  const std::size_t tail = settings_.tcp ? 0 : 2;
+  const std::size_t tail = settings_.header() ? 0 : 2;
   const auto length = static_cast<std::size_t>(n);
   if (length < header + 1 + tail) return {Failure::garbled, 0, "the reply of another unit, or rubbish", {}};
   Reply reply;
   // libmodbus counts the unit into the header: 7 bytes over TCP, 1 over RTU.
   reply.body.assign(frame.begin() + static_cast<std::ptrdiff_t>(header - 1),
                     frame.begin() + static_cast<std::ptrdiff_t>(length - tail));
-  if (settings_.tcp && (frame[0] << 8 | frame[1]) != transaction_) {
+  if (settings_.header() && (frame[0] << 8 | frame[1]) != transaction_) {
     reply.failure = Failure::garbled;
     reply.detail = "the reply of an earlier transaction";
   } else if (reply.body[0] != request[0]) {
@@ -253,11 +254,11 @@ ModbusLink::Reply ModbusLink::transact(std::span<const std::uint8_t> body, std::
       if (Reply reply = drain(); reply.failure != Failure::none) return reply;
     }
     if (!stop_.pause(last_activity_s_ + settings_.gap_s - monotonic_s())) return {Failure::interrupted, 0, "", {}};
-  } else if (settings_.tcp) {
+  } else if (settings_.header()) {
     discard_pending();
   }
   if (Reply reply = send(body); reply.failure != Failure::none) return reply;
-  const std::size_t around = settings_.tcp ? 6 : 2;
+  const std::size_t around = settings_.header() ? 6 : 2;
   const Deadline deadline(timeout_s);
   for (;;) {
     Reply waited = await(around + reply_length, deadline.left_s(), at_once);
@@ -278,7 +279,8 @@ ModbusLink::Reply ModbusLink::transact(std::span<const std::uint8_t> body, std::
     if (reply.failure == Failure::garbled) {
       stale_ = true;
       // What is left of an earlier request: the transaction number, or the hurry, tells that ours is still to come.
-      const bool ours_may_come = at_once || (settings_.tcp && reply.detail == "the reply of an earlier transaction");
+      const bool ours_may_come =
+          at_once || (settings_.header() && reply.detail == "the reply of an earlier transaction");
       if (ours_may_come && !deadline.passed()) continue;
       return reply;
     }
@@ -287,7 +289,7 @@ ModbusLink::Reply ModbusLink::transact(std::span<const std::uint8_t> body, std::
       return {Failure::garbled, 0, "bytes after the reply", {}};
     }
     // Over TCP the transaction number has told which reply this is.
-    if (settings_.tcp) stale_ = false;
+    if (settings_.header()) stale_ = false;
     return reply;
   }
 }

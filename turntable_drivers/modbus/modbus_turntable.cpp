@@ -36,9 +36,11 @@ Status ModbusTurntable::connect() {
   memory_ = {};
   if (Status status = link_.open(); !status) return status;
   for (const Axis axis : all_axes) {
-    if (Status status = write_list(axis, DriveOperation::setup, {}); !status) {
+    Status prepared;
+    if (is_due(DriveOperation::setup, axis)) prepared = write_list(axis, DriveOperation::setup, {});
+    if (!prepared) {
       link_.close();
-      return status;
+      return prepared;
     }
     // Every drive has to answer, with a block that makes sense.
     Result<std::vector<std::uint16_t>> block = read_block(axis);
@@ -46,7 +48,7 @@ Status ModbusTurntable::connect() {
     if (!block) {
       status = block.error();
     } else if (!believed_position(axis, *block, clock_.now_s())) {
-      status = axis_error(axis, "position " + degrees(angle_of(map_.of(axis), raw_counts(*block, map_.layout))) +
+      status = axis_error(axis, "position " + degrees(angle_of(map_.of(axis), raw_counts(axis, *block, map_.layout))) +
                                     " is not plausible: expected a map with the drive's word order and scale");
     }
     if (!status) {
@@ -68,34 +70,36 @@ Result<TableIdentity> ModbusTurntable::identify() {
 
 // ---- reading ----
 
-double ModbusTurntable::raw_counts(const std::vector<std::uint16_t>& block, WordLayout layout) const {
-  const auto from = map_.place_of(map_.position.address);
-  return decode_words(std::span(block).subspan(from), map_.position.type, layout);
+double ModbusTurntable::raw_counts(Axis axis, const std::vector<std::uint16_t>& block, WordLayout layout) const {
+  const RegisterField& position = map_.of(axis).position;
+  return decode_words(std::span(block).subspan(map_.place_of(position.address)), position.type, layout);
 }
 
-std::optional<bool> ModbusTurntable::bit(const std::vector<std::uint16_t>& block, DriveBit which) const {
-  const std::optional<StatusBit>& described = map_.bit(which);
+std::optional<bool> ModbusTurntable::bit(Axis axis, const std::vector<std::uint16_t>& block, DriveBit which) const {
+  const std::optional<StatusBit>& described = map_.of(axis).bit(which);
   if (!described) return {};
-  const bool high = (block[map_.place_of(described->address)] & described->mask) != 0;
-  return high == described->active_high;
+  return described->is_set(block[map_.place_of(described->address)]);
 }
 
 Result<std::vector<std::uint16_t>> ModbusTurntable::read_block(Axis axis) {
   const MapAxis& place = map_.of(axis);
   std::vector<std::uint16_t> block;
-  const auto append = [&](int address, int count) -> Status {
+  const auto append = [&](int address, int count, bool of_table) -> Status {
     if (count == 0) return {};
     // Longer by the axis, so that no two requests have the same length; what is beyond is thrown away.
     std::vector<std::uint16_t> registers(static_cast<std::size_t>(count) + index(axis));
-    if (Status status = link_.read(place.unit, map_.status_function, address + place.address_offset, registers);
-        !status) {
+    const int first = address + (of_table ? 0 : place.address_offset);
+    if (Status status = link_.read(place.unit, map_.status_function, first, registers); !status) {
       return Error{status.error().kind, axis_error(axis, status.error().message).message};
     }
     block.insert(block.end(), registers.begin(), registers.begin() + count);
     return {};
   };
-  if (Status status = append(map_.status_address, map_.status_count); !status) return status.error();
-  if (Status status = append(map_.status2_address, map_.status2_count); !status) return status.error();
+  if (Status status = append(map_.status_address, map_.status_count, map_.status_of_table); !status)
+    return status.error();
+  if (Status status = append(map_.status2_address, map_.status2_count, map_.status2_of_table); !status) {
+    return status.error();
+  }
   return block;
 }
 
@@ -103,7 +107,7 @@ std::optional<double> ModbusTurntable::believed_position(Axis axis, const std::v
                                                          double now_s) {
   const MapAxis& scale = map_.of(axis);
   const AxisMemory& memory = memory_[index(axis)];
-  double position_deg = angle_of(scale, raw_counts(block, map_.layout));
+  double position_deg = angle_of(scale, raw_counts(axis, block, map_.layout));
   if (scale.modulo_deg > 0.0 && std::isfinite(position_deg)) {
     position_deg = unwrapped_deg(position_deg, memory.position_deg.value_or(0.0), scale.modulo_deg);
   }
@@ -119,36 +123,37 @@ AxisStatus ModbusTurntable::status_from(Axis axis, const std::vector<std::uint16
   report.position_deg = position_deg;
   memory.note(position_deg, now_s);
   report.rate_degps = memory.rate_degps;
-  if (map_.rate) {
-    const auto from = map_.place_of(map_.rate->address);
-    report.rate_degps = scale.sign * decode_words(std::span(block).subspan(from), map_.rate->type, map_.layout) /
+  if (scale.rate) {
+    const auto from = map_.place_of(scale.rate->address);
+    report.rate_degps = scale.sign * decode_words(std::span(block).subspan(from), scale.rate->type, map_.layout) /
                         scale.measured_rate_scale;
   }
 
-  report.drive_on = bit(block, DriveBit::enabled).value_or(true);
+  report.drive_on = bit(axis, block, DriveBit::enabled).value_or(true);
   memory.drive_on = report.drive_on;
   report.enabled = enable_called_ && report.drive_on;
-  report.moving = bit(block, DriveBit::moving).value_or(!(std::abs(report.rate_degps) <= map_.moving_rate_degps));
-  report.in_position = bit(block, DriveBit::in_position).value_or(false);
-  if (map_.bit(DriveBit::in_position)->pulse) {
+  report.moving = bit(axis, block, DriveBit::moving).value_or(!(std::abs(report.rate_degps) <= map_.moving_rate_degps));
+  report.in_position = bit(axis, block, DriveBit::in_position).value_or(false);
+  if (scale.bit(DriveBit::in_position)->pulse) {
     memory.arrived_seen = memory.arrived_seen || report.in_position;
     report.in_position = memory.arrived_seen && !report.moving;
   }
-  const bool drive_homed = map_.home_by_encoder ? memory.home_called : bit(block, DriveBit::homed).value_or(false);
+  const bool drive_homed =
+      map_.home_by_encoder ? memory.home_called : bit(axis, block, DriveBit::homed).value_or(false);
   // A device that knows only a circle has forgotten the turns after a lost link: it has to be homed again.
   const bool turns_known = scale.modulo_deg == 0.0 || memory.home_called;
   report.homed = memory.judge_homed(drive_homed && turns_known, report.moving);
-  report.limit =
-      bit(block, DriveBit::limit_positive).value_or(false) || bit(block, DriveBit::limit_negative).value_or(false);
-  report.fault = bit(block, DriveBit::fault).value_or(true);
-  report.emergency_stop = bit(block, DriveBit::emergency_stop).value_or(false);
-  report.remote = bit(block, DriveBit::remote).value_or(true);
+  report.limit = bit(axis, block, DriveBit::limit_positive).value_or(false) ||
+                 bit(axis, block, DriveBit::limit_negative).value_or(false);
+  report.fault = bit(axis, block, DriveBit::fault).value_or(true);
+  report.emergency_stop = bit(axis, block, DriveBit::emergency_stop).value_or(false);
+  report.remote = bit(axis, block, DriveBit::remote).value_or(true);
   for (int i = 0; i < drive_bit_count; ++i) {
-    report.raw |= bit(block, static_cast<DriveBit>(i)).value_or(false) ? 1u << i : 0u;
+    report.raw |= bit(axis, block, static_cast<DriveBit>(i)).value_or(false) ? 1u << i : 0u;
   }
-  if (map_.alarm) {
-    const auto from = map_.place_of(map_.alarm->address);
-    const double code = decode_words(std::span(block).subspan(from), map_.alarm->type, map_.layout);
+  if (scale.alarm) {
+    const auto from = map_.place_of(scale.alarm->address);
+    const double code = decode_words(std::span(block).subspan(from), scale.alarm->type, map_.layout);
     if (code != 0.0) {
       report.text = "alarm " + format_number(code);
       const auto text = map_.alarm_text.find(static_cast<long>(code));
@@ -162,17 +167,23 @@ AxisStatus ModbusTurntable::status_from(Axis axis, const std::vector<std::uint16
 Status ModbusTurntable::beat() {
   if (!map_.heartbeat_address) return {};
   const double now_s = clock_.now_s();
-  // Another value each time, so that a drive can tell it from one that is stuck.
-  const auto value = static_cast<std::uint16_t>(1 + static_cast<long long>(now_s / map_.heartbeat_period_s) % 0xFFFF);
   Status first_failure;
   for (const Axis axis : all_axes) {
     AxisMemory& memory = memory_[index(axis)];
     if (now_s - memory.heartbeat_s < map_.heartbeat_period_s) continue;
+    if (map_.heartbeat_of_table && axis != Axis::heading) break;
     const MapAxis& place = map_.of(axis);
-    const Status status = link_.write(place.unit, map_.write_function, *map_.heartbeat_address + place.address_offset,
-                                      std::span(&value, 1));
+    // Another value each time, so that a drive can tell it from one that is stuck.
+    std::size_t& beats = beats_[index(axis)];
+    const std::vector<std::uint16_t>& values = map_.heartbeat_values;
+    const std::uint16_t value =
+        values.empty() ? static_cast<std::uint16_t>(1 + beats % 0xFFFF) : values[beats % values.size()];
+    const int offset = map_.heartbeat_of_table ? 0 : place.address_offset;
+    const Status status =
+        link_.write(place.unit, map_.write_function, *map_.heartbeat_address + offset, std::span(&value, 1));
     if (status) {
       memory.heartbeat_s = now_s;
+      ++beats;
     } else if (first_failure) {
       first_failure = Error{status.error().kind, axis_error(axis, "heartbeat: " + status.error().message).message};
     }
@@ -193,7 +204,7 @@ Result<AxisStatus> ModbusTurntable::status(Axis axis) {
       if (!heartbeat && heartbeat.error().kind == ErrorKind::input) return heartbeat.error();
       return status_from(axis, *block, *position_deg, now_s);
     }
-    seen_deg = angle_of(map_.of(axis), raw_counts(*block, map_.layout));
+    seen_deg = angle_of(map_.of(axis), raw_counts(axis, *block, map_.layout));
   }
   const std::optional<double>& last_deg = memory_[index(axis)].position_deg;
   return axis_error(axis, "position " + degrees(seen_deg) + " is not believed: expected one that can be reached from " +
@@ -210,7 +221,7 @@ Status ModbusTurntable::commission(const AxisTriple& known_deg, double tolerance
     const auto fits = [&](WordLayout layout, int sign) {
       MapAxis other = scale;
       other.sign = sign;
-      double angle_deg = angle_of(other, raw_counts(*block, layout));
+      double angle_deg = angle_of(other, raw_counts(axis, *block, layout));
       if (scale.modulo_deg > 0.0 && std::isfinite(angle_deg)) {
         angle_deg = unwrapped_deg(angle_deg, known_deg[axis], scale.modulo_deg);
       }
@@ -223,7 +234,7 @@ Status ModbusTurntable::commission(const AxisTriple& known_deg, double tolerance
           const WordLayout layout{high_first, swap};
           const bool is_maps =
               high_first == map_.layout.high_word_first && swap == map_.layout.swap_bytes && sign == scale.sign;
-          const bool one_word = register_count(map_.position.type) == 1;
+          const bool one_word = register_count(scale.position.type) == 1;
           if (is_maps || (one_word && high_first != map_.layout.high_word_first) || !fits(layout, sign)) continue;
           others += std::string(others.empty() ? "" : "; ") +
                     "words.order = " + (high_first ? "high_first" : "low_first") +
@@ -232,7 +243,7 @@ Status ModbusTurntable::commission(const AxisTriple& known_deg, double tolerance
       }
     }
     if (!fits(map_.layout, scale.sign)) {
-      return input_error(axis_error(axis, "reads " + degrees(angle_of(scale, raw_counts(*block, map_.layout))) +
+      return input_error(axis_error(axis, "reads " + degrees(angle_of(scale, raw_counts(axis, *block, map_.layout))) +
                                               ", stands at " + degrees(known_deg[axis]) +
                                               (others.empty() ? ": expected other counts_per_degree or zero_deg"
                                                               : ": expected " + others))
@@ -250,13 +261,16 @@ Status ModbusTurntable::commission(const AxisTriple& known_deg, double tolerance
 // ---- writing ----
 
 Result<std::vector<std::uint16_t>> ModbusTurntable::words_of(const WriteStep& step, Axis axis,
-                                                             const MoveNumbers& numbers) const {
-  const MapAxis& scale = map_.of(axis);
+                                                             const Moves& moves) const {
   std::vector<std::uint16_t> words;
   for (const WriteOperand& operand : step.operands) {
+    const Axis which = operand.of_axis.value_or(axis);
+    const MapAxis& scale = map_.of(which);
+    const MoveNumbers& numbers = moves[index(which)];
     double value = operand.constant;
     switch (operand.kind) {
       case WriteOperand::Kind::constant: break;
+      case WriteOperand::Kind::axis: value = scale.code; break;
       case WriteOperand::Kind::position: value = counts_of(scale, numbers.position_deg); break;
       case WriteOperand::Kind::distance: value = scale.signed_counts_per_degree() * numbers.distance_deg; break;
       case WriteOperand::Kind::rate: value = scale.rate_scale * numbers.rate_degps; break;
@@ -267,7 +281,7 @@ Result<std::vector<std::uint16_t>> ModbusTurntable::words_of(const WriteStep& st
     }
     const std::optional<Words> encoded = encode_words(value, operand.type, map_.layout);
     const bool vanishes =
-        operand.kind == WriteOperand::Kind::rate && operand.type != WordType::f32 && std::round(value) == 0.0;
+        operand.kind == WriteOperand::Kind::rate && !is_floating(operand.type) && std::round(value) == 0.0;
     if (!encoded || vanishes) {
       return axis_error(
           axis, "the drive cannot be told " + format_number(value) + " in register " + std::to_string(step.address));
@@ -277,23 +291,22 @@ Result<std::vector<std::uint16_t>> ModbusTurntable::words_of(const WriteStep& st
   return words;
 }
 
-Status ModbusTurntable::write_list(Axis axis, DriveOperation operation, const MoveNumbers& numbers) {
+Status ModbusTurntable::write_list(Axis axis, DriveOperation operation, const Moves& moves) {
   // Everything is encoded before anything is sent.
   std::vector<std::vector<std::uint16_t>> requests;
   for (const WriteStep& step : map_.list(operation)) {
-    Result<std::vector<std::uint16_t>> words = words_of(step, axis, numbers);
+    Result<std::vector<std::uint16_t>> words = words_of(step, axis, moves);
     if (!words) return words.error();
     requests.push_back(std::move(*words));
   }
-  const MapAxis& place = map_.of(axis);
   for (std::size_t i = 0; i < requests.size(); ++i) {
     const WriteStep& step = map_.list(operation)[i];
     if (step.operands.empty()) {
       if (!stop_.pause(step.wait_s)) return Error{ErrorKind::aborted, axis_error(axis, "given up for a stop").message};
       continue;
     }
-    if (Status status =
-            link_.write(place.unit, function_for(requests[i].size()), step.address + place.address_offset, requests[i]);
+    if (Status status = link_.write(map_.unit_of(operation, axis), function_for(requests[i].size()),
+                                    map_.address_of(step, operation, axis), requests[i]);
         !status) {
       return Error{status.error().kind,
                    axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
@@ -308,10 +321,12 @@ Status ModbusTurntable::enable() {
     if (!now) return now.error();
     if (now->emergency_stop) return axis_error(axis, "enable: emergency stop is pressed");
     if (now->fault) return axis_error(axis, "enable: drive fault: expected it cleared");
+    if (map_.once(DriveOperation::enable) && axis != Axis::roll) continue;  // all three were looked at
     told_off_ = false;
     memory_[index(axis)].drive_on.reset();
     if (Status status = write_list(axis, DriveOperation::enable, {}); !status) return status;
   }
+  for (AxisMemory& memory : memory_) memory.drive_on.reset();
   enable_called_ = true;
   return {};
 }
@@ -330,7 +345,8 @@ Status ModbusTurntable::home() {
   for (const Axis axis : all_axes) {
     AxisMemory& memory = memory_[index(axis)];
     memory.homing_began();
-    if (map_.home_by_encoder) continue;
+    if (map_.home_by_encoder || !is_due(DriveOperation::home, axis)) continue;
+    targets_void_ = true;
     if (Status status = write_list(axis, DriveOperation::home, {}); !status) return status;
   }
   return {};
@@ -351,8 +367,23 @@ Status ModbusTurntable::move_absolute(Axis axis, double position_deg, double rat
   if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
   if (!now->homed) return axis_error(axis, "not homed");
   memory_[index(axis)].arrived_seen = false;
-  const MoveNumbers numbers{position_deg, position_deg - now->position_deg, rate_degps, acceleration_degps2};
-  const Status written = write_list(axis, DriveOperation::move, numbers);
+  Moves moves = moves_;
+  for (const Axis other : all_axes) {
+    if (!map_.once(DriveOperation::move) || other == axis) continue;
+    MoveNumbers& kept = moves[index(other)];
+    kept.distance_deg = 0.0;
+    if (!targets_void_) continue;
+    // A table that takes all three angles at once must not go on with a motion that was stopped.
+    const Result<AxisStatus> there = status(other);
+    if (!there) return there.error();
+    kept = {there->position_deg, 0.0, rate_degps, acceleration_degps2};
+  }
+  moves[index(axis)] = {position_deg, position_deg - now->position_deg, rate_degps, acceleration_degps2};
+  const Status written = write_list(axis, DriveOperation::move, moves);
+  if (written) {
+    moves_ = moves;
+    targets_void_ = false;
+  }
   if (written || written.error().kind == ErrorKind::aborted || link_.lost()) return written;
   return with_state(written.error(), status(axis));
 }
@@ -364,18 +395,21 @@ Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
     enable_called_ = false;  // whoever comes back finds it not ready
     if (Status status = link_.open(); !status) return status;
   }
+  targets_void_ = true;
+  const bool all_off =
+      std::all_of(memory_.begin(), memory_.end(), [](const AxisMemory& memory) { return memory.drive_on == false; });
   const auto operation_of = [&](Axis axis) {
-    const bool is_off = told_off_ || memory_[index(axis)].drive_on == false;
+    const bool is_off = told_off_ || (map_.once(operation) ? all_off : memory_[index(axis)].drive_on == false);
     return is_off ? DriveOperation::abort : operation;
   };
   const auto send = [&](Axis axis, const WriteStep& step, bool at_once) -> Status {
-    const MapAxis& place = map_.of(axis);
     const Result<std::vector<std::uint16_t>> words = words_of(step, axis, {});
     if (!words) return words.error();
     const int function = function_for(words->size());
-    const int address = step.address + place.address_offset;
-    const Status status = at_once ? link_.write_at_once(place.unit, function, address, *words, stop_ack_s)
-                                  : link_.write(place.unit, function, address, *words);
+    const int unit = map_.unit_of(operation_of(axis), axis);
+    const int address = map_.address_of(step, operation_of(axis), axis);
+    const Status status = at_once ? link_.write_at_once(unit, function, address, *words, stop_ack_s)
+                                  : link_.write(unit, function, address, *words);
     if (status) return {};
     return Error{status.error().kind,
                  axis_error(axis, std::string(to_string(operation_of(axis))) + ": " + status.error().message).message};
@@ -387,7 +421,7 @@ Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
     double wait_s = 0.0;
     for (const Axis axis : all_axes) {
       const WriteList& list = map_.list(operation_of(axis));
-      if (i >= list.size()) continue;
+      if (i >= list.size() || !is_due(operation_of(axis), axis)) continue;
       more += i + 1 < list.size() ? 1 : 0;
       if (list[i].operands.empty()) {
         wait_s = std::max(wait_s, list[i].wait_s);
@@ -399,7 +433,7 @@ Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
   }
   Status first_failure;
   for (const Axis axis : all_axes) {
-    if (taken[index(axis)]) continue;
+    if (taken[index(axis)] || !is_due(operation_of(axis), axis)) continue;
     Status status;
     for (const WriteStep& step : map_.list(operation_of(axis))) {
       if (!status) break;
@@ -424,6 +458,7 @@ Status ModbusTurntable::clear_fault() {
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> now = status(axis);
     if (!now) return now.error();
+    if (!is_due(DriveOperation::clear_fault, axis)) continue;
     if (Status status = write_list(axis, DriveOperation::clear_fault, {}); !status) return status;
   }
   return {};

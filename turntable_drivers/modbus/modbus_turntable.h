@@ -8,6 +8,9 @@
 //   says anything but enabled, homed, at rest, without fault, in remote.
 // - stop_all() and abort_all() go to every axis at once, each waiting at most stop_ack_s for the answer; those that did not answer
 //   are asked again, after the line was read empty. They also go out on a link that counts as lost, or was closed after trouble.
+// - A table that takes all three angles in one block gets, with the move of one axis, the last targets of the others, or where they
+//   stand once they were stopped.
+// - Where a stop is of the whole table it gives way to write.abort only when all drives are off.
 // - A drive that was told to go off, or last read off, gets write.abort in place of write.stop: a stop must not switch it on.
 // - The heartbeat, if the map has one, is written to every drive with any status reading, when it is due.
 // - homed is believed only after the homing was seen to begin, or three readings after the command.
@@ -55,15 +58,18 @@ class ModbusTurntable : public Turntable {
   Status connected() const;
   Status beat();  // to every drive whose heartbeat is due
   Result<std::vector<std::uint16_t>> read_block(Axis axis);
-  double raw_counts(const std::vector<std::uint16_t>& block, WordLayout layout) const;
-  std::optional<bool> bit(const std::vector<std::uint16_t>& block, DriveBit which) const;
+  double raw_counts(Axis axis, const std::vector<std::uint16_t>& block, WordLayout layout) const;
+  std::optional<bool> bit(Axis axis, const std::vector<std::uint16_t>& block, DriveBit which) const;
   std::optional<double> believed_position(Axis axis, const std::vector<std::uint16_t>& block, double now_s);
   AxisStatus status_from(Axis axis, const std::vector<std::uint16_t>& block, double position_deg, double now_s);
   struct MoveNumbers {
     double position_deg = 0.0, distance_deg = 0.0, rate_degps = 0.0, acceleration_degps2 = 0.0;
   };
-  Result<std::vector<std::uint16_t>> words_of(const WriteStep& step, Axis axis, const MoveNumbers& numbers) const;
-  Status write_list(Axis axis, DriveOperation operation, const MoveNumbers& numbers);
+  using Moves = std::array<MoveNumbers, 3>;
+  Result<std::vector<std::uint16_t>> words_of(const WriteStep& step, Axis axis, const Moves& moves) const;
+  Status write_list(Axis axis, DriveOperation operation, const Moves& moves);
+  // In its turn of three, or once for the table.
+  bool is_due(DriveOperation operation, Axis axis) const { return !map_.once(operation) || axis == Axis::heading; }
   Status write_to_all_at_once(DriveOperation operation);
   int function_for(std::size_t registers) const { return registers > 1 ? 16 : map_.write_function; }
 
@@ -76,6 +82,9 @@ class ModbusTurntable : public Turntable {
   bool enable_called_ = false;
   bool told_off_ = false;  // since enable()
   std::array<AxisMemory, 3> memory_;
+  std::array<std::size_t, 3> beats_{};
+  Moves moves_{};             // the last of each axis, for tables that are told of all three
+  bool targets_void_ = true;  // after a stop or a homing the axes stand elsewhere
 };
 
 }  // namespace turncal

@@ -1,6 +1,7 @@
 #include "turntable_drivers/modbus/register_map.h"
 
-#include <charconv>
+#include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "imu_io/base/format_number.h"
@@ -9,22 +10,7 @@
 namespace turncal {
 namespace {
 
-constexpr int longest_block = 120;             // registers of one request; the protocol ends at 125
-constexpr double longest_pause_s = 1.0;        // a stop cuts it short
 constexpr double longest_stop_pause_s = 0.05;  // of a stop itself
-
-// Decimal, or hexadecimal with 0x.
-std::optional<long> whole_number(std::string_view text) {
-  int base = 10;
-  if (text.starts_with("0x") || text.starts_with("0X")) {
-    text.remove_prefix(2);
-    base = 16;
-  }
-  long value = 0;
-  const auto result = std::from_chars(text.data(), text.data() + text.size(), value, base);
-  if (text.empty() || result.ec != std::errc{} || result.ptr != text.data() + text.size()) return {};
-  return value;
-}
 
 long hex_or_decimal(KeyValueFile& file, const std::string& key, long min, long max) {
   const std::string text = file.text(key);
@@ -37,89 +23,19 @@ long hex_or_decimal(KeyValueFile& file, const std::string& key, long min, long m
   return min;
 }
 
-std::optional<WordType> word_type(std::string_view name) {
-  if (name == "u16") return WordType::u16;
-  if (name == "s16") return WordType::s16;
-  if (name == "u32") return WordType::u32;
-  if (name == "s32") return WordType::s32;
-  if (name == "f32") return WordType::f32;
-  return {};
-}
-
-std::vector<std::string_view> words_of(std::string_view text) {
-  std::vector<std::string_view> words;
-  for (const std::string_view part : split(text, ' ')) {
-    if (!part.empty()) words.push_back(part);
-  }
-  return words;
-}
-
-RegisterField field(KeyValueFile& file, const std::string& prefix) {
-  RegisterField result;
-  result.address = static_cast<int>(hex_or_decimal(file, prefix + ".address", 0, 65535));
-  result.type = *word_type(file.one_of_or(prefix + ".type", "s32", {"u16", "s16", "u32", "s32", "f32"}));
-  return result;
-}
-
-// One operand: TYPE VALUE.
-std::optional<WriteOperand> operand_of(std::string_view text) {
-  const auto words = words_of(text);
-  if (words.size() != 2) return {};
-  const std::optional<WordType> type = word_type(words[0]);
-  if (!type) return {};
-  WriteOperand operand;
-  operand.type = *type;
-  using Kind = WriteOperand::Kind;
-  if (words[1] == "position") {
-    operand.kind = Kind::position;
-  } else if (words[1] == "distance") {
-    operand.kind = Kind::distance;
-  } else if (words[1] == "rate") {
-    operand.kind = Kind::rate;
-  } else if (words[1] == "acceleration") {
-    operand.kind = Kind::acceleration;
-  } else if (const auto number = whole_number(words[1])) {
-    operand.constant = static_cast<double>(*number);
-  } else if (const auto real = parse_number(words[1])) {
-    operand.constant = *real;
-  } else {
-    return {};
-  }
-  return operand;
-}
-
-std::optional<WriteStep> step_of(std::string_view text) {
-  WriteStep step;
-  const auto words = words_of(text);
-  if (words.size() == 2 && words[0] == "wait") {
-    const auto seconds = parse_number(words[1]);
-    if (!seconds || !(*seconds > 0.0 && *seconds <= longest_pause_s)) return {};
-    step.wait_s = *seconds;
-    return step;
-  }
-  if (words.empty()) return {};
-  const auto address = whole_number(words[0]);
-  if (!address || *address < 0 || *address > 65535) return {};
-  step.address = static_cast<int>(*address);
-  for (const std::string_view part : split(text.substr(words[0].size()), '+')) {
-    const auto operand = operand_of(part);
-    if (!operand) return {};
-    step.operands.push_back(*operand);
-  }
-  if (step.length() > longest_block || step.address + step.length() > 65536) return {};
-  return step;
-}
-
 WriteList write_list(KeyValueFile& file, const std::string& key, const WordLayout& layout) {
   WriteList list;
   if (!file.has(key)) return list;
   for (const std::string& text : file.list(key)) {
-    const auto step = step_of(trimmed(text));
+    const auto step = parse_write_step(trimmed(text));
     if (!step) {
-      file.reject(key,
-                  "steps 'ADDRESS TYPE VALUE' or 'ADDRESS TYPE VALUE + TYPE VALUE ...' or 'wait SECONDS' (at most " +
-                      format_number(longest_pause_s) +
-                      "), VALUE a number, position, distance, rate or acceleration; wrong is " + quoted(text));
+      file.reject(
+          key,
+          "steps 'ADDRESS TYPE VALUE' or 'ADDRESS TYPE VALUE + TYPE VALUE ...' or 'wait SECONDS' (at most " +
+              format_number(longest_pause_s) +
+              "), VALUE a number, axis, position, distance, rate or acceleration, the last four also with .heading "
+              ".pitch .roll, 'table' before an ADDRESS without offset; wrong is " +
+              quoted(text));
       return {};
     }
     for (const WriteOperand& operand : step->operands) {
@@ -135,7 +51,9 @@ WriteList write_list(KeyValueFile& file, const std::string& key, const WordLayou
 
 void read_link(KeyValueFile& file, ModbusLinkSettings& link) {
   constexpr NumberRange some_time{0.0, 60.0, true};
-  link.tcp = file.one_of("link.kind", {"tcp", "rtu"}) == "tcp";
+  const std::string kind = file.one_of("link.kind", {"tcp", "rtu", "rtu_tcp"});
+  link.tcp = kind != "rtu";
+  link.rtu_frames = kind == "rtu_tcp";
   link.address = file.text_or("link.address", "");
   if (!link.tcp) {
     link.baud = static_cast<std::uint32_t>(file.integer_or("link.baud", link.baud, 300, 4000000));
@@ -165,6 +83,7 @@ void read_axes(KeyValueFile& file, RegisterMap& map) {
     axis.rate_scale = file.number_or(prefix + "rate_scale", axis.counts_per_degree, positive);
     axis.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", axis.rate_scale, positive);
     axis.acceleration_scale = file.number_or(prefix + "acceleration_scale", axis.counts_per_degree, positive);
+    axis.code = static_cast<int>(file.integer_or(prefix + "code", static_cast<int>(which) + 1, 0, 65535));
   }
 }
 
@@ -185,34 +104,63 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
       file.reject(key, "an address inside the status block (status.address, status.count, status2.*)");
     }
   };
-  const auto block_field = [&](const std::string& prefix) {
-    const RegisterField result = field(file, prefix);
-    inside(prefix + ".address", result.address, register_count(result.type));
-    return result;
-  };
-  map.position = block_field("position");
-  if (file.has("rate.address")) map.rate = block_field("rate");
-  if (file.has("alarm.address")) map.alarm = block_field("alarm");
+  const auto scope = [&](const std::string& key) { return file.one_of_or(key, "axis", {"axis", "table"}) == "table"; };
+  map.status_of_table = scope("status.scope");
+  if (map.status2_count > 0) map.status2_of_table = scope("status2.scope");
   for (const std::string& key : file.keys_with_prefix("alarm.text.")) {
     const auto code = whole_number(std::string_view(key).substr(11));
     if (!code) file.reject(key, "a key alarm.text.NUMBER");
     map.alarm_text[code.value_or(0)] = file.text(key);
   }
-  for (int i = 0; i < drive_bit_count; ++i) {
-    const auto which = static_cast<DriveBit>(i);
-    const std::string prefix = "bit." + std::string(to_string(which));
-    const bool required = which == DriveBit::enabled || which == DriveBit::in_position || which == DriveBit::fault;
-    if (!required && !file.has(prefix + ".address")) continue;
-    StatusBit bit;
-    bit.address = static_cast<int>(hex_or_decimal(file, prefix + ".address", 0, 65535));
-    inside(prefix + ".address", bit.address, 1);
-    bit.mask = static_cast<std::uint16_t>(hex_or_decimal(file, prefix + ".mask", 1, 65535));
-    bit.active_high = file.one_of_or(prefix + ".active", "high", {"high", "low"}) == "high";
-    bit.pulse = file.one_of_or(prefix + ".kind", "level", {"level", "pulse"}) == "pulse";
-    if (bit.pulse && which != DriveBit::in_position) {
-      file.reject(prefix + ".kind", "level: only in_position can be a pulse");
+  for (const Axis which : all_axes) {
+    MapAxis& axis = map.axis[static_cast<std::size_t>(which)];
+    const std::string own = "axis." + std::string(to_string(which)) + ".";
+    // A key of the axis before one of all axes.
+    const auto key = [&](const std::string& name) { return file.has(own + name) ? own + name : name; };
+    const auto has = [&](const std::string& name) { return file.has(key(name)); };
+    const auto block_field = [&](const std::string& prefix) {
+      RegisterField result;
+      result.address = static_cast<int>(hex_or_decimal(file, key(prefix + ".address"), 0, 65535));
+      result.type = word_type_of(file.one_of_or(prefix + ".type", "s32", {"u16", "s16", "u32", "s32", "f32", "f64"}))
+                        .value_or(WordType::s32);
+      inside(key(prefix + ".address"), result.address, register_count(result.type));
+      return result;
+    };
+    axis.position = block_field("position");
+    if (has("rate.address")) axis.rate = block_field("rate");
+    if (has("alarm.address")) axis.alarm = block_field("alarm");
+    for (int i = 0; i < drive_bit_count; ++i) {
+      const auto bit_of = static_cast<DriveBit>(i);
+      const std::string prefix = "bit." + std::string(to_string(bit_of));
+      const bool required = bit_of == DriveBit::enabled || bit_of == DriveBit::in_position || bit_of == DriveBit::fault;
+      if (!required && !has(prefix + ".address")) continue;
+      StatusBit bit;
+      bit.address = static_cast<int>(hex_or_decimal(file, key(prefix + ".address"), 0, 65535));
+      inside(key(prefix + ".address"), bit.address, 1);
+      if (has(prefix + ".codes")) {
+        bit.mask = 0xFFFF;
+        if (has(prefix + ".mask")) {
+          bit.mask = static_cast<std::uint16_t>(hex_or_decimal(file, key(prefix + ".mask"), 1, 65535));
+        }
+        const int most = bit.mask >> bit.shift();
+        for (const std::string& text : file.list(key(prefix + ".codes"))) {
+          const auto code = whole_number(text);
+          if (!code || *code < 0 || *code > most) {
+            file.reject(key(prefix + ".codes"), "numbers from 0 to " + std::to_string(most) + ", what the mask leaves");
+          }
+          bit.codes.push_back(static_cast<std::uint16_t>(code.value_or(0)));
+        }
+        if (bit.codes.empty()) file.reject(key(prefix + ".codes"), "at least one number");
+      } else {
+        bit.mask = static_cast<std::uint16_t>(hex_or_decimal(file, key(prefix + ".mask"), 1, 65535));
+        bit.active_high = file.one_of_or(key(prefix + ".active"), "high", {"high", "low"}) == "high";
+      }
+      bit.pulse = file.one_of_or(key(prefix + ".kind"), "level", {"level", "pulse"}) == "pulse";
+      if (bit.pulse && bit_of != DriveBit::in_position) {
+        file.reject(key(prefix + ".kind"), "level: only in_position can be a pulse");
+      }
+      axis.bits[static_cast<std::size_t>(i)] = bit;
     }
-    map.bits[static_cast<std::size_t>(i)] = bit;
   }
   map.moving_rate_degps = file.number_or("moving.rate_degps", map.moving_rate_degps, positive);
   map.plausible_deg = file.number_or("plausible.angle_deg", map.plausible_deg, positive);
@@ -225,6 +173,9 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
     const auto operation = static_cast<DriveOperation>(i);
     const std::string key = "write." + std::string(to_string(operation));
     map.writes[static_cast<std::size_t>(i)] = write_list(file, key, map.layout);
+    if (!map.list(operation).empty()) {
+      map.of_table[static_cast<std::size_t>(i)] = file.one_of_or(key + ".scope", "axis", {"axis", "table"}) == "table";
+    }
     const bool is_stop = operation == DriveOperation::stop || operation == DriveOperation::abort;
     for (const WriteStep& step : map.list(operation)) {
       if (!is_stop || step.wait_s <= longest_stop_pause_s) continue;
@@ -236,7 +187,8 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
     if (!optional && !file.has(key)) file.text(key);  // the defect: it is missing
     for (const WriteStep& step : map.list(operation)) {
       for (const WriteOperand& operand : step.operands) {
-        if (operation != DriveOperation::move && operand.kind != WriteOperand::Kind::constant) {
+        const bool of_move = operand.kind != WriteOperand::Kind::constant && operand.kind != WriteOperand::Kind::axis;
+        if (operation != DriveOperation::move && of_move) {
           file.reject(key, "numbers: position, distance, rate and acceleration belong to write.move");
         }
       }
@@ -250,6 +202,19 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
     }
     return false;
   };
+  if (map.once(DriveOperation::stop) != map.once(DriveOperation::abort)) {
+    file.reject("write.stop.scope", "the same scope as write.abort: an axis that is off is sent that instead");
+  }
+  for (const WriteStep& step : map.list(DriveOperation::move)) {
+    for (const WriteOperand& operand : step.operands) {
+      if (operand.kind == WriteOperand::Kind::constant) continue;
+      if (operand.kind == WriteOperand::Kind::axis ? map.once(DriveOperation::move)
+                                                   : operand.of_axis.has_value() != map.once(DriveOperation::move)) {
+        file.reject("write.move",
+                    "position.heading, rate.pitch and the like with write.move.scope = table, else without an axis");
+      }
+    }
+  }
   using Kind = WriteOperand::Kind;
   if (asks_for(Kind::position) == asks_for(Kind::distance) || !asks_for(Kind::rate)) {
     file.reject("write.move", "either position or distance in it, and rate");
@@ -267,6 +232,15 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
   }
   if (file.has("heartbeat.address")) {
     map.heartbeat_address = static_cast<int>(hex_or_decimal(file, "heartbeat.address", 0, 65535));
+    map.heartbeat_of_table = file.one_of_or("heartbeat.scope", "axis", {"axis", "table"}) == "table";
+    if (file.has("heartbeat.values")) {
+      for (const std::string& text : file.list("heartbeat.values")) {
+        const auto value = whole_number(text);
+        if (!value || *value < 0 || *value > 65535) file.reject("heartbeat.values", "numbers from 0 to 65535");
+        map.heartbeat_values.push_back(static_cast<std::uint16_t>(value.value_or(0)));
+      }
+      if (map.heartbeat_values.empty()) file.reject("heartbeat.values", "at least one number");
+    }
     map.heartbeat_period_s = file.number_or("heartbeat.period_s", map.heartbeat_period_s, {0.0, 60.0, true});
     map.watchdog_s = file.number_or("heartbeat.watchdog_s", map.watchdog_s, {0.0, 600.0, true});
     if (map.watchdog_s < 2.0 * map.heartbeat_period_s) {
@@ -292,8 +266,9 @@ Result<RegisterMap> map_from(KeyValueFile& file) {
   read_axes(file, map);
   read_status_block(file, map);
   read_writes(file, map);
-  if (!map.home_by_encoder && !map.bit(DriveBit::homed)) {
-    file.text("bit.homed.address");  // the defect: it is missing
+  for (const MapAxis& axis : map.axis) {
+    if (!map.home_by_encoder && !axis.bit(DriveBit::homed))
+      file.text("bit.homed.address");  // the defect: it is missing
   }
   // A misspelt key first: it would show up as another that is missing.
   if (Status status = file.check_all_used(); !status) return status.error();
@@ -302,10 +277,11 @@ Result<RegisterMap> map_from(KeyValueFile& file) {
 
 }  // namespace
 
-int WriteStep::length() const {
-  int count = 0;
-  for (const WriteOperand& operand : operands) count += register_count(operand.type);
-  return count;
+int StatusBit::shift() const { return std::countr_zero(mask); }
+
+bool StatusBit::is_set(std::uint16_t word) const {
+  if (codes.empty()) return ((word & mask) != 0) == active_high;
+  return std::find(codes.begin(), codes.end(), (word & mask) >> shift()) != codes.end();
 }
 
 const char* to_string(DriveOperation operation) {

@@ -3,7 +3,8 @@
 //
 // One map serves three axes that speak the same language: three drives on one bus (a unit id each), or one controller (the same
 // unit id, an address offset each). All reading of an axis is one contiguous block, so that its values belong together, or two
-// where the drive scatters them. All blocks have different lengths (status.count, + 1, + 2, likewise status2.count): a stale
+// where the drive scatters them; a block of the whole table (scope) is read at its own address for every axis, and each axis has its own
+// registers or bits in it. All blocks have different lengths (status.count, + 1, + 2, likewise status2.count): a stale
 // reply of another request then has the wrong length and is refused.
 //
 // Angles:  register = sign * counts_per_degree * (angle_deg - zero_deg), taken modulo counts of modulo_deg if that is not 0.
@@ -23,14 +24,17 @@
 #include "imu_io/base/key_value.h"
 #include "imu_io/lines/serial_port.h"
 #include "turntable_drivers/modbus/register_words.h"
+#include "turntable_drivers/modbus/write_step.h"
 #include "turntable_drivers/table/drive_bit.h"
 
 namespace turncal {
 
 struct ModbusLinkSettings {
   bool tcp = true;
-  std::string address;          // host:port, or the device (a name of /dev/serial/by-id)
-  std::uint32_t baud = 115200;  // rtu, with parity and stop bits
+  bool rtu_frames = false;  // over TCP: a serial server that passes on what it gets, without the protocol's TCP header
+  bool header() const { return tcp && !rtu_frames; }  // frames of Modbus TCP: a transaction number, no CRC
+  std::string address;                                // host:port, or the device (a name of /dev/serial/by-id)
+  std::uint32_t baud = 115200;                        // rtu, with parity and stop bits
   SerialParity parity = SerialParity::even;
   int stop_bits = 1;
   double response_timeout_s = 1.0;
@@ -50,26 +54,11 @@ struct StatusBit {
   std::uint16_t mask = 0;
   bool active_high = true;
   bool pulse = false;  // shows only for a moment: once seen after a command it counts as set
+  // Of a status that is a code: set when what the mask leaves, shifted down, is one of these.
+  std::vector<std::uint16_t> codes;
+  int shift() const;  // of the mask's lowest bit
+  bool is_set(std::uint16_t word) const;
 };
-
-// One number of a write: a constant, or what the move asks for.
-struct WriteOperand {
-  enum class Kind { constant, position, distance, rate, acceleration };
-  Kind kind = Kind::constant;
-  WordType type = WordType::u16;
-  double constant = 0.0;
-  bool operator==(const WriteOperand&) const = default;
-};
-
-// One request (operands at consecutive addresses), or a pause.
-struct WriteStep {
-  int address = 0;
-  std::vector<WriteOperand> operands;
-  double wait_s = 0.0;  // a pause when there are no operands
-  int length() const;   // registers
-  bool operator==(const WriteStep&) const = default;
-};
-using WriteList = std::vector<WriteStep>;
 
 enum class DriveOperation { setup, enable, home, move, stop, abort, clear_fault };
 inline constexpr int drive_operation_count = 7;
@@ -85,7 +74,13 @@ struct MapAxis {
   double rate_scale = 1.0;  // commanded rate register = rate_scale * deg/s
   double measured_rate_scale = 1.0;
   double acceleration_scale = 1.0;  // register = scale * deg/s^2, or scale / (deg/s^2) when acceleration is a ramp time
+  int code = 0;                     // the `axis` of a write: what the table calls it
+  RegisterField position;
+  std::optional<RegisterField> rate;
+  std::array<std::optional<StatusBit>, drive_bit_count> bits;
+  std::optional<RegisterField> alarm;
   double signed_counts_per_degree() const { return sign * counts_per_degree; }
+  const std::optional<StatusBit>& bit(DriveBit which) const { return bits[static_cast<std::size_t>(which)]; }
 };
 
 struct RegisterMap {
@@ -105,11 +100,9 @@ struct RegisterMap {
   int status_address = 0;
   int status_count = 0;
   int status2_address = 0;
-  int status2_count = 0;  // 0: one block
-  RegisterField position;
-  std::optional<RegisterField> rate;
-  std::array<std::optional<StatusBit>, drive_bit_count> bits;
-  std::optional<RegisterField> alarm;
+  int status2_count = 0;         // 0: one block
+  bool status_of_table = false;  // no axis offset
+  bool status2_of_table = false;
   std::map<long, std::string> alarm_text;
   double moving_rate_degps = 0.01;      // without a moving bit: faster than this is moving
   double plausible_deg = 7200.0;        // a position beyond this is not believed
@@ -117,14 +110,22 @@ struct RegisterMap {
 
   int write_function = 6;  // of single registers: 6 or 16
   std::array<WriteList, drive_operation_count> writes;
+  std::array<bool, drive_operation_count> of_table{};  // written once, to heading's unit and without offset
 
   std::optional<int> heartbeat_address;
+  bool heartbeat_of_table = false;
+  std::vector<std::uint16_t> heartbeat_values;  // written in turn; empty: another number each time
   double heartbeat_period_s = 0.2;
   double watchdog_s = 1.0;  // what the drive is set to: it stops when no heartbeat came for this long
 
   const MapAxis& of(Axis which) const { return axis[static_cast<std::size_t>(which)]; }
   const WriteList& list(DriveOperation operation) const { return writes[static_cast<std::size_t>(operation)]; }
-  const std::optional<StatusBit>& bit(DriveBit which) const { return bits[static_cast<std::size_t>(which)]; }
+  bool once(DriveOperation operation) const { return of_table[static_cast<std::size_t>(operation)]; }
+  // Where a request goes: a step's of a list, or a block's.
+  int address_of(const WriteStep& step, DriveOperation operation, Axis which) const {
+    return step.address + (step.of_table || once(operation) ? 0 : of(which).address_offset);
+  }
+  int unit_of(DriveOperation operation, Axis which) const { return of(once(operation) ? Axis::heading : which).unit; }
   // Where a status register stands in the two blocks put together.
   std::size_t place_of(int address) const {
     const bool in_first = address >= status_address && address < status_address + status_count;

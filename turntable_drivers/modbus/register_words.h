@@ -1,7 +1,7 @@
 // A number as 16-bit Modbus registers and back: pure functions.
 //
-// A 32-bit value takes two registers. Word order: which half comes first; it differs between makers. Byte swap: the two bytes
-// of every register are exchanged as well. Signed values are two's complement; f32 is IEEE 754. Registers are given in the
+// A 32-bit value takes two registers, f64 four. Word order: whether the highest or the lowest comes first; it differs between makers. Byte swap: the two bytes
+// of every register are exchanged as well. Signed values are two's complement; f32 and f64 are IEEE 754. Registers are given in the
 // order of their addresses.
 #pragma once
 
@@ -9,11 +9,17 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string_view>
 
 namespace turncal {
 
-enum class WordType { u16, s16, u32, s32, f32 };
-constexpr int register_count(WordType type) { return type == WordType::u16 || type == WordType::s16 ? 1 : 2; }
+enum class WordType { u16, s16, u32, s32, f32, f64 };
+constexpr int register_count(WordType type) {
+  return type == WordType::u16 || type == WordType::s16 ? 1 : type == WordType::f64 ? 4 : 2;
+}
+constexpr bool is_floating(WordType type) { return type == WordType::f32 || type == WordType::f64; }
+// "u16" ... "f64"
+std::optional<WordType> word_type_of(std::string_view name);
 
 struct WordLayout {
   bool high_word_first = true;
@@ -21,15 +27,15 @@ struct WordLayout {
 };
 
 struct Words {
-  std::array<std::uint16_t, 2> value{};
+  std::array<std::uint16_t, 4> value{};
   int count = 0;
   std::span<const std::uint16_t> span() const { return {value.data(), static_cast<std::size_t>(count)}; }
 };
 
-// REQUIRES: at least register_count(type) registers. NaN and infinity of f32 come back as they are.
+// REQUIRES: at least register_count(type) registers. NaN and infinity come back as they are.
 double decode_words(std::span<const std::uint16_t> registers, WordType type, WordLayout layout);
 
-// Rounded to the nearest whole number (not f32). Empty: not finite, or beyond the type.
+// Rounded to the nearest whole number (not f32 and f64). Empty: not finite, or beyond the type.
 std::optional<Words> encode_words(double value, WordType type, WordLayout layout);
 
 }  // namespace turncal

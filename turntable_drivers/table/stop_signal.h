@@ -27,6 +27,13 @@ class StopSignal {
   void look_away() const {
     if (meanwhile_) meanwhile_();
   }
+  // For waits elsewhere: to be asked in every turn of one.
+  std::function<bool()> giving_up() const {
+    return [this] {
+      look_away();
+      return pending();
+    };
+  }
   // Waits so long, rounded up to milliseconds. False: given up for a stop.
   bool pause(double seconds) const {
     for (const Deadline deadline(seconds); !deadline.passed();) {

@@ -78,8 +78,13 @@ std::string DialectTwin::value_of(const std::string& name, Axis axis) {
     return word_of(dialect_.status, {now->enabled, now->in_position, now->fault, now->moving, now->homed, now->limit,
                                      now->limit, now->emergency_stop, now->remote});
   }
-  const double value = quantity == "position" ? now->position_deg - scale.zero_deg : now->rate_degps;
-  std::snprintf(text, sizeof text, "%.*f", dialect_.decimals, scale.sign * scale.units_per_degree * value);
+  double value = scale.measured_rate_scale * now->rate_degps;
+  if (quantity == "position") {
+    double angle_deg = scale.sign * (now->position_deg - scale.zero_deg);
+    if (scale.modulo_deg > 0.0) angle_deg -= scale.modulo_deg * std::floor(angle_deg / scale.modulo_deg);
+    value = scale.sign * scale.units_per_degree * angle_deg;
+  }
+  std::snprintf(text, sizeof text, dialect_.plus ? "%+.*f" : "%.*f", dialect_.decimals, scale.sign * value);
   return text;
 }
 
@@ -117,19 +122,20 @@ Status DialectTwin::move(Axis axis, const Values& values) {
       return device_number(place->second);
     };
     const DialectAxis& scale = dialect_.of(which);
-    const std::optional<double> position = number("position");
-    if (!position) continue;
-    const double target_deg = scale.sign * *position / scale.units_per_degree + scale.zero_deg;
+    const std::optional<double> position = number("position"), distance = number("distance");
+    if (!position && (!distance || *distance == 0.0)) continue;
     // A sentence for all three axes leaves those alone that are there, or on their way.
     const Result<AxisStatus> now = table_.status(which);
     if (!now) return now.error();
-    const bool told = values.count("position") == 0;
+    const double target_deg = position ? scale.sign * *position / scale.units_per_degree + scale.zero_deg
+                                       : now->position_deg + scale.sign * *distance / scale.units_per_degree;
+    const bool told = position && values.count("position") == 0;
     const double from_deg = target_deg_[index(which)].value_or(now->position_deg);
     if (told && (std::abs(from_deg - target_deg) < 1e-3 || std::abs(now->position_deg - target_deg) < 1e-3)) continue;
     target_deg_[index(which)] = target_deg;
-    const double rate_degps = number("rate").value_or(10.0 * scale.units_per_degree) / scale.units_per_degree;
+    const double rate_degps = number("rate").value_or(10.0 * scale.rate_scale) / scale.rate_scale;
     const double acceleration_degps2 =
-        number("acceleration").value_or(20.0 * scale.units_per_degree) / scale.units_per_degree;
+        number("acceleration").value_or(20.0 * scale.acceleration_scale) / scale.acceleration_scale;
     if (Status status = table_.move_absolute(which, target_deg, rate_degps, acceleration_degps2); !status)
       return status;
   }
@@ -146,22 +152,27 @@ std::optional<AnswerPlan> DialectServer::next_answer(std::vector<std::uint8_t>& 
   if (!frame.starts_with(link.prefix)) return plan;
   std::string body = frame.substr(link.prefix.size());
   if (link.check != SentenceCheck::none) {
-    const std::size_t tail = link.check_mark.size() + 2;
+    const std::size_t digit_count = link.check == SentenceCheck::crc16 ? 4 : 2;
+    const std::size_t tail = link.check_mark.size() + digit_count;
     if (body.size() < tail) return plan;
-    const std::string digits = body.substr(body.size() - 2);
+    const std::string digits = body.substr(body.size() - digit_count);
     body.resize(body.size() - tail);
-    if (digits != check_digits(body, link.check)) return plan;
+    if (digits != check_digits(body, link.check, link.crc)) return plan;
   }
   std::optional<std::string> answer;
   {
     const std::lock_guard lock(mutex);
     answer = twin_.answer(body);
   }
-  std::string text = link.echo ? frame + link.terminator_out : "";
-  if (answer) {
-    text += link.prefix + *answer;
-    if (link.check != SentenceCheck::none) text += link.check_mark + check_digits(*answer, link.check);
+  std::string text = link.echo ? frame + link.echo_terminator : "";
+  for (std::string_view rest = answer ? *answer : std::string_view(); answer;) {
+    const std::size_t line_end = rest.find('\n');
+    const std::string line(rest.substr(0, line_end));
+    text += link.prefix + line;
+    if (link.check != SentenceCheck::none) text += link.check_mark + check_digits(line, link.check, link.crc);
     text += link.terminator_in;
+    if (line_end == std::string_view::npos) break;
+    rest.remove_prefix(line_end + 1);
   }
   text += link.prompt;
   if (!text.empty()) plan.pieces.push_back({{text.begin(), text.end()}, 0.0});

@@ -1,10 +1,53 @@
 #include "turntable_drivers/twins/drive_twin.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace turncal {
 namespace {
 
+// The code in one register that says these flags, or comes closest: faults count most, then what the station waits for.
+std::uint16_t code_of(const MapAxis& axis, const StatusBit& first, const std::array<bool, drive_bit_count>& state) {
+  const auto alike = [&](const std::optional<StatusBit>& bit) {
+    return bit && !bit->codes.empty() && bit->address == first.address && bit->mask == first.mask;
+  };
+  std::vector<std::uint16_t> candidates;
+  for (std::uint16_t unlisted = 0; candidates.empty(); ++unlisted) {
+    bool listed = false;
+    for (const auto& bit : axis.bits) {
+      listed = listed || (alike(bit) && std::find(bit->codes.begin(), bit->codes.end(), unlisted) != bit->codes.end());
+    }
+    if (!listed) candidates.push_back(unlisted);
+  }
+  for (const auto& bit : axis.bits) {
+    if (alike(bit)) candidates.insert(candidates.end(), bit->codes.begin(), bit->codes.end());
+  }
+  int best_score = -1000000;
+  std::uint16_t best = 0;
+  for (const std::uint16_t code : candidates) {
+    int score = 0;
+    for (std::size_t i = 0; i < axis.bits.size(); ++i) {
+      if (!alike(axis.bits[i])) continue;
+      const auto which = static_cast<DriveBit>(i);
+      const auto& codes = axis.bits[i]->codes;
+      const bool says = std::find(codes.begin(), codes.end(), code) != codes.end();
+      const bool grave = which == DriveBit::fault || which == DriveBit::emergency_stop;
+      const int weight = grave                            ? 100
+                         : which == DriveBit::moving      ? 20
+                         : which == DriveBit::enabled     ? 15
+                         : which == DriveBit::in_position ? 10
+                                                          : 5;
+      score += says == state[i] ? weight : -weight;
+    }
+    if (score > best_score) {
+      best_score = score;
+      best = code;
+    }
+  }
+  return static_cast<std::uint16_t>(best << first.shift());
+}
+
+constexpr int addressed = 3;  // of Operands: the axis that is written to
 constexpr int illegal_function = 1, illegal_address = 2, illegal_value = 3, device_failure = 4;
 
 }  // namespace
@@ -60,40 +103,64 @@ std::optional<std::vector<std::uint16_t>> DriveTwin::blocks(Axis axis) {
     const double above_zero_deg = position_deg - scale.zero_deg;
     position_deg = scale.zero_deg + above_zero_deg - scale.modulo_deg * std::floor(above_zero_deg / scale.modulo_deg);
   }
-  put(map_.position, counts_of(scale, position_deg));
-  if (map_.rate) put(*map_.rate, scale.sign * scale.measured_rate_scale * now->rate_degps);
+  put(scale.position, counts_of(scale, position_deg));
+  if (scale.rate) put(*scale.rate, scale.sign * scale.measured_rate_scale * now->rate_degps);
   const bool fault = now->fault || tripped_[index(axis)];
-  if (map_.alarm)
-    put(*map_.alarm, !fault                    ? 0.0
-                     : map_.alarm_text.empty() ? 1.0
-                                               : static_cast<double>(map_.alarm_text.begin()->first));
+  if (scale.alarm)
+    put(*scale.alarm, !fault                    ? 0.0
+                      : map_.alarm_text.empty() ? 1.0
+                                                : static_cast<double>(map_.alarm_text.begin()->first));
   const std::array<bool, drive_bit_count> state = {now->enabled, now->in_position,    fault,
                                                    now->moving,  now->homed,          now->limit,
                                                    now->limit,   now->emergency_stop, now->remote};
   for (int i = 0; i < drive_bit_count; ++i) {
-    const std::optional<StatusBit>& bit = map_.bits[static_cast<std::size_t>(i)];
+    const std::optional<StatusBit>& bit = scale.bits[static_cast<std::size_t>(i)];
     if (!bit) continue;
     const auto at = map_.place_of(bit->address);
-    if (at < registers.size() && state[static_cast<std::size_t>(i)] == bit->active_high) registers[at] |= bit->mask;
+    if (at >= registers.size()) continue;
+    if (!bit->codes.empty()) {
+      registers[at] = static_cast<std::uint16_t>((registers[at] & ~bit->mask) | code_of(scale, *bit, state));
+    } else if (at < registers.size() && state[static_cast<std::size_t>(i)] == bit->active_high)
+      registers[at] |= bit->mask;
+  }
+  return registers;
+}
+
+// Where several axes have the same place, each puts what is its own into it.
+std::optional<std::vector<std::uint16_t>> DriveTwin::shared_blocks(Axis axis, bool of_table) {
+  auto registers = blocks(axis);
+  const MapAxis& own = map_.of(axis);
+  for (const Axis other : all_axes) {
+    const MapAxis& place = map_.of(other);
+    const bool same = place.unit == own.unit && (of_table || place.address_offset == own.address_offset);
+    if (other == axis || !same || !registers) continue;
+    const auto its = blocks(other);
+    if (!its) return {};
+    for (std::size_t i = 0; i < registers->size(); ++i) (*registers)[i] |= (*its)[i];
   }
   return registers;
 }
 
 DriveTwin::Answer DriveTwin::read(const ModbusRequest& request) {
+  struct Block {
+    int address, count;
+    bool of_table;
+  };
   for (const Axis axis : all_axes) {
     const MapAxis& place = map_.of(axis);
     if (place.unit != request.unit || request.function != map_.status_function) continue;
-    for (const auto& [address, count] :
-         {std::pair(map_.status_address, map_.status_count), std::pair(map_.status2_address, map_.status2_count)}) {
-      const int first = address + place.address_offset;
+    for (const Block& block : {Block{map_.status_address, map_.status_count, map_.status_of_table},
+                               Block{map_.status2_address, map_.status2_count, map_.status2_of_table}}) {
+      const int first = block.address + (block.of_table ? 0 : place.address_offset);
+      const int count = block.count;
       // Two registers more than the map tells: the driver reads blocks of different lengths.
       if (count == 0 || request.address < first || request.address + request.count > first + count + 2) continue;
-      const auto registers = blocks(axis);
+      const auto registers = shared_blocks(axis, block.of_table);
       if (!registers) return {device_failure, {}};
       Answer answer;
       for (int i = 0; i < request.count; ++i) {
         const int at = request.address - first + i;
-        answer.values.push_back(at < count ? (*registers)[map_.place_of(address + at)] : std::uint16_t{0});
+        answer.values.push_back(at < count ? (*registers)[map_.place_of(block.address + at)] : std::uint16_t{0});
       }
       return answer;
     }
@@ -107,9 +174,9 @@ DriveTwin::Answer DriveTwin::read(const ModbusRequest& request) {
   return answer;
 }
 
-bool DriveTwin::matches(const WriteStep& step, const MapAxis& axis, const ModbusRequest& request,
-                        std::map<WriteOperand::Kind, double>& operands) const {
-  if (request.unit != axis.unit || request.address != step.address + axis.address_offset ||
+bool DriveTwin::matches(const WriteStep& step, DriveOperation operation, Axis axis, const ModbusRequest& request,
+                        Operands& operands) const {
+  if (request.unit != map_.unit_of(operation, axis) || request.address != map_.address_of(step, operation, axis) ||
       request.count != step.length()) {
     return false;
   }
@@ -117,13 +184,29 @@ bool DriveTwin::matches(const WriteStep& step, const MapAxis& axis, const Modbus
   for (const WriteOperand& operand : step.operands) {
     const double value = decode_words(std::span(request.values).subspan(at), operand.type, map_.layout);
     at += static_cast<std::size_t>(register_count(operand.type));
-    if (operand.kind != WriteOperand::Kind::constant) {
-      operands[operand.kind] = value;
+    const bool is_code = operand.kind == WriteOperand::Kind::axis;
+    if (operand.kind != WriteOperand::Kind::constant && !is_code) {
+      operands[{operand.kind, operand.of_axis ? static_cast<int>(*operand.of_axis) : addressed}] = value;
       continue;
     }
-    const std::optional<Words> constant = encode_words(operand.constant, operand.type, map_.layout);
+    const double expected = is_code ? map_.of(operand.of_axis.value_or(axis)).code : operand.constant;
+    const std::optional<Words> constant = encode_words(expected, operand.type, map_.layout);
     if (!constant || decode_words(constant->span(), operand.type, map_.layout) != value) return false;
   }
+  return true;
+}
+
+// A value that the map does not list, or the same one as before, shows that the other side hangs: it does not count.
+bool DriveTwin::beats(const ModbusRequest& request, Axis axis) {
+  if (!map_.heartbeat_address || request.count != 1) return false;
+  const int offset = map_.heartbeat_of_table ? 0 : map_.of(axis).address_offset;
+  if (request.address != *map_.heartbeat_address + offset) return false;
+  const std::uint16_t value = request.values.front();
+  const auto& known = map_.heartbeat_values;
+  const bool good = known.empty() || (std::find(known.begin(), known.end(), value) != known.end() &&
+                                      (known.size() == 1 || heartbeat_value_[index(axis)] != value));
+  heartbeat_value_[index(axis)] = value;
+  if (good) heartbeat_s_[index(axis)] = clock_.now_s();
   return true;
 }
 
@@ -132,11 +215,8 @@ DriveTwin::Answer DriveTwin::write(const ModbusRequest& request) {
   Answer answer;
   for (const Axis axis : all_axes) {
     const MapAxis& place = map_.of(axis);
-    if (place.unit != request.unit) continue;
-    if (map_.heartbeat_address && request.address == *map_.heartbeat_address + place.address_offset &&
-        request.count == 1) {
-      known = true;
-      heartbeat_s_[index(axis)] = clock_.now_s();
+    if ((map_.heartbeat_of_table ? map_.of(Axis::heading).unit : place.unit) == request.unit) {
+      known = beats(request, axis) || known;
     }
     for (int i = 0; i < drive_operation_count; ++i) {
       const auto operation = static_cast<DriveOperation>(i);
@@ -144,15 +224,18 @@ DriveTwin::Answer DriveTwin::write(const ModbusRequest& request) {
       for (const WriteStep& step : map_.list(operation)) {
         if (!step.operands.empty()) list.push_back(step);
       }
-      if (list.empty()) continue;
+      if (list.empty() || (map_.once(operation) && axis != Axis::heading)) continue;
       Progress& progress = progress_[index(axis)][static_cast<std::size_t>(i)];
-      std::map<WriteOperand::Kind, double> operands = progress.operands;
-      if (!matches(list[progress.step], place, request, operands)) {
+      Operands operands = progress.operands;
+      if (!matches(list[progress.step], operation, axis, request, operands)) {
         operands.clear();
-        const bool of_list = matches(list[0], place, request, operands);
+        const bool of_list = matches(list[0], operation, axis, request, operands);
         if (of_list) progress.step = 0;
         if (!of_list) {
-          for (const WriteStep& step : list) known = known || request.address == step.address + place.address_offset;
+          for (const WriteStep& step : list) {
+            known = known || (request.unit == map_.unit_of(operation, axis) &&
+                              request.address == map_.address_of(step, operation, axis));
+          }
           continue;
         }
       }
@@ -170,14 +253,19 @@ DriveTwin::Answer DriveTwin::write(const ModbusRequest& request) {
   return answer;
 }
 
-Status DriveTwin::carry_out(Axis axis, DriveOperation operation, const std::map<WriteOperand::Kind, double>& operands) {
+Status DriveTwin::carry_out(Axis axis, DriveOperation operation, const Operands& operands) {
+  if (operation != DriveOperation::move && operation != DriveOperation::setup) target_deg_ = {};
   switch (operation) {
     case DriveOperation::setup: return {};
     case DriveOperation::enable: return table_.enable();
     case DriveOperation::stop: return table_.stop_all();
     case DriveOperation::abort: return table_.abort_all();
-    case DriveOperation::clear_fault: tripped_[index(axis)] = false; return table_.clear_fault();
+    case DriveOperation::clear_fault:
+      if (map_.once(operation)) tripped_ = {};
+      tripped_[index(axis)] = false;
+      return table_.clear_fault();
     case DriveOperation::home: {
+      if (map_.once(operation)) return table_.home();
       // The first drive of a round starts them all.
       bool& done = homed_round_[index(axis)];
       if (done) homed_round_ = {};
@@ -187,26 +275,44 @@ Status DriveTwin::carry_out(Axis axis, DriveOperation operation, const std::map<
     }
     case DriveOperation::move: break;
   }
+  if (!map_.once(operation)) return move(axis, addressed, operands);
+  for (const Axis which : all_axes) {
+    if (Status status = move(which, static_cast<int>(which), operands); !status) return status;
+  }
+  return {};
+}
+
+Status DriveTwin::move(Axis axis, int told_of, const Operands& operands) {
   if (tripped_[index(axis)]) return device_error("the watchdog has tripped");
-  const auto number = [&](WriteOperand::Kind kind, double otherwise) {
-    const auto place = operands.find(kind);
+  using Kind = WriteOperand::Kind;
+  const auto has = [&](Kind kind) { return operands.count({kind, told_of}) != 0; };
+  const auto number = [&](Kind kind, double otherwise) {
+    const auto place = operands.find({kind, told_of});
     return place == operands.end() ? otherwise : place->second;
   };
-  using Kind = WriteOperand::Kind;
+  if (!has(Kind::position) && !has(Kind::distance)) return {};
   const MapAxis& scale = map_.of(axis);
   const double rate_degps = number(Kind::rate, 0.0) / scale.rate_scale;
   double acceleration_degps2 = 20.0;  // of a drive that is not told
-  if (operands.count(Kind::acceleration) != 0) {
+  if (has(Kind::acceleration)) {
     const double value = number(Kind::acceleration, 0.0);
     acceleration_degps2 =
         map_.acceleration_is_ramp_time ? scale.acceleration_scale / value : value / scale.acceleration_scale;
   }
-  if (operands.count(Kind::position) != 0) {
-    return table_.move_absolute(axis, angle_of(scale, number(Kind::position, 0.0)), rate_degps, acceleration_degps2);
-  }
   const Result<AxisStatus> now = table_.status(axis);
   if (!now) return now.error();
-  const double target_deg = now->position_deg + number(Kind::distance, 0.0) / scale.signed_counts_per_degree();
+  double target_deg = angle_of(scale, number(Kind::position, 0.0));
+  if (has(Kind::distance)) {
+    const double distance = number(Kind::distance, 0.0);
+    if (told_of != addressed && distance == 0.0) return {};
+    target_deg = now->position_deg + distance / scale.signed_counts_per_degree();
+  } else if (told_of != addressed) {
+    // Told of all three, those stay alone that are there, or on their way.
+    const double from_deg = target_deg_[index(axis)].value_or(now->position_deg);
+    const double step_deg = 2.0 / std::abs(scale.counts_per_degree);
+    if (std::abs(from_deg - target_deg) < step_deg || std::abs(now->position_deg - target_deg) < step_deg) return {};
+    target_deg_[index(axis)] = target_deg;
+  }
   return table_.move_absolute(axis, target_deg, rate_degps, acceleration_degps2);
 }
 

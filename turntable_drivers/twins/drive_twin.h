@@ -44,18 +44,23 @@ class DriveTwin {
   const RegisterMap& map() const { return map_; }
 
  private:
+  // What a move was told, by kind; of which axis: 0 to 2, or 3 for the one that is written to.
+  using Operands = std::map<std::pair<WriteOperand::Kind, int>, double>;
   struct Progress {
     std::size_t step = 0;  // of the list, the next one awaited
-    std::map<WriteOperand::Kind, double> operands;
+    Operands operands;
   };
   Answer read(const ModbusRequest& request);
   Answer write(const ModbusRequest& request);
   // The status blocks of an axis, one after the other.
   std::optional<std::vector<std::uint16_t>> blocks(Axis axis);
+  std::optional<std::vector<std::uint16_t>> shared_blocks(Axis axis, bool of_table);
   // Whether the request is the step; operands go into `operands`.
-  bool matches(const WriteStep& step, const MapAxis& axis, const ModbusRequest& request,
-               std::map<WriteOperand::Kind, double>& operands) const;
-  Status carry_out(Axis axis, DriveOperation operation, const std::map<WriteOperand::Kind, double>& operands);
+  bool matches(const WriteStep& step, DriveOperation operation, Axis axis, const ModbusRequest& request,
+               Operands& operands) const;
+  Status carry_out(Axis axis, DriveOperation operation, const Operands& operands);
+  Status move(Axis axis, int told_of, const Operands& operands);
+  bool beats(const ModbusRequest& request, Axis axis);  // whether this is its heartbeat
 
   RegisterMap map_;
   Turntable& table_;
@@ -63,6 +68,8 @@ class DriveTwin {
   std::map<std::pair<int, int>, std::uint16_t> written_;  // by unit and address
   std::array<std::array<Progress, drive_operation_count>, 3> progress_;
   std::array<std::optional<double>, 3> heartbeat_s_;
+  std::array<std::optional<std::uint16_t>, 3> heartbeat_value_;
+  std::array<std::optional<double>, 3> target_deg_;  // of a table that is told of all three axes at once
   std::array<bool, 3> tripped_{};
   std::array<bool, 3> homed_round_{};
 };

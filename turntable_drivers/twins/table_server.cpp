@@ -5,7 +5,8 @@
 namespace turncal {
 
 std::optional<AnswerPlan> TableServer::next_answer(std::vector<std::uint8_t>& bytes) {
-  const std::optional<ModbusRequest> request = take_request(bytes, tcp());
+  const bool header = tcp() && !twin_.map().link.rtu_frames;
+  const std::optional<ModbusRequest> request = take_request(bytes, header);
   if (!request) return {};
   const auto& axes = twin_.map().axis;
   const bool ours =
@@ -18,9 +19,9 @@ std::optional<AnswerPlan> TableServer::next_answer(std::vector<std::uint8_t>& by
   }
   const bool is_read = request->function == 3 || request->function == 4;
   AnswerPlan plan;
-  plan.pieces.push_back({answer.exception != 0 ? exception_reply(*request, answer.exception, tcp())
-                         : is_read             ? read_reply(*request, answer.values, tcp())
-                                               : write_reply(*request, tcp()),
+  plan.pieces.push_back({answer.exception != 0 ? exception_reply(*request, answer.exception, header)
+                         : is_read             ? read_reply(*request, answer.values, header)
+                                               : write_reply(*request, header),
                          0.0});
   if (disturb) disturb(*request, plan);
   return plan;

@@ -1,4 +1,4 @@
-#include "turntable_drivers/table/tcp_connection.h"
+#include "imu_io/lines/tcp_connection.h"
 
 #include <netdb.h>
 #include <netinet/in.h>
@@ -11,17 +11,20 @@
 #include <cerrno>
 #include <cstring>
 
+#include "imu_io/base/deadline.h"
+
 namespace turncal {
 namespace {
 
-// 0, or the number of the error; ECANCELED for a stop.
-int connected(int descriptor, const addrinfo& to, const Deadline& deadline, const StopSignal& stop) {
+constexpr int longest_wait_ms = 10;
+
+// 0, or the number of the error; ECANCELED when given up.
+int connected(int descriptor, const addrinfo& to, const Deadline& deadline, const std::function<bool()>& given_up) {
   if (::connect(descriptor, to.ai_addr, to.ai_addrlen) == 0) return 0;
   if (errno != EINPROGRESS) return errno;
   pollfd which{descriptor, POLLOUT, 0};
-  while (::poll(&which, 1, std::min(deadline.left_ms(), StopSignal::longest_look_away_ms)) <= 0) {
-    if (stop.pending()) return ECANCELED;
-    stop.look_away();
+  while (::poll(&which, 1, std::min(deadline.left_ms(), longest_wait_ms)) <= 0) {
+    if (given_up && given_up()) return ECANCELED;
     if (deadline.passed()) return ETIMEDOUT;
   }
   int result = 0;
@@ -32,7 +35,7 @@ int connected(int descriptor, const addrinfo& to, const Deadline& deadline, cons
 
 }  // namespace
 
-Result<int> connect_tcp(const std::string& address, double timeout_s, const StopSignal& stop) {
+Result<int> connect_tcp(const std::string& address, double timeout_s, const std::function<bool()>& given_up) {
   const std::size_t colon = address.rfind(':');
   if (colon == std::string::npos || colon == 0 || colon + 1 == address.size()) {
     return input_error("link.address = '" + address + "': expected host:port");
@@ -47,7 +50,7 @@ Result<int> connect_tcp(const std::string& address, double timeout_s, const Stop
   int descriptor = -1, result = EADDRNOTAVAIL;
   for (const addrinfo* to = found; to != nullptr && descriptor < 0 && result != ECANCELED; to = to->ai_next) {
     descriptor = ::socket(to->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-    result = descriptor < 0 ? errno : connected(descriptor, *to, deadline, stop);
+    result = descriptor < 0 ? errno : connected(descriptor, *to, deadline, given_up);
     if (result == 0 || descriptor < 0) continue;
     ::close(descriptor);
     descriptor = -1;

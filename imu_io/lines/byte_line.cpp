@@ -1,0 +1,176 @@
+#include "imu_io/lines/byte_line.h"
+
+#include <arpa/inet.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "imu_io/base/deadline.h"
+#include "imu_io/base/format_number.h"
+#include "imu_io/lines/tcp_connection.h"
+
+namespace turncal {
+namespace {
+
+constexpr double connect_timeout_s = 2.0;
+constexpr std::size_t longest_datagram = 65536;
+constexpr int receive_buffer = 1 << 20;  // seconds of a unit's samples
+
+}  // namespace
+
+std::optional<LineAddress> parse_line(const std::string& device) {
+  LineAddress address;
+  if (!device.starts_with("tcp:") && !device.starts_with("udp:")) {
+    const std::size_t colon = device.find(':');
+    const bool another_kind = colon != std::string::npos && device.find('/') > colon;
+    return another_kind || device.empty() ? std::nullopt : std::optional(address);
+  }
+  address.kind = device[0] == 't' ? LineKind::tcp : LineKind::udp;
+  const std::string rest = device.substr(4);
+  const std::size_t colon = rest.rfind(':');
+  address.host = colon == std::string::npos ? "" : rest.substr(0, colon);
+  const std::optional<int> port =
+      parse_integer<int>(std::string_view(rest).substr(colon == std::string::npos ? 0 : colon + 1));
+  in_addr numbers{};
+  const bool host_good = address.kind == LineKind::tcp ? !address.host.empty()
+                                                       : colon == std::string::npos ||
+                                                             ::inet_pton(AF_INET, address.host.c_str(), &numbers) == 1;
+  if (!port || *port < 1 || *port > 65535 || !host_good) return {};
+  address.port = *port;
+  return address;
+}
+
+std::string describe_line(const SerialSettings& settings) {
+  const auto address = parse_line(settings.device);
+  return address && address->kind != LineKind::serial ? settings.device : describe(settings);
+}
+
+ByteLine::ByteLine(ByteLine&& other) noexcept { *this = std::move(other); }
+
+ByteLine& ByteLine::operator=(ByteLine&& other) noexcept {
+  if (this == &other) return *this;
+  close();
+  device_ = std::move(other.device_);
+  kind_ = other.kind_;
+  port_ = std::move(other.port_);
+  socket_ = std::exchange(other.socket_, -1);
+  datagram_ = std::move(other.datagram_);
+  given_ = other.given_;
+  sender_ = other.sender_;
+  return *this;
+}
+
+void ByteLine::close() {
+  port_.close();
+  if (socket_ >= 0) ::close(std::exchange(socket_, -1));
+  datagram_.clear();
+  given_ = 0;
+  sender_.reset();
+}
+
+Error ByteLine::failure(const std::string& what, int number) const {
+  return device_error(device_ + ": " + what + ": " + std::strerror(number));
+}
+
+Result<ByteLine> ByteLine::open(const SerialSettings& settings) {
+  const auto address = parse_line(settings.device);
+  if (!address) return input_error(settings.device + ": expected a serial device, tcp:HOST:PORT or udp:[ADDRESS:]PORT");
+  ByteLine line;
+  line.device_ = settings.device;
+  line.kind_ = address->kind;
+  if (address->kind == LineKind::serial) {
+    Result<SerialPort> port = SerialPort::open(settings);
+    if (!port) return port.error();
+    line.port_ = std::move(*port);
+  } else if (address->kind == LineKind::tcp) {
+    const Result<int> socket = connect_tcp(settings.device.substr(4), connect_timeout_s);
+    if (!socket) return socket.error();
+    line.socket_ = *socket;
+  } else if (Status status = line.listen(*address); !status) {
+    return status.error();
+  }
+  return line;
+}
+
+Status ByteLine::listen(const LineAddress& address) {
+  socket_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  if (socket_ < 0) return failure("cannot open", errno);
+  ::setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
+  sockaddr_in here{};
+  here.sin_family = AF_INET;
+  here.sin_port = htons(static_cast<std::uint16_t>(address.port));
+  if (!address.host.empty()) ::inet_pton(AF_INET, address.host.c_str(), &here.sin_addr);
+  if (::bind(socket_, reinterpret_cast<const sockaddr*>(&here), sizeof here) != 0) {
+    if (errno == EADDRINUSE) return device_error(device_ + ": in use by another process");
+    return failure("cannot listen", errno);
+  }
+  return {};
+}
+
+// Empty: nothing is there.
+Result<std::size_t> ByteLine::receive(std::span<std::byte> out) {
+  if (kind_ == LineKind::tcp) {
+    const ssize_t n = ::recv(socket_, out.data(), out.size(), 0);
+    if (n == 0) return device_error(device_ + ": the other end hung up");
+    if (n > 0) return static_cast<std::size_t>(n);
+    if (errno == EAGAIN || errno == EINTR) return std::size_t{0};
+    return failure("cannot read", errno);
+  }
+  if (given_ == datagram_.size()) {
+    sockaddr_in from{};
+    socklen_t length = sizeof from;
+    datagram_.resize(longest_datagram);
+    given_ = 0;
+    const ssize_t n = ::recvfrom(socket_, datagram_.data(), datagram_.size(), 0, reinterpret_cast<sockaddr*>(&from),
+                                 &length);
+    const int number = errno;
+    if (n > 0 && !sender_) sender_ = from;
+    const bool ours = n > 0 && from.sin_addr.s_addr == sender_->sin_addr.s_addr && from.sin_port == sender_->sin_port;
+    datagram_.resize(ours ? static_cast<std::size_t>(n) : 0);
+    if (n < 0 && number != EAGAIN && number != EINTR) return failure("cannot read", number);
+  }
+  const std::size_t n = std::min(out.size(), datagram_.size() - given_);
+  std::copy_n(datagram_.begin() + static_cast<std::ptrdiff_t>(given_), n, out.begin());
+  given_ += n;
+  return n;
+}
+
+Result<std::size_t> ByteLine::read(std::span<std::byte> out, double timeout_s) {
+  if (kind_ == LineKind::serial) return port_.read(out, timeout_s);
+  if (socket_ < 0) return device_error(device_ + ": read while closed");
+  const Deadline deadline(timeout_s);
+  for (;;) {
+    const Result<std::size_t> n = receive(out);
+    if (!n || *n > 0) return n;
+    if (deadline.passed()) return std::size_t{0};
+    pollfd which{socket_, POLLIN, 0};
+    ::poll(&which, 1, deadline.left_ms());
+  }
+}
+
+Status ByteLine::write_all(std::span<const std::byte> data, double timeout_s) {
+  if (kind_ == LineKind::serial) return port_.write_all(data, timeout_s);
+  if (kind_ == LineKind::udp) return device_error(device_ + ": nothing is sent over UDP");
+  const Deadline deadline(timeout_s);
+  while (!data.empty()) {
+    const ssize_t n = ::send(socket_, data.data(), data.size(), MSG_NOSIGNAL);
+    if (n > 0) {
+      data = data.subspan(static_cast<std::size_t>(n));
+    } else if (n < 0 && errno != EAGAIN && errno != EINTR) {
+      return failure("cannot write", errno);
+    } else if (deadline.passed()) {
+      return device_error(device_ + ": " + std::to_string(data.size()) + " bytes could not be sent in time");
+    } else {
+      pollfd which{socket_, POLLOUT, 0};
+      ::poll(&which, 1, deadline.left_ms());
+    }
+  }
+  return {};
+}
+
+}  // namespace turncal

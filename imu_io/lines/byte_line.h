@@ -1,0 +1,62 @@
+// The line to a unit, whatever it is: a serial port, a TCP connection to a serial server or unit, or the datagrams of a unit on UDP.
+//
+//   /dev/serial/by-id/...            serial, with the settings of the frame description
+//   tcp:HOST:PORT                    the station connects; a hang-up is an error of kind device
+//   udp:PORT   udp:ADDRESS:PORT      the station listens, on all its addresses or on one; the first sender is listened to, no other
+// A datagram holds whole frames or pieces of them, in order. What the network loses or turns round shows in the unit's counter, and
+// in nothing else. Not modelled: multicast, IPv6 for UDP, sending over UDP.
+#pragma once
+
+#include <netinet/in.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "imu_io/lines/serial_port.h"
+
+namespace turncal {
+
+enum class LineKind { serial, tcp, udp };
+
+struct LineAddress {
+  LineKind kind = LineKind::serial;
+  std::string host;  // udp: empty for every address
+  int port = 0;
+};
+// Empty: a kind that is not known, or no port.
+std::optional<LineAddress> parse_line(const std::string& device);
+
+class ByteLine {
+ public:
+  ByteLine() = default;  // closed
+  ByteLine(ByteLine&& other) noexcept;
+  ByteLine& operator=(ByteLine&& other) noexcept;
+  ~ByteLine() { close(); }
+
+  static Result<ByteLine> open(const SerialSettings& settings);
+  bool is_open() const { return port_.is_open() || socket_ >= 0; }
+  // As SerialPort's.
+  Result<std::size_t> read(std::span<std::byte> out, double timeout_s);
+  Status write_all(std::span<const std::byte> data, double timeout_s);
+  std::optional<LineErrors> line_errors() const { return port_.line_errors(); }
+  void close();
+
+ private:
+  Status listen(const LineAddress& address);
+  Result<std::size_t> receive(std::span<std::byte> out);
+  Error failure(const std::string& what, int number) const;
+
+  std::string device_;
+  LineKind kind_ = LineKind::serial;
+  SerialPort port_;
+  int socket_ = -1;
+  std::vector<std::byte> datagram_;  // the last one, as far as it was not handed out
+  std::size_t given_ = 0;
+  std::optional<sockaddr_in> sender_;
+};
+
+// What stands for a line in messages: "/dev/ttyUSB0 115200 8N1", "tcp:192.168.1.5:4001".
+std::string describe_line(const SerialSettings& settings);
+
+}  // namespace turncal

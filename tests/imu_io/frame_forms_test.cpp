@@ -1,0 +1,283 @@
+// Forms that units' frames take beside the shipped ones: sign and magnitude, up and down counters, sums of words, Fletcher, complements,
+// stuffed bytes, gyros and accelerometers apart. Bytes made by hand or published, so that encoder and decoder cannot share a mistake.
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "frame_streams.h"
+#include "imu_io/frames/frame_field.h"
+
+namespace turncal {
+namespace {
+
+using namespace test;  // NOLINT
+
+Bytes text_bytes(const char* text) {
+  Bytes bytes(std::strlen(text));
+  std::memcpy(bytes.data(), text, bytes.size());
+  return bytes;
+}
+
+// What comes out of a whole stream fed in pieces of this size.
+std::vector<ImuSample> decoded(const FrameDescription& frame, const Bytes& stream, std::size_t piece) {
+  Line line(frame);
+  for (std::size_t at = 0; at < stream.size(); at += piece) {
+    line.feed(std::span(stream).subspan(at, std::min(piece, stream.size() - at)), {0.0, 1e6});
+  }
+  return line.samples;
+}
+
+Bytes on_the_line(const FrameDescription& frame, const std::vector<ImuSample>& samples) {
+  FrameEncoder encoder(frame);
+  Bytes stream;
+  for (const ImuSample& sample : samples) {
+    const Status status = encoder.append(sample, stream);
+    EXPECT_TRUE(status.ok()) << status.error().message;
+  }
+  return stream;
+}
+
+TEST(FrameForms, SignAndMagnitude) {
+  FieldForm form;
+  form.type = NumberType::sign_magnitude;
+  form.bytes = 2;
+  form.big_endian = true;
+  const FieldCodec field(FrameField{0, form});
+  const std::pair<const char*, double> cases[] = {
+      {"0005", 5.0}, {"8005", -5.0}, {"7FFF", 32767.0}, {"FFFF", -32767.0}, {"0000", 0.0}, {"8000", 0.0}};
+  for (const auto& [hex, value] : cases) {
+    EXPECT_EQ(field.number(from_hex(hex).data()), value) << hex;
+    if (std::string_view(hex) == "8000") continue;  // minus nothing is not written
+    Bytes bytes(2);
+    ASSERT_TRUE(field.put_number(bytes.data(), value));
+    EXPECT_EQ(bytes, from_hex(hex));
+  }
+  Bytes bytes(2);
+  EXPECT_FALSE(field.put_number(bytes.data(), 32768.0));
+  EXPECT_FALSE(field.put_number(bytes.data(), -32768.0));
+  const FrameDescription frame = frame_with("laser_gyro", {"gyro.type = sm32", "accel.type = sm32"});
+  const auto sent = pulse_samples(100);
+  EXPECT_EQ(expect_only_sent(decoded(frame, on_the_line(frame, sent), 77), sent), 0U);
+}
+
+// Up and down counters that run on, of 16 bits: what came is the difference of both steps.
+TEST(FrameForms, CountersUpAndDown) {
+  const std::vector<std::string> keys = {"gyro.type = u16", "gyro.down = 12", "gyro.kind = cumulative"};
+  const FrameDescription frame = frame_with("laser_gyro", keys);
+  const auto made = [&](std::uint32_t counter, std::array<std::uint16_t, 3> up, std::array<std::uint16_t, 3> down) {
+    Bytes bytes = encode_all(frame_named("laser_gyro"), {ImuSample{}});
+    const auto put = [&](std::size_t at, std::uint32_t value, std::size_t n) {
+      for (std::size_t i = 0; i < n; ++i) bytes[at + i] = static_cast<std::byte>(value >> (8 * i) & 0xFFU);
+    };
+    put(2, counter, 4);
+    for (std::size_t i = 0; i < 3; ++i) {
+      put(6 + 2 * i, up[i], 2);
+      put(12 + 2 * i, down[i], 2);
+    }
+    put(34, frame_check_value(frame.check, Crc(frame.check.crc), bytes), 2);
+    return bytes;
+  };
+  Line line(frame);
+  line.feed(made(10, {100, 65530, 7}, {5, 0, 65535}));
+  line.feed(made(11, {110, 4, 7}, {5, 3, 2}));
+  ASSERT_EQ(line.samples.size(), 1U);
+  EXPECT_EQ(line.samples[0].gyro, (std::array<double, 3>{10.0, 10.0 - 3.0, -3.0}));
+  EXPECT_EQ(line.samples[0].counter, 11);
+
+  auto sent = pulse_samples(200);
+  for (ImuSample& sample : sent) {
+    for (double& value : sample.gyro) value = std::fmod(value, 30000.0);
+  }
+  const auto got = decoded(frame, on_the_line(frame, sent), 50);
+  EXPECT_EQ(expect_only_sent(got, sent), 1U) << "the first row has nothing to be taken from";
+  const FrameDescription each = frame_with("laser_gyro", {"gyro.type = u16", "gyro.down = 12"});
+  EXPECT_EQ(expect_only_sent(decoded(each, on_the_line(each, sent), 50), sent), 0U);
+}
+
+FrameCheck check_of(CheckKind kind, int bytes) {
+  FrameCheck check;
+  check.kind = kind;
+  check.field.form.bytes = bytes;
+  check.from_end = true;
+  check.field.offset = static_cast<std::size_t>(bytes);
+  return check;
+}
+
+std::uint32_t value_over(FrameCheck check, Bytes covered) {
+  const std::size_t n = covered.size();
+  covered.resize(n + static_cast<std::size_t>(check.bytes()));
+  return frame_check_value(check, Crc(check.crc), covered);
+}
+
+TEST(FrameForms, FletcherHasItsPublishedValues) {
+  FrameCheck check = check_of(CheckKind::fletcher, 2);
+  EXPECT_EQ(value_over(check, text_bytes("abcde")), 0xC8F0U);
+  EXPECT_EQ(value_over(check, text_bytes("abcdef")), 0x2057U);
+  EXPECT_EQ(value_over(check, text_bytes("abcdefgh")), 0x0627U);
+  check.modulus = 256;  // B5 62 | 06 08 00 00 | 0E 30: a poll of a u-blox receiver
+  EXPECT_EQ(value_over(check, from_hex("06080000")), 0x300EU);
+  FrameCheck wide = check_of(CheckKind::fletcher, 4);
+  wide.of_words = true;
+  wide.modulus = 65535;
+  EXPECT_EQ(value_over(wide, text_bytes("abcde")), 0xF04FC729U);
+  EXPECT_EQ(value_over(wide, text_bytes("abcdef")), 0x56502D2AU);
+  EXPECT_EQ(value_over(wide, text_bytes("abcdefgh")), 0xEBE19591U);
+}
+
+TEST(FrameForms, SumsOfWordsAndTheirComplements) {
+  FrameCheck check = check_of(CheckKind::sum, 2);
+  check.of_words = true;
+  EXPECT_EQ(value_over(check, from_hex("0102FF00")), 0x0201U + 0x00FFU);
+  check.words_big_endian = true;
+  EXPECT_EQ(value_over(check, from_hex("0102FF00")), (0x0102U + 0xFF00U) & 0xFFFFU);
+  check.complement = Complement::ones;
+  EXPECT_EQ(value_over(check, from_hex("0102FF00")), 0xFFFFU - ((0x0102U + 0xFF00U) & 0xFFFFU));
+  check.complement = Complement::twos;
+  EXPECT_EQ((value_over(check, from_hex("0102FF00")) + 0x0102U + 0xFF00U) & 0xFFFFU, 0U);
+  FrameCheck xored = check_of(CheckKind::exclusive_or, 2);
+  xored.of_words = true;
+  EXPECT_EQ(value_over(xored, from_hex("0102FF000400")), 0x0201U ^ 0x00FFU ^ 0x0004U);
+  FrameCheck byte = check_of(CheckKind::sum, 1);
+  byte.complement = Complement::twos;
+  EXPECT_EQ(value_over(byte, from_hex("F00F01")), 0x00U);
+  EXPECT_EQ(value_over(byte, from_hex("01")), 0xFFU);
+}
+
+TEST(FrameForms, EveryCheckFindsDamage) {
+  for (const std::string lines : {"check = sum16\ncheck.of = words", "check = sum16\ncheck.complement = twos", "check = xor16",
+                                  "check = sum16\ncheck.of = words\ncheck.complement = ones", "check = fletcher16",
+                                  "check = fletcher16\ncheck.modulus = 256"}) {
+    std::string text(builtin_frame_text("laser_gyro"));
+    for (const char* gone : {"check = crc\n", "crc.width = 16\n", "crc.polynomial = 0x1021\n"}) {
+      text.erase(text.find(gone), std::strlen(gone));
+    }
+    const auto frame = parse_frame_description(text + lines + "\n", "x.frame");
+    ASSERT_OK(frame);
+    const auto sent = pulse_samples(40);
+    const Bytes stream = on_the_line(*frame, sent);
+    EXPECT_EQ(expect_only_sent(decoded(*frame, stream, 36), sent), 0U) << lines;
+    for (std::size_t at = 36 * 10; at < 36 * 11; ++at) {
+      Bytes damaged = stream;
+      damaged[at] ^= std::byte{0x10};
+      EXPECT_EQ(expect_only_sent(decoded(*frame, damaged, 36), sent), 1U) << lines << " at " << at;
+    }
+  }
+}
+
+struct Stuffed {
+  std::string lines;
+  const char* plain;  // sync, then contents
+  const char* line;
+  std::size_t sync;
+};
+
+TEST(FrameForms, StuffedAsTheStandardsSay) {
+  const std::pair<ByteStuffing, Stuffed> cases[] = {
+      {{StuffingKind::escape, std::byte{0x7D}, std::byte{0x20}}, {"", "7E017E7D02", "7E017D5E7D5D02", 1}},
+      {{StuffingKind::slip, {}, {}}, {"", "C001C0DB02", "C001DBDCDBDD02", 1}},
+      {{StuffingKind::repeat, std::byte{0x10}, {}}, {"", "1002011010021003", "1002011010101002101003", 2}}};
+  for (const auto& [stuffing, example] : cases) {
+    Bytes out;
+    append_stuffed(stuffing, from_hex(example.plain), example.sync, 0, out);
+    EXPECT_EQ(out, from_hex(example.line)) << example.line;
+    for (std::size_t piece = 1; piece <= out.size(); ++piece) {
+      Unstuffer unstuffer(stuffing);
+      Bytes plain;
+      for (std::size_t at = 0; at < out.size(); at += piece) {
+        const std::size_t n = std::min(piece, out.size() - at);
+        Bytes room(n + 1);
+        std::copy_n(out.begin() + static_cast<std::ptrdiff_t>(at), n, room.begin() + 1);
+        room.resize(unstuffer.take(room.data(), n));
+        plain.insert(plain.end(), room.begin(), room.end());
+      }
+      EXPECT_EQ(plain, from_hex(example.plain)) << "in pieces of " << piece;
+    }
+  }
+}
+
+TEST(FrameForms, StuffedStreamsLoseNothingButWhatIsHit) {
+  for (const std::vector<std::string>& keys :
+       {std::vector<std::string>{"stuffing = escape", "sync = 7E 90"}, {"stuffing = slip", "sync = C0 01"},
+        {"stuffing = repeat", "stuffing.byte = 10", "sync = 10 02"}}) {
+    const FrameDescription frame = frame_with("laser_gyro", keys);
+    auto sent = pulse_samples(300);
+    for (std::size_t i = 0; i < sent.size(); ++i) {  // full of what has to be stuffed
+      sent[i].gyro[i % 3] = static_cast<double>(static_cast<std::int32_t>(i % 2 == 0 ? 0x7E7D7E10 : 0x10C0DB10));
+    }
+    const Bytes stream = on_the_line(frame, sent);
+    EXPECT_GT(stream.size(), 36 * sent.size() + 300) << keys[0];
+    for (const std::size_t piece : {1U, 2U, 3U, 37U, 1000U, 100000U}) {
+      EXPECT_EQ(expect_only_sent(decoded(frame, stream, piece), sent), 0U) << keys[0] << " in pieces of " << piece;
+    }
+    for (std::size_t at = 2000; at < 2100; ++at) {
+      Bytes shorter = stream;
+      shorter.erase(shorter.begin() + static_cast<std::ptrdiff_t>(at));
+      EXPECT_LE(expect_only_sent(decoded(frame, shorter, 100), sent), 2U) << keys[0] << ", byte " << at << " lost";
+    }
+  }
+}
+
+// Gyros in 20-byte frames of id 1, accelerometers in such of id 2; a counter in both.
+constexpr const char* apart_text =
+    "format = 1\nname = apart\nsync = A5 5A\nsample_period_s = 0.005\nid.offset = 2\nvariants = g, a\n"
+    "length = 20\ncounter.offset = 3\ncounter.type = u8\ng.id.value = 1\ng.carries = gyro\na.id.value = 2\na.carries = accel\n"
+    "g.gyro.offset = 4\ng.gyro.unit = pulses\na.accel.offset = 4\na.accel.unit = pulses\naccel.pulse_mps = 0.0005\n"
+    "a.temperature.offset = 16\na.temperature.scale = 0.01\ncheck = sum16\ncheck.offset = -2\n";
+
+TEST(FrameForms, GyrosAndAccelerometersApart) {
+  const auto frame = parse_frame_description(apart_text, "x.frame");
+  ASSERT_OK(frame);
+  RecordingInfo info;
+  frame->describe(info);
+  EXPECT_EQ(info.accel_pulse_mps, 0.0005);
+  const auto sent = pulse_samples(400);
+  const Bytes stream = on_the_line(*frame, sent);
+  ASSERT_EQ(stream.size(), 40 * sent.size());
+  Line line(*frame);
+  line.feed_frames(*frame, sent);
+  EXPECT_EQ(expect_only_sent(line.samples, sent), 0U);
+  EXPECT_EQ(line.decoder.counters().lost_samples, 0U);
+
+  // One of the two is missing, or comes twice: that sample is lost, and no other; halves of two samples are never put together.
+  for (const std::size_t which : {20U, 21U}) {
+    Line cut(*frame);
+    for (std::size_t i = 0; 20 * i < stream.size(); ++i) {
+      if (i % 2 == 0) cut.time_s += 0.005;
+      if (i != which) cut.feed(std::span(stream).subspan(20 * i, 20));
+    }
+    EXPECT_EQ(expect_only_sent(cut.samples, sent), 1U);
+    EXPECT_EQ(cut.decoder.counters().lost_samples, 1U);
+    EXPECT_EQ(cut.decoder.counters().bad_frames, 1U);
+  }
+}
+
+TEST(FrameForms, OneLineForEachMistakeInThem) {
+  const auto refused = [](std::string text, const std::string& from, const std::string& to, const std::string& says) {
+    const std::size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    text.replace(at, from.size(), to);
+    const auto frame = parse_frame_description(text, "x.frame");
+    ASSERT_FALSE(frame.ok()) << to;
+    EXPECT_NE(frame.error().message.find(says), std::string::npos) << frame.error().message;
+  };
+  const std::string own(builtin_frame_text("laser_gyro"));
+  refused(apart_text, "a.carries = accel", "a.carries = both\na.gyro.offset = 4\na.gyro.unit = pulses",
+          "two: the first carries = gyro");
+  refused(apart_text, "counter.offset = 3\ncounter.type = u8\n", "", "a counter in both");
+  refused(own, "format = 1", "format = 1\nstuffing = cobs", "none, escape, slip or repeat");
+  refused(own, "format = 1", "format = 1\nstuffing = repeat\nstuffing.byte = 10", "begin with stuffing.byte");
+  refused(own, "format = 1", "format = 1\nstuffing = escape\nstuffing.byte = 7D 7D", "one byte");
+  refused(own, "check = crc", "check = sum16\ncheck.of = words\ncheck.start = 1", "crc.width");
+  refused(apart_text, "check = sum16", "check = sum16\ncheck.of = words\ncheck.start = 1", "whole number of 16-bit words");
+  refused(apart_text, "check = sum16", "check = sum16\ncheck.complement = threes", "none, ones or twos");
+  refused(apart_text, "check = sum16", "check = fletcher16\ncheck.modulus = 200", "between 255 and 256");
+  refused(own, "gyro.unit = pulses", "gyro.unit = pulses\ngyro.down = 90", "a place inside the frame");
+  refused(own, "gyro.type = i32", "gyro.type = sm32\ngyro.kind = cumulative", "'each' unless");
+  refused(own, "gyro.type = i32", "gyro.type = sm32\ngyro.down = 18", "no such key unless the field is a counter");
+  refused(own, "format = 1", "format = 1\nrequest =", "at least one byte");
+  refused(own, "format = 1", "format = 1\nrequest = 05\nrequest.period_s = 0.005", "at most 0.9 sample_period_s");
+  refused(own, "counter.offset = 2\ncounter.type = u32\n", "request = 05\n", "a counter beside it");
+}
+
+}  // namespace
+}  // namespace turncal

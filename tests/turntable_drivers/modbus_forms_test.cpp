@@ -1,0 +1,160 @@
+// Modbus tables that are one controller: the contract of every table with each map, and what is special about them.
+#include "tests/turntable_drivers/modbus_forms.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/turntable_drivers/table_contract.h"
+#include "tests/turntable_drivers/twin_station.h"
+
+namespace turncal {
+namespace {
+
+template <bool one_block>
+struct FormFactory {
+  TwinStation station{map_of(one_block ? one_block_map_text() : selecting_map_text())};
+  ModbusTurntable driver{station.described, station.clock};
+  Turntable& table() { return driver; }
+  void pass(double seconds) { station.pass(seconds); }
+  static constexpr double tolerance_deg = 1e-3;
+  static constexpr double beyond_limits_deg = 3601.0;
+  static constexpr bool must_home = true, must_enable = true;
+};
+using OneBlock = FormFactory<true>;
+using Selecting = FormFactory<false>;
+INSTANTIATE_TYPED_TEST_SUITE_P(ModbusOneBlock, TableContract, OneBlock);
+INSTANTIATE_TYPED_TEST_SUITE_P(ModbusSelecting, TableContract, Selecting);
+
+using FormTable = FaultTable<TwinStation, ModbusTurntable>;
+
+// Each axis reads its own, at three different angles, and a code that is not listed sets none of the flags.
+TEST(ModbusForms, EveryAxisReadsItsOwn) {
+  for (const std::string& text : {one_block_map_text(), selecting_map_text()}) {
+    FormTable s(map_of(text));
+    EXPECT_EQ(s.expect_truth(5), 15);
+  }
+  StatusBit bit;
+  bit.mask = 0x0F00;
+  bit.codes = {3, 5};
+  EXPECT_TRUE(bit.is_set(0xF3FF));
+  EXPECT_TRUE(bit.is_set(0x0500));
+  EXPECT_FALSE(bit.is_set(0x0700)) << "the bits of 3 and 5 together are another code";
+  EXPECT_FALSE(bit.is_set(0x0003));
+}
+
+// The move of one axis leaves the others where they are, or on their way; after a stop nothing goes on with its old target.
+TEST(ModbusForms, AMoveOfOneAxisTellsTheOthersNothingNew) {
+  FormTable s(map_of(one_block_map_text()));
+  s.make_ready();
+  const auto position = [&](Axis axis) {
+    const Result<AxisStatus> now = s.driver.status(axis);
+    EXPECT_TRUE(now.ok()) << (now.ok() ? "" : now.error().message);
+    return now.ok() ? now->position_deg : 1e9;
+  };
+  const auto pass = [&](double seconds) {
+    for (double t = 0.0; t < seconds; t += 0.2) {
+      s.station.pass(0.2);
+      position(Axis::heading);  // which feeds the watchdog
+    }
+  };
+  ASSERT_TRUE(s.driver.move_absolute(Axis::heading, 30.0, 10.0, 20.0).ok());
+  pass(1.0);
+  ASSERT_TRUE(s.driver.move_absolute(Axis::roll, -5.0, 10.0, 20.0).ok());
+  pass(6.0);
+  EXPECT_NEAR(position(Axis::heading), 30.0, 1e-3) << "its move came to its end";
+  EXPECT_NEAR(position(Axis::roll), -5.0, 1e-3);
+  EXPECT_NEAR(position(Axis::pitch), 0.0, 1e-3);
+  ASSERT_TRUE(s.driver.move_absolute(Axis::heading, 90.0, 10.0, 20.0).ok());
+  pass(1.0);
+  ASSERT_TRUE(s.driver.stop_all().ok());
+  pass(3.0);
+  const double stopped_deg = position(Axis::heading);
+  EXPECT_LT(stopped_deg, 60.0);
+  ASSERT_TRUE(s.driver.move_absolute(Axis::roll, 5.0, 10.0, 20.0).ok());
+  pass(4.0);
+  EXPECT_NEAR(position(Axis::roll), 5.0, 1e-3);
+  EXPECT_NEAR(position(Axis::heading), stopped_deg, 1e-3) << "it went on to the target that was given up";
+}
+
+// The documented values in turn, once for the table; a value that stays the same is none, and the watchdog stops the drives.
+TEST(ModbusForms, HeartbeatHasItsDocumentedValues) {
+  FormTable s(map_of(one_block_map_text()));
+  std::vector<std::uint16_t> beats;
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan&) {
+    if (request.address == 0x230) beats.push_back(request.values.front());
+  });
+  s.make_ready();
+  for (int i = 0; i < 10; ++i) {
+    s.station.pass(0.25);
+    for (const Axis axis : all_axes) EXPECT_TRUE(s.driver.status(axis).ok());
+  }
+  ASSERT_GE(beats.size(), 10u);
+  for (std::size_t i = 0; i < beats.size(); ++i) {
+    EXPECT_TRUE(beats[i] == 0x55 || beats[i] == 0xAA);
+    EXPECT_TRUE(i == 0 || beats[i] != beats[i - 1]) << "the same twice";
+  }
+  RegisterMap stuck = map_of(one_block_map_text());
+  stuck.heartbeat_values = {0x55};
+  Rig rig(default_rig_config());
+  RigTable mock(rig);
+  RigClock clock(rig);
+  DriveTwin twin(map_of(one_block_map_text()), mock, clock);
+  ASSERT_TRUE(twin.power_on().ok());
+  ASSERT_TRUE(mock.enable().ok());
+  const ModbusRequest same{.unit = 9, .function = 6, .address = 0x230, .count = 1, .values = {0x55}};
+  std::vector<ImuSample> samples(100);
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_EQ(twin.handle(same).exception, 0);
+    rig.advance(samples);
+  }
+  twin.tick();
+  EXPECT_TRUE(twin.watchdog_tripped(Axis::pitch));
+}
+
+// Through a serial server a late answer is told by unit, function and length, as on the serial line.
+TEST(ModbusForms, RtuOverTcpBelievesNoLateAnswer) {
+  RegisterMap map = map_of(one_block_map_text());
+  map.link.response_timeout_s = 0.1;
+  map.link.byte_timeout_s = 0.03;
+  map.heartbeat_address.reset();
+  FormTable s(map);
+  std::vector<std::uint8_t> before;
+  s.station.disturb([&before](const ModbusRequest& request, AnswerPlan& plan) {
+    if (request.function != 3) return;
+    std::swap(before, plan.pieces[0].bytes);  // every answer is that of the request before
+  });
+  EXPECT_EQ(s.expect_truth(4), 12) << "by its length; the second try has its own";
+  s.station.disturb([](const ModbusRequest&, AnswerPlan& plan) { plan.pieces[0].bytes.back() ^= 0x01; });
+  EXPECT_EQ(s.expect_truth(1), 0) << "a wrong CRC";
+}
+
+TEST(ModbusForms, DefectsAreNamed) {
+  const auto error_of = [](std::string text, const std::string& what, const std::string& with) {
+    EXPECT_NE(text.find(what), std::string::npos) << what;
+    text.replace(text.find(what), what.size(), with);
+    const Result<RegisterMap> map = parse_register_map(text, "my.map");
+    return map.ok() ? std::string("accepted") : map.error().message;
+  };
+  const auto expect = [&](const std::string& text, const std::string& what, const std::string& with, const char* says) {
+    const std::string message = error_of(text, what, with);
+    EXPECT_NE(message.find(says), std::string::npos) << message;
+  };
+  const std::string block = one_block_map_text(), select = selecting_map_text();
+  expect(block, "link.kind = rtu_tcp", "link.kind = rtu_udp", "expected tcp, rtu or rtu_tcp");
+  expect(block, "axis.roll.bit.homed.mask = 0x400\n", "", "'bit.homed.mask' is missing");
+  expect(block, "axis.roll.position.address = 0x10C", "axis.roll.position.address = 0x119", "inside the status block");
+  expect(block, "bit.fault.codes = 7, 8", "bit.fault.codes = 7, 256", "numbers from 0 to 255");
+  expect(block, "bit.fault.codes = 7, 8", "bit.fault.codes =", "bit.fault.codes");
+  expect(block, "write.abort.scope = table", "write.abort.scope = axis", "the same scope as write.abort");
+  expect(block, "f64 position.pitch", "f64 position", "with write.move.scope = table");
+  expect(block, "f64 position.pitch", "f96 position.pitch", "steps 'ADDRESS TYPE VALUE'");
+  expect(block, "heartbeat.values = 0x55, 0xAA", "heartbeat.values = 0x55, x", "numbers from 0 to 65535");
+  expect(block, "heartbeat.scope = table", "heartbeat.scope = all", "axis or table");
+  expect(select, "u16 axis + s32 position +", "u16 axis + s32 position.roll +", "else without an axis");
+  expect(select, "write.setup = table 0x940", "write.setup = globe 0x940", "steps 'ADDRESS TYPE VALUE'");
+  expect(select, "status2.scope = table", "status2.scope = none", "axis or table");
+  expect(select, "axis.roll.code = 30", "axis.roll.code = -1", "between 0 and 65535");
+  expect(select, "axis.roll.code = 30", "axis.roll.name = 3", "axis.roll.name");
+}
+
+}  // namespace
+}  // namespace turncal
