@@ -7,6 +7,7 @@ namespace turncal {
 
 namespace {
 
+constexpr std::size_t most_predicted = 20000;  // items: some 10 s of a core
 constexpr double good_arw_deg_per_rt_h = 0.002, good_vrw_ug_per_rt_hz = 8.0;
 
 }  // namespace
@@ -35,12 +36,16 @@ std::vector<std::string> undetermined_by(const Sequence& sequence, const Plan& p
   PredictOptions options;
   options.noise.angle_random_walk.setConstant(good_arw_deg_per_rt_h * radprs_per_degprh);
   options.noise.velocity_random_walk.setConstant(good_vrw_ug_per_rt_hz * mpsprs_per_ugprHz);
-  const Prediction prediction = predict(info, planned_motion(sequence, plan), options);
+  PlannedMotion motion = planned_motion(sequence, plan);
+  const bool whole = motion.items.size() <= most_predicted;
+  if (!whole) motion.items.resize(most_predicted);
+  const Prediction prediction = predict(info, motion, options);
   std::vector<std::string> keys;
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     const bool determined = prediction.valid && prediction.determined[i];
     if (parameter_is_free[i] && !determined) keys.emplace_back(parameter_keys[i]);
   }
+  if (!whole) keys.clear();  // what is behind may determine them
   return keys;
 }
 

@@ -16,6 +16,7 @@ PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan);
 
 // Keys of the free parameters, in their order; empty: all are determined. info: period, site and increments of the unit. The noise is
 // that of a good laser-gyro unit (0.002 deg/sqrt(h), 8 ug/sqrt(Hz)); what no rotation shows stays undetermined at any noise.
+// Only the first 20 000 items are looked at, so that nobody waits for long: of a plan that goes on after them nothing is said.
 std::vector<std::string> undetermined_by(const Sequence& sequence, const Plan& plan, const RecordingInfo& info);
 
 // "does not determine n11 n12: expected ...": to stand behind the name of the sequence.

@@ -8,8 +8,6 @@
 namespace turncal {
 namespace {
 
-using Kind = WriteOperand::Kind;
-
 std::vector<std::string_view> words_of(std::string_view text) {
   std::vector<std::string_view> words;
   for (const std::string_view part : split(text, ' ')) {
@@ -27,10 +25,10 @@ bool read_quantity(std::string_view text, WriteOperand& operand) {
     text.remove_suffix(suffix.size());
     break;
   }
-  constexpr std::pair<std::string_view, Kind> names[] = {{"position", Kind::position},
-                                                         {"distance", Kind::distance},
-                                                         {"rate", Kind::rate},
-                                                         {"acceleration", Kind::acceleration}};
+  constexpr std::pair<std::string_view, WriteOperand::Kind> names[] = {{"position", WriteOperand::Kind::position},
+                                                         {"distance", WriteOperand::Kind::distance},
+                                                         {"rate", WriteOperand::Kind::rate},
+                                                         {"acceleration", WriteOperand::Kind::acceleration}};
   for (const auto& [name, kind] : names) {
     if (text != name) continue;
     operand.kind = kind;
@@ -48,7 +46,7 @@ std::optional<WriteOperand> operand_of(std::string_view text) {
   WriteOperand operand;
   operand.type = *type;
   if (words[1] == "axis") {
-    operand.kind = Kind::axis;
+    operand.kind = WriteOperand::Kind::axis;
   } else if (read_quantity(words[1], operand)) {
     return operand;
   } else if (const auto number = whole_number(words[1])) {
