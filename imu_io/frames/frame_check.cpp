@@ -56,8 +56,8 @@ std::uint32_t fletcher(const FrameCheck& check, std::span<const std::byte> cover
 FrameCheck read_frame_check(FrameKeys& keys) {
   FrameCheck check;
   KeyValueFile& file = keys.file();
-  const std::string kind = file.one_of(
-      "check", {"none", "sum8", "sum16", "sum32", "xor8", "xor16", "crc", "fletcher16", "fletcher32"});
+  const std::string kind =
+      file.one_of("check", {"none", "sum8", "sum16", "sum32", "xor8", "xor16", "crc", "fletcher16", "fletcher32"});
   if (kind == "none" || kind.empty()) return check;
   check.kind = kind == "crc"                ? CheckKind::crc
                : kind.starts_with("xor")    ? CheckKind::exclusive_or

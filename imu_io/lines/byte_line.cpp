@@ -37,9 +37,9 @@ std::optional<LineAddress> parse_line(const std::string& device) {
   const std::optional<int> port =
       parse_integer<int>(std::string_view(rest).substr(colon == std::string::npos ? 0 : colon + 1));
   in_addr numbers{};
-  const bool host_good = address.kind == LineKind::tcp ? !address.host.empty()
-                                                       : colon == std::string::npos ||
-                                                             ::inet_pton(AF_INET, address.host.c_str(), &numbers) == 1;
+  const bool host_good = address.kind == LineKind::tcp
+                             ? !address.host.empty()
+                             : colon == std::string::npos || ::inet_pton(AF_INET, address.host.c_str(), &numbers) == 1;
   if (!port || *port < 1 || *port > 65535 || !host_good) return {};
   address.port = *port;
   return address;
@@ -126,8 +126,8 @@ Result<std::size_t> ByteLine::receive(std::span<std::byte> out) {
     socklen_t length = sizeof from;
     datagram_.resize(longest_datagram);
     given_ = 0;
-    const ssize_t n = ::recvfrom(socket_, datagram_.data(), datagram_.size(), 0, reinterpret_cast<sockaddr*>(&from),
-                                 &length);
+    const ssize_t n =
+        ::recvfrom(socket_, datagram_.data(), datagram_.size(), 0, reinterpret_cast<sockaddr*>(&from), &length);
     const int number = errno;
     if (n > 0 && !sender_) sender_ = from;
     const bool ours = n > 0 && from.sin_addr.s_addr == sender_->sin_addr.s_addr && from.sin_port == sender_->sin_port;

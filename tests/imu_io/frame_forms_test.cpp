@@ -43,8 +43,8 @@ TEST(FrameForms, SignAndMagnitude) {
   form.bytes = 2;
   form.big_endian = true;
   const FieldCodec field(FrameField{0, form});
-  const std::pair<const char*, double> cases[] = {
-      {"0005", 5.0}, {"8005", -5.0}, {"7FFF", 32767.0}, {"FFFF", -32767.0}, {"0000", 0.0}, {"8000", 0.0}};
+  const std::pair<const char*, double> cases[] = {{"0005", 5.0},      {"8005", -5.0}, {"7FFF", 32767.0},
+                                                  {"FFFF", -32767.0}, {"0000", 0.0},  {"8000", 0.0}};
   for (const auto& [hex, value] : cases) {
     EXPECT_EQ(field.number(from_hex(hex).data()), value) << hex;
     if (std::string_view(hex) == "8000") continue;  // minus nothing is not written
@@ -144,9 +144,9 @@ TEST(FrameForms, SumsOfWordsAndTheirComplements) {
 }
 
 TEST(FrameForms, EveryCheckFindsDamage) {
-  for (const std::string lines : {"check = sum16\ncheck.of = words", "check = sum16\ncheck.complement = twos", "check = xor16",
-                                  "check = sum16\ncheck.of = words\ncheck.complement = ones", "check = fletcher16",
-                                  "check = fletcher16\ncheck.modulus = 256"}) {
+  for (const std::string lines : {"check = sum16\ncheck.of = words", "check = sum16\ncheck.complement = twos",
+                                  "check = xor16", "check = sum16\ncheck.of = words\ncheck.complement = ones",
+                                  "check = fletcher16", "check = fletcher16\ncheck.modulus = 256"}) {
     std::string text(builtin_frame_text("laser_gyro"));
     for (const char* gone : {"check = crc\n", "crc.width = 16\n", "crc.polynomial = 0x1021\n"}) {
       text.erase(text.find(gone), std::strlen(gone));
@@ -196,9 +196,9 @@ TEST(FrameForms, StuffedAsTheStandardsSay) {
 }
 
 TEST(FrameForms, StuffedStreamsLoseNothingButWhatIsHit) {
-  for (const std::vector<std::string>& keys :
-       {std::vector<std::string>{"stuffing = escape", "sync = 7E 90"}, {"stuffing = slip", "sync = C0 01"},
-        {"stuffing = repeat", "stuffing.byte = 10", "sync = 10 02"}}) {
+  for (const std::vector<std::string>& keys : {std::vector<std::string>{"stuffing = escape", "sync = 7E 90"},
+                                               {"stuffing = slip", "sync = C0 01"},
+                                               {"stuffing = repeat", "stuffing.byte = 10", "sync = 10 02"}}) {
     const FrameDescription frame = frame_with("laser_gyro", keys);
     auto sent = pulse_samples(300);
     for (std::size_t i = 0; i < sent.size(); ++i) {  // full of what has to be stuffed
@@ -220,7 +220,8 @@ TEST(FrameForms, StuffedStreamsLoseNothingButWhatIsHit) {
 // Gyros in 20-byte frames of id 1, accelerometers in such of id 2; a counter in both.
 constexpr const char* apart_text =
     "format = 1\nname = apart\nsync = A5 5A\nsample_period_s = 0.005\nid.offset = 2\nvariants = g, a\n"
-    "length = 20\ncounter.offset = 3\ncounter.type = u8\ng.id.value = 1\ng.carries = gyro\na.id.value = 2\na.carries = accel\n"
+    "length = 20\ncounter.offset = 3\ncounter.type = u8\ng.id.value = 1\ng.carries = gyro\na.id.value = 2\na.carries = "
+    "accel\n"
     "g.gyro.offset = 4\ng.gyro.unit = pulses\na.accel.offset = 4\na.accel.unit = pulses\naccel.pulse_mps = 0.0005\n"
     "a.temperature.offset = 16\na.temperature.scale = 0.01\ncheck = sum16\ncheck.offset = -2\n";
 
@@ -268,7 +269,8 @@ TEST(FrameForms, OneLineForEachMistakeInThem) {
   refused(own, "format = 1", "format = 1\nstuffing = repeat\nstuffing.byte = 10", "begin with stuffing.byte");
   refused(own, "format = 1", "format = 1\nstuffing = escape\nstuffing.byte = 7D 7D", "one byte");
   refused(own, "check = crc", "check = sum16\ncheck.of = words\ncheck.start = 1", "crc.width");
-  refused(apart_text, "check = sum16", "check = sum16\ncheck.of = words\ncheck.start = 1", "whole number of 16-bit words");
+  refused(apart_text, "check = sum16", "check = sum16\ncheck.of = words\ncheck.start = 1",
+          "whole number of 16-bit words");
   refused(apart_text, "check = sum16", "check = sum16\ncheck.complement = threes", "none, ones or twos");
   refused(apart_text, "check = sum16", "check = fletcher16\ncheck.modulus = 200", "between 255 and 256");
   refused(own, "gyro.unit = pulses", "gyro.unit = pulses\ngyro.down = 90", "a place inside the frame");

@@ -114,8 +114,9 @@ TEST(NetworkImu, OverUdp) {
   Socket unit(SOCK_DGRAM), stranger(SOCK_DGRAM);
   const sockaddr_in to = loopback(port);
   const auto send = [&](const Socket& from, std::span<const std::byte> bytes) {
-    ASSERT_EQ(::sendto(from.descriptor, bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof to),
-              static_cast<ssize_t>(bytes.size()));
+    ASSERT_EQ(
+        ::sendto(from.descriptor, bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof to),
+        static_cast<ssize_t>(bytes.size()));
   };
   const auto sent = pulse_samples(400);
   const Bytes bytes = encode_all(frame, sent);

@@ -14,7 +14,8 @@ inline std::string one_block_map_text() {
          "axis.pitch.sign = -1\nwords.order = low_first\n"
          "status.address = 0x100\nstatus.count = 28\n"
          "position.type = f64\nrate.type = f64\n"
-         "axis.heading.position.address = 0x104\naxis.pitch.position.address = 0x108\naxis.roll.position.address = 0x10C\n"
+         "axis.heading.position.address = 0x104\naxis.pitch.position.address = 0x108\naxis.roll.position.address = "
+         "0x10C\n"
          "axis.heading.rate.address = 0x110\naxis.pitch.rate.address = 0x114\naxis.roll.rate.address = 0x118\n"
          "bit.enabled.address = 0x100\naxis.heading.bit.enabled.mask = 0x001\naxis.pitch.bit.enabled.mask = 0x002\n"
          "axis.roll.bit.enabled.mask = 0x004\n"
@@ -33,7 +34,8 @@ inline std::string one_block_map_text() {
          "write.stop = 0x202 u16 1, 0x202 u16 0\nwrite.stop.scope = table\n"
          "write.abort = 0x203 u16 1\nwrite.abort.scope = table\n"
          "write.clear_fault = 0x204 u16 1\nwrite.clear_fault.scope = table\n"
-         "heartbeat.address = 0x230\nheartbeat.scope = table\nheartbeat.values = 0x55, 0xAA\nheartbeat.watchdog_s = 1\n";
+         "heartbeat.address = 0x230\nheartbeat.scope = table\nheartbeat.values = 0x55, 0xAA\nheartbeat.watchdog_s = "
+         "1\n";
 }
 
 // Status registers of each axis with an offset; the mode, the word that says who commands and the heartbeat are of the whole table; one
@@ -43,10 +45,13 @@ inline std::string selecting_map_text() {
          "axis.heading.unit = 4\naxis.pitch.unit = 4\naxis.roll.unit = 4\n"
          "axis.pitch.address_offset = 0x100\naxis.roll.address_offset = 0x200\n"
          "axis.heading.code = 10\naxis.pitch.code = 20\naxis.roll.code = 30\n"
-         "axis.heading.counts_per_degree = 10000\naxis.pitch.counts_per_degree = 10000\naxis.roll.counts_per_degree = 10000\n"
-         "words.order = high_first\nstatus.address = 0x10\nstatus.count = 5\nstatus2.address = 0x950\nstatus2.count = 1\n"
+         "axis.heading.counts_per_degree = 10000\naxis.pitch.counts_per_degree = 10000\naxis.roll.counts_per_degree = "
+         "10000\n"
+         "words.order = high_first\nstatus.address = 0x10\nstatus.count = 5\nstatus2.address = 0x950\nstatus2.count = "
+         "1\n"
          "status2.scope = table\nposition.address = 0x11\nrate.address = 0x13\n"
-         "bit.enabled.address = 0x10\nbit.enabled.codes = 1, 2, 3\nbit.in_position.address = 0x10\nbit.in_position.codes = 1\n"
+         "bit.enabled.address = 0x10\nbit.enabled.codes = 1, 2, 3\nbit.in_position.address = "
+         "0x10\nbit.in_position.codes = 1, 3\n"
          "bit.moving.address = 0x10\nbit.moving.codes = 2\nbit.fault.address = 0x10\nbit.fault.codes = 9\n"
          "bit.remote.address = 0x950\nbit.remote.mask = 0x0001\n"
          "bit.homed.address = 0x10\nbit.homed.codes = 1, 2\nwrite.home = table 0x900 u16 axis, table 0x901 u16 16\n"

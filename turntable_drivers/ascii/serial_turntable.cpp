@@ -83,7 +83,7 @@ Result<SerialTurntable::Values> SerialTurntable::talk(const Exchange& exchange, 
     return Values();
   }
   const std::optional<Values> values = exchange.expect->match(*answer);
-  if (!values) return about("answer '" + visible(*answer) + "': expected '" + exchange.expect->text() + "'");
+  if (!values) return about("answer '" + visible(*answer) + "': expected '" + visible(exchange.expect->text()) + "'");
   const auto named = values->find("axis");
   if (named != values->end() && named->second != dialect_.of(axis).name)
     return about("axis '" + named->second + "' answered");

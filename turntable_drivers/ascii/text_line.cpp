@@ -240,7 +240,7 @@ Status TextLine::send_at_once(const std::string& body, const std::optional<Sente
     if (!frame) return frame.error();
     const Result<std::string> text = body_of(*frame);
     if (text && expect->match(*text)) return {};
-    last = text ? failure("answer '" + visible(*text) + "': expected '" + expect->text() + "'") : text.error();
+    last = text ? failure("answer '" + visible(*text) + "': expected '" + visible(expect->text()) + "'") : text.error();
   } while (!deadline.passed());
   return last;
 }

@@ -25,10 +25,11 @@ bool read_quantity(std::string_view text, WriteOperand& operand) {
     text.remove_suffix(suffix.size());
     break;
   }
-  constexpr std::pair<std::string_view, WriteOperand::Kind> names[] = {{"position", WriteOperand::Kind::position},
-                                                         {"distance", WriteOperand::Kind::distance},
-                                                         {"rate", WriteOperand::Kind::rate},
-                                                         {"acceleration", WriteOperand::Kind::acceleration}};
+  constexpr std::pair<std::string_view, WriteOperand::Kind> names[] = {
+      {"position", WriteOperand::Kind::position},
+      {"distance", WriteOperand::Kind::distance},
+      {"rate", WriteOperand::Kind::rate},
+      {"acceleration", WriteOperand::Kind::acceleration}};
   for (const auto& [name, kind] : names) {
     if (text != name) continue;
     operand.kind = kind;
