@@ -1,7 +1,7 @@
 // What a recording of one pose can tell: noise, and how the readings change with time and temperature.
 //
 // A unit that lies still in one pose for a while determines no scale factor and no bias. Its Allan deviation gives the noise
-// (statistics/allan.h), and its slow changes give, axis by axis, a drift or a warm-up exp(-t/tau) and a temperature coefficient:
+// (calib/statistics/allan.h), and its slow changes give, axis by axis, a drift or a warm-up exp(-t/tau) and a temperature coefficient:
 //   y = y0 + c_time x_time(t) + c_T (T - mean T)
 // by least squares over batch means (at most 200 of them, so that what is correlated within a batch counts once); x_time is what BIC
 // prefers of nothing, t, and exp(-t/tau) for the catalogue's time constants. Standard deviations are those of the residual. Where
