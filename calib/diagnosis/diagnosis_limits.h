@@ -72,7 +72,7 @@ inline constexpr RestLimits rest_limits;
 struct NoiseLimits {
   // Beyond these the noise model is wrong as a whole and nothing else means anything. A correlation of r makes means (1 + r) / (1 - r)
   // as uncertain: 0.15 is a sixth of sigma. Innovations larger than the model says by 1.25 are an eighth of sigma; smaller ones only
-  // make sigmas too large, and flicker noise beside a small random walk does that: 0.75 was seen in 3 of 36 clean runs with it.
+  // make sigmas too large: clean runs with a small velocity random walk came to 0.76 to 0.78 (3 of 120); 0.64 is a quarter of sigma.
   double correlation = 0.15;
   double lowest_level = 0.64, highest_level = 1.25;
 };
