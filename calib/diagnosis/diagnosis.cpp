@@ -166,6 +166,14 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
     leave_unexplained(m, d);
     return;
   }
+  if (d.holdout_after.observations > 0 && d.holdout_after.normalised_rms > m.options.limits.gate.highest_error) {
+    std::snprintf(text, sizeof text, "the held-out error is %.3g times what noise explains",
+                  d.holdout_after.normalised_rms);
+    d.reason = text;
+    d.unexplained_pattern = "";
+    leave_unexplained(m, d);
+    return;
+  }
   d.trusted = true;
   if (m.chosen.empty()) {
     d.verdict = Verdict::clean;

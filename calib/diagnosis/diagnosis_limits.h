@@ -53,6 +53,9 @@ struct GateLimits {
   // Held-out data where the gain to be expected is below three standard errors cannot decide alone: the gain on the dwells left
   // out of the fitted recording is added. (|d|^2 < 3 * 2 |d|.)
   double expected_gain = 36.0;
+  // Normalised error of held-out data beyond which no model is trusted, whatever was gained on the way: clean recordings come to 0.95
+  // with a scatter of 0.02 (docs/diagnosis-study.md), so this is ten times it.
+  double highest_error = 1.2;
 };
 
 // Of hand-turned data (rest_diagnosis.h).

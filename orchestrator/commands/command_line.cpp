@@ -3,12 +3,14 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdint>
 #include <exception>
 #include <optional>
 
 #include <CLI/CLI.hpp>
 
+#include "imu_io/base/format_number.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {
@@ -20,11 +22,25 @@ bool reader_has_left() {
   return ::poll(&output, 1, 0) == 1 && (output.revents & POLLERR) != 0;
 }
 
+// CLI11's own checks let "nan" pass, and name a limit of 300 digits.
+CLI::Validator number_that(bool (*holds)(double), const std::string& expected, const std::string& name) {
+  return CLI::Validator(
+      [holds, expected](std::string& text) {
+        const std::optional<double> value = parse_number<double>(text);
+        return value && std::isfinite(*value) && holds(*value) ? "" : "expected " + expected;
+      },
+      name);
+}
+
 }  // namespace
 
 const Option& Option::required() const { return option_->required(), *this; }
-const Option& Option::positive() const { return option_->check(CLI::PositiveNumber), *this; }
-const Option& Option::not_negative() const { return option_->check(CLI::NonNegativeNumber), *this; }
+const Option& Option::positive() const {
+  return option_->check(number_that([](double x) { return x > 0.0; }, "a number above 0", "POSITIVE")), *this;
+}
+const Option& Option::not_negative() const {
+  return option_->check(number_that([](double x) { return x >= 0.0; }, "a number of 0 or more", "NONNEGATIVE")), *this;
+}
 const Option& Option::range(int low, int high) const { return option_->check(CLI::Range(low, high)), *this; }
 const Option& Option::range(double low, double high) const { return option_->check(CLI::Range(low, high)), *this; }
 const Option& Option::one_of(const std::vector<std::string>& values) const {

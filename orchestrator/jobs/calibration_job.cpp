@@ -124,6 +124,7 @@ Result<CalibrationOutput> calibrate_recording(const LoadedRecording& loaded, con
     output.max_temperature_c = std::max(output.max_temperature_c.value_or(temperature_c), temperature_c);
   }
   note_data(loaded, output.notes);
+  if (Status status = check_rests(loaded); !status) return status.error();
   const bool closed = request.method == "closed-form";
   const bool by_hand = loaded.by_hand;
   if (closed && by_hand)

@@ -14,12 +14,6 @@
 namespace turncal {
 namespace {
 
-Status check_rests(const LoadedRecording& loaded) {
-  const std::vector<Block>& blocks = loaded.data.blocks;
-  if (std::any_of(blocks.begin(), blocks.end(), [](const Block& block) { return block.whole_second; })) return {};
-  return input_error(loaded.path + ": not one whole second at rest: expected dwells to calibrate from");
-}
-
 Status check_holdout(const LoadedRecording& other, const LoadedRecording& recording) {
   const RecordingInfo& holdout = other.data.info;
   const RecordingInfo& fitted = recording.data.info;

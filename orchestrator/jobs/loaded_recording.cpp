@@ -1,5 +1,6 @@
 #include "orchestrator/jobs/loaded_recording.h"
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 
@@ -49,6 +50,12 @@ Result<LoadedRecording> load_recording(const std::string& path, const std::funct
   const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path);
   if (!source) return source.error();
   return load_recording(**source, progress, blocks);
+}
+
+Status check_rests(const LoadedRecording& loaded) {
+  const std::vector<Block>& blocks = loaded.data.blocks;
+  if (std::any_of(blocks.begin(), blocks.end(), [](const Block& block) { return block.whole_second; })) return {};
+  return input_error(loaded.path + ": not one whole second at rest: expected dwells to calibrate from");
 }
 
 }  // namespace turncal

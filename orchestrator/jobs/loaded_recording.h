@@ -27,4 +27,7 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
 Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress = {},
                                        const std::optional<CompressionOptions>& blocks = {});
 
+// An error when it holds not one whole second at rest: there is nothing to calibrate from.
+Status check_rests(const LoadedRecording& loaded);
+
 }  // namespace turncal

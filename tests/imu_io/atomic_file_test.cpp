@@ -134,6 +134,16 @@ TEST(PosixFile, WholeFileAboveTheLimitIsRefused) {
   EXPECT_EQ(*read_whole_file(folder / "a", 5), "12345");
 }
 
+TEST(AtomicFile, ADeviceOrAPipeIsNotReplaced) {
+  TemporaryFolder folder;
+  ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0600), 0);
+  EXPECT_ERROR(write_file_atomically(folder / "pipe", "x"),
+               (folder / "pipe") + ": is no regular file: expected the name of a file to write");
+  struct stat after {};
+  ASSERT_EQ(::stat((folder / "pipe").c_str(), &after), 0);
+  EXPECT_TRUE(S_ISFIFO(after.st_mode));
+}
+
 TEST(PosixFile, PipeInPlaceOfAFileDoesNotHang) {
   TemporaryFolder folder;
   ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0600), 0);

@@ -105,6 +105,10 @@ TEST_F(CommandLine, BadRecordingsAreRefusedByEveryCommand) {
     expect_refused({"calibrate", recording, "--out", "out"}, c.message);
     expect_refused({"calibrate", recording, "--out", "out/deep/down", "--method", "closed-form"}, c.message);
   }
+  const std::string moving = text_recording("no_rest");
+  write("no_rest/segments.csv", segments + "1,rotate,0,4000,0,90,0\n");
+  expect_refused({"calibrate", moving, "--out", "out"}, "not one whole second at rest");
+  expect_refused({"calibrate", moving, "--partial", "--out", "out"}, "not one whole second at rest");
   const std::string unreadable = text_recording("cut");
   std::filesystem::remove(folder_ / "cut/imu.csv");
   expect_refused({"import", unreadable, "--out", "out"}, "imu.csv");

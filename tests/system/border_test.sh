@@ -63,6 +63,11 @@ expect 1 'printable characters' "${run[@]}" --unit $'SN\xFF' --out no
 ! LC_ALL=C grep -q $'\xFF\|\xC2\x9B' said || fail "the message has the bytes that it refuses"
 [ ! -e no ] || fail "something was made"
 
+# Numbers that are none, and a recording without a rest.
+expect 1 'a number above 0' "${run[@]}" --unit A --pace nan --out no
+expect 1 'a number above 0' "$binary" diagnose no --arw nan --vrw 8 --out no
+expect 1 'a number of 0 or more' "$binary" diagnose no --arw 1 --vrw 8 --gyro-bias-instability nan --out no
+
 # Standard descriptors: full, or closed. What is printed must not get into the first file that is opened.
 code=0; "$binary" check --sequence "$demo" > /dev/full 2> said.err || code=$?
 [ "$code" = 50 ] && grep -q 'standard output' said.err || fail "code $code on a full output: $(cat said.err)"

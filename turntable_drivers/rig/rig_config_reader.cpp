@@ -95,7 +95,7 @@ void Reader::general(RigConfig& config) {
   number("noise.gyro_rate_random_walk_degph_per_rt_h", noise.gyro_rate_random_walk_degph_per_rt_h, not_negative);
   number("noise.accel_acceleration_random_walk_ug_per_rt_h", noise.accel_acceleration_random_walk_ug_per_rt_h,
          not_negative);
-  number("noise.flicker_longest_s", noise.flicker_longest_s, positive);
+  number("noise.flicker_longest_s", noise.flicker_longest_s, between(1.0, 1e9));
 
   number("temperature.start_c", config.temperature.start_c);
   number("temperature.rise_c", config.temperature.rise_c);
