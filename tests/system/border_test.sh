@@ -65,8 +65,8 @@ expect 1 'printable characters' "${run[@]}" --unit $'SN\xFF' --out no
 
 # Numbers that are none, and a recording without a rest.
 expect 1 'a number above 0' "${run[@]}" --unit A --pace nan --out no
-expect 1 'a number above 0' "$binary" diagnose no --arw nan --vrw 8 --out no
-expect 1 'a number of 0 or more' "$binary" diagnose no --arw 1 --vrw 8 --gyro-bias-instability nan --out no
+expect 1 'a number above 0' diagnose no --arw nan --vrw 8 --out no
+expect 1 'a number of 0 or more' diagnose no --arw 1 --vrw 8 --gyro-bias-instability nan --out no
 
 # Standard descriptors: full, or closed. What is printed must not get into the first file that is opened.
 code=0; "$binary" check --sequence "$demo" > /dev/full 2> said.err || code=$?
