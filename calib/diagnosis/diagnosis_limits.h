@@ -20,8 +20,8 @@ struct LackOfFitLimits {
   int lags_s = 30;
   // Where a dwell is cut: what comes with a turn and fades, and what wanders.
   double first_piece_s = 25.0, longest_piece_s = 120.0;
-  // Flicker noise wanders on every scale: where there is bias instability, a test must fire beside a slow one, too (a third of a
-  // two-hour run).
+  // Flicker noise wanders on every scale, and a process of some minutes cannot follow it: where there is bias instability, a test must
+  // fire beside a slow one, too (a third of a two-hour run), and an effect be better than it.
   double slow_correlation_s = 2400.0;
   double inflation_of(const std::string& family) const;
 };
@@ -39,8 +39,6 @@ struct SelectionLimits {
   double hiding_gain = 8.0;
   // 2 ln L beyond which no choice of noise matters: eight times the family-wise limit.
   double surely = 150.0;
-  // Correlation time of flicker noise that a process of some minutes cannot follow: a third of a two-hour run.
-  double slow_correlation_s = 2400.0;
   // Other effects within bic_margin of the best that are fitted: more only cost time.
   int most_rivals = 3;
   // A pattern is fitted when its score is this part of the best effect's (its time or period is not yet the right one).

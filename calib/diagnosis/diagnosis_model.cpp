@@ -53,7 +53,7 @@ double DiagnosisModel::misfit_beside_slow_noise(const std::vector<EffectColumn>&
   JointOptions o = estimate_options(effects, &from);
   o.faults_of = &from;
   o.start_noise = current.noise;
-  o.start_noise->bias_correlation_s = options.limits.selection.slow_correlation_s;
+  o.start_noise->bias_correlation_s = options.limits.fit.slow_correlation_s;
   return minus_two_log_likelihood(joint_estimate(recording, o));
 }
 

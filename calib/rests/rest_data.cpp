@@ -7,6 +7,7 @@
 #include <span>
 
 #include "calib/model/parameters.h"
+#include "calib/statistics/median.h"
 #include "calib/statistics/stillness.h"
 
 namespace turncal {
@@ -107,9 +108,7 @@ SixChannels white_variance(const CompressedRecording& recording, std::span<const
   if (squares[0].size() < least) return variance;
   constexpr double median_of_chi_square = 0.454936;
   for (int channel = 0; channel < 6; ++channel) {
-    const auto middle = squares[channel].begin() + static_cast<std::ptrdiff_t>(squares[channel].size() / 2);
-    std::nth_element(squares[channel].begin(), middle, squares[channel].end());
-    variance[channel] = *middle / median_of_chi_square;
+    variance[channel] = median(squares[channel]) / median_of_chi_square;
   }
   return variance;
 }

@@ -7,6 +7,7 @@
 
 #include "calib/model/parameters.h"
 #include "calib/rests/rest_start.h"
+#include "calib/statistics/median.h"
 
 namespace turncal {
 namespace {
@@ -40,13 +41,12 @@ std::string wrong_accelerometer_unit(const RestData& data) {
   const SensorModel model = sensor_model(start_parameters(info), info);
   std::vector<double> norms;
   for (const Rest& rest : data.rests) norms.push_back((model.accel_scale * rest.whole.accel).norm());
-  const auto middle = norms.begin() + static_cast<std::ptrdiff_t>(norms.size() / 2);
-  std::nth_element(norms.begin(), middle, norms.end());
+  const double norm = median(norms);
   for (const Slip& slip : accel_slips)
-    if (std::abs(*middle / info.gravity_mps2 / slip.factor - 1.0) < near) {
+    if (std::abs(norm / info.gravity_mps2 / slip.factor - 1.0) < near) {
       char text[200];
       std::snprintf(text, sizeof text, "gravity reads %.3g where %.3g m/s^2 is expected: the accelerometers look %s",
-                    *middle, info.gravity_mps2, slip.words);
+                    norm, info.gravity_mps2, slip.words);
       return text;
     }
   return {};

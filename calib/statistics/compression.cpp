@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "calib/model/parameters.h"
+#include "calib/statistics/median.h"
 
 namespace turncal {
 namespace {
@@ -19,21 +20,19 @@ constexpr double nominal_gyro_pulse_rad = 0.932920 * rad_per_arcsec;
 constexpr double turning_radps = 0.003;
 
 void leave_out_turning(const RecordingInfo& info, std::span<Block> blocks) {
-  Eigen::Vector3d median;
+  Eigen::Vector3d usual;
   std::vector<double> rates;
   for (int axis = 0; axis < 3; ++axis) {
     rates.clear();
     for (const Block& b : blocks)
       if (b.whole_second) rates.push_back(b.gyro[axis] / b.duration_s);
     if (rates.size() < 8) return;
-    const auto middle = rates.begin() + static_cast<std::ptrdiff_t>(rates.size() / 2);
-    std::nth_element(rates.begin(), middle, rates.end());
-    median[axis] = *middle;
+    usual[axis] = median(rates);
   }
   const double limit = turning_radps / nominal_gyro_rad(info);
   std::vector<std::size_t> turning;
   for (std::size_t k = 0; k < blocks.size(); ++k)
-    if ((blocks[k].gyro / blocks[k].duration_s - median).norm() > limit) turning.push_back(k);
+    if ((blocks[k].gyro / blocks[k].duration_s - usual).norm() > limit) turning.push_back(k);
   if (turning.size() > blocks.size() / 4) return;  // noise as loud as that, or no rest at all: not for us to say
   for (const std::size_t k : turning)
     for (std::size_t i = k > 0 ? k - 1 : k; i <= k + 1 && i < blocks.size(); ++i) blocks[i].whole_second = false;

@@ -3,16 +3,9 @@
 #include <algorithm>
 #include <vector>
 
+#include "calib/statistics/median.h"
+
 namespace turncal {
-namespace {
-
-double median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-}  // namespace
 
 StillPart longest_still(std::span<const SixChannels> pieces, const SixChannels& noise, double outlier) {
   const std::size_t n = pieces.size();

@@ -6,6 +6,7 @@
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/clipping.h"
+#include "calib/statistics/median.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
@@ -112,12 +113,6 @@ struct Row {
   std::int64_t line = 0;
 };
 
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 class Importer {
  public:
   explicit Importer(const CsvMap& map) : map_(map) {}
@@ -183,7 +178,7 @@ Status Importer::order_rows() {
   if (!timed() || rows_.size() < 2) return {};
   std::vector<double> steps;
   for (std::size_t k = 1; k < rows_.size(); ++k) steps.push_back(std::abs(rows_[k].time - rows_[k - 1].time));
-  const double back = map_.measured_intervals ? 0.0 : 5.0 * median_of(std::move(steps));
+  const double back = map_.measured_intervals ? 0.0 : 5.0 * median(steps);
   std::size_t kept = 1;
   for (std::size_t k = 1; k < rows_.size(); ++k) {
     const Row& row = rows_[k];
@@ -280,7 +275,8 @@ void Importer::make_intervals() {
   }
   std::vector<double> intervals;
   for (std::size_t k = 1; k < rows_.size(); ++k) intervals.push_back(rows_[k].time - rows_[k - 1].time);
-  median_s_ = median_of(intervals);
+  std::vector<double> rearranged = intervals;
+  median_s_ = median(rearranged);
   double sum = 0.0;
   double squares = 0.0;
   double count = 0.0;
