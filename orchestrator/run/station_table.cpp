@@ -1,0 +1,135 @@
+// A run before the first item of its sequence and after the last: connect, home, rest after an interruption, stop.
+#include <algorithm>
+#include <limits>
+
+#include "imu_io/base/format_number.h"
+#include "orchestrator/run/station_run.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr double homing_deadline_s = 300.0;
+
+}  // namespace
+
+StationRun::MaybeEvent StationRun::connect() {
+  if (Status status = devices_.table.connect(); !status) return raise_table(RunEvent::connect_failed, status.error());
+  const Result<TableIdentity> table = devices_.table.identify();
+  if (!table) return raise_table(RunEvent::connect_failed, table.error());
+  std::string found = table->description;
+  for (UnitLane& lane : lanes_) {
+    if (!lane.alive()) continue;
+    const Result<std::string> unit =
+        lane.connect(job_.station, table->simulated, job_.resume.has_value(), devices_.clock.now_s());
+    if (unit) {
+      found += "; " + named(lane, *unit);
+    } else if (const MaybeEvent event = fail(lane, RunEvent::connect_failed, unit.error())) {
+      return event;
+    }
+  }
+  if (pause_asked()) return pause();
+  std::string left;
+  for (Axis axis : all_axes) {
+    if (!job_.taken_up) break;
+    const Result<AxisStatus> status = devices_.table.status(axis);
+    if (!status) return raise_table(RunEvent::connect_failed, status.error());
+    if (!status->fault) continue;
+    fault_left_ = true;
+    left += std::string("; clears the fault of axis ") + to_string(axis) +
+            (status->text.empty() ? "" : ": " + status->text);
+  }
+  detail_ = found + left;
+  return RunEvent::connected;
+}
+
+StationRun::MaybeEvent StationRun::enable_and_home() {
+  enabled_ = true;
+  phase_deadline_s_ = devices_.table.needs_operator() ? std::numeric_limits<double>::infinity()
+                                                      : devices_.clock.now_s() + homing_deadline_s;
+  if (fault_left_) {
+    if (Status status = devices_.table.clear_fault(); !status) {
+      return raise_table(RunEvent::table_fault, status.error(), "clearing the fault: ");
+    }
+  }
+  if (Status status = devices_.table.enable(); !status) {
+    return raise_table(RunEvent::table_fault, status.error(), "enabling: ");
+  }
+  if (job_.resume && job_.resume->no_time_passed) {
+    if (const MaybeEvent event = read_table()) return event;
+    if (stands_as_left()) {
+      detail_ = "the encoders stand as the last completed dwell left them";
+      return RunEvent::homed;
+    }
+    rest_due_ = true;
+    for (UnitLane& lane : lanes_) lane.expect_gap();
+  }
+  if (const MaybeEvent event = read_table()) return event;
+  if (!at_rest()) {  // whoever commanded this is gone
+    if (Status status = devices_.table.stop_all(); !status) {
+      return raise_table(RunEvent::table_fault, status.error(), "stopping: ");
+    }
+    return std::nullopt;
+  }
+  return send_home();
+}
+
+StationRun::MaybeEvent StationRun::send_home() {
+  home_sent_ = true;
+  if (hooks_.journal) {
+    if (const MaybeEvent event = keep(hooks_.journal->home(devices_.clock.now_s()))) return event;
+  }
+  if (Status status = devices_.table.home(); !status) {
+    return raise_table(RunEvent::table_fault, status.error(), "homing: ");
+  }
+  return std::nullopt;
+}
+
+bool StationRun::stands_as_left() const {
+  for (Axis axis : all_axes) {
+    const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
+    if (!status.homed || status.moving || out_of_tolerance(axis, commanded_deg_[axis])) return false;
+  }
+  return true;
+}
+
+StationRun::MaybeEvent StationRun::begin_rest() {
+  if (pause_asked()) return pause();
+  rest_until_s_ = devices_.clock.now_s() + job_.station.resume_rest_s;
+  hold();
+  detail_ = "rests for " + format_number(job_.station.resume_rest_s) + " s after the interruption";
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::settle_again(bool in_place) {
+  recording_ = in_place;
+  item_running_ = false;
+  hold();
+  arrival_.settle_only(devices_.clock.now_s());
+  begin_segment(SegmentKind::rotate);
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::stop_table() {
+  recording_ = false;
+  for (UnitLane& lane : lanes_) lane.leave_segment();
+  double brake_s = 0.0;
+  for (const PlannedItem& item : job_.plan.items) {
+    if (item.kind == SequenceItem::Kind::move) brake_s = std::max(brake_s, item.rate_degps / item.acceleration_degps2);
+  }
+  const double now_s = devices_.clock.now_s();
+  phase_deadline_s_ = now_s + 2.0 * brake_s + job_.station.motion.deadline_margin_s;
+  stop_.begin();
+  // Whether it was taken is judged by what the axes do until the deadline.
+  abort_sent_ = !stop_.stop(now_s).ok();
+  return std::nullopt;
+}
+
+StationRun::MaybeEvent StationRun::abort_table() {
+  abort_sent_ = true;
+  phase_deadline_s_ = devices_.clock.now_s() + job_.station.motion.deadline_margin_s;
+  static_cast<void>(stop_.abort(devices_.clock.now_s()).ok());
+  return std::nullopt;
+}
+
+}  // namespace turncal
