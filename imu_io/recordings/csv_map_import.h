@@ -1,78 +1,29 @@
-// Reads any table of an IMU (CSV, .npy, .mat: number_table.h) into a recording, by a map that says what its columns are.
+// Reads any table of an IMU (CSV, .npy, .mat: number_table.h) into a recording, by a map that says what its columns are (csv_map.h).
 //
-//   gyro.columns = gyr_x_cnt, gyr_y_cnt, gyr_z_cnt   names in the header line, or numbers from 1; in a .mat file name or name:column
-//   gyro.unit    = rad/s | deg/s | deg/h             a rate; or an increment a row: rad | deg | arcsec
-//   gyro.scale   = 1                                  units a number, one or three;  value = (number - offset) * scale
-//   gyro.offset  = 0                                  one or three
-//   gyro.axes    = +x, +y, +z                         which column, with sign, is body x, y, z
-//   gyro.range   = -32767, 32767                      numbers at or beyond these are saturated: a gyro's row is marked as
-//                                                      clipped, an accelerometer's dropped
-//   accel.*                                           the same; m/s^2 | g | mg, or an increment a row: m/s  (1 g
-//   = 9.80665 m/s^2) time.column, time.unit = s | ms | us | ns         or  rate_hz  without a time column
-//   time.increments = intervals | period              see below
-//   time.gap     = 1.5                                an interval longer than this many median ones is a gap
-//   temperature.column, temperature.scale, temperature.offset    optional, degrees Celsius
-//   csv.delimiter = comma | semicolon | tab | space,  csv.header_lines = 1 (the last of them has the names)
-//   gravity_mps2, latitude_deg = 0, unit_serial
+// The accelerometers may come in a file of their own. Where its stamps are those of the gyros its rows are taken as they are; else its
+// integral is interpolated at the gyros' stamps, so that no velocity is lost or made. Rows outside the time that both have are left out.
 //
-// The accelerometers may come in a file of their own, with the time in accel.time.column (default: time.column). Where its stamps are
-// those of the gyros its rows are taken as they are; else its integral is interpolated at the gyros' stamps, so that no velocity is lost
-// or made. Rows outside the time that both have are left out.
-//
-// A rate becomes an increment by its interval, the time since the row before: a rate is taken as the mean over the
-// interval it ends. Nothing is resampled. With `intervals` the measured interval goes into the increment, so that a
-// turn keeps its size when the sampling jitters; with `period` the mean interval does, which is right when the stamps
-// jitter but the sensor does not (then intervals would turn jitter of stamps into noise of the sensor: over a rest of 3
-// s 0.5 ms of it are 1.6 mm/s^2). With `period` stamps may even go back a little: a row that is late is no gap unless those after it
-// are late too. A gyro that repeats one extreme number is found clipped (clipping.h) before intervals blur that. The recording's sample_period_s is the mean interval either way. The counter steps by
-// one a row, over a gap by as many periods as it lasts; a dropped row leaves its number out. Output: rad and m/s, body
-// axes.
+// A rate becomes an increment by its interval, the time since the row before: a rate is taken as the mean over the interval it ends.
+// Nothing is resampled. With `intervals` the measured interval goes into the increment, so that a turn keeps its size when the
+// sampling jitters; with `period` the mean interval does, which is right when the stamps jitter but the sensor does not (then intervals
+// would turn jitter of stamps into noise of the sensor: over a rest of 3 s 0.5 ms of it are 1.6 mm/s^2). With `period` stamps may even
+// go back a little: a row that is late is no gap unless those after it are late too. A gyro that repeats one extreme number is found
+// clipped (clipping.h) before intervals blur that. The recording's sample_period_s is the mean interval either way. The counter steps by
+// one a row, over a gap by as many periods as it lasts; a dropped row leaves its number out. Output: rad and m/s, body axes.
 //
 // The whole file is held in memory. Errors: one line with file, line, column, value and what was expected.
 #pragma once
 
-#include <array>
 #include <cstdint>
-#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "calib/types/axis_order.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
-#include "imu_io/recordings/number_table.h"
+#include "imu_io/recordings/csv_map.h"
 
 namespace turncal {
-
-struct CsvTriad {
-  std::array<std::string, 3> columns;
-  std::array<double, 3> scale{1.0, 1.0, 1.0};  // SI a number
-  std::array<double, 3> offset{};
-  AxisOrder axes;  // body axis k reads column from[k]
-  bool is_rate = true;
-  double range_low = -1e300;
-  double range_high = 1e300;
-};
-
-struct CsvMap {
-  TableFormat format;
-  CsvTriad gyro;
-  CsvTriad accel;
-  std::string time_column;        // empty: rate_hz
-  std::string accel_time_column;  // in a file of their own
-  double time_unit_s = 1.0;
-  bool measured_intervals = true;
-  double gap = 1.5;
-  double rate_hz = 0.0;
-  std::string temperature_column;  // empty: none
-  double temperature_scale = 1.0;
-  double temperature_offset = 0.0;
-  double gravity_mps2 = 0.0;
-  double latitude_deg = 0.0;
-  std::string unit_serial;
-};
-Result<CsvMap> read_csv_map(const std::string& path);
-Result<CsvMap> parse_csv_map(std::string_view text, const std::string& file_name);
 
 struct CsvImport {
   RecordingInfo info;
