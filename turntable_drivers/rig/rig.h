@@ -26,6 +26,10 @@
 
 namespace turncal {
 
+namespace rig_model {
+struct RigState;
+}
+
 class Rig {
  public:
   // REQUIRES: check(config).ok()
@@ -93,8 +97,7 @@ class Rig {
   std::vector<std::pair<std::string, double>> table_errors() const;
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  std::unique_ptr<rig_model::RigState> state_;
 };
 
 }  // namespace turncal
