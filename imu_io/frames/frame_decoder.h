@@ -28,6 +28,7 @@
 
 #include "imu_io/frames/counter_tracker.h"
 #include "imu_io/frames/frame_scanner.h"
+#include "imu_io/frames/frame_values.h"
 #include "imu_io/recordings/imu_source.h"
 
 namespace turncal {
@@ -56,32 +57,10 @@ class FrameDecoder {
   double wrap_s() const { return state_.tracker.wrap_s(); }
 
  private:
-  struct Element {
-    FieldCodec field, down;
-    bool has_down = false;
-    double zero = 0.0;
-    double factor = 1.0;  // to an increment of the body axis, sign included
-    double low = 0.0, high = 0.0;
-    std::uint64_t modulus = 0;  // cumulative; 0: 2^64
-    bool cumulative = false;
-    bool pulses = false;
-  };
-  struct Status {
-    FieldCodec field;
-    std::uint64_t mask, good;
-  };
-  struct Variant {
-    std::size_t length = 0;
-    std::array<Element, 6> element;  // gyro x y z, accel x y z, body axes
-    std::vector<FieldCodec> temperature;
-    double temperature_zero = 0.0, temperature_scale = 1.0;
-    bool multiplexed = false;
-    FieldCodec multiplexer;
-    std::uint64_t when = 0;
-    bool has_counter = false;
-    FieldCodec counter;
-    std::vector<Status> status;
-  };
+  static constexpr std::size_t most_held = 32768;  // samples
+  // A counter that wraps later than this tells every silence a run survives.
+  static constexpr double narrow_wrap_s = 30.0;
+
   // Samples after a silence of which it is not known yet how many were lost in it.
   struct Hold {
     bool active = false;
@@ -95,25 +74,21 @@ class FrameDecoder {
   // What a frame that turns out not to be believed must not have changed.
   struct State {
     CounterTracker tracker;
-    std::array<std::uint64_t, 12> base{};  // the fields, then what counts the other way
-    bool has_base = false;
+    CumulativeBase base{};
     float temperature_c = std::numeric_limits<float>::quiet_NaN();
     std::uint64_t lost = 0;
     Hold hold{};
     ImuSample last{};  // as believed
     bool has_last = false;
   };
-  static Variant variant_of(const FrameDescription& frame, const FrameVariant& from);
-  static Variant joined(const Variant& gyro, const Variant& accel);
   // The two frames of a sample put together; false: the other one is still to come.
   bool join(const ScannedFrame& scanned, ScannedFrame& whole);
-  // False: the numbers are impossible.
-  bool read_values(const Variant& variant, const std::byte* frame, ImuSample& sample) const;
   void take(const ScannedFrame& scanned);
   void take_stray(double raw);
-  void believe(const PlacedCounter& placed, double raw, const Variant& variant, const std::byte* frame,
+  void believe(const PlacedCounter& placed, double raw, const FrameValues& values, const std::byte* frame,
                ImuSample& sample);
   void emit(const ImuSample& sample);
+  // After a silence (frame_silence.cpp).
   bool is_unsure(const PlacedCounter& placed) const;
   void begin_hold(const PlacedCounter& placed, double raw);
   void judge_hold();
@@ -125,7 +100,7 @@ class FrameDecoder {
   void restart(const std::string& reason);
 
   FrameScanner scanner_;
-  std::vector<Variant> variants_;  // split: gyros, accelerometers, and the two frames one after the other
+  std::vector<FrameValues> variants_;  // split: gyros, accelerometers, and the two frames one after the other
   bool split_;
   std::vector<std::byte> joined_;
   std::array<std::optional<double>, 2> part_counter_;  // of the frames that wait for the other one

@@ -1,0 +1,143 @@
+#include "imu_io/frames/frame_values.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace turncal {
+namespace {
+
+constexpr double largest_pulses = 2147483647.0;  // what a recording holds
+
+// (now - before) modulo the modulus, as the nearest to 0.
+double cumulative_step(std::uint64_t now, std::uint64_t before, std::uint64_t modulus) {
+  if (modulus == 0) return static_cast<double>(static_cast<std::int64_t>(now - before));
+  const std::uint64_t up = now >= before ? now - before : modulus - (before - now);
+  if (up <= modulus / 2) return static_cast<double>(up);
+  return -static_cast<double>(modulus - up);
+}
+
+}  // namespace
+
+FrameValues::FrameValues(const FrameDescription& frame, const FrameVariant& from) {
+  length_ = from.length;
+  for (std::size_t i = 0; i < 6; ++i) {
+    const FrameTriad& triad = i < 3 ? from.gyro : from.accel;
+    const std::size_t axis = i % 3;
+    const auto place = static_cast<std::size_t>(triad.from[axis]);
+    Element& element = element_[i];
+    element.field = FieldCodec(triad.element[place]);
+    element.has_down = triad.down.has_value();
+    if (triad.down) element.down = FieldCodec((*triad.down)[place]);
+    element.zero = triad.zero[place];
+    element.factor =
+        triad.sign[axis] * triad.scale[place] * (triad.kind == FieldKind::rate ? frame.sample_period_s : 1.0);
+    element.low = triad.low;
+    element.high = triad.high;
+    element.cumulative = triad.kind == FieldKind::cumulative;
+    element.modulus = triad.modulus;
+    if (element.cumulative && element.modulus == 0 && element.field.bits() < 64) {
+      element.modulus = std::uint64_t{1} << element.field.bits();
+    }
+    element.pulses = triad.pulses;
+  }
+  if (from.temperature) {
+    for (const FrameField& field : from.temperature->places) temperature_.emplace_back(field);
+    temperature_zero_ = from.temperature->zero;
+    temperature_scale_ = from.temperature->scale;
+    multiplexed_ = from.temperature->when.has_value();
+    when_ = from.temperature->when.value_or(0);
+  }
+  if (from.multiplexer) multiplexer_ = FieldCodec(*from.multiplexer);
+  has_counter_ = from.counter.has_value();
+  if (from.counter) counter_ = FieldCodec(from.counter->field);
+  for (const FrameStatus& status : from.status) {
+    status_.push_back({FieldCodec(status.field), status.mask, status.good});
+  }
+}
+
+FrameValues FrameValues::joined(const FrameValues& gyro, const FrameValues& accel) {
+  FrameValues both = gyro;
+  const std::size_t by = gyro.length_;
+  both.length_ += accel.length_;
+  for (std::size_t i = 3; i < 6; ++i) {
+    both.element_[i] = accel.element_[i];
+    both.element_[i].field = accel.element_[i].field.shifted(by);
+    both.element_[i].down = accel.element_[i].down.shifted(by);
+  }
+  for (const Status& status : accel.status_)
+    both.status_.push_back({status.field.shifted(by), status.mask, status.good});
+  if (gyro.temperature_.empty()) {
+    for (const FieldCodec& field : accel.temperature_) both.temperature_.push_back(field.shifted(by));
+    both.temperature_zero_ = accel.temperature_zero_;
+    both.temperature_scale_ = accel.temperature_scale_;
+    both.multiplexed_ = accel.multiplexed_;
+    both.multiplexer_ = accel.multiplexer_.shifted(by);
+    both.when_ = accel.when_;
+  }
+  return both;
+}
+
+bool FrameValues::read(const std::byte* frame, const CumulativeBase& base, ImuSample& sample) const {
+  for (std::size_t i = 0; i < 6; ++i) {
+    const Element& element = element_[i];
+    double& value = i < 3 ? sample.gyro[i] : sample.accel[i - 3];
+    if (element.cumulative) {
+      const std::uint64_t now = element.field.bits_of(frame);
+      if (element.modulus != 0 && now >= element.modulus) return false;
+      double steps = cumulative_step(now, base.field[i], element.modulus);
+      if (element.has_down) {
+        const std::uint64_t down = element.down.bits_of(frame);
+        if (element.modulus != 0 && down >= element.modulus) return false;
+        steps -= cumulative_step(down, base.field[6 + i], element.modulus);
+      }
+      value = element.factor * steps;
+      if (!base.known) value = 0.0;
+      value += 0.0;
+      continue;  // across a gap it may be anything
+    } else {
+      double raw = element.field.number(frame);
+      if (element.has_down) raw -= element.down.number(frame);
+      if (raw < element.low || raw > element.high) sample.flags |= sample_flag_invalid;
+      value = element.factor * (raw - element.zero);
+    }
+    value += 0.0;                             // -0 of a sign turned round
+    if (!std::isfinite(value)) return false;  // of floats
+    if (element.pulses && (std::abs(value) > largest_pulses || value != std::nearbyint(value))) return false;
+  }
+  for (const Status& status : status_) {
+    if ((status.field.bits_of(frame) & status.mask) != status.good) sample.flags |= sample_flag_invalid;
+  }
+  return true;
+}
+
+bool FrameValues::any_cumulative() const {
+  return std::any_of(element_.begin(), element_.end(), [](const Element& element) { return element.cumulative; });
+}
+
+bool FrameValues::fits(const ImuSample& sample) const {
+  for (std::size_t i = 0; i < 6; ++i) {
+    const double value = i < 3 ? sample.gyro[i] : sample.accel[i - 3];
+    if (element_[i].pulses && std::abs(value) > largest_pulses) return false;
+  }
+  return true;
+}
+
+void FrameValues::keep(const std::byte* frame, CumulativeBase& base) const {
+  for (std::size_t i = 0; i < 6; ++i) {
+    base.field[i] = element_[i].field.bits_of(frame);
+    if (element_[i].has_down) base.field[6 + i] = element_[i].down.bits_of(frame);
+  }
+  base.known = true;
+}
+
+std::optional<float> FrameValues::temperature_c(const std::byte* frame) const {
+  if (temperature_.empty() || (multiplexed_ && multiplexer_.bits_of(frame) != when_)) return {};
+  double sum = 0.0;
+  for (const FieldCodec& field : temperature_) sum += field.number(frame);
+  const double mean = sum / static_cast<double>(temperature_.size());
+  const auto value = static_cast<float>((mean - temperature_zero_) * temperature_scale_);
+  return std::isfinite(value) ? value : std::numeric_limits<float>::quiet_NaN();
+}
+
+}  // namespace turncal
