@@ -10,8 +10,8 @@
 #include "imu_io/base/deadline.h"
 #include "imu_io/base/format_number.h"
 #include "turntable_drivers/twins/dialect_twin.h"
-#include "turntable_drivers/twins/drive_twin.h"
-#include "turntable_drivers/twins/table_server.h"
+#include "turntable_drivers/twins/modbus_server.h"
+#include "turntable_drivers/twins/modbus_twin.h"
 
 namespace turncal {
 
@@ -52,9 +52,9 @@ Status RigTwin::open_table(const StationConfig& station, const std::string& give
   bool tcp = false;
   std::string address;
   if (station.table.map) {
-    drives_ = std::make_unique<DriveTwin>(*station.table.map, group_.table(), group_);
+    drives_ = std::make_unique<ModbusTwin>(*station.table.map, group_.table(), group_);
     if (Status status = drives_->power_on(); !status) return status;
-    server_ = std::make_unique<TableServer>(*drives_);
+    server_ = std::make_unique<ModbusServer>(*drives_);
     tcp = station.table.map->link.tcp;
     address = station.table.map->link.address;
   } else {

@@ -19,7 +19,7 @@
 
 namespace turncal {
 
-class DriveTwin;
+class ModbusTwin;
 class DialectTwin;
 
 struct TwinSettings {
@@ -58,7 +58,7 @@ class RigTwin {
   Status pump(double now_s);  // every line that is left
 
   RigGroup group_;
-  std::unique_ptr<DriveTwin> drives_;
+  std::unique_ptr<ModbusTwin> drives_;
   std::unique_ptr<DialectTwin> dialect_;
   std::unique_ptr<LineServer> server_;
   std::vector<std::unique_ptr<UnitLine>> lines_;

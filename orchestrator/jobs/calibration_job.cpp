@@ -10,7 +10,7 @@
 #include "calib/rests/rest_model.h"
 #include "calib/rests/rest_units.h"
 #include "orchestrator/report/diagnosis_file.h"
-#include "orchestrator/report/rest_view.h"
+#include "orchestrator/report/rest_as_diagnosis.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {

@@ -8,8 +8,8 @@
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/pose_report.h"
+#include "orchestrator/report/rest_as_diagnosis.h"
 #include "orchestrator/report/rest_report.h"
-#include "orchestrator/report/rest_view.h"
 
 namespace turncal {
 namespace {

@@ -6,9 +6,9 @@
 #include <limits>
 #include <numeric>
 
-#include "orchestrator/report/report_data.h"
+#include "orchestrator/report/diagnosis_figures.h"
 #include "orchestrator/report/report_dwells.h"
-#include "orchestrator/report/report_plots.h"
+#include "orchestrator/report/score_chart.h"
 
 namespace turncal {
 namespace {

@@ -35,7 +35,7 @@ ParameterVector changes_in_sigma(const Diagnosis& diagnosis);
 // The strongest of the scores.
 const CandidateScore* strongest_candidate(const Diagnosis& diagnosis);
 
-// What is said differently of a table's recording and of a hand-turned one (rest_view.h).
+// What is said differently of a table's recording and of a hand-turned one (rest_as_diagnosis.h).
 struct DiagnosisWords {
   std::string sentence;  // the verdict
   std::vector<ErrorRow> errors;

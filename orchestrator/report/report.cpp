@@ -3,14 +3,15 @@
 #include <algorithm>
 #include <vector>
 
+#include "orchestrator/report/diagnosis_figures.h"
 #include "orchestrator/report/diagnosis_text.h"
-#include "orchestrator/report/report_data.h"
+#include "orchestrator/report/drawing.h"
 #include "orchestrator/report/report_dwells.h"
 #include "orchestrator/report/report_format.h"
 #include "orchestrator/report/report_page.h"
-#include "orchestrator/report/report_plots.h"
 #include "orchestrator/report/report_tables.h"
-#include "orchestrator/report/report_views.h"
+#include "orchestrator/report/residual_figures.h"
+#include "orchestrator/report/score_chart.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {

@@ -1,4 +1,4 @@
-// Figures as data: what is drawn, before anybody thinks about gnuplot. report_data.h makes them, report_plots.h draws them.
+// Figures as data: what is drawn, before anybody thinks about gnuplot. diagnosis_figures.h makes them, drawing.h draws them.
 #pragma once
 
 #include <array>

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "orchestrator/report/report_plots.h"
+#include "orchestrator/report/drawing.h"
 
 namespace turncal {
 

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "orchestrator/report/diagnosis_figures.h"
 #include "orchestrator/report/diagnosis_text.h"
-#include "orchestrator/report/report_data.h"
 #include "orchestrator/report/report_dwells.h"
 #include "orchestrator/report/report_format.h"
-#include "orchestrator/report/report_plots.h"
+#include "orchestrator/report/score_chart.h"
 
 namespace turncal {
 namespace {

@@ -3,7 +3,7 @@
 #include "imu_io/base/format_number.h"
 #include "orchestrator/report/report_format.h"
 #include "orchestrator/report/report_tables.h"
-#include "orchestrator/report/rest_view.h"
+#include "orchestrator/report/rest_as_diagnosis.h"
 
 namespace turncal {
 namespace {

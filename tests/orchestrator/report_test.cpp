@@ -8,14 +8,15 @@
 
 #include "imu_io/base/key_value.h"
 #include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/report/diagnosis_figures.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/diagnosis_text.h"
+#include "orchestrator/report/drawing.h"
 #include "orchestrator/report/report.h"
-#include "orchestrator/report/report_data.h"
 #include "orchestrator/report/report_dwells.h"
 #include "orchestrator/report/report_format.h"
-#include "orchestrator/report/report_plots.h"
-#include "orchestrator/report/report_views.h"
+#include "orchestrator/report/residual_figures.h"
+#include "orchestrator/report/score_chart.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/sample_diagnosis.h"
 

@@ -322,13 +322,13 @@ TEST(ModbusFaults, AdapterComesBackUnderItsName) {
   RigTable mock(rig);
   RigClock clock(rig);
   map.link.address = name;
-  DriveTwin twin(map, mock, clock);
+  ModbusTwin twin(map, mock, clock);
   ASSERT_TRUE(twin.power_on().ok());
   ModbusTurntable driver(map, clock);
   EXPECT_FALSE(driver.connect().ok()) << "missing device";
   int descriptors = 0;
   for (int round = 0; round < 3; ++round) {
-    TableServer server(twin);
+    ModbusServer server(twin);
     ASSERT_TRUE(server.open_pty(name).ok());
     std::atomic<bool> ended{false};
     std::thread thread([&] {

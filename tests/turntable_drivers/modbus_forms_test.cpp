@@ -97,7 +97,7 @@ TEST(ModbusForms, HeartbeatHasItsDocumentedValues) {
   Rig rig(default_rig_config());
   RigTable mock(rig);
   RigClock clock(rig);
-  DriveTwin twin(map_of(one_block_map_text()), mock, clock);
+  ModbusTwin twin(map_of(one_block_map_text()), mock, clock);
   ASSERT_TRUE(twin.power_on().ok());
   ASSERT_TRUE(mock.enable().ok());
   const ModbusRequest same{.unit = 9, .function = 6, .address = 0x230, .count = 1, .values = {0x55}};

@@ -16,8 +16,8 @@
 #include "turntable_drivers/rig/rig_imu.h"
 #include "turntable_drivers/rig/rig_table.h"
 #include "turntable_drivers/twins/dialect_twin.h"
-#include "turntable_drivers/twins/drive_twin.h"
-#include "turntable_drivers/twins/table_server.h"
+#include "turntable_drivers/twins/modbus_server.h"
+#include "turntable_drivers/twins/modbus_twin.h"
 
 namespace turncal {
 
@@ -28,9 +28,9 @@ struct RealClock : Clock {
 
 struct DriveParts {
   using Description = RegisterMap;
-  using Server = TableServer;
-  static DriveTwin twin(const RegisterMap& map, Turntable& table, const Clock& clock) {
-    return DriveTwin(map, table, clock);
+  using Server = ModbusServer;
+  static ModbusTwin twin(const RegisterMap& map, Turntable& table, const Clock& clock) {
+    return ModbusTwin(map, table, clock);
   }
 };
 struct DialectParts {

@@ -1,5 +1,5 @@
-// DriveTwin: three simulated drives behind the registers that a RegisterMap describes. What a drive would do with a request, without
-// any line: table_server.h puts it on one.
+// ModbusTwin: three simulated drives behind the registers that a RegisterMap describes. What a drive would do with a request, without
+// any line: modbus_server.h puts it on one.
 //
 // The axes are those of any Turntable (the rig's mock), so the twin has its manners and its lies. Status registers are made from its
 // status at each reading; a list of writes of the map, seen in full and in order, is carried out when its last register is
@@ -28,10 +28,10 @@
 
 namespace turncal {
 
-class DriveTwin {
+class ModbusTwin {
  public:
   // Table and clock must outlive the twin.
-  DriveTwin(RegisterMap map, Turntable& table, const Clock& clock);
+  ModbusTwin(RegisterMap map, Turntable& table, const Clock& clock);
 
   Status power_on();  // connects to the table; drives without an enable write come up enabled
   struct Answer {

@@ -1,11 +1,11 @@
-#include "orchestrator/report/report_views.h"
+#include "orchestrator/report/residual_figures.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
-#include "orchestrator/report/report_data.h"
+#include "orchestrator/report/diagnosis_figures.h"
 #include "orchestrator/report/report_format.h"
 
 namespace turncal {

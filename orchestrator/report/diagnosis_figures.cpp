@@ -1,4 +1,4 @@
-#include "orchestrator/report/report_data.h"
+#include "orchestrator/report/diagnosis_figures.h"
 
 #include <algorithm>
 #include <array>

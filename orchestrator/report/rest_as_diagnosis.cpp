@@ -1,4 +1,4 @@
-#include "orchestrator/report/rest_view.h"
+#include "orchestrator/report/rest_as_diagnosis.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,8 +6,8 @@
 
 #include "calib/joint/score_algebra.h"
 #include "calib/statistics/distributions.h"
+#include "orchestrator/report/diagnosis_figures.h"
 #include "orchestrator/report/diagnosis_file.h"
-#include "orchestrator/report/report_data.h"
 #include "orchestrator/report/report_format.h"
 
 namespace turncal {

@@ -1,10 +1,10 @@
-#include "turntable_drivers/twins/table_server.h"
+#include "turntable_drivers/twins/modbus_server.h"
 
 #include <algorithm>
 
 namespace turncal {
 
-std::optional<AnswerPlan> TableServer::next_answer(std::vector<std::uint8_t>& bytes) {
+std::optional<AnswerPlan> ModbusServer::next_answer(std::vector<std::uint8_t>& bytes) {
   const bool header = tcp() && !twin_.map().link.rtu_frames;
   const std::optional<ModbusRequest> request = take_request(bytes, header);
   if (!request) return {};
@@ -12,7 +12,7 @@ std::optional<AnswerPlan> TableServer::next_answer(std::vector<std::uint8_t>& by
   const bool ours =
       std::any_of(axes.begin(), axes.end(), [&](const MapAxis& axis) { return axis.unit == request->unit; });
   if (!ours) return AnswerPlan();  // another drive on the bus: silence
-  DriveTwin::Answer answer;
+  ModbusTwin::Answer answer;
   {
     const std::lock_guard lock(mutex);
     answer = twin_.handle(*request);

@@ -1,12 +1,11 @@
-// Figures into gnuplot's language, one script for all of them, and the bar chart of the candidates' scores.
+// The bar chart of the candidates' scores against their common threshold.
 #pragma once
 
 #include <string>
 #include <vector>
 
 #include "calib/diagnosis/diagnosis.h"
-#include "orchestrator/report/gnuplot.h"
-#include "orchestrator/report/report_figure.h"
+#include "orchestrator/report/drawing.h"
 
 namespace turncal {
 
@@ -23,17 +22,6 @@ std::vector<ScoreBar> score_bars(const Diagnosis& diagnosis, double threshold_z)
 // |z| that chance reaches in false_alarm of all recordings, over all visible candidates together.
 double family_threshold_z(const Diagnosis& diagnosis, double false_alarm);
 
-// A drawing: a Figure, or the score chart.
-struct Drawing {
-  std::string id;
-  std::string label;
-  std::string script;  // from `set terminal` on
-  int width = 960;     // px; 960 is the whole width of the page
-};
-Drawing draw(const Figure& figure);
 Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z);
-
-// All of them by one gnuplot, embeddable, in order.
-Result<std::vector<std::string>> render(const std::vector<Drawing>& drawings, const GnuplotOptions& options);
 
 }  // namespace turncal

@@ -1,4 +1,4 @@
-#include "turntable_drivers/twins/drive_twin.h"
+#include "turntable_drivers/twins/modbus_twin.h"
 
 #include <algorithm>
 #include <cmath>
@@ -52,10 +52,10 @@ constexpr int illegal_function = 1, illegal_address = 2, illegal_value = 3, devi
 
 }  // namespace
 
-DriveTwin::DriveTwin(RegisterMap map, Turntable& table, const Clock& clock)
+ModbusTwin::ModbusTwin(RegisterMap map, Turntable& table, const Clock& clock)
     : map_(std::move(map)), table_(table), clock_(clock) {}
 
-Status DriveTwin::power_on() {
+Status ModbusTwin::power_on() {
   if (Status status = table_.connect(); !status) return status;
   if (map_.home_by_encoder) {
     // An absolute encoder knows its zero from the start.
@@ -65,7 +65,7 @@ Status DriveTwin::power_on() {
   return map_.list(DriveOperation::enable).empty() ? table_.enable() : Status();
 }
 
-void DriveTwin::tick() {
+void ModbusTwin::tick() {
   for (const Axis axis : all_axes) {
     std::optional<double>& last_s = heartbeat_s_[index(axis)];
     if (!last_s || clock_.now_s() - *last_s <= map_.watchdog_s) continue;
@@ -78,7 +78,7 @@ void DriveTwin::tick() {
   }
 }
 
-DriveTwin::Answer DriveTwin::handle(const ModbusRequest& request) {
+ModbusTwin::Answer ModbusTwin::handle(const ModbusRequest& request) {
   tick();
   if (!request.well_formed) return {illegal_value, {}};
   if (request.function == 3 || request.function == 4) return read(request);
@@ -86,7 +86,7 @@ DriveTwin::Answer DriveTwin::handle(const ModbusRequest& request) {
   return {illegal_function, {}};
 }
 
-std::optional<std::vector<std::uint16_t>> DriveTwin::blocks(Axis axis) {
+std::optional<std::vector<std::uint16_t>> ModbusTwin::blocks(Axis axis) {
   const Result<AxisStatus> now = table_.status(axis);
   if (!now) return {};
   std::vector<std::uint16_t> registers(static_cast<std::size_t>(map_.status_count + map_.status2_count));
@@ -127,7 +127,7 @@ std::optional<std::vector<std::uint16_t>> DriveTwin::blocks(Axis axis) {
 }
 
 // Where several axes have the same place, each puts what is its own into it.
-std::optional<std::vector<std::uint16_t>> DriveTwin::shared_blocks(Axis axis, bool of_table) {
+std::optional<std::vector<std::uint16_t>> ModbusTwin::shared_blocks(Axis axis, bool of_table) {
   auto registers = blocks(axis);
   const MapAxis& own = map_.of(axis);
   for (const Axis other : all_axes) {
@@ -141,7 +141,7 @@ std::optional<std::vector<std::uint16_t>> DriveTwin::shared_blocks(Axis axis, bo
   return registers;
 }
 
-DriveTwin::Answer DriveTwin::read(const ModbusRequest& request) {
+ModbusTwin::Answer ModbusTwin::read(const ModbusRequest& request) {
   struct Block {
     int address, count;
     bool of_table;
@@ -174,8 +174,8 @@ DriveTwin::Answer DriveTwin::read(const ModbusRequest& request) {
   return answer;
 }
 
-bool DriveTwin::matches(const WriteStep& step, DriveOperation operation, Axis axis, const ModbusRequest& request,
-                        Operands& operands) const {
+bool ModbusTwin::matches(const WriteStep& step, DriveOperation operation, Axis axis, const ModbusRequest& request,
+                         Operands& operands) const {
   if (request.unit != map_.unit_of(operation, axis) || request.address != map_.address_of(step, operation, axis) ||
       request.count != step.length()) {
     return false;
@@ -197,7 +197,7 @@ bool DriveTwin::matches(const WriteStep& step, DriveOperation operation, Axis ax
 }
 
 // A value that the map does not list, or the same one as before, shows that the other side hangs: it does not count.
-bool DriveTwin::beats(const ModbusRequest& request, Axis axis) {
+bool ModbusTwin::beats(const ModbusRequest& request, Axis axis) {
   if (!map_.heartbeat_address || request.count != 1) return false;
   const int offset = map_.heartbeat_of_table ? 0 : map_.of(axis).address_offset;
   if (request.address != *map_.heartbeat_address + offset) return false;
@@ -210,7 +210,7 @@ bool DriveTwin::beats(const ModbusRequest& request, Axis axis) {
   return true;
 }
 
-DriveTwin::Answer DriveTwin::write(const ModbusRequest& request) {
+ModbusTwin::Answer ModbusTwin::write(const ModbusRequest& request) {
   bool known = false;
   Answer answer;
   for (const Axis axis : all_axes) {
@@ -253,7 +253,7 @@ DriveTwin::Answer DriveTwin::write(const ModbusRequest& request) {
   return answer;
 }
 
-Status DriveTwin::carry_out(Axis axis, DriveOperation operation, const Operands& operands) {
+Status ModbusTwin::carry_out(Axis axis, DriveOperation operation, const Operands& operands) {
   if (operation != DriveOperation::move && operation != DriveOperation::setup) target_deg_ = {};
   switch (operation) {
     case DriveOperation::setup: return {};
@@ -282,7 +282,7 @@ Status DriveTwin::carry_out(Axis axis, DriveOperation operation, const Operands&
   return {};
 }
 
-Status DriveTwin::move(Axis axis, int told_of, const Operands& operands) {
+Status ModbusTwin::move(Axis axis, int told_of, const Operands& operands) {
   if (tripped_[index(axis)]) return device_error("the watchdog has tripped");
   using Kind = WriteOperand::Kind;
   const auto has = [&](Kind kind) { return operands.count({kind, told_of}) != 0; };
