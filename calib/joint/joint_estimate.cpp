@@ -94,6 +94,7 @@ class JointRun {
   void look_for_faults();
   bool is_open() const { return solution_.undetermined.cols() > 0; }
   bool last_passes();
+  void widen();
   void report();
 
   const CompressedRecording& recording_;
@@ -381,10 +382,27 @@ bool JointRun::last_passes() {
   return false;
 }
 
+// A trial beside a finished fit takes its widening over. None where directions are open: along those it is that of the ranges.
+void JointRun::widen() {
+  JointResult& r = result_;
+  r.unseen_instability = Eigen::MatrixXd::Zero(r.covariance.rows(), r.covariance.cols());
+  if (is_open() || !r.noise_fit) return;
+  if (!options_.faults_of) {
+    r.unseen_instability = r.noise_fit->unseen_instability;
+  } else if (!r.noise.has_bias_instability()) {
+    const Eigen::MatrixXd& from = options_.faults_of->unseen_instability;
+    const auto base = std::count_if(subset_.begin(), subset_.end(), [](int k) { return k < parameter_count; });
+    const Eigen::Index both = std::min<Eigen::Index>(from.rows(), base);
+    r.unseen_instability.topLeftCorner(both, both) = from.topLeftCorner(both, both);
+  }
+  r.covariance += r.unseen_instability;
+}
+
 void JointRun::report() {
   JointResult& r = result_;
   r.free = subset_;
   r.covariance = solution_.covariance;
+  widen();
   r.noise = r.setup.noise;
   r.normalised_rms = std::sqrt(r.last.chi_square / static_cast<double>(std::max<std::int64_t>(r.last.observations, 1)));
   r.whiteness = test_whiteness(r.last.innovations);

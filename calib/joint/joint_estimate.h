@@ -1,7 +1,7 @@
 // The joint estimate: all free parameters (and any effects asked for) from every static second of a recording.
 //
 // Gauss-Newton on run_filter() (joint_filter.h) until no parameter moves by a hundredth of its sigma:
-//   step = -A^-1 c,  A = sum N' S^-1 N,  covariance = A^-1
+//   step = -A^-1 c,  A = sum N' S^-1 N,  covariance = A^-1 + what an instability too small to be seen may add
 // with the noise measured on the way (allan.h for the start, noise_fit.h for the values) unless it is given. Directions of
 // parameter space that the recording does not determine are named, not solved for: an eigenvector of A in units of
 // plausible ranges whose sigma is more than a tenth of the range.
@@ -80,6 +80,7 @@ struct JointResult {
   std::vector<EstimatedEffect> effects;
   std::vector<int> free;  // indices into [24 parameters, effects] of the covariance's rows
   Eigen::MatrixXd covariance;
+  Eigen::MatrixXd unseen_instability;  // what of it a bias instability too small to be kept accounts for (noise_fit.h)
   double reference_temperature_c = 0.0;  // of temperature effects
   NoiseModel noise;
   std::optional<NoiseFit> noise_fit;

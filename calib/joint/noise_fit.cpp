@@ -1,6 +1,7 @@
 #include "calib/joint/noise_fit.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -30,6 +31,8 @@ class RestrictedLikelihood {
     double log_det_information = 0.0;
     std::vector<Innovation> nu;
     std::vector<Matrix3d> S;
+    Eigen::MatrixXd covariance;  // of the free parameters
+    Eigen::VectorXd estimate;    // of them, from where the recording was made linear
   };
 
   RestrictedLikelihood(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
@@ -59,6 +62,8 @@ class RestrictedLikelihood {
     const Eigen::LDLT<Eigen::MatrixXd> factor(A + Eigen::MatrixXd::Identity(A.rows(), A.cols()));
     run.log_det_information = factor.vectorD().array().log().sum();
     run.value = pass.chi_square + pass.log_determinant - c.dot(factor.solve(c)) + run.log_det_information;
+    run.covariance = ranges_.asDiagonal() * factor.solve(Eigen::MatrixXd(ranges_.asDiagonal()));
+    run.estimate = -ranges_.cwiseProduct(Eigen::VectorXd(factor.solve(c)));
     run.nu = std::move(pass.innovations);
     run.S = std::move(pass.covariances);
     return run;
@@ -163,6 +168,32 @@ Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups
   return result;
 }
 
+// What an instability that was not kept adds to the covariance all the same: the mean over what it may be, weighed by
+// likelihood and prior, less the covariance without it.
+Eigen::MatrixXd unseen_instability(RestrictedLikelihood& likelihood, const Variances& s, int triad, double tau) {
+  // Ring lasers and quartz by their data sheets; in units of the walk's own.
+  const double usual = triad == 0 ? 0.2 : 0.5;
+  constexpr std::array<double, 6> sizes = {0.0, 0.8, 1.6, 2.6, 4.0, 6.0};  // of the usual one
+  const double unit = usual * usual * s.segment<3>(3 * triad).mean() / tau;
+  std::array<RestrictedLikelihood::Run, sizes.size()> runs;
+  std::array<double, sizes.size()> weights{};
+  double sum = 0.0;
+  for (std::size_t k = 0; k < sizes.size(); ++k) {
+    Variances t = s;
+    t[6 + triad] = sizes[k] * sizes[k] * unit;
+    runs[k] = likelihood(t);
+    const double width = 0.5 * (sizes[std::min(k + 1, sizes.size() - 1)] - sizes[k == 0 ? 0 : k - 1]);
+    weights[k] = width * std::exp(0.5 * (runs[0].value - runs[k].value)) / (1.0 + sizes[k] * sizes[k]);
+    sum += weights[k];
+  }
+  Eigen::MatrixXd more = Eigen::MatrixXd::Zero(runs[0].covariance.rows(), runs[0].covariance.cols());
+  for (std::size_t k = 1; k < sizes.size(); ++k) {
+    const Eigen::VectorXd moved = runs[k].estimate - runs[0].estimate;
+    more += weights[k] / sum * (runs[k].covariance - runs[0].covariance + moved * moved.transpose());
+  }
+  return more;
+}
+
 bool differ(const Vector3d& values) { return values.maxCoeff() > values.minCoeff(); }
 
 }  // namespace
@@ -231,6 +262,11 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
         (k < 3 ? fit.sigma_angle_random_walk[k] : fit.sigma_velocity_random_walk[k - 3]) = sigma;
       }
   }
+  const Eigen::Index count = static_cast<Eigen::Index>(free.size());
+  fit.unseen_instability = Eigen::MatrixXd::Zero(count, count);
+  for (const int triad : {0, 1})
+    if (options.bias_instability && !options.near_start && !kept[triad])
+      fit.unseen_instability += unseen_instability(likelihood, s, triad, tau);
   fit.converged = scoring.converged;
   fit.evaluations = likelihood.evaluations;
   fit.noise = setup.noise;

@@ -12,6 +12,12 @@
 //   information_ij = sum 1/2 tr(S^-1 S_i S^-1 S_j) + nu_i' S^-1 nu_j
 // A bias instability is kept only when the likelihood ratio justifies it. The variance stands on its bound when there is
 // none, so twice the gain is half zero and half chi-square of one degree (Self and Liang, J. Am. Stat. Ass. 82 (1987) 605).
+// One that is not kept may be there all the same: in two hours of 8 ug/sqrt(Hz) a flicker of 0.3 ug hardly shows, and yet
+// makes the sigma of an accelerometer bias a fifth larger. So the covariance is averaged over what it may be,
+//   C + dC,  dC = sum w_k (C_k - C + (x_k - x)(x_k - x)'),  w_k ~ L_R(s_k) / (1 + (s_k / s_0)^2),  s_k up to 6 s_0
+// s in units of ARW / sqrt(tau_b), the instability that matters in tau_b as much as the walk. The prior is half-Cauchy (Gelman, Bayesian
+// Analysis 1 (2006) 515, on a variance component) with s_0 = 0.2 for gyros and 0.5 for accelerometers: data sheets say 0.1 to 0.4
+// for ring lasers, 0.6 to 4 for quartz, and what is large shows. The rest is the law of total variance.
 // Sources: Harvey, Forecasting, Structural Time Series Models and the Kalman Filter (1989), 3.4 and 4.3; Patterson and
 // Thompson, Biometrika 58 (1971) 545 for the restricted likelihood.
 // Quantisation is not fitted: the pulse is known. What is slower than the recording is not noise here but drift.
@@ -45,6 +51,7 @@ struct NoiseFit {
   Eigen::Vector3d sigma_velocity_random_walk = Eigen::Vector3d::Zero();
   double gyro_bias_instability_gain = 0.0;  // 2 (log L - log L without it)
   double accel_bias_instability_gain = 0.0;
+  Eigen::MatrixXd unseen_instability;  // dC of `free`, to be added to their covariance; file units; not near_start
   int evaluations = 0;
 };
 

@@ -144,6 +144,28 @@ TEST(JointConditions, AnInstabilityThatIsNotThereIsNotInvented) {
   EXPECT_LE(invented, 4);
 }
 
+// One too small to be kept is counted in sigma; one that is kept is in the filter already.
+TEST(JointConditions, AnInstabilityThatIsNotSeenIsInTheSigma) {
+  const JointResult& r = clean_estimate();
+  ASSERT_FALSE(r.noise.has_bias_instability());
+  const auto widened = [](const JointResult& of, int k) {
+    return std::sqrt(of.covariance(k, k) / (of.covariance(k, k) - of.unseen_instability(k, k)));
+  };
+  for (int k = 0; k < 21; ++k) EXPECT_GE(widened(r, k), 1.0 - 1e-6) << k;
+  for (int k = 3; k < 6;
+       ++k) {  // 0.3 ug of flicker make the errors of A0 1.05 to 1.25 times the sigma without (docs/accuracy.md)
+    EXPECT_GT(widened(r, k), 1.03) << k;
+    EXPECT_LT(widened(r, k), 1.25) << k;
+  }
+  RigConfig config = unit();
+  config.noise.accel_bias_instability_ug = 5.0;
+  config.noise.gyro_bias_instability_degph = 0.05;
+  const JointResult seen = joint_estimate(record(config).recording);
+  EXPECT_GT(seen.noise.accel_bias_instability_mps2, 0.0);
+  EXPECT_GT(seen.noise.gyro_bias_instability_radps, 0.0);
+  EXPECT_EQ(seen.unseen_instability.cwiseAbs().maxCoeff(), 0.0);
+}
+
 struct Grade {
   const char* name;
   double arw_deg_prh, vrw_ug_prhz, period_s, latitude_deg;
