@@ -1,7 +1,8 @@
-// `turncal calibrate RECORDING --out DIR [--method ...]`: writes DIR/parameters.conf from any recording. A truth.conf beside the
-// recording (as after a dry run) is compared with the result.
+// `turncal calibrate RECORDING... --out DIR [--method ...]`: writes DIR/parameters.conf from any recording, or from several of one unit. A
+// truth.conf beside the first (as after a dry run) is compared with the result.
 #include <filesystem>
 #include <memory>
+#include <vector>
 
 #include "imu_io/base/clock.h"
 #include "orchestrator/commands/commands.h"
@@ -18,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct CalibrateOptions {
-  std::string recording;
+  std::vector<std::string> recordings;
   std::string out;
   std::string method = calibration_methods[0];
   bool partial = false;
@@ -34,13 +35,17 @@ std::optional<ParameterVector> truth_beside(const std::string& recording) {
 }
 
 Status calibrate(const CalibrateOptions& options, CommandContext& context) {
-  const Result<LoadedRecording> recording = load_recording(options.recording);
-  if (!recording) return recording.error();
+  std::vector<LoadedRecording> recordings;
+  for (const std::string& path : options.recordings) {
+    Result<LoadedRecording> recording = load_recording(path);
+    if (!recording) return recording.error();
+    recordings.push_back(std::move(*recording));
+  }
   CalibrationRequest request;
   request.method = options.method;
   request.partial = options.partial;
   request.time_utc = format_utc(wall_utc_s());
-  const Result<CalibrationOutput> output = calibrate_recording(*recording, request);
+  const Result<CalibrationOutput> output = calibrate_recordings(recordings, request);
   if (!output) return output.error();
   // An earlier result in the folder is replaced, whole.
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {});
@@ -50,7 +55,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   folder->keep();
   for (const std::string& note : output->notes) context.out << note << '\n';
   context.out << '\n';
-  print_results(output->file, truth_beside(options.recording), context.out);
+  print_results(output->file, truth_beside(options.recordings.front()), context.out);
   context.out << "\nparameters  " << file << std::endl;
   return {};
 }
@@ -60,7 +65,8 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
 void add_calibrate_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<CalibrateOptions>();
   const Command command = line.command("calibrate", "estimate the parameters from a recording");
-  command.option("recording", options->recording, "a folder (binary or text form) or a .tcr file").required();
+  command.option("recording", options->recordings, "a folder (binary or text form) or a .tcr file; several of one unit")
+      .required();
   command.option("--out", options->out, "folder for parameters.conf").required();
   command.option("--method", options->method, "how to estimate")
       .one_of(std::vector<std::string>(std::begin(calibration_methods), std::end(calibration_methods)))

@@ -36,4 +36,8 @@ struct CalibrationOutput {
 // Errors: kind input for a recording that cannot be calibrated, unit_failed when the solution does not settle.
 Result<CalibrationOutput> calibrate_recording(const LoadedRecording& recording, const CalibrationRequest& request);
 
+// One unit in several recordings (calib/joint/several_recordings.h): table data of one unit and one kind of increment, method joint.
+Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording>& recordings,
+                                               const CalibrationRequest& request);
+
 }  // namespace turncal

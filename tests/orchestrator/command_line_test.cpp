@@ -140,6 +140,21 @@ TEST_F(CommandLine, CalibrateGivesWhatTheRunGave) {
   EXPECT_EQ(values("again"), values("demo"));
 }
 
+TEST_F(CommandLine, SeveralRecordingsAreOfOneUnitAndDiffer) {
+  const std::string demo = demo_run("demo");
+  const std::string sequence = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
+  expect_refused({"calibrate", demo, demo, "--out", "out"}, "is given twice");
+  write("again.rig", "noise.seed = 5\n");
+  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN1", "--sequence", sequence, "--capture-only", "--rig",
+                 path("again.rig"), "--out", "sn1"})
+                .code,
+            0);
+  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN2", "--sequence", sequence, "--capture-only", "--out", "sn2"}).code,
+            0);
+  expect_refused({"calibrate", "sn1", "sn2", "--out", "out"}, "another serial number");
+  expect_refused({"calibrate", "sn1", demo, "--method", "closed-form", "--out", "out"}, "expected joint");
+}
+
 TEST_F(CommandLine, ApplyWritesCalibratedIncrements) {
   const std::string demo = demo_run("demo");
   ASSERT_EQ(run({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", "calibrated.csv"}).code, 0);

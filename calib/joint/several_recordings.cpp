@@ -1,0 +1,146 @@
+#include "calib/joint/several_recordings.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include <Eigen/Dense>
+
+#include "calib/statistics/distributions.h"
+
+namespace turncal {
+namespace {
+
+constexpr int biases = 6;
+constexpr double surely = 1e-3;
+
+// Where the column of a recording stands among all: those of the first, then six biases of every further one.
+int place(int column, std::size_t recording) {
+  if (column >= biases || recording == 0) return column;
+  return parameter_count + biases * static_cast<int>(recording - 1) + column;
+}
+
+struct Whole {
+  std::vector<int> subset;  // of all columns
+  Eigen::VectorXd begin;    // where the sums are about
+  Eigen::VectorXd ranges;
+  Eigen::MatrixXd information;
+  Eigen::VectorXd gradient;
+};
+
+Eigen::VectorXd own(const Eigen::VectorXd& all, const JointResult& estimate, std::size_t recording) {
+  Eigen::VectorXd values(static_cast<Eigen::Index>(estimate.free.size()));
+  for (std::size_t i = 0; i < estimate.free.size(); ++i)
+    values[static_cast<Eigen::Index>(i)] = all[place(estimate.free[i], recording)];
+  return values;
+}
+
+// Of one estimate, about itself: everything that its covariance counts, or what the data say where directions are open.
+Eigen::MatrixXd information_of(const JointResult& e) {
+  if (!e.undetermined.empty()) return e.last.information(e.free, e.free);
+  const Eigen::VectorXd scale = e.covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd correlation = scale.asDiagonal() * e.covariance * scale.asDiagonal();
+  const Eigen::MatrixXd inverse = correlation.ldlt().solve(Eigen::MatrixXd(scale.asDiagonal()));
+  return scale.asDiagonal() * inverse;
+}
+
+Whole add_up(const std::vector<JointResult>& estimates) {
+  const Eigen::Index columns = parameter_count + biases * (static_cast<Eigen::Index>(estimates.size()) - 1);
+  Whole w;
+  w.begin.setZero(columns);
+  w.ranges.setOnes(columns);
+  w.information.setZero(columns, columns);
+  w.gradient.setZero(columns);
+  w.begin.head<parameter_count>() = to_vector(estimates.front().parameters);
+  for (std::size_t k = 0; k < estimates.size(); ++k)
+    for (int column = 0; column < biases; ++column) {
+      w.begin[place(column, k)] = to_vector(estimates[k].parameters)[column];
+      w.ranges[place(column, k)] = estimates[k].ranges[column];
+    }
+  w.ranges.segment(biases, parameter_count - biases) =
+      estimates.front().ranges.segment(biases, parameter_count - biases);
+  for (std::size_t k = 0; k < estimates.size(); ++k) {
+    const JointResult& e = estimates[k];
+    const ParameterVector at = to_vector(e.parameters);
+    const Eigen::MatrixXd I = information_of(e);
+    const Eigen::VectorXd g =
+        Eigen::VectorXd(e.last.gradient(e.free)) + I * (own(w.begin, e, k) - Eigen::VectorXd(at(e.free)));
+    for (std::size_t i = 0; i < e.free.size(); ++i) {
+      const int row = place(e.free[i], k);
+      w.gradient[row] += g[static_cast<Eigen::Index>(i)];
+      for (std::size_t j = 0; j < e.free.size(); ++j)
+        w.information(row, place(e.free[j], k)) += I(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+    }
+  }
+  for (int column = 0; column < columns; ++column)
+    if (w.information(column, column) > 0.0) w.subset.push_back(column);
+  return w;
+}
+
+}  // namespace
+
+SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates) {
+  const Whole w = add_up(estimates);
+  const SubsetSolution solution = solve_subset(w.information, w.gradient, w.subset, w.ranges);
+  Eigen::VectorXd all = w.begin;
+  all(w.subset) += solution.step;
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(all.size(), all.size());
+  covariance(w.subset, w.subset) = solution.covariance;
+
+  SeveralRecordings result;
+  const double n = static_cast<double>(estimates.size());
+  int known = 0;
+  for (std::size_t k = 0; k < estimates.size(); ++k) {
+    const JointResult& e = estimates[k];
+    const Eigen::VectorXd apart = own(all, e, k) - Eigen::VectorXd(to_vector(e.parameters)(e.free));
+    result.disagreement += apart.dot(information_of(e) * apart);
+    known += static_cast<int>(e.free.size()) - static_cast<int>(e.undetermined.size());
+  }
+  result.degrees = known - static_cast<int>(w.subset.size() - static_cast<std::size_t>(solution.undetermined.cols()));
+  result.p_value = chi_square_tail(result.disagreement, result.degrees);
+  result.agree = result.p_value > surely;
+  if (!result.agree) covariance *= result.disagreement / std::max(result.degrees, 1);
+
+  // The mean of the biases and the common parameters, as one linear map of all columns.
+  Eigen::MatrixXd T = Eigen::MatrixXd::Zero(parameter_count, all.size());
+  for (int column = 0; column < parameter_count; ++column)
+    for (std::size_t k = 0; k < (column < biases ? estimates.size() : 1); ++k)
+      T(column, place(column, k)) = column < biases ? 1.0 / n : 1.0;
+  const ParameterVector mean = T * all;
+  Eigen::MatrixXd of_unit = T * covariance * T.transpose();
+  for (std::size_t k = 0; k < estimates.size(); ++k) {
+    Biases values, sigma;
+    for (int column = 0; column < biases; ++column) {
+      values[column] = all[place(column, k)];
+      sigma[column] = std::sqrt(std::max(covariance(place(column, k), place(column, k)), 0.0));
+    }
+    result.biases.push_back(values);
+    result.bias_sigma.push_back(sigma);
+  }
+  for (int column = 0; column < biases; ++column) {
+    double scatter = 0.0;
+    double noise = 0.0;
+    for (std::size_t k = 0; k < estimates.size(); ++k) {
+      scatter += std::pow(result.biases[k][column] - mean[column], 2) / (n - 1.0);
+      noise += std::pow(result.bias_sigma[k][column], 2) / n;
+    }
+    result.repeatability[column] = std::sqrt(std::max(scatter - noise, 0.0));
+    of_unit(column, column) += std::max(scatter - noise, 0.0) / n;
+  }
+
+  JointResult& unit = result.unit = estimates.front();
+  unit.parameters = from_vector(mean);
+  unit.covariance = of_unit(unit.free, unit.free);
+  unit.undetermined.clear();
+  for (const int column : unit.free) {
+    bool determined = true;
+    for (std::size_t i = 0; i < w.subset.size(); ++i)
+      for (std::size_t k = 0; k < estimates.size(); ++k)
+        if (w.subset[i] == place(column, k) && solution.lost[i] != 0) determined = false;
+    unit.determined[static_cast<std::size_t>(column)] = determined;
+    unit.sigma[column] = determined ? std::sqrt(of_unit(column, column)) : 0.0;
+  }
+  return result;
+}
+
+}  // namespace turncal

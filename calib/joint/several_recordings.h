@@ -1,0 +1,37 @@
+// One unit in several recordings: scale factors and installation are common, the six biases are of each switch-on.
+//
+// Every recording has its own joint estimate (joint_estimate.h): near it the likelihood is quadratic, with information I_i (the
+// inverse of its covariance) and gradient g_i (nothing, once settled) at p_i. With p = (common, biases 1, ..., biases K) their sum is solved once,
+//   sum_i T_i' (I_i (T_i p - p_i) + g_i) = 0,  T_i picks what recording i knows of,
+// which is what one estimate from all seconds of all recordings would find (to second order in p_i - T_i p, some sigma).
+//
+// The recordings agree when sum_i (T_i p - p_i)' I_i (T_i p - p_i) is chi-square with sum_i rank - rank degrees of freedom.
+// Turn-on repeatability of a bias: the scatter of its K values, less what their own sigmas explain (IEEE 952, 1293).
+// Not modelled: changes of scale factor or installation from day to day; they show in the agreement. Effects are not combined.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/joint/joint_estimate.h"
+
+namespace turncal {
+
+using Biases = Eigen::Matrix<double, 6, 1>;  // N01 N02 N03 (deg/h), A01 A02 A03 (g)
+
+struct SeveralRecordings {
+  // Common parameters; biases: the mean over the recordings, with the scatter of the mean in its sigma. Everything that
+  // describes one recording (noise, faults, innovations) is of the first.
+  JointResult unit;
+  std::vector<Biases> biases, bias_sigma;  // of each recording
+  Biases repeatability = Biases::Zero();   // one sigma from one switch-on to the next; 0: no more than noise
+  double disagreement = 0.0;               // chi-square
+  int degrees = 0;
+  double p_value = 1.0;
+  bool agree = true;  // p_value above one in a thousand; where not, sigmas are those that would make them agree
+};
+
+// At least two estimates without effects, each converged.
+SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates);
+
+}  // namespace turncal

@@ -1,0 +1,104 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "calib/joint/several_recordings.h"
+#include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/report/diagnosis_file.h"
+
+namespace turncal {
+namespace {
+
+Status check_same_unit(const std::vector<LoadedRecording>& recordings) {
+  const RecordingInfo& first = recordings.front().data.info;
+  for (const LoadedRecording& r : recordings) {
+    const RecordingInfo& info = r.data.info;
+    const auto differs = [&](const std::string& what) {
+      return input_error(r.path + ": " + what + " than " + recordings.front().path + ": expected recordings of one unit");
+    };
+    if (r.by_hand)
+      return input_error(r.path + ": has no table angles: expected recordings from a table where there are several");
+    if (info.unit_serial != first.unit_serial)
+      return differs("another serial number, " + info.unit_serial + " where " + first.unit_serial + " was first,");
+    if (info.gyro_increment != first.gyro_increment || info.accel_increment != first.accel_increment ||
+        info.accel_pulse_mps != first.accel_pulse_mps)
+      return differs("other increments");
+    if (info.simulated != first.simulated) return differs("simulated or real, other");
+    const auto same = [&](const LoadedRecording& other) { return &other != &r && other.hash == r.hash; };
+    if (std::any_of(recordings.begin(), recordings.end(), same))
+      return input_error(r.path + ": is given twice: expected recordings that differ");
+  }
+  return {};
+}
+
+void describe(const SeveralRecordings& several, const std::vector<LoadedRecording>& recordings, ParameterFile& file) {
+  file.add_further("record.recordings", static_cast<double>(recordings.size()));
+  for (std::size_t k = 0; k < recordings.size(); ++k) {
+    const std::string begin = "record.recording." + std::to_string(k + 1) + ".";
+    file.add_further(begin + "hash", recordings[k].hash);
+    for (int column = 0; column < 6; ++column) {
+      const std::string key(parameter_keys[static_cast<std::size_t>(column)]);
+      file.add_further(begin + key, several.biases[k][column]);
+      file.add_further(begin + "sigma." + key, several.bias_sigma[k][column]);
+    }
+  }
+  for (int column = 0; column < 6; ++column)
+    file.add_further("quality.turn_on_repeatability." + std::string(parameter_keys[static_cast<std::size_t>(column)]),
+                     several.repeatability[column]);
+  file.add_further("quality.recordings_agree", std::string(several.agree ? "true" : "false"));
+  file.add_further("quality.recordings_p_value", several.p_value);
+}
+
+}  // namespace
+
+Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording>& recordings,
+                                               const CalibrationRequest& request) {
+  if (recordings.size() == 1) return calibrate_recording(recordings.front(), request);
+  if (request.method != calibration_methods[0])
+    return input_error("--method " + request.method + ": expected joint where there are several recordings");
+  if (Status status = check_same_unit(recordings); !status) return status.error();
+  CalibrationOutput output;
+  std::vector<JointResult> estimates;
+  bool white = true;
+  for (const LoadedRecording& recording : recordings) {
+    CalibrationRequest one = request;
+    one.partial = true;  // what one does not determine the others may
+    Result<CalibrationOutput> made = calibrate_recording(recording, one);
+    if (!made) return made.error();
+    output.notes.push_back(recording.path + ":");
+    for (const std::string& note : made->notes) output.notes.push_back("  " + note);
+    white = white && made->fit->whiteness.white;
+    estimates.push_back(std::move(*made->fit));
+    if (estimates.size() == 1) output.file = std::move(made->file);
+  }
+  const SeveralRecordings several = combine_recordings(estimates);
+  std::string open;
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k)
+    if (parameter_is_free[k] && !several.unit.determined[k]) open += " " + std::string(parameter_keys[k]);
+  if (!open.empty() && !request.partial)
+    return input_error("these recordings do not determine" + open +
+                       ": expected the steps that do (--partial writes what there is)");
+  ParameterFile file = output.file;
+  file.further.clear();
+  file.sigma = {};
+  describe_estimate(several.unit, recordings.front().data, false, file);
+  file.add_further("quality.trusted", std::string(white && several.agree ? "true" : "false"));
+  describe(several, recordings, file);
+  output.file = std::move(file);
+  char text[240];
+  std::snprintf(text, sizeof text, "%zu recordings, one unit: what they say of it differs by chi-square %.1f of %d, p %.2g%s",
+                recordings.size(), several.disagreement, several.degrees, several.p_value,
+                several.agree ? "" : ": THEY CONTRADICT EACH OTHER; every sigma is widened until they do not");
+  output.notes.push_back(text);
+  for (int column = 0; column < 6; ++column) {
+    const bool gyro = column < 3;
+    std::snprintf(text, sizeof text, "turn-on repeatability of %s: %.3g %s",
+                  std::string(parameter_keys[static_cast<std::size_t>(column)]).c_str(),
+                  gyro ? several.repeatability[column] : 1e6 * several.repeatability[column], gyro ? "deg/h" : "ug");
+    output.notes.push_back(text);
+  }
+  output.fit = several.unit;
+  return output;
+}
+
+}  // namespace turncal
