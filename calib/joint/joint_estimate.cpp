@@ -1,6 +1,7 @@
 #include "calib/joint/joint_estimate.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -93,6 +94,7 @@ class JointRun {
   double correct_headings(const FilterResult& pass);
   void look_for_faults();
   bool is_open() const { return solution_.undetermined.cols() > 0; }
+  Eigen::VectorXd pull_of_noise();
   bool last_passes();
   void widen();
   void report();
@@ -353,6 +355,39 @@ void JointRun::look_for_faults() {
   }
 }
 
+// The noise of the counts goes into the derivatives, too: those by a scale factor n hold nu_i / n, nu_i what sensor i's noise makes of
+// the innovations, and E sum N' S^-1 nu = sum tr(S^-1 cov nu_i) / n = (d log det S / d log s_i) / n with s_i its variance, not 0:
+// scale factors come out too small, by a sigma at 3 deg/sqrt(h) (errors in variables). This is what is to be taken off the gradient.
+Eigen::VectorXd JointRun::pull_of_noise() {
+  constexpr double step = 0.01;        // of a variance
+  constexpr double negligible = 0.01;  // of a sigma
+  constexpr std::array<int, 6> scales = {6, 10, 14, 15, 19, 23};
+  const ParameterVector values = to_vector(result_.parameters);
+  const double all = static_cast<double>(
+      std::count_if(recording_.blocks.begin(), recording_.blocks.end(), [](const Block& b) { return b.whole_second; }));
+  Eigen::VectorXd pull = Eigen::VectorXd::Zero(parameter_count);
+  std::optional<double> log_determinant;
+  const auto pass = [&](const NoiseModel& noise) {
+    FilterSetup setup = result_.setup;
+    setup.with_columns = false;
+    setup.noise = noise;
+    return run_filter(recording_, result_.parameters, effects_, setup).log_determinant;
+  };
+  for (std::size_t k = 0; k < scales.size(); ++k) {
+    const auto at = std::find(subset_.begin(), subset_.end(), scales[k]);
+    if (at == subset_.end()) continue;
+    const double sigma = std::sqrt(solution_.covariance(at - subset_.begin(), at - subset_.begin()));
+    const double value = values[scales[k]];
+    if (3.0 * all * sigma < negligible * std::abs(value)) continue;  // were all of S this one's
+    if (!log_determinant) log_determinant = pass(result_.setup.noise);
+    NoiseModel louder = result_.setup.noise;
+    (k < 3 ? louder.angle_random_walk : louder.velocity_random_walk)[static_cast<Eigen::Index>(k % 3)] *=
+        std::sqrt(1.0 + step);
+    pull[scales[k]] = (pass(louder) - *log_determinant) / step / value;
+  }
+  return pull;
+}
+
 // Every second, and the candidates.
 bool JointRun::last_passes() {
   JointResult& r = result_;
@@ -361,10 +396,12 @@ bool JointRun::last_passes() {
   EffectModel with_candidates = make_effect_model(columns, {recording_.info.latitude_deg}, reference_temperature_c_);
   FilterSetup setup = r.setup;
   setup.keep_innovations = true;
+  const Eigen::VectorXd pull = pull_of_noise();
   for (int k = 0; k < 5; ++k) {
     with_candidates.values.head(effects_.columns) = effects_.values;
     setup.headings_rad = r.setup.headings_rad;
     r.last = run_filter(recording_, r.parameters, with_candidates, setup);
+    r.last.gradient.head<parameter_count>() -= pull;
     if (is_open()) {  // where it ended it stays
       solution_ = solve_subset(r.last.information, r.last.gradient, subset_, ranges_);
       return true;

@@ -14,7 +14,8 @@ Status check_same_unit(const std::vector<LoadedRecording>& recordings) {
   for (const LoadedRecording& r : recordings) {
     const RecordingInfo& info = r.data.info;
     const auto differs = [&](const std::string& what) {
-      return input_error(r.path + ": " + what + " than " + recordings.front().path + ": expected recordings of one unit");
+      return input_error(r.path + ": " + what + " than " + recordings.front().path +
+                         ": expected recordings of one unit");
     };
     if (r.by_hand)
       return input_error(r.path + ": has no table angles: expected recordings from a table where there are several");
@@ -86,7 +87,8 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   describe(several, recordings, file);
   output.file = std::move(file);
   char text[240];
-  std::snprintf(text, sizeof text, "%zu recordings, one unit: what they say of it differs by chi-square %.1f of %d, p %.2g%s",
+  std::snprintf(text, sizeof text,
+                "%zu recordings, one unit: what they say of it differs by chi-square %.1f of %d, p %.2g%s",
                 recordings.size(), several.disagreement, several.degrees, several.p_value,
                 several.agree ? "" : ": THEY CONTRADICT EACH OTHER; every sigma is widened until they do not");
   output.notes.push_back(text);

@@ -203,7 +203,8 @@ INSTANTIATE_TEST_SUITE_P(JointConditions, AnyGrade,
                                          Grade{"NavigationAt2kHz", 0.002, 8.0, 0.0005, 50.0, RigQuantisation::floor},
                                          Grade{"Tactical", 0.05, 50.0, 0.005, 45.0, RigQuantisation::off},
                                          Grade{"Mems", 0.3, 100.0, 0.005, 45.0, RigQuantisation::floor},
-                                         Grade{"MemsOfADegree", 1.0, 200.0, 0.01, 45.0, RigQuantisation::off}),
+                                         Grade{"MemsOfADegree", 1.0, 200.0, 0.01, 45.0, RigQuantisation::off},
+                                         Grade{"MemsOfThreeDegrees", 3.0, 200.0, 0.01, 45.0, RigQuantisation::off}),
                          [](const auto& grade) { return std::string(grade.param.name); });
 
 // A count that falls short of a steady velocity, from anywhere; on the mean over a range, for one tooth more or less is not known.

@@ -1,7 +1,9 @@
 // Monte Carlo of the joint estimate (docs/accuracy.md): seeded rig runs, each with a unit of its own.
 //
-//   study_joint SEED_FIRST SEED_COUNT [--instability G A] [--table ARCMIN] [--sequence NAME] [--no-instability-fit] [--given]
-// --instability: bias instability of the rig's gyros (deg/h) and accelerometers (ug); --table: sigma of its random errors
+//   study_joint SEED_FIRST SEED_COUNT [--instability G A] [--table ARCMIN] [--sequence NAME] [--walks ARW VRW] [--real]
+//               [--no-instability-fit] [--given]
+// --walks: of the rig (deg/sqrt(h), ug/sqrt(Hz)); --real: increments are real numbers, not pulses; --instability: bias
+// instability of the gyros (deg/h) and accelerometers (ug); --table: sigma of its random errors
 // (arcmin); --given: the estimator is given the rig's random walks instead of measuring them.
 // One line a run: seed NEES level ARW VRW sigma_bg sigma_ba iterations faults (estimate - truth) / sigma of the 21 free
 // parameters. The estimate starts from those of Wang (2020), 8 % off in scale. scripts/study-joint makes the table.
@@ -54,7 +56,7 @@ int main(int argc, char** argv) {
   if (argc < 3) {
     std::fprintf(stderr,
                  "usage: study_joint SEED_FIRST SEED_COUNT [--instability G A] [--table ARCMIN] [--sequence NAME] "
-                 "[--no-instability-fit] [--given]\n");
+                 "[--walks ARW VRW] [--real] [--no-instability-fit] [--given]\n");
     return 1;
   }
   RigConfig config = default_rig_config();
@@ -65,6 +67,11 @@ int main(int argc, char** argv) {
     if (std::strcmp(argv[k], "--instability") == 0 && k + 2 < argc) {
       config.noise.gyro_bias_instability_degph = std::atof(argv[++k]);
       config.noise.accel_bias_instability_ug = std::atof(argv[++k]);
+    } else if (std::strcmp(argv[k], "--walks") == 0 && k + 2 < argc) {
+      config.noise.gyro_random_walk_deg_per_rt_h = std::atof(argv[++k]);
+      config.noise.accel_random_walk_ug_per_rt_hz = std::atof(argv[++k]);
+    } else if (std::strcmp(argv[k], "--real") == 0) {
+      config.quantisation = RigQuantisation::off;
     } else if (std::strcmp(argv[k], "--table") == 0 && k + 1 < argc) {
       config.table_errors.random_arcmin = std::atof(argv[++k]);
     } else if (std::strcmp(argv[k], "--sequence") == 0 && k + 1 < argc) {
