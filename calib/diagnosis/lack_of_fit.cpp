@@ -5,14 +5,13 @@
 #include <cstdio>
 #include <functional>
 
-#include <Eigen/Dense>
-
 #include "calib/diagnosis/holdout.h"
 #include "calib/diagnosis/segment_scores.h"
 #include "calib/joint/motion_step.h"
 #include "calib/joint/score_algebra.h"
 #include "calib/model/attitude.h"
 #include "calib/statistics/distributions.h"
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {
@@ -283,7 +282,7 @@ void test_holdout(const CompressedRecording& holdout, const JointResult& fit, co
   MatrixXd prior = MatrixXd::Zero(n, n);
   const MatrixXd cross = information(biases, others);
   const MatrixXd kept =
-      information(others, others) - cross.transpose() * MatrixXd(information(biases, biases)).ldlt().solve(cross);
+      information(others, others) - cross.transpose() * solve_symmetric(information(biases, biases), cross);
   prior(others, others) = kept;
   const SegmentScores scores(holdout, pass.filter, pass.columns, fit.reference_temperature_c, tester.limits(), prior);
   tester.pieces(scores, "holdout, ");
@@ -294,13 +293,13 @@ void test_holdout(const CompressedRecording& holdout, const JointResult& fit, co
   int rank = 0;
   const auto fall = [&](const MatrixXd& M) {
     const VectorXd scale = M.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scale.asDiagonal() * M * scale.asDiagonal());
-    const VectorXd along = eigen.eigenvectors().transpose() * scale.cwiseProduct(c);
+    const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * M * scale.asDiagonal());
+    const VectorXd along = eigen.vectors.transpose() * scale.cwiseProduct(c);
     double sum = 0.0;
     rank = 0;
     for (Eigen::Index k = 0; k < along.size(); ++k) {
-      if (eigen.eigenvalues()[k] < 1e-9) continue;
-      sum += along[k] * along[k] / eigen.eigenvalues()[k];
+      if (eigen.values[k] < 1e-9) continue;
+      sum += along[k] * along[k] / eigen.values[k];
       ++rank;
     }
     return sum;

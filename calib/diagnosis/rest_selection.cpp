@@ -33,8 +33,7 @@ RestScores::RestScores(const RestSystem& system, const RestFit& fit, int model_c
   const MatrixXd J = weights.asDiagonal() * system.jacobian;
   MatrixXd base = J.leftCols(model_columns);
   for (Index k = 0; k < base.cols(); ++k) base.col(k) /= std::max(base.col(k).norm(), 1e-300);
-  const Eigen::ColPivHouseholderQR<MatrixXd> qr(base);
-  MatrixXd Q = MatrixXd(qr.householderQ()).leftCols(qr.rank());
+  MatrixXd Q = column_space(base);
   if (!nuisance.empty()) {
     MatrixXd extra(J.rows(), static_cast<Index>(nuisance.size()));
     for (std::size_t k = 0; k < nuisance.size(); ++k) {
@@ -42,11 +41,10 @@ RestScores::RestScores(const RestSystem& system, const RestFit& fit, int model_c
       const VectorXd left = column - Q * (Q.transpose() * column);
       extra.col(static_cast<Index>(k)) = left / std::max(column.norm(), 1e-300);
     }
-    const Eigen::JacobiSVD<MatrixXd> svd(extra, Eigen::ComputeThinU);
+    const ThinSvd svd = thin_svd(extra);
     Index rank = 0;
-    while (rank < extra.cols() && svd.singularValues()[rank] > rest_limits.nuisance_floor * svd.singularValues()[0])
-      ++rank;
-    const MatrixXd U = svd.matrixU().leftCols(rank);
+    while (rank < extra.cols() && svd.values[rank] > rest_limits.nuisance_floor * svd.values[0]) ++rank;
+    const MatrixXd U = svd.U.leftCols(rank);
     for (Index k = 0; k < U.rows(); ++k)
       freedom_[static_cast<std::size_t>(system.kind[static_cast<std::size_t>(k)])] -= U.row(k).squaredNorm();
     Q.conservativeResize(Eigen::NoChange, Q.cols() + rank);
@@ -114,9 +112,9 @@ RestScores::Group RestScores::group(const std::vector<int>& members) const {
   if (seen.empty()) return result;
   MatrixXd part(residual_.size(), static_cast<Index>(seen.size()));
   for (std::size_t k = 0; k < seen.size(); ++k) part.col(static_cast<Index>(k)) = columns_.col(seen[k]);
-  const Eigen::JacobiSVD<MatrixXd> svd(part, Eigen::ComputeThinU);
-  while (result.rank < svd.singularValues().size() && svd.singularValues()[result.rank] > 1e-3) ++result.rank;
-  const MatrixXd U = svd.matrixU().leftCols(result.rank);
+  const ThinSvd svd = thin_svd(part);
+  while (result.rank < svd.values.size() && svd.values[result.rank] > 1e-3) ++result.rank;
+  const MatrixXd U = svd.U.leftCols(result.rank);
   const VectorXd along = U.transpose() * residual_;
   result.chi_square = along.squaredNorm();
   result.statistic = gain(residual_ - U * along, seen, result.rank, result.p_value);

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Dense>
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {
@@ -76,40 +76,37 @@ SegmentScores::SegmentScores(const CompressedRecording& recording, const FilterR
   const VectorXd scale = A.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const MatrixXd unit = scale.asDiagonal() * A * scale.asDiagonal();
   const MatrixXd lifted = unit + 1e-13 * MatrixXd::Identity(A.rows(), A.cols());
-  A_inverse_ = scale.asDiagonal() * lifted.ldlt().solve(MatrixXd(scale.asDiagonal()));
+  A_inverse_ = scale.asDiagonal() * solve_symmetric(lifted, MatrixXd(scale.asDiagonal()));
   s_.setZero(piece_dims * static_cast<Eigen::Index>(pieces_.size()));
   R_.setZero(s_.size(), static_cast<Eigen::Index>(columns.size()));
   links_.resize(pieces_.size());
   const bool biases = std::any_of(pass.steps.begin(), pass.steps.end(), [](const FilterStep& s) {
     return s.observed && s.K.bottomRows<6>().squaredNorm() > 0.0;
   });
-  if (biases)
-    run<12>(pass, recording, columns);
-  else
-    run<6>(pass, recording, columns);
+  run(biases ? 12 : 6, pass, recording, columns);
   s_ += R_ * (A_inverse_ * VectorXd(pass.gradient(columns)));  // the fit stops a little short of its optimum
 }
 
-template <int NS>
-void SegmentScores::run(const FilterResult& pass, const CompressedRecording& recording,
+// Sizes of run time: with fixed ones (12 and 18) Eigen's products take a minute to compile and are no faster.
+void SegmentScores::run(int states, const FilterResult& pass, const CompressedRecording& recording,
                         const std::vector<int>& columns) {
-  constexpr int Z = NS + 6;  // state, then the biases within the piece
-  using MatrixZ = Eigen::Matrix<double, Z, Z>;
+  const int NS = states;
+  const int Z = NS + 6;  // state, then the biases within the piece
   const int p = static_cast<int>(columns.size());
   MatrixXd R = MatrixXd::Zero(Z, p), next(Z, p);
   VectorXd r = VectorXd::Zero(Z);
-  MatrixZ I = MatrixZ::Zero();
-  MatrixZ T = MatrixZ::Identity();  // from here to where the next piece begins
-  Eigen::Matrix<double, 3, Eigen::Dynamic> weighted(3, p);
+  MatrixXd I = MatrixXd::Zero(Z, Z);
+  MatrixXd T = MatrixXd::Identity(Z, Z);  // from here to where the next piece begins
+  MatrixXd weighted(3, p);
   std::size_t piece = pieces_.size();
   const auto forget = [&] {  // psi and v before a chain say nothing about what comes in it
-    r.template head<6>().setZero();
-    I.template topRows<6>().setZero();
-    I.template leftCols<6>().setZero();
-    R.template topRows<6>().setZero();
-    T.template leftCols<6>().setZero();
+    r.head<6>().setZero();
+    I.topRows<6>().setZero();
+    I.leftCols<6>().setZero();
+    R.topRows<6>().setZero();
+    T.leftCols<6>().setZero();
   };
-  MatrixZ turn = MatrixZ::Identity();  // the steps of a turn are taken together
+  MatrixXd turn = MatrixXd::Identity(Z, Z);  // the steps of a turn are taken together
   bool turning = false;
   const auto end_turn = [&] {
     if (!turning) return;
@@ -126,21 +123,21 @@ void SegmentScores::run(const FilterResult& pass, const CompressedRecording& rec
     const double t = recording.blocks[step.block].duration_s;
     if (piece > 0 && k == pieces_[piece - 1].last_step) --piece;
     const bool in_piece = piece < pieces_.size() && k >= pieces_[piece].first_step && k <= pieces_[piece].last_step;
-    MatrixZ L = MatrixZ::Identity();
+    MatrixXd L = MatrixXd::Identity(Z, Z);
     const Matrix3d psi_b = step.C_mid * t;
     const Matrix3d v_b = -step.F * step.C_mid * (0.5 * t * t);
-    L.template block<3, 3>(0, 0) = step.turn_n;
-    L.template block<3, 3>(3, 0) = -step.F * t;
+    L.block<3, 3>(0, 0) = step.turn_n;
+    L.block<3, 3>(3, 0) = -step.F * t;
     if (in_piece) {
-      L.template block<3, 3>(0, NS) = psi_b;
-      L.template block<3, 3>(3, NS) = v_b;
-      L.template block<3, 3>(3, NS + 3) = psi_b;
+      L.block<3, 3>(0, NS) = psi_b;
+      L.block<3, 3>(3, NS) = v_b;
+      L.block<3, 3>(3, NS + 3) = psi_b;
     }
-    if constexpr (NS == 12) {
-      L.template block<3, 3>(0, 6) = psi_b;
-      L.template block<3, 3>(3, 6) = v_b;
-      L.template block<3, 3>(3, 9) = psi_b;
-      L.template block<6, 6>(6, 6) *= step.rho;
+    if (NS == 12) {
+      L.block<3, 3>(0, 6) = psi_b;
+      L.block<3, 3>(3, 6) = v_b;
+      L.block<3, 3>(3, 9) = psi_b;
+      L.block<6, 6>(6, 6) *= step.rho;
     }
     if (!step.observed && !in_piece && !step.begins_chain) {
       turn = (turn * L).eval();
@@ -149,19 +146,19 @@ void SegmentScores::run(const FilterResult& pass, const CompressedRecording& rec
     }
     end_turn();
     if (step.observed) {
-      Eigen::Matrix<double, 3, Z> H = Eigen::Matrix<double, 3, Z>::Zero();
-      H.template block<3, 3>(0, 0) = -step.F * (0.5 * t);
-      H.template block<3, 3>(0, 3).setIdentity();
+      MatrixXd H = MatrixXd::Zero(3, Z);
+      H.block<3, 3>(0, 0) = -step.F * (0.5 * t);
+      H.block<3, 3>(0, 3).setIdentity();
       const Matrix3d by_gyro = -step.F * step.C_mid * (t * t / 6.0);
       const Matrix3d by_accel = step.C_mid * (0.5 * t);
-      H.template block<3, 3>(0, NS) = by_gyro;
-      H.template block<3, 3>(0, NS + 3) = by_accel;
-      if constexpr (NS == 12) {
-        H.template block<3, 3>(0, 6) = by_gyro;
-        H.template block<3, 3>(0, 9) = by_accel;
+      H.block<3, 3>(0, NS) = by_gyro;
+      H.block<3, 3>(0, NS + 3) = by_accel;
+      if (NS == 12) {
+        H.block<3, 3>(0, 6) = by_gyro;
+        H.block<3, 3>(0, 9) = by_accel;
       }
-      L.template topRows<NS>() -= step.K.template topRows<NS>() * H;
-      const Eigen::Matrix<double, Z, 3> HS = H.transpose() * step.S_inverse;
+      L.topRows(NS) -= step.K.topRows(NS) * H;
+      const MatrixXd HS = H.transpose() * step.S_inverse;
       r = (L.transpose() * r + HS * step.nu).eval();
       I = (L.transpose() * I * L + HS * H).eval();
       for (int c = 0; c < p; ++c) weighted.col(c) = step.N.row(columns[static_cast<std::size_t>(c)]).transpose();
@@ -195,8 +192,8 @@ void SegmentScores::run(const FilterResult& pass, const CompressedRecording& rec
     T.setIdentity();
     R.bottomRows(6).setZero();
     r.tail<6>().setZero();
-    I.template bottomRows<6>().setZero();
-    I.template rightCols<6>().setZero();
+    I.bottomRows<6>().setZero();
+    I.rightCols<6>().setZero();
   }
 }
 
@@ -270,15 +267,15 @@ RankedChiSquare ranked_chi_square(const SegmentScores::Test& test, double floor)
   VectorXd scale = VectorXd::Zero(test.before.size());
   for (Eigen::Index k = 0; k < scale.size(); ++k)
     if (test.before[k] > least) scale[k] = 1.0 / std::sqrt(test.before[k]);
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scale.asDiagonal() * test.Q * scale.asDiagonal());
-  const VectorXd along = eigen.eigenvectors().transpose() * scale.cwiseProduct(test.s);
+  const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * test.Q * scale.asDiagonal());
+  const VectorXd along = eigen.vectors.transpose() * scale.cwiseProduct(test.s);
   for (Eigen::Index k = 0; k < along.size(); ++k) {
-    const double value = eigen.eigenvalues()[k];
+    const double value = eigen.values[k];
     if (value < floor) continue;
     result.chi_square += along[k] * along[k] / value;
-    result.whiten.row(result.rank) = eigen.eigenvectors().col(k).cwiseProduct(scale).transpose() / std::sqrt(value);
+    result.whiten.row(result.rank) = eigen.vectors.col(k).cwiseProduct(scale).transpose() / std::sqrt(value);
     ++result.rank;
-    result.estimate += scale.cwiseProduct(eigen.eigenvectors().col(k)) * (along[k] / value);
+    result.estimate += scale.cwiseProduct(eigen.vectors.col(k)) * (along[k] / value);
   }
   result.whiten.conservativeResize(result.rank, Eigen::NoChange);
   return result;

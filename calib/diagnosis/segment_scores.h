@@ -60,8 +60,8 @@ class SegmentScores {
   Eigen::MatrixXd covariance(const std::vector<int>& dims) const;
 
  private:
-  template <int NS>
-  void run(const FilterResult& pass, const CompressedRecording& recording, const std::vector<int>& columns);
+  // `states`: 6 (psi, v) or 12 (with the biases).
+  void run(int states, const FilterResult& pass, const CompressedRecording& recording, const std::vector<int>& columns);
 
   std::vector<Piece> pieces_;
   Eigen::VectorXd s_;

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Dense>
-
 #include "calib/joint/coarser_recording.h"
 #include "calib/joint/joint_faults.h"
 #include "calib/statistics/linear_algebra.h"
@@ -338,7 +336,8 @@ void JointRun::step_within_ranges(const FilterResult& pass, Eigen::VectorXd& ste
   information.diagonal() += weight;
   const Eigen::VectorXd balance = information.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd unit = balance.asDiagonal() * information * balance.asDiagonal();
-  const Eigen::MatrixXd covariance = balance.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd(balance.asDiagonal()));
+  const Eigen::MatrixXd covariance =
+      balance.asDiagonal() * solve_symmetric(unit, Eigen::MatrixXd(balance.asDiagonal()));
   step = -covariance * gradient;
   sigma = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
 }
@@ -499,24 +498,24 @@ SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::Vec
   const Eigen::VectorXd balance = (A.diagonal().array() + 1.0).sqrt().inverse();
   const Eigen::MatrixXd B =
       balance.asDiagonal() * (A + Eigen::MatrixXd::Identity(A.rows(), A.cols())) * balance.asDiagonal();
-  const Eigen::MatrixXd with_prior = balance.asDiagonal() * B.ldlt().solve(Eigen::MatrixXd(balance.asDiagonal()));
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(with_prior);  // sigma^2 / (1 + sigma^2), in ranges
-  constexpr double limit = 0.01;                                           // sigma of a tenth of the range
+  const Eigen::MatrixXd with_prior = balance.asDiagonal() * solve_symmetric(B, Eigen::MatrixXd(balance.asDiagonal()));
+  const SymmetricEigen eigen = symmetric_eigen(with_prior);  // sigma^2 / (1 + sigma^2), in ranges
+  constexpr double limit = 0.01;                             // sigma of a tenth of the range
   Eigen::Index good = 0;
-  while (good < A.rows() && eigen.eigenvalues()[good] < limit) ++good;
+  while (good < A.rows() && eigen.values[good] < limit) ++good;
   SubsetSolution solution;
-  solution.undetermined = eigen.eigenvectors().rightCols(A.rows() - good);
+  solution.undetermined = eigen.vectors.rightCols(A.rows() - good);
   if (good == A.rows()) {
     const Eigen::VectorXd plain = A.diagonal().array().sqrt().inverse();
     const Eigen::MatrixXd unit = plain.asDiagonal() * A * plain.asDiagonal();
     const Eigen::VectorXd back = scale.cwiseProduct(plain);
-    solution.covariance =
-        back.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols())) * back.asDiagonal();
+    solution.covariance = back.asDiagonal() *
+                          solve_symmetric(unit, Eigen::MatrixXd::Identity(A.rows(), A.cols()).eval()) *
+                          back.asDiagonal();
   } else {
     // sigma^2 without the prior, on the determined directions only
-    const Eigen::VectorXd variance =
-        eigen.eigenvalues().head(good).array() / (1.0 - eigen.eigenvalues().head(good).array());
-    const Eigen::MatrixXd V = eigen.eigenvectors().leftCols(good);
+    const Eigen::VectorXd variance = eigen.values.head(good).array() / (1.0 - eigen.values.head(good).array());
+    const Eigen::MatrixXd V = eigen.vectors.leftCols(good);
     solution.covariance = scale.asDiagonal() * V * variance.asDiagonal() * V.transpose() * scale.asDiagonal();
   }
   solution.covariance = (0.5 * (solution.covariance + solution.covariance.transpose())).eval();
@@ -525,7 +524,7 @@ SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::Vec
   Eigen::VectorXd moved =
       Eigen::VectorXd::Zero(A.rows());  // variance from the undetermined directions, ranges as prior
   for (Eigen::Index d = 0; d < solution.undetermined.cols(); ++d)
-    moved += eigen.eigenvalues()[good + d] * solution.undetermined.col(d).cwiseProduct(scale).cwiseAbs2();
+    moved += eigen.values[good + d] * solution.undetermined.col(d).cwiseProduct(scale).cwiseAbs2();
   for (Eigen::Index i = 0; i < A.rows(); ++i) {
     const bool takes_part =
         solution.undetermined.cols() > 0 && solution.undetermined.row(i).cwiseAbs().maxCoeff() >= smallest_part;

@@ -4,9 +4,10 @@
 #include <cmath>
 #include <vector>
 
-#include <Eigen/Dense>
+#include <Eigen/LU>
 
 #include "calib/model/attitude.h"
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {
@@ -130,12 +131,11 @@ JointStart joint_start(const CompressedRecording& recording, const Parameters& p
   }
   start.accel_misfit = std::sqrt(gravity_square / start.static_s);
   // A rate that the rests do not separate from the earth's stays at zero: eigenvalues in seconds, of rests in two headings.
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 5, 5>> eigen(A);
-  Eigen::Matrix<double, 5, 1> inverse = eigen.eigenvalues().cwiseMax(1e-9).cwiseInverse();
+  const SymmetricEigen eigen = symmetric_eigen(A);
+  Eigen::Matrix<double, 5, 1> inverse = eigen.values.cwiseMax(1e-9).cwiseInverse();
   for (int k = 0; k < 5; ++k)
-    if (eigen.eigenvalues()[k] < 0.02 * eigen.eigenvalues()[4]) inverse[k] = 0.0;
-  const Eigen::Matrix<double, 5, 5> covariance =
-      eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+    if (eigen.values[k] < 0.02 * eigen.values[4]) inverse[k] = 0.0;
+  const Eigen::Matrix<double, 5, 5> covariance = eigen.vectors * inverse.asDiagonal() * eigen.vectors.transpose();
   const Eigen::Matrix<double, 5, 1> x = covariance * b;
   start.N0_degph = x.head<3>() / radps_per_degph;
   const bool separated = (inverse.array() > 0.0).all();

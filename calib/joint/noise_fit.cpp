@@ -5,8 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Dense>
-
 #include "calib/joint/linear_motion.h"
 #include "calib/statistics/linear_algebra.h"
 
@@ -59,11 +57,11 @@ class RestrictedLikelihood {
     const Eigen::MatrixXd A =
         ranges_.asDiagonal() * Eigen::MatrixXd(pass.information(free_, free_)) * ranges_.asDiagonal();
     const Eigen::VectorXd c = ranges_.cwiseProduct(Eigen::VectorXd(pass.gradient(free_)));
-    const Eigen::LDLT<Eigen::MatrixXd> factor(A + Eigen::MatrixXd::Identity(A.rows(), A.cols()));
-    run.log_det_information = factor.vectorD().array().log().sum();
-    run.value = pass.chi_square + pass.log_determinant - c.dot(factor.solve(c)) + run.log_det_information;
-    run.covariance = ranges_.asDiagonal() * factor.solve(Eigen::MatrixXd(ranges_.asDiagonal()));
-    run.estimate = -ranges_.cwiseProduct(Eigen::VectorXd(factor.solve(c)));
+    const Eigen::MatrixXd with_prior = A + Eigen::MatrixXd::Identity(A.rows(), A.cols());
+    const Eigen::VectorXd step = solve_symmetric(with_prior, c, run.log_det_information);
+    run.value = pass.chi_square + pass.log_determinant - c.dot(step) + run.log_det_information;
+    run.covariance = ranges_.asDiagonal() * solve_symmetric(with_prior, Eigen::MatrixXd(ranges_.asDiagonal()));
+    run.estimate = -ranges_.cwiseProduct(step);
     run.nu = std::move(pass.innovations);
     run.S = std::move(pass.covariances);
     return run;
@@ -140,7 +138,7 @@ Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups
     for (Eigen::Index k = 0; k < n; ++k)
       if (s[groups[static_cast<std::size_t>(k)][0]] > 0.0 || gradient[k] < 0.0) moving.push_back(k);
     const Eigen::MatrixXd part = information(moving, moving);
-    const Eigen::VectorXd full = part.ldlt().solve(-gradient(moving));
+    const Eigen::VectorXd full = solve_symmetric(part, Eigen::VectorXd(-gradient(moving)));
     RestrictedLikelihood::Run next;
     Variances t = s;
     bool better = false;
@@ -254,7 +252,7 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     }
   }
   if (options.random_walks) {  // sigma of a root: half the relative sigma of the variance
-    const Eigen::MatrixXd covariance = scoring.information.inverse();
+    const Eigen::MatrixXd covariance = inverse(scoring.information);
     for (std::size_t g = 0; g < of_walks.size(); ++g)
       for (const int k : of_walks[g]) {
         const double sigma =

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Dense>
-
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
@@ -20,11 +18,11 @@ Partial decompose(const Scores& scores, const std::vector<int>& group, double fl
   const Eigen::MatrixXd Q = scores.Q(group, group);
   Partial p;
   p.scale = Q.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(p.scale.asDiagonal() * Q * p.scale.asDiagonal());
+  const SymmetricEigen eigen = symmetric_eigen(p.scale.asDiagonal() * Q * p.scale.asDiagonal());
   Eigen::Index first = 0;
-  while (first < Q.rows() && eigen.eigenvalues()[first] < floor) ++first;
-  p.directions = eigen.eigenvectors().rightCols(Q.rows() - first);
-  p.values = eigen.eigenvalues().tail(Q.rows() - first);
+  while (first < Q.rows() && eigen.values[first] < floor) ++first;
+  p.directions = eigen.vectors.rightCols(Q.rows() - first);
+  p.values = eigen.values.tail(Q.rows() - first);
   return p;
 }
 
@@ -43,9 +41,9 @@ Scores eliminate(const Eigen::MatrixXd& information, const Eigen::VectorXd& grad
     const Eigen::VectorXd scale = A_bb.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd unit = scale.asDiagonal() * A_bb * scale.asDiagonal();
     // An undetermined base direction must not blow up: its eigenvalue is lifted by a hair.
-    const Eigen::LDLT<Eigen::MatrixXd> root(unit + 1e-13 * Eigen::MatrixXd::Identity(unit.rows(), unit.cols()));
     const Eigen::MatrixXd right = scale.asDiagonal() * A_bc;
-    const Eigen::MatrixXd solved = root.solve(right);
+    const Eigen::MatrixXd solved =
+        solve_symmetric(unit + 1e-13 * Eigen::MatrixXd::Identity(unit.rows(), unit.cols()), right);
     result.Q -= right.transpose() * solved;
     const Eigen::VectorXd scaled = scale.cwiseProduct(c_b);
     result.s += solved.transpose() * scaled;

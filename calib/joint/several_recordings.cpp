@@ -4,9 +4,8 @@
 #include <cmath>
 #include <numeric>
 
-#include <Eigen/Dense>
-
 #include "calib/statistics/distributions.h"
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {
@@ -40,7 +39,7 @@ Eigen::MatrixXd information_of(const JointResult& e) {
   if (!e.undetermined.empty()) return e.last.information(e.free, e.free);
   const Eigen::VectorXd scale = e.covariance.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd correlation = scale.asDiagonal() * e.covariance * scale.asDiagonal();
-  const Eigen::MatrixXd inverse = correlation.ldlt().solve(Eigen::MatrixXd(scale.asDiagonal()));
+  const Eigen::MatrixXd inverse = solve_symmetric(correlation, Eigen::MatrixXd(scale.asDiagonal()));
   return scale.asDiagonal() * inverse;
 }
 

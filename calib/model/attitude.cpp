@@ -32,9 +32,18 @@ Eigen::Matrix3d attitude_from_angles(double heading_rad, double pitch_rad, doubl
   return heading * pitch * roll;
 }
 
+// Not Quaterniond::FromTwoVectors: for two opposite vectors it has a singular value decomposition, 15 s of compile time.
 Eigen::Matrix3d level(const Eigen::Matrix3d& reference_C_nb, const Eigen::Vector3d& f_b) {
-  const Eigen::Vector3d f_n = (reference_C_nb * f_b).normalized();
-  return Eigen::Quaterniond::FromTwoVectors(f_n, Eigen::Vector3d::UnitY()).toRotationMatrix() * reference_C_nb;
+  const Eigen::Vector3d f_n = (reference_C_nb * f_b).normalized().normalized();  // once leaves an error of rounding
+  const Eigen::Vector3d up = Eigen::Vector3d::UnitY();
+  const double c = up.dot(f_n);
+  Eigen::Quaterniond turn(0.0, 1.0, 0.0, 0.0);  // upside down: half a turn about any horizontal axis
+  if (c >= -1.0 + 1e-12) {
+    const double s = std::sqrt((1.0 + c) * 2.0);
+    turn.vec() = f_n.cross(up) * (1.0 / s);
+    turn.w() = s * 0.5;
+  }
+  return turn.toRotationMatrix() * reference_C_nb;
 }
 
 Eigen::Vector3d earth_rate_n(double latitude_deg) {

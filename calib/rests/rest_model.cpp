@@ -27,9 +27,9 @@ double floor_of(const RestFloors& floors, RestKind kind) { return floor_of(const
 struct Whitened {
   VectorXd residual;
   VectorXd column_length;
-  Eigen::JacobiSVD<MatrixXd> svd;
+  ThinSvd svd;
   Index rank = 0;
-  MatrixXd basis() const { return svd.matrixU().leftCols(rank); }
+  MatrixXd basis() const { return svd.U.leftCols(rank); }
 };
 Whitened whiten(const RestSystem& system, const VectorXd& weights) {
   Whitened w;
@@ -41,8 +41,8 @@ Whitened whiten(const RestSystem& system, const VectorXd& weights) {
       J.col(k) /= w.column_length[k];
     else
       w.column_length[k] = 1.0;
-  w.svd.compute(J, Eigen::ComputeThinU | Eigen::ComputeThinV);
-  const VectorXd& s = w.svd.singularValues();
+  w.svd = thin_svd(J, true);
+  const VectorXd& s = w.svd.values;
   while (w.rank < s.size() && s[w.rank] > unseen_ratio * s[0]) ++w.rank;
   return w;
 }
@@ -109,7 +109,7 @@ double chi_square(const RestSystem& system, const VectorXd& weights) {
 // A parameter is not determined when it lies in a direction that is not seen, or is known so badly that it calibrates
 // nothing: 5 % of scale, 0.1 g, 1 deg/s. (The noise of a gyro that does not turn looks like a little turning.)
 void describe_unseen(const Whitened& w, const RecordingInfo& info, RestFit& fit) {
-  const MatrixXd& V = w.svd.matrixV();
+  const MatrixXd& V = w.svd.V;
   VectorXd share = VectorXd::Zero(V.rows());
   for (Index k = w.rank; k < V.cols(); ++k) share += V.col(k).cwiseAbs2();
   const Parameters nominal = start_parameters(info);
@@ -154,8 +154,8 @@ void finish(const RestSystem& system, const RecordingInfo& info, RestFit& fit) {
     fit.white_ratio[k] = fit.redundancy[k] > 0.5 ? std::sqrt(sum[k] / fit.redundancy[k]) : 0.0;
 
   // (J'J)^-1 on what is seen
-  const MatrixXd V = w.svd.matrixV().leftCols(w.rank);
-  const VectorXd inverse = w.svd.singularValues().head(w.rank).cwiseInverse();
+  const MatrixXd V = w.svd.V.leftCols(w.rank);
+  const VectorXd inverse = w.svd.values.head(w.rank).cwiseInverse();
   const VectorXd sigma = (V * inverse.asDiagonal()).rowwise().norm().cwiseQuotient(w.column_length);
   fit.sigma.setZero(parameter_count + fit.effect_values.size());
   const auto& indices = rest_parameter_indices();
@@ -188,10 +188,9 @@ VectorXd left_out_residual(const RestSystem& system, const VectorXd& weights) {
       r[k] = w.residual[rows[static_cast<std::size_t>(k)]];
     }
     const MatrixXd rest = MatrixXd::Identity(n, n) - part * part.transpose();
-    Eigen::ColPivHouseholderQR<MatrixXd> qr(rest);
-    qr.setThreshold(1e-9);
-    if (qr.rank() < n) return;  // without these rows a parameter is lost
-    const VectorXd e = qr.solve(r);
+    const LeastSquares solved = least_squares(rest, r, 1e-9);
+    if (solved.rank < n) return;  // without these rows a parameter is lost
+    const VectorXd& e = solved.x;
     for (Index k = 0; k < n; ++k)
       if (wanted(rows[static_cast<std::size_t>(k)]))
         predicted[rows[static_cast<std::size_t>(k)]] = e[k] / weights[rows[static_cast<std::size_t>(k)]];
@@ -229,15 +228,15 @@ RestFit refine_rests(const RestData& data, const Parameters& start, const Effect
   for (fit.iterations = 1; fit.iterations <= options.max_iterations; ++fit.iterations) {
     const VectorXd weights = rest_weights(system, fit.floors);
     const Whitened w = whiten(system, weights);
-    const VectorXd s = w.svd.singularValues().head(w.rank);
-    const VectorXd along = w.svd.matrixU().leftCols(w.rank).transpose() * w.residual;
+    const VectorXd s = w.svd.values.head(w.rank);
+    const VectorXd along = w.svd.U.leftCols(w.rank).transpose() * w.residual;
     const double before = chi_square(system, weights);
     // Levenberg-Marquardt in the directions that are seen; the others stay where they are.
     bool improved = false;
     double largest_move = 0.0;
     for (int attempt = 0; attempt < 12 && !improved; ++attempt) {
       const VectorXd gain = s.array() / (s.array().square() + damping);
-      const VectorXd scaled = -(w.svd.matrixV().leftCols(w.rank) * gain.cwiseProduct(along));
+      const VectorXd scaled = -(w.svd.V.leftCols(w.rank) * gain.cwiseProduct(along));
       const VectorXd step = scaled.cwiseQuotient(w.column_length);
       Parameters parameters = fit.parameters;
       VectorXd values = fit.effect_values;

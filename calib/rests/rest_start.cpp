@@ -1,12 +1,12 @@
 #include "calib/rests/rest_start.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
 #include "calib/rests/rest_system.h"
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {
@@ -31,10 +31,9 @@ std::optional<AccelStart> ellipsoid(const RestData& data, double gravity) {
     M.row(k) << y.x() * y.x(), y.y() * y.y(), y.z() * y.z(), 2.0 * y.x() * y.y(), 2.0 * y.x() * y.z(),
         2.0 * y.y() * y.z(), 2.0 * y.x(), 2.0 * y.y(), 2.0 * y.z();
   }
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(M);
-  qr.setThreshold(1e-4);
-  if (qr.rank() < 9) return {};
-  const Eigen::VectorXd c = qr.solve(Eigen::VectorXd::Ones(n));
+  const LeastSquares quadric = least_squares(M, Eigen::VectorXd::Ones(n), 1e-4);
+  if (quadric.rank < 9) return {};
+  const Eigen::VectorXd& c = quadric.x;
   Matrix3d Q;
   Q << c[0], c[3], c[4], c[3], c[1], c[5], c[4], c[5], c[2];
   const Vector3d q(c[6], c[7], c[8]);

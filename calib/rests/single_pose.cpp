@@ -1,10 +1,10 @@
 #include "calib/rests/single_pose.h"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 
 #include "calib/model/effects.h"
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {
@@ -66,13 +66,12 @@ Fit fit(const VectorXd& y, const std::vector<VectorXd>& columns) {
   MatrixXd A(n, p);
   A.col(0).setOnes();
   for (Index k = 1; k < p; ++k) A.col(k) = columns[static_cast<std::size_t>(k - 1)];
-  const Eigen::ColPivHouseholderQR<MatrixXd> qr(A);
-  const VectorXd x = qr.solve(y);
+  const VectorXd x = least_squares(A, y).x;
   const double variance = (y - A * x).squaredNorm() / static_cast<double>(n - p);
   const MatrixXd information = A.transpose() * A;
   Fit result;
   result.value = x.tail(p - 1);
-  result.sigma = (information.inverse().diagonal().tail(p - 1) * variance).cwiseSqrt();
+  result.sigma = (inverse(information).diagonal().tail(p - 1) * variance).cwiseSqrt();
   result.bic = static_cast<double>(n) * std::log(std::max(variance, 1e-300)) +
                static_cast<double>(p) * std::log(static_cast<double>(n));
   return result;

@@ -31,7 +31,7 @@ Eigen::VectorXd non_negative_fit(const Eigen::MatrixXd& A, const Eigen::VectorXd
   while (!active.empty()) {
     Eigen::MatrixXd part(A.rows(), static_cast<Eigen::Index>(active.size()));
     for (std::size_t k = 0; k < active.size(); ++k) part.col(static_cast<Eigen::Index>(k)) = A.col(active[k]);
-    const Eigen::VectorXd y = part.colPivHouseholderQr().solve(b);
+    const Eigen::VectorXd y = least_squares(part, b).x;
     Eigen::Index worst = 0;
     if (y.minCoeff(&worst) >= 0.0) {
       for (std::size_t k = 0; k < active.size(); ++k) x[active[k]] = y[static_cast<Eigen::Index>(k)];

@@ -1,14 +1,40 @@
-// Eigen's dear decompositions of matrices of any size, compiled once in linear_algebra.cpp. A file that uses one includes this
-// header in place of <Eigen/SVD>, <Eigen/QR> and the like: each took up to ten seconds to compile them for itself. BDCSVD is not
-// among them: it alone takes 25 s, and matrices here have fewer than a hundred columns.
+// Decompositions of matrices of any size, compiled once in linear_algebra.cpp: a file that uses Eigen's own takes up to ten seconds to
+// compile each of them for itself. Small ones of fixed size (LLT of a 3x3) are cheap and used directly.
 #pragma once
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
-#include <Eigen/SVD>
+#include <Eigen/Core>
 
-extern template class Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;
-extern template class Eigen::JacobiSVD<Eigen::MatrixXd>;
-extern template class Eigen::LDLT<Eigen::MatrixXd>;
-extern template class Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>;
+namespace turncal {
+
+// A x = b for a symmetric, positive semi-definite A (LDL' with pivoting).
+Eigen::MatrixXd solve_symmetric(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
+Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
+Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, double& log_determinant);
+
+// By LU with partial pivoting. REQUIRES: A regular
+Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
+
+// A = vectors diag(values) vectors', values rising. REQUIRES: A symmetric (the lower triangle is read)
+struct SymmetricEigen {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd vectors;
+};
+SymmetricEigen symmetric_eigen(const Eigen::MatrixXd& A);
+
+// A = U diag(values) V', values falling; min(rows, cols) columns. V only if it is wanted.
+struct ThinSvd {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd U, V;
+};
+ThinSvd thin_svd(const Eigen::MatrixXd& A, bool with_V = false);
+
+// min |A x - b| by QR with column pivoting. Columns below `threshold` of the largest pivot do not count for the rank; 0: by rounding.
+struct LeastSquares {
+  Eigen::VectorXd x;
+  Eigen::Index rank = 0;
+};
+LeastSquares least_squares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, double threshold = 0.0);
+// Orthonormal columns that span those of A.
+Eigen::MatrixXd column_space(const Eigen::MatrixXd& A);
+
+}  // namespace turncal
