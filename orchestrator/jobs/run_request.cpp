@@ -155,10 +155,10 @@ Result<PreparedRun> prepare(const RunRequest& request) {
         (wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)"));
   }
 
-  const Result<std::string> sequence_text = text_of(wanted.sequence, builtin_sequence_text());
+  const Result<std::string> sequence_text = text_of(wanted.sequence, std::string(builtin_sequence_text));
   if (!sequence_text) return sequence_text.error();
   Result<Sequence> sequence =
-      parse_sequence(*sequence_text, wanted.sequence.empty() ? builtin_sequence_name() : request.sequence);
+      parse_sequence(*sequence_text, wanted.sequence.empty() ? builtin_sequence_name : request.sequence);
   if (!sequence) return sequence.error();
   run.sequence = std::move(*sequence);
   run.sequence_hash = hash_of_text(*sequence_text);

@@ -15,25 +15,10 @@
 #include "orchestrator/station/version.h"
 
 namespace turncal {
-namespace {
 
-constexpr const char* reading =
-    "<ul class=\"soft\">\n"
-    "<li><b>Residual velocity.</b> The unit stands on the table. Navigating its calibrated data must give velocity "
-    "zero; what it "
-    "gives instead is the error that matters in use.</li>\n"
-    "<li><b>Normalised residual.</b> The same, second by second, divided by what the sensors' noise explains. 1 is "
-    "perfect; "
-    "noise alone gives 1.</li>\n"
-    "<li><b>Score.</b> Each effect of the catalogue is offered to the data beside the 24 parameters. z is the value "
-    "it would get, "
-    "in standard deviations. The threshold holds for all of them together: chance alone crosses it in the stated "
-    "share of "
-    "recordings.</li>\n"
-    "<li><b>Held-out data.</b> Data that was not used in the fit. An effect that does not lower the error there is "
-    "not added.</li>\n"
-    "<li><b>Detectable.</b> Five standard deviations: what this recording would have found.</li>\n"
-    "</ul>\n";
+extern const std::string_view report_reading_html;  // reading.html
+
+namespace {
 
 // Figures of the residual against what an effect depends on; unexplained: against everything.
 constexpr std::size_t most_effect_figures = 4;
@@ -58,7 +43,7 @@ Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) 
   parts.noise_html = html_noise(diagnosis, context);
   parts.limits_html = html_limits(diagnosis, context);
   parts.selection_html = html_selection(diagnosis);
-  parts.reading_html = reading;
+  parts.reading_html = report_reading_html;
   parts.further = {allan_figure(diagnosis.base.allan)};
   return make_report(diagnosis, context, std::move(parts));
 }

@@ -2,9 +2,11 @@
 // sequences/fourteen_step.seq at build time.
 #pragma once
 
+#include <string_view>
+
 namespace turncal {
 
-const char* builtin_sequence_text();
-const char* builtin_sequence_name();
+extern const std::string_view builtin_sequence_text;
+inline constexpr const char* builtin_sequence_name = "built-in fourteen_step.seq";
 
 }  // namespace turncal
