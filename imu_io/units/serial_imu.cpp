@@ -12,7 +12,7 @@ namespace turncal {
 namespace {
 
 constexpr double slice_s = 0.02;  // at most so long is one wait
-// The kernel hands out at most 4095 bytes at once and moves up later what is behind them, in pieces of any size: after half as much
+// The kernel hands out at most 4095 bytes at once and moves up later what comes after them, in pieces of any size: after half as much
 // the line counts as empty only when nothing came for a while.
 constexpr std::size_t backlog_bytes = 2048;
 constexpr double moved_up_s = 0.005;

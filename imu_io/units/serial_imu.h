@@ -72,7 +72,7 @@ class SerialImu : public ImuSource {
   ArrivalFit fit_;
   bool restarted_ = false;
   double empty_s_ = 0.0;  // the line was empty then, or later
-  bool backlog_ = false;  // so much was there at once that more may have been behind it
+  bool backlog_ = false;  // so much was there at once that more may have come after it
   double backlog_s_ = 0.0;
   double line_checked_s_ = 0.0;
   std::optional<LineErrors> line_at_open_;

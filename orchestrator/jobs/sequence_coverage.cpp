@@ -45,7 +45,7 @@ std::vector<std::string> undetermined_by(const Sequence& sequence, const Plan& p
     const bool determined = prediction.valid && prediction.determined[i];
     if (parameter_is_free[i] && !determined) keys.emplace_back(parameter_keys[i]);
   }
-  if (!whole) keys.clear();  // what is behind may determine them
+  if (!whole) keys.clear();  // what comes after may determine them
   return keys;
 }
 

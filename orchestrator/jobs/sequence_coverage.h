@@ -19,7 +19,7 @@ PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan);
 // Only the first 20 000 items are looked at, so that nobody waits for long: of a plan that goes on after them nothing is said.
 std::vector<std::string> undetermined_by(const Sequence& sequence, const Plan& plan, const RecordingInfo& info);
 
-// "does not determine n11 n12: expected ...": to stand behind the name of the sequence.
+// "does not determine n11 n12: expected ...": to follow the name of the sequence.
 std::string coverage_text(const std::vector<std::string>& keys);
 
 }  // namespace turncal

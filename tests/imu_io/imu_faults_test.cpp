@@ -342,7 +342,7 @@ TEST(ImuFaults, SignOf24BitsAndWrapOfCumulativeFields) {
   line.feed_frames(frame, sent);
   // The first frame is only where the count begins.
   EXPECT_EQ(expect_only_sent(line.samples, sent), 1U);
-  // Behind a gap the whole gap's pulses would be in one row: no sample, one more lost.
+  // After a gap the whole gap's pulses would be in one row: no sample, one more lost.
   line.time_s += 0.005;
   for (ImuSample& sample : sent) sample.counter += 201;
   line.feed_frames(frame, std::vector<ImuSample>(sent.begin(), sent.begin() + 3));

@@ -100,7 +100,7 @@ TEST(RecordLog, RecordOfAnEarlierNumberIsNotTakenAgain) {
 }
 
 // Wherever the next record begins relative to the blocks of 1 MiB in which the file is read.
-TEST(RecordLog, FindsTheNextRecordBehindGarbageOfAnyLength) {
+TEST(RecordLog, FindsTheNextRecordAfterGarbageOfAnyLength) {
   const std::string garbage(std::size_t{1} << 20, '\x89');
   for (int difference = -40; difference <= 40; ++difference) {
     std::string between = garbage;

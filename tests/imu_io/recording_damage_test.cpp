@@ -266,7 +266,7 @@ TEST_F(DamageTest, SegmentWithoutItsBeginIsWhole) {
   expect_same((*source)->segments(), segments);
 }
 
-TEST_F(DamageTest, RecordBehindTheEndMarkIsNotRead) {
+TEST_F(DamageTest, RecordAfterTheEndMarkIsNotRead) {
   auto told = parts();
   told.push_back(told[2]);
   told.back().number = told.back().number + 100;
@@ -288,7 +288,7 @@ TEST_F(DamageTest, BothFirstRecordsDestroyedIsAnError) {
                path + ": not a recording of this program, or its first records are destroyed");
 }
 
-TEST_F(DamageTest, TextBehindTheEndMarkIsNotRead) {
+TEST_F(DamageTest, TextAfterTheEndMarkIsNotRead) {
   write_file(path, content + content);
   auto source = RecordingSource::open(path);
   ASSERT_OK(source);

@@ -142,7 +142,7 @@ TEST_F(Batch, HooksAreCalledWithWhatHappened) {
   EXPECT_NE(file_text(folder_ / "units/SN1/run.log").find("hook.done: ended with code 3"), std::string::npos);
 }
 
-// A live batch up to the mounting; the table behind it does not answer.
+// A live batch up to the mounting; the table that comes next does not answer.
 class Mounting : public Batch {
  protected:
   void SetUp() override {
