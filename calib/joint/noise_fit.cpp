@@ -168,28 +168,25 @@ Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups
 
 // What an instability that was not kept adds to the covariance all the same: the mean over what it may be, weighed by
 // likelihood and prior, less the covariance without it.
-Eigen::MatrixXd unseen_instability(RestrictedLikelihood& likelihood, const Variances& s, int triad, double tau) {
+Eigen::MatrixXd unseen_instability(RestrictedLikelihood& likelihood, const RestrictedLikelihood::Run& without,
+                                   const Variances& s, int triad, double tau) {
   // Ring lasers and quartz by their data sheets; in units of the walk's own.
   const double usual = triad == 0 ? 0.2 : 0.5;
-  constexpr std::array<double, 6> sizes = {0.0, 0.8, 1.6, 2.6, 4.0, 6.0};  // of the usual one
+  constexpr std::array sizes = {0.8, 1.6, 2.6, 4.0, 6.0};  // of the usual one
   const double unit = usual * usual * s.segment<3>(3 * triad).mean() / tau;
-  std::array<RestrictedLikelihood::Run, sizes.size()> runs;
-  std::array<double, sizes.size()> weights{};
-  double sum = 0.0;
+  double sum = 0.5 * sizes[0];  // of the weights, with none: the first of the trapezoids' corners
+  Eigen::MatrixXd more = Eigen::MatrixXd::Zero(without.covariance.rows(), without.covariance.cols());
   for (std::size_t k = 0; k < sizes.size(); ++k) {
     Variances t = s;
     t[6 + triad] = sizes[k] * sizes[k] * unit;
-    runs[k] = likelihood(t);
-    const double width = 0.5 * (sizes[std::min(k + 1, sizes.size() - 1)] - sizes[k == 0 ? 0 : k - 1]);
-    weights[k] = width * std::exp(0.5 * (runs[0].value - runs[k].value)) / (1.0 + sizes[k] * sizes[k]);
-    sum += weights[k];
+    const RestrictedLikelihood::Run run = likelihood(t);
+    const double width = 0.5 * (sizes[std::min(k + 1, sizes.size() - 1)] - (k == 0 ? 0.0 : sizes[k - 1]));
+    const double weight = width * std::exp(0.5 * (without.value - run.value)) / (1.0 + sizes[k] * sizes[k]);
+    const Eigen::VectorXd moved = run.estimate - without.estimate;
+    more += weight * (run.covariance - without.covariance + moved * moved.transpose());
+    sum += weight;
   }
-  Eigen::MatrixXd more = Eigen::MatrixXd::Zero(runs[0].covariance.rows(), runs[0].covariance.cols());
-  for (std::size_t k = 1; k < sizes.size(); ++k) {
-    const Eigen::VectorXd moved = runs[k].estimate - runs[0].estimate;
-    more += weights[k] / sum * (runs[k].covariance - runs[0].covariance + moved * moved.transpose());
-  }
-  return more;
+  return more / sum;
 }
 
 bool differ(const Vector3d& values) { return values.maxCoeff() > values.minCoeff(); }
@@ -262,9 +259,11 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   }
   const Eigen::Index count = static_cast<Eigen::Index>(free.size());
   fit.unseen_instability = Eigen::MatrixXd::Zero(count, count);
-  for (const int triad : {0, 1})
-    if (options.bias_instability && !options.near_start && !kept[triad])
-      fit.unseen_instability += unseen_instability(likelihood, s, triad, tau);
+  if (options.bias_instability && !options.near_start && !(kept[0] && kept[1])) {
+    const RestrictedLikelihood::Run without = likelihood(s);
+    for (const int triad : {0, 1})
+      if (!kept[triad]) fit.unseen_instability += unseen_instability(likelihood, without, s, triad, tau);
+  }
   fit.converged = scoring.converged;
   fit.evaluations = likelihood.evaluations;
   fit.noise = setup.noise;
