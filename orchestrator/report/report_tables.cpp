@@ -90,10 +90,11 @@ std::string html_errors(const Diagnosis& diagnosis, const std::vector<ErrorRow>&
     table.row(cells);
   }
   std::string html = table.finish();
-  html += paragraph("Held-out source: " + (diagnosis.holdout_source.empty() ? "none" : diagnosis.holdout_source) +
-                        ". Before: the 24 parameters alone" + (both ? "; after: with the effects added" : "") +
-                        "; the noise is the same in both.",
-                    "soft");
+  html += paragraph(
+      "Held-out source: " + (diagnosis.holdout_source.empty() ? "none" : diagnosis.holdout_source) +
+          (both ? ". Before: the 24 parameters alone; after: with the effects added; the noise is the same in both."
+                : ". The model is that of the 24 parameters."),
+      "soft");
   if (diagnosis.verdict == Verdict::unexplained && diagnosis.extended.noise_fit)
     html += paragraph(
         "The noise was measured on the same data and may have taken up a part of the residual: a normalised residual "
