@@ -41,6 +41,15 @@ void for_each_part(const FrameCheck& check, std::span<const std::byte> covered, 
   }
 }
 
+// At most 1024 parts of 16 bits: no carry is lost in 64.
+std::uint32_t sum(const FrameCheck& check, std::span<const std::byte> covered) {
+  std::uint64_t total = 0;
+  for_each_part(check, covered, [&](std::uint32_t part) { total += part; });
+  const int bits = 8 * check.bytes();
+  while (check.end_around && total >> bits != 0) total = (total & ((std::uint64_t{1} << bits) - 1)) + (total >> bits);
+  return static_cast<std::uint32_t>(total);
+}
+
 std::uint32_t fletcher(const FrameCheck& check, std::span<const std::byte> covered) {
   std::uint32_t a = 0;
   std::uint32_t b = 0;
@@ -79,6 +88,9 @@ FrameCheck read_frame_check(FrameKeys& keys) {
   } else if (check.kind != CheckKind::crc) {
     check.of_words = kind == "xor16" || (kind != "sum8" && kind != "xor8" &&
                                          file.one_of_or("check.of", "bytes", {"bytes", "words"}) == "words");
+    if (check.kind == CheckKind::sum) {
+      check.end_around = file.one_of_or("check.carry", "dropped", {"dropped", "end_around"}) == "end_around";
+    }
     const std::string complement = file.one_of_or("check.complement", "none", {"none", "ones", "twos"});
     check.complement = complement == "ones"   ? Complement::ones
                        : complement == "twos" ? Complement::twos
@@ -108,7 +120,7 @@ std::uint32_t frame_check_value(const FrameCheck& check, const Crc& crc, std::sp
   std::uint32_t value = 0;
   switch (check.kind) {
     case CheckKind::none: break;
-    case CheckKind::sum: for_each_part(check, covered, [&](std::uint32_t part) { value += part; }); break;
+    case CheckKind::sum: value = sum(check, covered); break;
     case CheckKind::exclusive_or: for_each_part(check, covered, [&](std::uint32_t part) { value ^= part; }); break;
     case CheckKind::crc: value = crc(covered, (check.pad - covered.size() % check.pad) % check.pad); break;
     case CheckKind::fletcher: value = fletcher(check, covered); break;

@@ -6,7 +6,9 @@
 // with bytes, w = 8 and m = 255 (fletcher16), or 16-bit words, w = 16 and m = 65535 (fletcher32); check.modulus = 256 is what
 // u-blox and others call the 8-bit Fletcher algorithm. In a little-endian field a comes first.
 // Check values: Fletcher-16 of "abcdef" 2057, Fletcher-32 56502D2A.
-// Not modelled: sums with an end-around carry, checks over the bytes as they are stuffed on the line.
+// A sum with an end-around carry adds what runs over its width at the other end: ones'-complement arithmetic. Of 16-bit words, kept as
+// its ones' complement, it is the checksum of the Internet (RFC 1071): 0001 F203 F4F5 F6F7 gives 220D.
+// Not modelled: checks over the bytes as they are stuffed on the line.
 #pragma once
 
 #include <cstddef>
@@ -34,6 +36,7 @@ struct FrameCheck {
   std::size_t pad = 1;  // covered bytes are filled up with zeros to a multiple of this
   bool of_words = false;
   bool words_big_endian = false;
+  bool end_around = false;  // of a sum: what is carried out comes in again
   Complement complement = Complement::none;
   std::uint32_t modulus = 255;  // of fletcher
   // 8 bits let 0.4 % of damaged frames pass: more has to agree before a frame is believed.

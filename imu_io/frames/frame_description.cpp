@@ -170,10 +170,11 @@ FrameVariant read_variant(FrameKeys& keys, const std::string& name, const FrameD
 ByteStuffing read_stuffing(FrameKeys& keys, const FrameDescription& frame) {
   ByteStuffing stuffing;
   KeyValueFile& file = keys.file();
-  const std::string kind = file.one_of_or("stuffing", "none", {"none", "escape", "slip", "repeat"});
+  const std::string kind = file.one_of_or("stuffing", "none", {"none", "escape", "slip", "repeat", "cobs"});
   stuffing.kind = kind == "escape"   ? StuffingKind::escape
                   : kind == "slip"   ? StuffingKind::slip
                   : kind == "repeat" ? StuffingKind::repeat
+                  : kind == "cobs"   ? StuffingKind::cobs
                                      : StuffingKind::none;
   const auto one_byte = [&](const std::string& key, std::byte otherwise) {
     const std::vector<std::byte> given = keys.bytes(key);
@@ -187,6 +188,9 @@ ByteStuffing read_stuffing(FrameKeys& keys, const FrameDescription& frame) {
   const auto begins = [&](const std::vector<std::byte>& mark) { return mark.empty() || mark[0] == stuffing.byte; };
   if (kind == "repeat" && !frame.sync.empty() && !(begins(frame.sync) && begins(frame.tail))) {
     file.reject("stuffing", "a sync, and a tail if there is one, that begin with stuffing.byte");
+  }
+  if (kind == "cobs" && !(frame.sync == std::vector{std::byte{0}} && frame.tail.empty())) {
+    file.reject("stuffing", "sync = 00 and no tail: a frame begins behind the 00 that ended the one before");
   }
   return stuffing;
 }

@@ -1,6 +1,7 @@
 #include "imu_io/lines/byte_line.h"
 
 #include <arpa/inet.h>
+#include <netdb.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -8,6 +9,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <memory>
 #include <utility>
 
 #include "imu_io/base/deadline.h"
@@ -25,19 +27,20 @@ constexpr int receive_buffer = 1 << 20;  // seconds of a unit's samples
 
 std::optional<LineAddress> parse_line(const std::string& device) {
   LineAddress address;
-  if (!device.starts_with("tcp:") && !device.starts_with("udp:")) {
+  address.asks = device.starts_with("udp_to:");
+  if (!device.starts_with("tcp:") && !device.starts_with("udp:") && !address.asks) {
     const std::size_t colon = device.find(':');
     const bool another_kind = colon != std::string::npos && device.find('/') > colon;
     return another_kind || device.empty() ? std::nullopt : std::optional(address);
   }
   address.kind = device[0] == 't' ? LineKind::tcp : LineKind::udp;
-  const std::string rest = device.substr(4);
+  const std::string rest = device.substr(device.find(':') + 1);
   const std::size_t colon = rest.rfind(':');
   address.host = colon == std::string::npos ? "" : rest.substr(0, colon);
   const std::optional<int> port =
       parse_integer<int>(std::string_view(rest).substr(colon == std::string::npos ? 0 : colon + 1));
   in_addr numbers{};
-  const bool host_good = address.kind == LineKind::tcp
+  const bool host_good = address.kind == LineKind::tcp || address.asks
                              ? !address.host.empty()
                              : colon == std::string::npos || ::inet_pton(AF_INET, address.host.c_str(), &numbers) == 1;
   if (!port || *port < 1 || *port > 65535 || !host_good) return {};
@@ -62,6 +65,7 @@ ByteLine& ByteLine::operator=(ByteLine&& other) noexcept {
   datagram_ = std::move(other.datagram_);
   given_ = other.given_;
   sender_ = other.sender_;
+  asks_ = other.asks_;
   return *this;
 }
 
@@ -79,7 +83,9 @@ Error ByteLine::failure(const std::string& what, int number) const {
 
 Result<ByteLine> ByteLine::open(const SerialSettings& settings) {
   const auto address = parse_line(settings.device);
-  if (!address) return input_error(settings.device + ": expected a serial device, tcp:HOST:PORT or udp:[ADDRESS:]PORT");
+  if (!address)
+    return input_error(settings.device +
+                       ": expected a serial device, tcp:HOST:PORT, udp:[ADDRESS:]PORT or udp_to:HOST:PORT");
   ByteLine line;
   line.device_ = settings.device;
   line.kind_ = address->kind;
@@ -91,10 +97,26 @@ Result<ByteLine> ByteLine::open(const SerialSettings& settings) {
     const Result<int> socket = connect_tcp(settings.device.substr(4), connect_timeout_s);
     if (!socket) return socket.error();
     line.socket_ = *socket;
-  } else if (Status status = line.listen(*address); !status) {
+  } else if (Status status = address->asks ? line.connect(*address) : line.listen(*address); !status) {
     return status.error();
   }
+  line.asks_ = address->asks;
   return line;
+}
+
+// The kernel then lets nobody else's datagrams through.
+Status ByteLine::connect(const LineAddress& address) {
+  addrinfo wanted{}, *found = nullptr;
+  wanted.ai_family = AF_INET;
+  wanted.ai_socktype = SOCK_DGRAM;
+  if (const int error = ::getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &wanted, &found);
+      error != 0)
+    return device_error(device_ + ": cannot open: " + ::gai_strerror(error));
+  const std::unique_ptr<addrinfo, void (*)(addrinfo*)> freed(found, ::freeaddrinfo);
+  socket_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  if (socket_ < 0 || ::connect(socket_, found->ai_addr, found->ai_addrlen) != 0) return failure("cannot open", errno);
+  ::setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
+  return {};
 }
 
 Status ByteLine::listen(const LineAddress& address) {
@@ -132,7 +154,8 @@ Result<std::size_t> ByteLine::receive(std::span<std::byte> out) {
     if (n > 0 && !sender_) sender_ = from;
     const bool ours = n > 0 && from.sin_addr.s_addr == sender_->sin_addr.s_addr && from.sin_port == sender_->sin_port;
     datagram_.resize(ours ? static_cast<std::size_t>(n) : 0);
-    if (n < 0 && number != EAGAIN && number != EINTR) return failure("cannot read", number);
+    // Refused: nobody is there yet, or not any more, which is silence.
+    if (n < 0 && number != EAGAIN && number != EINTR && number != ECONNREFUSED) return failure("cannot read", number);
   }
   const std::size_t n = std::min(out.size(), datagram_.size() - given_);
   std::copy_n(datagram_.begin() + static_cast<std::ptrdiff_t>(given_), n, out.begin());
@@ -155,7 +178,11 @@ Result<std::size_t> ByteLine::read(std::span<std::byte> out, double timeout_s) {
 
 Status ByteLine::write_all(std::span<const std::byte> data, double timeout_s) {
   if (kind_ == LineKind::serial) return port_.write_all(data, timeout_s);
-  if (kind_ == LineKind::udp) return device_error(device_ + ": nothing is sent over UDP");
+  if (kind_ == LineKind::udp && !asks_) return device_error(device_ + ": nothing is sent over this line");
+  if (kind_ == LineKind::udp) {  // whole or not at all; one that is lost is asked again
+    const ssize_t n = ::send(socket_, data.data(), data.size(), MSG_NOSIGNAL);
+    return n >= 0 || errno == ECONNREFUSED || errno == EAGAIN ? Status{} : Status(failure("cannot write", errno));
+  }
   const Deadline deadline(timeout_s);
   while (!data.empty()) {
     const ssize_t n = ::send(socket_, data.data(), data.size(), MSG_NOSIGNAL);

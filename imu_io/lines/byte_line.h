@@ -3,8 +3,9 @@
 //   /dev/serial/by-id/...            serial, with the settings of the frame description
 //   tcp:HOST:PORT                    the station connects; a hang-up is an error of kind device
 //   udp:PORT   udp:ADDRESS:PORT      the station listens, on all its addresses or on one; the first sender is listened to, no other
+//   udp_to:HOST:PORT                 the station asks there (the frame's request), and hears nobody else
 // A datagram holds whole frames or pieces of them, in order. What the network loses or turns round shows in the unit's counter, and
-// in nothing else. Not modelled: multicast, IPv6 for UDP, sending over UDP.
+// in nothing else. Not modelled: multicast, IPv6 for UDP.
 #pragma once
 
 #include <netinet/in.h>
@@ -23,6 +24,7 @@ struct LineAddress {
   LineKind kind = LineKind::serial;
   std::string host;  // udp: empty for every address
   int port = 0;
+  bool asks = false;  // udp_to
 };
 // Empty: a kind that is not known, or no port.
 std::optional<LineAddress> parse_line(const std::string& device);
@@ -44,6 +46,7 @@ class ByteLine {
 
  private:
   Status listen(const LineAddress& address);
+  Status connect(const LineAddress& address);
   Result<std::size_t> receive(std::span<std::byte> out);
   Error failure(const std::string& what, int number) const;
 
@@ -54,6 +57,7 @@ class ByteLine {
   std::vector<std::byte> datagram_;  // the last one, as far as it was not handed out
   std::size_t given_ = 0;
   std::optional<sockaddr_in> sender_;
+  bool asks_ = false;
 };
 
 // What stands for a line in messages: "/dev/ttyUSB0 115200 8N1", "tcp:192.168.1.5:4001".

@@ -12,28 +12,26 @@
 #include <string_view>
 
 #include "calib/types/status.h"
+#include "imu_io/lines/unit_end.h"
 
 namespace turncal {
 
-class Pty {
+class Pty : public UnitEnd {
  public:
   Pty() = default;
   Pty(Pty&& other) noexcept;
   Pty& operator=(Pty&& other) noexcept;
-  ~Pty();
+  ~Pty() override;
 
   static Result<Pty> create(const std::string& link_path = "");
-  bool is_open() const { return fd_ >= 0; }
-  const std::string& device() const { return device_; }  // the link where there is one
+  bool is_open() const override { return fd_ >= 0; }
+  const std::string& device() const override { return device_; }  // the link where there is one
   int descriptor() const { return fd_; }
-  // Whether somebody has the device open.
-  bool has_peer() const;
-  // Everything, waiting at most timeout_s for room; at once and without an effect when there is no peer.
-  Status write_all(std::span<const std::byte> data, double timeout_s);
+  bool has_peer() const override;  // somebody has the device open
+  Status write_all(std::span<const std::byte> data, double timeout_s) override;
   Status write_all(std::string_view text, double timeout_s);
-  // What the peer sent, at most out.size(); 0: nothing within timeout_s, or no peer.
-  Result<std::size_t> read(std::span<std::byte> out, double timeout_s);
-  void unplug();  // removes the link too
+  Result<std::size_t> read(std::span<std::byte> out, double timeout_s) override;
+  void unplug() override;  // removes the link too
 
  private:
   int fd_ = -1;

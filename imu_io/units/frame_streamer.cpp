@@ -16,7 +16,7 @@ constexpr std::size_t batch = 32;
 
 }  // namespace
 
-FrameStreamer::FrameStreamer(ImuSource& source, const FrameDescription& frame, Pty& line, double speedup,
+FrameStreamer::FrameStreamer(ImuSource& source, const FrameDescription& frame, UnitEnd& line, double speedup,
                              double patience_s)
     : source_(source),
       frame_(frame),

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "imu_io/frames/frame_encoder.h"
-#include "imu_io/lines/pty.h"
+#include "imu_io/lines/unit_end.h"
 #include "imu_io/recordings/imu_source.h"
 
 namespace turncal {
@@ -22,7 +22,8 @@ namespace turncal {
 class FrameStreamer {
  public:
   // source and line must outlive the streamer.
-  FrameStreamer(ImuSource& source, const FrameDescription& frame, Pty& line, double speedup, double patience_s = 0.05);
+  FrameStreamer(ImuSource& source, const FrameDescription& frame, UnitEnd& line, double speedup,
+                double patience_s = 0.05);
   // Opens the source; unit time 0 is at now_s of the monotonic clock.
   Status start(double now_s);
   // How many samples' time has passed.
@@ -39,7 +40,7 @@ class FrameStreamer {
   ImuSource& source_;
   FrameDescription frame_;
   FrameEncoder encoder_;
-  Pty& line_;
+  UnitEnd& line_;
   double speedup_;
   double patience_s_;
   double start_s_ = 0.0;

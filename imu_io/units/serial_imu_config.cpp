@@ -11,8 +11,9 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
   const std::string& device = config.settings.device;
   const std::optional<LineAddress> line = parse_line(device);
   if (!line && !device.empty()) {
-    file.reject("imu.device",
-                "a serial device such as /dev/serial/by-id/..., tcp:HOST:PORT, or udp:PORT or udp:ADDRESS:PORT");
+    file.reject(
+        "imu.device",
+        "a serial device such as /dev/serial/by-id/..., tcp:HOST:PORT, udp:PORT, udp:ADDRESS:PORT or udp_to:HOST:PORT");
   }
   std::string name = file.text("imu.frame");
   config.settings.unit_serial = file.text_or("imu.unit_serial", "");
@@ -35,7 +36,10 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
     if (!config.frame.variants.front().counter) {
       file.reject("imu.device", "a frame with a counter: only it tells of datagrams that were lost");
     }
-    if (!config.frame.request.empty()) file.reject("imu.device", "a serial line or tcp: a unit on UDP cannot be asked");
+    if (!config.frame.request.empty() && !line->asks)
+      file.reject("imu.device", "a serial line, tcp: or udp_to:HOST:PORT: the frame has a request to send");
+    if (config.frame.request.empty() && line->asks)
+      file.reject("imu.device", "udp:PORT, or a frame with a request: without one nothing is sent there");
   }
   if (line && line->kind != LineKind::serial && file.has("imu.baud")) {
     file.reject("imu.baud", "no such key unless the device is a serial line");

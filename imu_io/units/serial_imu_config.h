@@ -1,7 +1,7 @@
 // The keys of a station file that say which unit is on which line:
 //
 //   imu.device          = /dev/serial/by-id/...   by-id, since ttyUSB0 may come back as ttyUSB1
-//                         or tcp:HOST:PORT, udp:PORT, udp:ADDRESS:PORT (byte_line.h)
+//                         or tcp:HOST:PORT, udp:PORT, udp:ADDRESS:PORT, udp_to:HOST:PORT (byte_line.h)
 //   imu.frame           = laser_gyro              a built-in name, or a file (with '/' or '.frame'), relative to the station file
 //   imu.unit_serial     =                         of a unit that does not tell
 //   imu.baud            = 230400                  instead of the frame's

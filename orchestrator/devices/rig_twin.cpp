@@ -90,17 +90,13 @@ Result<std::unique_ptr<RigTwin>> RigTwin::open(const StationConfig& station, con
 
 Status RigTwin::open_line(const StationConfig& station, std::size_t unit, double speed_up) {
   const std::string& device = station.imu_settings(unit).device;
-  if (const auto kind = parse_line(device); !kind || kind->kind != LineKind::serial) {
-    return input_error("the twin's unit at '" + device +
-                       "': expected a serial line, which it makes; none over a network");
-  }
-  Result<Pty> line = Pty::create(device);
+  Result<std::unique_ptr<UnitEnd>> line = open_unit_end(device);
   if (!line) return line.error();
   auto made = std::make_unique<UnitLine>();
   made->line = std::move(*line);
   made->guarded = std::make_unique<GuardedImu>(group_.imu(unit), server_->mutex);
   made->streamer =
-      std::make_unique<FrameStreamer>(*made->guarded, station.imu->frame, made->line, speed_up, unit_patience_s);
+      std::make_unique<FrameStreamer>(*made->guarded, station.imu->frame, *made->line, speed_up, unit_patience_s);
   lines_.push_back(std::move(made));
   // Once now, so that a frame that does not fit the rig is said before anybody waits for it.
   return lines_.back()->streamer->start(monotonic_s());
@@ -113,7 +109,7 @@ double RigTwin::rig_time_s() {
 
 std::string RigTwin::imu_devices() const {
   std::string text;
-  for (const auto& line : lines_) text += (text.empty() ? "" : ", ") + line->line.device();
+  for (const auto& line : lines_) text += (text.empty() ? "" : ", ") + line->line->device();
   return text;
 }
 
@@ -127,10 +123,10 @@ Status RigTwin::pump(double now_s) {
   Status gone;
   bool any = false;
   for (const auto& line : lines_) {
-    if (!line->line.is_open()) continue;
+    if (!line->line->is_open()) continue;
     if (const Result<std::size_t> passed = line->streamer->pump(now_s); !passed) {
       gone = passed.error();
-      line->line.unplug();
+      line->line->unplug();
     } else {
       any = true;
     }
@@ -172,7 +168,7 @@ Status RigTwin::run(const std::atomic<int>& stop_requests, const std::function<v
     const double now_s = monotonic_s();
     if (started) {
       status = pump(now_s);
-    } else if (std::any_of(lines_.begin(), lines_.end(), [](const auto& line) { return line->line.has_peer(); })) {
+    } else if (std::any_of(lines_.begin(), lines_.end(), [](const auto& line) { return line->line->has_peer(); })) {
       started = true;
       for (const auto& line : lines_) {
         if (status) status = line->streamer->start(now_s);

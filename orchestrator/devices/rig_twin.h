@@ -51,7 +51,7 @@ class RigTwin {
 
   struct UnitLine {
     std::unique_ptr<ImuSource> guarded;  // the unit, with the mutex held
-    Pty line;
+    std::unique_ptr<UnitEnd> line;
     std::unique_ptr<FrameStreamer> streamer;
   };
   Status open_line(const StationConfig& station, std::size_t unit, double speed_up);

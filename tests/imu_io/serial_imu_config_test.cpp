@@ -49,12 +49,12 @@ TEST(SerialImuConfig, AFileIsRelativeToTheStationFile) {
 
 TEST(SerialImuConfig, OneLineForEachMistake) {
   EXPECT_ERROR(parse("imu.frame = laser_gyro\n"), "a.station: key 'imu.device' is missing: expected a text");
-  for (const char* line :
-       {"usb:1", "udp:", "udp:0", "udp:host:5000", "udp:1.2.3:5", "tcp:5000", "tcp:host:70000", "tcp::1"}) {
+  for (const char* line : {"usb:1", "udp:", "udp:0", "udp:host:5000", "udp:1.2.3:5", "udp_to:5000", "udp_to::5",
+                           "tcp:5000", "tcp:host:70000", "tcp::1"}) {
     EXPECT_ERROR(parse("imu.device = " + std::string(line) + "\nimu.frame = laser_gyro\n"),
                  "a.station:1: key 'imu.device' = '" + std::string(line) +
-                     "': expected a serial device such as /dev/serial/by-id/..., tcp:HOST:PORT, or udp:PORT or "
-                     "udp:ADDRESS:PORT");
+                     "': expected a serial device such as /dev/serial/by-id/..., tcp:HOST:PORT, udp:PORT, "
+                     "udp:ADDRESS:PORT or udp_to:HOST:PORT");
   }
   for (const char* line : {"udp:5000", "udp:127.0.0.1:5000", "tcp:host:1", "tcp:10.0.0.5:4001"}) {
     ASSERT_OK(parse("imu.device = " + std::string(line) + "\nimu.frame = laser_gyro\n"));
@@ -63,6 +63,10 @@ TEST(SerialImuConfig, OneLineForEachMistake) {
       parse("imu.device = udp:5000\nimu.frame = f64_55aa34\n"),
       "a.station:1: key 'imu.device' = 'udp:5000': expected a frame with a counter: only it tells of datagrams "
       "that were lost");
+  EXPECT_ERROR(
+      parse("imu.device = udp_to:h:1\nimu.frame = laser_gyro\n"),
+      "a.station:1: key 'imu.device' = 'udp_to:h:1': expected udp:PORT, or a frame with a request: without one "
+      "nothing is sent there");
   EXPECT_ERROR(parse("imu.device = tcp:h:1\nimu.frame = laser_gyro\nimu.baud = 9600\n"),
                "a.station:3: key 'imu.baud' = '9600': expected no such key unless the device is a serial line");
   EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = laser_gyro\nimu.speedup = 20\n"),

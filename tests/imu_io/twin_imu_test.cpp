@@ -1,5 +1,9 @@
 // The rig's unit as a unit on a line: what the receiver gets is what the rig made.
+#include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <cmath>
@@ -72,6 +76,94 @@ TEST(TwinImu, TheRigsSamplesComeOverTheLineUnchanged) {
   }
   EXPECT_EQ(imu.counters().lost_samples, 0U);
 }
+
+// Every form of frame over every kind of line, as a station's imu.device and imu.frame name them.
+struct Spoken {
+  const char* name;
+  const char* line;  // %d: a free port
+  std::vector<std::string> keys;
+};
+
+class TwinForms : public testing::TestWithParam<Spoken> {};
+
+int free_port(int type) {
+  const int fd = ::socket(AF_INET, type | SOCK_CLOEXEC, 0);
+  sockaddr_in here{};
+  socklen_t size = sizeof here;
+  here.sin_family = AF_INET;
+  here.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  EXPECT_EQ(::bind(fd, reinterpret_cast<sockaddr*>(&here), size), 0);
+  EXPECT_EQ(::getsockname(fd, reinterpret_cast<sockaddr*>(&here), &size), 0);
+  ::close(fd);
+  return ntohs(here.sin_port);
+}
+
+TEST_P(TwinForms, WhatTheTwinSpeaksIsUnderstood) {
+  const std::string line(GetParam().line);
+  std::string device = line;
+  if (const std::size_t at = line.find("%d"); at != std::string::npos)
+    device.replace(at, 2, std::to_string(free_port(line[0] == 't' ? SOCK_STREAM : SOCK_DGRAM)));
+  const test::TemporaryFolder folder;
+  if (device == "pty") device = folder / "imu";
+  const FrameDescription frame = test::frame_with("laser_gyro", GetParam().keys);
+  const bool asked = !frame.request.empty();
+  Rig rig(default_rig_config());
+  RigImu unit(rig);
+  auto end = open_unit_end(device);
+  ASSERT_OK(end);
+  FrameStreamer streamer(unit, frame, **end, 1.0);
+  SerialImuSettings settings;
+  settings.device = device;
+  settings.simulated = true;
+  SerialImu imu(frame, settings);
+  EXPECT_FALSE((*end)->has_peer());
+  ASSERT_OK(imu.open());
+  for (const Deadline deadline(2.0); !(*end)->has_peer() && !deadline.passed();) ::usleep(1000);
+  EXPECT_TRUE((*end)->has_peer());
+  ASSERT_OK(streamer.start(monotonic_s()));
+  const std::atomic<bool> stop = false;
+  std::atomic<bool> ended = false;
+  Status sent;
+  std::thread sender([&] {
+    sent = streamer.run(0.5, stop);
+    ended = true;
+  });
+  std::vector<ImuSample> received;
+  std::array<ImuSample, 256> block;
+  for (const Deadline deadline(10.0); !deadline.passed();) {
+    const bool last = ended;
+    const auto n = imu.read(block, 0.05);
+    ASSERT_OK(n);
+    received.insert(received.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*n));
+    if (last && *n == 0) break;
+  }
+  sender.join();
+  ASSERT_OK(sent);
+  ASSERT_GT(received.size(), asked ? 20U : 60U);  // of 100
+  Rig same(default_rig_config());
+  std::vector<ImuSample> made(static_cast<std::size_t>(received.back().counter) + 1);
+  same.advance(made);
+  for (const ImuSample& sample : received) {
+    ASSERT_EQ(sample.gyro, made[static_cast<std::size_t>(sample.counter)].gyro) << sample.counter;
+    ASSERT_EQ(sample.accel, made[static_cast<std::size_t>(sample.counter)].accel) << sample.counter;
+  }
+  const auto span = static_cast<std::size_t>(received.back().counter - received.front().counter) + 1;
+  EXPECT_TRUE(asked || received.size() == span) << "lost on the way";
+}
+
+const std::vector<std::string> no_keys;
+const std::vector<std::string> asked_keys = {"request = 05 4D", "request.period_s = 0.002"};
+INSTANTIATE_TEST_SUITE_P(
+    All, TwinForms,
+    testing::Values(Spoken{"pty_escape", "pty", {"stuffing = escape", "sync = 7E 90"}},
+                    Spoken{"pty_slip", "pty", {"stuffing = slip", "sync = C0 01"}},
+                    Spoken{"pty_repeat", "pty", {"stuffing = repeat", "stuffing.byte = 10", "sync = 10 02"}},
+                    Spoken{"pty_cobs", "pty", {"stuffing = cobs", "sync = 00"}}, Spoken{"pty_asked", "pty", asked_keys},
+                    Spoken{"tcp", "tcp:127.0.0.1:%d", no_keys}, Spoken{"tcp_asked", "tcp:127.0.0.1:%d", asked_keys},
+                    Spoken{"udp", "udp:%d", no_keys},
+                    Spoken{"udp_cobs", "udp:127.0.0.1:%d", {"stuffing = cobs", "sync = 00"}},
+                    Spoken{"udp_asked", "udp_to:127.0.0.1:%d", asked_keys}),
+    [](const auto& form) { return std::string(form.param.name); });
 
 }  // namespace
 }  // namespace turncal

@@ -48,6 +48,26 @@ struct FormFactory {
 };
 INSTANTIATE_TYPED_TEST_SUITE_P(DialectForms, TableContract, FormFactory);
 
+// The same, told positions of its circle, to which it goes the shorter way.
+Dialect shorter_dialect() {
+  std::string text = form_text() + "axis.heading.way = shorter\naxis.pitch.way = shorter\naxis.roll.way = shorter\n";
+  text.replace(text.find("{distance:12}"), 13, "{position:12}");
+  const Result<Dialect> dialect = parse_dialect(text, "shorter.dialect");
+  EXPECT_TRUE(dialect.ok()) << (dialect.ok() ? "" : dialect.error().message);
+  return dialect.ok() ? *dialect : Dialect();
+}
+
+struct ShorterFactory {
+  DialectStation station{shorter_dialect()};
+  SerialTurntable driver{station.described, station.clock};
+  Turntable& table() { return driver; }
+  void pass(double seconds) { station.pass(seconds); }
+  static constexpr double tolerance_deg = 1e-3;
+  static constexpr double beyond_limits_deg = 7201.0;
+  static constexpr bool must_home = true, must_enable = true;
+};
+INSTANTIATE_TYPED_TEST_SUITE_P(DialectShorterWay, TableContract, ShorterFactory);
+
 using FormTable = FaultTable<DialectStation, SerialTurntable>;
 
 TEST(DialectForms, RatesAndPositionsHaveTheirScales) {
@@ -81,6 +101,48 @@ TEST(DialectForms, RatesAndPositionsHaveTheirScales) {
     ASSERT_TRUE(now.ok()) << now.error().message;
     EXPECT_NEAR(now->position_deg, 400.0, 1e-3) << "more than a turn, of a device that tells less than one";
   }
+}
+
+TEST(DialectForms, ACircleIsGoneInLegsTheShorterWay) {
+  FormTable s(shorter_dialect());
+  s.make_ready();
+  std::vector<std::string> moves;
+  s.station.disturb([&moves](const std::string& body, AnswerPlan&) {
+    if (body.starts_with("MV")) moves.push_back(body.substr(0, 15));
+  });
+  const auto go = [&](Axis axis, double to_deg, double seconds) {
+    moves.clear();
+    EXPECT_TRUE(s.driver.move_absolute(axis, to_deg, 40.0, 100.0).ok());
+    for (double t = 0.0; t < seconds; t += 0.25) {
+      s.station.pass(0.25);
+      const Result<AxisStatus> now = s.driver.status(axis);
+      EXPECT_TRUE(now.ok()) << now.error().message;
+      const bool there = std::abs(now->position_deg - to_deg) < 1e-3;
+      EXPECT_FALSE(now->in_position && !now->moving && !there) << "between two legs, at " << now->position_deg;
+      if (now->in_position && !now->moving) return there;
+    }
+    return false;
+  };
+  using Texts = std::vector<std::string>;
+  EXPECT_TRUE(go(Axis::heading, 390.0, 20.0));
+  EXPECT_EQ(moves, (Texts{"MV1+001300.0000", "MV1+002600.0000", "MV1+000300.0000"})) << "3 legs of 130 deg";
+  EXPECT_TRUE(go(Axis::heading, 30.0, 20.0)) << "and back by more than a turn";
+  EXPECT_EQ(moves.size(), 3U);
+  EXPECT_TRUE(go(Axis::pitch, -10.0, 5.0)) << "one leg";
+  EXPECT_EQ(moves, Texts{"MV2+000010.0000"}) << "sign -1";
+  EXPECT_TRUE(go(Axis::roll, 12.5 + 359.99999, 20.0));
+  EXPECT_EQ(moves.back(), "MV3+000000.0000") << "what rounds to a whole turn is 0";
+  // A stop ends the way: no leg is sent any more.
+  moves.clear();
+  ASSERT_TRUE(s.driver.move_absolute(Axis::heading, -330.0, 40.0, 100.0).ok());
+  s.station.pass(1.0);
+  ASSERT_TRUE(s.driver.stop_all().ok());
+  for (int i = 0; i < 20; ++i) {
+    s.station.pass(0.25);
+    EXPECT_TRUE(s.driver.status(Axis::heading).ok());
+  }
+  EXPECT_EQ(moves.size(), 1U);
+  EXPECT_FALSE(s.driver.status(Axis::heading)->moving);
 }
 
 // Each fault in one of the three lines, or in the echo: read again, never believed.
@@ -143,6 +205,9 @@ TEST(DialectForms, DefectsAreNamed) {
     EXPECT_NE(dialect.error().message.find(says), std::string::npos) << dialect.error().message;
   };
   expect("{distance:12}", "{position:12}", "does not say how many turns");
+  expect("axis.pitch.sign = -1", "axis.pitch.sign = -1\naxis.pitch.way = shorter", "not {distance}: way = shorter");
+  expect("axis.pitch.modulo_deg = 360", "axis.pitch.way = shorter", "no such key without modulo_deg");
+  expect("axis.pitch.sign = -1", "axis.pitch.way = longer", "told or shorter");
   expect("link.crc.polynomial = 0x8005\n", "", "'link.crc.polynomial' is missing");
   expect("link.crc.polynomial = 0x8005", "link.crc.polynomial = 0x18005", "a number of 16 bits");
   expect("link.check = crc16", "link.check = crc32", "none, sum8, xor or crc16");

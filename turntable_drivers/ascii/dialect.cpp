@@ -146,9 +146,13 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
     return false;
   };
   for (const DialectAxis& axis : dialect.axis) {
-    if (axis.modulo_deg > 0.0 && (asks_for("position") || !asks_for("distance"))) {
+    if (axis.shorter_way && (asks_for("distance") || !asks_for("position"))) {
+      file.reject("move.1", "{position} in a sentence, not {distance}: way = shorter");
+    }
+    if (axis.modulo_deg > 0.0 && !axis.shorter_way && (asks_for("position") || !asks_for("distance"))) {
       file.reject("move.1",
-                  "{distance} in a sentence, not {position}: with modulo_deg that does not say how many turns to go");
+                  "{distance} in a sentence, not {position}: with modulo_deg that does not say how many turns to go, "
+                  "unless way = shorter");
     }
   }
   bool tells_position = false;
@@ -215,6 +219,8 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
     axis.zero_deg = file.number_or(prefix + "zero_deg", 0.0, between(-360.0, 360.0));
     axis.units_per_degree = file.number_or(prefix + "units_per_degree", 1.0, positive);
     axis.modulo_deg = file.number_or(prefix + "modulo_deg", 0.0, between(0.0, 3600.0));
+    axis.shorter_way = file.one_of_or(prefix + "way", "told", {"told", "shorter"}) == "shorter";
+    if (axis.shorter_way && axis.modulo_deg == 0.0) file.reject(prefix + "way", "no such key without modulo_deg");
     axis.rate_scale = file.number_or(prefix + "rate_scale", axis.units_per_degree, positive);
     axis.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", axis.rate_scale, positive);
     axis.acceleration_scale = file.number_or(prefix + "acceleration_scale", axis.units_per_degree, positive);

@@ -8,7 +8,7 @@
 // A status that the map does not know means: not enabled, not arrived, moving.
 //
 // An answer may have several lines (\n in OP.N.expect), each framed as one.
-// Not modelled: binary answers, unsolicited messages, moves of a circle the shorter way.
+// Not modelled: binary answers, unsolicited messages.
 #pragma once
 
 #include <array>
@@ -64,6 +64,8 @@ struct DialectAxis {
   double zero_deg = 0.0;
   double units_per_degree = 1.0;
   double modulo_deg = 0.0;  // 0: positions are cumulative; 360: the device tells a circle only
+  bool shorter_way =
+      false;  // of a circle: it takes positions of the circle and goes there the shorter way; else distances
   double rate_scale = 1.0;  // units of a commanded rate for 1 deg/s
   double measured_rate_scale = 1.0;
   double acceleration_scale = 1.0;

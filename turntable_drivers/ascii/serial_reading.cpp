@@ -112,6 +112,7 @@ Result<AxisStatus> SerialTurntable::status(Axis axis) {
   report.raw = flags.raw;
   report.time_s = now_s;
   if (!flags.known) report.text = "unknown status";
+  if (Status status = go_on(axis, report); !status) return status.error();
   return report;
 }
 

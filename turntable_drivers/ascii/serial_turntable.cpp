@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <utility>
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
@@ -18,6 +19,16 @@ std::string fixed(double value, int decimals, bool plus) {
   for (const char* c = text; *c != '\0'; ++c) zero = zero && (*c == '-' || *c == '0' || *c == '.');
   return zero && text[0] == '-' ? (plus ? "+" : "") + std::string(text + 1) : text;
 }
+
+// From 0 to below a turn, as it is written with so many decimals.
+double on_circle(double units, double turn, int decimals) {
+  const double grain = std::pow(10.0, -decimals);
+  const double rest = grain * std::round((units - turn * std::floor(units / turn)) / grain);
+  return rest >= turn ? 0.0 : rest;
+}
+
+constexpr double longest_leg = 0.45;  // of a circle
+constexpr double leg_done_deg = 0.5;  // near enough for the next, which is told as an angle and not as a distance
 
 int lines_of(const Exchange& exchange) { return exchange.expect ? exchange.expect->lines() : 0; }
 
@@ -58,7 +69,9 @@ std::string SerialTurntable::filled(const SentenceTemplate& sentence, Axis axis,
     const Command& command = commands[index(which)];
     const auto number = [&](double value) { return fixed(value, dialect_.decimals, dialect_.plus); };
     if (quantity == "position") {
-      return number(scale.sign * scale.units_per_degree * (command.position_deg - scale.zero_deg));
+      const double units = scale.sign * scale.units_per_degree * (command.position_deg - scale.zero_deg);
+      return number(scale.shorter_way ? on_circle(units, scale.units_per_degree * scale.modulo_deg, dialect_.decimals)
+                                      : units);
     }
     if (quantity == "distance") return number(scale.sign * scale.units_per_degree * command.distance_deg);
     if (quantity == "rate") return number(scale.rate_scale * command.rate_degps);
@@ -111,6 +124,7 @@ Status SerialTurntable::connect() {
   lost_ = false;
   enable_called_ = false;
   memory_ = {};
+  way_ = {};
   if (Status status = line_.open(); !status) return status;
   Status status = carry_out_for_all(DialectOperation::prepare);
   for (const Axis axis : all_axes) {
@@ -170,6 +184,7 @@ Status SerialTurntable::home() {
     if (!now) return now.error();
     if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
   }
+  way_ = {};
   for (AxisMemory& memory : memory_) memory.homing_began();
   targets_void_ = true;
   return carry_out_for_all(DialectOperation::home);
@@ -199,9 +214,44 @@ Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rat
     }
     targets_void_ = false;
   }
+  way_[index(axis)].reset();
+  if (dialect_.of(axis).shorter_way) {
+    way_[index(axis)] = {position_deg, rate_degps, acceleration_degps2, 0.0};
+    return send_leg(axis, now->position_deg);
+  }
+  return send_move(axis, {position_deg, rate_degps, acceleration_degps2, position_deg - now->position_deg});
+}
+
+Status SerialTurntable::send_leg(Axis axis, double from_deg) {
+  // Taken away while it is sent: what goes wrong looks at the axis, and must not send another.
+  const std::optional<Command> way = std::exchange(way_[index(axis)], {});
+  const double left_deg = way->position_deg - from_deg;
+  const double legs = std::ceil(std::abs(left_deg) / (longest_leg * dialect_.of(axis).modulo_deg));
+  Command leg = *way;
+  if (legs > 1.0) leg.position_deg = from_deg + left_deg / legs;
+  leg.distance_deg = leg.position_deg - from_deg;
+  if (Status status = send_move(axis, leg); !status) return status;
+  if (legs > 1.0) way_[index(axis)] = way;
+  return {};
+}
+
+// REQUIRES: the report is the axis's own reading.
+Status SerialTurntable::go_on(Axis axis, AxisStatus& report) {
+  std::optional<Command>& way = way_[index(axis)];
+  if (!way) return {};
+  if (refusal_of_state(report) && !report.moving) way.reset();  // a fault, an emergency stop, a drive that is off
+  if (!way) return {};
+  const bool done = report.in_position && !report.moving &&
+                    std::abs(report.position_deg - commands_[index(axis)].position_deg) <= leg_done_deg;
+  report.in_position = false;
+  report.moving = true;
+  return done ? send_leg(axis, report.position_deg) : Status{};
+}
+
+Status SerialTurntable::send_move(Axis axis, const Command& command) {
   std::array<Command, 3> commands = commands_;
-  for (Command& command : commands) command.distance_deg = 0.0;
-  commands[index(axis)] = {position_deg, rate_degps, acceleration_degps2, position_deg - now->position_deg};
+  for (Command& other : commands) other.distance_deg = 0.0;
+  commands[index(axis)] = command;
   for (const Exchange& exchange : dialect_.of(DialectOperation::move).exchanges) {
     const std::string body = filled(exchange.send, axis, commands);
     if (!exchange.send.match(body)) {
@@ -220,6 +270,7 @@ Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rat
 
 Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
   if (!was_connected_) return table_error("not connected");
+  way_ = {};
   const bool all_off =
       std::all_of(memory_.begin(), memory_.end(), [](const AxisMemory& memory) { return memory.drive_on == false; });
   if (told_off_ || all_off) operation = DialectOperation::abort;

@@ -9,6 +9,8 @@
 //   were told to go off, or all read off, a stop is another abort: it must not switch them on.
 // - What the device cannot tell: enabled is what was commanded; homed is "arrived after a homing"; faults, limits, emergency stop and
 //   local mode are not seen, which docs/tables.md says to the user.
+// - A circle that is entered the shorter way (axis.NAME.way) is gone in legs of less than half of it: status() sends the next one when
+//   the last is done, and says "moving" until then. A stop, a fault, or a drive that is off ends it.
 // One thread.
 #pragma once
 
@@ -71,6 +73,10 @@ class SerialTurntable : public Turntable {
   Status carry_out_at_once(DialectOperation operation);
   Result<Reading> read_once(Axis axis);
   Result<Reading> read(Axis axis, bool believed_only);
+  // In legs, of a circle the shorter way.
+  Status send_move(Axis axis, const Command& command);
+  Status send_leg(Axis axis, double from_deg);
+  Status go_on(Axis axis, AxisStatus& report);
   Result<double> number(Axis axis, const Values& values, const std::string& quantity) const;
 
   Dialect dialect_;
@@ -85,8 +91,9 @@ class SerialTurntable : public Turntable {
   bool told_off_ = false;      // since enable()
   bool commanded_on_ = false;  // enable was sent, and no abort was taken since
   std::array<AxisMemory, 3> memory_;
-  std::array<Command, 3> commands_;  // the last of each axis
-  bool targets_void_ = false;        // after a stop or a homing the axes stand elsewhere
+  std::array<Command, 3> commands_;            // the last of each axis
+  std::array<std::optional<Command>, 3> way_;  // what the present leg is a part of
+  bool targets_void_ = false;                  // after a stop or a homing the axes stand elsewhere
 };
 
 }  // namespace turncal

@@ -1,5 +1,6 @@
 #include "turntable_drivers/twins/dialect_twin.h"
 #include "imu_io/base/text_pieces.h"
+#include "turntable_drivers/table/angle.h"
 
 #include <algorithm>
 #include <cmath>
@@ -127,8 +128,9 @@ Status DialectTwin::move(Axis axis, const Values& values) {
     // A sentence for all three axes leaves those alone that are there, or on their way.
     const Result<AxisStatus> now = table_.status(which);
     if (!now) return now.error();
-    const double target_deg = position ? scale.sign * *position / scale.units_per_degree + scale.zero_deg
-                                       : now->position_deg + scale.sign * *distance / scale.units_per_degree;
+    double target_deg = position ? scale.sign * *position / scale.units_per_degree + scale.zero_deg
+                                 : now->position_deg + scale.sign * *distance / scale.units_per_degree;
+    if (position && scale.shorter_way) target_deg = unwrapped_deg(target_deg, now->position_deg, scale.modulo_deg);
     const bool told = position && values.count("position") == 0;
     const double from_deg = target_deg_[index(which)].value_or(now->position_deg);
     if (told && (std::abs(from_deg - target_deg) < 1e-3 || std::abs(now->position_deg - target_deg) < 1e-3)) continue;

@@ -1,0 +1,139 @@
+#include "imu_io/lines/unit_end.h"
+
+#include <arpa/inet.h>
+#include <netdb.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <optional>
+#include <utility>
+
+#include "imu_io/base/deadline.h"
+#include "imu_io/lines/byte_line.h"
+#include "imu_io/lines/pty.h"
+
+namespace turncal {
+namespace {
+
+constexpr std::size_t datagram_bytes = 1400;  // whole on any network; frames may be cut between two
+
+class NetworkEnd : public UnitEnd {
+ public:
+  NetworkEnd(std::string device, const LineAddress& address) : device_(std::move(device)), address_(address) {}
+  ~NetworkEnd() override { unplug(); }
+
+  Status open() {
+    addrinfo wanted{}, *found = nullptr;
+    wanted.ai_family = AF_INET;
+    wanted.ai_socktype = is_tcp() ? SOCK_STREAM : SOCK_DGRAM;
+    const std::string host = address_.host.empty() ? "127.0.0.1" : address_.host;
+    if (const int error = ::getaddrinfo(host.c_str(), std::to_string(address_.port).c_str(), &wanted, &found);
+        error != 0)
+      return device_error(device_ + ": cannot open: " + ::gai_strerror(error));
+    const std::unique_ptr<addrinfo, void (*)(addrinfo*)> freed(found, ::freeaddrinfo);
+    socket_ = ::socket(AF_INET, wanted.ai_socktype | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    const int yes = 1;
+    const bool sends = !is_tcp() && !address_.asks;
+    if (socket_ < 0 || ::setsockopt(socket_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
+        (sends ? ::connect(socket_, found->ai_addr, found->ai_addrlen)
+               : ::bind(socket_, found->ai_addr, found->ai_addrlen)) != 0 ||
+        (is_tcp() && ::listen(socket_, 1) != 0)) {
+      return device_error(device_ + ": cannot open: " + std::strerror(errno));
+    }
+    return {};
+  }
+
+  const std::string& device() const override { return device_; }
+  bool is_open() const override { return socket_ >= 0; }
+  void unplug() override {
+    for (int* fd : {&socket_, &station_})
+      if (*fd >= 0) ::close(std::exchange(*fd, -1));
+  }
+
+  bool has_peer() const override {
+    std::byte any{};
+    if (is_tcp()) {
+      pollfd waiting{socket_, POLLIN, 0};
+      return station_ >= 0 || ::poll(&waiting, 1, 0) == 1;
+    }
+    if (address_.asks) return asker_ || ::recv(socket_, &any, 1, MSG_PEEK) >= 0;
+    // On this machine a datagram to a port that nobody listens at is refused at once.
+    int refused = 0;
+    socklen_t size = sizeof refused;
+    ::getsockopt(socket_, SOL_SOCKET, SO_ERROR, &refused, &size);
+    static_cast<void>(::send(socket_, nullptr, 0, MSG_NOSIGNAL));
+    return ::getsockopt(socket_, SOL_SOCKET, SO_ERROR, &refused, &size) == 0 && refused == 0;
+  }
+
+  Status write_all(std::span<const std::byte> data, double timeout_s) override {
+    take_station();
+    if (!is_tcp()) {
+      if (address_.asks && !asker_) return {};
+      const auto* to = address_.asks ? reinterpret_cast<const sockaddr*>(&*asker_) : nullptr;
+      for (; !data.empty(); data = data.subspan(std::min(data.size(), datagram_bytes)))
+        static_cast<void>(::sendto(socket_, data.data(), std::min(data.size(), datagram_bytes), MSG_NOSIGNAL, to,
+                                   to != nullptr ? sizeof *asker_ : 0));
+      return {};
+    }
+    const Deadline deadline(timeout_s);
+    while (station_ >= 0 && !data.empty()) {
+      const ssize_t n = ::send(station_, data.data(), data.size(), MSG_NOSIGNAL);
+      if (n > 0) {
+        data = data.subspan(static_cast<std::size_t>(n));
+      } else if (n < 0 && errno != EAGAIN && errno != EINTR) {
+        ::close(std::exchange(station_, -1));
+      } else if (deadline.passed()) {
+        return device_error(device_ + ": " + std::to_string(data.size()) + " bytes were not read in time");
+      } else {
+        pollfd room{station_, POLLOUT, 0};
+        ::poll(&room, 1, deadline.left_ms());
+      }
+    }
+    return {};
+  }
+
+  Result<std::size_t> read(std::span<std::byte> out, double timeout_s) override {
+    take_station();
+    const int fd = is_tcp() ? station_ : socket_;
+    if (fd < 0) return std::size_t{0};
+    pollfd which{fd, POLLIN, 0};
+    if (::poll(&which, 1, Deadline(timeout_s).left_ms()) != 1) return std::size_t{0};
+    sockaddr_in from{};
+    socklen_t size = sizeof from;
+    const ssize_t n = ::recvfrom(fd, out.data(), out.size(), 0, reinterpret_cast<sockaddr*>(&from), &size);
+    if (is_tcp() && (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR))) ::close(std::exchange(station_, -1));
+    if (address_.asks && n > 0) asker_ = from;
+    return static_cast<std::size_t>(std::max<ssize_t>(n, 0));
+  }
+
+ private:
+  bool is_tcp() const { return address_.kind == LineKind::tcp; }
+  void take_station() {
+    if (is_tcp() && station_ < 0) station_ = ::accept4(socket_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+  }
+
+  std::string device_;
+  LineAddress address_;
+  int socket_ = -1;
+  int station_ = -1;  // of tcp: who is connected
+  std::optional<sockaddr_in> asker_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<UnitEnd>> open_unit_end(const std::string& device) {
+  const std::optional<LineAddress> address = parse_line(device);
+  if (!address || address->kind == LineKind::serial) {
+    Result<Pty> pty = Pty::create(device);
+    if (!pty) return pty.error();
+    return std::unique_ptr<UnitEnd>(std::make_unique<Pty>(std::move(*pty)));
+  }
+  auto end = std::make_unique<NetworkEnd>(device, *address);
+  if (Status status = end->open(); !status) return status.error();
+  return std::unique_ptr<UnitEnd>(std::move(end));
+}
+
+}  // namespace turncal
