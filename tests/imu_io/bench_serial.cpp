@@ -16,6 +16,7 @@
 #include "imu_io/lines/pty.h"
 #include "imu_io/units/frame_streamer.h"
 #include "imu_io/units/serial_imu.h"
+#include "tests/imu_io/counting_source.h"
 
 namespace turncal {
 namespace {
@@ -38,30 +39,6 @@ double thread_cpu_s() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-class Counting : public ImuSource {
- public:
-  explicit Counting(const FrameDescription& frame) : frame_(frame) {}
-  Status open() override { return {}; }
-  Result<ImuIdentity> identify() override { return ImuIdentity{}; }
-  void describe(RecordingInfo& info) const override { frame_.describe(info); }
-  Result<std::size_t> read(std::span<ImuSample> out, double) override {
-    for (ImuSample& sample : out) {
-      sample = ImuSample{};
-      sample.counter = next_++;
-      sample.gyro = {static_cast<double>(sample.counter % 1000), -3.0, 7.0};
-      sample.accel = {1.0, static_cast<double>(-(sample.counter % 77)), 98.0};
-      sample.temperature_c = 25.0F;
-    }
-    return out.size();
-  }
-  ImuLinkCounters counters() const override { return {}; }
-  void close() override {}
-
- private:
-  FrameDescription frame_;
-  std::int64_t next_ = 0;
-};
-
 // The station's frame at another period and length.
 FrameDescription frame_of(double period_s, int length) {
   std::string text(builtin_frame_text("laser_gyro"));
@@ -80,7 +57,7 @@ void capture(benchmark::State& state, double rate_hz, int length, double seconds
   for (auto _ : state) {
     const FrameDescription frame = frame_of(1.0 / rate_hz, length);
     Pty pty = must(Pty::create());
-    Counting unit(frame);
+    test::CountingSource unit(frame);
     FrameStreamer streamer(unit, frame, pty, 1.0);
     SerialImuSettings settings;
     settings.device = pty.device();
@@ -117,7 +94,7 @@ BENCHMARK(capture_2_khz_at_921600_baud)->Iterations(1)->Unit(benchmark::kSecond)
 void decode(benchmark::State& state) {
   const FrameDescription frame = must(find_frame("laser_gyro"));
   FrameEncoder encoder(frame);
-  Counting unit(frame);
+  test::CountingSource unit(frame);
   std::array<ImuSample, 128> samples;
   std::vector<std::byte> bytes(samples.size() * encoder.length());
   FrameDecoder decoder(frame);

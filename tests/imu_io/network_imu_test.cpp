@@ -14,6 +14,7 @@
 #include "imu_io/lines/pty.h"
 #include "imu_io/units/frame_streamer.h"
 #include "imu_io/units/serial_imu.h"
+#include "tests/imu_io/counting_source.h"
 
 namespace turncal {
 namespace {
@@ -146,37 +147,12 @@ TEST(NetworkImu, OverUdp) {
   ASSERT_OK(other.open());
 }
 
-// Pulses that tell their counter, as many as time has passed.
-class Counting : public ImuSource {
- public:
-  Status open() override { return {}; }
-  Result<ImuIdentity> identify() override { return ImuIdentity{}; }
-  void describe(RecordingInfo& info) const override {
-    info.sample_period_s = 0.005;
-    info.accel_pulse_mps = 0.0005;
-  }
-  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
-    const auto n = std::min(out.size(), static_cast<std::size_t>(timeout_s / 0.005 + 0.5));
-    for (std::size_t i = 0; i < n; ++i) {
-      out[i] = {};
-      out[i].counter = next_++;
-      out[i].gyro[0] = static_cast<double>(out[i].counter);
-    }
-    return n;
-  }
-  ImuLinkCounters counters() const override { return {}; }
-  void close() override {}
-
- private:
-  std::int64_t next_ = 0;
-};
-
 TEST(NetworkImu, AUnitThatAnswersRequestsIsAskedAllTheWhile) {
   const TemporaryFolder folder;
   auto pty = Pty::create(folder / "imu");
   ASSERT_OK(pty);
   const FrameDescription frame = frame_with("laser_gyro", {"request = 05 4D", "request.period_s = 0.002"});
-  Counting source;
+  CountingSource source(frame);
   FrameStreamer streamer(source, frame, *pty, 1.0);
   SerialImu imu(frame, at(folder / "imu"));
   ASSERT_OK(streamer.start(monotonic_s()));

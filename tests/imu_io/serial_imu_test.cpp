@@ -11,41 +11,12 @@
 #include "imu_io/base/deadline.h"
 #include "imu_io/lines/pty.h"
 #include "imu_io/units/frame_streamer.h"
+#include "tests/imu_io/counting_source.h"
 
 namespace turncal {
 namespace {
 
 using namespace test;  // NOLINT
-
-// Samples with pulses that tell their counter, as fast as they are asked for.
-class CountingSource : public ImuSource {
- public:
-  Status open() override { return {}; }
-  Result<ImuIdentity> identify() override { return ImuIdentity{}; }
-  void describe(RecordingInfo& info) const override {
-    info.sample_period_s = 0.005;
-    info.accel_pulse_mps = 0.0005;
-  }
-  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
-    const auto n = std::min(out.size(), static_cast<std::size_t>(timeout_s / 0.005 + 0.5));
-    for (std::size_t i = 0; i < n; ++i) out[i] = sample(next_++);
-    return n;
-  }
-  ImuLinkCounters counters() const override { return {}; }
-  void close() override {}
-  static ImuSample sample(std::int64_t counter) {
-    ImuSample result;
-    result.counter = counter;
-    const auto n = static_cast<double>(counter);
-    result.gyro = {n, -n, 3.0 * n};
-    result.accel = {2.0 * n, 1.0, -n};
-    result.temperature_c = 25.0F;
-    return result;
-  }
-
- private:
-  std::int64_t next_ = 0;
-};
 
 struct SerialImuTest : testing::Test {
   TemporaryFolder folder;
@@ -307,7 +278,7 @@ TEST(SerialImuClock, AClockBeyondItsLimitIsADeviceError) {
 }
 
 TEST_F(SerialImuTest, StreamedFramesComeAtTheUnitsPace) {
-  CountingSource source;
+  CountingSource source(frame);
   FrameStreamer streamer(source, frame, pty, 20.0);  // 4000 frames a second
   settings.speedup = 20.0;
   SerialImu imu(frame, settings);
@@ -336,7 +307,7 @@ TEST_F(SerialImuTest, StreamedFramesComeAtTheUnitsPace) {
 }
 
 TEST_F(SerialImuTest, AStreamerRefusesASourceThatDoesNotFit) {
-  CountingSource source;
+  CountingSource source(frame);
   FrameStreamer wrong(source, frame_named("stim300"), pty, 1.0);
   EXPECT_ERROR(wrong.start(0.0), "stim300: the frame's sample period of 0.002 s is not the source's");
 }

@@ -18,6 +18,7 @@
 #include <gtest/gtest.h>
 
 #include "imu_io/base/deadline.h"
+#include "tests/turntable_drivers/twin_station.h"
 #include "turntable_drivers/modbus/modbus_frame.h"
 #include "turntable_drivers/modbus/register_map.h"
 #include "turntable_drivers/twins/line_server.h"
@@ -95,9 +96,7 @@ write.abort = 0 u16 0
                                 : "3") +
               "\n" + prefix + ".counts_per_degree = 1000\n";
     }
-    const Result<RegisterMap> map = parse_register_map(text, "level.map");
-    EXPECT_TRUE(map.ok()) << (map.ok() ? "" : map.error().message);
-    return map.ok() ? *map : RegisterMap();
+    return map_of(text);
   }
   // Copies, for the server's thread goes on.
   LevelDrive drive(int unit) {
