@@ -18,6 +18,11 @@ std::string action_for(const Break& cut) {
                                 : "velocity started again after it";
 }
 
+std::string glitch_text(const DataEvent& event) {
+  return std::string(event.kind == DataEvent::Kind::gyro_glitch ? "gyro" : "accelerometer") + " glitch on axis " +
+         "xyz"[event.axis];
+}
+
 std::size_t block_of(const CompressedRecording& recording, std::int64_t sample) {
   const auto after = std::upper_bound(recording.blocks.begin(), recording.blocks.end(), sample,
                                       [](std::int64_t s, const Block& b) { return s < b.start_sample; });
@@ -101,8 +106,17 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       faults.push_back(fault);
       continue;
     }
-    if (event.kind == DataEvent::Kind::gap) {
-      fault.what = format("gap of %.0f sample(s) in the unit's counter", static_cast<double>(event.count));
+    if (event.kind == DataEvent::Kind::temperature) {
+      fault.what = format("%.0f temperature(s) that cannot be", static_cast<double>(event.count)) +
+                   format(", the first %.6g C", event.size);
+      fault.action = "not used";
+      faults.push_back(fault);
+      continue;
+    }
+    const bool glitch = event.kind == DataEvent::Kind::gyro_glitch || event.kind == DataEvent::Kind::accel_glitch;
+    if (event.kind == DataEvent::Kind::gap || event.left_out) {
+      fault.what = glitch ? glitch_text(event) + format(" gave %.6g, which cannot be", event.size)
+                          : format("gap of %.0f sample(s) in the unit's counter", static_cast<double>(event.count));
       const int segment = segment_of_gap(recording, fault.first_sample, fault.last_sample);
       rotating = segment < 0 || recording.segments[static_cast<std::size_t>(segment)].kind == SegmentKind::rotate;
       const double lost_s = static_cast<double>(event.count) * recording.info.sample_period_s;
@@ -113,7 +127,7 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       const bool gyro = event.kind == DataEvent::Kind::gyro_glitch;
       const bool counted =
           (gyro ? recording.info.gyro_increment : recording.info.accel_increment) == IncrementKind::pulses;
-      fault.what = std::string(gyro ? "gyro" : "accelerometer") + " glitch on axis " + "xyz"[event.axis] +
+      fault.what = glitch_text(event) +
                    format(counted ? ", %.0f counts off its neighbours" : ", %.3g off its neighbours", event.size);
       // Twice what the sample stands out by: half of it may lie in its neighbours.
       const double si = si_per_unit(recording.info)[6] * start_parameters(recording.info).n(0, 0);
@@ -126,7 +140,8 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
     }
     add_break(breaks, cut);
     // What a second's mean velocity says depends on when in it the glitch was: nothing learned from that second is kept.
-    if (!rotating && event.kind != DataEvent::Kind::gap && fault.block + 1 < recording.blocks.size()) {
+    if (!rotating && event.kind != DataEvent::Kind::gap && !event.left_out &&
+        fault.block + 1 < recording.blocks.size()) {
       ++cut.block;
       add_break(breaks, cut);
     }

@@ -79,7 +79,8 @@ std::string fault_in(const CompressedRecording& recording, std::size_t first, st
       return std::string("gyro ") + "xyz"[event.axis] + " clipped at " + rate_text(recording.info, event.size) +
              " for " + samples_text(event.count) + " from sample " + std::to_string(event.sample);
   for (const DataEvent& event : recording.events)
-    if (event.kind != DataEvent::Kind::duplicate && event.sample >= from && event.sample < to)
+    if (event.kind != DataEvent::Kind::duplicate && event.kind != DataEvent::Kind::temperature &&
+        event.sample >= from && event.sample < to)
       return std::string(to_string(event.kind)) + " of " + samples_text(event.count) + " at sample " +
              std::to_string(event.sample);
   return {};

@@ -8,33 +8,9 @@
 #include "calib/model/parameters.h"
 #include "calib/rests/rest_start.h"
 #include "calib/statistics/median.h"
+#include "calib/statistics/unit_slip.h"
 
 namespace turncal {
-namespace {
-
-struct Slip {
-  double factor;  // what is read over what is true
-  const char* words;
-};
-constexpr double near = 0.12;  // of the factor: raw sensors are off by less
-
-constexpr Slip accel_slips[] = {
-    {1.0 / standard_gravity_mps2, "as if they were in g, not m/s^2"},
-    {standard_gravity_mps2, "as if they were in m/s^2, not g"},
-    {1000.0 / standard_gravity_mps2, "as if they were in mg, not m/s^2"},
-    {standard_gravity_mps2 / 1000.0, "as if they were in m/s^2, not mg"},
-    {2.0, "too large by 2: the range, or the rate, is another"},
-    {0.5, "too small by 2: the range, or the rate, is another"},
-};
-constexpr Slip gyro_slips[] = {
-    {1.0 / rad_per_deg, "as if they were in deg/s, not rad/s"},
-    {rad_per_deg, "as if they were in rad/s, not deg/s"},
-    {2.0, "too large by 2: the range, or the rate, is another"},
-    {0.5, "too small by 2: the range, or the rate, is another"},
-};
-
-}  // namespace
-
 std::string wrong_accelerometer_unit(const RestData& data) {
   if (data.rests.empty()) return {};
   const RecordingInfo& info = data.recording->info;
@@ -42,14 +18,12 @@ std::string wrong_accelerometer_unit(const RestData& data) {
   std::vector<double> norms;
   for (const Rest& rest : data.rests) norms.push_back((model.accel_scale * rest.whole.accel).norm());
   const double norm = median(norms);
-  for (const Slip& slip : accel_slips)
-    if (std::abs(norm / info.gravity_mps2 / slip.factor - 1.0) < near) {
-      char text[200];
-      std::snprintf(text, sizeof text, "gravity reads %.3g where %.3g m/s^2 is expected: the accelerometers look %s",
-                    norm, info.gravity_mps2, slip.words);
-      return text;
-    }
-  return {};
+  const UnitSlip* const slip = slip_near(accel_slips(), norm / info.gravity_mps2);
+  if (slip == nullptr) return {};
+  char text[200];
+  std::snprintf(text, sizeof text, "gravity reads %.3g where %.3g m/s^2 is expected: the accelerometers look %s", norm,
+                info.gravity_mps2, slip->words);
+  return text;
 }
 
 std::string wrong_gyro_unit(const RestData& data) {
@@ -60,17 +34,17 @@ std::string wrong_gyro_unit(const RestData& data) {
     return {};
   const double as_given = rest_misfit_rad(data, 1.0);
   if (!(as_given > least_misfit_rad)) return {};
-  const Slip* best = nullptr;
+  const UnitSlip* best = nullptr;
   double best_misfit = as_given;
-  for (const Slip& slip : gyro_slips)
+  for (const UnitSlip& slip : gyro_slips())
     if (const double misfit = rest_misfit_rad(data, 1.0 / slip.factor); misfit < best_misfit) {
       best = &slip;
       best_misfit = misfit;
     }
   // A factor between, which is a scale and no slip, explains the turns as well: then nothing is said.
   if (best == nullptr || best_misfit > clearly_better * as_given) return {};
-  if (rest_misfit_rad(data, (1.0 - near) / best->factor) < best_misfit ||
-      rest_misfit_rad(data, (1.0 + near) / best->factor) < best_misfit)
+  if (rest_misfit_rad(data, (1.0 - slip_nearness) / best->factor) < best_misfit ||
+      rest_misfit_rad(data, (1.0 + slip_nearness) / best->factor) < best_misfit)
     return {};
   char text[200];
   std::snprintf(

@@ -47,6 +47,7 @@ const char* to_string(DataEvent::Kind kind) {
     case DataEvent::Kind::invalid: return "invalid";
     case DataEvent::Kind::gyro_glitch: return "gyro glitch";
     case DataEvent::Kind::accel_glitch: return "accelerometer glitch";
+    case DataEvent::Kind::temperature: return "impossible temperature";
   }
   return "?";
 }
@@ -103,7 +104,8 @@ Block merge(const Block& a, const Block& b) {
   return m;
 }
 
-Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& options) : options_(options) {
+Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& options)
+    : options_(options), spikes_(info) {
   recording_.info = info;
   static_block_samples_ = std::max(1, static_cast<int>(std::lround(options.static_block_s / info.sample_period_s)));
   static_counts_ = options.static_angle_rad / nominal_gyro_rad(info);
@@ -142,15 +144,18 @@ void Compressor::add(std::span<const ImuSample> samples) {
 }
 
 void Compressor::add_one(const ImuSample& sample) {
-  std::int32_t missing = 0;
+  std::int64_t gap = 0;
   if (recording_.samples > 0 && sample.counter != next_counter_) {
     if (sample.counter < next_counter_) {  // came twice: what the counter says was already counted is not counted again
       recording_.events.push_back({DataEvent::Kind::duplicate, sample.counter, 1, -1, 0.0});
       return;
     }
-    missing = static_cast<std::int32_t>(std::min<std::int64_t>(sample.counter - next_counter_, 1 << 20));
-    recording_.events.push_back({DataEvent::Kind::gap, next_counter_, sample.counter - next_counter_, -1, 0.0});
+    gap = sample.counter - next_counter_;
   }
+  if (leave_out(sample)) return;
+  if (gap > left_out_) recording_.events.push_back({DataEvent::Kind::gap, next_counter_, gap - left_out_, -1, 0.0});
+  left_out_ = 0;
+  const auto missing = static_cast<std::int32_t>(std::min<std::int64_t>(gap, 1 << 20));
   if ((sample.flags & sample_flag_invalid) != 0)
     recording_.events.push_back({DataEvent::Kind::invalid, sample.counter, 1, -1, 0.0});
   look_for_glitch(sample);
@@ -182,19 +187,39 @@ void Compressor::add_one(const ImuSample& sample) {
   ++b.samples;
   previous_gyro_ = alpha;
   previous_accel_ = beta;
-  if (!std::isnan(sample.temperature_c)) {
-    temperature_sum_ += sample.temperature_c;
-    temperature_total_ += sample.temperature_c;
-    ++temperature_count_;
-    block_.temperature_c += 1.0F;  // while the block is open: how many samples have a temperature
-  }
-
+  add_temperature(sample);
   const bool still = recording_.segments.back().kind != SegmentKind::rotate;
   const int length = b.samples + b.missing;
   const double most_counts = still ? static_counts_ : rotation_counts_;
   if (length >= (still ? static_block_samples_ : options_.block_samples) ||
       b.gyro.squaredNorm() > most_counts * most_counts)
     close_block();
+}
+
+bool Compressor::leave_out(const ImuSample& sample) {
+  const std::optional<std::size_t> channel = spikes_.spike_in(sample);
+  if (!channel) return false;
+  const auto kind = *channel < 3 ? DataEvent::Kind::gyro_glitch : DataEvent::Kind::accel_glitch;
+  recording_.events.push_back(
+      {kind, sample.counter, 1, static_cast<int>(*channel % 3), channel_of(sample, *channel), true});
+  ++left_out_;
+  return true;
+}
+
+void Compressor::add_temperature(const ImuSample& sample) {
+  if (std::isnan(sample.temperature_c)) return;
+  if (!temperature_can_be(sample.temperature_c)) {
+    if (impossible_temperature_ < 0) {
+      impossible_temperature_ = std::ssize(recording_.events);
+      recording_.events.push_back({DataEvent::Kind::temperature, sample.counter, 0, -1, sample.temperature_c});
+    }
+    ++recording_.events[static_cast<std::size_t>(impossible_temperature_)].count;
+    return;
+  }
+  temperature_sum_ += sample.temperature_c;
+  temperature_total_ += sample.temperature_c;
+  ++temperature_count_;
+  block_.temperature_c += 1.0F;  // while the block is open: how many samples have a temperature
 }
 
 void Compressor::close_block() {

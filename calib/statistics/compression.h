@@ -12,7 +12,9 @@
 //   coning = sum (theta_i + alpha_{i-1}/6) x alpha_i                          (Savage 1998, 2-sample coning)
 //   sculling = sum [(theta_i + alpha_i/2) beta_i' + (alpha_{i-1} beta_i' - alpha_i beta_{i-1}')/12]   (3x3)
 //
-// Data faults are noticed here, on raw samples, and listed as events; what is done about them is up to the estimator.
+// Data faults are noticed here, on raw samples, and listed as events; what is done about them is up to the estimator. A sample that
+// cannot be true (implausible.h) is left out of the sums as if it had not come: no estimator could bear it. A temperature that cannot
+// be counts as not measured.
 // Not modelled: nothing is; this is bookkeeping.
 #pragma once
 
@@ -24,6 +26,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "calib/statistics/implausible.h"
 #include "calib/types/recording_types.h"
 
 namespace turncal {
@@ -48,11 +51,12 @@ struct Block {
 Block merge(const Block& first, const Block& second);
 
 struct DataEvent {
-  enum class Kind { gap, duplicate, invalid, gyro_glitch, accel_glitch } kind = Kind::gap;
+  enum class Kind { gap, duplicate, invalid, gyro_glitch, accel_glitch, temperature } kind = Kind::gap;
   std::int64_t sample = 0;  // counter
   std::int64_t count = 1;   // samples concerned
   int axis = -1;            // 0 1 2, or -1
-  double size = 0.0;        // glitches: in counts above the neighbours
+  double size = 0.0;  // glitches: in counts above the neighbours, or as it came where it was left out; temperature: C
+  bool left_out = false;  // it is in no block
 };
 const char* to_string(DataEvent::Kind kind);
 
@@ -92,6 +96,8 @@ class Compressor {
   void close_block();
   void add_one(const ImuSample& sample);
   void look_for_glitch(const ImuSample& sample);
+  bool leave_out(const ImuSample& sample);
+  void add_temperature(const ImuSample& sample);
 
   CompressionOptions options_;
   CompressedRecording recording_;
@@ -101,6 +107,9 @@ class Compressor {
   double static_counts_ = 0.0;    // |sum alpha| at which a static block is closed early, in counts
   double rotation_counts_ = 0.0;  // the same for a rotation block
   std::int64_t next_counter_ = 0;
+  SpikeFinder spikes_;
+  std::int64_t left_out_ = 0;                   // samples since the last one that was taken
+  std::ptrdiff_t impossible_temperature_ = -1;  // which event
   bool have_previous_ = false;
   Eigen::Vector3d previous_gyro_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d previous_accel_ = Eigen::Vector3d::Zero();

@@ -6,16 +6,14 @@
 #include <utility>
 
 #include "calib/model/attitude.h"
+#include "calib/statistics/unit_slip.h"
 #include "imu_io/base/format_number.h"
 
 namespace turncal {
 
 namespace {
 
-constexpr const char* channels[6] = {"gyro x",          "gyro y",          "gyro z",
-                                     "accelerometer x", "accelerometer y", "accelerometer z"};
 constexpr double stretch_s = 0.5;
-constexpr std::int64_t enough_samples = 400;  // to say that a channel stands still
 
 Eigen::Matrix3d attitude_of(const AxisTriple& deg) {
   return attitude_from_angles(deg[Axis::heading] * rad_per_deg, deg[Axis::pitch] * rad_per_deg,
@@ -76,6 +74,11 @@ Status judge_force(const Eigen::Vector3d& force_mps2, const AxisTriple& angles_d
   if (size_fits && points_up) return {};
   const std::string sensed = "at " + angles_text(angles_deg) + " the accelerometers sense " + triple_text(force_mps2) +
                              " m/s^2 along x, y, z: expected " + triple_text(gravity_mps2 * up);
+  const UnitSlip* const slip = slip_near(accel_slips(), force_mps2.norm() / gravity_mps2);
+  if (points_up && slip != nullptr) {
+    return device_error(sensed + "; the accelerometers look " + slip->words +
+                        " (accel.unit, accel.scale of the frame)");
+  }
   Eigen::Index most = 0;
   up.cwiseAbs().maxCoeff(&most);
   if (!size_fits && std::abs(force_mps2[most]) < 0.1 * gravity_mps2 && std::abs(up[most]) > 0.5) {
@@ -103,14 +106,24 @@ Status judge_felt(const Eigen::Vector3d& sum, const AxisTriple& from_deg, const 
                       ": mounted another way, signs of the table's axis, or axes and signs of the unit's frame");
 }
 
+Status FirstStepCheck::resume(const RecordingInfo& info, std::int64_t end_sample) {
+  info_ = info;
+  spikes_.emplace(info);
+  life_.emplace(info.sample_period_s);
+  turned_to_deg_.reset();
+  return sink_.resume(info, end_sample);
+}
+
 Status FirstStepCheck::start(const RecordingInfo& info) {
   info_ = info;
+  spikes_.emplace(info);
+  life_.emplace(info.sample_period_s);
+  turned_to_deg_.reset();
   active_ = true;
   step_.reset();
   before_deg_.reset();
   rest_gyro_.reset();
   rests_ = rests_other_way_ = 0;
-  step_samples_ = 0;
   return sink_.start(info);
 }
 
@@ -127,24 +140,24 @@ Status FirstStepCheck::begin_segment(const Segment& segment) {
   stretch_.setZero();
   stretch_samples_ = 0;
   way_ = 0.0;
+  impossible_temperatures_ = 0;
   return sink_.begin_segment(segment);
 }
 
 Status FirstStepCheck::add(std::span<const ImuSample> samples) {
-  if (active_) {
-    for (const ImuSample& sample : samples) {
-      for (std::size_t i = 0; i < 6; ++i) {
-        const double value = i < 3 ? sample.gyro[i] : sample.accel[i - 3];
-        least_[i] = step_samples_ == 0 ? value : std::min(least_[i], value);
-        most_[i] = step_samples_ == 0 ? value : std::max(most_[i], value);
-        (i < 3 ? gyro_ : accel_)[static_cast<Eigen::Index>(i % 3)] += value;
-      }
-      ++step_samples_;
-      stretch_ += Eigen::Vector3d(sample.gyro[0], sample.gyro[1], sample.gyro[2]);
-      ++stretch_samples_;
-      if (static_cast<double>(stretch_samples_) * info_.sample_period_s >= stretch_s) end_stretch();
-    }
-    samples_ += static_cast<std::int64_t>(samples.size());
+  for (const ImuSample& sample : samples) {
+    life_->add(sample);
+    if (!active_ || spikes_->spike_in(sample)) continue;
+    const Eigen::Vector3d gyro(sample.gyro[0], sample.gyro[1], sample.gyro[2]);
+    gyro_ += gyro;
+    accel_ += Eigen::Vector3d(sample.accel[0], sample.accel[1], sample.accel[2]);
+    ++samples_;
+    stretch_ += gyro;
+    ++stretch_samples_;
+    if (static_cast<double>(stretch_samples_) * info_.sample_period_s >= stretch_s) end_stretch();
+    if (temperature_can_be(sample.temperature_c)) continue;
+    ++impossible_temperatures_;
+    temperature_c_ = sample.temperature_c;
   }
   return sink_.add(samples);
 }
@@ -156,10 +169,20 @@ void FirstStepCheck::end_stretch() {
 }
 
 Status FirstStepCheck::end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) {
-  if (Status status = sink_.end_segment(kind, end_sample, angles_deg); !status || !active_) return status;
+  if (Status status = sink_.end_segment(kind, end_sample, angles_deg); !status) return status;
+  if (Status status = judge_life(angles_deg); !status || !active_) return status;
   const Status judged = judge_segment(kind, end_sample, angles_deg);
   before_deg_ = angles_deg;
   return judged;
+}
+
+Status FirstStepCheck::judge_life(const AxisTriple& angles_deg) {
+  double turned_deg = 0.0;
+  for (const Axis axis : all_axes)
+    if (turned_to_deg_) turned_deg += std::abs(angles_deg[axis] - (*turned_to_deg_)[axis]);
+  turned_to_deg_ = angles_deg;
+  life_->turned(turned_deg);
+  return life_->defect().empty() ? Status{} : Status(device_error(life_->defect()));
 }
 
 Status FirstStepCheck::finish() {
@@ -173,43 +196,56 @@ Status FirstStepCheck::judge_segment(SegmentKind kind, std::int64_t end_sample, 
   if (samples_ == 0) return {};
   const auto n = static_cast<double>(samples_);
   const SensorModel model = sensor_model(start_parameters(info_), info_);
-  if (kind == SegmentKind::rotate) {
-    const bool whole = samples_ == end_sample - segment_.start_sample;
-    if (!before_deg_ || !rest_gyro_ || !whole) return {};
-    end_stretch();
-    const Eigen::Vector3d sum = gyro_ - *rest_gyro_ * n;
-    const auto turn = turn_between(*before_deg_, angles_deg);
-    const bool moved =
-        turn && model.gyro_scale.norm() / std::sqrt(3.0) * way_ > 0.5 * std::abs(turn->second) * rad_per_deg;
-    if (moved && way_ > limits_.detour * sum.norm()) return {};
-    return judge_felt(sum, *before_deg_, angles_deg, limits_);
+  if (kind != SegmentKind::rotate) return judge_rest(model, angles_deg, n);
+  const bool whole = samples_ == end_sample - segment_.start_sample;
+  if (!before_deg_ || !rest_gyro_ || !whole) return {};
+  end_stretch();
+  const Eigen::Vector3d sum = gyro_ - *rest_gyro_ * n;
+  const auto turn = turn_between(*before_deg_, angles_deg);
+  const double scale = model.gyro_scale.norm() / std::sqrt(3.0);
+  // Before the direction: what a gyro adds up to in the wrong unit may well be a detour.
+  if (turn && std::abs(turn->second) >= limits_.least_turn_of_units_deg && way_ <= limits_.detour * sum.norm()) {
+    if (Status status = judge_units(scale * sum.norm() / (std::abs(turn->second) * rad_per_deg)); !status)
+      return status;
   }
-  rest_gyro_ = gyro_ / n;
-  const Eigen::Vector3d force = model.accel_scale * accel_ / (n * info_.sample_period_s);
+  const bool moved = turn && scale * way_ > 0.5 * std::abs(turn->second) * rad_per_deg;
+  if (moved && way_ > limits_.detour * sum.norm()) return {};
+  return judge_felt(sum, *before_deg_, angles_deg, limits_);
+}
+
+// Pulses have a weight of their own, which is estimated.
+Status FirstStepCheck::judge_units(double ratio) const {
+  const UnitSlip* const slip = slip_near(gyro_slips(), ratio);
+  if (info_.gyro_increment == IncrementKind::pulses || slip == nullptr) return {};
+  char text[80];
+  std::snprintf(text, sizeof text, "the gyros feel %.4g times what is expected: they look ", ratio);
+  return device_error(text + std::string(slip->words) + " (gyro.unit, gyro.scale of the frame)");
+}
+
+Status FirstStepCheck::judge_rest(const SensorModel& model, const AxisTriple& angles_deg, double samples) {
+  if (2 * impossible_temperatures_ > samples_) {
+    return device_error("the unit's temperature reads " + format_number(temperature_c_) + " C: expected " +
+                        format_number(least_temperature_c) + " to " + format_number(most_temperature_c) +
+                        " (temperature.type, .zero, .scale of the frame)");
+  }
+  rest_gyro_ = gyro_ / samples;
+  const Eigen::Vector3d force = model.accel_scale * accel_ / (samples * info_.sample_period_s);
   if (Status status = judge_force(force, angles_deg, info_.gravity_mps2, limits_); !status) return status;
   const double vertical = (model.gyro_scale * *rest_gyro_ / info_.sample_period_s).dot(force.normalized());
   const double expected = earth_rate_radps * std::sin(info_.latitude_deg * rad_per_deg);
   ++rests_;
-  if (std::abs(expected) >= limits_.least_vertical_degph * radps_per_degph &&
-      std::abs(vertical / expected + 1.0) < limits_.other_way) {
-    ++rests_other_way_;
-  }
-  return {};
+  if (std::abs(expected) < limits_.least_vertical_degph * radps_per_degph) return {};
+  if (std::abs(vertical / expected + 1.0) < limits_.other_way) ++rests_other_way_;
+  // Of the earth's rate alone no more is said than what a bias can hardly imitate.
+  return std::abs(vertical) > limits_.least_times * std::abs(expected) ? judge_units(vertical / expected) : Status{};
 }
 
 Status FirstStepCheck::judge_step() const {
-  if (rests_ > 0 && rests_other_way_ == rests_) {
-    return device_error(
-        "in every rest of the first step the gyros feel the earth turn about the vertical the other way: "
-        "site.latitude_deg is " +
-        format_number(info_.latitude_deg) + " (north is positive), or the gyros' signs are wrong");
-  }
-  for (std::size_t i = 0; step_samples_ >= enough_samples && i < 6; ++i) {
-    if (least_[i] != most_[i]) continue;
-    return device_error(std::string(channels[i]) + " gave the same value, " + format_number(least_[i]) + ", in all " +
-                        std::to_string(step_samples_) + " samples of the first step: it does not live");
-  }
-  return {};
+  if (rests_ == 0 || rests_other_way_ != rests_) return {};
+  return device_error(
+      "in every rest of the first step the gyros feel the earth turn about the vertical the other way: "
+      "site.latitude_deg is " +
+      format_number(info_.latitude_deg) + " (north is positive), or the gyros' signs are wrong");
 }
 
 }  // namespace turncal

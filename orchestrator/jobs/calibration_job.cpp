@@ -39,7 +39,7 @@ Status closed_form(const CompressedRecording& recording, CalibrationOutput& outp
   return {};
 }
 
-void note_joint(const JointResult& result, std::vector<std::string>& notes) {
+void note_joint(const JointResult& result, double sample_period_s, std::vector<std::string>& notes) {
   char text[200];
   std::snprintf(text, sizeof text, "joint estimate: settled after %d iterations; normalised residual %.4f%s",
                 result.iterations, result.normalised_rms,
@@ -48,7 +48,9 @@ void note_joint(const JointResult& result, std::vector<std::string>& notes) {
   if (!result.start.mounting_text.empty())
     notes.push_back("the unit is mounted " + result.start.mounting_text + " against the table's axes");
   for (const Fault& fault : result.faults) {
-    notes.push_back("fault: " + fault.what + " at sample " + std::to_string(fault.first_sample) + ": " + fault.action);
+    std::snprintf(text, sizeof text, " at sample %lld (%.3f s): ", static_cast<long long>(fault.first_sample),
+                  static_cast<double>(fault.first_sample) * sample_period_s);
+    notes.push_back("fault: " + fault.what + text + fault.action);
   }
   for (const Undetermined& direction : result.undetermined) {
     std::string line = "not determined by this recording:";
@@ -69,12 +71,11 @@ Status joint(const CompressedRecording& recording, bool partial, CalibrationOutp
   JointResult result = joint_estimate(recording);
   if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result.message};
   if (const std::string keys = undetermined_keys(result); !keys.empty() && !partial) {
-    return input_error("this recording does not determine" + keys +
-                       ": expected the steps that do (--partial writes what there is)");
+    return not_determined("this recording does not determine" + keys + ": expected the steps that do");
   }
   describe_estimate(result, recording, false, output.file);
   output.file.add_further("quality.trusted", result.whiteness.white ? "true" : "false");
-  note_joint(result, output.notes);
+  note_joint(result, recording.info.sample_period_s, output.notes);
   output.fit = std::move(result);
   return {};
 }
@@ -82,20 +83,19 @@ Status joint(const CompressedRecording& recording, bool partial, CalibrationOutp
 Status rests_by_hand(const CompressedRecording& recording, bool partial, CalibrationOutput& output) {
   const RestData data = make_rest_data(recording);
   output.notes.insert(output.notes.end(), data.notes.begin(), data.notes.end());
-  if (const std::string wrong = wrong_units(data); !wrong.empty()) return input_error(wrong);
+  if (const std::string wrong = wrong_units(data); !wrong.empty()) return Error{ErrorKind::unit_failed, wrong};
   const Result<RestFit> fit = fit_rests(data, EffectModel{});
   if (!fit) return fit.error();
   if (!fit->converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + fit->message};
   if (!fit->undetermined.empty() && !partial) {
     std::string keys;
     for (const std::string& key : fit->undetermined) keys += " " + key;
-    return input_error("these rests and rotations do not determine" + keys +
-                       ": expected more of them, about other axes (--partial writes what there is)");
+    return not_determined("these rests and rotations do not determine" + keys +
+                          ": expected more of them, about other axes");
   }
   const std::string unjudged = why_not_tested(data, *fit);
   if (!unjudged.empty() && !partial)
-    return input_error("not tested: the data determine nothing that could be judged: " + unjudged +
-                       " (--partial writes what there is)");
+    return not_determined("not tested: the data determine nothing that could be judged: " + unjudged);
   describe_rest_fit(*fit, {}, data, output.file);
   output.file.add_further("quality.trusted", std::string(unjudged.empty() ? "true" : "false"));
   if (!unjudged.empty()) output.notes.push_back("not tested: " + unjudged);
@@ -113,6 +113,10 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
 
 }  // namespace
 
+Error not_determined(const std::string& what) {
+  return {ErrorKind::unit_failed, what + " (--partial writes what there is)"};
+}
+
 Result<CalibrationOutput> calibrate_recording(const LoadedRecording& loaded, const CalibrationRequest& request) {
   const CompressedRecording& recording = loaded.data;
   CalibrationOutput output;
@@ -124,7 +128,7 @@ Result<CalibrationOutput> calibrate_recording(const LoadedRecording& loaded, con
     output.max_temperature_c = std::max(output.max_temperature_c.value_or(temperature_c), temperature_c);
   }
   note_data(loaded, output.notes);
-  if (Status status = check_rests(loaded); !status) return status.error();
+  if (Status status = check_data(loaded); !status) return status.error();
   const bool closed = request.method == "closed-form";
   const bool by_hand = loaded.by_hand;
   if (closed && by_hand)

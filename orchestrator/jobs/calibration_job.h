@@ -33,7 +33,11 @@ struct CalibrationOutput {
   std::optional<JointResult> fit;  // of the joint estimate: what a diagnosis begins with
 };
 
-// Errors: kind input for a recording that cannot be calibrated, unit_failed when the solution does not settle.
+// Parameters stay open: of the kind of the verdict not_tested, so that one outcome has one exit code.
+Error not_determined(const std::string& what);
+
+// Errors: kind input for a recording that cannot be calibrated, unit_failed when the solution does not settle, leaves parameters open,
+// or the data are plainly wrong (check_data).
 Result<CalibrationOutput> calibrate_recording(const LoadedRecording& recording, const CalibrationRequest& request);
 
 // One unit in several recordings (calib/joint/several_recordings.h): table data of one unit and one kind of increment, method joint.

@@ -36,7 +36,7 @@ Status check_holdout(const LoadedRecording& other, const LoadedRecording& record
   if (other.by_hand != recording.by_hand)
     return input_error(other.path + ": expected a recording " + (recording.by_hand ? "without" : "with") +
                        " table angles, as the one to be fitted");
-  return check_rests(other);
+  return check_data(other);
 }
 
 Result<DiagnosisOutput> of_table(const LoadedRecording& recording, const DiagnosisRequest& request,
@@ -104,7 +104,7 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
 }  // namespace
 
 Result<DiagnosisOutput> diagnose_recording(const LoadedRecording& recording, const DiagnosisRequest& request) {
-  if (Status status = check_rests(recording); !status) return status.error();
+  if (Status status = check_data(recording); !status) return status.error();
   DiagnosisContext context(recording.data);
   context.recording_path = recording.path;
   context.recording_hash = recording.hash;

@@ -1,14 +1,50 @@
 #include "orchestrator/jobs/loaded_recording.h"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <utility>
 
 #include "calib/rests/rest_data.h"
+#include "calib/statistics/channel_life.h"
 #include "calib/statistics/clipping.h"
 #include "calib/statistics/segmentation.h"
+#include "calib/statistics/unit_slip.h"
 
 namespace turncal {
+
+namespace {
+
+// Tells ChannelLife what the table turned, segment by segment.
+class TableLife {
+ public:
+  TableLife(const RecordingInfo& info, const Segments& segments) : life_(info.sample_period_s), segments_(segments) {}
+  void add(std::span<const ImuSample> samples) {
+    for (const ImuSample& sample : samples) {
+      while (index_ < segments_.size() && sample.counter >= segments_[index_].end_sample) end_segment();
+      life_.add(sample);
+    }
+  }
+  const std::string& finish() {
+    while (index_ < segments_.size()) end_segment();
+    return life_.defect();
+  }
+
+ private:
+  void end_segment() {
+    if (index_ > 0) {
+      const Segment &from = segments_[index_ - 1], &to = segments_[index_];
+      life_.turned(std::abs(to.heading_deg - from.heading_deg) + std::abs(to.pitch_deg - from.pitch_deg) +
+                   std::abs(to.roll_deg - from.roll_deg));
+    }
+    ++index_;
+  }
+  ChannelLife life_;
+  const Segments& segments_;
+  std::size_t index_ = 0;
+};
+
+}  // namespace
 
 Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress,
                                        const std::optional<CompressionOptions>& blocks) {
@@ -26,9 +62,11 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
   std::optional<ClippingFinder> clipping;
   if (loaded.by_hand) clipping.emplace();
   SegmentedFeed feed(compressor, source.segments());
+  TableLife life(source.info(), source.segments());
   std::int64_t count = 0;
   const Status status = source.read([&](std::span<const ImuSample> samples) {
     feed.add(samples);
+    if (!loaded.by_hand) life.add(samples);
     if (clipping)
       for (const ImuSample& sample : samples) clipping->add(sample);
     count += static_cast<std::int64_t>(samples.size());
@@ -39,6 +77,7 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
   feed.finish();
   loaded.data = compressor.take();
   if (clipping) clipping->note(loaded.data.events);
+  loaded.dead_channel = life.finish();
   Result<std::string> hash = source.content_hash();  // falls out of read()
   if (!hash) return hash.error();
   loaded.hash = std::move(*hash);
@@ -52,7 +91,10 @@ Result<LoadedRecording> load_recording(const std::string& path, const std::funct
   return load_recording(**source, progress, blocks);
 }
 
-Status check_rests(const LoadedRecording& loaded) {
+Status check_data(const LoadedRecording& loaded) {
+  if (!loaded.dead_channel.empty()) return Error{ErrorKind::unit_failed, loaded.path + ": " + loaded.dead_channel};
+  if (const std::string wrong = loaded.by_hand ? "" : wrong_table_units(loaded.data); !wrong.empty())
+    return Error{ErrorKind::unit_failed, loaded.path + ": " + wrong};
   const std::vector<Block>& blocks = loaded.data.blocks;
   if (std::any_of(blocks.begin(), blocks.end(), [](const Block& block) { return block.whole_second; })) return {};
   return input_error(loaded.path + ": not one whole second at rest: expected dwells to calibrate from");

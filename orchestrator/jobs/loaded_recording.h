@@ -16,8 +16,9 @@ struct LoadedRecording {
   std::string path;
   CompressedRecording data;
   RecordingDamage damage;
-  std::string hash;      // of the contents (RecordingSource::content_hash)
-  bool by_hand = false;  // no table angles
+  std::string hash;          // of the contents (RecordingSource::content_hash)
+  bool by_hand = false;      // no table angles
+  std::string dead_channel;  // channel_life.h, of a recording with table angles
 };
 
 // Blocks as short as the recording needs: those of rests found by hand where it has no table angles. `progress`, if given, is
@@ -27,7 +28,8 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
 Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress = {},
                                        const std::optional<CompressionOptions>& blocks = {});
 
-// An error when it holds not one whole second at rest: there is nothing to calibrate from.
-Status check_rests(const LoadedRecording& loaded);
+// An error when there is nothing to calibrate from: a channel that does not live, units that are
+// plainly wrong, not one whole second at rest.
+Status check_data(const LoadedRecording& loaded);
 
 }  // namespace turncal

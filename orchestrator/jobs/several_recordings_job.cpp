@@ -77,8 +77,7 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   for (std::size_t k = 0; k < parameter_keys.size(); ++k)
     if (parameter_is_free[k] && !several.unit.determined[k]) open += " " + std::string(parameter_keys[k]);
   if (!open.empty() && !request.partial)
-    return input_error("these recordings do not determine" + open +
-                       ": expected the steps that do (--partial writes what there is)");
+    return not_determined("these recordings do not determine" + open + ": expected the steps that do");
   ParameterFile file = output.file;
   file.further.clear();
   file.sigma = {};

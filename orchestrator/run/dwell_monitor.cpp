@@ -5,13 +5,11 @@
 #include <cstdio>
 
 #include "calib/model/parameters.h"
+#include "calib/statistics/implausible.h"
 
 namespace turncal {
 
 namespace {
-
-constexpr std::array<const char*, 6> channel_names = {"gyro x",          "gyro y",          "gyro z",
-                                                      "accelerometer x", "accelerometer y", "accelerometer z"};
 
 std::string line(const char* format, const char* name, double value, const char* unit, double limit, double second) {
   char text[200];
@@ -21,7 +19,8 @@ std::string line(const char* format, const char* name, double value, const char*
 
 }  // namespace
 
-DwellMonitor::DwellMonitor(const DwellConfig& config, const RecordingInfo& info) : config_(config) {
+DwellMonitor::DwellMonitor(const DwellConfig& config, const RecordingInfo& info)
+    : config_(config), period_s_(info.sample_period_s) {
   window_samples_ = std::max<std::int64_t>(1, std::llround(config.stillness_window_s / info.sample_period_s));
   const double window_s = static_cast<double>(window_samples_) * info.sample_period_s;
   const Parameters start = start_parameters(info);
@@ -57,9 +56,11 @@ const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const Imu
       break;
     }
     ++next_counter_;
-    for (std::size_t i = 0; i < 3; ++i) {
-      window_sum_[i] += sample.gyro[i];
-      window_sum_[3 + i] += sample.accel[i];
+    for (std::size_t i = 0; i < channels; ++i) {
+      const double value = channel_of(sample, i);
+      window_sum_[i] += value;
+      if (in_window_ == 0 || value < least_[i].value) least_[i] = {value, sample.counter, 0.0};
+      if (in_window_ == 0 || value > most_[i].value) most_[i] = {value, sample.counter, 0.0};
     }
     if (++in_window_ == window_samples_) close_window();
   }
@@ -73,6 +74,12 @@ void DwellMonitor::close_window() {
     const double d = mean - origin_[i];
     sum_[i] += d;
     square_[i] += d * d;
+    const double size = static_cast<double>(in_window_);
+    const double middle = window_sum_[i] / size;
+    Outlier outlier = most_[i].value - middle > middle - least_[i].value ? most_[i] : least_[i];
+    outlier.without = size > 1.0 ? (window_sum_[i] - outlier.value) * size / (size - 1.0) * unit_[i] - origin_[i] : d;
+    if (windows_ == 0 || d < lowest_[i]) in_lowest_[i] = outlier;
+    if (windows_ == 0 || d > highest_[i]) in_highest_[i] = outlier;
     lowest_[i] = std::min(lowest_[i], d);
     highest_[i] = std::max(highest_[i], d);
   }
@@ -89,6 +96,12 @@ void DwellMonitor::close_window() {
     const double max_peak = gyro ? config_.max_gyro_peak_degps : config_.max_accel_peak_mps2;
     const char* unit = gyro ? "deg/s" : "m/s^2";
     const double at_s = count * config_.stillness_window_s;
+    if (!(peak <= max_peak) || !(deviation <= max_deviation)) {
+      if (const std::string glitch = glitch_text(i, max_peak); !glitch.empty()) {
+        defect_ = Defect{ErrorKind::device, glitch};
+        return;
+      }
+    }
     if (!(peak <= max_peak)) {
       defect_ = Defect{ErrorKind::device, line("not still: %s mean jumps by %.4g %s (limit %.4g %s) within %.0f s",
                                                channel_names[i], peak, unit, max_peak, at_s)};
@@ -100,6 +113,20 @@ void DwellMonitor::close_window() {
       return;
     }
   }
+}
+
+// Of the window that is further from the mean of the others: how far it is without its outlier.
+std::string DwellMonitor::glitch_text(std::size_t channel, double limit) const {
+  if (windows_ < 2) return {};
+  const double others = static_cast<double>(windows_ - 1);
+  const auto rest_of = [&](double d) { return (sum_[channel] - d) / others; };
+  const double low = lowest_[channel], high = highest_[channel];
+  const bool is_high = high - rest_of(high) > rest_of(low) - low;
+  const double d = is_high ? high : low;
+  const Outlier& outlier = is_high ? in_highest_[channel] : in_lowest_[channel];
+  const double with_it = std::abs(d - rest_of(d)), without = std::abs(outlier.without - rest_of(d));
+  if (!(without <= limit && without < 0.1 * with_it)) return {};
+  return glitch_of(channel, outlier.value, outlier.counter, period_s_) + ", and was still without it";
 }
 
 }  // namespace turncal

@@ -6,6 +6,8 @@
 // configured limits (a single sample says nothing: one pulse of a laser gyro in 5 ms is already 0.05 deg/s). Judged at
 // the end of every window, so that a knock in a long dwell does not cost the rest of it.
 //
+// One sample alone may have spoilt a window: when the unit was still without it, the reason names it as a glitch.
+//
 // Units: counts become deg/s and m/s^2 by the nominal scale factors of the recording (start values of calib/model/parameters.h);
 // a per cent of scale error does not matter here. That the table reads elsewhere is the caller's to see.
 #pragma once
@@ -41,7 +43,14 @@ class DwellMonitor {
  private:
   static constexpr int channels = 6;  // gyro x y z, accelerometer x y z
   void close_window();
+  std::string glitch_text(std::size_t channel, double limit) const;
 
+  // The sample of a window that stands out most, and where the window's mean would be without it.
+  struct Outlier {
+    double value = 0.0;
+    std::int64_t counter = 0;
+    double without = 0.0;
+  };
   DwellConfig config_;
   std::array<double, channels> unit_{};  // deg/s or m/s^2 per count and window
   std::int64_t window_samples_ = 200;
@@ -54,6 +63,9 @@ class DwellMonitor {
   std::int64_t in_window_ = 0;
   std::int64_t windows_ = 0;
   std::array<double, channels> origin_{}, sum_{}, square_{}, lowest_{}, highest_{};
+  std::array<Outlier, channels> least_{}, most_{};            // of the running window
+  std::array<Outlier, channels> in_lowest_{}, in_highest_{};  // of the windows with the lowest and the highest mean
+  double period_s_ = 0.0;
 };
 
 }  // namespace turncal

@@ -148,8 +148,8 @@ StationRun::MaybeEvent StationRun::take(UnitLane& lane) {
   if (!arrival_.move() || lane.motion_lost || (!taken->gap && !taken->flagged)) return std::nullopt;
   lane.motion_lost = true;
   return raise(RunEvent::motion_data_lost, ErrorKind::device,
-               named(lane, std::string(taken->gap ? "samples lost" : "the unit flagged its data as bad") +
-                               " while the table turned, before sample " + std::to_string(lane.next_sample())));
+               named(lane, (taken->gap ? "samples lost" : taken->what) + " while the table turned, before sample " +
+                               std::to_string(lane.next_sample())));
 }
 
 // Settled, but what the unit sent of the way is not whole. A lane that has no repeat left drops out, and the others do not repeat it.

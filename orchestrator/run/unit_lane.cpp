@@ -49,6 +49,7 @@ Result<std::string> UnitLane::connect(const StationConfig& station, bool table_s
   info_.unit_serial = unit_.serial;
   info_.simulated = info_.simulated || table_simulated;
   dwell_.emplace(station.dwell, info_);
+  spikes_.emplace(info_);
   const Status begun = resumed ? unit_.sink.resume(info_, next_sample_) : unit_.sink.start(info_);
   if (!begun) return begun.error();
   last_sample_s_ = now_s;
@@ -111,9 +112,13 @@ Result<UnitLane::Taken> UnitLane::take(bool dwelling) {
     gap_due_ = false;
   }
   if (!first_counter_) first_counter_ = samples.front().counter;
+  std::string glitch;
   for (ImuSample& sample : samples) {
     sample.counter -= *first_counter_;
     taken.flagged = taken.flagged || (sample.flags & sample_flag_invalid) != 0;
+    const std::optional<std::size_t> channel = spikes_->spike_in(sample);
+    if (channel && glitch.empty())
+      glitch = glitch_of(*channel, channel_of(sample, *channel), sample.counter, info_.sample_period_s);
   }
   const auto lost = static_cast<std::uint64_t>(samples.back().counter + 1 - next_sample_) - samples.size();
   lost_samples_ += lost;
@@ -121,6 +126,11 @@ Result<UnitLane::Taken> UnitLane::take(bool dwelling) {
   next_sample_ = samples.back().counter + 1;
   if (Status status = unit_.sink.add(samples); !status) return status.error();
   if (dwelling) taken.defect = dwell_->add(samples);
+  if (!glitch.empty()) {
+    taken.flagged = true;
+    taken.what = glitch + ", which cannot be,";
+    if (dwelling) taken.defect = DwellMonitor::Defect{ErrorKind::device, glitch + ", which cannot be"};
+  }
   if (conflict_) {
     const std::string text =
         "two samples with the counter " + std::to_string(*conflict_ - *first_counter_) + " that differ";

@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/statistics/implausible.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/imu_source.h"
@@ -66,7 +67,8 @@ class UnitLane {
   struct Taken {
     std::optional<DwellMonitor::Defect> defect;  // while dwelling
     bool gap = false;                            // samples are missing among these
-    bool flagged = false;                        // by the unit, as bad, or two samples that contradict each other
+    bool flagged = false;  // by the unit, as bad; two samples that contradict each other; one that cannot be
+    std::string what = "the unit flagged its data as bad";  // of flagged
   };
   // What waits goes into the open segment, in a dwell no more than it needs; outside a segment it is dropped. Error: the
   // recording cannot be written.
@@ -92,6 +94,7 @@ class UnitLane {
   std::optional<Error> trouble_;
   RecordingInfo info_;
   std::optional<DwellMonitor> dwell_;
+  std::optional<SpikeFinder> spikes_;
   std::vector<ImuSample> waiting_;  // counters are the unit's own
   bool open_ = false;
   std::optional<Segment> segment_;  // the open one

@@ -66,10 +66,10 @@ TEST(DwellMonitor, FlaggedDataIsTheUnitsFailure) {
 }
 
 // A turn of 0.02 deg within the sixth second is 0.02 deg/s in its mean: 77.2 pulses of 0.93292" more. It stands off the
-// mean of six by 5/6 of that, 0.01667 deg/s. Limit 0.01 deg/s.
+// mean of six by 5/6 of that, 0.01667 deg/s. Limit 0.01 deg/s. In ten samples: in one it would be a glitch.
 TEST(DwellMonitor, JumpOfTheGyroMean) {
   std::vector<ImuSample> samples = at_rest(500, 2000);
-  samples[1100].gyro[1] += 77.2;
+  for (std::size_t i = 0; i < 10; ++i) samples[1100 + i].gyro[1] += 7.72;
   EXPECT_EQ(verdict(samples).rfind("not still: gyro y mean jumps by 0.01667 deg/s", 0), 0U) << verdict(samples);
   // Limits apart the same data are fine.
   DwellConfig loose;
@@ -83,6 +83,19 @@ TEST(DwellMonitor, KnockOnTheAccelerometer) {
   std::vector<ImuSample> samples = at_rest(500, 2000);
   samples[900].accel[2] += 60.0;
   EXPECT_NE(verdict(samples).find("accelerometer z"), std::string::npos) << verdict(samples);
+}
+
+// Neither large enough to be impossible, nor a knock of the table: one sample, in any window, the first included.
+TEST(DwellMonitor, OneSampleAloneIsNamedAsAGlitch) {
+  for (const std::size_t at : {30U, 777U, 1990U}) {
+    std::vector<ImuSample> samples = at_rest(500, 2000);
+    samples[at].gyro[1] = -900.0;
+    EXPECT_EQ(verdict(samples).find("glitch: gyro y gave -900 in sample " + std::to_string(500 + at) + " ("), 0U)
+        << verdict(samples);
+    // Two of them are a motion as well as anything.
+    samples[at - 1].gyro[1] = -900.0;
+    EXPECT_EQ(verdict(samples).find("not still: gyro y"), 0U) << verdict(samples);
+  }
 }
 
 // Slow swaying stays below the peak limit but scatters: 0.004 deg/s amplitude has a standard deviation of 0.0028 > 0.002.

@@ -14,12 +14,12 @@ namespace {
 // Passes samples on with their channels changed: the unit as it would be.
 class ChangedUnit : public RunSink {
  public:
-  ChangedUnit(RunSink& sink, std::function<void(ImuSample&)> change, double latitude_sign)
-      : check_(sink), change_(std::move(change)), latitude_sign_(latitude_sign) {}
+  ChangedUnit(RunSink& sink, std::function<void(ImuSample&)> change, std::function<void(RecordingInfo&)> told)
+      : check_(sink), change_(std::move(change)), told_(std::move(told)) {}
   Status start(const RecordingInfo& info) override {
-    RecordingInfo told = info;
-    told.latitude_deg *= latitude_sign_;
-    return check_.start(told);
+    RecordingInfo other = info;
+    told_(other);
+    return check_.start(other);
   }
   Status resume(const RecordingInfo& info, std::int64_t end) override { return check_.resume(info, end); }
   Status begin_segment(const Segment& segment) override { return check_.begin_segment(segment); }
@@ -37,7 +37,7 @@ class ChangedUnit : public RunSink {
  private:
   FirstStepCheck check_;
   std::function<void(ImuSample&)> change_;
-  double latitude_sign_;
+  std::function<void(RecordingInfo&)> told_;
 };
 
 // The first step of the fourteen with dwells of 10 s, and a second one. Levels, both signs of every accelerometer, turns of pitch and roll.
@@ -52,9 +52,11 @@ struct Found {
   std::string why;
   double time_s;
 };
-Found found_with(const std::function<void(ImuSample&)>& change, double latitude_sign = 1.0) {
+Found found_with(
+    const std::function<void(ImuSample&)>& change,
+    const std::function<void(RecordingInfo&)>& told = [](RecordingInfo&) {}) {
   RigStation rig(first_step_text);
-  ChangedUnit unit(rig.sink, change, latitude_sign);
+  ChangedUnit unit(rig.sink, change, told);
   rig.devices.imu.describe(rig.info);
   rig.plan = make_plan(rig.sequence, plan_limits(rig.station, rig.info.sample_period_s));
   StationRun run(
@@ -100,22 +102,69 @@ TEST(FirstStep, SignsAndAxesOfTheGyros) {
 }
 
 TEST(FirstStep, TheOtherHemisphere) {
-  const Found found = found_with([](ImuSample&) {}, -1.0);
+  const Found found = found_with([](ImuSample&) {}, [](RecordingInfo& info) { info.latitude_deg *= -1.0; });
   EXPECT_EQ(found.state, RunState::failed);
   EXPECT_NE(found.why.find("site.latitude_deg is -29.53"), std::string::npos) << found.why;
+}
+
+// A unit whose frame is said to be in rad and m/s; what it sends is so many times that.
+Found found_in_units(double gyros, double accelerometers) {
+  constexpr double rad = 0.932920 * rad_per_arcsec, mps = 0.0005;
+  return found_with(
+      [=](ImuSample& s) {
+        for (double& x : s.gyro) x *= gyros * rad;
+        for (double& x : s.accel) x *= accelerometers * mps;
+      },
+      [](RecordingInfo& info) { info.gyro_increment = info.accel_increment = IncrementKind::physical; });
+}
+
+TEST(FirstStep, UnitsThatAreWrongAreNamedAfterTheFirstRest) {
+  EXPECT_EQ(found_in_units(1.0, 1.0).state, RunState::done);
+  const Found degrees = found_in_units(1.0 / rad_per_deg, 1.0);
+  EXPECT_NE(degrees.why.find("they look as if they were in deg/s, not rad/s"), std::string::npos) << degrees.why;
+  EXPECT_LT(degrees.time_s, 20.0);
+  const Found radians = found_in_units(rad_per_deg, 1.0);
+  EXPECT_NE(radians.why.find("as if they were in rad/s, not deg/s"), std::string::npos) << radians.why;
+  EXPECT_LT(radians.time_s, 30.0) << "seen in the first turn";
+  const Found g = found_in_units(1.0, 1.0 / standard_gravity_mps2);
+  EXPECT_NE(g.why.find("as if they were in g, not m/s^2"), std::string::npos) << g.why;
+}
+
+TEST(FirstStep, AnImpossibleTemperature) {
+  const Found found = found_with([](ImuSample& s) { s.temperature_c = 3000.0F; });
+  EXPECT_NE(found.why.find("temperature reads 3000 C"), std::string::npos) << found.why;
+  EXPECT_LT(found.time_s, 20.0);
+}
+
+TEST(FirstStep, AnImpossibleSampleIsNotCounted) {
+  int k = 0;
+  const Found found = found_with([&k](ImuSample& s) {
+    if (++k % 1500 == 0) s.gyro[0] = s.accel[1] = 2e9;
+  });
+  EXPECT_EQ(found.state, RunState::done) << found.why;
 }
 
 TEST(FirstStep, DeadSensors) {
   const char* names[] = {"gyro x", "gyro y", "gyro z", "accelerometer x", "accelerometer y", "accelerometer z"};
   for (std::size_t i = 0; i < 6; ++i) {
-    const Found found = found_with([i](ImuSample& s) { (i < 3 ? s.gyro[i] : s.accel[i - 3]) = 0.0; });
-    EXPECT_EQ(found.state, RunState::failed) << names[i];
-    const bool named = found.why.find(names[i]) != std::string::npos;
-    // A turn or gravity may tell before the step is over.
-    const bool earlier = found.why.find("does not answer to gravity") != std::string::npos ||
-                         found.why.find("was not felt") != std::string::npos ||
-                         found.why.find("was felt about") != std::string::npos;
-    EXPECT_TRUE(named || earlier) << found.why;
+    for (const std::int64_t from : {0, 3000}) {
+      const auto shown = [i](ImuSample& s) -> double& { return i < 3 ? s.gyro[i] : s.accel[i - 3]; };
+      std::int64_t k = 0;
+      double last = 0.0;
+      const Found found = found_with([&](ImuSample& s) {
+        if (k++ < from)
+          last = shown(s);
+        else
+          shown(s) = last;
+      });
+      EXPECT_EQ(found.state, RunState::failed) << names[i];
+      const bool named = found.why.find(std::string(names[i]) + " is ") != std::string::npos;
+      // A turn or gravity may tell before.
+      const bool earlier = found.why.find("the accelerometers sense") != std::string::npos ||
+                           found.why.find("was not felt") != std::string::npos ||
+                           found.why.find("was felt about") != std::string::npos;
+      EXPECT_TRUE(named || earlier) << found.why;
+    }
   }
 }
 

@@ -1,0 +1,37 @@
+// Does every channel live? A dead one gives the same value all the time, a stuck one does from some sample on. At rest a gyro that counts
+// pulses may well repeat itself, so what is asked is that a channel changes while the table turns the unit: through a whole circle in
+// all, by the table's angles, and for 20 s at least.
+//
+// Not seen: a channel that is stuck for less than that; one that sticks near its true value and still flickers.
+#pragma once
+
+#include <array>
+#include <string>
+
+#include "calib/statistics/implausible.h"
+
+namespace turncal {
+
+class ChannelLife {
+ public:
+  explicit ChannelLife(double sample_period_s) : sample_period_s_(sample_period_s) {}
+  void add(const ImuSample& sample);
+  // The table turned the unit by so much, up to the last sample.
+  void turned(double angle_deg);
+  // What was found first, in one line; empty: nothing.
+  const std::string& defect() const { return defect_; }
+
+ private:
+  struct Channel {
+    double value = 0.0;
+    std::int64_t since = 0;  // counter of the first sample with this value
+    double turned_deg = 0.0;
+  };
+  double sample_period_s_;
+  std::array<Channel, 6> channels_{};
+  std::int64_t first_ = 0, last_ = 0;
+  bool any_ = false;
+  std::string defect_;
+};
+
+}  // namespace turncal

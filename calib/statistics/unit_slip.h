@@ -1,0 +1,25 @@
+// Units that are plainly wrong: a factor that no sensor's scale is off by, and that two units differ by.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "calib/statistics/compression.h"
+
+namespace turncal {
+
+struct UnitSlip {
+  double factor;      // what is read over what is true
+  const char* words;  // "as if they were in deg/s, not rad/s"
+};
+std::span<const UnitSlip> accel_slips();
+std::span<const UnitSlip> gyro_slips();
+inline constexpr double slip_nearness = 0.12;  // of the factor: raw sensors are off by less
+// Empty: none is near.
+const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio);
+
+// Of a recording with table angles whose increments are in physical units: gravity at rest, by the median second, and what the gyros
+// add up to in the table's turns of one axis by 20 deg and more, by the median turn. One sentence; empty: nothing is plainly wrong.
+std::string wrong_table_units(const CompressedRecording& recording);
+
+}  // namespace turncal

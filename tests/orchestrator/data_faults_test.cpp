@@ -1,0 +1,212 @@
+// What is wrong with the data themselves: words that were garbled on their way, channels that do not live, temperatures that cannot be,
+// units that are plainly wrong. Named in recordings and in a run, at a cost of a second or a dwell.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/diagnosis_job.h"
+#include "orchestrator/records/recording_sink.h"
+#include "tests/imu_io/temporary_folder.h"
+#include "tests/orchestrator/program.h"
+#include "tests/orchestrator/rig_station.h"
+
+namespace turncal {
+namespace {
+
+// The demo sequence on the rig, in memory.
+struct Recorded {
+  RecordingInfo info;
+  Segments segments;
+  std::vector<ImuSample> samples;
+};
+
+const Recorded& recorded() {
+  static const Recorded once = [] {
+    const test::TemporaryFolder folder;
+    RigStation s(file_text(std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq"));
+    s.devices.imu.describe(s.info);
+    s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
+    RecordingSink sink(folder.path());
+    StationRun run(s.devices.devices(), {s.sequence, s.plan, s.station, "SN1"}, sink, {});
+    EXPECT_EQ(run.run().state, RunState::done);
+    const auto source = RecordingSource::open(sink.path());
+    Recorded r{(*source)->info(), (*source)->segments(), {}};
+    EXPECT_TRUE((*source)
+                    ->read([&](std::span<const ImuSample> samples) {
+                      r.samples.insert(r.samples.end(), samples.begin(), samples.end());
+                      return Status{};
+                    })
+                    .ok());
+    return r;
+  }();
+  return once;
+}
+
+// As a file that was changed: written, loaded.
+class Changed {
+ public:
+  explicit Changed(const Recorded& r) {
+    const std::string path = folder_ / "recording.tcr";
+    auto writer = RecordingWriter::create(path, r.info);
+    EXPECT_TRUE(writer.ok());
+    for (const Segment& s : r.segments) {
+      EXPECT_TRUE(writer->begin_segment(s).ok());
+      EXPECT_TRUE(writer->end_segment(s.kind, s.end_sample, {{s.heading_deg, s.pitch_deg, s.roll_deg}}).ok());
+    }
+    EXPECT_TRUE(writer->add(r.samples).ok());
+    EXPECT_TRUE(writer->finish().ok());
+    Result<LoadedRecording> loaded_now = load_recording(path);
+    EXPECT_TRUE(loaded_now.ok());
+    loaded = std::move(*loaded_now);
+  }
+  LoadedRecording loaded;
+
+ private:
+  test::TemporaryFolder folder_;
+};
+
+double& channel(ImuSample& sample, std::size_t i) { return i < 3 ? sample.gyro[i] : sample.accel[i - 3]; }
+
+TEST(DataFaults, ASpikeCostsItsSecondAndIsNamed) {
+  const Result<CalibrationOutput> plain = calibrate_recording(Changed(recorded()).loaded, {});
+  ASSERT_TRUE(plain.ok());
+  std::mt19937_64 random(20);
+  for (int trial = 0; trial < 12; ++trial) {
+    Recorded r = recorded();
+    const std::size_t at = random() % r.samples.size(), i = random() % 6;
+    // From what no unit can feel to the largest number there is.
+    const double size = std::exp2(17.0 + 14.0 * static_cast<double>(random() % 1000) / 1000.0);
+    channel(r.samples[at], i) = (random() % 2 == 0 ? 1.0 : -1.0) * std::floor(size);
+    const Result<CalibrationOutput> output = calibrate_recording(Changed(r).loaded, {});
+    const std::string what = std::string(channel_names[i]) + " at sample " + std::to_string(at);
+    ASSERT_TRUE(output.ok()) << what << ": " << output.error().message;
+    for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
+      if (!plain->file.sigma[k]) continue;
+      const auto p = static_cast<Eigen::Index>(k);
+      EXPECT_LT(std::abs(output->file.parameters[p] - plain->file.parameters[p]), *plain->file.sigma[k])
+          << what << ": " << parameter_keys[k];
+      EXPECT_LT(*output->file.sigma[k], 1.3 * *plain->file.sigma[k]) << what << ": " << parameter_keys[k];
+    }
+    std::string notes;
+    for (const std::string& note : output->notes) notes += note + "\n";
+    const std::string said =
+        std::string(i < 3 ? "gyro" : "accelerometer") + " glitch on axis " + "xyz"[i % 3] + " gave ";
+    EXPECT_NE(notes.find(said), std::string::npos) << what << ": " << notes;
+    EXPECT_NE(notes.find("at sample " + std::to_string(at) + " ("), std::string::npos) << what << ": " << notes;
+  }
+}
+
+TEST(DataFaults, WhatLastsIsNoSpike) {
+  // Another weight of a pulse: 40 times as many of them.
+  RecordingInfo info;
+  info.accel_pulse_mps = 0.0005;
+  SpikeFinder finder(info);
+  int left_out = 0;
+  for (int k = 0; k < 2000; ++k) {
+    ImuSample sample;
+    const double radps = 7.0 * std::min(1.0, 0.002 * k);  // a table that begins to turn
+    sample.gyro = {40.0 * radps * 0.005 / (0.93 * rad_per_arcsec), 0.0, 0.0};
+    sample.accel = {0.0, 40.0 * 98.0, 0.0};
+    left_out += finder.spike_in(sample) ? 1 : 0;
+  }
+  EXPECT_LE(left_out, 5);
+}
+
+TEST(DataFaults, AChannelThatDoesNotLiveIsNamed) {
+  std::mt19937_64 random(21);
+  for (std::size_t i = 0; i < 6; ++i) {
+    Recorded r = recorded();
+    // From the first sample, or from somewhere in the first half.
+    const std::size_t from = i % 2 == 0 ? 0 : 1 + random() % (r.samples.size() / 2);
+    const double value = from == 0 ? 0.0 : channel(r.samples[from], i);
+    for (std::size_t k = from; k < r.samples.size(); ++k) channel(r.samples[k], i) = value;
+    const Changed changed(r);
+    const std::string said = std::string(channel_names[i]) + (from == 0 ? " is dead" : " is stuck");
+    const Result<CalibrationOutput> output = calibrate_recording(changed.loaded, {});
+    ASSERT_FALSE(output.ok());
+    EXPECT_EQ(output.error().kind, ErrorKind::unit_failed);
+    EXPECT_NE(output.error().message.find(said), std::string::npos) << output.error().message;
+    const Result<DiagnosisOutput> diagnosis = diagnose_recording(changed.loaded, {});
+    ASSERT_FALSE(diagnosis.ok());
+    EXPECT_EQ(diagnosis.error().kind, ErrorKind::unit_failed) << "one outcome, one code";
+    EXPECT_EQ(diagnosis.error().message, output.error().message);
+  }
+  EXPECT_EQ(Changed(recorded()).loaded.dead_channel, "");
+}
+
+TEST(DataFaults, ATemperatureThatCannotBeIsNotUsed) {
+  Recorded r = recorded();
+  const Result<CalibrationOutput> plain = calibrate_recording(Changed(r).loaded, {});
+  for (std::size_t k = 500; k < 600; ++k) r.samples[k].temperature_c = 3000.0F;
+  const Result<CalibrationOutput> output = calibrate_recording(Changed(r).loaded, {});
+  ASSERT_TRUE(output.ok() && plain.ok());
+  EXPECT_NEAR(*output->mean_temperature_c, *plain->mean_temperature_c, 0.01);
+  std::string notes;
+  for (const std::string& note : output->notes) notes += note + "\n";
+  EXPECT_NE(notes.find("100 temperature(s) that cannot be, the first 3000 C at sample 500"), std::string::npos)
+      << notes;
+  for (ImuSample& sample : r.samples) sample.temperature_c = 3000.0F;
+  EXPECT_FALSE(calibrate_recording(Changed(r).loaded, {})->mean_temperature_c) << "as if none were measured";
+}
+
+TEST(DataFaults, UnitsThatAreWrongAreNamed) {
+  const auto physical = [](double gyros, double accelerometers) {
+    Recorded r = recorded();
+    const SensorModel model = sensor_model(start_parameters(r.info), r.info);
+    r.info.gyro_increment = r.info.accel_increment = IncrementKind::physical;
+    for (ImuSample& sample : r.samples) {
+      for (double& x : sample.gyro) x *= gyros * model.gyro_scale(0, 0);
+      for (double& x : sample.accel) x *= accelerometers * model.accel_scale(0, 0);
+    }
+    const Result<CalibrationOutput> output = calibrate_recording(Changed(r).loaded, {});
+    if (output) return std::string("good");
+    EXPECT_EQ(output.error().kind, ErrorKind::unit_failed);
+    return output.error().message;
+  };
+  EXPECT_EQ(physical(1.0, 1.0), "good");
+  EXPECT_NE(physical(1.0 / rad_per_deg, 1.0)
+                .find("the gyros add up to 57.3 times what is expected: as if they were in deg/s"),
+            std::string::npos);
+  EXPECT_NE(physical(rad_per_deg, 1.0).find("as if they were in rad/s, not deg/s"), std::string::npos);
+  EXPECT_NE(physical(1.0, 1.0 / standard_gravity_mps2).find("as if they were in g, not m/s^2"), std::string::npos);
+}
+
+// ---- in a run
+
+// Homing 2 s; align 2 to 7 s, move to 17 s, dwell to 27 s (rig_station.h).
+RunOutcome run_with_spike(double at_s, std::string& said) {
+  RigConfig rig = default_rig_config();
+  RigFault fault;
+  fault.kind = RigFaultKind::gyro_glitch;
+  fault.sample = std::llround(at_s / 0.005);
+  fault.axis = 1;
+  fault.size = 9e6;  // mrad: 2e9 pulses
+  rig.faults = {fault};
+  RigStation s(two_steps_text, rig);
+  const RunOutcome outcome = s.run();
+  for (const std::string& line : s.watcher.text) said += line + "\n";
+  EXPECT_TRUE(s.at_rest());
+  return outcome;
+}
+
+TEST(DataFaults, ASpikeInADwellRepeatsIt) {
+  std::string said;
+  const RunOutcome outcome = run_with_spike(22.0, said);
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.repeated_dwells, 1);
+  EXPECT_NE(said.find("glitch: gyro y gave "), std::string::npos) << said;
+  EXPECT_NE(said.find(", which cannot be"), std::string::npos) << said;
+}
+
+TEST(DataFaults, ASpikeInAMoveRepeatsIt) {
+  std::string said;
+  const RunOutcome outcome = run_with_spike(12.0, said);
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.repeated_moves, 1);
+  EXPECT_NE(said.find("glitch: gyro y gave "), std::string::npos) << said;
+}
+
+}  // namespace
+}  // namespace turncal
