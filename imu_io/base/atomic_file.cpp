@@ -1,6 +1,5 @@
 #include "imu_io/base/atomic_file.h"
 
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -35,9 +34,7 @@ Status rename_durably(const std::string& from, const std::string& to) {
 
 Result<AtomicFile> AtomicFile::create(const std::string& path) {
   // A device or a pipe would be replaced by a file of its name.
-  struct stat found {};
-  if (::stat(path.c_str(), &found) == 0 && !S_ISREG(found.st_mode))
-    return input_error(path + ": is no regular file: expected the name of a file to write");
+  if (Status status = check_regular_file(path); !status) return status.error();
   auto file = PosixFile::create_new(temporary_name(path));
   if (!file) return file.error();
   return AtomicFile(std::move(*file), path);

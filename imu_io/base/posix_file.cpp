@@ -45,6 +45,8 @@ ErrorKind kind_of_change(int number) {
   }
 }
 
+Error not_regular(const std::string& path) { return input_error(path + ": not a regular file"); }
+
 template <class Call>
 auto repeat_interrupted(Call call) {
   decltype(call()) result;
@@ -100,7 +102,7 @@ Result<PosixFile> PosixFile::open_to_read(const std::string& path) {
   PosixFile file(fd, path);
   struct stat facts {};
   if (::fstat(fd, &facts) != 0) return file.failure("cannot look at");
-  if (!S_ISREG(facts.st_mode)) return input_error(path + ": not a regular file");
+  if (!S_ISREG(facts.st_mode)) return not_regular(path);
   return file;
 }
 
@@ -198,6 +200,12 @@ Result<std::string> read_whole_file(const std::string& path, std::size_t max_byt
   return text;
 }
 
+Status check_regular_file(const std::string& path) {
+  struct stat facts {};
+  if (::stat(path.c_str(), &facts) == 0 && !S_ISREG(facts.st_mode)) return not_regular(path);
+  return {};
+}
+
 bool path_exists(const std::string& path) { return ::access(path.c_str(), F_OK) == 0; }
 
 Status make_folder(const std::string& path) {
@@ -218,7 +226,17 @@ Status check_folder_writable(const std::string& path) {
   const std::string folder = existing_folder_of(path);
   std::error_code error;
   if (!std::filesystem::is_directory(folder, error)) return input_error(folder + ": expected a folder, found a file");
-  if (::access(folder.c_str(), W_OK | X_OK) != 0) return storage_error(folder, "nothing can be written there", errno);
+  // Tried, for permissions do not tell: root may write in /proc, and yet no file can be made there.
+  std::string made = folder + "/.turncal.XXXXXX";
+  if (!path_exists(path)) {  // what is to be made first is a folder
+    if (::mkdtemp(made.data()) == nullptr) return storage_error(folder, "no folder can be made there", errno);
+    ::rmdir(made.c_str());
+    return {};
+  }
+  const int fd = ::mkostemp(made.data(), O_CLOEXEC);
+  if (fd < 0) return storage_error(folder, "no file can be made there", errno);
+  ::close(fd);
+  ::unlink(made.c_str());
   return {};
 }
 

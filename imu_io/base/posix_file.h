@@ -52,8 +52,11 @@ class PosixFile {
 Result<std::string> read_whole_file(const std::string& path, std::size_t max_bytes = std::size_t{64} << 20);
 bool path_exists(const std::string& path);
 Status make_folder(const std::string& path);  // with its parents; fine when it exists
-// The next folder above `path` that is there (or itself), and whether something may be made in it. Nothing is made or changed.
+// An error when a folder, a device or a pipe stands at this name; none when nothing does.
+Status check_regular_file(const std::string& path);
+// The next folder above `path` that is there, or itself.
 std::string existing_folder_of(const std::string& path);
+// Makes something there for a try, and removes it.
 Status check_folder_writable(const std::string& path);
 // "path: what: reason" of a failure to make or change something: the storage failed (kind device), or the name was wrong (input).
 Error storage_error(const std::string& path, std::string_view what, int number);

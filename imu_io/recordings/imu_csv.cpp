@@ -119,8 +119,8 @@ Status ImuCsvParser::parse(std::string_view row, std::int64_t line, ImuSample& s
                        " columns: expected " + std::to_string(wanted));
   }
   const auto counter = parse_integer(fields[0]);
-  if (!counter || *counter < -max_counter || *counter > max_counter) {
-    return defect(line, 0, fields[0], "a whole number, the unit's counter");
+  if (!counter || !is_counter(*counter)) {
+    return defect(line, 0, fields[0], std::string(counter_words) + ", the unit's counter");
   }
   sample.counter = *counter;
   for (std::size_t i = 1; i <= 6; ++i) {

@@ -17,6 +17,8 @@ inline constexpr double min_gravity_mps2 = 9.0;
 inline constexpr double max_gravity_mps2 = 11.0;
 // Counters stay within +-max_counter, so that differences and ends cannot overflow.
 inline constexpr std::int64_t max_counter = std::int64_t{1} << 62;
+constexpr bool is_counter(std::int64_t value) { return value >= -max_counter && value <= max_counter; }
+inline constexpr const char* counter_words = "a whole number of at most 2^62 either way";
 
 // Period, latitude, gravity, pulse weight, serial. `where` begins every message ("recording.conf").
 Status check_info(const RecordingInfo& info, const std::string& where);

@@ -87,9 +87,9 @@ Result<Segment> parse_segment_row(std::string_view row, const std::string& where
     return defect("kind", fields[1], "align, static or rotate");
   }
   const auto start = parse_integer(fields[2]);
-  if (!start || std::abs(*start) > max_counter) return defect("start_sample", fields[2], "a whole number");
+  if (!start || !is_counter(*start)) return defect("start_sample", fields[2], counter_words);
   const auto end = parse_integer(fields[3]);
-  if (!end || std::abs(*end) > max_counter) return defect("end_sample", fields[3], "a whole number");
+  if (!end || !is_counter(*end)) return defect("end_sample", fields[3], counter_words);
   segment.start_sample = *start;
   segment.end_sample = *end;
   const std::pair<const char*, double*> angles[] = {

@@ -8,11 +8,11 @@
 #include <memory>
 
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/devices/station_rig.h"
 #include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/watch/progress.h"
-#include "turntable_drivers/rig/rig_config.h"
 
 namespace turncal {
 
@@ -75,8 +75,7 @@ Result<RecordingInfo> planned_info(const StationConfig& station) {
   if (station.imu) {
     station.imu->frame.describe(info);
   } else {
-    const Result<RigConfig> rig =
-        station.rig_file.empty() ? Result<RigConfig>(default_rig_config()) : read_rig_config(station.rig_file);
+    const Result<RigConfig> rig = rig_of(station);
     if (!rig) return rig.error();
     info.sample_period_s = rig->sample_period_s;
     info.accel_pulse_mps = rig->accel_pulse_mps;

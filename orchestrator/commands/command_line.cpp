@@ -6,7 +6,9 @@
 #include <cmath>
 #include <cstdint>
 #include <exception>
+#include <functional>
 #include <optional>
+#include <type_traits>
 
 #include <CLI/CLI.hpp>
 
@@ -23,13 +25,25 @@ bool reader_has_left() {
 }
 
 // CLI11's own checks let "nan" pass, and name a limit of 300 digits.
-CLI::Validator number_that(bool (*holds)(double), const std::string& expected, const std::string& name) {
+CLI::Validator number_that(const std::function<bool(double)>& holds, const std::string& expected,
+                           const std::string& name) {
   return CLI::Validator(
       [holds, expected](std::string& text) {
         const std::optional<double> value = parse_number<double>(text);
-        return value && std::isfinite(*value) && holds(*value) ? "" : "expected " + expected;
+        return value && std::isfinite(*value) && holds(*value) ? "" : "'" + text + "': expected " + expected;
       },
       name);
+}
+
+CLI::Validator number_in(double low, double high, const std::string& kind) {
+  const std::string from = format_number(low), to = format_number(high);
+  return number_that([low, high](double x) { return x >= low && x <= high; }, kind + " from " + from + " to " + to,
+                     "in [" + from + " - " + to + "]");
+}
+
+// An empty word is a variable of a script that was not set: without it the option would count as not given.
+CLI::Validator some_text() {
+  return CLI::Validator([](std::string& text) { return text.empty() ? "expected a text that is not empty" : ""; }, "");
 }
 
 }  // namespace
@@ -41,8 +55,12 @@ const Option& Option::positive() const {
 const Option& Option::not_negative() const {
   return option_->check(number_that([](double x) { return x >= 0.0; }, "a number of 0 or more", "NONNEGATIVE")), *this;
 }
-const Option& Option::range(int low, int high) const { return option_->check(CLI::Range(low, high)), *this; }
-const Option& Option::range(double low, double high) const { return option_->check(CLI::Range(low, high)), *this; }
+const Option& Option::range(int low, int high) const {
+  return option_->check(number_in(low, high, "a whole number")), *this;
+}
+const Option& Option::range(double low, double high) const {
+  return option_->check(number_in(low, high, "a number")), *this;
+}
 const Option& Option::one_of(const std::vector<std::string>& values) const {
   return option_->check(CLI::IsMember(values)), *this;
 }
@@ -53,7 +71,10 @@ const Option& Option::default_in_help() const { return option_->capture_default_
 
 template <class Value>
 Option Command::option(const std::string& name, Value& value, const std::string& help) const {
-  return Option(app_->add_option(name, value, help));
+  CLI::Option* const option = app_->add_option(name, value, help);
+  if constexpr (std::is_same_v<Value, std::string> || std::is_same_v<Value, std::vector<std::string>>)
+    option->check(some_text());
+  return Option(option);
 }
 template Option Command::option(const std::string&, std::string&, const std::string&) const;
 template Option Command::option(const std::string&, double&, const std::string&) const;

@@ -7,9 +7,9 @@
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/devices/station_rig.h"
 #include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/report/prediction_table.h"
-#include "turntable_drivers/rig/rig_config.h"
 
 namespace turncal {
 
@@ -50,8 +50,7 @@ struct PlannedUnit {
   Parameters parameters;
 };
 Result<PlannedUnit> planned_unit(const StationConfig& station, const PredictRequest& request) {
-  Result<RigConfig> rig =
-      station.rig_file.empty() ? Result<RigConfig>(default_rig_config()) : read_rig_config(station.rig_file);
+  Result<RigConfig> rig = rig_of(station);
   if (!rig) return rig.error();
   PlannedUnit unit;
   unit.info.sample_period_s = rig->sample_period_s;

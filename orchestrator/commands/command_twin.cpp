@@ -4,8 +4,8 @@
 #include "imu_io/base/format_number.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/rig_twin.h"
+#include "orchestrator/devices/station_rig.h"
 #include "orchestrator/devices/stop_signals.h"
-#include "turntable_drivers/rig/rig_config.h"
 
 namespace turncal {
 
@@ -20,8 +20,7 @@ struct TwinCommandOptions {
 Status run_twin(const TwinCommandOptions& options, CommandContext& context) {
   const Result<StationConfig> station = read_station_config(options.station);
   if (!station) return station.error();
-  const std::string rig_file = options.rig.empty() ? station->rig_file : options.rig;
-  const Result<RigConfig> rig = rig_file.empty() ? default_rig_config() : read_rig_config(rig_file);
+  const Result<RigConfig> rig = rig_of(*station, options.rig);
   if (!rig) return rig.error();
   TwinSettings settings = options.settings;
   if (settings.speed_up == 0.0) settings.speed_up = station->clock_speed_up;

@@ -1,7 +1,7 @@
 // What would stop a run later, looked for before anything moves: `run` refuses to begin, and `check` tells all of it.
 //
 // Output folder, results database and parameter store can be written; there is room for the recordings; names are short enough for
-// the file system; the commands of the hooks exist; the table's calibration is not overdue. Nothing is made or changed.
+// the file system; the commands of the hooks exist; the table's calibration is not overdue. What is made for a try is removed again.
 #pragma once
 
 #include <string>

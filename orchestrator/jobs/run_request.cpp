@@ -9,6 +9,7 @@
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_source.h"
+#include "orchestrator/devices/station_rig.h"
 #include "orchestrator/station/builtin_sequence.h"
 #include "orchestrator/station/version.h"
 
@@ -79,12 +80,9 @@ Status prepare_rig(PreparedRun& run) {
   wanted.rig = rig_given;
   const Result<std::string> rig_text = text_of(wanted.rig, of_this_version("built-in rig"));
   if (!rig_text) return rig_text.error();
-  run.rig = default_rig_config();
-  if (!wanted.rig.empty()) {
-    Result<RigConfig> rig = read_rig_config(rig_given);
-    if (!rig) return rig.error();
-    run.rig = std::move(*rig);
-  }
+  Result<RigConfig> rig = rig_of(run.station, rig_given);
+  if (!rig) return rig.error();
+  run.rig = std::move(*rig);
   run.rig_hash = hash_of_text(*rig_text);
   if (wanted.station.empty()) {  // the built-in station stands where the rig does
     run.station.latitude_deg = run.rig.site.latitude_deg;

@@ -153,18 +153,23 @@ Result<ResultsDatabase> ResultsDatabase::open(const std::string& path) {
 }
 
 Status ResultsDatabase::check_writable(const std::string& path) {
-  if (!path_exists(path)) return check_folder_writable(folder_of(path));
+  // The folder too when the file is there: its journal is made beside it.
+  if (Status status = check_folder_writable(folder_of(path)); !status || !path_exists(path)) return status;
+  if (Status status = check_regular_file(path); !status) return status;
   sqlite3* handle = nullptr;
   const int code = sqlite3_open_v2(path.c_str(), &handle, SQLITE_OPEN_READWRITE, nullptr);
   const ResultsDatabase database(handle, path);
   if (code != SQLITE_OK) return database.failure("cannot open");
   sqlite3_busy_timeout(handle, 2'000);
-  if (Status status = database.execute("BEGIN IMMEDIATE"); !status) return status;
-  return database.execute("ROLLBACK");
+  for (const char* sql : {"BEGIN IMMEDIATE", schema, "ROLLBACK"}) {
+    if (Status status = database.execute(sql); !status) return status;
+  }
+  return {};
 }
 
 Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& path) {
   if (!path_exists(path)) return input_error(path + ": there is no such results database");
+  if (Status status = check_regular_file(path); !status) return status.error();
   sqlite3* handle = nullptr;
   const int code = sqlite3_open_v2(path.c_str(), &handle, SQLITE_OPEN_READONLY, nullptr);
   ResultsDatabase database(handle, path);

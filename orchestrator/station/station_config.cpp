@@ -16,6 +16,12 @@ constexpr std::size_t most_imu_places = 16;
 constexpr NumberRange some_time{0.0, longest_time_s, true};
 constexpr NumberRange time_or_zero{0.0, longest_time_s};
 constexpr NumberRange angle{-3600.0, 3600.0};
+// Wide, and yet no table or unit is beyond them.
+constexpr NumberRange some_rate{0.0, 1e4, true};
+constexpr NumberRange some_acceleration{0.0, 1e6, true};
+constexpr NumberRange winding{0.0, 1e6};
+constexpr NumberRange fine{1e-6, 1.0};  // deg or deg/s: below it no encoder shows anything
+constexpr NumberRange stillness{1e-9, 100.0};
 
 // A path in the file is relative to the file's folder.
 std::string beside(const KeyValueFile& file, const std::string& path) {
@@ -27,7 +33,7 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   const std::string driver = file.one_of("table.driver", {"mock", "modbus", "serial", "manual"});
   // Any table may be turned by hand (run --manual).
   ManualSettings& manual = table.manual;
-  manual.tolerance_deg = file.number_or("table.tolerance_deg", manual.tolerance_deg, {0.0, 10.0, true});
+  manual.tolerance_deg = file.number_or("table.tolerance_deg", manual.tolerance_deg, between(1e-6, 10.0));
   manual.gravity_tolerance_deg =
       file.number_or("table.gravity_tolerance_deg", manual.gravity_tolerance_deg, {0.0, 90.0, true});
   manual.answer_timeout_s = file.number_or("table.answer_timeout_s", manual.answer_timeout_s, between(1.0, 86400.0));
@@ -69,17 +75,16 @@ void read_axes(KeyValueFile& file, std::array<AxisLimits, 3>& axes) {
     const std::string prefix = "axis." + std::string(to_string(axis)) + ".";
     limit.soft_min_deg = file.number_or(prefix + "soft_min_deg", limit.soft_min_deg, angle);
     limit.soft_max_deg = file.number_or(prefix + "soft_max_deg", limit.soft_max_deg, angle);
-    limit.max_rate_degps = file.number_or(prefix + "max_rate_degps", limit.max_rate_degps, positive);
+    limit.max_rate_degps = file.number_or(prefix + "max_rate_degps", limit.max_rate_degps, some_rate);
     limit.max_acceleration_degps2 =
-        file.number_or(prefix + "max_acceleration_degps2", limit.max_acceleration_degps2, positive);
-    limit.wrap_deg = file.number_or(prefix + "wrap_deg", limit.wrap_deg, not_negative);
+        file.number_or(prefix + "max_acceleration_degps2", limit.max_acceleration_degps2, some_acceleration);
+    limit.wrap_deg = file.number_or(prefix + "wrap_deg", limit.wrap_deg, winding);
   }
 }
 
 void read_motion(KeyValueFile& file, MotionConfig& motion) {
-  motion.position_tolerance_deg =
-      file.number_or("motion.position_tolerance_deg", motion.position_tolerance_deg, {0.0, 1.0, true});
-  motion.settle_rate_degps = file.number_or("motion.settle_rate_degps", motion.settle_rate_degps, {0.0, 1.0, true});
+  motion.position_tolerance_deg = file.number_or("motion.position_tolerance_deg", motion.position_tolerance_deg, fine);
+  motion.settle_rate_degps = file.number_or("motion.settle_rate_degps", motion.settle_rate_degps, fine);
   motion.settle_s = file.number_or("motion.settle_s", motion.settle_s, time_or_zero);
   motion.poll_moving_s = file.number_or("motion.poll_moving_s", motion.poll_moving_s, some_time);
   motion.poll_idle_s = file.number_or("motion.poll_idle_s", motion.poll_idle_s, some_time);
@@ -90,10 +95,10 @@ void read_motion(KeyValueFile& file, MotionConfig& motion) {
 void read_dwell(KeyValueFile& file, DwellConfig& dwell) {
   dwell.max_repeats = static_cast<int>(file.integer_or("dwell.max_repeats", dwell.max_repeats, 0, 100));
   dwell.stillness_window_s = file.number_or("dwell.stillness_window_s", dwell.stillness_window_s, between(0.1, 60.0));
-  dwell.max_gyro_std_degps = file.number_or("dwell.max_gyro_std_degps", dwell.max_gyro_std_degps, positive);
-  dwell.max_gyro_peak_degps = file.number_or("dwell.max_gyro_peak_degps", dwell.max_gyro_peak_degps, positive);
-  dwell.max_accel_std_mps2 = file.number_or("dwell.max_accel_std_mps2", dwell.max_accel_std_mps2, positive);
-  dwell.max_accel_peak_mps2 = file.number_or("dwell.max_accel_peak_mps2", dwell.max_accel_peak_mps2, positive);
+  dwell.max_gyro_std_degps = file.number_or("dwell.max_gyro_std_degps", dwell.max_gyro_std_degps, stillness);
+  dwell.max_gyro_peak_degps = file.number_or("dwell.max_gyro_peak_degps", dwell.max_gyro_peak_degps, stillness);
+  dwell.max_accel_std_mps2 = file.number_or("dwell.max_accel_std_mps2", dwell.max_accel_std_mps2, stillness);
+  dwell.max_accel_peak_mps2 = file.number_or("dwell.max_accel_peak_mps2", dwell.max_accel_peak_mps2, stillness);
 }
 
 // Two keys that cannot both be meant. One may stand at its default, so the line names the one that is in the file and
@@ -209,7 +214,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   StationConfig station;
   station.file = file.file_name();
   file.integer("format", 1, 1);
-  station.name = file.text_or("station.name", "unnamed");
+  station.name = file.has("station.name") ? file.text("station.name") : "unnamed";
   station.latitude_deg = file.number("site.latitude_deg", between(-90.0, 90.0));
   station.gravity_mps2 = file.number("site.gravity_mps2", between(9.7, 9.9));  // anywhere on the earth's surface
   if (Status status = read_table(file, station.table); !status) {

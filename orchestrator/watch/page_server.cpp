@@ -158,10 +158,11 @@ struct PageServer::State {
     }
     c.request.append(buffer, static_cast<std::size_t>(got));
     const std::size_t end = c.request.find("\r\n\r\n");
-    if (end != std::string::npos) {
-      c.answer = answer_to(std::string_view(c.request).substr(0, end));
-    } else if (c.request.size() > limits.request_bytes) {
+    const std::size_t size = end == std::string::npos ? c.request.size() : end + 4;
+    if (size > limits.request_bytes) {
       c.answer = refusal(431, "Request Header Fields Too Large");
+    } else if (end != std::string::npos) {
+      c.answer = answer_to(std::string_view(c.request).substr(0, end));
     }
     return !c.answered() || send(c);
   }

@@ -181,8 +181,9 @@ TEST_F(TextTest, CsvValueDefects) {
             csv_path + ":4: column gyro_x = '99999999999999999999999': " + pulses);
   EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,,1,-2,3,96,0,24.001"),
             csv_path + ":3: column gyro_x = '': " + pulses);
-  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "x,0,1,-2,3,96,0,24.001"),
-            csv_path + ":3: column sample = 'x': expected a whole number, the unit's counter");
+  EXPECT_EQ(
+      csv_defect("1,0,1,-2,3,96,0,24.001", "x,0,1,-2,3,96,0,24.001"),
+      csv_path + ":3: column sample = 'x': expected a whole number of at most 2^62 either way, the unit's counter");
   EXPECT_EQ(csv_defect("24.001", "warm"),
             csv_path +
                 ":3: column temperature_c = 'warm': expected a number in degrees Celsius, or nothing when it was "
@@ -246,7 +247,7 @@ TEST_F(TextTest, SegmentDefects) {
   EXPECT_EQ(segments_defect("1,align", "-1,align"),
             segments_path + ":2: column step = '-1': expected a whole number >= 0");
   EXPECT_EQ(segments_defect("0,2,-90", "0.5,2,-90"),
-            segments_path + ":2: column start_sample = '0.5': expected a whole number");
+            segments_path + ":2: column start_sample = '0.5': expected a whole number of at most 2^62 either way");
   EXPECT_EQ(segments_defect("12.5,0", "nan,0"),
             segments_path + ":3: column pitch_deg = 'nan': expected a number, degrees");
   EXPECT_EQ(segments_defect("rotate,2,4", "rotate,1,4"),
@@ -260,7 +261,8 @@ TEST_F(TextTest, SegmentDefects) {
   EXPECT_EQ(segments_defect("static,4,6", "static,4,7"),
             segments_path + ":4: end_sample = '7': expected at most one more than the last sample, 5");
   EXPECT_EQ(segments_defect("static,4,6", "static,4,9223372036854775807"),
-            segments_path + ":4: column end_sample = '9223372036854775807': expected a whole number");
+            segments_path +
+                ":4: column end_sample = '9223372036854775807': expected a whole number of at most 2^62 either way");
   EXPECT_EQ(segments_defect("12.5,360\n", "12.5,360"),
             segments_path + ":4: the last line is cut off: expected a line end");
   EXPECT_EQ(segments_defect("1,align,0,2,-90,0,0", "1,align,0,2,-90,0"), segments_path + ":2: 6 columns: expected 7");

@@ -68,6 +68,23 @@ expect 1 'a number above 0' "${run[@]}" --unit A --pace nan --out no
 expect 1 'a number above 0' diagnose no --arw nan --vrw 8 --out no
 expect 1 'a number of 0 or more' diagnose no --arw 1 --vrw 8 --gyro-bias-instability nan --out no
 
+# An option with a range, one that a script left empty, a folder for a file.
+expect 1 "'nan': expected a number from 0.01 to 1000" twin --station station --speed-up nan
+expect 1 "'1e300': expected a number from 0.5 to 30" commission --station station --move 1e300
+expect 1 'not empty' "${run[@]}" --unit A --listen '' --out no
+expect 1 'not empty' "${run[@]}" --unit A --operator '' --out no
+expect 1 'not a regular file' history .
+
+# Where a file cannot be made although nothing forbids it.
+sed 's,results.db,/proc/no/results.db,' station > elsewhere
+expect 1 '/proc: no folder can be made there' check --station elsewhere --sequence "$demo"
+expect 1 '/proc: no folder can be made there' run --dry-run --station elsewhere --sequence "$demo" --unit A --out no
+[ ! -e no ] || fail "something was made"
+
+# A dry run stands where its station does.
+sed 's,29.53,80,' station > north
+expect 0 'verdict' run --dry-run --no-diagnosis --station north --sequence "$demo" --unit N --out north_run
+
 # Standard descriptors: full, or closed. What is printed must not get into the first file that is opened.
 code=0; "$binary" check --sequence "$demo" > /dev/full 2> said.err || code=$?
 [ "$code" = 50 ] && grep -q 'standard output' said.err || fail "code $code on a full output: $(cat said.err)"
@@ -118,6 +135,9 @@ expect 1 'short does not determine' batch queue --dry-run --sequence short.seq -
 [ ! -e b ] && [ ! -e queue.state ] || fail "something was made"
 expect 0 'does not determine' check --sequence short.seq
 expect 0 'complete' run --dry-run --unit A --sequence short.seq --out a --capture-only
+# What a recording does not determine has one exit code, whoever finds it.
+expect 20 'does not determine' calibrate a --out q
+expect 20 '.' diagnose a --out q
 expect 0 'verdict *not_judged: estimated in part' run --dry-run --no-diagnosis --station station --unit P --sequence short.seq --out p --partial
 grep -q '^a11 = ' p/parameters.conf || fail "no estimate"
 [ ! -e store/simulated/P ] || fail "an estimate in part was put in use"

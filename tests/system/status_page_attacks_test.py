@@ -97,6 +97,10 @@ with socket.create_connection(at, timeout=8) as s:  # headers, as fast as they a
         pass
 expect(sent < 32 << 20, "%d bytes of headers were taken" % sent)
 expect(b" 431 " in ask(at, b"GET / HTTP/1.1\r\n" + 20 * line)[:64], "too many headers are not refused")
+whole = b"GET / HTTP/1.1\r\nHost: %s:%d\r\nX-Header: " % (at[0].encode(), at[1])  # in one piece, with its end
+for size, code in ((8192, 200), (8193, 431), (9000, 431)):
+    text = whole + b"x" * (size - len(whole) - 4) + b"\r\n\r\n"
+    expect(b" %d " % code in ask(at, text)[:64], "a request of %d bytes is not answered with %d" % (size, code))
 
 bomb = gzip.compress(bytes(1 << 27))  # 128 KiB, unpacked 128 MiB
 request = b"Host: %s:%d\r\nContent-Encoding: gzip\r\nContent-Length: %d\r\n\r\n" % (at[0].encode(), at[1], len(bomb))

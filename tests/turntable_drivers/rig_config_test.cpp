@@ -105,6 +105,17 @@ fault.4.duration_s = 34
   EXPECT_EQ(config->faults[3].duration_s, 34.0);
 }
 
+TEST(RigConfig, NumbersThatMeanNothingAreRefused) {
+  for (const char* line :
+       {"start_utc_s = 1e300", "first_counter = 9223372036854775000", "first_counter = -4611686018427387904",
+        "gyro_pulse_arcsec = 1e300", "temperature.rise_c = -1e300", "noise.accel_bias_instability_ug = 1e10",
+        "truth.N01 = 1e12", "effect.accel_delay.tau = 1e300"}) {
+    const std::string key(line, std::string(line).find(' '));
+    EXPECT_NE(error_of(std::string(line) + "\n").find("bench.rig:1: key '" + key + "' = "), std::string::npos)
+        << error_of(line);
+  }
+}
+
 TEST(RigConfig, ErrorsNameFileLineKeyAndValue) {
   EXPECT_NE(error_of("seed = 1\nnoise.gyro_random_walk_deg_per_rt_h = -1\n").find("bench.rig:2"), std::string::npos);
   EXPECT_NE(error_of("noise.gyro_random_walk_deg_per_rt_h = -1\n").find("'-1'"), std::string::npos);

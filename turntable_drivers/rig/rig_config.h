@@ -128,7 +128,8 @@ RigConfig default_rig_config();
 // rate.
 RigConfig perfect_rig_config();
 // Errors (kind input) name file, line, key, value and what was expected; an unknown key is an error.
-Result<RigConfig> read_rig_config(const std::string& path);
+// A key that is not in the file keeps the value of `base`.
+Result<RigConfig> read_rig_config(const std::string& path, const RigConfig& base = {});
 Result<RigConfig> parse_rig_config(const std::string& text, const std::string& file_name);
 // The rig of one of several units on the table, from 0. The first is the rig as configured. The others have a truth and noise of
 // their own, do not tell a serial number, and have their own faults; site, table, effects and temperature are the same for all.

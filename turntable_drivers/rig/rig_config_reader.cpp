@@ -5,10 +5,19 @@
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/recordings/recording_check.h"
 #include "turntable_drivers/rig/rig_config.h"
 
 namespace turncal {
 namespace {
+
+// No quantity of the rig is larger in its unit: more is a slip, and what is computed of it means nothing.
+constexpr double largest = 1e9;
+constexpr NumberRange any_size{-largest, largest};
+constexpr NumberRange above_zero{0.0, largest, true};
+constexpr NumberRange zero_or_more{0.0, largest};
+constexpr double last_utc_s = 253402300799.0;  // the end of the year 9999
+constexpr std::int64_t most_counter = max_counter / 2;
 
 const std::initializer_list<std::string_view> table_axes = {"heading", "pitch", "roll"};  // as Axis
 
@@ -21,13 +30,13 @@ class Reader {
   const Status& status() const { return status_; }  // without a file: the first value out of its range
 
  private:
-  void number(const std::string& key, double& value, NumberRange range = any_number) {
+  void number(const std::string& key, double& value, NumberRange range = any_size) {
     if (file_)
       value = file_->number_or(key, value, range);
     else if (status_ && !(range.contains(value) && std::isfinite(value)))
       status_ = input_error("rig: " + key + " = " + format_number(value) + ": expected " + describe(range));
   }
-  void number(const std::string& key, std::optional<double>& value, NumberRange range = any_number) {
+  void number(const std::string& key, std::optional<double>& value, NumberRange range = any_size) {
     if (!file_) return;
     if (const std::optional<double> given = file_->number_if(key, range)) value = given;
   }
@@ -67,39 +76,39 @@ void Reader::general(RigConfig& config) {
     config.seed = static_cast<std::uint64_t>(file_->integer_or("seed", static_cast<std::int64_t>(config.seed), 0));
     if (file_->has("noise.seed")) config.noise_seed = static_cast<std::uint64_t>(file_->integer("noise.seed", 0));
     config.unit_serial = file_->text_or("unit_serial", config.unit_serial);
-    config.first_counter = file_->integer_or("first_counter", config.first_counter);
+    config.first_counter = file_->integer_or("first_counter", config.first_counter, -most_counter, most_counter);
     config.random_truth = file_->boolean_or("random_truth", config.random_truth);
   }
-  number("start_utc_s", config.start_utc_s, not_negative);
+  number("start_utc_s", config.start_utc_s, between(0.0, last_utc_s));
   number("sample_period_s", config.sample_period_s, between(1e-5, 1.0));
   whole("quadrature_substeps", config.quadrature_substeps, 1, 1000);
-  number("gyro_pulse_arcsec", config.gyro_pulse_arcsec, positive);
-  number("accel_pulse_mps", config.accel_pulse_mps, positive);
+  number("gyro_pulse_arcsec", config.gyro_pulse_arcsec, above_zero);
+  number("accel_pulse_mps", config.accel_pulse_mps, above_zero);
   chosen("quantisation", config.quantisation, {"floor", "round", "off"});
   for (std::size_t i = 0; i < config.truth.size(); ++i) {
     number(std::string("truth.") + rig_truth_keys[i], config.truth[i]);
   }
 
   number("site.latitude_deg", config.site.latitude_deg, between(-90.0, 90.0));
-  number("site.gravity_mps2", config.site.gravity_mps2, positive);
+  number("site.gravity_mps2", config.site.gravity_mps2, above_zero);
   number("site.earth_rate_radps", config.site.earth_rate_radps);
   const char* const directions[] = {"north", "up", "east"};
   for (std::size_t i = 0; i < 3; ++i) {
     number(std::string("site.magnetic_") + directions[i] + "_gauss", config.site.magnetic_field_gauss[i]);
   }
   RigNoise& noise = config.noise;
-  number("noise.gyro_random_walk_deg_per_rt_h", noise.gyro_random_walk_deg_per_rt_h, not_negative);
-  number("noise.accel_random_walk_ug_per_rt_hz", noise.accel_random_walk_ug_per_rt_hz, not_negative);
-  number("noise.gyro_bias_instability_degph", noise.gyro_bias_instability_degph, not_negative);
-  number("noise.accel_bias_instability_ug", noise.accel_bias_instability_ug, not_negative);
-  number("noise.gyro_rate_random_walk_degph_per_rt_h", noise.gyro_rate_random_walk_degph_per_rt_h, not_negative);
+  number("noise.gyro_random_walk_deg_per_rt_h", noise.gyro_random_walk_deg_per_rt_h, zero_or_more);
+  number("noise.accel_random_walk_ug_per_rt_hz", noise.accel_random_walk_ug_per_rt_hz, zero_or_more);
+  number("noise.gyro_bias_instability_degph", noise.gyro_bias_instability_degph, zero_or_more);
+  number("noise.accel_bias_instability_ug", noise.accel_bias_instability_ug, zero_or_more);
+  number("noise.gyro_rate_random_walk_degph_per_rt_h", noise.gyro_rate_random_walk_degph_per_rt_h, zero_or_more);
   number("noise.accel_acceleration_random_walk_ug_per_rt_h", noise.accel_acceleration_random_walk_ug_per_rt_h,
-         not_negative);
+         zero_or_more);
   number("noise.flicker_longest_s", noise.flicker_longest_s, between(1.0, 1e9));
 
   number("temperature.start_c", config.temperature.start_c);
   number("temperature.rise_c", config.temperature.rise_c);
-  number("temperature.tau_s", config.temperature.tau_s, positive);
+  number("temperature.tau_s", config.temperature.tau_s, above_zero);
   number("temperature.reference_c", config.temperature.reference_c);
 }
 
@@ -124,7 +133,7 @@ void Reader::table_errors(RigTableErrors& errors) {
     whole(prefix + "encoder_order", errors.encoder[i].order, 0, 10000);
     number(prefix + "creep_arcsec", errors.creep_arcsec[i]);
   }
-  number("table_error.creep_tau_s", errors.creep_tau_s, positive);
+  number("table_error.creep_tau_s", errors.creep_tau_s, above_zero);
 }
 
 void Reader::table(RigTableBehaviour& table) {
@@ -134,22 +143,22 @@ void Reader::table(RigTableBehaviour& table) {
     number(prefix + "power_on_deg", table.power_on_deg[i]);
     number(prefix + "limit_min_deg", table.limit_min_deg[i]);
     number(prefix + "limit_max_deg", table.limit_max_deg[i]);
-    number(prefix + "max_rate_degps", table.max_rate_degps[i], positive);
-    number(prefix + "max_acceleration_degps2", table.max_acceleration_degps2[i], positive);
+    number(prefix + "max_rate_degps", table.max_rate_degps[i], above_zero);
+    number(prefix + "max_acceleration_degps2", table.max_acceleration_degps2[i], above_zero);
   }
-  number("table.home_rate_degps", table.home_rate_degps, positive);
-  number("table.home_acceleration_degps2", table.home_acceleration_degps2, positive);
-  number("table.home_time_s", table.home_time_s, not_negative);
-  number("table.encoder_resolution_deg", table.encoder_resolution_deg, not_negative);
-  number("table.in_position_tolerance_deg", table.in_position_tolerance_deg, not_negative);
-  number("table.in_position_time_s", table.in_position_time_s, not_negative);
+  number("table.home_rate_degps", table.home_rate_degps, above_zero);
+  number("table.home_acceleration_degps2", table.home_acceleration_degps2, above_zero);
+  number("table.home_time_s", table.home_time_s, zero_or_more);
+  number("table.encoder_resolution_deg", table.encoder_resolution_deg, zero_or_more);
+  number("table.in_position_tolerance_deg", table.in_position_tolerance_deg, zero_or_more);
+  number("table.in_position_time_s", table.in_position_time_s, zero_or_more);
   chosen("table.in_position", table.in_position, {"honest", "servo_on", "after_stop", "stale", "late", "flicker"});
 }
 
 void Reader::effects(RigEffects& effects) {
   for (const std::string& key : rig_effect_keys()) number("effect." + key, *find_effect(effects, key));
-  number("effect.gyro_warm_up.tau_s", effects.gyro_warm_up_tau_s, positive);
-  number("effect.post_rotation_relaxation.tau_s", effects.post_rotation_relaxation_tau_s, positive);
+  number("effect.gyro_warm_up.tau_s", effects.gyro_warm_up_tau_s, above_zero);
+  number("effect.post_rotation_relaxation.tau_s", effects.post_rotation_relaxation_tau_s, above_zero);
 }
 
 void Reader::outside(RigOutsideEffects& outside) {
@@ -168,7 +177,7 @@ void Reader::outside(RigOutsideEffects& outside) {
   auto& time = outside.accel_time_periodic;
   sensor_axis("outside.accel_time_periodic.axis", time.axis);
   number("outside.accel_time_periodic.size_ug", time.size_ug);
-  number("outside.accel_time_periodic.period_s", time.period_s, positive);
+  number("outside.accel_time_periodic.period_s", time.period_s, above_zero);
   number("outside.accel_time_periodic.phase_deg", time.phase_deg);
   sensor_axis("outside.accel_hysteresis.axis", outside.accel_hysteresis.axis);
   number("outside.accel_hysteresis.size_ug", outside.accel_hysteresis.size_ug);
@@ -183,8 +192,8 @@ void Reader::fault(const std::string& prefix, RigFault& fault) {
   }
   const auto sample = [&] { fault.sample = file_->integer(prefix + "sample", 0); };
   const auto count = [&] { fault.count = file_->integer_or(prefix + "count", 1, 1); };
-  const auto time = [&] { fault.time_s = file_->number(prefix + "time_s", not_negative); };
-  const auto duration = [&] { number(prefix + "duration_s", fault.duration_s, not_negative); };
+  const auto time = [&] { fault.time_s = file_->number(prefix + "time_s", zero_or_more); };
+  const auto duration = [&] { number(prefix + "duration_s", fault.duration_s, zero_or_more); };
   const auto hidden = [&] { fault.hidden = file_->boolean_or(prefix + "hidden", false); };
   if (concerns_unit(fault.kind)) fault.unit = static_cast<int>(file_->integer_or(prefix + "unit", 1, 1, 16));
   switch (fault.kind) {
@@ -200,12 +209,12 @@ void Reader::fault(const std::string& prefix, RigFault& fault) {
     case RigFaultKind::gyro_glitch:
       sample();
       sensor_axis(prefix + "axis", fault.axis);
-      fault.size = file_->number(prefix + "size_mrad");
+      fault.size = file_->number(prefix + "size_mrad", any_size);
       break;
     case RigFaultKind::velocity_knock:
       sample();
       sensor_axis(prefix + "axis", fault.axis);
-      fault.size = file_->number(prefix + "size_mps");
+      fault.size = file_->number(prefix + "size_mps", any_size);
       break;
     case RigFaultKind::invalid_sample:
       sample();
@@ -213,14 +222,14 @@ void Reader::fault(const std::string& prefix, RigFault& fault) {
       break;
     case RigFaultKind::imu_silent:
       time();
-      fault.duration_s = file_->number(prefix + "duration_s", positive);
+      fault.duration_s = file_->number(prefix + "duration_s", above_zero);
       break;
     case RigFaultKind::imu_unplugged: time(); break;
     case RigFaultKind::table_moved:
       time();
       chosen(prefix + "axis", fault.axis, table_axes);
-      fault.size = file_->number(prefix + "size_deg");
-      number(prefix + "rate_degps", fault.rate_degps, positive);
+      fault.size = file_->number(prefix + "size_deg", any_size);
+      number(prefix + "rate_degps", fault.rate_degps, above_zero);
       hidden();
       break;
     case RigFaultKind::never_in_position:
@@ -303,8 +312,7 @@ Status check_fault(const RigFault& fault, std::size_t number) {
   return positive_value(prefix + "rate_degps", fault.rate_degps);
 }
 
-Result<RigConfig> config_from(KeyValueFile& file) {
-  RigConfig config;
+Result<RigConfig> config_from(KeyValueFile& file, RigConfig config) {
   Reader(file).read(config);
   if (Status status = file.check_all_used(); !status) return status.error();
   if (Status status = check(config); !status) return input_error(file.file_name() + ": " + status.error().message);
@@ -331,16 +339,16 @@ Status check(const RigConfig& config) {
   return check_truth(config);
 }
 
-Result<RigConfig> read_rig_config(const std::string& path) {
+Result<RigConfig> read_rig_config(const std::string& path, const RigConfig& base) {
   Result<KeyValueFile> file = KeyValueFile::read(path);
   if (!file) return file.error();
-  return config_from(*file);
+  return config_from(*file, base);
 }
 
 Result<RigConfig> parse_rig_config(const std::string& text, const std::string& file_name) {
   Result<KeyValueFile> file = KeyValueFile::parse(text, file_name);
   if (!file) return file.error();
-  return config_from(*file);
+  return config_from(*file, {});
 }
 
 }  // namespace turncal
