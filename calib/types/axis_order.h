@@ -16,12 +16,6 @@ struct AxisOrder {
   std::array<int, 3> from{0, 1, 2};
   std::array<int, 3> sign{1, 1, 1};
   bool operator==(const AxisOrder&) const = default;
-  bool is_identity() const { return *this == AxisOrder{}; }
-  // Even permutation and sign: a rotation. A triad's columns may be left-handed, a mounting cannot.
-  bool is_rotation() const {
-    const bool even = (from[1] - from[0] + 3) % 3 == 1;
-    return (sign[0] * sign[1] * sign[2] > 0) == even;
-  }
 };
 
 // From "x, -z, +y"; nothing unless every letter comes once.

@@ -57,7 +57,6 @@ class CounterTracker {
   bool rejoining() const { return rejoining_; }
   bool has_last() const { return has_last_; }
   std::int64_t last_counter() const { return last_counter_; }
-  double last_raw() const { return last_raw_; }
   double wrap_s() const { return wrap_ * period_s_; }
 
  private:
