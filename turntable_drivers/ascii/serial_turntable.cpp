@@ -119,6 +119,12 @@ Status SerialTurntable::carry_out_for_all(DialectOperation operation) {
 
 // ---- commands; reading: serial_reading.cpp ----
 
+Status SerialTurntable::commissioned() const {
+  if (dialect_.commissioned) return {};
+  return input_error(
+      table_error("not commissioned: expected sign and scale checked and commissioned = true in the dialect").message);
+}
+
 Status SerialTurntable::connect() {
   connected_ = false;
   lost_ = false;
@@ -158,6 +164,8 @@ Result<TableIdentity> SerialTurntable::identify() {
 }
 
 Status SerialTurntable::enable() {
+  if (Status status = connected(); !status) return status;
+  if (Status status = commissioned(); !status) return status;
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> now = status(axis);
     if (!now) return now.error();
@@ -174,11 +182,7 @@ Status SerialTurntable::enable() {
 
 Status SerialTurntable::home() {
   if (Status status = connected(); !status) return status;
-  if (!dialect_.commissioned) {
-    return input_error(
-        table_error("not commissioned: expected sign and scale checked and commissioned = true in the dialect")
-            .message);
-  }
+  if (Status status = commissioned(); !status) return status;
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> now = status(axis);
     if (!now) return now.error();
@@ -192,11 +196,7 @@ Status SerialTurntable::home() {
 
 Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
   if (Status status = connected(); !status) return status;
-  if (!dialect_.commissioned) {
-    return input_error(
-        table_error("not commissioned: expected sign and scale checked and commissioned = true in the dialect")
-            .message);
-  }
+  if (Status status = commissioned(); !status) return status;
   if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, dialect_.plausible_deg,
                                            dialect_.plausible_rate_degps)) {
     return axis_error(axis, *refusal);

@@ -64,6 +64,7 @@ class SerialTurntable : public Turntable {
   Error table_error(const std::string& what) const;
   Error axis_error(Axis axis, const std::string& what) const;
   Status connected() const;
+  Status commissioned() const;
   std::string filled(const SentenceTemplate& sentence, Axis axis, const std::array<Command, 3>& commands) const;
   // One exchange; the values of the answer, checked for errors of the device and for the axis.
   Result<Values> talk(const Exchange& exchange, Axis axis, const std::array<Command, 3>& commands);

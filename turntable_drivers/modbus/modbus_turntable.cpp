@@ -30,6 +30,13 @@ Status ModbusTurntable::connected() const {
   return {};
 }
 
+Status ModbusTurntable::commissioned() const {
+  if (map_.commissioned) return {};
+  return input_error(
+      "table " + map_.name +
+      ": not commissioned: expected word order, scale and sign checked and commissioned = true in the map");
+}
+
 Status ModbusTurntable::connect() {
   connected_ = false;
   enable_called_ = false;
@@ -126,6 +133,7 @@ Status ModbusTurntable::write_list(Axis axis, DriveOperation operation, const Mo
 }
 
 Status ModbusTurntable::enable() {
+  if (Status status = commissioned(); !status) return status;
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> now = status(axis);
     if (!now) return now.error();
@@ -142,11 +150,7 @@ Status ModbusTurntable::enable() {
 }
 
 Status ModbusTurntable::home() {
-  if (!map_.commissioned && !map_.home_by_encoder) {
-    return input_error(
-        "table " + map_.name +
-        ": not commissioned: expected word order, scale and sign checked and commissioned = true in the map");
-  }
+  if (Status status = commissioned(); !status && !map_.home_by_encoder) return status;
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> now = status(axis);
     if (!now) return now.error();
@@ -163,11 +167,7 @@ Status ModbusTurntable::home() {
 }
 
 Status ModbusTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
-  if (!map_.commissioned) {
-    return input_error(
-        "table " + map_.name +
-        ": not commissioned: expected word order, scale and sign checked and commissioned = true in the map");
-  }
+  if (Status status = commissioned(); !status) return status;
   if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, map_.plausible_deg,
                                            map_.plausible_rate_degps)) {
     return axis_error(axis, *refusal);

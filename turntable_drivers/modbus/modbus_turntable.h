@@ -3,7 +3,7 @@
 // Beside the rules of turntable.h:
 // - A position is believed when the block was read whole, the number is finite, within plausible_deg, and the axis can have got
 //   there since the last reading. Else the reading is repeated, and then it is an error.
-// - Nothing moves before the map is commissioned (commission() against a known angle shows what scale, sign and word order give;
+// - Nothing is switched on or moves before the map is commissioned (commission() against a known angle shows what scale, sign and word order give;
 //   the user then writes `commissioned = true`), before enable() was called since connect(), and while the drive's own state
 //   says anything but enabled, homed, at rest, without fault, in remote.
 // - stop_all() and abort_all() go to every axis at once, each waiting at most stop_ack_s for the answer; those that did not answer
@@ -56,6 +56,7 @@ class ModbusTurntable : public Turntable {
  private:
   Error axis_error(Axis axis, const std::string& what) const;
   Status connected() const;
+  Status commissioned() const;
   Status beat();  // to every drive whose heartbeat is due
   Result<std::vector<std::uint16_t>> read_block(Axis axis);
   double raw_counts(Axis axis, const std::vector<std::uint16_t>& block, WordLayout layout) const;

@@ -6,6 +6,7 @@
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
+#include "turntable_drivers/modbus/write_clash.h"
 
 namespace turncal {
 namespace {
@@ -272,6 +273,10 @@ Result<RegisterMap> map_from(KeyValueFile& file) {
   }
   // A misspelt key first: it would show up as another that is missing.
   if (Status status = file.check_all_used(); !status) return status.error();
+  if (const std::optional<WriteClash> clash = write_clash(map)) {
+    file.reject(clash->key, clash->expected);
+    if (Status status = file.check_all_used(); !status) return status.error();
+  }
   return map;
 }
 

@@ -1,0 +1,147 @@
+#include "turntable_drivers/modbus/write_clash.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "imu_io/base/format_number.h"
+
+namespace turncal {
+namespace {
+
+using Register = std::pair<int, int>;  // unit, address
+
+// One number that a list writes, in its order.
+struct Written {
+  Register place;
+  std::optional<double> value;  // none: what a move asks for
+  std::vector<std::uint16_t> words;
+};
+
+// A release: 0 after another value.
+bool releases(const std::vector<Written>& before, const Written& now) {
+  return now.value == 0.0 && std::any_of(before.begin(), before.end(), [&](const Written& earlier) {
+           return earlier.place == now.place && earlier.value != 0.0;
+         });
+}
+
+std::vector<Written> written_by(const RegisterMap& map, DriveOperation operation, Axis axis) {
+  std::vector<Written> all;
+  for (const WriteStep& step : map.list(operation)) {
+    int address = map.address_of(step, operation, axis);
+    for (const WriteOperand& operand : step.operands) {
+      Written now{{map.unit_of(operation, axis), address}, {}, {}};
+      if (operand.kind == WriteOperand::Kind::constant) now.value = operand.constant;
+      if (operand.kind == WriteOperand::Kind::axis) now.value = map.of(operand.of_axis.value_or(axis)).code;
+      if (now.value) {
+        if (const auto words = encode_words(*now.value, operand.type, map.layout)) {
+          now.words.assign(words->span().begin(), words->span().end());
+        }
+      }
+      address += register_count(operand.type);
+      if (!releases(all, now)) all.push_back(std::move(now));
+    }
+  }
+  return all;
+}
+
+// What starts an operation, as it stands in its list.
+std::vector<Written> triggers_of(const std::vector<Written>& list, DriveOperation operation) {
+  if (list.empty()) return {};
+  if (operation == DriveOperation::enable) return {list.back()};
+  std::vector<Written> found;
+  for (const Written& written : list) {
+    if (written.place == list.back().place) found.push_back(written);
+  }
+  return found;
+}
+
+// Another register that both write with different values before: another command.
+bool told_apart(const std::vector<Written>& one, const std::vector<Written>& other, const Register& trigger) {
+  for (const Written& a : one) {
+    if (a.place == trigger || !a.value) continue;
+    const auto same_place = [&](const Written& b) { return b.place == a.place; };
+    if (std::none_of(other.begin(), other.end(), same_place)) continue;
+    if (std::none_of(other.begin(), other.end(),
+                     [&](const Written& b) { return same_place(b) && b.words == a.words; })) {
+      return true;
+    }
+  }
+  return false;
+}
+
+bool holds(const Written& written, const Written& trigger) {
+  return trigger.value && written.place == trigger.place && written.words == trigger.words;
+}
+
+std::string said(const Register& place) { return "register " + std::to_string(place.second); }
+
+constexpr DriveOperation starting[] = {DriveOperation::enable, DriveOperation::home, DriveOperation::move};
+constexpr DriveOperation harmless[] = {DriveOperation::setup, DriveOperation::stop, DriveOperation::abort,
+                                       DriveOperation::clear_fault};
+
+std::optional<WriteClash> clash_of(const RegisterMap& map, Axis of_starting, Axis of_harmless) {
+  for (const DriveOperation starts : starting) {
+    const std::vector<Written> list = written_by(map, starts, of_starting);
+    for (const Written& trigger : triggers_of(list, starts)) {
+      if (!trigger.value) continue;
+      for (const DriveOperation operation : harmless) {
+        const std::vector<Written> other = written_by(map, operation, of_harmless);
+        for (const Written& written : other) {
+          if (!holds(written, trigger) || told_apart(list, other, trigger.place)) continue;
+          return WriteClash{"write." + std::string(to_string(operation)),
+                            "no write of " + format_number(*trigger.value) + " to " + said(trigger.place) +
+                                ", which is write." + to_string(starts)};
+        }
+      }
+      if (!map.heartbeat_address) continue;
+      const Register beat{map.of(of_harmless).unit,
+                          *map.heartbeat_address + (map.heartbeat_of_table ? 0 : map.of(of_harmless).address_offset)};
+      const int first = trigger.place.second, length = static_cast<int>(trigger.words.size());
+      const bool inside = beat.first == trigger.place.first && beat.second >= first && beat.second < first + length;
+      if (!inside) continue;
+      const std::vector<std::uint16_t>& values = map.heartbeat_values;
+      const std::uint16_t word = trigger.words[static_cast<std::size_t>(beat.second - first)];
+      if (values.empty() || std::find(values.begin(), values.end(), word) != values.end()) {
+        return WriteClash{values.empty() ? "heartbeat.address" : "heartbeat.values",
+                          "another register or value than that of write." + std::string(to_string(starts))};
+      }
+    }
+  }
+  return std::nullopt;
+}
+
+std::optional<WriteClash> same_axis(const RegisterMap& map, Axis one, Axis other) {
+  const auto read_at = [&](Axis axis) {
+    const int address = map.of(axis).position.address;
+    const bool in_first = address >= map.status_address && address < map.status_address + map.status_count;
+    const bool of_table = in_first ? map.status_of_table : map.status2_of_table;
+    return Register{map.of(axis).unit, address + (of_table ? 0 : map.of(axis).address_offset)};
+  };
+  const std::string key = "axis." + std::string(to_string(other)) + ".unit";
+  const std::string apart =
+      "a unit or an address_offset of its own, not those of axis." + std::string(to_string(one)) + ": ";
+  if (read_at(one) == read_at(other)) return WriteClash{key, apart + "both read one position"};
+  if (map.once(DriveOperation::move)) return std::nullopt;
+  const std::vector<Written> moves = written_by(map, DriveOperation::move, one);
+  const std::vector<Written> others = written_by(map, DriveOperation::move, other);
+  const bool alike =
+      std::equal(moves.begin(), moves.end(), others.begin(), others.end(),
+                 [](const Written& a, const Written& b) { return a.place == b.place && a.words == b.words; });
+  return alike ? std::optional(WriteClash{key, apart + "one write.move moves both"}) : std::nullopt;
+}
+
+}  // namespace
+
+std::optional<WriteClash> write_clash(const RegisterMap& map) {
+  for (const Axis one : all_axes) {
+    for (const Axis other : all_axes) {
+      if (index(one) < index(other)) {
+        if (auto clash = same_axis(map, one, other)) return clash;
+      }
+      if (auto clash = clash_of(map, one, other)) return clash;
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace turncal

@@ -1,0 +1,22 @@
+// Writes that would do more than they are called: a `setup`, `heartbeat`, `stop`, `abort` or `clear_fault` that writes what enables a drive,
+// homes or moves it, and axes that cannot be told apart. A pure function of the map.
+//
+// What starts something is the register that its list writes last: for `enable` the value that it ends with (those before are steps of
+// the drive's own state machine), for `home` and `move` every value written there. A 0 that follows another value in a register is a
+// release, and starts nothing. A register that both lists write with different values first, as a command block does, tells them apart.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "turntable_drivers/modbus/register_map.h"
+
+namespace turncal {
+
+struct WriteClash {
+  std::string key;  // of the map
+  std::string expected;
+};
+std::optional<WriteClash> write_clash(const RegisterMap& map);
+
+}  // namespace turncal
