@@ -4,14 +4,13 @@
 #include <cstdio>
 
 #include "orchestrator/run/station_run.h"
+#include "orchestrator/run/stray_axis.h"
 
 namespace turncal {
 
 namespace {
 
 constexpr int status_tries = 3;
-constexpr double least_runaway_deg =
-    1.0;  // beyond the way of a move, further than any overshoot, and than a slip in a dwell
 
 bool by_operator(const Error& error) {
   return error.kind == ErrorKind::aborted || error.kind == ErrorKind::interrupted;
@@ -36,28 +35,13 @@ StationRun::MaybeEvent StationRun::poll() {
 // A table that turns by itself does not wait for the commanded axis to stall. A person who turns it may touch any axis.
 StationRun::MaybeEvent StationRun::judge_strays() {
   if (devices_.table.needs_operator()) return std::nullopt;
-  const bool moving = state_ == RunState::moving || state_ == RunState::settling;
-  const std::optional<Move> move = moving ? arrival_.move() : std::nullopt;
-  for (Axis axis : all_axes) {
-    const double at_deg = status_[static_cast<std::size_t>(axis)].position_deg;
-    char text[160];
-    const double beyond_deg = std::max(least_runaway_deg, job_.station.motion.position_tolerance_deg);
-    const double off_deg = std::abs(at_deg - held_deg_[axis]);
-    // What spoilt a dwell may still go on: a slip is put right, and the dwell repeated.
-    if (state_ == RunState::settling && !move && off_deg <= beyond_deg) continue;
-    if (move && move->axis == axis) {
-      const auto [low, high] = std::minmax(held_deg_[axis], move->target_deg);
-      if (at_deg >= low - beyond_deg && at_deg <= high + beyond_deg) continue;
-      std::snprintf(text, sizeof text, "%s runs away: at %.4f deg on the way from %.4f to %.4f deg", to_string(axis),
-                    at_deg, held_deg_[axis], move->target_deg);
-    } else {
-      if (!out_of_tolerance(axis, held_deg_[axis])) continue;
-      std::snprintf(text, sizeof text, "%s moves although nothing sent it: from %.4f to %.4f deg", to_string(axis),
-                    held_deg_[axis], at_deg);
-    }
-    return raise(RunEvent::table_fault, ErrorKind::device, text);
-  }
-  return std::nullopt;
+  const bool settling = state_ == RunState::settling;
+  const std::optional<Move> move = state_ == RunState::moving || settling ? arrival_.move() : std::nullopt;
+  const double tolerance_deg = job_.station.motion.position_tolerance_deg;
+  // What spoilt a dwell may still go on: a slip is put right, and the dwell repeated.
+  const double standing_deg = settling && !move ? least_runaway_deg(tolerance_deg) : tolerance_deg;
+  const auto stray = stray_axis(status_, held_deg_, move, standing_deg, tolerance_deg);
+  return stray ? MaybeEvent(raise(RunEvent::table_fault, ErrorKind::device, *stray)) : std::nullopt;
 }
 
 StationRun::MaybeEvent StationRun::judge(double now_s) {
@@ -156,6 +140,13 @@ StationRun::MaybeEvent StationRun::judge_homing(double now_s) {
 
 StationRun::MaybeEvent StationRun::judge_dwell() {
   bad_lane_ = nullptr;
+  // A slip is put right and the dwell repeated. An axis that reads further away turns by itself, or its encoder lost count: no move back.
+  if (!devices_.table.needs_operator()) {
+    const double slip_deg = least_runaway_deg(job_.station.motion.position_tolerance_deg);
+    if (const auto stray = stray_axis(status_, dwell_start_deg_, std::nullopt, slip_deg, slip_deg)) {
+      return raise(RunEvent::table_fault, ErrorKind::device, *stray);
+    }
+  }
   for (Axis axis : all_axes) {
     const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
     char text[120];

@@ -230,5 +230,41 @@ TEST(StrayAxis, TheCommandedAxisThatRunsTheWrongWayStopsTheRun) {
   EXPECT_GT(s.station.rig.axis(Axis::pitch).position_deg, -30.0);
 }
 
+// Somebody knocks against the table in a dwell: put right, and repeated. An encoder that loses count reads too far away for that.
+TEST(StrayAxis, ASlipInADwellIsPutRight) {
+  RigFault slip;
+  slip.kind = RigFaultKind::table_moved;
+  slip.time_s = 7.5;
+  slip.size = 0.9;
+  RigConfig config = default_rig_config();
+  config.faults = {slip};
+  ModbusRun s(config);
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.repeated_dwells, 1);
+}
+
+TEST(StrayAxis, AnEncoderThatJumpsInADwellIsAFault) {
+  for (const double jump_deg : {1.1, -90.0}) {
+    SCOPED_TRACE(jump_deg);
+    ModbusRun s;
+    s.station.disturb([&s, jump_deg](const ModbusRequest& request, AnswerPlan& plan) {
+      // Heading's position, s32 in the first two registers of the reply (a header of 9 bytes).
+      if (request.function != 3 || request.unit != 1 || s.rig_time_s() < 7.5) return;
+      std::vector<std::uint8_t>& bytes = plan.pieces[0].bytes;
+      std::uint32_t counts = 0;
+      for (std::size_t i = 9; i < 13; ++i) counts = counts << 8 | bytes[i];
+      counts += static_cast<std::uint32_t>(static_cast<std::int32_t>(1e4 * jump_deg));
+      for (std::size_t i = 13; i-- > 9; counts >>= 8) bytes[i] = static_cast<std::uint8_t>(counts);
+    });
+    const RunOutcome outcome = s.run();
+    EXPECT_EQ(outcome.state, RunState::failed);
+    EXPECT_TRUE(s.watcher.saw(RunEvent::table_fault)) << outcome.error.message;
+    EXPECT_NE(outcome.error.message.find("heading moves although nothing sent it: from 0.0000 to"), std::string::npos)
+        << outcome.error.message;
+    EXPECT_NEAR(s.station.rig.axis(Axis::heading).position_deg, 0.0, 1e-6) << "nothing was sent";
+  }
+}
+
 }  // namespace
 }  // namespace turncal
