@@ -24,7 +24,9 @@ bool is_commissioned(const StationConfig& station) {
   return station.table.map ? station.table.map->commissioned : station.table.dialect->commissioned;
 }
 
-Status commission(const Options& options, const StationConfig& station, LiveDevices& live, std::ostream& out) {
+// switched_on: whether the drives were, so that try_axes has left the table.
+Status commission(const Options& options, const StationConfig& station, LiveDevices& live, std::ostream& out,
+                  bool& switched_on) {
   const StationDevices devices = live.devices();
   if (Status status = devices.table.connect(); !status) return status;
   const Result<TableIdentity> table = devices.table.identify();
@@ -46,8 +48,11 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
     return {};
   }
   if (Status status = devices.imu.open(); !status) return status;
-  if (Status status = try_axes(devices, station, options.settings, StopSignals::requests(), out); !status)
+  switched_on = true;
+  if (Status status = try_axes(devices, station, options.settings, StopSignals::requests(), StopSignals::ends(), out);
+      !status) {
     return status;
+  }
   out << "every axis turns the unit as it should, and gravity is felt where it should be; the table rests, its drives "
          "are off"
       << std::endl;
@@ -65,7 +70,15 @@ Status run_commission(const Options& options, CommandContext& context) {
   Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
   if (!live) return live.error();
   const LinePrefix marked(context.out, station->simulated() ? std::string(simulated_tag) : "");
-  return commission(options, *station, **live, context.out);
+  bool switched_on = false;
+  Status status = commission(options, *station, **live, context.out, switched_on);
+  const bool given_up =
+      !status && (status.error().kind == ErrorKind::aborted || status.error().kind == ErrorKind::interrupted);
+  if (!given_up || switched_on) return status;
+  // Before anything was switched on; what the table was found in is left off all the same.
+  const Error why = asked_to_stop(StopSignals::ends() > 0);
+  if (Status left = (*live)->leave_table(); !left) return device_error(why.message + "; " + left.error().message);
+  return Error{why.kind, why.message + "; nothing was moved"};
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// `turncal monitor`: looks at the station's table and unit, one line a second; moves nothing (docs/twin.md).
+// `turncal monitor`: looks at the station's table and unit, one line a second; moves nothing, and sees the drives off when it ends
+// (docs/twin.md).
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -54,7 +55,8 @@ std::string state_text(const AxisStatus& axis) {
   };
   add(axis.limit, "limit");
   add(!axis.remote, "local");
-  add(!axis.enabled, "off");
+  add(!axis.drive_on, "off");
+  add(axis.drive_on && !axis.enabled, "on, by somebody else");
   add(!axis.homed, "not homed");
   return to_string(state_of(axis)) + (text.empty() ? "" : " (" + text + ")");
 }
@@ -137,7 +139,11 @@ Status run_monitor(const MonitorOptions& options, CommandContext& context) {
   Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
   if (!live) return live.error();
   const LinePrefix marked(context.out, station->simulated() ? std::string(simulated_tag) : "");
-  return watch(**live, options.seconds, context.out);
+  const Status watched = watch(**live, options.seconds, context.out);
+  // A drive that somebody else had switched on, too.
+  const Status left = (*live)->leave_table();
+  if (left) return watched;
+  return device_error(watched ? left.error().message : watched.error().message + "; " + left.error().message);
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 
 #include "calib/model/parameters.h"
 #include "orchestrator/devices/first_step_check.h"
+#include "orchestrator/run/stray_axis.h"
 #include "turntable_drivers/table/table_stop.h"
 
 namespace turncal {
@@ -53,22 +54,22 @@ class Trial {
     std::array<double, 3> sum{};  // of the gyros, less their mean before it
   };
   Result<Turn> turn(Axis axis) {
-    if (Status status = read_for(settings_.rest_s); !status) return status.error();
+    if (Status status = rest(); !status) return status.error();
     restart();
-    if (Status status = read_for(settings_.rest_s); !status) return status.error();
-    const std::array<double, 3> rest = sum_;
+    if (Status status = rest(); !status) return status.error();
+    const std::array<double, 3> at_rest = sum_;
     const auto rest_samples = static_cast<double>(samples_);
     if (samples_ == 0) return device_error("no samples from the unit");
     restart();
     const Result<double> from_deg = position(axis);
     if (!from_deg) return from_deg.error();
     if (Status status = move(axis, settings_.move_deg, settings_.rate_degps); !status) return status.error();
-    if (Status status = read_for(settings_.rest_s); !status) return status.error();
+    if (Status status = rest(); !status) return status.error();
     if (lost_) return device_error(std::string("samples of the unit were lost while ") + to_string(axis) + " turned");
     const Result<double> to_deg = position(axis);
     if (!to_deg) return to_deg.error();
     Turn turned{*to_deg - *from_deg, sum_};
-    for (std::size_t i = 0; i < 3; ++i) turned.sum[i] -= rest[i] / rest_samples * static_cast<double>(samples_);
+    for (std::size_t i = 0; i < 3; ++i) turned.sum[i] -= at_rest[i] / rest_samples * static_cast<double>(samples_);
     if (Status status = move(axis, 0.0, settings_.rate_degps); !status) return status.error();
     return turned;
   }
@@ -78,9 +79,9 @@ class Trial {
     if (axis) {
       if (Status status = move(*axis, to_deg, rate_degps); !status) return status.error();
     }
-    if (Status status = read_for(settings_.rest_s); !status) return status.error();
+    if (Status status = rest(); !status) return status.error();
     restart();
-    if (Status status = read_for(settings_.rest_s); !status) return status.error();
+    if (Status status = rest(); !status) return status.error();
     if (samples_ == 0) return device_error("no samples from the unit");
     const Eigen::Vector3d mean = accel_ / static_cast<double>(samples_);
     if (axis) {
@@ -137,6 +138,22 @@ class Trial {
     }
     return {};
   }
+  // Reads the unit for rest_s with no axis sent anywhere, and sees that none turns.
+  Status rest() {
+    const Result<TableStatus> now = read_table();
+    if (!now) return now.error();
+    hold(*now, std::nullopt);
+    const double end_s = devices_.clock.now_s() + settings_.rest_s;
+    return wait_until(2.0 * settings_.rest_s, "the rest does not end",
+                      [&](const TableStatus&) { return devices_.clock.now_s() >= end_s; });
+  }
+  // From here on every axis stays where it was read, but for the one that is sent.
+  void hold(const TableStatus& axes, const std::optional<Move>& sent) {
+    AxisTriple at_deg;
+    for (const Axis axis : all_axes) at_deg[axis] = axes[static_cast<std::size_t>(axis)].position_deg;
+    held_deg_ = at_deg;
+    sent_ = sent;
+  }
   Status wait_until(double seconds, const std::string& late, const std::function<bool(const TableStatus&)>& over) {
     const double deadline_s = devices_.clock.now_s() + seconds;
     for (;;) {
@@ -152,6 +169,12 @@ class Trial {
                                               : "not in remote mode") +
                             (a.text.empty() ? "" : ": " + a.text));
       }
+      if (held_deg_) {
+        const double tolerance_deg = station_.motion.position_tolerance_deg;
+        if (const auto stray = stray_axis(*axes, *held_deg_, sent_, tolerance_deg, tolerance_deg)) {
+          return device_error(*stray);
+        }
+      }
       if (over(*axes)) return {};
       if (devices_.clock.now_s() > deadline_s) return device_error(late);
       if (Status status = read_for(station_.motion.poll_moving_s); !status) return status;
@@ -162,14 +185,16 @@ class Trial {
     return status ? Result<double>(status->position_deg) : Result<double>(status.error());
   }
   Status move(Axis axis, double to_deg, double rate_degps) {
-    const Result<double> from_deg = position(axis);
-    if (!from_deg) return from_deg.error();
+    const Result<TableStatus> before = read_table();
+    if (!before) return before.error();
+    const double from_deg = (*before)[static_cast<std::size_t>(axis)].position_deg;
     const double acceleration_degps2 =
         std::min(std::max(settings_.acceleration_degps2, 2.0 * rate_degps), limits_of(axis).max_acceleration_degps2);
+    hold(*before, Move{axis, to_deg, rate_degps, acceleration_degps2});
     if (Status status = devices_.table.move_absolute(axis, to_deg, rate_degps, acceleration_degps2); !status) {
       return status;
     }
-    const double seconds = std::abs(to_deg - *from_deg) / rate_degps + 2.0 * rate_degps / acceleration_degps2 +
+    const double seconds = std::abs(to_deg - from_deg) / rate_degps + 2.0 * rate_degps / acceleration_degps2 +
                            station_.motion.deadline_margin_s;
     return wait_until(seconds, std::string(to_string(axis)) + " did not arrive in time", [&](const TableStatus& axes) {
       const AxisStatus& a = axes[static_cast<std::size_t>(axis)];
@@ -187,6 +212,8 @@ class Trial {
   std::int64_t samples_ = 0;
   bool lost_ = false;
   std::optional<std::int64_t> last_counter_;
+  std::optional<AxisTriple> held_deg_;  // none: homing, when any axis may turn
+  std::optional<Move> sent_;
 };
 
 double to_rad(IncrementKind kind, const CommissioningSettings& settings) {
@@ -277,15 +304,20 @@ Status try_poses(Trial& trial, const RecordingInfo& info, double gravity_mps2, c
 }  // namespace
 
 Status try_axes(const StationDevices& devices, const StationConfig& station, const CommissioningSettings& settings,
-                const std::atomic<int>& stop_requests, std::ostream& out) {
+                const std::atomic<int>& stop_requests, const std::atomic<int>& end_requests, std::ostream& out) {
   RecordingInfo info;
   devices.imu.describe(info);
   Trial trial(devices, station, settings, stop_requests);
   Status tried = trial.home();
   if (tried) tried = try_turns(trial, settings, info.gyro_increment, out);
   if (tried) tried = try_poses(trial, info, station.gravity_mps2, settings, out);
+  // A driver that gives a wait up for a stop has words of its own.
+  const bool given_up =
+      !tried && (tried.error().kind == ErrorKind::aborted || tried.error().kind == ErrorKind::interrupted);
+  if (given_up) tried = asked_to_stop(end_requests.load() > 0);
   const Status stopped = trial.stop();
   if (!stopped) return tried ? stopped : Status(device_error(tried.error().message + "; " + stopped.error().message));
+  if (given_up) return Error{tried.error().kind, tried.error().message + "; the table rests, its drives are off"};
   return tried;
 }
 

@@ -1,10 +1,14 @@
-// While this object lives, SIGINT, SIGTERM and SIGHUP are requests, and a reader of our output that goes away does not end the
-// program: whatever happens to the terminal, the table is never left moving.
+// While this object lives no signal that can be caught ends or stops the program without the table being left as it should:
+//
+//   SIGINT                                                                 a request
+//   SIGTERM, SIGHUP; SIGQUIT, USR1, USR2, ALRM, VTALRM, PROF, PWR, IO, XCPU   the same, told to end
+//   SIGPIPE, SIGXFSZ          ignored: a write that fails says so (a reader that went away, a file size limit)
+//   SIGTSTP, SIGTTIN, SIGTTOU  ignored: a stopped process cannot watch a table that turns
 //
 // Three counts, since a pause must not cut a driver's waits short, and since a run that the system ended was aborted by nobody:
 //   pauses()    1 once the first request was a SIGINT, for a run that asked for that (FirstInterrupt::pauses)
 //   requests()  every other request: stop now, each further one faster
-//   ends()      those of requests() that were SIGTERM or SIGHUP
+//   ends()      those of requests() that were not SIGINT
 // They stay readable after the object has gone, until the next one.
 #pragma once
 
@@ -23,7 +27,7 @@ class StopSignals {
     may_pause_ = first == FirstInterrupt::pauses;
     for (std::size_t i = 0; i < signals.size(); ++i) {
       struct sigaction action {};
-      action.sa_handler = signals[i] == SIGPIPE ? SIG_IGN : &StopSignals::on_signal;
+      action.sa_handler = i < request_count ? &StopSignals::on_signal : SIG_IGN;
       // One at a time, so that the first is the first.
       for (const int other : signals) sigaddset(&action.sa_mask, other);
       sigaction(signals[i], &action, &old_[i]);
@@ -51,10 +55,13 @@ class StopSignals {
     ++requests_;
   }
 
-  static constexpr std::array<int, 4> signals = {SIGINT, SIGTERM, SIGHUP, SIGPIPE};
+  static constexpr std::size_t request_count = 12;  // the rest is ignored
+  static constexpr std::array<int, 17> signals = {SIGINT,  SIGTERM,   SIGHUP,  SIGQUIT, SIGUSR1, SIGUSR2,
+                                                  SIGALRM, SIGVTALRM, SIGPROF, SIGPWR,  SIGIO,   SIGXCPU,
+                                                  SIGPIPE, SIGXFSZ,   SIGTSTP, SIGTTIN, SIGTTOU};
   static inline std::atomic<int> requests_{0}, pauses_{0}, ends_{0}, may_pause_{0};
   static_assert(std::atomic<int>::is_always_lock_free);
-  std::array<struct sigaction, 4> old_{};
+  std::array<struct sigaction, signals.size()> old_{};
 };
 
 }  // namespace turncal

@@ -11,10 +11,16 @@
 
 namespace turncal {
 
-TableDevice::~TableDevice() {
+Status TableDevice::leave() {
+  if (left_) return {};
+  left_ = true;
   const auto wait = [](double seconds) { ::poll(nullptr, 0, static_cast<int>(1e3 * seconds)); };
+  return leave_off(limited_, {.now_s = monotonic_s, .wait = wait});
+}
+
+TableDevice::~TableDevice() {
   // Whoever could be told of a failure has read of it where the run's own stop failed.
-  static_cast<void>(leave_off(limited_, {.now_s = monotonic_s, .wait = wait}).ok());
+  static_cast<void>(leave().ok());
 }
 
 Status TableDevice::commission(const AxisTriple& known_deg, double tolerance_deg) {

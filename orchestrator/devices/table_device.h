@@ -24,6 +24,8 @@ class TableDevice {
   TableDevice(const TableDevice&) = delete;
   TableDevice& operator=(const TableDevice&) = delete;
   Turntable& table() { return limited_; }
+  // Leaves it now, so that a failure can be told; it is not done again.
+  Status leave();
   // Of a table turned by hand, to say why a move is asked for; else null.
   ManualTurntable* manual() { return dynamic_cast<ManualTurntable*>(driver_.get()); }
   // The driver's comparison with known angles; an error for a driver that has none.
@@ -32,6 +34,7 @@ class TableDevice {
  private:
   std::unique_ptr<Turntable> driver_;
   LimitedTurntable limited_;
+  bool left_ = false;
 };
 
 // What the drivers need of the program. All must outlive the table.

@@ -156,11 +156,16 @@ RunEvent StationRun::raise_table(RunEvent event, const Error& error, const std::
   return raise_stop();
 }
 
+Error asked_to_stop(bool ended) {
+  return ended ? Error{ErrorKind::interrupted, "told to end (SIGTERM, SIGHUP or the like)"}
+               : Error{ErrorKind::aborted, "stopped by the operator"};
+}
+
 RunEvent StationRun::raise_stop() {
   const int ends = hooks_.end_requests ? hooks_.end_requests->load() : 0;
   const bool ended = ends > 0 && hooks_.stop_requests && ends >= hooks_.stop_requests->load();
-  return ended ? raise(RunEvent::end_wanted, ErrorKind::interrupted, "told to end (SIGTERM or SIGHUP)")
-               : raise(RunEvent::operator_stop, ErrorKind::aborted, "stopped by the operator");
+  const Error why = asked_to_stop(ended);
+  return raise(ended ? RunEvent::end_wanted : RunEvent::operator_stop, why.kind, why.message);
 }
 
 StationRun::MaybeEvent StationRun::asked() {

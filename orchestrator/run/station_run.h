@@ -105,6 +105,9 @@ struct RunOutcome {
   std::vector<Unit> units;  // as given
 };
 
+// Why something was given up: told to end from outside, or stopped by the operator.
+Error asked_to_stop(bool ended);
+
 class StationRun {
  public:
   StationRun(StationDevices devices, StationJob job, const std::vector<StationUnit>& units, StationHooks hooks);

@@ -46,6 +46,8 @@ Status run_hook(const HookCommands& commands, const HookCall& call, double time_
   if (pid < 0) return failed(std::string("cannot be started: ") + std::strerror(errno));
   if (pid == 0) {
     ::setpgid(0, 0);
+    // What a run ignores is its own affair.
+    for (const int ignored : {SIGPIPE, SIGXFSZ, SIGTSTP, SIGTTIN, SIGTTOU}) ::signal(ignored, SIG_DFL);
     ::execve(shell.c_str(), arguments, environment.data());
     ::_exit(127);
   }

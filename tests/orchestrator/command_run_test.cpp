@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdlib>
+#include <cstring>
 #include <thread>
 
 #include "tests/orchestrator/program.h"
@@ -107,7 +108,9 @@ TEST_F(Run, SignalsAreExit75AndStopTheTable) {
       "1000\n";
   for (int i = 0; i < 40; ++i) text += "  dwell 2000000\n";  // 5 GB, were it to end
   const std::string sequence = write("long.seq", text);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+  for (const int signal :
+       {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGVTALRM, SIGPROF, SIGPWR, SIGIO, SIGXCPU}) {
+    SCOPED_TRACE(strsignal(signal));
     const std::string out = "out" + std::to_string(signal);
     const pid_t pid =
         start({"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence", sequence, "--capture-only"});
@@ -123,6 +126,18 @@ TEST_F(Run, SignalsAreExit75AndStopTheTable) {
     EXPECT_NE(result.out.find("stopped_verified"), std::string::npos);
     EXPECT_FALSE(std::filesystem::exists(folder_ / out / "parameters.conf"));
   }
+}
+
+// A limit on the size of a file is a write that fails, not the end of the program.
+TEST_F(Run, FileSizeLimitIsADeviceErrorAndStopsTheTable) {
+  const std::string command = "cd " + folder_.string() + " && ulimit -f 200 && " + TURNCAL_BINARY +
+                              " run --dry-run --unit SN1 --out out --capture-only > /dev/null 2> err; echo $? > code";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  EXPECT_EQ(file_text(folder_ / "code"), "50\n");
+  const std::string said = file_text(folder_ / "err");
+  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+  EXPECT_NE(said.find("File too large"), std::string::npos) << said;
+  EXPECT_NE(file_text(folder_ / "out/run.log").find("stopped_verified"), std::string::npos);
 }
 
 // `turncal run ... | head -1` and a terminal that is closed: the first goes on, the second stops the table and ends.

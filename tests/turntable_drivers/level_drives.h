@@ -62,7 +62,7 @@ class LevelDrives : public LineServer {
     ended_ = true;
     thread_.join();
   }
-  RegisterMap map(const std::string& more = "") const {
+  std::string map_text(const std::string& more = "") const {
     std::string text =
         "format = 1\nname = level drives\ncommissioned = true\nlink.kind = tcp\nlink.address = " + address() + R"(
 link.response_timeout_s = 0.1
@@ -96,8 +96,9 @@ write.abort = 0 u16 0
                                 : "3") +
               "\n" + prefix + ".counts_per_degree = 1000\n";
     }
-    return map_of(text);
+    return text;
   }
+  RegisterMap map(const std::string& more = "") const { return map_of(map_text(more)); }
   // Copies, for the server's thread goes on.
   LevelDrive drive(int unit) {
     const std::lock_guard lock(mutex);
