@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
+#include <fstream>
 #include <utility>
 
 namespace turncal {
@@ -30,6 +31,16 @@ Status rename_durably(const std::string& from, const std::string& to) {
     return storage_error(to, "cannot rename " + from + " to it", errno);
   }
   return sync_folder(folder_of(to));
+}
+
+Status check_replaceable(const std::string& path, std::string_view beginning) {
+  std::ifstream file(path, std::ios::binary);
+  std::string found(beginning.size(), '\0');
+  file.read(found.data(), static_cast<std::streamsize>(found.size()));
+  found.resize(static_cast<std::size_t>(file.gcount()));
+  if (found.empty() || found == beginning) return {};
+  return input_error(path +
+                     ": holds something else than would be written: expected another name, or a file of the same kind");
 }
 
 Result<AtomicFile> AtomicFile::create(const std::string& path) {

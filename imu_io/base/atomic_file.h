@@ -35,6 +35,10 @@ class AtomicFile {
 
 Status write_file_atomically(const std::string& path, std::string_view content);
 
+// A file named by a user is replaced by one of its own kind only: an input error unless nothing is there, it is empty, or it begins
+// with `beginning` as the new one does. A results database given for its own table would be gone otherwise.
+Status check_replaceable(const std::string& path, std::string_view beginning);
+
 // A free temporary name for `path` in the same folder.
 std::string temporary_name(const std::string& path);
 // Renames and syncs the folder.

@@ -56,10 +56,11 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
     if (std::filesystem::equivalent(options.out, given, error))
       return input_error("--out " + options.out + ": expected another file than the source, " + given);
   }
+  std::string text = "sample,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps,dv_y_mps,dv_z_mps\n";
+  if (Status status = check_replaceable(options.out, text); !status) return status;
   Result<AtomicFile> file = AtomicFile::create(options.out);
   if (!file) return file.error();
   const SensorModel model = sensor_model(from_vector(parameters->parameters), info);
-  std::string text = "sample,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps,dv_y_mps,dv_z_mps\n";
   std::int64_t samples = 0;
   Status status = (*source)->read([&](std::span<const ImuSample> block) {
     for (const ImuSample& sample : block)

@@ -131,20 +131,26 @@ std::string as_csv(const Calibrations& all) {
   return text;
 }
 
+// The first 40 bytes tell the table, and the page, from every other file.
+Status write_named(const std::string& path, const std::string& text) {
+  if (Status status = check_replaceable(path, std::string_view(text).substr(0, 40)); !status) return status;
+  return write_file_atomically(path, text);
+}
+
 Status print_history(const HistoryOptions& options, Calibrations all, std::ostream& out) {
   // Simulated and real units are never in one list of numbers.
   if (options.control || !options.parameter.empty() || !options.report.empty()) {
     std::erase_if(all, [&](const StoredCalibration& c) { return c.simulated != options.simulated; });
   }
   if (!options.csv.empty()) {
-    if (Status status = write_file_atomically(options.csv, as_csv(all)); !status) return status;
+    if (Status status = write_named(options.csv, as_csv(all)); !status) return status;
     out << all.size() << " calibrations in " << options.csv << '\n';
     return {};
   }
   if (!options.compare.empty()) return print_comparison(all, options.compare, out);
   if (!options.report.empty()) {
     const std::string source = options.database + (options.unit.empty() ? "" : ", unit " + options.unit);
-    if (Status status = write_file_atomically(options.report, history_page(all, source)); !status) return status;
+    if (Status status = write_named(options.report, history_page(all, source)); !status) return status;
     out << "control charts of " << all.size() << " calibrations in " << options.report << '\n';
     return {};
   }

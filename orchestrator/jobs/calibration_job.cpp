@@ -6,6 +6,7 @@
 #include <map>
 
 #include "calib/closed_form/closed_form.h"
+#include "calib/diagnosis/lack_of_fit.h"
 #include "calib/diagnosis/rest_diagnosis.h"
 #include "calib/rests/rest_model.h"
 #include "calib/rests/rest_units.h"
@@ -67,15 +68,30 @@ std::string undetermined_keys(const JointResult& result) {
   return keys;
 }
 
-Status joint(const CompressedRecording& recording, bool partial, CalibrationOutput& output) {
+// Why its sigmas cannot be believed; empty: they can.
+std::string distrust_of(const CompressedRecording& recording, const JointResult& result, bool test_fit) {
+  if (!result.whiteness.white) return result.whiteness.message;
+  if (!test_fit) return "";
+  const LackOfFit fit = test_lack_of_fit(recording, result, nullptr, LackOfFitLimits{});
+  if (fit.passed) return "";
+  char text[200];
+  std::snprintf(text, sizeof text, "the model does not fit: %s, chi-square %.1f of %.0f", fit.worst.what.c_str(),
+                fit.worst.chi_square, fit.worst.degrees);
+  return text;
+}
+
+Status joint(const CompressedRecording& recording, bool partial, bool test_fit, CalibrationOutput& output) {
   JointResult result = joint_estimate(recording);
   if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result.message};
   if (const std::string keys = undetermined_keys(result); !keys.empty() && !partial) {
     return not_determined("this recording does not determine" + keys + ": expected the steps that do");
   }
   describe_estimate(result, recording, false, output.file);
-  output.file.add_further("quality.trusted", result.whiteness.white ? "true" : "false");
+  output.distrust = distrust_of(recording, result, test_fit);
+  output.file.add_further("quality.trusted", std::string(output.distrust.empty() ? "true" : "false"));
   note_joint(result, recording.info.sample_period_s, output.notes);
+  if (!output.distrust.empty())
+    output.notes.push_back("NOT TRUSTED: " + output.distrust + " (turncal diagnose says more)");
   output.fit = std::move(result);
   return {};
 }
@@ -98,7 +114,7 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
     return not_determined("not tested: the data determine nothing that could be judged: " + unjudged);
   describe_rest_fit(*fit, {}, data, output.file);
   output.file.add_further("quality.trusted", std::string(unjudged.empty() ? "true" : "false"));
-  if (!unjudged.empty()) output.notes.push_back("not tested: " + unjudged);
+  if (!unjudged.empty()) output.notes.push_back(output.distrust = "not tested: " + unjudged);
   output.notes.push_back("no table angles: " + std::to_string(data.rests.size()) + " rests and " +
                          std::to_string(data.legs.size()) + " rotations by hand, settled after " +
                          std::to_string(fit->iterations) + " iterations");
@@ -136,7 +152,7 @@ Result<CalibrationOutput> calibrate_recording(const LoadedRecording& loaded, con
                        ": has no table angles: expected the fourteen steps of a table for --method closed-form");
   if (Status status = by_hand  ? rests_by_hand(recording, request.partial, output)
                       : closed ? closed_form(recording, output)
-                               : joint(recording, request.partial, output);
+                               : joint(recording, request.partial, request.test_fit, output);
       !status) {
     return Error{status.error().kind, loaded.path + ": " + status.error().message};
   }

@@ -23,6 +23,7 @@ struct CalibrationRequest {
   std::string method = calibration_methods[0];
   std::string time_utc;  // for the record
   bool partial = false;  // accept parameters that the recording does not determine; they stay at their start values
+  bool test_fit = true;  // by the lack-of-fit tests; false where a diagnosis follows, which makes them
 };
 
 struct CalibrationOutput {
@@ -31,6 +32,7 @@ struct CalibrationOutput {
   std::optional<double> min_temperature_c, max_temperature_c;  // of the blocks of a few samples up to a second
   std::vector<std::string> notes;  // for the operator: what the data lacked, how the solution went
   std::optional<JointResult> fit;  // of the joint estimate: what a diagnosis begins with
+  std::string distrust;            // why quality.trusted is false; empty: it is true
 };
 
 // Parameters stay open: of the kind of the verdict not_tested, so that one outcome has one exit code.

@@ -71,11 +71,15 @@ struct Finding {
   std::string diagnosis = "not_made", text;
 };
 
+bool is_diagnosed(const PreparedRun& run, const LoadedRecording& recording) {
+  const double recorded_s = static_cast<double>(recording.data.samples) * recording.data.info.sample_period_s;
+  return !run.request.no_diagnosis && !run.request.partial && recorded_s >= least_diagnosed_s;
+}
+
 // Beyond the 24 parameters; its files into FOLDER/diagnosis.
 Result<Finding> diagnose_unit(const PreparedRun& run, const std::string& folder, const LoadedRecording& recording,
                               RunResults& results) {
-  const double recorded_s = static_cast<double>(recording.data.samples) * recording.data.info.sample_period_s;
-  if (run.request.no_diagnosis || run.request.partial || recorded_s < least_diagnosed_s) return Finding{};
+  if (!is_diagnosed(run, recording)) return Finding{};
   DiagnosisRequest request;
   request.time_utc = results.output->file.time_utc;
   request.base = results.output->fit ? &*results.output->fit : nullptr;
@@ -107,6 +111,7 @@ void choose_file(const PreparedRun& run, const RunCounts& counts, const Finding&
         judge(output.file, {output.min_temperature_c, output.max_temperature_c}, run.station.limits, clock);
   }
   judge_diagnosis(finding.diagnosis, finding.text, run.station.diagnosis, results.verdict);
+  if (finding.diagnosis == "not_made" && !run.request.partial) judge_trust(output.distrust, results.verdict);
   add_verdict(results.verdict, output.file);
 }
 
@@ -161,11 +166,13 @@ Status write_results(const PreparedRun& run, const std::string& folder, const Lo
     CalibrationRequest request;
     request.time_utc = format_utc(utc_s);
     request.partial = run.request.partial;
+    request.test_fit = !is_diagnosed(run, recording);
     Result<CalibrationOutput> output = calibrate_recording(recording, request);
     if (output)
       results.output = std::move(*output);
-    else
-      calibrated = output.error();
+    else  // it was measured; what kept it from being calibrated is the unit's or its recording's, not of what was asked
+      calibrated = Error{output.error().kind == ErrorKind::input ? ErrorKind::unit_failed : output.error().kind,
+                         output.error().message};
   }
   if (Status status = write_truth(run, folder, results); !status) return status;
   if (!calibrated) return calibrated;

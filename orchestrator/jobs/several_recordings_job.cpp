@@ -60,7 +60,6 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   if (Status status = check_same_unit(recordings); !status) return status.error();
   CalibrationOutput output;
   std::vector<JointResult> estimates;
-  bool white = true;
   for (const LoadedRecording& recording : recordings) {
     CalibrationRequest one = request;
     one.partial = true;  // what one does not determine the others may
@@ -68,7 +67,7 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
     if (!made) return made.error();
     output.notes.push_back(recording.path + ":");
     for (const std::string& note : made->notes) output.notes.push_back("  " + note);
-    white = white && made->fit->whiteness.white;
+    if (!made->distrust.empty()) output.distrust = recording.path + ": " + made->distrust;
     estimates.push_back(std::move(*made->fit));
     if (estimates.size() == 1) output.file = std::move(made->file);
   }
@@ -82,7 +81,8 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   file.further.clear();
   file.sigma = {};
   describe_estimate(several.unit, recordings.front().data, false, file);
-  file.add_further("quality.trusted", std::string(white && several.agree ? "true" : "false"));
+  if (!several.agree) output.distrust = "the recordings contradict each other";
+  file.add_further("quality.trusted", std::string(output.distrust.empty() ? "true" : "false"));
   describe(several, recordings, file);
   output.file = std::move(file);
   char text[240];

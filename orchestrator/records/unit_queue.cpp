@@ -46,6 +46,9 @@ Result<std::vector<std::string>> read_queue(const std::string& path) {
     const std::string where = path + ":" + std::to_string(line) + ": ";
     if (!is_plain_text(unit))
       return input_error(where + turncal::quoted(unit) + ": expected a serial number of printable characters");
+    if (unit.find(" = ") != std::string::npos)
+      return input_error(where + turncal::quoted(unit) +
+                         ": expected a serial number, found the key and value of another file");
     if (holds(units, unit)) return input_error(where + turncal::quoted(unit) + ": is in the queue already");
     units.push_back(unit);
   }

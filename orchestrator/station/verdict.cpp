@@ -122,6 +122,12 @@ void judge_diagnosis(const std::string& diagnosis, const std::string& finding, c
   if (found != UnitVerdict::pass) report.verdict = std::max(report.verdict, found);
 }
 
+void judge_trust(const std::string& distrust, VerdictReport& report) {
+  if (distrust.empty()) return;
+  report.reason += (report.reason.empty() ? "" : "; ") + ("not trusted: " + distrust);
+  report.verdict = std::max(report.verdict, UnitVerdict::hold);
+}
+
 void add_verdict(const VerdictReport& report, ParameterFile& file) {
   const auto add = [&file](const std::string& key, const std::string& value) {
     const bool there =

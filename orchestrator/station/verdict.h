@@ -84,6 +84,8 @@ VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c,
 // Takes the diagnosis into the verdict. clean and not_made change nothing; `finding`: what was found, in a few words.
 void judge_diagnosis(const std::string& diagnosis, const std::string& finding, const DiagnosisPolicy& policy,
                      VerdictReport& report);
+// A file whose sigmas cannot be believed is held, whatever they say; `distrust` is why, empty where they can be.
+void judge_trust(const std::string& distrust, VerdictReport& report);
 void add_verdict(const VerdictReport& report, ParameterFile& file);
 // "FAIL: N01 = 0.021, limits -0.01 .. 0.01, guard band 0.002 (fail)": one line a value that does not plainly pass.
 std::vector<std::string> describe(const VerdictReport& report);
