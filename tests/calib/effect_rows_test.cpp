@@ -125,6 +125,15 @@ INSTANTIATE_TEST_SUITE_P(
                             const double w = m.rate_radps[1], w0 = 5.0 * degph;
                             return gyro(1, 0.01 * w * w0 * w0 / (w0 * w0 + w * w));
                           }},
+                      Row{"gyro_lock_in", 3, 5.0, 2.0,
+                          [](const DisturbedMoment& m) {
+                            AddedReading added;
+                            for (int axis = 0; axis < 3; ++axis) {
+                              const double w = m.rate_radps[axis], w0 = 5.0 * degph;
+                              added.gyro_radps[axis] = 0.01 * w * w0 * w0 / (w0 * w0 + w * w);
+                            }
+                            return added;
+                          }},
                       Row{"gyro_bias_temperature_rate", 0, 0.0, 0.01,
                           [](const DisturbedMoment& m) {
                             return gyro(0, degph * 3600.0 * rise_c / warm_s * std::exp(-m.time_s / warm_s));
@@ -140,6 +149,28 @@ INSTANTIATE_TEST_SUITE_P(
                       Row{"accel_bias_temperature_lag", 0, 1200.0, 3.0, [](const DisturbedMoment& m) {
                             return accel(0, ug * (lagged_c(m.time_s, 1200.0) - mean_c()));
                           }}));
+
+// What a clock that is off does is the recording's own: turns and biases do not change, the earth's rate does.
+TEST(EffectCatalogue, SamplePeriodIsSeenByTheEarthsRate) {
+  constexpr double off = 2e-3;  // given 2000 ppm too long
+  CompressedRecording recording = base().recording;
+  recording.info.sample_period_s *= 1.0 + off;
+  for (Block& block : recording.blocks) {
+    block.duration_s *= 1.0 + off;
+    block.gyro_time *= 1.0 + off;
+    block.accel_time *= 1.0 + off;
+  }
+  JointOptions options;
+  options.fit_bias_instability = false;
+  options.effects = {{find_effect("sample_period"), 0, 0.0}};
+  const JointResult fit = joint_estimate(recording, options);
+  ASSERT_TRUE(fit.converged) << fit.message;
+  ASSERT_EQ(fit.effects.size(), 1u);
+  EXPECT_NEAR(fit.effects[0].value, -1e6 * off, 3.5 * fit.effects[0].sigma);
+  EXPECT_LT(fit.effects[0].sigma, 250.0);
+  // All else that it does: the common scale of the accelerometers.
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(fit.parameters.a(k, k) / base().truth.a(k, k), 1.0 + off, 5e-6) << k;
+}
 
 TEST(EffectCatalogue, NamesAreUniqueAndRowsComplete) {
   for (const EffectEntry& entry : effect_catalogue()) {
