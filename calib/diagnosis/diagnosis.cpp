@@ -9,6 +9,8 @@
 #include "calib/diagnosis/effect_selection.h"
 #include "calib/diagnosis/holdout.h"
 #include "calib/diagnosis/lack_of_fit.h"
+#include "calib/diagnosis/name_check.h"
+#include "calib/statistics/unit_slip.h"
 
 namespace turncal {
 namespace {
@@ -70,6 +72,34 @@ std::vector<Eigen::VectorXd> alias_shifts(const DiagnosisModel& m, const Diagnos
   return shifts;
 }
 
+// From a fit to other parameters, along its free ones; its effects stay.
+Eigen::VectorXd shift_to(const Parameters& other, const JointResult& from) {
+  const ParameterVector change = to_vector(other) - to_vector(from.parameters);
+  Eigen::VectorXd shift = Eigen::VectorXd::Zero(from.covariance.rows());
+  for (Eigen::Index i = 0; i < shift.size(); ++i)
+    if (const int k = from.free[static_cast<std::size_t>(i)]; k < parameter_count) shift[i] = change[k];
+  return shift;
+}
+
+// How far the free parameters of a trusted model go by what may be the truth as well: others of an alias class, families and effects
+// that came near.
+std::vector<Eigen::VectorXd> what_may_be(const DiagnosisModel& m, const Diagnosis& d) {
+  std::vector<Eigen::VectorXd> shifts = alias_shifts(m, d);
+  for (const Parameters& beside : m.beside) shifts.push_back(shift_to(beside, m.current));
+  const std::vector<LackOfFitTest>& tests = d.lack_of_fit.tests;
+  const double near = std::log10(m.options.limits.selection.near_family_wise /
+                                 static_cast<double>(std::max<std::size_t>(tests.size(), 1)));
+  // Tests of one thing look at it from several sides: the strongest of a family stands for all.
+  std::map<std::string, const LackOfFitTest*> strongest;
+  for (const LackOfFitTest& test : tests) {
+    if (test.log10_p > near || test.shift.size() != m.current.covariance.rows()) continue;
+    const LackOfFitTest*& one = strongest[test.family];
+    if (one == nullptr || test.log10_p < one->log10_p) one = &test;
+  }
+  for (const auto& [family, test] : strongest) shifts.push_back(test->shift);
+  return shifts;
+}
+
 // Parameters that one of the shifts moves by more than their sigma.
 std::vector<std::string> moved_by(const JointResult& r, const std::vector<Eigen::VectorXd>& shifts) {
   std::vector<std::string> moved;
@@ -99,14 +129,8 @@ void leave_unexplained(DiagnosisModel& m, Diagnosis& d) {
     if (test.shift.size() >= base_rows) shifts.push_back(test.shift.head(base_rows));
     if (test.tries == 1.0 && test.degrees > 0.0) factor = std::max(factor, test.chi_square / test.degrees);
   }
-  const auto moved_to = [&](const Parameters& other) {
-    const ParameterVector change = to_vector(other) - to_vector(d.base.parameters);
-    Eigen::VectorXd shift = Eigen::VectorXd::Zero(base_rows);
-    for (Eigen::Index i = 0; i < base_rows; ++i) shift[i] = change[d.base.free[static_cast<std::size_t>(i)]];
-    shifts.push_back(shift);
-  };
-  if (!m.chosen.empty()) moved_to(m.current.parameters);
-  if (m.beside_pattern) moved_to(*m.beside_pattern);
+  if (!m.chosen.empty()) shifts.push_back(shift_to(m.current.parameters, d.base));
+  for (const Parameters& beside : m.beside) shifts.push_back(shift_to(beside, d.base));
   d.moved = moved_by(d.base, shifts);
   m.current = d.base;
   m.chosen.clear();
@@ -155,14 +179,25 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
   if (!d.lack_of_fit.passed) {
     std::snprintf(text, sizeof text, "%s: chi-square %.1f of %.0f (%s), which noise does once in 1e%.0f recordings",
                   worst.what.c_str(), worst.chi_square, worst.degrees, worst.family.c_str(), -worst.log10_p);
-    d.unexplained_pattern = worst.what;
+    d.unexplained_pattern = looks_like(m, d.base);
+    if (d.unexplained_pattern.empty()) d.unexplained_pattern = worst.what;
     d.reason = text;
     leave_unexplained(m, d);
     return;
   }
   if (!d.gated_out.empty()) {
     d.reason = "an effect was found that held-out data do not confirm";
-    d.unexplained_pattern = "";
+    d.unexplained_pattern = looks_like(m, d.base);
+    leave_unexplained(m, d);
+    return;
+  }
+  if (!d.rivalled.empty()) {
+    const NameCheck& check = *std::find_if(d.name_checks.begin(), d.name_checks.end(),
+                                           [&](const NameCheck& c) { return c.name == d.rivalled.front(); });
+    std::snprintf(text, sizeof text, "%s (2 ln L %.1f) explains it as well as %s (%.1f)", check.family.c_str(),
+                  check.family_gain, check.name.c_str(), check.gain);
+    d.reason = text;
+    d.unexplained_pattern = check.family;
     leave_unexplained(m, d);
     return;
   }
@@ -175,12 +210,12 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
     return;
   }
   d.trusted = true;
+  widen(m.current, what_may_be(m, d), 1.0);
   if (m.chosen.empty()) {
     d.verdict = Verdict::clean;
     d.reason = "the base model explains the data";
     return;
   }
-  widen(m.current, alias_shifts(m, d), 1.0);
   d.verdict = Verdict::extended;
   std::snprintf(text, sizeof text, "held-out error %.4f before, %.4f after", d.holdout_before.normalised_rms,
                 d.holdout_after.normalised_rms);
@@ -257,10 +292,19 @@ Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions&
     d.extended = d.base;
     return d;
   }
+  if (options.holdout != nullptr) {
+    if (const std::string wrong = wrong_table_units(*options.holdout); !wrong.empty()) {
+      d.verdict = Verdict::not_tested;
+      d.reason = "the holdout: " + wrong;
+      d.extended = d.base;
+      return d;
+    }
+  }
   d.verdict = Verdict::clean;
   select_effects(m, d);
   if (!m.chosen.empty()) m.current = joint_estimate(recording, m.estimate_options(m.chosen, &m.current));
   gate_effects(m, d);
+  check_names(m, d);
   judge(m, d);
   collect_residuals(m, d);
   d.effect_names = strongest_first(m.current.effects);

@@ -12,10 +12,11 @@
 // 4. Gate: an effect stays only if it lowers the error of data that was not used to fit it by more than the standard error of
 //    that gain: a holdout recording (with biases of its own), else, or where that cannot decide, dwells left out in turn. Where the chosen member of an alias class does not, the others of the class are tried: held-out data
 //    decide between names that the fitted data cannot tell apart.
-// 5. Aliases: effects within 10 of the best when it was chosen, or whose columns explain the chosen one's to more than 0.97.
-// 6. The lack-of-fit tests (lack_of_fit.h) on what has come out. Where they fire, or where an effect was found and not confirmed, the
+// 5. Names against what has none (name_check.h): an effect must be better than every family of nameless_families.h.
+// 6. Aliases: effects within 10 of the best when it was chosen, or whose columns explain the chosen one's to more than 0.97.
+// 7. The lack-of-fit tests (lack_of_fit.h) on what has come out. Where they fire, or where an effect was found and not confirmed, the
 //    verdict is unexplained: names become candidates, sigmas are widened by what the residual may have moved, trusted is false.
-//    In an extended model every sigma includes the spread over the alias class.
+//    In a trusted model every sigma includes the spread over the alias class, and what came near to being claimed.
 //
 // Pure mathematics on compressed recordings. Sources: Cox and Hinkley, Theoretical Statistics (score tests); Schwarz (1978)
 // BIC; de Jong (1991) for the columns. What no recording can show is listed in effects.h, unobservable_quantities().
@@ -113,6 +114,14 @@ struct LackOfFit {
   double innovation_correlation = -1.0;
 };
 
+// A name against what has none, see name_check.h.
+struct NameCheck {
+  std::string name;
+  double gain = 0.0;   // 2 ln L with the effect
+  std::string family;  // the best one
+  double family_gain = 0.0;
+};
+
 struct Diagnosis {
   Verdict verdict = Verdict::unexplained;
   std::string reason = "not run";
@@ -125,7 +134,9 @@ struct Diagnosis {
   std::vector<GroupScore> groups;
   std::vector<std::string> undetectable;
   std::vector<SelectionStage> stages;
-  std::vector<std::string> gated_out;            // found but not confirmed on held-out data
+  std::vector<std::string> gated_out;  // found but not confirmed on held-out data
+  std::vector<NameCheck> name_checks;
+  std::vector<std::string> rivalled;             // confirmed, but a family without a name explains the data as well
   std::vector<std::string> candidate_names;      // beside `unexplained`: what was found, but does not explain the data
   bool trusted = false;                          // every parameter is within its sigma, as far as the tests can tell
   std::vector<std::string> moved;                // parameters that the unexplained may have moved by more than a sigma

@@ -41,6 +41,12 @@ struct SelectionLimits {
   double surely = 150.0;
   // Other effects within bic_margin of the best that are fitted: more only cost time.
   int most_rivals = 3;
+  // 2 ln L by which an effect must be better than every family without a name to be named: "strong" in the scale of Kass and Raftery.
+  // Of 50 effects of the catalogue at twice the detectable magnitude the least was 7.8 better (docs/diagnosis-study.md).
+  double family_margin = 6.0;
+  // What comes nearer to its limit than this family-wise probability is not claimed, but what it would do to the parameters goes into
+  // their sigmas: at the limit an effect has moved a bias by up to ten sigma. One clean run in ten has such a sigma.
+  double near_family_wise = 0.1;
   // A pattern is fitted when its score is this part of the best effect's (its time or period is not yet the right one).
   double pattern_part = 0.6;
 };
@@ -48,6 +54,9 @@ struct SelectionLimits {
 struct GateLimits {
   // The gain of held-out chi2 must exceed this many of its standard errors.
   double standard_errors = 1.0;
+  // A second recording contradicts an effect when its error rises with it, and the gain is this many standard errors below what the
+  // effect promises there: less than one in 160 of those that are real.
+  double contradiction = 2.5;
   // Held-out data where the gain to be expected is below three standard errors cannot decide alone: the gain on the dwells left
   // out of the fitted recording is added. (|d|^2 < 3 * 2 |d|.)
   double expected_gain = 36.0;

@@ -26,7 +26,9 @@ DiagnosisModel::DiagnosisModel(const CompressedRecording& the_recording, const D
     : recording(the_recording), options(the_options), catalogue(catalogue_columns(recording.info)), columns(catalogue) {
   const std::vector<EffectColumn> patterns = pattern_columns(recording);
   columns.insert(columns.end(), patterns.begin(), patterns.end());
-  threshold = chi_square_1_limit(options.false_alarm / static_cast<double>(columns.size()));
+  const double columns_count = static_cast<double>(columns.size());
+  threshold = chi_square_1_limit(options.false_alarm / columns_count);
+  near = chi_square_1_limit(options.limits.selection.near_family_wise / columns_count);
 }
 
 JointOptions DiagnosisModel::estimate_options(const std::vector<EffectColumn>& effects, const JointResult* from) const {

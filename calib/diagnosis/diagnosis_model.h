@@ -37,9 +37,12 @@ struct DiagnosisModel {
   std::vector<EffectColumn> catalogue;
   std::vector<EffectColumn> columns;
   double threshold = 0.0;  // of 2 ln L, family-wise over all columns
+  double near = 0.0;       // likewise, SelectionLimits::near_family_wise
   std::vector<EffectColumn> chosen;
   JointResult current;
-  std::optional<Parameters> beside_pattern;  // fitted with the pattern that explains the residual best
+  // Fitted with what may be the truth as well: the pattern that explains the residual best, families that explain about as much as a
+  // name (name_check.h), an effect that came near to its limit.
+  std::vector<Parameters> beside;
 };
 
 }  // namespace turncal

@@ -21,13 +21,14 @@ class Gate {
  public:
   explicit Gate(const DiagnosisModel& m) : m_(m), first_(m.recording, m.options.holdout, refit()) {}
   const HoldoutGate& first() const { return first_; }
-  // Both are measured with the noise of `with`.
-  bool confirms(const JointResult& with, const JointResult& without) {
+  // Both are measured with the noise of `with`. Of an effect of one run another recording promises nothing that it could contradict.
+  bool confirms(const JointResult& with, const JointResult& without, bool of_one_run) {
     const GateLimits& limits = m_.options.limits.gate;
     const auto gain_on = [&](const HoldoutGate& data) {
       return holdout_gain(data.error(without, with.noise), data.error(with));
     };
     HoldoutGain gain = gain_on(first_);
+    if (!of_one_run && gain.contradicted(limits.contradiction)) return false;
     if (gain.confirmed(limits.standard_errors)) return true;
     if (m_.options.holdout == nullptr || gain.expected >= limits.expected_gain) return false;
     if (!left_out_) left_out_.emplace(m_.recording, nullptr, refit());
@@ -64,7 +65,7 @@ bool take_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name, const 
       std::vector<EffectColumn> model = chosen_without(m, name);
       model.push_back(rival);
       JointResult other = m.fit(model, m.current);
-      if (!gate.confirms(other, without)) continue;
+      if (!gate.confirms(other, without, rival.entry->of_one_run)) continue;
       std::vector<std::string> names = d.aliases[name];
       std::replace(names.begin(), names.end(), rival_name, name);
       d.aliases.erase(name);
@@ -94,7 +95,10 @@ void gate_effects(DiagnosisModel& m, Diagnosis& d) {
       at_noise.noise = m.current.noise;
       at_noise.faults_of = &m.current;
       const JointResult reduced = without.empty() ? d.base : joint_estimate(m.recording, at_noise);
-      if (gate.confirms(m.current, reduced)) continue;
+      const bool of_one_run = std::any_of(m.chosen.begin(), m.chosen.end(), [&](const EffectColumn& c) {
+        return c.entry->name == name && c.entry->of_one_run;
+      });
+      if (gate.confirms(m.current, reduced, of_one_run)) continue;
       changed = true;
       if (take_rival(m, d, name, reduced, gate)) break;
       d.gated_out.push_back(name);

@@ -73,7 +73,7 @@ std::vector<Trial> nominate(const DiagnosisModel& m, const Scores& fitted, const
   for (const bool patterns : {false, true})
     for (const Scores* s : {&fitted, &bare}) {
       const Nominee nominee = best(m, *s, patterns);
-      if (nominee.candidate < 0 || nominee.z_square < m.threshold) continue;
+      if (nominee.candidate < 0 || nominee.z_square < m.near) continue;
       // A pattern matters only where it may beat the best effect; its time or period is not yet the right one.
       if (patterns && nominee.z_square < m.options.limits.selection.pattern_part * best(m, *s, false).z_square)
         continue;
@@ -156,7 +156,7 @@ Trial* time_before_g(std::vector<Trial>& trials, Trial* top, double margin) {
 void hold_beside_slow_noise(const DiagnosisModel& m, std::initializer_list<Trial*> judged) {
   std::optional<double> without;
   for (Trial* trial : judged) {
-    if (!trial || trial->gain <= m.threshold || trial->gain >= m.options.limits.selection.surely) continue;
+    if (!trial || trial->gain <= m.near || trial->gain >= m.options.limits.selection.surely) continue;
     if (!without) without = m.misfit_beside_slow_noise(m.chosen, m.current);
     trial->gain = std::min(trial->gain, *without - m.misfit_beside_slow_noise(with(m, trial->column), trial->fit) -
                                             penalty(trial->column, m.current.last.observations));
@@ -167,7 +167,7 @@ void hold_beside_slow_noise(const DiagnosisModel& m, std::initializer_list<Trial
 void stop_unexplained(DiagnosisModel& m, Diagnosis& d, const Trial& pattern) {
   d.verdict = Verdict::unexplained;
   d.unexplained_pattern = describe_pattern(pattern.column);
-  m.beside_pattern = pattern.fit.parameters;
+  m.beside.push_back(pattern.fit.parameters);
   std::vector<EffectColumn> kept;
   for (const EstimatedEffect& e : pattern.fit.effects)
     if (!is_pattern(e.column) && e.value * e.value > m.threshold * e.sigma * e.sigma) kept.push_back(e.column);
@@ -214,6 +214,8 @@ bool select_one(DiagnosisModel& m, Diagnosis& d) {
   }
   if (!effect || effect->gain < m.threshold) {
     stage.note = "not accepted: the likelihood gains less than the threshold";
+    for (const Trial* trial : {effect, pattern})
+      if (trial && trial->gain > m.near) m.beside.push_back(trial->fit.parameters);
     d.stages.push_back(stage);
     return false;
   }

@@ -5,7 +5,9 @@
 #include <cstdio>
 #include <functional>
 
+#include "calib/diagnosis/fit_pass.h"
 #include "calib/diagnosis/holdout.h"
+#include "calib/diagnosis/nameless_families.h"
 #include "calib/diagnosis/segment_scores.h"
 #include "calib/joint/motion_step.h"
 #include "calib/joint/score_algebra.h"
@@ -26,23 +28,6 @@ const std::vector<int> jump_dims = {6, 7, 8, 9, 10, 11};
 constexpr const char* channels[] = {"gyro x",          "gyro y",          "gyro z",
                                     "accelerometer x", "accelerometer y", "accelerometer z"};
 
-// Information of the pass and the columns of the model in it.
-struct Pass {
-  FilterResult filter;
-  std::vector<int> columns;
-};
-Pass run_pass(const CompressedRecording& recording, const JointResult& fit, const FilterSetup& given) {
-  FilterSetup setup = given;
-  setup.with_columns = setup.keep_steps = true;
-  setup.narrow_columns = 0;
-  const EffectModel model = effect_model_of(fit, recording.info.latitude_deg);
-  Pass pass{run_filter(recording, fit.parameters, model, setup), {}};
-  for (int k = 0; k < parameter_count; ++k)
-    if (parameter_is_free[static_cast<std::size_t>(k)]) pass.columns.push_back(k);
-  for (int k = 0; k < model.columns; ++k) pass.columns.push_back(parameter_count + k);
-  return pass;
-}
-
 // What a bias of the pieces may go with: `count` functions of a piece.
 struct Basis {
   std::string what;
@@ -54,6 +39,13 @@ double log10_chi_square_tail(double value, double degrees) {
   return std::log10(std::max(chi_square_tail(value, degrees), 1e-300));
 }
 
+// A quadratic form of normal numbers as a shifted and stretched chi2 with the same mean tr C, variance 2 tr C^2 and third cumulant
+// 8 tr C^3 (Buckley and Eagleson, Austral. J. Stat. 30A (1988) 150).
+void as_chi_square(double first, double second, double third, LackOfFitTest& test) {
+  test.degrees = std::pow(second, 3) / (third * third);
+  test.chi_square = test.degrees + (test.chi_square - first) * std::sqrt(test.degrees / second);
+}
+
 class Tester {
  public:
   Tester(const CompressedRecording& recording, double accel_pulse_mps, const LackOfFitLimits& limits, LackOfFit& result)
@@ -61,6 +53,7 @@ class Tester {
 
   void pieces(const SegmentScores& scores, const std::string& where);
   void contrasts(const SegmentScores& scores);
+  void families(const SegmentScores& scores);
   void innovations(const FilterResult& pass);
   void add(LackOfFitTest test);
   const LackOfFitLimits& limits() const { return limits_; }
@@ -117,13 +110,9 @@ void Tester::sum_and_worst(const std::string& family, const std::string& what, c
   if (tries == 0) return;
   sum.family = family + ", all";
   sum.what = what + ", all together";
-  // Pieces share the heading and the parameters, so the sum spreads more than chi2 does and its tail is longer: a shifted and stretched
-  // chi2 with the same mean tr C, variance 2 tr C^2 and third cumulant 8 tr C^3 (Buckley and Eagleson, Austral. J. Stat. 30A (1988) 150).
+  // Pieces share the heading and the parameters, so the sum spreads more than chi2 does and its tail is longer.
   const MatrixXd whitened = C(kept, kept);
-  const double second = whitened.squaredNorm();
-  const double third = whitened.cwiseProduct(whitened * whitened).sum();
-  sum.degrees = std::pow(second, 3) / (third * third);
-  sum.chi_square = sum.degrees + (sum.chi_square - whitened.trace()) * std::sqrt(sum.degrees / second);
+  as_chi_square(whitened.trace(), whitened.squaredNorm(), whitened.cwiseProduct(whitened * whitened).sum(), sum);
   worst.family = family + ", worst";
   worst.tries = tries;
   add(std::move(sum));
@@ -197,11 +186,25 @@ void Tester::contrasts(const SegmentScores& scores) {
       const double phase = pi * 0.5 * (p.begin_s + p.end_s) / length;
       for (int order = 0; order < 6; ++order) {
         accel(row + 3 + axis, order) = up_of(p)[axis] * std::cos((order + 1) * phase);
-        gyro.block<3, 1>(row + 6, order) = p.turned.col(axis) * std::cos(pi * (order + 1) * p.begin_s / length);
+        gyro.block<3, 1>(row + 6, order) = p.turned().col(axis) * std::cos(pi * (order + 1) * p.begin_s / length);
       }
     }
     contrast("scale with time", std::string("scale factor of ") + channels[3 + axis] + " with time", scores, accel);
     contrast("scale with time", std::string("scale factor of ") + channels[axis] + " with time", scores, gyro);
+  }
+}
+
+void Tester::families(const SegmentScores& scores) {
+  for (const Family& family : nameless_families(scores.pieces())) {
+    FamilyFit fit = fit_family(scores, family);
+    if (!(fit.weights.size() > 0 && fit.weights.sum() > 0.0)) continue;
+    LackOfFitTest test;
+    test.family = family.kind;
+    test.what = family.what;
+    test.chi_square = fit.statistic;
+    as_chi_square(fit.weights.sum(), fit.weights.squaredNorm(), fit.weights.array().cube().sum(), test);
+    test.shift = fit.shift;
+    add(std::move(test));
   }
 }
 
@@ -255,8 +258,9 @@ void Tester::innovations(const FilterResult& pass) {
       result_.innovation_correlation = std::max(result_.innovation_correlation, std::abs(sum[k]) / (pairs[k] * square));
   LackOfFitTest test;
   test.family = "innovations";
-  test.what = "correlation of the innovations over 1 to 30 s";
-  for (int k = 0; k < lags; ++k)
+  test.what = "correlation of the innovations over 6 to 30 s";
+  // Nearer ones are judged by their size (NoiseLimits::correlation): pulses make some of 0.1 in a quiet unit.
+  for (int k = near; k < lags; ++k)
     if (pairs[k] > 100.0) {
       test.chi_square += sum[k] * sum[k] / pairs[k];
       ++test.degrees;
@@ -268,7 +272,7 @@ void Tester::innovations(const FilterResult& pass) {
 void test_holdout(const CompressedRecording& holdout, const JointResult& fit, const NoiseModel& noise,
                   const MatrixXd& information, const std::vector<int>& columns, Tester& tester) {
   const FilterSetup setup = holdout_setup(holdout, fit, noise);
-  const Pass pass = run_pass(holdout, fit, setup);
+  const FitPass pass = run_fit_pass(holdout, fit, setup);
   // Information of the fit on everything but the six biases: they are eliminated from it.
   const int n = static_cast<int>(columns.size());
   std::vector<int> biases, others;
@@ -327,12 +331,13 @@ LackOfFit tests_at(const CompressedRecording& recording, const JointResult& fit,
   LackOfFit result;
   FilterSetup setup = fit.setup;
   setup.noise = noise;
-  const Pass pass = run_pass(recording, fit, setup);
+  const FitPass pass = run_fit_pass(recording, fit, setup);
   const SegmentScores scores(recording, pass.filter, pass.columns, fit.reference_temperature_c, limits);
   if (scores.pieces().empty()) return result;
   Tester tester(recording, noise.accel_pulse_mps, limits, result);
   tester.pieces(scores, "");
   tester.contrasts(scores);
+  tester.families(scores);
   tester.innovations(pass.filter);
   if (holdout != nullptr)
     test_holdout(*holdout, fit, noise, pass.filter.information(pass.columns, pass.columns), pass.columns, tester);

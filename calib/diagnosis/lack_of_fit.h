@@ -8,6 +8,8 @@
 //   time        biases, accelerometer and gyro scale factors that go with time (cosines over the run)
 //   after turns biases in the first seconds of each dwell, plain and with the specific force
 //   temperature biases that go with the temperature and its square
+//   angle, scatter, walk, temperature   the families without a name (nameless_families.h): biases and scale factors with the angles of
+//               the table, from turn to turn, wandering, with temperature
 //   innovations their correlation from second to second
 //   holdout     rest and turns of the holdout, with the fit's covariance as a prior and biases of its own; its level
 // The omnibus fires when any of them has a probability below its share of `LackOfFitLimits::family_wise`.

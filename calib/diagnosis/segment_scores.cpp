@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/model/parameters.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
@@ -21,16 +22,33 @@ std::vector<Piece> pieces_of(const CompressedRecording& recording, const std::ve
   const auto start_s = [&](const Block& b) {
     return static_cast<double>(b.start_sample - recording.blocks.front().start_sample) * period;
   };
-  Matrix3d turned = Matrix3d::Zero();
+  std::vector<Turn> turns;
+  int turn = 0;
   double rest_began_s = 0.0;
   bool at_rest = false;
+  int segment = -1;  // of the last turn
+  const auto commanded = [&](int of) -> Vector3d {
+    const Segment& s = recording.segments[static_cast<std::size_t>(of)];
+    return Vector3d(s.heading_deg, s.pitch_deg, s.roll_deg) * rad_per_deg;
+  };
   double temperature = 0.0, weight = 0.0;
   for (std::size_t k = 0; k < steps.size(); ++k) {
     const Block& block = recording.blocks[steps[k].block];
     if (!steps[k].observed) {
       if (recording.segments[block.segment].kind != SegmentKind::rotate) continue;
+      if (at_rest) ++turn;
       at_rest = false;
-      turned += steps[k].C_mid * steps[k].rotation.asDiagonal();
+      if (turns.empty() || segment != block.segment) {
+        turns.emplace_back();
+        turns.back().turn = turn;
+        turns.back().table_rad = 0.5 * (commanded(block.segment) + commanded(std::max(0, block.segment - 1)));
+      }
+      segment = block.segment;
+      const Matrix3d& C = steps[k].C_mid;
+      turns.back().turned += C * steps[k].rotation.asDiagonal();
+      turns.back().pushed += C * block.duration_s;
+      turns.back().lifted += C * Vector3d(C.row(1).transpose() * block.duration_s).asDiagonal();
+      if (!std::isnan(block.temperature_c)) turns.back().temperature_c = block.temperature_c - reference_temperature_c;
       continue;
     }
     const double t = start_s(block);
@@ -47,8 +65,10 @@ std::vector<Piece> pieces_of(const CompressedRecording& recording, const std::ve
       piece.begin_s = t;
       piece.since_turn_s = since;
       piece.C_nb = steps[k].C_mid;
-      if (piece.after_turn) piece.turned = turned;
-      turned.setZero();
+      piece.turn = turn;
+      piece.table_rad = commanded(block.segment);
+      if (piece.after_turn) piece.turns = turns;
+      turns.clear();
       temperature = weight = 0.0;
       pieces.push_back(piece);
     }
@@ -66,6 +86,12 @@ std::vector<Piece> pieces_of(const CompressedRecording& recording, const std::ve
 }
 
 }  // namespace
+
+Matrix3d Piece::turned() const {
+  Matrix3d sum = Matrix3d::Zero();
+  for (const Turn& part : turns) sum += part.turned;
+  return sum;
+}
 
 SegmentScores::SegmentScores(const CompressedRecording& recording, const FilterResult& pass,
                              const std::vector<int>& columns, double reference_temperature_c,

@@ -26,6 +26,15 @@ namespace turncal {
 
 inline constexpr int piece_dims = 12;  // bias of gyro x y z, of accelerometer x y z (body); jump of psi and v (n frame)
 
+struct Turn {                                           // between two pieces, a segment at a time
+  int turn = 0;                                         // its number, from 1
+  Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded heading, pitch, roll half way
+  double temperature_c = 0.0;                           // minus the reference
+  // Column i: C_nb e_i w_i, C_nb e_i, C_nb e_i f_i / g integrated over it: what a scale factor of gyro i turns, what a bias turns or
+  // pushes, what a scale factor of accelerometer i pushes.
+  Eigen::Matrix3d turned = Eigen::Matrix3d::Zero(), pushed = Eigen::Matrix3d::Zero(), lifted = Eigen::Matrix3d::Zero();
+};
+
 struct Piece {
   std::size_t first_step = 0, last_step = 0;
   int segment = 0;
@@ -34,7 +43,10 @@ struct Piece {
   double since_turn_s = 0.0;          // at its beginning
   double temperature_c = 0.0;         // mean, minus the reference
   Eigen::Matrix3d C_nb = Eigen::Matrix3d::Identity();
-  Eigen::Matrix3d turned = Eigen::Matrix3d::Zero();  // column i: C_nb e_i w_i, integrated over the turn before it
+  int turn = 0;                                         // how many turns came before
+  Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded
+  std::vector<Turn> turns;                              // since the piece before
+  Eigen::Matrix3d turned() const;                       // of all of them
 };
 
 class SegmentScores {

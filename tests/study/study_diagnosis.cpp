@@ -69,6 +69,9 @@ void print_stages(const Diagnosis& d) {
     std::fprintf(stderr, "  stage %s tau %g z %.2f gain %.1f of %.1f: %s\n",
                  is_pattern(s.chosen) ? describe_pattern(s.chosen).c_str() : s.chosen.key().c_str(), s.chosen.tau_s,
                  s.z, s.gain, s.threshold, s.note.c_str());
+  for (const NameCheck& c : d.name_checks)
+    std::fprintf(stderr, "  name %s %.1f against %.1f of %s\n", c.name.c_str(), c.gain, c.family_gain,
+                 c.family.c_str());
   for (const std::string& name : d.gated_out)
     std::fprintf(stderr, "  not confirmed on held-out data: %s\n", name.c_str());
   for (const LackOfFitTest& t : d.lack_of_fit.tests)

@@ -1,6 +1,7 @@
 // Effects drawn at random, that nobody declared (docs/diagnosis-study.md): what does the diagnosis say of them?
 //
-//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--clean] [--tests] [--fit] [--real-pulses]
+//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--clean] [--tests] [--fit] [--real-pulses]
+// --only: effects whose description (column 3) holds the word, "gyro_scale" or "scatter".
 // Every seed is a unit on a table, with noise, temperature history and (three in ten) bias instability and random walk of its own; on
 // its recording and holdout N effects are laid one after another. --clean: none is; --fit: the base model is fitted and
 // tested, and no effect looked for. An effect is a random smooth function of one of
@@ -111,7 +112,7 @@ struct Drawn {
   Disturbance disturbance;
 };
 
-Drawn draw(Random& r, double largest) {
+Drawn draw_any(Random& r, double largest) {
   Drawn d;
   Term term = draw_term(r);
   if (one_of(r, 4) == 0) {
@@ -136,6 +137,11 @@ Drawn draw(Random& r, double largest) {
     return added;
   };
   return d;
+}
+
+Drawn draw(Random& r, double largest, const std::string& only) {
+  for (;;)
+    if (Drawn d = draw_any(r, largest); d.what.find(only) != std::string::npos) return d;
 }
 
 // What a bias and the sensor's row would take up: the bias at rest, the row of a gyro in the turns, that of an accelerometer at rest.
@@ -197,6 +203,12 @@ void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d
         "noise %llu %.5f %.3f %.5f %.3f\n", static_cast<unsigned long long>(seed),
         noise.angle_random_walk.mean() / radprs_per_degprh, noise.velocity_random_walk.mean() / mpsprs_per_ugprHz,
         noise.gyro_bias_instability_radps / radps_per_degph, noise.accel_bias_instability_mps2 / mpsprs_per_ugprHz);
+    for (const NameCheck& c : d.name_checks)
+      std::printf("name %llu %d %s %.1f %.1f %s\n", static_cast<unsigned long long>(seed), draw, c.name.c_str(), c.gain,
+                  c.family_gain, c.family.c_str());
+    for (const SelectionStage& s : d.stages)
+      std::printf("stage %llu %d %s %.2f %.1f\n", static_cast<unsigned long long>(seed), draw, s.chosen.key().c_str(),
+                  s.z, s.gain);
     for (const LackOfFitTest& t : d.lack_of_fit.tests) {
       std::string name = t.family;
       std::replace(name.begin(), name.end(), ' ', '_');
@@ -213,17 +225,20 @@ void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d
 int main(int argc, char** argv) {
   using namespace turncal;
   if (argc < 3) {
-    std::fprintf(stderr,
-                 "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--clean] [--tests] [--fit] "
-                 "[--real-pulses]\n");
+    std::fprintf(
+        stderr,
+        "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--clean] [--tests] "
+        "[--fit] [--real-pulses]\n");
     return 1;
   }
   int draws = 4;
   double largest = 30.0;
+  std::string only;
   bool clean = false, tests = false, fit_only = false, real_pulses = false;
   for (int k = 3; k < argc; ++k) {
     if (std::strcmp(argv[k], "--draws") == 0 && k + 1 < argc) draws = std::atoi(argv[k + 1]);
     if (std::strcmp(argv[k], "--largest") == 0 && k + 1 < argc) largest = std::atof(argv[k + 1]);
+    if (std::strcmp(argv[k], "--only") == 0 && k + 1 < argc) only = argv[k + 1];
     clean = clean || std::strcmp(argv[k], "--clean") == 0;
     tests = tests || std::strcmp(argv[k], "--tests") == 0;
     real_pulses = real_pulses || std::strcmp(argv[k], "--real-pulses") == 0;
@@ -264,7 +279,7 @@ int main(int argc, char** argv) {
       Drawn drawn{"none", 0.0, 0, 0, {}};
       CompressedRecording recording = made.recording, holdout = held.recording;
       if (!clean) {
-        drawn = draw(r, largest);
+        drawn = draw(r, largest, only);
         const Disturbance rest = without_parameters(drawn.disturbance, made.recording, made.truth);
         disturb(recording, made.truth, rest);
         disturb(holdout, made.truth, rest);

@@ -1,0 +1,16 @@
+// A name is given only where nothing without a name explains the data as well: step 5 of diagnosis.h.
+#pragma once
+
+#include "calib/diagnosis/diagnosis_model.h"
+
+namespace turncal {
+
+// Each effect of m.chosen against every family of nameless_families.h, at the model without it and the noise with it. Where it is
+// not better by SelectionLimits::family_margin, into d.rivalled. A family that comes within bic_margin of the name may be the truth
+// as well: the parameters with it go into m.beside.
+void check_names(DiagnosisModel& m, Diagnosis& d);
+
+// The family that explains best what `fit` leaves; empty: none gains more than the threshold.
+std::string looks_like(const DiagnosisModel& m, const JointResult& fit);
+
+}  // namespace turncal

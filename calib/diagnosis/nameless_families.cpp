@@ -1,0 +1,137 @@
+#include "calib/diagnosis/nameless_families.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "calib/model/parameters.h"
+#include "calib/statistics/linear_algebra.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+// Where a function is asked for its value: a piece of rest, or a turn.
+struct Place {
+  Vector3d table_rad;
+  double temperature_c;
+  int turn;
+};
+
+struct Function {
+  std::string kind, what;
+  int count = 0;
+  std::function<void(const Place&, Eigen::Ref<VectorXd>)> at;
+};
+
+constexpr int harmonics = 4;
+constexpr int temperature_waves = 4;
+constexpr double least_range_c = 0.2;
+
+std::vector<Function> functions_of(const std::vector<Piece>& pieces) {
+  std::vector<Function> all;
+  static constexpr const char* angles[] = {"heading", "pitch", "roll"};
+  for (int axis = 0; axis < 3; ++axis)
+    all.push_back({"angle", std::string("with the ") + angles[axis] + " angle", 2 * harmonics,
+                   [axis](const Place& p, Eigen::Ref<VectorXd> v) {
+                     for (int h = 1; h <= harmonics; ++h) {
+                       v[2 * h - 2] = std::cos(h * p.table_rad[axis]) / h;
+                       v[2 * h - 1] = std::sin(h * p.table_rad[axis]) / h;
+                     }
+                   }});
+  const int turns = pieces.empty() ? 0 : pieces.back().turn;
+  all.push_back(
+      {"scatter", "from turn to turn", turns + 1, [](const Place& p, Eigen::Ref<VectorXd> v) { v[p.turn] = 1.0; }});
+  all.push_back({"walk", "wandering from turn to turn", turns,
+                 [](const Place& p, Eigen::Ref<VectorXd> v) { v.head(p.turn).setOnes(); }});
+  double coldest = 1e300, warmest = -1e300;
+  for (const Piece& piece : pieces) {
+    coldest = std::min(coldest, piece.temperature_c);
+    warmest = std::max(warmest, piece.temperature_c);
+  }
+  if (warmest - coldest > least_range_c)
+    all.push_back({"temperature curve", "with temperature", temperature_waves,
+                   [coldest, warmest](const Place& p, Eigen::Ref<VectorXd> v) {
+                     const double phase = pi * (p.temperature_c - coldest) / (warmest - coldest);
+                     for (int k = 1; k <= temperature_waves; ++k) v[k - 1] = std::cos(k * phase) / k;
+                   }});
+  return all;
+}
+
+constexpr const char* axes[] = {"x", "y", "z"};
+
+enum class Sensor { gyro_bias, gyro_scale, accel_bias, accel_scale };
+constexpr const char* sensors[] = {"bias of gyro ", "scale factor of gyro ", "bias of accelerometer ",
+                                   "scale factor of accelerometer "};
+
+MatrixXd weights_of(const std::vector<Piece>& pieces, Sensor sensor, int axis, const Function& f) {
+  MatrixXd weights = MatrixXd::Zero(piece_dims * static_cast<Eigen::Index>(pieces.size()), f.count);
+  VectorXd value(f.count);
+  const bool gyro = sensor == Sensor::gyro_bias || sensor == Sensor::gyro_scale;
+  for (std::size_t k = 0; k < pieces.size(); ++k) {
+    const Piece& piece = pieces[k];
+    const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(k);
+    // At rest a gyro's scale factor acts on the earth's rate only.
+    if (sensor != Sensor::gyro_scale) {
+      value.setZero();
+      f.at({piece.table_rad, piece.temperature_c, piece.turn}, value);
+      if (sensor == Sensor::accel_scale) value *= piece.C_nb(1, axis);
+      weights.row(row + (gyro ? 0 : 3) + axis) = value.transpose();
+    }
+    for (const Turn& turn : piece.turns) {
+      value.setZero();
+      f.at({turn.table_rad, turn.temperature_c, turn.turn}, value);
+      const Vector3d jump = sensor == Sensor::gyro_scale    ? turn.turned.col(axis)
+                            : sensor == Sensor::accel_scale ? turn.lifted.col(axis)
+                                                            : turn.pushed.col(axis);
+      weights.middleRows<3>(row + (gyro ? 6 : 9)) += jump * value.transpose();
+    }
+  }
+  return weights;
+}
+
+}  // namespace
+
+std::vector<Family> nameless_families(const std::vector<Piece>& pieces) {
+  std::vector<Family> families;
+  for (const Function& f : functions_of(pieces))
+    for (const Sensor sensor : {Sensor::gyro_bias, Sensor::gyro_scale, Sensor::accel_bias, Sensor::accel_scale})
+      for (int axis = 0; axis < 3 && f.count > 0; ++axis)
+        families.push_back({f.kind, sensors[static_cast<int>(sensor)] + std::string(axes[axis]) + " " + f.what,
+                            weights_of(pieces, sensor, axis, f)});
+  return families;
+}
+
+FamilyFit fit_family(const SegmentScores& scores, const Family& family) {
+  FamilyFit fit;
+  const SegmentScores::Test test = scores.test(family.weights);
+  const SymmetricEigen eigen = symmetric_eigen(test.Q);
+  const double largest = test.before.size() > 0 ? test.before.maxCoeff() : 0.0;
+  if (!(largest > 0.0)) return fit;
+  // What the model imitates all but this part of is rounding (segment_scores.h).
+  const VectorXd information = (eigen.values.array() > 1e-4 * largest).select(eigen.values, 0.0);
+  const VectorXd along = eigen.vectors.transpose() * test.s;
+  const double mean = information.mean();
+  if (!(mean > 0.0)) return fit;
+  const auto part = [&](double v) -> VectorXd { return v / (1.0 + v * information.array()); };
+  const auto seen = (information.array() > 0.0).cast<double>();
+  double best = 0.0;
+  for (double log_v = -4.0; log_v <= 6.0; log_v += 0.25) {
+    const double v = std::exp(log_v * std::log(10.0) / 2.0) / mean;
+    const double gain =
+        (seen * along.array().square() * part(v).array()).sum() - (1.0 + v * information.array()).log().sum();
+    if (gain <= fit.gain) continue;
+    fit.gain = gain;
+    best = v;
+  }
+  if (best > 0.0) fit.shift = test.shift * (eigen.vectors * VectorXd(seen * along.array() * part(best).array()));
+  const double fixed = 1.0 / mean;
+  fit.statistic = (seen * along.array().square() * part(fixed).array()).sum();
+  fit.weights = information.cwiseProduct(part(fixed));
+  return fit;
+}
+
+}  // namespace turncal

@@ -1,0 +1,40 @@
+// Families of disturbances without a name: what a bias or a scale factor may do when nothing in the catalogue describes it.
+//
+// A family is one sensor's bias or scale factor times a function that is not known but for what it goes with:
+//   the heading, pitch or roll angle of the table   harmonics 1 to 4 with sizes 1/h
+//   scatter                                          another value for every turn and the rest after it
+//   walk                                             steps of one size at every turn
+//   temperature                                      four cosines over its range
+// Its coefficients are drawn from one normal distribution of unknown variance v, so a family is one parameter richer than the model,
+// as an effect is, and the two are compared by likelihood. With weights B (a column a function, segment_scores.h), s = B' score and
+// Q = B' information B, the model's parameters eliminated,
+//   2 ln L(v) = s' (Q + 1/v)^-1 s - ln det(1 + v Q)
+// (the marginal likelihood of a variance component; Harville, J. Am. Stat. Assoc. 72 (1977) 320). The coefficients' mean is then
+// (Q + 1/v)^-1 s. As a test of lack of fit v is fixed beforehand, and s' (Q + 1/v)^-1 s is a quadratic form with a known distribution.
+// Nothing here is added to a model or written to a file as an effect: a family is what a name has to be better than.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/diagnosis/segment_scores.h"
+
+namespace turncal {
+
+struct Family {
+  std::string kind;         // "angle", "scatter", "walk", "temperature curve"
+  std::string what;         // "scale factor of gyro x from turn to turn"
+  Eigen::MatrixXd weights;  // rows of SegmentScores x functions
+};
+std::vector<Family> nameless_families(const std::vector<Piece>& pieces);
+
+struct FamilyFit {
+  double gain = 0.0;      // of 2 ln L at the best variance; 0: none
+  Eigen::VectorXd shift;  // what explaining it away does to the model's columns
+  // As a test: s' (Q + 1/v)^-1 s at v = 1 / mean eigenvalue of Q, its eigenvalues' weights.
+  double statistic = 0.0;
+  Eigen::VectorXd weights;
+};
+FamilyFit fit_family(const SegmentScores& scores, const Family& family);
+
+}  // namespace turncal
