@@ -575,10 +575,15 @@ Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
   w.autocorrelation /= square;
   w.level = raw / (3.0 * static_cast<double>(innovations.size()));
   const double worst = w.autocorrelation.cwiseAbs().maxCoeff();
-  w.white = worst < 0.1 && w.level > 0.8 && w.level < 1.25;
-  w.message = w.white        ? "innovations are white at the noise model"
-              : worst >= 0.1 ? "innovations are correlated in time: the noise model does not fit"
-                             : "innovations are larger or smaller than the noise model says";
+  // In less than a quarter of an hour at rest chance alone goes beyond the limits; then they are 4.5 sigma of it.
+  const double values = 3.0 * static_cast<double>(innovations.size());
+  const double limit = std::max(0.1, 4.5 / std::sqrt(values));
+  const double level_spread = 4.5 * std::sqrt(2.0 / values);
+  w.white =
+      worst < limit && w.level > std::min(0.8, 1.0 - level_spread) && w.level < std::max(1.25, 1.0 + level_spread);
+  w.message = w.white          ? "innovations are white at the noise model"
+              : worst >= limit ? "innovations are correlated in time: the noise model does not fit"
+                               : "innovations are larger or smaller than the noise model says";
   return w;
 }
 

@@ -68,9 +68,11 @@ std::string undetermined_keys(const JointResult& result) {
   return keys;
 }
 
-// Why its sigmas cannot be believed; empty: they can.
+// What speaks against its sigmas; empty: nothing does, be it that there is too little to judge by.
 std::string distrust_of(const CompressedRecording& recording, const JointResult& result, bool test_fit) {
-  if (!result.whiteness.white) return result.whiteness.message;
+  if (result.whiteness.level == 0.0) return "";  // too few seconds at rest
+  // Quieter than the noise model, correlated or not: its sigmas are too large, if anything.
+  if (!result.whiteness.white && result.whiteness.level > 1.0) return result.whiteness.message;
   if (!test_fit) return "";
   const LackOfFit fit = test_lack_of_fit(recording, result, nullptr, LackOfFitLimits{});
   if (fit.passed) return "";
@@ -88,7 +90,8 @@ Status joint(const CompressedRecording& recording, bool partial, bool test_fit, 
   }
   describe_estimate(result, recording, false, output.file);
   output.distrust = distrust_of(recording, result, test_fit);
-  output.file.add_further("quality.trusted", std::string(output.distrust.empty() ? "true" : "false"));
+  const bool trusted = result.whiteness.level > 0.0 && output.distrust.empty();
+  output.file.add_further("quality.trusted", std::string(trusted ? "true" : "false"));
   note_joint(result, recording.info.sample_period_s, output.notes);
   if (!output.distrust.empty())
     output.notes.push_back("NOT TRUSTED: " + output.distrust + " (turncal diagnose says more)");

@@ -32,7 +32,8 @@ struct CalibrationOutput {
   std::optional<double> min_temperature_c, max_temperature_c;  // of the blocks of a few samples up to a second
   std::vector<std::string> notes;  // for the operator: what the data lacked, how the solution went
   std::optional<JointResult> fit;  // of the joint estimate: what a diagnosis begins with
-  std::string distrust;            // why quality.trusted is false; empty: it is true
+  std::string
+      distrust;  // what speaks against its sigmas; quality.trusted is false without it where there is too little to judge
 };
 
 // Parameters stay open: of the kind of the verdict not_tested, so that one outcome has one exit code.

@@ -60,6 +60,7 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   if (Status status = check_same_unit(recordings); !status) return status.error();
   CalibrationOutput output;
   std::vector<JointResult> estimates;
+  bool judged = true;
   for (const LoadedRecording& recording : recordings) {
     CalibrationRequest one = request;
     one.partial = true;  // what one does not determine the others may
@@ -67,6 +68,7 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
     if (!made) return made.error();
     output.notes.push_back(recording.path + ":");
     for (const std::string& note : made->notes) output.notes.push_back("  " + note);
+    judged = judged && made->fit->whiteness.level > 0.0;
     if (!made->distrust.empty()) output.distrust = recording.path + ": " + made->distrust;
     estimates.push_back(std::move(*made->fit));
     if (estimates.size() == 1) output.file = std::move(made->file);
@@ -82,7 +84,7 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   file.sigma = {};
   describe_estimate(several.unit, recordings.front().data, false, file);
   if (!several.agree) output.distrust = "the recordings contradict each other";
-  file.add_further("quality.trusted", std::string(output.distrust.empty() ? "true" : "false"));
+  file.add_further("quality.trusted", std::string(judged && output.distrust.empty() ? "true" : "false"));
   describe(several, recordings, file);
   output.file = std::move(file);
   char text[240];

@@ -45,6 +45,7 @@ constexpr View views[] = {
     {"gyro_warm_up", Abscissa::time, Ordinate::gyro},
     {"gyro_magnetic", Abscissa::heading, Ordinate::gyro},
     {"earth_rate", Abscissa::heading, Ordinate::gyro, true},
+    {"sample_period", Abscissa::heading, Ordinate::gyro, true},
     {"post_rotation_relaxation", Abscissa::since_rotation, Ordinate::velocity},
     {"gyro_accel_flexure", Abscissa::turned, Ordinate::tilt, true},
 };

@@ -182,6 +182,8 @@ TEST_F(CommandLine, ApplyRefusesWhatDoesNotBelong) {
   const auto apply = [&](const std::string& file) {
     return std::vector<std::string>{"apply", demo, "--parameters", file, "--out", "out.csv"};
   };
+  expect_refused({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", demo + "/journal.tcj"},
+                 "holds something else than would be written");
   std::string digit = good;
   digit[digit.find("N01 = ") + 9] ^= 1;
   expect_refused(apply(write("digit.conf", digit)), "checksum");

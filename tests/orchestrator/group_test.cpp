@@ -162,6 +162,12 @@ TEST_F(Group, AUnitThatDoesNotKeepItsLimitsFailsAlone) {
   EXPECT_FALSE(there("store/simulated/SN2"));
   const ProgramResult history = run({"history", "r.db"});
   for (const char* unit : {"SN1", "SN2", "SN3"}) EXPECT_NE(history.out.find(unit), std::string::npos) << history.out;
+  // Not into its own source, nor over any other file but an earlier table or page.
+  for (const char* option : {"--csv", "--report"}) {
+    expect_refused({"history", "r.db", option, "r.db"}, "holds something else than would be written");
+    ASSERT_EQ(run({"history", "r.db", option, std::string("table") + option}).code, 0);
+    EXPECT_EQ(run({"history", "r.db", option, std::string("table") + option}).code, 0);
+  }
   // A unit that dropped out as well: the larger code, and both are named.
   const std::string rig = write("gone.rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = 3\n");
   const ProgramResult both = run(dry_run({"SN1", "SN2", "SN3"}, "both", {"--station", station, "--rig", rig}));

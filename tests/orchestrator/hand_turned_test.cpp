@@ -183,7 +183,7 @@ TEST_F(HandTurned, WrongUnitsAreSaidAndNothingIsWritten) {
   EXPECT_NE(result.out.find("look as if they were in g"), std::string::npos) << result.out;
   EXPECT_EQ(conf("out").at("verdict"), "not_tested");
   EXPECT_FALSE(std::filesystem::exists(path("out/parameters.conf")));
-  expect_refused({"calibrate", "in_g", "--out", "calibrated"}, "look as if they were in g");
+  expect_refused({"calibrate", "in_g", "--out", "calibrated"}, "look as if they were in g", 20);
   const ProgramResult segmented_again = run({"segment", "in_g", "--out", "segmented"});
   EXPECT_NE(segmented_again.out.find("units: gravity reads 0.998 where 9.81"), std::string::npos)
       << segmented_again.out;

@@ -159,7 +159,7 @@ TEST(DiagnosisParameters, AreThoseOfTheBaseModelWhenNothingWasAdded) {
 TEST(VerdictSentence, SaysWhatWasFoundWithNumbers) {
   const Sample clean = clean_sample();
   EXPECT_EQ(verdict_sentence(clean.diagnosis, sample_context(clean), Alphabet::plain),
-            "Clean: the 24 parameters explain the data to the noise; the strongest of 144 candidates, "
+            "Clean: the 24 parameters explain the data to the noise; the strongest of 146 candidates, "
             "gyro_g_squared.z_yz, "
             "scores 3.9 sigma where 4.1 are needed; on held-out data (second recording) the velocity error is 1.50 "
             "mm/s rms and "
