@@ -175,9 +175,9 @@ class Planner {
   void check_wrap(const PlannedItem& move) {
     const double allowed_deg = limits_[move.axis].wrap_deg;
     const double wound_deg = plan_.travel_max_deg[move.axis] - plan_.travel_min_deg[move.axis];
-    bool& told = wrap_told_[static_cast<std::size_t>(move.axis)];
-    if (allowed_deg > 0.0 && wound_deg > allowed_deg && !told) {
-      told = true;
+    bool& warned = wrap_warned_[static_cast<std::size_t>(move.axis)];
+    if (allowed_deg > 0.0 && wound_deg > allowed_deg && !warned) {
+      warned = true;
       violations_.add(move.line, move.step,
                       std::string(to_string(move.axis)) + " has wound its cable by " + text_of(wound_deg) +
                           " deg, the most allowed is " + text_of(allowed_deg) + " deg");
@@ -190,7 +190,7 @@ class Planner {
   Violations violations_;
   AxisTriple commanded_deg_;
   std::int64_t moving_samples_ = 0;
-  std::array<bool, 3> wrap_told_{};
+  std::array<bool, 3> wrap_warned_{};
 };
 
 }  // namespace

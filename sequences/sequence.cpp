@@ -55,15 +55,15 @@ class Parser {
     if (text_.empty()) {
       return problem_at({file_, 1, 1}, "found an empty file, expected 'format = 1' and the steps of a sequence");
     }
-    std::string_view rest = text_;
-    if (rest.starts_with("\xEF\xBB\xBF")) {
-      rest.remove_prefix(3);  // the byte order mark that some editors write
+    std::string_view remaining = text_;
+    if (remaining.starts_with("\xEF\xBB\xBF")) {
+      remaining.remove_prefix(3);  // the byte order mark that some editors write
     }
-    while (!rest.empty()) {
+    while (!remaining.empty()) {
       ++line_;
-      const std::size_t newline = rest.find('\n');
-      std::string_view line = rest.substr(0, newline);
-      rest = newline == std::string_view::npos ? std::string_view() : rest.substr(newline + 1);
+      const std::size_t newline = remaining.find('\n');
+      std::string_view line = remaining.substr(0, newline);
+      remaining = newline == std::string_view::npos ? std::string_view() : remaining.substr(newline + 1);
       if (line.ends_with('\r')) {
         line.remove_suffix(1);
       }
@@ -83,7 +83,7 @@ class Parser {
 
   // The line's words are taken one after the other; the end token is never passed.
   const Token& peek() const { return tokens_[next_]; }
-  Token take() { return tokens_[peek().kind == Token::Kind::end ? next_ : next_++]; }
+  Token next() { return tokens_[peek().kind == Token::Kind::end ? next_ : next_++]; }
   Status expect_end(std::string_view otherwise) const {
     return peek().kind == Token::Kind::end ? Status() : Status(wrong(peek(), otherwise));
   }
@@ -98,7 +98,7 @@ class Parser {
     if (peek().kind == Token::Kind::end) {
       return {};
     }
-    const Token word = take();
+    const Token word = next();
     if (is_word(word, "step")) return parse_step(word);
     if (sequence_.steps.empty()) return parse_header(word);
     if (is_word(word, "determines")) return parse_determines(word);
@@ -126,10 +126,10 @@ class Parser {
         (number != nullptr && *number != 0.0)) {
       return wrong(key, "each of format, name, rate_degps and acceleration_degps2 only once");
     }
-    if (const Token equals = take(); equals.kind != Token::Kind::equals) {
+    if (const Token equals = next(); equals.kind != Token::Kind::equals) {
       return wrong(equals, "'=' after " + std::string(key.text));
     }
-    const Token value = take();
+    const Token value = next();
     if (number != nullptr) {
       if (const Status status = read_rate(value, key.text, *number); !status) {
         return status;
@@ -162,7 +162,7 @@ class Parser {
       return status;
     }
     const int previous = sequence_.steps.empty() ? 0 : sequence_.steps.back().number;
-    const Token number = take();
+    const Token number = next();
     const std::optional<std::int64_t> value = as_integer(number);
     if (!value || *value <= previous || *value > largest_step_number) {
       return wrong(number, previous == 0 ? "a step number of 1 to 9999"
@@ -173,7 +173,7 @@ class Parser {
     step.number = static_cast<int>(*value);
     step.line = line_;
     if (peek().kind == Token::Kind::title) {
-      step.title = take().text;
+      step.title = next().text;
     }
     has_initial_ = false;
     sequence_.steps.push_back(std::move(step));
@@ -186,7 +186,7 @@ class Parser {
       return wrong(word, "determines once in a step, above its first item");
     }
     do {
-      const Token key = take();
+      const Token key = next();
       if (key.kind != Token::Kind::word || !is_free_parameter(key.text)) {
         return wrong(key,
                      "one of the 21 parameters that are estimated (N01 to N03, A01 to A03, n11 to n33, "
@@ -207,13 +207,13 @@ class Parser {
     }
     std::array<bool, 3> given{};
     for (std::size_t i = 0; i < all_axes.size(); ++i) {
-      const Token name = take();
+      const Token name = next();
       const std::optional<Axis> axis = as_axis(name);
       if (!axis || given[static_cast<std::size_t>(*axis)]) {
         return wrong(name, "H, P and R, each once and with its angle, as in 'initial H 0 P 0 R 0'");
       }
       given[static_cast<std::size_t>(*axis)] = true;
-      const Token angle = take();
+      const Token angle = next();
       const std::optional<double> value = as_number(angle);
       if (!value || std::abs(*value) > largest_angle_deg) {
         return wrong(angle, "an angle from -3600 to 3600 deg");
@@ -242,7 +242,7 @@ class Parser {
     if (sequence_.steps.size() == 1 && step.items.empty() && kind != SegmentKind::align) {
       return wrong(word, first_item_expected);
     }
-    const Token length = take();
+    const Token length = next();
     const std::optional<std::int64_t> samples = as_integer(length);
     if (!samples || *samples < shortest_dwell_samples || *samples > longest_dwell_samples) {
       return wrong(length, "a whole number of samples from 200 (1 s) to 17280000 (a day)");
@@ -263,12 +263,12 @@ class Parser {
     if (sequence_.steps.size() == 1 && sequence_.steps.back().items.empty()) {
       return wrong(word, first_item_expected);
     }
-    const Token name = take();
+    const Token name = next();
     const std::optional<Axis> axis = as_axis(name);
     if (!axis) {
       return wrong(name, "an axis: H, P or R");
     }
-    const Token angle = take();
+    const Token angle = next();
     const std::optional<double> turn = as_number(angle);
     const bool is_signed = angle.text.starts_with('+') || angle.text.starts_with('-');
     const double target_deg = rounded_deg(commanded_deg_[*axis] + turn.value_or(0.0));
@@ -282,13 +282,13 @@ class Parser {
     bool has_rate = false;
     bool has_acceleration = false;
     while (peek().kind != Token::Kind::end) {
-      const Token option = take();
+      const Token option = next();
       if (is_word(option, "rate") && !has_rate) {
         has_rate = true;
-        if (Status status = read_rate(take(), "rate", move.rate_degps); !status) return status;
+        if (Status status = read_rate(next(), "rate", move.rate_degps); !status) return status;
       } else if (is_word(option, "acceleration") && !has_acceleration) {
         has_acceleration = true;
-        if (Status status = read_rate(take(), "acceleration", move.acceleration_degps2); !status) return status;
+        if (Status status = read_rate(next(), "acceleration", move.acceleration_degps2); !status) return status;
       } else {
         return wrong(option, "rate NUMBER, acceleration NUMBER (each at most once) or the end of the line");
       }

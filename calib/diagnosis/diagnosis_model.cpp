@@ -3,9 +3,17 @@
 #include <algorithm>
 
 #include "calib/diagnosis/unexplained.h"
+#include "calib/joint/coarser_recording.h"
 #include "calib/statistics/distributions.h"
 
 namespace turncal {
+
+namespace {
+
+// Hundreds of columns: seconds in the middle of a dwell go together (coarser_recording.h). What is nominated is fitted on every second.
+constexpr Coarseness for_scores = {8.0, 0.05, true};
+
+}  // namespace
 
 double minus_two_log_likelihood(const JointResult& result) {
   return result.last.chi_square + result.last.log_determinant;
@@ -59,7 +67,8 @@ double DiagnosisModel::misfit_beside_slow_noise(const std::vector<EffectColumn>&
   return minus_two_log_likelihood(joint_estimate(recording, o));
 }
 
-Scores DiagnosisModel::scores(const std::vector<EffectColumn>& candidates, bool without_bias_instability) const {
+std::vector<Scores> DiagnosisModel::scores(const std::vector<EffectColumn>& candidates,
+                                           const std::vector<NoiseModel>& noises) const {
   const int effects = static_cast<int>(current.effects.size());
   std::vector<EffectColumn> all;
   for (const EstimatedEffect& e : current.effects) all.push_back(e.column);
@@ -67,17 +76,25 @@ Scores DiagnosisModel::scores(const std::vector<EffectColumn>& candidates, bool 
   EffectModel model = make_effect_model(all, {recording.info.latitude_deg}, current.reference_temperature_c);
   for (int k = 0; k < effects; ++k) model.values[k] = current.effects[static_cast<std::size_t>(k)].value;
   FilterSetup setup = current.setup;
-  if (without_bias_instability) setup.noise.gyro_bias_instability_radps = setup.noise.accel_bias_instability_mps2 = 0.0;
   setup.narrow_columns = static_cast<int>(std::count_if(candidates.begin(), candidates.end(), is_pattern));
   setup.narrow_against = parameter_count + effects;
-  const FilterResult filtered = run_filter(recording, current.parameters, model, setup);
+  const CompressedRecording fewer = coarser(recording, for_scores, setup);
+  const std::vector<FilterResult> passes = run_filter(fewer, current.parameters, model, setup, noises);
 
   std::vector<int> base, added;
   for (int k = 0; k < parameter_count; ++k)
     if (parameter_is_free[static_cast<std::size_t>(k)]) base.push_back(k);
   for (int k = 0; k < effects; ++k) base.push_back(parameter_count + k);
   for (int k = 0; k < static_cast<int>(candidates.size()); ++k) added.push_back(parameter_count + effects + k);
-  return eliminate(filtered.information, filtered.gradient, base, added);
+  std::vector<Scores> scores;
+  for (const FilterResult& pass : passes) scores.push_back(eliminate(pass.information, pass.gradient, base, added));
+  return scores;
+}
+
+NoiseModel DiagnosisModel::bare_noise() const {
+  NoiseModel noise = current.setup.noise;
+  noise.gyro_bias_instability_radps = noise.accel_bias_instability_mps2 = 0.0;
+  return noise;
 }
 
 }  // namespace turncal

@@ -30,7 +30,9 @@ struct DiagnosisModel {
   // a process of ten minutes cannot follow must not be taken for a drift: what an effect gains must hold here too.
   double misfit_beside_slow_noise(const std::vector<EffectColumn>& effects, const JointResult& from) const;
   // One filter pass at `current` with candidates after its effects, and what each of them would bring.
-  Scores scores(const std::vector<EffectColumn>& candidates, bool without_bias_instability) const;
+  // At each of these, which may differ from the fitted one in bias instability only.
+  std::vector<Scores> scores(const std::vector<EffectColumn>& candidates, const std::vector<NoiseModel>& noises) const;
+  NoiseModel bare_noise() const;  // the fitted one without bias instability
 
   const CompressedRecording& recording;
   const DiagnosisOptions& options;

@@ -21,22 +21,25 @@ class Gate {
  public:
   explicit Gate(const DiagnosisModel& m) : m_(m), first_(m.recording, m.options.holdout, refit()) {}
   const HoldoutGate& first() const { return first_; }
+  HoldoutGain on_holdout(const JointResult& with, const JointResult& without) const {
+    return gain_on(first_, with, without);
+  }
   // Both are measured with the noise of `with`. Of an effect of one run another recording promises nothing that it could contradict.
   bool confirms(const JointResult& with, const JointResult& without, bool of_one_run) {
     const GateLimits& limits = m_.options.limits.gate;
-    const auto gain_on = [&](const HoldoutGate& data) {
-      return holdout_gain(data.error(without, with.noise), data.error(with));
-    };
-    HoldoutGain gain = gain_on(first_);
+    HoldoutGain gain = on_holdout(with, without);
     if (!of_one_run && gain.contradicted(limits.contradiction)) return false;
     if (gain.confirmed(limits.standard_errors)) return true;
     if (m_.options.holdout == nullptr || gain.expected >= limits.expected_gain) return false;
     if (!left_out_) left_out_.emplace(m_.recording, nullptr, refit());
-    gain += gain_on(*left_out_);
+    gain += gain_on(*left_out_, with, without);
     return gain.confirmed(limits.standard_errors);
   }
 
  private:
+  static HoldoutGain gain_on(const HoldoutGate& data, const JointResult& with, const JointResult& without) {
+    return holdout_gain(data.error(without, with.noise), data.error(with));
+  }
   HoldoutGate::Refit refit() const {
     return
         [this](const std::vector<EffectColumn>& effects, const JointResult& from, const std::vector<char>& unobserved) {
@@ -54,6 +57,16 @@ class Gate {
   HoldoutGate first_;
   std::optional<HoldoutGate> left_out_;
 };
+
+// Was the effect of `name` found by chance? What it gained in the fit and what it loses on a second recording are 2 ln L of independent
+// data: both together must exceed what the fit alone had to.
+bool outweighed(const DiagnosisModel& m, const Diagnosis& d, const std::string& name, const HoldoutGain& held_out) {
+  if (m.options.holdout == nullptr) return false;  // left-out dwells are part of the fit
+  double beyond = held_out.gain;
+  for (const SelectionStage& stage : d.stages)
+    if (stage.accepted && stage.chosen.entry->name == name) beyond += stage.gain - stage.threshold;
+  return beyond < 0.0;
+}
 
 // The effect of `name` did not help on held-out data; does another of its alias class, in its place?
 bool take_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name, const JointResult& without, Gate& gate) {
@@ -101,7 +114,9 @@ void gate_effects(DiagnosisModel& m, Diagnosis& d) {
       if (gate.confirms(m.current, reduced, of_one_run)) continue;
       changed = true;
       if (take_rival(m, d, name, reduced, gate)) break;
-      d.gated_out.push_back(name);
+      // Claimed or not, what it would do to the parameters goes into their sigmas.
+      m.beside.push_back(m.current.parameters);
+      if (!outweighed(m, d, name, gate.on_holdout(m.current, reduced))) d.gated_out.push_back(name);
       d.aliases.erase(name);
       d.separate_by.erase(name);
       m.chosen = without;

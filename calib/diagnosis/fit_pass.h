@@ -1,4 +1,5 @@
-// One filter pass at a finished fit, with what the tests on its pieces of rest need.
+// One filter pass at a finished fit, with what the tests on its pieces of rest need. Seconds in the middle of a dwell go together
+// (coarser_recording.h): pieces are 25 s and longer.
 #pragma once
 
 #include <vector>
@@ -8,8 +9,9 @@
 namespace turncal {
 
 struct FitPass {
-  FilterResult filter;       // with steps
-  std::vector<int> columns;  // of the free parameters and the effects in it
+  CompressedRecording recording;  // of which the steps are
+  FilterResult filter;            // with steps
+  std::vector<int> columns;       // of the free parameters and the effects in it
 };
 FitPass run_fit_pass(const CompressedRecording& recording, const JointResult& fit, const FilterSetup& setup);
 

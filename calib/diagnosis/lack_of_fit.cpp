@@ -46,6 +46,18 @@ void as_chi_square(double first, double second, double third, LackOfFitTest& tes
   test.chi_square = test.degrees + (test.chi_square - first) * std::sqrt(test.degrees / second);
 }
 
+// Of a symmetric matrix. A cumulant to six digits is plenty, and in single precision the product costs half.
+double trace_of_cube(const MatrixXd& C) {
+  const Eigen::MatrixXf c = C.cast<float>();
+  Eigen::MatrixXf square = Eigen::MatrixXf::Zero(c.rows(), c.rows());
+  square.selfadjointView<Eigen::Lower>().rankUpdate(c);
+  const Eigen::MatrixXf both = c.cwiseProduct(square);
+  double sum = 0.0;
+  for (Eigen::Index k = 0; k < c.rows(); ++k)
+    sum += static_cast<double>(both(k, k)) + 2.0 * static_cast<double>(both.col(k).tail(c.rows() - k - 1).sum());
+  return sum;
+}
+
 class Tester {
  public:
   Tester(const CompressedRecording& recording, double accel_pulse_mps, const LackOfFitLimits& limits, LackOfFit& result)
@@ -61,8 +73,6 @@ class Tester {
  private:
   void sum_and_worst(const std::string& family, const std::string& what, const SegmentScores& scores,
                      const std::vector<int>& dims, bool turns_only);
-  void contrast(const std::string& family, const std::string& what, const SegmentScores& scores,
-                const MatrixXd& weights);
 
   const CompressedRecording& recording_;
   const double accel_pulse_mps_;
@@ -112,7 +122,7 @@ void Tester::sum_and_worst(const std::string& family, const std::string& what, c
   sum.what = what + ", all together";
   // Pieces share the heading and the parameters, so the sum spreads more than chi2 does and its tail is longer.
   const MatrixXd whitened = C(kept, kept);
-  as_chi_square(whitened.trace(), whitened.squaredNorm(), whitened.cwiseProduct(whitened * whitened).sum(), sum);
+  as_chi_square(whitened.trace(), whitened.squaredNorm(), trace_of_cube(whitened), sum);
   worst.family = family + ", worst";
   worst.tries = tries;
   add(std::move(sum));
@@ -122,20 +132,6 @@ void Tester::sum_and_worst(const std::string& family, const std::string& what, c
 void Tester::pieces(const SegmentScores& scores, const std::string& where) {
   sum_and_worst(where + "turn", "jump at the turn that ends", scores, jump_dims, true);
   sum_and_worst(where + "rest", "bias within the rest that begins", scores, bias_dims, false);
-}
-
-void Tester::contrast(const std::string& family, const std::string& what, const SegmentScores& scores,
-                      const MatrixXd& weights) {
-  const SegmentScores::Test test = scores.test(weights);
-  const RankedChiSquare ranked = ranked_chi_square(test, limits_.rank_floor);
-  if (ranked.rank == 0 || !std::isfinite(ranked.chi_square)) return;
-  LackOfFitTest t;
-  t.family = family;
-  t.what = what;
-  t.chi_square = ranked.chi_square;
-  t.degrees = ranked.rank;
-  t.shift = test.shift * ranked.estimate;
-  add(std::move(t));
 }
 
 void Tester::contrasts(const SegmentScores& scores) {
@@ -171,12 +167,13 @@ void Tester::contrasts(const SegmentScores& scores) {
                                        v << p.temperature_c, p.temperature_c * p.temperature_c;
                                        return v;
                                      }}};
+  std::vector<Family> contrasts;
   for (const Basis& basis : bases)
     for (int channel = 0; channel < 6; ++channel) {
       MatrixXd weights = MatrixXd::Zero(scores.rows(), basis.count);
       for (std::size_t k = 0; k < pieces.size(); ++k)
         weights.row(piece_dims * static_cast<Eigen::Index>(k) + channel) = basis.at(pieces[k]).transpose();
-      contrast(basis.what, std::string("bias of ") + channels[channel] + " with " + basis.what, scores, weights);
+      contrasts.push_back({basis.what, std::string("bias of ") + channels[channel] + " with " + basis.what, weights});
     }
   for (int axis = 0; axis < 3; ++axis) {
     MatrixXd accel = MatrixXd::Zero(scores.rows(), 6), gyro = MatrixXd::Zero(scores.rows(), 6);
@@ -186,21 +183,38 @@ void Tester::contrasts(const SegmentScores& scores) {
       const double phase = pi * 0.5 * (p.begin_s + p.end_s) / length;
       for (int order = 0; order < 6; ++order) {
         accel(row + 3 + axis, order) = up_of(p)[axis] * std::cos((order + 1) * phase);
-        gyro.block<3, 1>(row + 6, order) = p.turned().col(axis) * std::cos(pi * (order + 1) * p.begin_s / length);
+        const double wave = std::cos(pi * (order + 1) * p.begin_s / length);
+        gyro.block<3, 1>(row + 6, order) = p.turned().col(axis) * wave;
+        gyro.block<3, 1>(row + 9, order) = p.fallen().col(axis) * wave;
       }
     }
-    contrast("scale with time", std::string("scale factor of ") + channels[3 + axis] + " with time", scores, accel);
-    contrast("scale with time", std::string("scale factor of ") + channels[axis] + " with time", scores, gyro);
+    contrasts.push_back(
+        {"scale with time", std::string("scale factor of ") + channels[3 + axis] + " with time", accel});
+    contrasts.push_back({"scale with time", std::string("scale factor of ") + channels[axis] + " with time", gyro});
+  }
+  std::vector<SegmentScores::Test> tests = scores.tests(weights_of(contrasts));
+  for (std::size_t k = 0; k < contrasts.size(); ++k) {
+    const RankedChiSquare ranked = ranked_chi_square(tests[k], limits_.rank_floor);
+    if (ranked.rank == 0 || !std::isfinite(ranked.chi_square)) continue;
+    LackOfFitTest t;
+    t.family = contrasts[k].kind;
+    t.what = contrasts[k].what;
+    t.chi_square = ranked.chi_square;
+    t.degrees = ranked.rank;
+    t.shift = tests[k].shift * ranked.estimate;
+    add(std::move(t));
   }
 }
 
 void Tester::families(const SegmentScores& scores) {
-  for (const Family& family : nameless_families(scores.pieces())) {
-    FamilyFit fit = fit_family(scores, family);
+  const std::vector<Family> families = nameless_families(scores.pieces());
+  std::vector<FamilyFit> fits = fit_families(scores, families);
+  for (std::size_t k = 0; k < families.size(); ++k) {
+    FamilyFit& fit = fits[k];
     if (!(fit.weights.size() > 0 && fit.weights.sum() > 0.0)) continue;
     LackOfFitTest test;
-    test.family = family.kind;
-    test.what = family.what;
+    test.family = families[k].kind;
+    test.what = families[k].what;
     test.chi_square = fit.statistic;
     as_chi_square(fit.weights.sum(), fit.weights.squaredNorm(), fit.weights.array().cube().sum(), test);
     test.shift = fit.shift;
@@ -288,7 +302,8 @@ void test_holdout(const CompressedRecording& holdout, const JointResult& fit, co
   const MatrixXd kept =
       information(others, others) - cross.transpose() * solve_symmetric(information(biases, biases), cross);
   prior(others, others) = kept;
-  const SegmentScores scores(holdout, pass.filter, pass.columns, fit.reference_temperature_c, tester.limits(), prior);
+  const SegmentScores scores(pass.recording, pass.filter, pass.columns, fit.reference_temperature_c, tester.limits(),
+                             prior);
   tester.pieces(scores, "holdout, ");
   // What the holdout says of the parameters that it shares with the fit, against what the fit says. Minimised over the parameters
   // chi2 falls by c' M^-1 c: with M = A alone, and with what the fit knows added, M = A + P; the difference is chi2.
@@ -332,13 +347,16 @@ LackOfFit tests_at(const CompressedRecording& recording, const JointResult& fit,
   FilterSetup setup = fit.setup;
   setup.noise = noise;
   const FitPass pass = run_fit_pass(recording, fit, setup);
-  const SegmentScores scores(recording, pass.filter, pass.columns, fit.reference_temperature_c, limits);
+  const SegmentScores scores(pass.recording, pass.filter, pass.columns, fit.reference_temperature_c, limits);
   if (scores.pieces().empty()) return result;
   Tester tester(recording, noise.accel_pulse_mps, limits, result);
   tester.pieces(scores, "");
   tester.contrasts(scores);
   tester.families(scores);
-  tester.innovations(pass.filter);
+  FilterSetup seconds = setup;
+  seconds.with_columns = false;
+  seconds.keep_steps = true;
+  tester.innovations(run_filter(recording, fit.parameters, effect_model_of(fit, recording.info.latitude_deg), seconds));
   if (holdout != nullptr)
     test_holdout(*holdout, fit, noise, pass.filter.information(pass.columns, pass.columns), pass.columns, tester);
   return result;

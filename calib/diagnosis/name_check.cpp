@@ -1,5 +1,7 @@
 #include "calib/diagnosis/name_check.h"
 
+#include <algorithm>
+
 #include "calib/diagnosis/fit_pass.h"
 #include "calib/diagnosis/nameless_families.h"
 
@@ -13,18 +15,40 @@ struct FamilyFits {
   std::vector<FamilyFit> fits;
 };
 
-FamilyFits fit_families(const DiagnosisModel& m, const JointResult& at) {
+FamilyFits families_at(const DiagnosisModel& m, const JointResult& at) {
   const FitPass pass = run_fit_pass(m.recording, at, at.setup);
-  const SegmentScores scores(m.recording, pass.filter, pass.columns, at.reference_temperature_c, m.options.limits.fit);
+  const SegmentScores scores(pass.recording, pass.filter, pass.columns, at.reference_temperature_c,
+                             m.options.limits.fit);
   FamilyFits all{pass.columns, nameless_families(scores.pieces()), {}};
-  for (const Family& family : all.families) all.fits.push_back(fit_family(scores, family));
+  all.fits = fit_families(scores, all.families);
   return all;
+}
+
+// A temperature coefficient is one of the curves with temperature of the same sensor. Where the effect is one, or cannot be told from one,
+// that family is the same answer in another shape: as a rival it must be better, not as good.
+bool holds(const Family& family, const DiagnosisModel& m, const Diagnosis& d, const std::string& name) {
+  if (family.kind != "temperature curve") return false;
+  std::vector<std::string> alike = {name};
+  if (const auto aliases = d.aliases.find(name); aliases != d.aliases.end())
+    alike.insert(alike.end(), aliases->second.begin(), aliases->second.end());
+  for (const std::string& one : alike) {
+    const EffectEntry* entry = find_effect(one);
+    if (entry == nullptr || !entry->needs_temperature) continue;
+    const std::string quantity = one.find("_scale_") != std::string::npos ? "scale factor of " : "bias of ";
+    const std::string triad = one.starts_with("gyro") ? "gyro " : "accelerometer ";
+    for (const EffectColumn& c : m.chosen)
+      if (c.entry->name == name &&
+          family.what.starts_with(quantity + triad + c.entry->components[static_cast<std::size_t>(c.component)][0] +
+                                  " "))
+        return true;
+  }
+  return false;
 }
 
 }  // namespace
 
 std::string looks_like(const DiagnosisModel& m, const JointResult& fit) {
-  const FamilyFits all = fit_families(m, fit);
+  const FamilyFits all = families_at(m, fit);
   std::string what;
   double most = m.threshold;
   for (std::size_t k = 0; k < all.fits.size(); ++k) {
@@ -43,14 +67,17 @@ void check_names(DiagnosisModel& m, Diagnosis& d) {
       if (c.entry->name != name) without.push_back(c);
     const JointResult reduced = m.fit(without, m.current, &m.current.noise);
     const double gain = minus_two_log_likelihood(reduced) - minus_two_log_likelihood(m.current);
-    const FamilyFits all = fit_families(m, reduced);
+    const FamilyFits all = families_at(m, reduced);
     NameCheck check{name, gain, "", 0.0};
+    bool rivalled = false;
     for (std::size_t f = 0; f < all.fits.size(); ++f) {
       const FamilyFit& fit = all.fits[f];
       if (fit.gain > check.family_gain) {
         check.family = all.families[f].what;
         check.family_gain = fit.gain;
       }
+      const double margin = holds(all.families[f], m, d, name) ? 0.0 : limits.family_margin;
+      rivalled = rivalled || fit.gain > gain - margin;
       if (fit.gain < gain - limits.bic_margin || fit.shift.size() == 0) continue;
       ParameterVector beside = to_vector(reduced.parameters);
       for (std::size_t k = 0; k < all.columns.size(); ++k)
@@ -58,7 +85,7 @@ void check_names(DiagnosisModel& m, Diagnosis& d) {
       m.beside.push_back(from_vector(beside));
     }
     d.name_checks.push_back(check);
-    if (check.family_gain > gain - limits.family_margin) d.rivalled.push_back(name);
+    if (rivalled) d.rivalled.push_back(name);
   }
 }
 

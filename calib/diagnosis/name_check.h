@@ -6,7 +6,7 @@
 namespace turncal {
 
 // Each effect of m.chosen against every family of nameless_families.h, at the model without it and the noise with it. Where it is
-// not better by SelectionLimits::family_margin, into d.rivalled. A family that comes within bic_margin of the name may be the truth
+// not better by SelectionLimits::family_margin, into d.rivalled; a family that holds the effect as one of its functions must itself be better. A family that comes within bic_margin of the name may be the truth
 // as well: the parameters with it go into m.beside.
 void check_names(DiagnosisModel& m, Diagnosis& d);
 

@@ -10,6 +10,7 @@
 namespace turncal {
 namespace {
 
+using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
@@ -67,7 +68,7 @@ enum class Sensor { gyro_bias, gyro_scale, accel_bias, accel_scale };
 constexpr const char* sensors[] = {"bias of gyro ", "scale factor of gyro ", "bias of accelerometer ",
                                    "scale factor of accelerometer "};
 
-MatrixXd weights_of(const std::vector<Piece>& pieces, Sensor sensor, int axis, const Function& f) {
+MatrixXd weights_on(const std::vector<Piece>& pieces, Sensor sensor, int axis, const Function& f) {
   MatrixXd weights = MatrixXd::Zero(piece_dims * static_cast<Eigen::Index>(pieces.size()), f.count);
   VectorXd value(f.count);
   const bool gyro = sensor == Sensor::gyro_bias || sensor == Sensor::gyro_scale;
@@ -84,10 +85,12 @@ MatrixXd weights_of(const std::vector<Piece>& pieces, Sensor sensor, int axis, c
     for (const Turn& turn : piece.turns) {
       value.setZero();
       f.at({turn.table_rad, turn.temperature_c, turn.turn}, value);
-      const Vector3d jump = sensor == Sensor::gyro_scale    ? turn.turned.col(axis)
-                            : sensor == Sensor::accel_scale ? turn.lifted.col(axis)
-                                                            : turn.pushed.col(axis);
-      weights.middleRows<3>(row + (gyro ? 6 : 9)) += jump * value.transpose();
+      const bool scale = sensor == Sensor::gyro_scale || sensor == Sensor::accel_scale;
+      const Matrix3d& psi = scale ? turn.turned : turn.pushed;
+      const Matrix3d& v =
+          gyro ? (scale ? turn.fallen_turned : turn.fallen_pushed) : (scale ? turn.lifted : turn.pushed);
+      if (gyro) weights.middleRows<3>(row + 6) += psi.col(axis) * value.transpose();
+      weights.middleRows<3>(row + 9) += v.col(axis) * value.transpose();
     }
   }
   return weights;
@@ -95,19 +98,26 @@ MatrixXd weights_of(const std::vector<Piece>& pieces, Sensor sensor, int axis, c
 
 }  // namespace
 
+std::vector<MatrixXd> weights_of(const std::vector<Family>& families) {
+  std::vector<MatrixXd> weights;
+  for (const Family& family : families) weights.push_back(family.weights);
+  return weights;
+}
+
 std::vector<Family> nameless_families(const std::vector<Piece>& pieces) {
   std::vector<Family> families;
   for (const Function& f : functions_of(pieces))
     for (const Sensor sensor : {Sensor::gyro_bias, Sensor::gyro_scale, Sensor::accel_bias, Sensor::accel_scale})
       for (int axis = 0; axis < 3 && f.count > 0; ++axis)
         families.push_back({f.kind, sensors[static_cast<int>(sensor)] + std::string(axes[axis]) + " " + f.what,
-                            weights_of(pieces, sensor, axis, f)});
+                            weights_on(pieces, sensor, axis, f)});
   return families;
 }
 
-FamilyFit fit_family(const SegmentScores& scores, const Family& family) {
+namespace {
+
+FamilyFit fit_family(const SegmentScores::Test& test) {
   FamilyFit fit;
-  const SegmentScores::Test test = scores.test(family.weights);
   const SymmetricEigen eigen = symmetric_eigen(test.Q);
   const double largest = test.before.size() > 0 ? test.before.maxCoeff() : 0.0;
   if (!(largest > 0.0)) return fit;
@@ -132,6 +142,14 @@ FamilyFit fit_family(const SegmentScores& scores, const Family& family) {
   fit.statistic = (seen * along.array().square() * part(fixed).array()).sum();
   fit.weights = information.cwiseProduct(part(fixed));
   return fit;
+}
+
+}  // namespace
+
+std::vector<FamilyFit> fit_families(const SegmentScores& scores, const std::vector<Family>& families) {
+  std::vector<FamilyFit> fits;
+  for (const SegmentScores::Test& test : scores.tests(weights_of(families))) fits.push_back(fit_family(test));
+  return fits;
 }
 
 }  // namespace turncal

@@ -26,6 +26,7 @@ struct Family {
   std::string what;         // "scale factor of gyro x from turn to turn"
   Eigen::MatrixXd weights;  // rows of SegmentScores x functions
 };
+std::vector<Eigen::MatrixXd> weights_of(const std::vector<Family>& families);
 std::vector<Family> nameless_families(const std::vector<Piece>& pieces);
 
 struct FamilyFit {
@@ -35,6 +36,6 @@ struct FamilyFit {
   double statistic = 0.0;
   Eigen::VectorXd weights;
 };
-FamilyFit fit_family(const SegmentScores& scores, const Family& family);
+std::vector<FamilyFit> fit_families(const SegmentScores& scores, const std::vector<Family>& families);
 
 }  // namespace turncal

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/diagnosis/backward_step.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/linear_algebra.h"
 
@@ -45,8 +46,9 @@ std::vector<Piece> pieces_of(const CompressedRecording& recording, const std::ve
       }
       segment = block.segment;
       const Matrix3d& C = steps[k].C_mid;
-      turns.back().turned += C * steps[k].rotation.asDiagonal();
-      turns.back().pushed += C * block.duration_s;
+      for (Turn& earlier : turns)
+        if (&earlier != &turns.back()) earlier.go_on(steps[k].F, block.duration_s, Matrix3d::Zero(), Matrix3d::Zero());
+      turns.back().go_on(steps[k].F, block.duration_s, C * steps[k].rotation.asDiagonal(), C * block.duration_s);
       turns.back().lifted += C * Vector3d(C.row(1).transpose() * block.duration_s).asDiagonal();
       if (!std::isnan(block.temperature_c)) turns.back().temperature_c = block.temperature_c - reference_temperature_c;
       continue;
@@ -87,9 +89,22 @@ std::vector<Piece> pieces_of(const CompressedRecording& recording, const std::ve
 
 }  // namespace
 
+void Turn::go_on(const Matrix3d& F, double t, const Matrix3d& more_turned, const Matrix3d& more_pushed) {
+  fallen_turned -= F * (turned + 0.5 * more_turned) * t;
+  fallen_pushed -= F * (pushed + 0.5 * more_pushed) * t;
+  turned += more_turned;
+  pushed += more_pushed;
+}
+
 Matrix3d Piece::turned() const {
   Matrix3d sum = Matrix3d::Zero();
   for (const Turn& part : turns) sum += part.turned;
+  return sum;
+}
+
+Matrix3d Piece::fallen() const {
+  Matrix3d sum = Matrix3d::Zero();
+  for (const Turn& part : turns) sum += part.fallen_turned;
   return sum;
 }
 
@@ -113,139 +128,136 @@ SegmentScores::SegmentScores(const CompressedRecording& recording, const FilterR
   s_ += R_ * (A_inverse_ * VectorXd(pass.gradient(columns)));  // the fit stops a little short of its optimum
 }
 
-// Sizes of run time: with fixed ones (12 and 18) Eigen's products take a minute to compile and are no faster.
+// Going back, the transition T to where the next piece begins, the scores r and their information with the columns R go through the same
+// steps: they are rows of one matrix.
 void SegmentScores::run(int states, const FilterResult& pass, const CompressedRecording& recording,
                         const std::vector<int>& columns) {
   const int NS = states;
   const int Z = NS + 6;  // state, then the biases within the piece
   const int p = static_cast<int>(columns.size());
-  MatrixXd R = MatrixXd::Zero(Z, p), next(Z, p);
-  VectorXd r = VectorXd::Zero(Z);
-  MatrixXd I = MatrixXd::Zero(Z, Z);
-  MatrixXd T = MatrixXd::Identity(Z, Z);  // from here to where the next piece begins
-  MatrixXd weighted(3, p);
-  std::size_t piece = pieces_.size();
-  const auto forget = [&] {  // psi and v before a chain say nothing about what comes in it
-    r.head<6>().setZero();
-    I.topRows<6>().setZero();
-    I.leftCols<6>().setZero();
-    R.topRows<6>().setZero();
-    T.leftCols<6>().setZero();
-  };
+  MatrixXd carried = MatrixXd::Zero(Z + p + 1, Z);
+  const auto T = [&] { return carried.topRows(Z); };
+  const auto R = [&] { return carried.middleRows(Z, p); };
+  const auto r = [&] { return carried.bottomRows<1>(); };
+  T().setIdentity();
+  MatrixXd I = MatrixXd::Zero(Z, Z), half(Z, Z);
   MatrixXd turn = MatrixXd::Identity(Z, Z);  // the steps of a turn are taken together
   bool turning = false;
   const auto end_turn = [&] {
     if (!turning) return;
-    r = (turn.transpose() * r).eval();
-    I = (turn.transpose() * I * turn).eval();
-    next.noalias() = turn.transpose() * R;
-    R.swap(next);
-    T = (T * turn).eval();
+    carried = (carried * turn).eval();
+    half.noalias() = I * turn;
+    I.noalias() = turn.transpose() * half;
     turn.setIdentity();
     turning = false;
   };
+  const auto forget = [&] {  // psi and v before a chain say nothing about what comes in it
+    carried.leftCols<6>().setZero();
+    I.topRows<6>().setZero();
+    I.leftCols<6>().setZero();
+  };
+  std::vector<int> mine;  // of a piece: its biases, and a jump of psi and v
+  for (int d = 0; d < 6; ++d) mine.push_back(NS + d);
+  for (int d = 0; d < 6; ++d) mine.push_back(d);
+  Eigen::Matrix<double, Eigen::Dynamic, 3> N(p + 1, 3);
+  std::size_t piece = pieces_.size();
   for (std::size_t k = pass.steps.size(); k-- > 0;) {
     const FilterStep& step = pass.steps[k];
     const double t = recording.blocks[step.block].duration_s;
     if (piece > 0 && k == pieces_[piece - 1].last_step) --piece;
     const bool in_piece = piece < pieces_.size() && k >= pieces_[piece].first_step && k <= pieces_[piece].last_step;
-    MatrixXd L = MatrixXd::Identity(Z, Z);
-    const Matrix3d psi_b = step.C_mid * t;
-    const Matrix3d v_b = -step.F * step.C_mid * (0.5 * t * t);
-    L.block<3, 3>(0, 0) = step.turn_n;
-    L.block<3, 3>(3, 0) = -step.F * t;
-    if (in_piece) {
-      L.block<3, 3>(0, NS) = psi_b;
-      L.block<3, 3>(3, NS) = v_b;
-      L.block<3, 3>(3, NS + 3) = psi_b;
-    }
-    if (NS == 12) {
-      L.block<3, 3>(0, 6) = psi_b;
-      L.block<3, 3>(3, 6) = v_b;
-      L.block<3, 3>(3, 9) = psi_b;
-      L.block<6, 6>(6, 6) *= step.rho;
-    }
+    const BackwardStep back(step, t, NS, in_piece);
     if (!step.observed && !in_piece && !step.begins_chain) {
-      turn = (turn * L).eval();
+      back.apply(turn);
       turning = true;
       continue;
     }
     end_turn();
+    back.apply(carried);
+    back.apply(I);
+    half = I.transpose();
+    I.swap(half);
+    back.apply(I);
     if (step.observed) {
-      MatrixXd H = MatrixXd::Zero(3, Z);
-      H.block<3, 3>(0, 0) = -step.F * (0.5 * t);
-      H.block<3, 3>(0, 3).setIdentity();
-      const Matrix3d by_gyro = -step.F * step.C_mid * (t * t / 6.0);
-      const Matrix3d by_accel = step.C_mid * (0.5 * t);
-      H.block<3, 3>(0, NS) = by_gyro;
-      H.block<3, 3>(0, NS + 3) = by_accel;
-      if (NS == 12) {
-        H.block<3, 3>(0, 6) = by_gyro;
-        H.block<3, 3>(0, 9) = by_accel;
-      }
-      L.topRows(NS) -= step.K.topRows(NS) * H;
-      const MatrixXd HS = H.transpose() * step.S_inverse;
-      r = (L.transpose() * r + HS * step.nu).eval();
-      I = (L.transpose() * I * L + HS * H).eval();
-      for (int c = 0; c < p; ++c) weighted.col(c) = step.N.row(columns[static_cast<std::size_t>(c)]).transpose();
-      next.noalias() = L.transpose() * R;
-      next.noalias() += HS * weighted;
-    } else {
-      r = (L.transpose() * r).eval();
-      I = (L.transpose() * I * L).eval();
-      next.noalias() = L.transpose() * R;
+      const Eigen::Matrix<double, 3, Eigen::Dynamic> SH = step.S_inverse * back.H();
+      I.noalias() += back.H().transpose() * SH;
+      for (int c = 0; c < p; ++c) N.row(c) = step.N.row(columns[static_cast<std::size_t>(c)]);
+      N.row(p) = step.nu.transpose();
+      carried.bottomRows(p + 1).noalias() += N * SH;
     }
-    R.swap(next);
-    T = (T * L).eval();
     if (!in_piece || k != pieces_[piece].first_step) {
       if (step.begins_chain) forget();
       continue;
     }
-    // The piece begins here: its biases, and a jump of psi and v.
-    std::vector<int> mine;
-    for (int d = 0; d < 6; ++d) mine.push_back(NS + d);
-    for (int d = 0; d < 6; ++d) mine.push_back(d);
     const auto state = Eigen::seqN(0, NS);
     const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(piece);
-    s_.segment<piece_dims>(row) = -r(mine);
-    R_.middleRows<piece_dims>(row) = R(mine, Eigen::all);
+    s_.segment<piece_dims>(row) = -r()(mine).transpose();
+    R_.middleRows<piece_dims>(row) = R()(Eigen::all, mine).transpose();
     Link& link = links_[piece];
     link.I = I(mine, mine);
-    link.E = T(state, mine);
+    link.E = T()(state, mine);
     if (step.begins_chain) forget();
     link.G = I(state, mine);
-    link.M = T(state, state);
-    T.setIdentity();
-    R.bottomRows(6).setZero();
-    r.tail<6>().setZero();
+    link.M = T()(state, state);
+    T().setIdentity();
+    carried.bottomRows(p + 1).rightCols<6>().setZero();
     I.bottomRows<6>().setZero();
     I.rightCols<6>().setZero();
   }
 }
 
-SegmentScores::Test SegmentScores::test(const MatrixXd& weights) const {
-  Test result;
-  result.s = weights.transpose() * s_;
-  MatrixXd with_later = MatrixXd::Zero(weights.cols(), weights.cols()), with_itself = with_later;
+std::vector<SegmentScores::Test> SegmentScores::tests(const std::vector<MatrixXd>& weights) const {
+  Eigen::Index all = 0;
+  for (const MatrixXd& w : weights) all += w.cols();
+  std::vector<Test> results(weights.size());
+  MatrixXd together(rows(), all);  // side by side: products of many columns cost little more than those of one
+  std::vector<MatrixXd> with_later(weights.size()), with_itself(weights.size());
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < weights.size(); ++k) {
+    const Eigen::Index n = weights[k].cols();
+    together.middleCols(at, n) = weights[k];
+    with_later[k] = with_itself[k] = MatrixXd::Zero(n, n);
+    at += n;
+  }
+  // All transposed: a row a weight.
   MatrixXd later;  // information of the state where the next piece begins with the weighted pieces from there on
+  MatrixXd w(all, piece_dims), itself(all, piece_dims), next, from_later;
   for (std::size_t a = pieces_.size(); a-- > 0;) {
     const Link& link = links_[a];
-    const MatrixXd w = weights.middleRows<piece_dims>(piece_dims * static_cast<Eigen::Index>(a));
-    with_itself.noalias() += w.transpose() * (link.I * w);
-    if (later.size() == 0) {
-      later = link.G * w;
-      continue;
+    w = together.middleRows<piece_dims>(piece_dims * static_cast<Eigen::Index>(a)).transpose();
+    itself.noalias() = w * link.I;
+    if (later.size() > 0) from_later.noalias() = later * link.E;
+    at = 0;
+    for (std::size_t k = 0; k < weights.size(); ++k) {
+      const Eigen::Index n = weights[k].cols();
+      for (int d = 0; d < piece_dims; ++d) {
+        const auto mine = w.col(d).segment(at, n);
+        if ((mine.array() == 0.0).all()) continue;  // one sensor's weights are of few dimensions
+        with_itself[k].noalias() += mine * itself.col(d).segment(at, n).transpose();
+        if (later.size() > 0) with_later[k].noalias() += mine * from_later.col(d).segment(at, n).transpose();
+      }
+      at += n;
     }
-    with_later.noalias() += w.transpose() * (link.E.transpose() * later);
-    later = (link.G * w + link.M.transpose() * later).eval();
+    next.noalias() = w * link.G.transpose();
+    if (later.size() > 0) next.noalias() += later * link.M;
+    later.swap(next);
   }
-  result.Q = with_itself + with_later + with_later.transpose();
-  result.before = result.Q.diagonal();
-  const MatrixXd cross = R_.transpose() * weights;
-  result.shift = -A_inverse_ * cross;
-  result.Q += cross.transpose() * result.shift;
-  result.Q = (0.5 * (result.Q + result.Q.transpose())).eval();
-  return result;
+  const MatrixXd cross = R_.transpose() * together;
+  const MatrixXd shift = -A_inverse_ * cross;
+  const VectorXd s = together.transpose() * s_;
+  at = 0;
+  for (std::size_t k = 0; k < weights.size(); ++k) {
+    const Eigen::Index n = weights[k].cols();
+    Test& result = results[k];
+    result.s = s.segment(at, n);
+    result.shift = shift.middleCols(at, n);
+    result.Q = with_itself[k] + with_later[k] + with_later[k].transpose();
+    result.before = result.Q.diagonal();
+    result.Q.noalias() += cross.middleCols(at, n).transpose() * result.shift;
+    result.Q = (0.5 * (result.Q + result.Q.transpose())).eval();
+    at += n;
+  }
+  return results;
 }
 
 SegmentScores::Test SegmentScores::test(std::size_t piece, const std::vector<int>& dims) const {

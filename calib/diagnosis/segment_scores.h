@@ -33,6 +33,11 @@ struct Turn {                                           // between two pieces, a
   // Column i: C_nb e_i w_i, C_nb e_i, C_nb e_i f_i / g integrated over it: what a scale factor of gyro i turns, what a bias turns or
   // pushes, what a scale factor of accelerometer i pushes.
   Eigen::Matrix3d turned = Eigen::Matrix3d::Zero(), pushed = Eigen::Matrix3d::Zero(), lifted = Eigen::Matrix3d::Zero();
+  // What has been turned too far by a scale factor, or by a bias, tilts gravity until the turn ends: the velocity of that, -F psi integrated.
+  Eigen::Matrix3d fallen_turned = Eigen::Matrix3d::Zero(), fallen_pushed = Eigen::Matrix3d::Zero();
+  // The unit turns on: over t more seconds by so much.
+  void go_on(const Eigen::Matrix3d& F, double t, const Eigen::Matrix3d& more_turned,
+             const Eigen::Matrix3d& more_pushed);
 };
 
 struct Piece {
@@ -46,7 +51,7 @@ struct Piece {
   int turn = 0;                                         // how many turns came before
   Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded
   std::vector<Turn> turns;                              // since the piece before
-  Eigen::Matrix3d turned() const;                       // of all of them
+  Eigen::Matrix3d turned() const, fallen() const;       // of all of them: turned, fallen_turned
 };
 
 class SegmentScores {
@@ -58,14 +63,15 @@ class SegmentScores {
 
   const std::vector<Piece>& pieces() const { return pieces_; }
   Eigen::Index rows() const { return s_.size(); }  // piece_dims a piece
-  // Score and information of nuisance columns given by their weights (rows() x any), the model's columns eliminated.
+  // Score and information of nuisance columns, the model's columns eliminated.
   struct Test {
     Eigen::VectorXd s;
     Eigen::MatrixXd Q;
     Eigen::VectorXd before;  // diagonal of Q before the elimination
     Eigen::MatrixXd shift;   // change of the model's columns for one unit of each
   };
-  Test test(const Eigen::MatrixXd& weights) const;
+  // Of columns given by their weights (rows() x any), each matrix by itself.
+  std::vector<Test> tests(const std::vector<Eigen::MatrixXd>& weights) const;
   // Of some of the piece_dims of one piece.
   Test test(std::size_t piece, const std::vector<int>& dims) const;
   // Covariance of the scores of all pieces with each other, of some of the piece_dims: (pieces dims)^2.

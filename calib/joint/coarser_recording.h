@@ -17,6 +17,7 @@ namespace turncal {
 struct Coarseness {
   double rest_s = 8.0;    // longest interval at rest
   double turn_rad = 0.0;  // blocks of a turn together turn the unit by this much; 0: they stay as they are
+  bool steady = false;    // only those at about one rate: what a turn does while it begins and ends is looked at
 };
 
 // `setup`: its breaks and unobserved blocks become those of the coarser recording.

@@ -12,13 +12,12 @@
 namespace turncal {
 namespace {
 
-constexpr double smallest_part = 0.1;  // of a parameter in an undetermined direction that is worth naming
-
 // Far from the solution it is enough to come within some sigma of it. Beside it, the middle of a dwell says little second by
 // second: the sigmas are 0.1 to 0.5 % larger than from every second.
 constexpr Coarseness far_off = {20.0, 0.05};
 constexpr Coarseness close_by = {8.0, 0.025};
 constexpr Coarseness for_noise = {8.0, 0.0};
+constexpr Coarseness for_noise_of_trials = {20.0, 0.0};
 // What a unit can be off goes with its noise, not with how long it was recorded: the ranges are those of this time at rest.
 constexpr double fourteen_steps_s = 5400.0;
 // A step of so many sigma is taken from the last pass, and its effect on that pass is linear.
@@ -179,7 +178,8 @@ JointResult JointRun::run() {
     fit_options.bias_instability = options_.fit_bias_instability;
     fit_options.near_start = options_.faults_of != nullptr;  // a trial beside a finished fit
     FilterSetup setup = r.setup;
-    const CompressedRecording fewer = coarser(recording_, for_noise, setup);
+    const CompressedRecording fewer =
+        coarser(recording_, fit_options.near_start ? for_noise_of_trials : for_noise, setup);
     r.noise_fit = fit_noise(fewer, r.parameters, effects_, setup, subset_, ranges_, fit_options);
     r.setup.noise = r.noise_fit->noise;
   }
@@ -395,12 +395,14 @@ bool JointRun::last_passes() {
   EffectModel with_candidates = make_effect_model(columns, {recording_.info.latitude_deg}, reference_temperature_c_);
   FilterSetup setup = r.setup;
   setup.keep_innovations = true;
-  const Eigen::VectorXd pull = pull_of_noise();
+  // A trial beside a finished fit takes it over: it is a part of a sigma, and hardly another one.
+  const bool known = options_.faults_of && options_.faults_of->noise_pull.size() == parameter_count;
+  r.noise_pull = known ? options_.faults_of->noise_pull : pull_of_noise();
   for (int k = 0; k < 5; ++k) {
     with_candidates.values.head(effects_.columns) = effects_.values;
     setup.headings_rad = r.setup.headings_rad;
     r.last = run_filter(recording_, r.parameters, with_candidates, setup);
-    r.last.gradient.head<parameter_count>() -= pull;
+    r.last.gradient.head<parameter_count>() -= r.noise_pull;
     if (is_open()) {  // where it ended it stays
       solution_ = solve_subset(r.last.information, r.last.gradient, subset_, ranges_);
       return true;
@@ -472,119 +474,8 @@ void JointRun::report() {
 
 }  // namespace
 
-ParameterVector plausible_ranges(const NoiseModel& noise, double static_s) {
-  const double t = std::max(static_s, 1.0);
-  const double arw = noise.angle_random_walk.maxCoeff();
-  const double vrw = noise.velocity_random_walk.maxCoeff();
-  constexpr double turn_s = 36.0;  // in which the unit turns once
-  const double bias = arw / std::sqrt(t) / radps_per_degph;
-  const double force = vrw / std::sqrt(t) / standard_gravity_mps2;
-  const double scale = arw * std::sqrt(turn_s) / (2.0 * pi);
-  ParameterVector ranges;
-  ranges.segment<3>(0).setConstant(std::clamp(500.0 * bias, 1.0, 2e4));  // deg/h
-  ranges.segment<3>(3).setConstant(std::clamp(1e5 * force, 0.02, 0.2));  // g
-  ranges.segment<9>(6).setConstant(std::clamp(2e4 * scale, 0.01, 0.1));  // of 0.93 or 1
-  ranges.segment<9>(15).setConstant(std::clamp(1e5 * force, 0.01, 0.1));
-  return ranges;
-}
-
-SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::VectorXd& gradient,
-                            const std::vector<int>& subset, const Eigen::VectorXd& ranges) {
-  const Eigen::VectorXd scale = ranges(subset);
-  const Eigen::MatrixXd A = scale.asDiagonal() * Eigen::MatrixXd(information(subset, subset)) * scale.asDiagonal();
-  const Eigen::VectorXd c = scale.cwiseProduct(Eigen::VectorXd(gradient(subset)));
-  // Determined: the data shrink the range to a tenth and less. The scaled matrix is first balanced, so that the small
-  // eigenvalues are not lost in the rounding of the large ones.
-  const Eigen::VectorXd balance = (A.diagonal().array() + 1.0).sqrt().inverse();
-  const Eigen::MatrixXd B =
-      balance.asDiagonal() * (A + Eigen::MatrixXd::Identity(A.rows(), A.cols())) * balance.asDiagonal();
-  const Eigen::MatrixXd with_prior = balance.asDiagonal() * solve_symmetric(B, Eigen::MatrixXd(balance.asDiagonal()));
-  const SymmetricEigen eigen = symmetric_eigen(with_prior);  // sigma^2 / (1 + sigma^2), in ranges
-  constexpr double limit = 0.01;                             // sigma of a tenth of the range
-  Eigen::Index good = 0;
-  while (good < A.rows() && eigen.values[good] < limit) ++good;
-  SubsetSolution solution;
-  solution.undetermined = eigen.vectors.rightCols(A.rows() - good);
-  if (good == A.rows()) {
-    const Eigen::VectorXd plain = A.diagonal().array().sqrt().inverse();
-    const Eigen::MatrixXd unit = plain.asDiagonal() * A * plain.asDiagonal();
-    const Eigen::VectorXd back = scale.cwiseProduct(plain);
-    solution.covariance = back.asDiagonal() *
-                          solve_symmetric(unit, Eigen::MatrixXd::Identity(A.rows(), A.cols()).eval()) *
-                          back.asDiagonal();
-  } else {
-    // sigma^2 without the prior, on the determined directions only
-    const Eigen::VectorXd variance = eigen.values.head(good).array() / (1.0 - eigen.values.head(good).array());
-    const Eigen::MatrixXd V = eigen.vectors.leftCols(good);
-    solution.covariance = scale.asDiagonal() * V * variance.asDiagonal() * V.transpose() * scale.asDiagonal();
-  }
-  solution.covariance = (0.5 * (solution.covariance + solution.covariance.transpose())).eval();
-  solution.step = -solution.covariance * Eigen::VectorXd(gradient(subset));
-  solution.lost.assign(subset.size(), 0);
-  Eigen::VectorXd moved =
-      Eigen::VectorXd::Zero(A.rows());  // variance from the undetermined directions, ranges as prior
-  for (Eigen::Index d = 0; d < solution.undetermined.cols(); ++d)
-    moved += eigen.values[good + d] * solution.undetermined.col(d).cwiseProduct(scale).cwiseAbs2();
-  for (Eigen::Index i = 0; i < A.rows(); ++i) {
-    const bool takes_part =
-        solution.undetermined.cols() > 0 && solution.undetermined.row(i).cwiseAbs().maxCoeff() >= smallest_part;
-    if (takes_part || moved[i] > 0.25 * solution.covariance(i, i)) solution.lost[static_cast<std::size_t>(i)] = 1;
-  }
-  return solution;
-}
-
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options) {
   return JointRun(recording, options).run();
-}
-
-JointResult fit_biases(const CompressedRecording& recording, const JointResult& of_unit, const NoiseModel& noise) {
-  JointOptions options;
-  options.start = of_unit.parameters;
-  options.noise = noise;
-  options.reference_temperature_c = of_unit.reference_temperature_c;
-  for (const EstimatedEffect& effect : of_unit.effects) options.effects.push_back(effect.column);
-  options.fixed_effects = true;
-  options.start_effects.resize(static_cast<Eigen::Index>(of_unit.effects.size()));
-  for (std::size_t k = 0; k < of_unit.effects.size(); ++k)
-    options.start_effects[static_cast<Eigen::Index>(k)] = of_unit.effects[k].value;
-  options.free_parameters = {0, 1, 2, 3, 4, 5};
-  return joint_estimate(recording, options);
-}
-
-Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
-  constexpr int lags = 5;
-  Whiteness w;
-  w.autocorrelation = Eigen::VectorXd::Zero(lags);
-  if (innovations.size() < 100) {
-    w.message = "too few static seconds to judge";
-    return w;
-  }
-  // A second that stands out (a fault not worth cutting) is limited to 4 sigma: it must not decide alone.
-  const auto value = [&](std::size_t i) -> Eigen::Vector3d {
-    return innovations[i].normalised.cwiseMax(-4.0).cwiseMin(4.0);
-  };
-  double square = 0.0;
-  double raw = 0.0;
-  for (std::size_t i = 0; i < innovations.size(); ++i) {
-    square += value(i).squaredNorm();
-    raw += innovations[i].normalised.squaredNorm();
-    for (int lag = 1; lag <= lags && static_cast<std::size_t>(lag) <= i; ++lag)
-      if (innovations[i].block - innovations[i - static_cast<std::size_t>(lag)].block == static_cast<std::size_t>(lag))
-        w.autocorrelation[lag - 1] += value(i).dot(value(i - static_cast<std::size_t>(lag)));
-  }
-  w.autocorrelation /= square;
-  w.level = raw / (3.0 * static_cast<double>(innovations.size()));
-  const double worst = w.autocorrelation.cwiseAbs().maxCoeff();
-  // In less than a quarter of an hour at rest chance alone goes beyond the limits; then they are 4.5 sigma of it.
-  const double values = 3.0 * static_cast<double>(innovations.size());
-  const double limit = std::max(0.1, 4.5 / std::sqrt(values));
-  const double level_spread = 4.5 * std::sqrt(2.0 / values);
-  w.white =
-      worst < limit && w.level > std::min(0.8, 1.0 - level_spread) && w.level < std::max(1.25, 1.0 + level_spread);
-  w.message = w.white          ? "innovations are white at the noise model"
-              : worst >= limit ? "innovations are correlated in time: the noise model does not fit"
-                               : "innovations are larger or smaller than the noise model says";
-  return w;
 }
 
 }  // namespace turncal

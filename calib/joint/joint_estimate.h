@@ -15,9 +15,11 @@
 #include <string>
 #include <vector>
 
+#include "calib/joint/determined.h"
 #include "calib/joint/joint_filter.h"
 #include "calib/joint/joint_start.h"
 #include "calib/joint/noise_fit.h"
+#include "calib/joint/whiteness.h"
 #include "calib/model/effects.h"
 #include "calib/statistics/allan.h"
 
@@ -57,13 +59,6 @@ struct Undetermined {  // one direction of parameter space
       combination;  // key, weight (largest first, in file units, norm 1 in ranges)
 };
 
-struct Whiteness {
-  bool white = false;
-  double level = 0.0;               // mean square of the normalised innovations; 1 when the noise model is right
-  Eigen::VectorXd autocorrelation;  // lags 1 .. 5 s, mean of the three components
-  std::string message;
-};
-
 struct EstimatedEffect {
   EffectColumn column;
   double value = 0.0;
@@ -80,6 +75,7 @@ struct JointResult {
   std::vector<EstimatedEffect> effects;
   std::vector<int> free;  // indices into [24 parameters, effects] of the covariance's rows
   Eigen::MatrixXd covariance;
+  Eigen::VectorXd noise_pull;          // of the 24, on the gradient: errors in variables; taken off
   Eigen::MatrixXd unseen_instability;  // what of it a bias instability too small to be kept accounts for (noise_fit.h)
   double reference_temperature_c = 0.0;  // of temperature effects
   NoiseModel noise;
@@ -96,26 +92,5 @@ struct JointResult {
 };
 
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options = {});
-
-// Another recording of the same unit, switched on anew: its own heading and six biases; everything else as estimated from
-// the first, at `noise`. What a hold-out is judged with: its `last` has the innovations, its `setup` the breaks.
-JointResult fit_biases(const CompressedRecording& recording, const JointResult& of_unit, const NoiseModel& noise);
-
-// Ranges (file units) that a parameter must be known far better than to count as determined: what the noise would let a
-// run as long, at the best positions, determine, times 500 (N0), 1e5 (A0, a) and 2e4 (n), between what a unit of
-// navigation grade and the worst of sensors can be off.
-ParameterVector plausible_ranges(const NoiseModel& noise, double static_s);
-// Least-squares step and covariance of a subset of the columns of `result`, with undetermined directions left out.
-struct SubsetSolution {
-  Eigen::VectorXd step;  // of the subset, zero along undetermined directions
-  Eigen::MatrixXd covariance;
-  Eigen::MatrixXd undetermined;  // columns: directions in units of the ranges
-  // Of the subset, 1: takes part in an undetermined direction by a tenth and more, or by so little and yet enough to be
-  // moved by more than half the sigma it has from the determined ones. Its step and covariance say nothing.
-  std::vector<char> lost;
-};
-SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::VectorXd& gradient,
-                            const std::vector<int>& subset, const Eigen::VectorXd& ranges);
-Whiteness test_whiteness(const std::vector<Innovation>& innovations);
 
 }  // namespace turncal

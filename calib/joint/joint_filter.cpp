@@ -2,16 +2,27 @@
 
 #include <algorithm>
 #include <cmath>
+#include <variant>
 
 #include <Eigen/Cholesky>
 
 #include "calib/joint/linear_motion.h"
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
+
+Matrix3d inverse_of_lower(const Matrix3d& L) {
+  Matrix3d inverse = Matrix3d::Zero();
+  for (int k = 0; k < 3; ++k) inverse(k, k) = 1.0 / L(k, k);
+  inverse(1, 0) = -L(1, 0) * inverse(0, 0) * inverse(1, 1);
+  inverse(2, 1) = -L(2, 1) * inverse(1, 1) * inverse(2, 2);
+  inverse(2, 0) = -(L(2, 0) * inverse(0, 0) + L(2, 1) * inverse(1, 0)) * inverse(2, 2);
+  return inverse;
+}
 
 // psi, v and, with bias instability, b_g, b_a; what couples them over an interval are 3x3 blocks (linear_motion.h).
 template <int NS>  // 6: psi, v;  12: psi, v, b_g, b_a
@@ -63,8 +74,8 @@ class Filter {
   Rows moved(const LinearInterval& interval, const Rows& rows) const;
   void predict(const LinearInterval& interval);
   void predict_columns(const LinearInterval& interval);
-  void update(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root, const Cross& M);
-  void accumulate(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root);
+  void update(const Vector3d& nu, const Matrix3d& L, const Matrix3d& whiten, const Cross& M);
+  void accumulate(const Vector3d& nu, const Matrix3d& whiten);
   void flush();
 
   const FilterSetup& setup_;
@@ -77,8 +88,8 @@ class Filter {
   State x_ = State::Zero();     // estimated error of the navigated motion
   State free_ = State::Zero();  // the same, as known when the last rotation began; for the reports
   Covariance P_;
-  Matrix6d Q_;  // of psi, v
-  Columns X_;   // p x NS
+  Matrix6d Q_;                                   // of psi, v
+  Eigen::Matrix<double, Eigen::Dynamic, NS> X_;  // p x NS
   Columns N_, scratch_;
   Eigen::MatrixXd buffer_;  // (p + 1) x 96: whitened rows waiting to be added to the information
   int buffered_ = 0;
@@ -243,42 +254,42 @@ void Filter<NS>::rest(const LinearInterval& i) {
   }
   predict(i);
   if (predicted) {
-    const Eigen::LLT<Matrix3d> root(S);
+    const Matrix3d L = S.llt().matrixL();
+    const Matrix3d whiten = inverse_of_lower(L);
     if (setup_.keep_innovations) {
-      (i.observed ? result_.innovations : result_.left_out)
-          .push_back({i.block, i.time_s, nu, root.matrixL().solve(nu), free_mean});
+      (i.observed ? result_.innovations : result_.left_out).push_back({i.block, i.time_s, nu, whiten * nu, free_mean});
       if (i.observed) result_.covariances.push_back(S);
     }
-    if (i.observed) update(nu, root, M);
+    if (i.observed) update(nu, L, whiten, M);
   }
   P_ = (0.5 * (P_ + P_.transpose())).eval();
 }
 
 template <int NS>
-void Filter<NS>::update(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root, const Cross& M) {
-  result_.chi_square += nu.dot(root.solve(nu));
-  result_.log_determinant += 2.0 * root.matrixLLT().diagonal().array().log().sum();
+void Filter<NS>::update(const Vector3d& nu, const Matrix3d& L, const Matrix3d& whiten, const Cross& M) {
+  const Matrix3d S_inverse = whiten.transpose() * whiten;
+  result_.chi_square += (whiten * nu).squaredNorm();
+  result_.log_determinant += 2.0 * std::log(L.diagonal().prod());
   result_.observations += 3;
-  accumulate(nu, root);
-  const Cross K = root.solve(M.transpose()).transpose();
-  P_.noalias() -= K * M.transpose();
-  if (p_ > 0) X_.noalias() -= N_ * K.transpose();
+  accumulate(nu, whiten);
+  const Cross K = M * S_inverse;
+  P_.noalias() -= K.lazyProduct(M.transpose());
+  if (p_ > 0) X_.noalias() -= N_.lazyProduct(K.transpose());
   x_ += K * nu;
   if (!kept_) return;
   kept_->observed = true;
   kept_->K.template topRows<NS>() = K;
   kept_->nu = nu;
-  kept_->S_inverse = root.solve(Matrix3d::Identity());
+  kept_->S_inverse = S_inverse;
   kept_->N = N_;
 }
 
 template <int NS>
-void Filter<NS>::accumulate(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root) {
+void Filter<NS>::accumulate(const Vector3d& nu, const Matrix3d& whiten) {
   if (p_ == 0) return;
   // Whitened rows: L^-1 N', L^-1 nu
-  const Matrix3d inverse = root.matrixL().solve(Matrix3d::Identity());
-  buffer_.block(0, buffered_, p_, 3).noalias() = N_ * inverse.transpose();
-  buffer_.block(p_, buffered_, 1, 3) = (inverse * nu).transpose();
+  buffer_.block(0, buffered_, p_, 3).noalias() = N_.lazyProduct(whiten.transpose());
+  buffer_.block(p_, buffered_, 1, 3) = (whiten * nu).transpose();
   buffered_ += 3;
   if (buffered_ + 3 > buffer_.cols()) flush();
 }
@@ -286,17 +297,8 @@ void Filter<NS>::accumulate(const Vector3d& nu, const Eigen::LLT<Matrix3d>& root
 template <int NS>
 void Filter<NS>::flush() {
   if (buffered_ == 0) return;
-  const auto rows = buffer_.leftCols(buffered_);
   const int narrow = std::min(setup_.narrow_columns, std::max(p_ - parameter_count, 0));
-  const int wide = p_ - narrow;
-  moments_.topLeftCorner(wide, wide).template selfadjointView<Eigen::Lower>().rankUpdate(rows.topRows(wide));
-  moments_.row(p_).head(p_).noalias() += rows.row(p_) * rows.topRows(p_).transpose();
-  if (narrow > 0) {
-    const auto one_at_a_time = rows.middleRows(wide, narrow);
-    moments_.block(wide, 0, narrow, setup_.narrow_against).noalias() +=
-        one_at_a_time * rows.topRows(setup_.narrow_against).transpose();
-    moments_.diagonal().segment(wide, narrow) += one_at_a_time.rowwise().squaredNorm();
-  }
+  add_moments(buffer_.leftCols(buffered_), narrow, setup_.narrow_against, moments_);
   buffered_ = 0;
 }
 
@@ -332,6 +334,32 @@ FilterResult run_filter(const CompressedRecording& recording, const Parameters& 
   LinearMotion motion(recording, parameters, effects, setup, options);
   const int columns = setup.with_columns ? parameter_count + effects.columns : 0;
   return setup.noise.has_bias_instability() ? run<12>(motion, setup, columns) : run<6>(motion, setup, columns);
+}
+
+std::vector<FilterResult> run_filter(const CompressedRecording& recording, const Parameters& parameters,
+                                     const EffectModel& effects, const FilterSetup& setup,
+                                     const std::vector<NoiseModel>& noises) {
+  LinearMotion::Options options;
+  options.columns = setup.with_columns;
+  options.sources = {walk_noise(noises.front())};
+  LinearMotion motion(recording, parameters, effects, setup, options);
+  const int columns = setup.with_columns ? parameter_count + effects.columns : 0;
+  const std::vector<double> one = {1.0};
+  std::vector<FilterSetup> setups(noises.size(), setup);
+  std::vector<std::variant<Filter<6>, Filter<12>>> filters;
+  filters.reserve(noises.size());
+  for (std::size_t k = 0; k < noises.size(); ++k) {
+    setups[k].noise = noises[k];
+    if (noises[k].has_bias_instability())
+      filters.emplace_back(std::in_place_type<Filter<12>>, setups[k], one, columns);
+    else
+      filters.emplace_back(std::in_place_type<Filter<6>>, setups[k], one, columns);
+  }
+  for (LinearInterval interval; motion.next(interval);)
+    for (auto& filter : filters) std::visit([&](auto& f) { f.step(interval); }, filter);
+  std::vector<FilterResult> results;
+  for (auto& filter : filters) results.push_back(std::visit([](auto& f) { return f.take(); }, filter));
+  return results;
 }
 
 FilterResult run_filter(const std::vector<LinearInterval>& intervals, const FilterSetup& setup,

@@ -105,6 +105,11 @@ struct FilterResult {
 FilterResult run_filter(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
                         const FilterSetup& setup);
 
+// The same for several noise models at once, whose random walks are alike: they differ in bias instability.
+std::vector<FilterResult> run_filter(const CompressedRecording& recording, const Parameters& parameters,
+                                     const EffectModel& effects, const FilterSetup& setup,
+                                     const std::vector<NoiseModel>& noises);
+
 // The same on intervals that were made once (linear_motion.h), for one noise model after another: the noise of a turn is
 // the sum of its sources' with these weights.
 struct LinearInterval;

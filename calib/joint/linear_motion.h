@@ -33,7 +33,8 @@ struct WalkNoise {
 };
 WalkNoise walk_noise(const NoiseModel& noise);
 
-using Columns = Eigen::MatrixXd;  // one row a parameter, so that all of them move through a 3x3 product together
+// One row a parameter, so that all of them move through a 3x3 product together.
+using Columns = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 
 struct LinearInterval {
   std::size_t block = 0;  // the first one

@@ -1,4 +1,5 @@
-// The catalogue of effects beyond the 24 parameters. One entry an effect; adding another is adding an entry in effects.cpp.
+// The catalogue of effects beyond the 24 parameters. One entry an effect; adding another is adding an entry in
+// accel_effects.cpp, gyro_effects.cpp or unit_effects.cpp.
 //
 // An entry says what one unit of each component adds to the calibrated reading (see effect_columns.h), in the units of
 // docs/effect-components.md. Names follow IEEE 1293 (accelerometer model), 647 (ring laser gyros) and 952.

@@ -110,6 +110,13 @@ Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& opti
   static_block_samples_ = std::max(1, static_cast<int>(std::lround(options.static_block_s / info.sample_period_s)));
   static_counts_ = options.static_angle_rad / nominal_gyro_rad(info);
   rotation_counts_ = options.block_angle_rad / nominal_gyro_rad(info);
+  // So many nominal pulses (0.0005 m/s where the increments are not counted), and what a table accelerates by at most.
+  constexpr double most_radps2 = 7.0;
+  const double pulse_mps = info.accel_increment == IncrementKind::pulses ? 1.0 : 0.0005;
+  const double turn_rad = 0.5 * most_radps2 * info.sample_period_s * info.sample_period_s;
+  const double gyro_rad = std::max(options.glitch_counts_min * nominal_gyro_pulse_rad, turn_rad);
+  least_glitch_square_.head<3>().setConstant(std::pow(gyro_rad / nominal_gyro_rad(info), 2));
+  least_glitch_square_.tail<3>().setConstant(std::pow(options.glitch_counts_min * pulse_mps, 2));
 }
 
 void Compressor::begin_segment(const Segment& segment) {
@@ -241,18 +248,8 @@ void Compressor::look_for_glitch(const ImuSample& sample) {
   if (history_ >= 2) {
     const Eigen::Matrix<double, 6, 1> second_difference = last_ - 0.5 * (now + before_last_);
     const Eigen::Matrix<double, 6, 1> square = second_difference.cwiseAbs2();
-    // So many nominal pulses (0.0005 m/s where the increments are not counted), and what a table accelerates by at most.
-    const RecordingInfo& info = recording_.info;
-    constexpr double most_radps2 = 7.0;
-    const double counts_per_rad = static_counts_ / options_.static_angle_rad;
-    const double pulse_mps = info.accel_increment == IncrementKind::pulses ? 1.0 : 0.0005;
-    const double turn_rad = 0.5 * most_radps2 * info.sample_period_s * info.sample_period_s;
-    Eigen::Matrix<double, 6, 1> least;
-    least.head<3>().setConstant(std::max(options_.glitch_counts_min * nominal_gyro_pulse_rad, turn_rad) *
-                                counts_per_rad);
-    least.tail<3>().setConstant(options_.glitch_counts_min * pulse_mps);
     const Eigen::Matrix<double, 6, 1> limit =
-        (options_.glitch_ratio * options_.glitch_ratio * mean_square_).cwiseMax(least.cwiseAbs2());
+        (options_.glitch_ratio * options_.glitch_ratio * mean_square_).cwiseMax(least_glitch_square_);
     const bool suspect = history_ > 50 && (square.array() > limit.array()).any();
     // mean square with a memory of about 100 samples; a suspect does not spoil the scale it is measured against
     if (!suspect) mean_square_ += (square - mean_square_) * 0.01;

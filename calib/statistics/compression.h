@@ -120,6 +120,7 @@ class Compressor {
   Eigen::Matrix<double, 6, 1> last_ = Eigen::Matrix<double, 6, 1>::Zero();
   Eigen::Matrix<double, 6, 1> before_last_ = Eigen::Matrix<double, 6, 1>::Zero();
   Eigen::Matrix<double, 6, 1> mean_square_ = Eigen::Matrix<double, 6, 1>::Zero();
+  Eigen::Matrix<double, 6, 1> least_glitch_square_;  // below this nothing is a glitch
   int history_ = 0;
 };
 

@@ -31,10 +31,16 @@ SpikeFinder::SpikeFinder(const RecordingInfo& info) {
 }
 
 std::optional<std::size_t> SpikeFinder::spike_in(const ImuSample& sample) {
+  std::array<double, 6> size;
+  bool within = true;
+  for (std::size_t i = 0; i < 6; ++i) {
+    size[i] = std::abs(channel_of(sample, i));
+    within = within && size[i] <= limit_[i];
+  }
   std::optional<std::size_t> worst;
   double beyond = 1.0;
-  for (std::size_t i = 0; i < 6; ++i) {
-    const double ratio = std::abs(channel_of(sample, i)) / std::max(limit_[i], beyond_all_before * largest_[i]);
+  for (std::size_t i = 0; i < 6 && !within; ++i) {
+    const double ratio = size[i] / std::max(limit_[i], beyond_all_before * largest_[i]);
     if (!(ratio > beyond)) continue;
     beyond = ratio;
     worst = i;
@@ -42,7 +48,7 @@ std::optional<std::size_t> SpikeFinder::spike_in(const ImuSample& sample) {
   in_a_row_ = worst ? in_a_row_ + 1 : 0;
   if (in_a_row_ > longest_spike) worst.reset();
   if (!worst)
-    for (std::size_t i = 0; i < 6; ++i) largest_[i] = std::max(largest_[i], std::abs(channel_of(sample, i)));
+    for (std::size_t i = 0; i < 6; ++i) largest_[i] = std::max(largest_[i], size[i]);
   return worst;
 }
 

@@ -46,8 +46,14 @@ Status check_replaceable(const std::string& path, std::string_view beginning) {
 Result<AtomicFile> AtomicFile::create(const std::string& path) {
   // A device or a pipe would be replaced by a file of its name.
   if (Status status = check_regular_file(path); !status) return status.error();
-  auto file = PosixFile::create_new(temporary_name(path));
-  if (!file) return file.error();
+  const std::string temporary = temporary_name(path);
+  auto file = PosixFile::create_new(temporary);
+  if (!file) {
+    // The user knows the file by its own name.
+    Error error = file.error();
+    if (error.message.starts_with(temporary)) error.message.replace(0, temporary.size(), path);
+    return error;
+  }
   return AtomicFile(std::move(*file), path);
 }
 

@@ -43,11 +43,11 @@ class ByteReader {
 
   template <class T>
   requires std::is_arithmetic_v<T> T get() {
-    const auto bytes = take(sizeof(T));
+    const auto bytes = get_bytes(sizeof(T));
     return bytes.empty() ? T{} : load_bytes<T>(bytes.data());
   }
   // Empty when there are not as many.
-  std::span<const std::byte> take(std::uint64_t count) {
+  std::span<const std::byte> get_bytes(std::uint64_t count) {
     if (!good_ || count > data_.size()) {
       good_ = false;
       return {};

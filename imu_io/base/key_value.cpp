@@ -79,7 +79,7 @@ Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);  // byte order mark of some editors
   while (!text.empty()) {
     ++line_number;
-    std::string_view line = take_line(text);
+    std::string_view line = next_line(text);
     for (const char c : line) {
       if ((static_cast<unsigned char>(c) < 0x20 && c != '\t') || c == 0x7F) {
         return defect("a control character: expected a text file");
@@ -242,11 +242,6 @@ double KeyValueFile::number(std::string_view key, NumberRange range) {
 std::int64_t KeyValueFile::integer(std::string_view key, std::int64_t min, std::int64_t max) {
   const Entry* entry = require(key, describe_integer(min, max));
   return entry != nullptr ? integer_of(*entry, min, max) : 0;
-}
-
-bool KeyValueFile::boolean(std::string_view key) {
-  const Entry* entry = require(key, "true or false");
-  return entry != nullptr && boolean_of(*entry);
 }
 
 std::string KeyValueFile::one_of(std::string_view key, std::initializer_list<std::string_view> choices) {

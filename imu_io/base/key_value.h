@@ -57,7 +57,6 @@ class KeyValueFile {
   double number(std::string_view key, NumberRange range = any_number);
   std::int64_t integer(std::string_view key, std::int64_t min = std::numeric_limits<std::int64_t>::min(),
                        std::int64_t max = std::numeric_limits<std::int64_t>::max());
-  bool boolean(std::string_view key);  // true or false
   std::string one_of(std::string_view key, std::initializer_list<std::string_view> choices);
   // count: how many numbers are wanted, 0 for any (an empty list then is one too).
   std::vector<double> numbers(std::string_view key, std::size_t count = 0, NumberRange range = any_number);
@@ -70,7 +69,7 @@ class KeyValueFile {
   std::int64_t integer_or(std::string_view key, std::int64_t otherwise,
                           std::int64_t min = std::numeric_limits<std::int64_t>::min(),
                           std::int64_t max = std::numeric_limits<std::int64_t>::max());
-  bool boolean_or(std::string_view key, bool otherwise);
+  bool boolean_or(std::string_view key, bool otherwise);  // true or false
   std::string one_of_or(std::string_view key, std::string_view otherwise,
                         std::initializer_list<std::string_view> choices);
   std::vector<double> numbers_or(std::string_view key, std::vector<double> otherwise, std::size_t count = 0,

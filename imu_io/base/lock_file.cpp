@@ -24,7 +24,7 @@ Result<PosixFile> open_or_make(const std::string& path) {
 
 }  // namespace
 
-Result<LockFile> LockFile::take(const std::string& path, double wait_s) {
+Result<LockFile> LockFile::acquire(const std::string& path, double wait_s) {
   const Deadline deadline(wait_s);
   for (int race = 0;; ++race) {
     Result<PosixFile> file = open_or_make(path);

@@ -227,16 +227,16 @@ Status check_folder_writable(const std::string& path) {
   std::error_code error;
   if (!std::filesystem::is_directory(folder, error)) return input_error(folder + ": expected a folder, found a file");
   // Tried, for permissions do not tell: root may write in /proc, and yet no file can be made there.
-  std::string made = folder + "/.turncal.XXXXXX";
+  std::string probe = folder + "/.turncal.XXXXXX";
   if (!path_exists(path)) {  // what is to be made first is a folder
-    if (::mkdtemp(made.data()) == nullptr) return storage_error(folder, "no folder can be made there", errno);
-    ::rmdir(made.c_str());
+    if (::mkdtemp(probe.data()) == nullptr) return storage_error(folder, "no folder can be made there", errno);
+    ::rmdir(probe.c_str());
     return {};
   }
-  const int fd = ::mkostemp(made.data(), O_CLOEXEC);
+  const int fd = ::mkostemp(probe.data(), O_CLOEXEC);
   if (fd < 0) return storage_error(folder, "no file can be made there", errno);
   ::close(fd);
-  ::unlink(made.c_str());
+  ::unlink(probe.c_str());
   return {};
 }
 

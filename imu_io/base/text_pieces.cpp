@@ -46,18 +46,18 @@ std::size_t printable_character(std::string_view text) {
 std::string quoted(std::string_view text) {
   constexpr std::size_t longest = 60;
   std::string result = "'";
-  std::string_view rest = text.substr(0, longest);
-  while (!rest.empty()) {
-    const std::size_t length = printable_character(rest);
-    result += length > 0 ? rest.substr(0, length) : "?";
-    rest.remove_prefix(std::max<std::size_t>(length, 1));
+  std::string_view remaining = text.substr(0, longest);
+  while (!remaining.empty()) {
+    const std::size_t length = printable_character(remaining);
+    result += length > 0 ? remaining.substr(0, length) : "?";
+    remaining.remove_prefix(std::max<std::size_t>(length, 1));
   }
   if (text.size() > longest) result += "...";
   result += '\'';
   return result;
 }
 
-std::string_view take_line(std::string_view& text, bool* had_end) {
+std::string_view next_line(std::string_view& text, bool* had_end) {
   const std::size_t end = text.find('\n');
   std::string_view line = text.substr(0, end);
   text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);

@@ -23,7 +23,7 @@ std::size_t printable_character(std::string_view text);
 std::string quoted(std::string_view text);
 
 // Takes the next line off the front, without its LF or CRLF. had_end: whether there was one.
-std::string_view take_line(std::string_view& text, bool* had_end = nullptr);
+std::string_view next_line(std::string_view& text, bool* had_end = nullptr);
 
 // A number as devices and people write it: blanks around it and a leading + are allowed; nothing else beside the number is.
 std::optional<double> device_number(std::string_view text);

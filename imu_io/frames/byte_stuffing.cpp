@@ -23,14 +23,14 @@ void append_cobs(std::span<const std::byte> contents, std::vector<std::byte>& ou
 
 }  // namespace
 
-std::size_t Unstuffer::take(std::byte* data, std::size_t count) {
+std::size_t Unstuffer::unstuff(std::byte* data, std::size_t count) {
   if (stuffing_.kind == StuffingKind::none) {
     std::copy(data + 1, data + 1 + count, data);
     return count;
   }
   if (stuffing_.kind == StuffingKind::cobs) {
     std::byte* end = data;
-    for (std::size_t i = 1; i <= count; ++i) end = take_cobs(data[i], end);
+    for (std::size_t i = 1; i <= count; ++i) end = decode_cobs(data[i], end);
     return static_cast<std::size_t>(end - data);
   }
   const std::byte marker = stuffing_.kind == StuffingKind::slip ? slip_escape : stuffing_.byte;
@@ -65,7 +65,7 @@ void Unstuffer::restart() {
 }
 
 // No more bytes than came: the 00 that a group stands for is written when the next group begins.
-std::byte* Unstuffer::take_cobs(std::byte now, std::byte* to) {
+std::byte* Unstuffer::decode_cobs(std::byte now, std::byte* to) {
   if (now == std::byte{0}) {
     if (!ended_) *to++ = now;  // several in a row say no more than one
     group_ = 0;

@@ -30,11 +30,11 @@ class Unstuffer {
  public:
   explicit Unstuffer(const ByteStuffing& stuffing) : stuffing_(stuffing) {}
   // data[1, 1 + count) is new; what it says is put from data[0] on: at most count + 1 bytes. Returns how many.
-  std::size_t take(std::byte* data, std::size_t count);
+  std::size_t unstuff(std::byte* data, std::size_t count);
   void restart();
 
  private:
-  std::byte* take_cobs(std::byte now, std::byte* to);
+  std::byte* decode_cobs(std::byte now, std::byte* to);
 
   ByteStuffing stuffing_;
   bool pending_ = false;  // the last byte was `byte`: what it means the next one tells

@@ -71,9 +71,9 @@ FrameDecoder::Next FrameDecoder::next(ImuSample& sample) {
     ScannedFrame scanned;
     if (!scanner_.next(scanned)) return Next::more;
     if (!split_) {
-      take(scanned);
+      decode(scanned);
     } else if (ScannedFrame whole; join(scanned, whole)) {
-      take(whole);
+      decode(whole);
     }
   }
 }
@@ -96,7 +96,7 @@ bool FrameDecoder::join(const ScannedFrame& scanned, ScannedFrame& whole) {
   return true;
 }
 
-void FrameDecoder::take(const ScannedFrame& scanned) {
+void FrameDecoder::decode(const ScannedFrame& scanned) {
   const FrameValues& values = variants_[scanned.variant];
   ImuSample sample;
   idle(arrival_.earliest_s);
@@ -144,7 +144,7 @@ void FrameDecoder::take(const ScannedFrame& scanned) {
         emit(sample);
         return;
       }
-      case CounterOutcome::stray: take_stray(raw); return;
+      case CounterOutcome::stray: handle_stray(raw); return;
       default: break;
     }
     if (waiting_) {
@@ -170,7 +170,7 @@ void FrameDecoder::take(const ScannedFrame& scanned) {
 }
 
 // Frames of which the counter cannot be true. They are compared with each other: a unit that began anew goes on counting.
-void FrameDecoder::take_stray(double raw) {
+void FrameDecoder::handle_stray(double raw) {
   ++strays_;
   double steps = (raw - stray_raw_) / step_;
   if (steps < 0.0) steps += modulus_ / step_;

@@ -83,8 +83,8 @@ class FrameDecoder {
   };
   // The two frames of a sample put together; false: the other one is still to come.
   bool join(const ScannedFrame& scanned, ScannedFrame& whole);
-  void take(const ScannedFrame& scanned);
-  void take_stray(double raw);
+  void decode(const ScannedFrame& scanned);
+  void handle_stray(double raw);
   void believe(const PlacedCounter& placed, double raw, const FrameValues& values, const std::byte* frame,
                ImuSample& sample);
   void emit(const ImuSample& sample);

@@ -13,8 +13,8 @@ namespace {
 
 // Counters of samples before the unit's zero are negative.
 double modulo(double value, double modulus) {
-  const double rest = std::fmod(value, modulus);
-  return rest < 0.0 ? rest + modulus : rest;
+  const double remaining = std::fmod(value, modulus);
+  return remaining < 0.0 ? remaining + modulus : remaining;
 }
 
 }  // namespace
@@ -34,10 +34,11 @@ Status FrameEncoder::encode(const ImuSample& sample, std::span<std::byte> out) {
 
 Status FrameEncoder::append(const ImuSample& sample, std::vector<std::byte>& out) {
   if (Status status = encode(sample, plain_); !status) return status;
-  std::span<const std::byte> rest = plain_;
+  std::span<const std::byte> remaining = plain_;
   for (std::size_t i = 0; i < (frame_.split ? 2U : 1U); ++i) {
-    append_stuffed(frame_.stuffing, rest.first(frame_.variants[i].length), frame_.sync.size(), frame_.tail.size(), out);
-    rest = rest.subspan(frame_.variants[i].length);
+    append_stuffed(frame_.stuffing, remaining.first(frame_.variants[i].length), frame_.sync.size(), frame_.tail.size(),
+                   out);
+    remaining = remaining.subspan(frame_.variants[i].length);
   }
   return {};
 }

@@ -42,7 +42,7 @@ std::span<std::byte> FrameScanner::space() {
 
 void FrameScanner::added(std::size_t count) {
   assert(count <= buffer_.size() - end_ - lead_);
-  end_ += lead_ == 0 ? count : unstuffer_.take(buffer_.data() + end_, count);
+  end_ += lead_ == 0 ? count : unstuffer_.unstuff(buffer_.data() + end_, count);
 }
 
 void FrameScanner::restart() {
@@ -54,10 +54,10 @@ void FrameScanner::restart() {
 }
 
 // As far as bytes are there; an unfinished sync is not a wrong one.
-bool FrameScanner::sync_at(std::span<const std::byte> rest) const {
-  const std::size_t n = std::min(sync_.size(), rest.size());
+bool FrameScanner::sync_at(std::span<const std::byte> remaining) const {
+  const std::size_t n = std::min(sync_.size(), remaining.size());
   for (std::size_t i = 0; i < n; ++i) {
-    if (((rest[i] ^ sync_[i]) & mask_[i]) != std::byte{0}) return false;
+    if (((remaining[i] ^ sync_[i]) & mask_[i]) != std::byte{0}) return false;
   }
   return true;
 }
@@ -68,22 +68,22 @@ bool FrameScanner::check_good(std::span<const std::byte> frame) const {
   return check_field_.bits_at(frame.data() + place) == frame_check_value(check_, crc_, frame);
 }
 
-FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> rest, std::size_t& length,
+FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> remaining, std::size_t& length,
                                           std::size_t& variant) const {
-  if (!sync_at(rest)) return Verdict::bad;
+  if (!sync_at(remaining)) return Verdict::bad;
   // How long is it? Without an id there is one variant.
   const Variant* known = has_id_ ? nullptr : variants_.data();
   if (has_id_) {
-    if (rest.size() < id_.offset() + id_.bytes()) return Verdict::more;
-    const std::uint64_t id = id_.bits_of(rest.data());
+    if (remaining.size() < id_.offset() + id_.bytes()) return Verdict::more;
+    const std::uint64_t id = id_.bits_of(remaining.data());
     for (const Variant& candidate : variants_) {
       if (candidate.id == id) known = &candidate;
     }
     if (known == nullptr && !has_length_) return Verdict::bad;
   }
   if (has_length_) {
-    if (rest.size() < length_.offset() + length_.bytes()) return Verdict::more;
-    const std::uint64_t raw = length_.bits_of(rest.data());
+    if (remaining.size() < length_.offset() + length_.bytes()) return Verdict::more;
+    const std::uint64_t raw = length_.bits_of(remaining.data());
     if (raw > longest_frame) return Verdict::bad;
     const std::int64_t says = static_cast<std::int64_t>(raw) * length_scale_ + length_add_;
     if (says < 1 || says > static_cast<std::int64_t>(longest_frame)) return Verdict::bad;
@@ -100,8 +100,8 @@ FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> rest, std::
   } else {
     length = known->length;
   }
-  if (rest.size() < length) return Verdict::more;
-  const auto frame = rest.first(length);
+  if (remaining.size() < length) return Verdict::more;
+  const auto frame = remaining.first(length);
   if (!tail_.empty() &&
       !std::equal(tail_.begin(), tail_.end(), frame.end() - static_cast<std::ptrdiff_t>(tail_.size()))) {
     return Verdict::bad;
@@ -109,7 +109,7 @@ FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> rest, std::
   if (!check_good(frame)) return Verdict::bad;
   if (known == nullptr) return Verdict::other;
   if (weak_) {
-    const auto after = rest.subspan(length);
+    const auto after = remaining.subspan(length);
     if (!sync_at(after)) return Verdict::bad;
     if (after.size() < sync_.size()) return Verdict::more;
   }
@@ -119,10 +119,10 @@ FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> rest, std::
 
 bool FrameScanner::next(ScannedFrame& frame) {
   while (begin_ < end_) {
-    const auto rest = std::span<const std::byte>(buffer_).subspan(begin_, end_ - begin_);
+    const auto remaining = std::span<const std::byte>(buffer_).subspan(begin_, end_ - begin_);
     std::size_t length = 0;
     std::size_t variant = 0;
-    const Verdict verdict = judge(rest, length, variant);
+    const Verdict verdict = judge(remaining, length, variant);
     if (verdict == Verdict::more) return false;
     if (verdict == Verdict::bad) {
       if (in_step_) {
@@ -144,7 +144,7 @@ bool FrameScanner::next(ScannedFrame& frame) {
       continue;
     }
     ++counters_.frames;
-    frame = {rest.data(), variant, skipped_};
+    frame = {remaining.data(), variant, skipped_};
     skipped_ = 0;
     return true;
   }

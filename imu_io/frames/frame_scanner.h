@@ -51,8 +51,8 @@ class FrameScanner {
     std::uint64_t id;
     std::size_t length;
   };
-  Verdict judge(std::span<const std::byte> rest, std::size_t& length, std::size_t& variant) const;
-  bool sync_at(std::span<const std::byte> rest) const;
+  Verdict judge(std::span<const std::byte> remaining, std::size_t& length, std::size_t& variant) const;
+  bool sync_at(std::span<const std::byte> remaining) const;
   bool check_good(std::span<const std::byte> frame) const;
 
   std::vector<std::byte> sync_, mask_, tail_;

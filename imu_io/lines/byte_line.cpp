@@ -34,11 +34,11 @@ std::optional<LineAddress> parse_line(const std::string& device) {
     return another_kind || device.empty() ? std::nullopt : std::optional(address);
   }
   address.kind = device[0] == 't' ? LineKind::tcp : LineKind::udp;
-  const std::string rest = device.substr(device.find(':') + 1);
-  const std::size_t colon = rest.rfind(':');
-  address.host = colon == std::string::npos ? "" : rest.substr(0, colon);
+  const std::string remaining = device.substr(device.find(':') + 1);
+  const std::size_t colon = remaining.rfind(':');
+  address.host = colon == std::string::npos ? "" : remaining.substr(0, colon);
   const std::optional<int> port =
-      parse_integer<int>(std::string_view(rest).substr(colon == std::string::npos ? 0 : colon + 1));
+      parse_integer<int>(std::string_view(remaining).substr(colon == std::string::npos ? 0 : colon + 1));
   in_addr numbers{};
   const bool host_good = address.kind == LineKind::tcp || address.asks
                              ? !address.host.empty()

@@ -163,17 +163,6 @@ Status SerialPort::discard_input() {
   return {};
 }
 
-Result<bool> SerialPort::discard_until_quiet(double quiet_s, double limit_s) {
-  const Deadline limit(limit_s);
-  std::array<std::byte, 256> rubbish;
-  while (!limit.passed()) {
-    const auto n = read(rubbish, quiet_s);
-    if (!n) return n.error();
-    if (*n == 0) return true;
-  }
-  return false;
-}
-
 std::optional<LineErrors> SerialPort::line_errors() const {
   struct serial_icounter_struct counts {};
   if (fd_ < 0 || ::ioctl(fd_, TIOCGICOUNT, &counts) != 0) return {};

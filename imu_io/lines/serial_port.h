@@ -60,8 +60,6 @@ class SerialPort {
   Status write_all(std::string_view text, double timeout_s);
   // Throws away what has arrived and was not read.
   Status discard_input();
-  // Reads and throws away until nothing came for quiet_s. False: the line was still talking after limit_s.
-  Result<bool> discard_until_quiet(double quiet_s, double limit_s);
   // Empty where the port does not count (a pty does not).
   std::optional<LineErrors> line_errors() const;
   void close();

@@ -69,7 +69,7 @@ class NetworkEnd : public UnitEnd {
   }
 
   Status write_all(std::span<const std::byte> data, double timeout_s) override {
-    take_station();
+    accept_station();
     if (!is_tcp()) {
       if (address_.asks && !asker_) return {};
       const auto* to = address_.asks ? reinterpret_cast<const sockaddr*>(&*asker_) : nullptr;
@@ -96,7 +96,7 @@ class NetworkEnd : public UnitEnd {
   }
 
   Result<std::size_t> read(std::span<std::byte> out, double timeout_s) override {
-    take_station();
+    accept_station();
     const int fd = is_tcp() ? station_ : socket_;
     if (fd < 0) return std::size_t{0};
     pollfd which{fd, POLLIN, 0};
@@ -111,7 +111,7 @@ class NetworkEnd : public UnitEnd {
 
  private:
   bool is_tcp() const { return address_.kind == LineKind::tcp; }
-  void take_station() {
+  void accept_station() {
     if (is_tcp() && station_ < 0) station_ = ::accept4(socket_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
   }
 

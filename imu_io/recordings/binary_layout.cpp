@@ -80,7 +80,7 @@ Result<RecordingInfo> parse_info(std::span<const std::byte> payload) {
   const auto accel = reader.get<std::uint8_t>();
   const auto temperature = reader.get<std::uint8_t>();
   const auto simulated = reader.get<std::uint8_t>();
-  const auto serial = reader.take(reader.get<std::uint32_t>());
+  const auto serial = reader.get_bytes(reader.get<std::uint32_t>());
   if (!reader.at_end() || !is_kind(gyro) || !is_kind(accel) || temperature > 1 || simulated > 1) {
     return input_error("its first record makes no sense");
   }
@@ -177,11 +177,11 @@ std::optional<SampleChunk> parse_samples(std::span<const std::byte> payload, con
   chunk.count = reader.get<std::uint32_t>();
   const auto gaps = reader.get<std::uint32_t>();
   const auto flagged = reader.get<std::uint32_t>();
-  chunk.gaps = reader.take(std::uint64_t{gaps} * gap_bytes);
-  chunk.flags = reader.take(std::uint64_t{flagged} * flag_bytes);
-  chunk.gyro = reader.take(std::uint64_t{chunk.count} * 3 * increment_bytes(info.gyro_increment)).data();
-  chunk.accel = reader.take(std::uint64_t{chunk.count} * 3 * increment_bytes(info.accel_increment)).data();
-  if (info.has_temperature) chunk.temperature = reader.take(std::uint64_t{chunk.count} * 4).data();
+  chunk.gaps = reader.get_bytes(std::uint64_t{gaps} * gap_bytes);
+  chunk.flags = reader.get_bytes(std::uint64_t{flagged} * flag_bytes);
+  chunk.gyro = reader.get_bytes(std::uint64_t{chunk.count} * 3 * increment_bytes(info.gyro_increment)).data();
+  chunk.accel = reader.get_bytes(std::uint64_t{chunk.count} * 3 * increment_bytes(info.accel_increment)).data();
+  if (info.has_temperature) chunk.temperature = reader.get_bytes(std::uint64_t{chunk.count} * 4).data();
   if (!reader.at_end() || chunk.count == 0) return {};
 
   // Walk the gaps: indices and counters must increase, and nothing may overflow on the way.

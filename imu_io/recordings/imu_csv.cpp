@@ -169,10 +169,10 @@ void append_imu_row(std::string& out, const ImuSample& sample, const RecordingIn
         if (std::signbit(t)) out += '-';
         const auto magnitude = static_cast<std::int64_t>(std::abs(thousandths));
         out += format_number(magnitude / 1000, buffer);
-        const auto rest = static_cast<int>(magnitude % 1000);
-        const std::array<char, 4> decimals = {'.', static_cast<char>('0' + rest / 100),
-                                              static_cast<char>('0' + rest / 10 % 10),
-                                              static_cast<char>('0' + rest % 10)};
+        const auto fraction = static_cast<int>(magnitude % 1000);
+        const std::array<char, 4> decimals = {'.', static_cast<char>('0' + fraction / 100),
+                                              static_cast<char>('0' + fraction / 10 % 10),
+                                              static_cast<char>('0' + fraction % 10)};
         out.append(decimals.data(), decimals.size());
       } else {
         out += format_number(t, buffer);

@@ -104,7 +104,7 @@ Result<NumberTable> CsvTable::read() {
     if (left.empty())
       return defect("the file ends inside its " + std::to_string(format_.header_lines) + " header lines");
     ++line_;
-    std::string_view names = trimmed(take_line(left));
+    std::string_view names = trimmed(next_line(left));
     while (names.starts_with('#') || names.starts_with('%')) names = trimmed(names.substr(1));
     split_row(names);
   }
@@ -116,7 +116,7 @@ Result<NumberTable> CsvTable::read() {
   std::int64_t position = 0;
   while (!left.empty()) {
     ++line_;
-    const std::string_view row = take_line(left);
+    const std::string_view row = next_line(left);
     if (trimmed(row).empty() || trimmed(row).starts_with('#')) continue;
     if (Status status = read_row(row); !status) {
       if (!format_.skip_bad_rows) return status.error();

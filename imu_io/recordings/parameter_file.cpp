@@ -79,11 +79,11 @@ class Lines {
 void read_effects(KeyValueFile& input, ParameterFile& file) {
   constexpr std::string_view prefix = "effect.";
   for (const std::string& key : input.keys_with_prefix(prefix)) {
-    const std::string rest = key.substr(prefix.size());
-    const std::size_t dot = rest.find('.');
+    const std::string remaining = key.substr(prefix.size());
+    const std::size_t dot = remaining.find('.');
     EffectValue effect;
-    effect.name = rest.substr(0, dot);
-    if (dot != std::string::npos) effect.component = rest.substr(dot + 1);
+    effect.name = remaining.substr(0, dot);
+    if (dot != std::string::npos) effect.component = remaining.substr(dot + 1);
     if (!is_name(effect.name) || !is_name(effect.component)) {
       input.reject(key, "a key effect.<name>.<component>");
       return;

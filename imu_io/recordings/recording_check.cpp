@@ -16,10 +16,10 @@ Error defect(const std::string& where, const char* field, const std::string& val
 
 bool is_plain_text(const std::string& text) {
   if (text.empty() || text.front() == ' ' || text.back() == ' ') return false;
-  for (std::string_view rest = text; !rest.empty();) {
-    const std::size_t length = printable_character(rest);
-    if (length == 0 || rest.front() == '#') return false;
-    rest.remove_prefix(length);
+  for (std::string_view remaining = text; !remaining.empty();) {
+    const std::size_t length = printable_character(remaining);
+    if (length == 0 || remaining.front() == '#') return false;
+    remaining.remove_prefix(length);
   }
   return true;
 }

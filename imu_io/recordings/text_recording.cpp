@@ -52,12 +52,12 @@ Result<std::vector<std::string_view>> table_rows(const std::string& path, std::s
                                                  std::string_view header) {
   if (text.empty()) return input_error(path + ": empty file: expected the header " + std::string(header));
   bool had_end = false;
-  std::string_view first = take_line(text, &had_end);
+  std::string_view first = next_line(text, &had_end);
   if (first.starts_with("\xEF\xBB\xBF")) first.remove_prefix(3);
   if (first != header)
     return input_error(at_line(path, 1) + ": header " + quoted(first) + ": expected " + std::string(header));
   std::vector<std::string_view> rows;
-  while (had_end && !text.empty()) rows.push_back(take_line(text, &had_end));
+  while (had_end && !text.empty()) rows.push_back(next_line(text, &had_end));
   if (!had_end) {
     return input_error(at_line(path, static_cast<std::int64_t>(rows.size()) + 1) +
                        ": the last line is cut off: expected a line end");
@@ -178,15 +178,15 @@ class TextRecording final : public RecordingSource {
     std::string start(longest_row, '\0');
     const auto got = csv_.read_at(0, std::as_writable_bytes(std::span(start.data(), start.size())));
     if (!got) return got.error();
-    std::string_view rest(start.data(), *got);
+    std::string_view remaining(start.data(), *got);
     bool had_end = false;
-    std::string_view header = take_line(rest, &had_end);
+    std::string_view header = next_line(remaining, &had_end);
     if (header.starts_with("\xEF\xBB\xBF")) header.remove_prefix(3);  // byte order mark of some editors
     info_.has_temperature = header == imu_csv_header(true);
     if (!info_.has_temperature && header != imu_csv_header(false)) {
       return input_error(at_line(csv_path_, 1) + ": header " + quoted(header) + ": expected " + expected);
     }
-    rows_begin_ = *got - rest.size();
+    rows_begin_ = *got - remaining.size();
     if (!had_end || rows_begin_ == size_) return input_error(csv_path_ + ": no samples in it");
     return {};
   }
@@ -199,7 +199,7 @@ class TextRecording final : public RecordingSource {
     if (!got) return got.error();
     std::string_view view(text.data(), *got);
     bool had_end = false;
-    std::string_view row = take_line(view, &had_end);
+    std::string_view row = next_line(view, &had_end);
     if (!had_end && *got == longest_row) return too_long(2);
     if (had_end) {
       if (Status status = parser.parse(row, 2, first); !status) return status;

@@ -75,7 +75,7 @@ Error SerialImu::lost(const std::string& why) {
   return device_error(settings_.device + ": " + why);
 }
 
-std::size_t SerialImu::take_ready(std::span<ImuSample> out) {
+std::size_t SerialImu::read_decoded(std::span<ImuSample> out) {
   std::size_t count = 0;
   while (count < out.size()) {
     const auto next = decoder_.next(out[count]);
@@ -172,7 +172,7 @@ Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) 
   if (out.empty()) return std::size_t{0};
   const Deadline deadline(std::min(timeout_s / settings_.speedup, slice_s));
   for (;;) {
-    if (const std::size_t count = take_ready(out); count > 0) {
+    if (const std::size_t count = read_decoded(out); count > 0) {
       if (Status status = judge_arrivals(); !status) return lost(status.error().message);
       return count;
     }

@@ -58,7 +58,7 @@ class SerialImu : public ImuSource {
   std::optional<ArrivalEstimate> clock() const { return fit_.estimate(); }
 
  private:
-  std::size_t take_ready(std::span<ImuSample> out);
+  std::size_t read_decoded(std::span<ImuSample> out);
   Result<std::size_t> receive(double timeout_s);
   void count_line_errors(double now_s);
   Status judge_arrivals() const;

@@ -1,5 +1,6 @@
 #include "imu_io/units/serial_imu_config.h"
 
+#include "imu_io/base/key_table.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/frames/builtin_frames.h"
 
@@ -16,11 +17,11 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
         "a serial device such as /dev/serial/by-id/..., tcp:HOST:PORT, udp:PORT, udp:ADDRESS:PORT or udp_to:HOST:PORT");
   }
   std::string name = file.text("imu.frame");
-  config.settings.unit_serial = file.text_or("imu.unit_serial", "");
-  config.settings.simulated = file.boolean_or("imu.simulated", false);
-  config.settings.clock_max_ppm =
-      file.number_or("imu.clock_max_ppm", config.settings.clock_max_ppm, {0.0, 2000.0, true});
-  config.settings.speedup = file.number_or("imu.speedup", 1.0, between(0.01, 1000.0));
+  KeyTable keys(file);
+  keys.text("imu.unit_serial", config.settings.unit_serial);
+  keys.flag("imu.simulated", config.settings.simulated);
+  keys.number("imu.clock_max_ppm", config.settings.clock_max_ppm, {0.0, 2000.0, true});
+  keys.number("imu.speedup", config.settings.speedup, between(0.01, 1000.0));
   if (config.settings.speedup != 1.0 && !config.settings.simulated) {
     file.reject("imu.speedup", "1 unless imu.simulated is true");
   }
@@ -44,12 +45,11 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
   if (line && line->kind != LineKind::serial && file.has("imu.baud")) {
     file.reject("imu.baud", "no such key unless the device is a serial line");
   }
-  config.frame.line.baud =
-      static_cast<std::uint32_t>(file.integer_or("imu.baud", config.frame.line.baud, 50, 20'000'000));
+  keys.whole("imu.baud", config.frame.line.baud, 50u, 20'000'000u);
   if (file.has("imu.accel_pulse_mps") && config.frame.accel_pulse_mps == 0.0) {
     file.reject("imu.accel_pulse_mps", "no such key: the frame's accelerometers do not send pulses");
   }
-  config.frame.accel_pulse_mps = file.number_if("imu.accel_pulse_mps", positive).value_or(config.frame.accel_pulse_mps);
+  keys.number("imu.accel_pulse_mps", config.frame.accel_pulse_mps, positive);
   if (Status status = file.status(); !status) return status.error();
   return config;
 }

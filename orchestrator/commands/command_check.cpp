@@ -11,6 +11,7 @@
 #include "orchestrator/devices/station_rig.h"
 #include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/jobs/preflight.h"
+#include "orchestrator/jobs/run_request.h"
 #include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/watch/progress.h"
 
@@ -120,6 +121,11 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   if (!station || !sequence || !info) {
     return exit_code(ErrorKind::input);
   }
+  // A station whose unit is the rig's is rehearsed with --dry-run; a real unit does not feel what a mock table does.
+  if (station->table.driver == TableDriver::mock && station->imu_driver != ImuDriver::rig) {
+    err << check_real_devices(*station).error().message << "\n";
+    return exit_code(ErrorKind::input);
+  }
   const std::string caution = station->table.map       ? caution_of(*station->table.map)
                               : station->table.dialect ? caution_of(*station->table.dialect)
                                                        : "";
@@ -130,11 +136,13 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
     err << violation << "\n";
   }
   const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
-  if (!keys.empty()) out << "\nThis sequence " << coverage_text(keys) << ".\n";
+  if (!keys.empty()) {
+    out << "\nThis sequence " << coverage_text(keys) << "; or run it with --partial or --capture-only.\n";
+  }
   const std::vector<Error> found = preflight({.station = *station,
+                                              .plan = plan,
                                               .folder = options.out,
                                               .units = options.units,
-                                              .samples = plan.samples,
                                               .utc_s = wall_utc_s(),
                                               .simulated = station->simulated(),
                                               .overdue_reason = options.overdue_reason});

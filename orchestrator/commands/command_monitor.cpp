@@ -33,7 +33,7 @@ struct Second {
   double temperature_c = 0.0;
 };
 
-void take(std::span<const ImuSample> samples, std::optional<std::int64_t>& last_counter, Second& second) {
+void add(std::span<const ImuSample> samples, std::optional<std::int64_t>& last_counter, Second& second) {
   for (const ImuSample& sample : samples) {
     if (last_counter && sample.counter > *last_counter + 1) {
       ++second.gaps;
@@ -116,7 +116,7 @@ Status watch(LiveDevices& live, double seconds, std::ostream& out) {
     for (; now_s - line_s < line_every_s && StopSignals::requests() == 0; now_s = devices.clock.now_s()) {
       const Result<std::size_t> got = devices.imu.read(buffer, look_every_s);
       if (!got) return got.error();
-      take(std::span(buffer).first(*got), last_counter, second);
+      add(std::span(buffer).first(*got), last_counter, second);
     }
     char time[32];
     std::snprintf(time, sizeof time, "%8.1f s  ", now_s - began_s);

@@ -4,11 +4,12 @@
 #include <cstdio>
 #include <memory>
 
-#include "calib/prediction/predict.h"
+#include "calib/prediction/predicted_drift.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/station_rig.h"
 #include "orchestrator/jobs/sequence_coverage.h"
+#include "orchestrator/report/drift_table.h"
 #include "orchestrator/report/prediction_table.h"
 
 namespace turncal {
@@ -80,6 +81,23 @@ void print_premises(const PredictRequest& request, const RecordingInfo& info, st
       << " m/s^2; IMU at " << shown(std::round(1e6 / info.sample_period_s) / 1e6) << " Hz\n";
 }
 
+// 1h, 90min, 5400s or 5400.
+Result<double> navigation_time_s(const std::string& text) {
+  constexpr double longest_navigation_s = 86400.0;
+  std::string_view number = text;
+  double unit = 1.0;
+  for (const auto& [name, seconds] : {std::pair{"min", 60.0}, std::pair{"h", 3600.0}, std::pair{"s", 1.0}}) {
+    if (!number.ends_with(name)) continue;
+    number.remove_suffix(std::string_view(name).size());
+    unit = seconds;
+    break;
+  }
+  const std::optional<double> value = parse_number(number);
+  if (!value || *value * unit < 1.0 || *value * unit > longest_navigation_s)
+    return input_error("--navigate '" + text + "': expected a time from 1s to 24h, like 1h, 90min or 5400s");
+  return *value * unit;
+}
+
 // Two sequences of one name still need two names.
 std::string column_name(const std::vector<NamedPrediction>& columns, const std::string& name) {
   int same = 1;
@@ -92,6 +110,13 @@ std::string column_name(const std::vector<NamedPrediction>& columns, const std::
 
 Status run_predict(const PredictRequest& request, std::ostream& out) {
   if (Status status = check_request(request); !status) return status;
+  DriftPlan drift_plan;
+  drift_plan.align_s = request.align_s;
+  if (!request.navigate.empty()) {
+    const Result<double> time_s = navigation_time_s(request.navigate);
+    if (!time_s) return time_s.error();
+    drift_plan.free_s = *time_s;
+  }
   const Result<StationConfig> station =
       request.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(request.station);
   if (!station) return station.error();
@@ -130,6 +155,17 @@ Status run_predict(const PredictRequest& request, std::ostream& out) {
   print_sigmas(columns, unit->info, out);
   out << "\n";
   print_undetermined(columns, out);
+  if (!request.navigate.empty()) {
+    const double latitude_deg = std::abs(unit->info.latitude_deg);
+    if (latitude_deg > max_navigation_latitude_deg)
+      return input_error("--navigate: latitude " + shown(unit->info.latitude_deg) + " deg: expected at most " +
+                         shown(max_navigation_latitude_deg) + " deg north or south");
+    std::vector<std::pair<std::string, ExpectedDrift>> drifts;
+    for (const NamedPrediction& column : columns)
+      drifts.emplace_back(column.name, predicted_drift(unit->info, column.prediction, options, drift_plan));
+    out << "\n";
+    print_predicted_drift(drifts, drift_plan, out);
+  }
   if (request.effects) {
     out << "\n";
     print_effects(columns, out);
@@ -156,6 +192,8 @@ void add_predict_command(CommandLine& line, CommandContext& context) {
   command.flag("--effects", request->effects, "the smallest effects that would be caught, and which are confused");
   command.option("--temperature-rise", request->temperature_rise_c, "C over the run, for --effects").default_in_help();
   command.option("--temperature-tau", request->temperature_tau_s, "its time constant, s").default_in_help();
+  command.option("--navigate", request->navigate, "drift of free navigation after this time: 1h, 90min, 5400s");
+  command.option("--align", request->align_s, "alignment before it, s").range(20.0, 86400.0).default_in_help();
   command.runs(context, [request, &context] { return run_predict(*request, context.out); });
 }
 

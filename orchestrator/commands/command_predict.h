@@ -8,6 +8,7 @@
 //                              sigma of the bias's slow part (Gauss-Markov, 600 s), deg/h and ug; 0: none
 //   --effects                  also what every effect of the catalogue would have to be to be caught, and which are confused
 //   --temperature-rise, --temperature-tau   C and s; with --effects. Without it effects of temperature are not looked at
+//   --navigate TIME, --align   what the calibration would be worth: drift of free navigation after 1h, 90min or 5400 (s)
 //
 // Nothing is written or moved. Exit code 0 also when parameters are not determined: they are named. A sequence that the
 // station cannot run is predicted all the same, with a note.
@@ -36,6 +37,8 @@ struct PredictRequest {
   bool effects = false;
   double temperature_rise_c = 0.0;  // 0: the temperature stands still
   double temperature_tau_s = 2400.0;
+  std::string navigate;  // how long; empty: not asked
+  double align_s = 300.0;
 };
 
 Status run_predict(const PredictRequest& request, std::ostream& out);

@@ -34,7 +34,7 @@ void add_record_options(const Command& command, RunRequest& request) {
   add_overdue_option(command, request);
 }
 
-void add_view_options(const Command& command, RunRequest& request) {
+void add_watch_options(const Command& command, RunRequest& request) {
   command.option("--listen", request.listen,
                  "serve a read-only status page there (127.0.0.1:8080; port 0: any free one)");
   command.option("--pace", request.pace, "of a dry run: at most this many times as fast as the wall clock").positive();
@@ -57,7 +57,7 @@ void add_run_command(CommandLine& line, CommandContext& context) {
   command.option("--rig", request.rig, "rig configuration (docs/rig.md); default: the built-in one");
   command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
   command.option("--station", request.station, "station configuration; default: the built-in rig station");
-  add_view_options(command, request);
+  add_watch_options(command, request);
   command.flag("--capture-only", request.capture_only, "record the sequence, do not calibrate");
   command.flag("--partial", request.partial,
                "of a sequence that does not determine all: estimate what it does; no verdict, not put in use");
@@ -78,7 +78,7 @@ void add_resume_command(CommandLine& line, CommandContext& context) {
   command.option("--station", moved.station, "where the station configuration is now, if it was moved");
   command.flag("--no-diagnosis", options->request.no_diagnosis, "leave out the diagnosis at the end");
   add_overdue_option(command, moved);
-  add_view_options(command, moved);
+  add_watch_options(command, moved);
   command.runs(context, [options, &context] { return resume_run(options->folder, options->request, context).status; });
 }
 

@@ -8,6 +8,6 @@ namespace turncal {
 struct RunRequest;
 
 void add_record_options(const Command& command, RunRequest& request);
-void add_view_options(const Command& command, RunRequest& request);
+void add_watch_options(const Command& command, RunRequest& request);
 
 }  // namespace turncal

@@ -8,6 +8,7 @@
 #include "calib/rests/rest_data.h"
 #include "calib/rests/rest_units.h"
 #include "calib/statistics/segmentation.h"
+#include "imu_io/base/format_number.h"
 #include "imu_io/recordings/csv_map_import.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_text.h"
@@ -88,7 +89,12 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   });
   if (!read) return read;
   const Segmentation found = finder.finish();
-  if (found.segments.empty()) return input_error(options.source + ": no rest found: " + found.reason);
+  if (found.segments.empty()) {
+    return input_error(options.source + ": no rest found: " +
+                       (options.threshold ? "no stretch of " + format_number(options.min_rest_s) +
+                                                " s stays below the threshold " + format_number(*options.threshold)
+                                          : found.reason));
+  }
   print_segmentation(found, source.info(), found.segments.front().start_sample, context.out);
   if (Status status = import_binary(source, found.segments, folder->file(binary_recording_name)); !status)
     return status;
@@ -142,8 +148,8 @@ void add_segment_command(CommandLine& line, CommandContext& context) {
   command
       .option("--threshold", options->threshold,
               "variance over the quiet one at which a rest ends; default: looked for")
-      .positive();
-  command.option("--min-rest", options->min_rest_s, "shortest rest, s").positive();
+      .range(1.0, 1e12);
+  command.option("--min-rest", options->min_rest_s, "shortest rest, s").range(0.1, 3600.0);
   command.runs(context, [options, &context] { return segment_recording(*options, context); });
 }
 

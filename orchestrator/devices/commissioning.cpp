@@ -11,7 +11,7 @@
 #include <Eigen/Core>
 
 #include "calib/model/parameters.h"
-#include "orchestrator/devices/first_step_check.h"
+#include "orchestrator/devices/felt_directions.h"
 #include "orchestrator/run/stray_axis.h"
 #include "turntable_drivers/table/table_stop.h"
 
@@ -97,7 +97,7 @@ class Trial {
                                       .brake_s = station_.motion.deadline_margin_s,
                                       .deadline_s = 2.0 * station_.motion.deadline_margin_s,
                                       .poll_s = station_.motion.poll_moving_s,
-                                      .rest_rate_degps = station_.motion.settle_rate_degps});
+                                      .standing_rate_degps = station_.motion.settle_rate_degps});
   }
 
  private:
@@ -273,7 +273,7 @@ Status try_turns(Trial& trial, const CommissioningSettings& settings, IncrementK
 
 Status try_poses(Trial& trial, const RecordingInfo& info, double gravity_mps2, const CommissioningSettings& settings,
                  std::ostream& out) {
-  FirstStepLimits limits;
+  DirectionLimits limits;
   limits.direction_deg = settings.direction_deg;
   limits.force_tolerance = settings.force_tolerance;
   const double weight_mps =

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <utility>
 
 #include "calib/model/attitude.h"
 #include "calib/statistics/unit_slip.h"
@@ -14,102 +13,14 @@ namespace turncal {
 namespace {
 
 constexpr double stretch_s = 0.5;
-
-Eigen::Matrix3d attitude_of(const AxisTriple& deg) {
-  return attitude_from_angles(deg[Axis::heading] * rad_per_deg, deg[Axis::pitch] * rad_per_deg,
-                              deg[Axis::roll] * rad_per_deg);
-}
-
-bool points_along(const Eigen::Vector3d& v, const Eigen::Vector3d& direction, double within_deg) {
-  return v.norm() > 0.0 && v.dot(direction) >= v.norm() * direction.norm() * std::cos(within_deg * rad_per_deg);
-}
-
-// "-z": the axis that a direction is nearest to.
-std::string nearest_axis(const Eigen::Vector3d& v) {
-  Eigen::Index axis = 0;
-  v.cwiseAbs().maxCoeff(&axis);
-  return std::string(v[axis] < 0.0 ? "-" : "+") + "xyz"[axis];
-}
-
-std::string angles_text(const AxisTriple& deg) {
-  return "heading " + format_number(deg[Axis::heading]) + ", pitch " + format_number(deg[Axis::pitch]) + ", roll " +
-         format_number(deg[Axis::roll]) + " deg";
-}
-
-std::string triple_text(const Eigen::Vector3d& v) {
-  char text[80];
-  std::snprintf(text, sizeof text, "%+.4g, %+.4g, %+.4g", v.x(), v.y(), v.z());
-  return text;
-}
-
-// Axis and angle of a turn; nothing when more than one axis differs.
-std::optional<std::pair<Axis, double>> turn_between(const AxisTriple& from, const AxisTriple& to) {
-  std::optional<std::pair<Axis, double>> turn;
-  for (const Axis axis : all_axes) {
-    if (to[axis] == from[axis]) continue;
-    if (turn) return {};
-    turn = {axis, to[axis] - from[axis]};
-  }
-  return turn;
-}
-
-// Of the body, for a turn by + about an axis of the table (planned_motion.h).
-Eigen::Vector3d body_axis_of(Axis axis, const AxisTriple& at_deg) {
-  switch (axis) {
-    case Axis::heading: return -attitude_of(at_deg).transpose() * Eigen::Vector3d::UnitY();
-    case Axis::pitch:
-      return Eigen::AngleAxisd(-at_deg[Axis::roll] * rad_per_deg, Eigen::Vector3d::UnitX()) * Eigen::Vector3d::UnitZ();
-    case Axis::roll: break;
-  }
-  return Eigen::Vector3d::UnitX();
-}
+constexpr double least_stretches = 4.0;  // of a rest that tells its noise
 
 }  // namespace
-
-Status judge_force(const Eigen::Vector3d& force_mps2, const AxisTriple& angles_deg, double gravity_mps2,
-                   const FirstStepLimits& limits) {
-  const Eigen::Vector3d up = attitude_of(angles_deg).transpose() * Eigen::Vector3d::UnitY();
-  const bool size_fits = std::abs(force_mps2.norm() - gravity_mps2) <= limits.force_tolerance * gravity_mps2;
-  const bool points_up = points_along(force_mps2, up, limits.direction_deg);
-  if (size_fits && points_up) return {};
-  const std::string sensed = "at " + angles_text(angles_deg) + " the accelerometers sense " + triple_text(force_mps2) +
-                             " m/s^2 along x, y, z: expected " + triple_text(gravity_mps2 * up);
-  const UnitSlip* const slip = slip_near(accel_slips(), force_mps2.norm() / gravity_mps2);
-  if (points_up && slip != nullptr) {
-    return device_error(sensed + "; the accelerometers look " + slip->words +
-                        " (accel.unit, accel.scale of the frame)");
-  }
-  Eigen::Index most = 0;
-  up.cwiseAbs().maxCoeff(&most);
-  if (!size_fits && std::abs(force_mps2[most]) < 0.1 * gravity_mps2 && std::abs(up[most]) > 0.5) {
-    return device_error(sensed + "; accelerometer " + "xyz"[most] + " does not answer to gravity");
-  }
-  if (!points_up) {
-    return device_error(sensed + "; the unit's " + nearest_axis(force_mps2) + " is up instead of its " +
-                        nearest_axis(up) + ": mounted another way, or axes and signs of its frame (accel.axes)");
-  }
-  return device_error(sensed +
-                      "; scale of the accelerometers (accel.pulse_mps, accel.scale of the frame) or a dead one");
-}
-
-Status judge_felt(const Eigen::Vector3d& sum, const AxisTriple& from_deg, const AxisTriple& to_deg,
-                  const FirstStepLimits& limits) {
-  const auto turn = turn_between(from_deg, to_deg);
-  if (!turn || std::abs(turn->second) < limits.smallest_turn_deg) return {};
-  const Eigen::Vector3d expected = body_axis_of(turn->first, from_deg) * turn->second;
-  if (points_along(sum, expected, limits.direction_deg)) return {};
-  const std::string turned =
-      std::string("the turn of ") + to_string(turn->first) + " by " + format_number(turn->second) + " deg ";
-  if (sum.norm() == 0.0) return device_error(turned + "was not felt by any gyro");
-  return device_error(turned + "was felt about " + nearest_axis(sum) + " (" + triple_text(sum) + "): expected about " +
-                      nearest_axis(expected) +
-                      ": mounted another way, signs of the table's axis, or axes and signs of the unit's frame");
-}
 
 Status FirstStepCheck::resume(const RecordingInfo& info, std::int64_t end_sample) {
   info_ = info;
   spikes_.emplace(info);
-  life_.emplace(info.sample_period_s);
+  life_.emplace(info);
   turned_to_deg_.reset();
   return sink_.resume(info, end_sample);
 }
@@ -117,21 +28,18 @@ Status FirstStepCheck::resume(const RecordingInfo& info, std::int64_t end_sample
 Status FirstStepCheck::start(const RecordingInfo& info) {
   info_ = info;
   spikes_.emplace(info);
-  life_.emplace(info.sample_period_s);
+  life_.emplace(info);
   turned_to_deg_.reset();
   active_ = true;
   step_.reset();
   before_deg_.reset();
   rest_gyro_.reset();
-  rests_ = rests_other_way_ = 0;
+  earth_.emplace(info.latitude_deg);
   return sink_.start(info);
 }
 
 Status FirstStepCheck::begin_segment(const Segment& segment) {
-  if (active_ && step_ && segment.step != *step_) {
-    active_ = false;
-    if (Status status = judge_step(); !status) return status;
-  }
+  if (step_ && segment.step != *step_) active_ = false;
   step_ = segment.step;
   segment_ = segment;
   gyro_.setZero();
@@ -140,6 +48,8 @@ Status FirstStepCheck::begin_segment(const Segment& segment) {
   stretch_.setZero();
   stretch_samples_ = 0;
   way_ = 0.0;
+  stretches_ = 0.0;
+  stretch_squares_.setZero();
   impossible_temperatures_ = 0;
   return sink_.begin_segment(segment);
 }
@@ -163,6 +73,11 @@ Status FirstStepCheck::add(std::span<const ImuSample> samples) {
 }
 
 void FirstStepCheck::end_stretch() {
+  // Of whole ones: the last may be shorter.
+  if (static_cast<double>(stretch_samples_) * info_.sample_period_s >= stretch_s) {
+    ++stretches_;
+    stretch_squares_ += (stretch_ / static_cast<double>(stretch_samples_)).cwiseAbs2();
+  }
   if (rest_gyro_) way_ += (stretch_ - *rest_gyro_ * static_cast<double>(stretch_samples_)).norm();
   stretch_.setZero();
   stretch_samples_ = 0;
@@ -170,10 +85,11 @@ void FirstStepCheck::end_stretch() {
 
 Status FirstStepCheck::end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) {
   if (Status status = sink_.end_segment(kind, end_sample, angles_deg); !status) return status;
-  if (Status status = judge_life(angles_deg); !status || !active_) return status;
-  const Status judged = judge_segment(kind, end_sample, angles_deg);
+  if (!found_) return {};
+  found_ = judge_life(angles_deg);
+  if (found_ && active_) found_ = judge_segment(kind, end_sample, angles_deg);
   before_deg_ = angles_deg;
-  return judged;
+  return {};
 }
 
 Status FirstStepCheck::judge_life(const AxisTriple& angles_deg) {
@@ -183,13 +99,6 @@ Status FirstStepCheck::judge_life(const AxisTriple& angles_deg) {
   turned_to_deg_ = angles_deg;
   life_->turned(turned_deg);
   return life_->defect().empty() ? Status{} : Status(device_error(life_->defect()));
-}
-
-Status FirstStepCheck::finish() {
-  if (std::exchange(active_, false)) {  // there was no other step
-    if (Status status = judge_step(); !status) return status;
-  }
-  return sink_.finish();
 }
 
 Status FirstStepCheck::judge_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) {
@@ -204,16 +113,29 @@ Status FirstStepCheck::judge_segment(SegmentKind kind, std::int64_t end_sample, 
   const auto turn = turn_between(*before_deg_, angles_deg);
   const double scale = model.gyro_scale.norm() / std::sqrt(3.0);
   // Before the direction: what a gyro adds up to in the wrong unit may well be a detour.
-  if (turn && std::abs(turn->second) >= limits_.least_turn_of_units_deg && way_ <= limits_.detour * sum.norm()) {
-    if (Status status = judge_units(scale * sum.norm() / (std::abs(turn->second) * rad_per_deg)); !status)
-      return status;
-  }
+  const bool large =
+      turn && std::abs(turn->second) >= limits_.least_turn_of_units_deg && way_ <= limits_.detour * sum.norm();
+  const double ratio = large ? scale * sum.norm() / (std::abs(turn->second) * rad_per_deg) : 1.0;
+  if (Status status = judge_units(ratio); !status) return status;
   const bool moved = turn && scale * way_ > 0.5 * std::abs(turn->second) * rad_per_deg;
   if (moved && way_ > limits_.detour * sum.norm()) return {};
-  return judge_felt(sum, *before_deg_, angles_deg, limits_);
+  if (Status status = judge_felt(sum, *before_deg_, angles_deg, limits_); !status) return status;
+  return judge_pulses(ratio);
 }
 
-// Pulses have a weight of their own, which is estimated.
+// Pulses have a weight of their own, which is estimated, from near its nominal value on.
+Status FirstStepCheck::judge_pulses(double ratio) const {
+  const bool fits = ratio >= limits_.least_pulses && ratio <= limits_.most_pulses;
+  if (info_.gyro_increment != IncrementKind::pulses || fits) return {};
+  const double nominal = start_parameters(info_).n(0, 0);
+  char text[240];
+  std::snprintf(text, sizeof text,
+                "the gyros feel %.4g times what is expected: by this turn a pulse weighs %.4g arcsec: expected %.2g to "
+                "%.2g (gyro.unit, .type and .offset of the frame)",
+                ratio, nominal / ratio, nominal / limits_.most_pulses, nominal / limits_.least_pulses);
+  return device_error(text);
+}
+
 Status FirstStepCheck::judge_units(double ratio) const {
   const UnitSlip* const slip = slip_near(gyro_slips(), ratio);
   if (info_.gyro_increment == IncrementKind::pulses || slip == nullptr) return {};
@@ -231,21 +153,18 @@ Status FirstStepCheck::judge_rest(const SensorModel& model, const AxisTriple& an
   rest_gyro_ = gyro_ / samples;
   const Eigen::Vector3d force = model.accel_scale * accel_ / (samples * info_.sample_period_s);
   if (Status status = judge_force(force, angles_deg, info_.gravity_mps2, limits_); !status) return status;
-  const double vertical = (model.gyro_scale * *rest_gyro_ / info_.sample_period_s).dot(force.normalized());
-  const double expected = earth_rate_radps * std::sin(info_.latitude_deg * rad_per_deg);
-  ++rests_;
-  if (std::abs(expected) < limits_.least_vertical_degph * radps_per_degph) return {};
-  if (std::abs(vertical / expected + 1.0) < limits_.other_way) ++rests_other_way_;
-  // Of the earth's rate alone no more is said than what a bias can hardly imitate.
-  return std::abs(vertical) > limits_.least_times * std::abs(expected) ? judge_units(vertical / expected) : Status{};
-}
-
-Status FirstStepCheck::judge_step() const {
-  if (rests_ == 0 || rests_other_way_ != rests_) return {};
-  return device_error(
-      "in every rest of the first step the gyros feel the earth turn about the vertical the other way: "
-      "site.latitude_deg is " +
-      format_number(info_.latitude_deg) + " (north is positive), or the gyros' signs are wrong");
+  const Eigen::Vector3d rate = model.gyro_scale * *rest_gyro_ / info_.sample_period_s;
+  // Of the earth's rate alone no more is said of units than what a bias can hardly imitate.
+  const double times = rate.norm() / earth_rate_radps;
+  if (times > limits_.least_times) {
+    if (Status status = judge_units(times); !status) return status;
+  }
+  if (stretches_ < least_stretches) return {};
+  const Eigen::Vector3d variance = stretch_squares_ / stretches_ - rest_gyro_->cwiseAbs2();
+  const double sigma = model.gyro_scale.norm() / std::sqrt(3.0) / info_.sample_period_s *
+                       std::sqrt(std::max(variance.maxCoeff(), 0.0) / stretches_);
+  const std::string wrong = earth_->add_rest(rate, sigma, attitude_of(angles_deg), force);
+  return wrong.empty() ? Status{} : Status(device_error(wrong));
 }
 
 }  // namespace turncal

@@ -41,7 +41,7 @@ Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& stat
                                                        const std::atomic<int>& stop_requests, std::ostream& out,
                                                        std::size_t units) {
   assert(station.imu);
-  Result<StationLock> lock = StationLock::take(station);
+  Result<StationLock> lock = StationLock::acquire(station);
   if (!lock) return lock.error();
   std::unique_ptr<LiveDevices> live(new LiveDevices(station, units, std::move(*lock)));
   const GravityWatch& watched = live->watched_;

@@ -61,9 +61,9 @@ Result<Mounted> mount_unit(const StationConfig& station, const std::string& unit
                            std::ostream& out, const std::string& tag) {
   const StopSignals signals(FirstInterrupt::pauses);
   const auto tell_operator = [&](Error error) {
-    const Status told =
+    const Status hook_status =
         run_hook(station.hooks, {.event = "needs_operator", .unit = unit, .folder = folder, .message = error.message});
-    if (!told) out << tag << told.error().message << std::endl;
+    if (!hook_status) out << tag << hook_status.error().message << std::endl;
     return error;
   };
   if (!station.hooks.mount.empty()) {

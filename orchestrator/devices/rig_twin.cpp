@@ -92,12 +92,12 @@ Status RigTwin::open_line(const StationConfig& station, std::size_t unit, double
   const std::string& device = station.imu_settings(unit).device;
   Result<std::unique_ptr<UnitEnd>> line = open_unit_end(device);
   if (!line) return line.error();
-  auto made = std::make_unique<UnitLine>();
-  made->line = std::move(*line);
-  made->guarded = std::make_unique<GuardedImu>(group_.imu(unit), server_->mutex);
-  made->streamer =
-      std::make_unique<FrameStreamer>(*made->guarded, station.imu->frame, *made->line, speed_up, unit_patience_s);
-  lines_.push_back(std::move(made));
+  auto unit_line = std::make_unique<UnitLine>();
+  unit_line->line = std::move(*line);
+  unit_line->guarded = std::make_unique<GuardedImu>(group_.imu(unit), server_->mutex);
+  unit_line->streamer = std::make_unique<FrameStreamer>(*unit_line->guarded, station.imu->frame, *unit_line->line,
+                                                        speed_up, unit_patience_s);
+  lines_.push_back(std::move(unit_line));
   // Once now, so that a frame that does not fit the rig is said before anybody waits for it.
   return lines_.back()->streamer->start(monotonic_s());
 }
@@ -148,10 +148,10 @@ void RigTwin::watch(const std::function<void(const std::string&)>& say) {
     angles += text;
   }
   const std::string when = format_number(group_.now_s()) + " s of rig time" + angles;
-  if (tripped && !tripped_told_) say("watchdog tripped at " + when);
-  if (tripped && !moving && !rest_told_) say("at rest after that at " + when);
-  tripped_told_ = tripped;
-  rest_told_ = tripped && !moving;
+  if (tripped && !tripped_said_) say("watchdog tripped at " + when);
+  if (tripped && !moving && !standing_said_) say("at rest after that at " + when);
+  tripped_said_ = tripped;
+  standing_said_ = tripped && !moving;
 }
 
 Status RigTwin::run(const std::atomic<int>& stop_requests, const std::function<void(const std::string&)>& say) {

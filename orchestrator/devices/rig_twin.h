@@ -62,7 +62,7 @@ class RigTwin {
   std::unique_ptr<DialectTwin> dialect_;
   std::unique_ptr<LineServer> server_;
   std::vector<std::unique_ptr<UnitLine>> lines_;
-  bool tripped_told_ = false, rest_told_ = false;
+  bool tripped_said_ = false, standing_said_ = false;
 };
 
 }  // namespace turncal

@@ -32,7 +32,7 @@ std::string lock_path_of(const std::string& device) {
   return lock_folder() + "/turncal-" + name + ".lock";
 }
 
-Result<StationLock> StationLock::take(const StationConfig& station) {
+Result<StationLock> StationLock::acquire(const StationConfig& station) {
   std::vector<std::string> devices;
   if (station.table.map) devices.push_back(station.table.map->link.address);
   if (station.table.dialect) devices.push_back(station.table.dialect->link.address);
@@ -41,7 +41,7 @@ Result<StationLock> StationLock::take(const StationConfig& station) {
   }
   StationLock lock;
   for (const std::string& device : devices) {
-    Result<LockFile> taken = LockFile::take(lock_path_of(device));
+    Result<LockFile> taken = LockFile::acquire(lock_path_of(device));
     if (!taken) return device_error(device + ": " + taken.error().message);
     lock.locks_.push_back(std::move(*taken));
   }

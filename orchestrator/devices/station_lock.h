@@ -16,7 +16,7 @@ namespace turncal {
 class StationLock {
  public:
   // Error: kind device, names the device and who holds it.
-  static Result<StationLock> take(const StationConfig& station);
+  static Result<StationLock> acquire(const StationConfig& station);
 
  private:
   std::vector<LockFile> locks_;

@@ -18,7 +18,7 @@ namespace {
 // Tells ChannelLife what the table turned, segment by segment.
 class TableLife {
  public:
-  TableLife(const RecordingInfo& info, const Segments& segments) : life_(info.sample_period_s), segments_(segments) {}
+  TableLife(const RecordingInfo& info, const Segments& segments) : life_(info), segments_(segments) {}
   void add(std::span<const ImuSample> samples) {
     for (const ImuSample& sample : samples) {
       while (index_ < segments_.size() && sample.counter >= segments_[index_].end_sample) end_segment();

@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <climits>
+#include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 
+#include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
@@ -24,7 +27,7 @@ Status check_space(const Preflight& run) {
   const std::uintmax_t free = std::filesystem::space(folder, error).available;
   if (error) return device_error(folder + ": its free space cannot be read: " + error.message());
   const std::uintmax_t needed =
-      run.units.size() * static_cast<std::uintmax_t>(run.samples) * bytes_a_sample + bytes_beside;
+      run.units.size() * static_cast<std::uintmax_t>(run.plan.samples) * bytes_a_sample + bytes_beside;
   if (free >= needed) return {};
   const auto megabytes = [](std::uintmax_t bytes) { return std::to_string(bytes >> 20) + " MiB"; };
   return device_error(folder + ": " + megabytes(free) + " are free: expected " + megabytes(needed) + " for this run");
@@ -43,8 +46,42 @@ Status check_names(const std::string& path) {
                      std::to_string(PATH_MAX - longest_file_name) + " bytes");
 }
 
-// The program that a hook begins with. What is more than a plain word is the shell's to judge, when the hook runs.
+// A driver believes no position beyond what its table's file calls plausible, and refuses to move there.
+Status check_plausible(const StationConfig& station, const Plan& plan) {
+  const auto& map = station.table.map;
+  const auto& dialect = station.table.dialect;
+  if (!map && !dialect) return {};
+  const double plausible_deg = map ? map->plausible_deg : dialect->plausible_deg;
+  double farthest_deg = 0.0;
+  Axis axis = Axis::heading;
+  for (const PlannedItem& item : plan.items) {
+    const double here_deg = std::max(std::abs(item.from_deg), std::abs(item.to_deg));
+    if (item.kind != SequenceItem::Kind::move || here_deg <= farthest_deg) continue;
+    farthest_deg = here_deg;
+    axis = item.axis;
+  }
+  if (farthest_deg <= plausible_deg) return {};
+  return input_error((map ? map->file : dialect->file) + ": plausible.angle_deg = " + format_number(plausible_deg) +
+                     ": expected at least " + format_number(farthest_deg) + ", as far as the sequence turns " +
+                     to_string(axis));
+}
+
+// What the shell says of a command that it cannot read; empty: it can. Nothing is run.
+std::string unreadable(const std::string& command) {
+  std::string quoted = "'";
+  for (const char c : command) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  FILE* const shell = ::popen(("exec /bin/sh -n -c " + quoted + "' 2>&1").c_str(), "r");
+  if (shell == nullptr) return "";
+  std::string said;
+  for (int c = std::fgetc(shell); c != EOF; c = std::fgetc(shell)) said += static_cast<char>(c);
+  if (::pclose(shell) == 0) return "";
+  return said.substr(0, said.find('\n'));
+}
+
+// Whether the shell can read it, and the program that it begins with. What is more than a plain word is judged when the hook runs.
 Status check_hook(const std::string& name, const std::string& command) {
+  if (const std::string said = unreadable(command); !said.empty())
+    return input_error(name + " = '" + command + "': expected a command of /bin/sh, which says: " + said);
   const std::string program = command.substr(0, command.find_first_of(" \t"));
   const bool plain = std::all_of(program.begin(), program.end(), [](unsigned char c) {
     return std::isalnum(c) || c == '/' || c == '.' || c == '_' || c == '-' || c == '+';
@@ -63,6 +100,7 @@ std::vector<Error> preflight(const Preflight& run) {
   };
   const StationConfig& station = run.station;
   add(check_due(station, run.utc_s, run.overdue_reason));
+  if (station.table.driver != TableDriver::manual) add(check_plausible(station, run.plan));
   if (!run.folder.empty()) {
     add(check_folder_writable(run.folder));
     add(check_space(run));

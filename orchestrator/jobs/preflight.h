@@ -1,7 +1,7 @@
 // What would stop a run later, looked for before anything moves: `run` refuses to begin, and `check` tells all of it.
 //
 // Output folder, results database and parameter store can be written; there is room for the recordings; names are short enough for
-// the file system; the commands of the hooks exist; the table's calibration is not overdue. What is made for a try is removed again.
+// the file system; the commands of the hooks exist and the shell can read them; the table's own file believes the positions of the plan; the table's calibration is not overdue. What is made for a try is removed again.
 #pragma once
 
 #include <string>
@@ -9,14 +9,15 @@
 
 #include "calib/types/status.h"
 #include "orchestrator/station/station_config.h"
+#include "sequences/plan.h"
 
 namespace turncal {
 
 struct Preflight {
   const StationConfig& station;
+  const Plan& plan;
   std::string folder = {};              // of the run; empty: not looked at
   std::vector<std::string> units = {};  // serial numbers
-  std::int64_t samples = 0;             // of the plan, a unit
   double utc_s = 0.0;                   // now
   bool simulated = false;
   std::string overdue_reason = {};  // why a table whose calibration is overdue is used all the same

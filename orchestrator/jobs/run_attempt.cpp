@@ -18,7 +18,7 @@
 #include "orchestrator/report/report_format.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/watch/clock_watch.h"
-#include "orchestrator/watch/live_view.h"
+#include "orchestrator/watch/live_status.h"
 #include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/status_page.h"
 
@@ -128,40 +128,41 @@ void note_outcome(const RunOutcome& outcome, double sample_period_s, std::vector
 }  // namespace
 
 Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context) {
-  RunDevices made;
+  RunDevices run_devices;
   if (run.request.rehearsal()) {
-    made.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, run.sequence, STDIN_FILENO, context.out);
-    made.prompts = &made.rehearsal->prompts();
-    return made;
+    run_devices.rehearsal =
+        std::make_unique<RehearsalDevices>(run.rig, run.station, run.sequence, STDIN_FILENO, context.out);
+    run_devices.prompts = &run_devices.rehearsal->prompts();
+    return run_devices;
   }
   if (run.request.dry_run) {
-    made.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
-    return made;
+    run_devices.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
+    return run_devices;
   }
   Result<std::unique_ptr<LiveDevices>> live =
       LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size());
   if (!live) return live.error();
-  made.live = std::move(*live);
-  made.prompts = made.live->prompts(run.sequence);
-  return made;
+  run_devices.live = std::move(*live);
+  run_devices.prompts = run_devices.live->prompts(run.sequence);
+  return run_devices;
 }
 
 // One attempt with the devices, up to the verdicts.
-RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
-  const StationDevices devices = made.devices();
+RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& context) {
+  const StationDevices devices = run_devices.devices();
   const double began_s = steady_wall_s();
   // A line redrawn in place would run over the operator's answers.
-  const bool in_place = context.out_is_terminal && !made.prompts;
+  const bool in_place = context.out_is_terminal && !run_devices.prompts;
   const int columns = context.terminal_columns - static_cast<int>(tag_of(a.run).size());
-  ProgressView view(context.out, in_place ? columns : 0, steady_wall_s, stdout_takes_more);
-  LiveView live({.unit = join(a.run.request.units),
-                 .station = a.run.station.name,
-                 .sequence = a.run.sequence.name,
-                 .folder = a.folder,
-                 .simulated = a.run.simulated(),
-                 .by_hand = made.prompts != nullptr,
-                 .results = last_results(a.run)},
-                steady_wall_s);
+  ProgressPrinter progress(context.out, in_place ? columns : 0, steady_wall_s, stdout_takes_more);
+  LiveStatus live({.unit = join(a.run.request.units),
+                   .station = a.run.station.name,
+                   .sequence = a.run.sequence.name,
+                   .folder = a.folder,
+                   .simulated = a.run.simulated(),
+                   .by_hand = run_devices.prompts != nullptr,
+                   .results = last_results(a.run)},
+                  steady_wall_s);
   std::unique_ptr<StatusPage> page;
   if (!a.run.request.listen.empty()) {
     Result<std::unique_ptr<StatusPage>> opened = StatusPage::open(a.run.request.listen, live);
@@ -171,15 +172,15 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
     if (const std::string warning = page->warning(); !warning.empty()) context.err << warning << std::endl;
   }
   PaceKeeper pace(a.run.request.pace);
-  ClockWatch clock(made.live ? a.run.station.clock_speed_up : 1.0, [&a](double by_s, const RunSnapshot& at) {
+  ClockWatch clock(run_devices.live ? a.run.station.clock_speed_up : 1.0, [&a](double by_s, const RunSnapshot& at) {
     char text[80];
     std::snprintf(text, sizeof text, "the clock was set by %+.3f s, to ", by_s);
     a.log.line(text + format_utc(at.utc_s));
     // A journal that cannot be written refuses the next record, too, and that stops the run.
     if (Status kept = a.journal.clock_set(by_s, at); !kept) a.log.line(kept.error().message);
   });
-  std::vector<RunObserver*> all{&a.log, &view, &live, &pace, &clock};
-  if (made.prompts) all.push_back(made.prompts);
+  std::vector<RunObserver*> all{&a.log, &progress, &live, &pace, &clock};
+  if (run_devices.prompts) all.push_back(run_devices.prompts);
   Fanout observers(all);
   std::deque<RecordingSink> recordings;
   for (UnitRun& unit : a.units) {
@@ -192,13 +193,13 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
   std::vector<StationUnit> lanes;
   for (std::size_t i = 0; i < a.units.size(); ++i) {
     RunSink& sink = i == 0 ? static_cast<RunSink&>(shown) : checks[i];
-    lanes.push_back({made.imu(i), sink, a.units[i].run.unit()});
+    lanes.push_back({run_devices.imu(i), sink, a.units[i].run.unit()});
   }
   const StopSignals signals(FirstInterrupt::pauses);
   StationRun* running = nullptr;
   const auto content_hashes = [&] {
     note_outcome(running->outcome(), a.sample_period_s, a.units);
-    if (made.live) a.journal.note_clocks(clocks_of(*made.live, a.units));
+    if (run_devices.live) a.journal.note_clocks(clocks_of(*run_devices.live, a.units));
     return read_recordings(a.units);
   };
   const auto calibrate = [&]() -> Status {
@@ -216,10 +217,10 @@ RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context) {
                   .content_hashes = content_hashes});
   running = &run;
   const RunOutcome outcome = run.run();
-  for (std::size_t i = 0; made.live && i < a.units.size(); ++i) {
-    a.log.line("unit " + a.units[i].run.unit() + ": " + made.live->unit_summary(i));
+  for (std::size_t i = 0; run_devices.live && i < a.units.size(); ++i) {
+    a.log.line("unit " + a.units[i].run.unit() + ": " + run_devices.live->unit_summary(i));
   }
-  view.clear();
+  progress.clear();
   note_outcome(outcome, a.sample_period_s, a.units);
   const bool done = outcome.state == RunState::done;
   live.end(done                                     ? "Done: " + outcomes_of(a.units)

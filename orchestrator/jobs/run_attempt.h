@@ -42,6 +42,6 @@ struct Attempt {
 };
 
 // Up to the verdicts. Sets counts and status of the units.
-RunEnd attempt(const Attempt& a, RunDevices& made, CommandContext& context);
+RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& context);
 
 }  // namespace turncal

@@ -29,19 +29,19 @@ Status check_plan(const Plan& plan) {
 }
 
 // What could not be calibrated at the end is said before anything moves.
-Status check_sequence(const PreparedRun& run, const Plan& plan) {
+Status check_sequence(const PreparedRun& run, const Plan& plan, const std::string& otherwise) {
   if (Status status = check_plan(plan); !status) return status;
   if (run.request.capture_only || run.request.partial) return {};
   const std::vector<std::string> keys = undetermined_by(run.sequence, plan, planned_info(run));
   if (keys.empty()) return {};
-  return input_error("sequence " + run.sequence.name + " " + coverage_text(keys));
+  return input_error("sequence " + run.sequence.name + " " + coverage_text(keys) + otherwise);
 }
 
 Status look_ahead(const PreparedRun& run, const Plan& plan, const std::string& folder, double utc_s) {
   const std::vector<Error> found = preflight({.station = run.station,
+                                              .plan = plan,
                                               .folder = folder,
                                               .units = run.request.units,
-                                              .samples = plan.samples,
                                               .utc_s = utc_s,
                                               .simulated = run.simulated(),
                                               .overdue_reason = run.request.overdue_reason});
@@ -180,7 +180,7 @@ bool is_over(const JournalContents& journal) {
   return true;
 }
 
-Status check_sequence(const PreparedRun& run) { return check_sequence(run, plan_of(run, run.sample_period_s())); }
+Status check_sequence(const PreparedRun& run) { return check_sequence(run, plan_of(run, run.sample_period_s()), ""); }
 
 RunEnd begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
   if (request.dry_run) context.tag = dry_run_tag;
@@ -190,7 +190,8 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   const LinePrefix marked(context.out, context.tag);
   const double period_s = prepared->sample_period_s();
   const Plan plan = plan_of(*prepared, period_s);
-  if (Status status = check_sequence(*prepared, plan); !status) return status;
+  if (Status status = check_sequence(*prepared, plan, ", --partial to estimate the others, or --capture-only"); !status)
+    return status;
   Result<RunDevices> devices = make_devices(*prepared, context);
   if (!devices) return devices.error();
   if (Status status = look_ahead(*prepared, plan, folder_path, devices->devices().clock.utc_s()); !status)
@@ -235,9 +236,9 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   if (!contents) return contents.error();
   if (contents->begin_value("live") != "true") context.tag = dry_run_tag;
   const LinePrefix marked(context.out, std::string(tag_of(*contents)));
-  if (is_over(*contents)) return say_over(*contents, folder, context.out);
   const Result<RunRequest> request = request_again(*contents, now);
   if (!request) return request.error();
+  if (is_over(*contents)) return say_over(*contents, folder, context.out);
   Result<PreparedRun> prepared = prepare(*request);
   if (!prepared) return prepared.error();
   context.tag = tag_of(*prepared);

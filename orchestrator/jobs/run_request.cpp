@@ -153,7 +153,9 @@ Result<PreparedRun> prepare(const RunRequest& request) {
         (wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)"));
   }
 
-  const Result<std::string> sequence_text = text_of(wanted.sequence, std::string(builtin_sequence_text));
+  const Result<std::string> sequence_text = wanted.sequence == builtin_verify_name
+                                                ? Result<std::string>(std::string(builtin_verify_text))
+                                                : text_of(wanted.sequence, std::string(builtin_sequence_text));
   if (!sequence_text) return sequence_text.error();
   Result<Sequence> sequence =
       parse_sequence(*sequence_text, wanted.sequence.empty() ? builtin_sequence_name : request.sequence);

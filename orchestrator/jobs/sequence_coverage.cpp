@@ -56,7 +56,7 @@ std::string coverage_text(const std::vector<std::string>& keys) {
   } else {
     for (const std::string& key : keys) text += " " + key;
   }
-  return text + ": expected steps that do (turncal predict), --partial to estimate the others, or --capture-only";
+  return text + ": expected steps that do (turncal predict)";
 }
 
 }  // namespace turncal

@@ -64,14 +64,14 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   for (const LoadedRecording& recording : recordings) {
     CalibrationRequest one = request;
     one.partial = true;  // what one does not determine the others may
-    Result<CalibrationOutput> made = calibrate_recording(recording, one);
-    if (!made) return made.error();
+    Result<CalibrationOutput> single = calibrate_recording(recording, one);
+    if (!single) return single.error();
     output.notes.push_back(recording.path + ":");
-    for (const std::string& note : made->notes) output.notes.push_back("  " + note);
-    judged = judged && made->fit->whiteness.level > 0.0;
-    if (!made->distrust.empty()) output.distrust = recording.path + ": " + made->distrust;
-    estimates.push_back(std::move(*made->fit));
-    if (estimates.size() == 1) output.file = std::move(made->file);
+    for (const std::string& note : single->notes) output.notes.push_back("  " + note);
+    judged = judged && single->fit->whiteness.level > 0.0;
+    if (!single->distrust.empty()) output.distrust = recording.path + ": " + single->distrust;
+    estimates.push_back(std::move(*single->fit));
+    if (estimates.size() == 1) output.file = std::move(single->file);
   }
   const SeveralRecordings several = combine_recordings(estimates);
   std::string open;

@@ -27,7 +27,7 @@ Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<
   // Whoever fails meanwhile takes the folder away that we found: then it is made once more.
   for (int race = 0;; ++race) {
     if (Status status = folder.make_missing(); !status) return status.error();
-    Result<LockFile> lock = LockFile::take(folder.file(lock_name));
+    Result<LockFile> lock = LockFile::acquire(folder.file(lock_name));
     if (!lock && race < most_races && !path_exists(path)) continue;
     if (!lock) {
       folder.names_.clear();  // they are another's
@@ -53,9 +53,9 @@ Status OutputFolder::make_missing() {
     if (p.has_filename()) missing.insert(missing.begin(), p);
   }
   for (const fs::path& p : missing) {
-    const bool made = fs::create_directory(p, error);
+    const bool created = fs::create_directory(p, error);
     if (error) return storage_error(p.string(), "cannot make this folder", error.value());
-    if (made) made_.push_back(p.string());
+    if (created) created_.push_back(p.string());
     // A folder that a power loss takes away would take all that is in it.
     if (Status status = sync_folder(folder_of(p.string())); !status) return status;
   }
@@ -65,7 +65,7 @@ Status OutputFolder::make_missing() {
 OutputFolder::OutputFolder(OutputFolder&& other) noexcept
     : path_(std::move(other.path_)),
       names_(std::move(other.names_)),
-      made_(std::move(other.made_)),
+      created_(std::move(other.created_)),
       lock_(std::move(other.lock_)),
       active_(std::exchange(other.active_, false)) {}
 
@@ -75,7 +75,7 @@ OutputFolder::~OutputFolder() {
   for (const std::string& name : names_) fs::remove(fs::path(path_) / name, ignored);
   lock_.reset();
   // Only folders made here, and only when nobody else put something in.
-  for (auto it = made_.rbegin(); it != made_.rend(); ++it) fs::remove(*it, ignored);
+  for (auto it = created_.rbegin(); it != created_.rend(); ++it) fs::remove(*it, ignored);
 }
 
 Status check_not_source(const std::string& out, const std::string& source) {

@@ -31,7 +31,7 @@ class OutputFolder {
   Status make_missing();
   std::string path_;
   std::vector<std::string> names_;
-  std::vector<std::string> made_;  // folders, outermost first
+  std::vector<std::string> created_;  // folders, outermost first
   std::optional<LockFile> lock_;
   bool active_ = true;
 };

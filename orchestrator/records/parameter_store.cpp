@@ -57,10 +57,10 @@ Status put_in_use(const std::string& store, const ParameterFile& file) {
   if (!text) return text.error();
   const std::string folder = unit_folder(store, file.unit_serial, file.simulated);
   if (Status status = make_folder(folder + "/versions"); !status) return status;
-  const Result<LockFile> lock = LockFile::take(folder + "/.lock", LockFile::change_s);
+  const Result<LockFile> lock = LockFile::acquire(folder + "/.lock", LockFile::change_s);
   if (!lock) return lock.error();
-  for (const std::string& made : {folder, folder_of(folder), store}) {
-    if (Status status = sync_folder(made); !status) return status;
+  for (const std::string& changed : {folder, folder_of(folder), store}) {
+    if (Status status = sync_folder(changed); !status) return status;
   }
   const std::vector<int> numbers = version_numbers(folder);
   const int newest = numbers.empty() ? 0 : numbers.back();
@@ -76,7 +76,7 @@ Status restore_version(const std::string& store, const std::string& unit, int ve
   const std::string folder = unit_folder(store, unit, simulated);
   const std::string path = version_path(folder, version);
   if (!path_exists(path)) return input_error(path + ": there is no such version");
-  const Result<LockFile> lock = LockFile::take(folder + "/.lock", LockFile::change_s);
+  const Result<LockFile> lock = LockFile::acquire(folder + "/.lock", LockFile::change_s);
   if (!lock) return lock.error();
   const Result<ParameterFile> file = read_parameter_file(path);
   if (!file) return file.error();

@@ -39,9 +39,9 @@ Result<std::vector<std::string>> read_queue(const std::string& path) {
   const Result<std::string> text = read_whole_file(path);
   if (!text) return text.error();
   std::vector<std::string> units;
-  std::string_view rest = *text;
-  for (int line = 1; !rest.empty(); ++line) {
-    const std::string unit = serial_in(take_line(rest));
+  std::string_view remaining = *text;
+  for (int line = 1; !remaining.empty(); ++line) {
+    const std::string unit = serial_in(next_line(remaining));
     if (unit.empty()) continue;
     const std::string where = path + ":" + std::to_string(line) + ": ";
     if (!is_plain_text(unit))
@@ -61,9 +61,9 @@ Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path) {
   if (!path_exists(state)) return outcomes;
   const Result<std::string> text = read_whole_file(state);
   if (!text) return text.error();
-  std::string_view rest = *text;
-  for (int number = 1; !rest.empty(); ++number) {
-    std::string line(take_line(rest)), reason;
+  std::string_view remaining = *text;
+  for (int number = 1; !remaining.empty(); ++number) {
+    std::string line(next_line(remaining)), reason;
     if (const std::size_t mark = line.find(" # "); mark != std::string::npos) {
       reason = line.substr(mark + 3);
       line.resize(mark);
@@ -94,10 +94,10 @@ std::vector<std::string> next_units(const std::vector<std::string>& queue, const
   return units;
 }
 
-Result<LockFile> hold_queue(const std::string& path) { return LockFile::take(path + ".batch.lock"); }
+Result<LockFile> hold_queue(const std::string& path) { return LockFile::acquire(path + ".batch.lock"); }
 
 Status record_outcome(const std::string& path, const UnitOutcome& outcome) {
-  const Result<LockFile> lock = LockFile::take(path + ".lock", LockFile::change_s);
+  const Result<LockFile> lock = LockFile::acquire(path + ".lock", LockFile::change_s);
   if (!lock) return lock.error();
   Result<std::vector<UnitOutcome>> outcomes = read_outcomes(path);
   if (!outcomes) return outcomes.error();
@@ -108,7 +108,7 @@ Status record_outcome(const std::string& path, const UnitOutcome& outcome) {
 }
 
 Status change_queue(const std::string& path, const QueueChange& change) {
-  const Result<LockFile> lock = LockFile::take(path + ".lock", LockFile::change_s);
+  const Result<LockFile> lock = LockFile::acquire(path + ".lock", LockFile::change_s);
   if (!lock) return lock.error();
   const Result<std::string> old = path_exists(path) ? read_whole_file(path) : Result<std::string>("");
   if (!old) return old.error();
@@ -119,9 +119,9 @@ Status change_queue(const std::string& path, const QueueChange& change) {
     if (!holds(*units, unit)) return input_error(path + ": holds no unit '" + unit + "'");
   }
   std::string text;
-  std::string_view rest = *old;
-  while (!rest.empty()) {
-    const std::string_view line = take_line(rest);
+  std::string_view remaining = *old;
+  while (!remaining.empty()) {
+    const std::string_view line = next_line(remaining);
     const std::string unit = serial_in(line);
     if (unit.empty() || !holds(change.remove, unit)) text += std::string(line) + "\n";
   }

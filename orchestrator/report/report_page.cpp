@@ -56,12 +56,12 @@ Figure Plots::add(Figure figure) {
 
 void Plots::render_all(const GnuplotOptions& options) {
   if (drawings.empty()) return;
-  Result<std::vector<std::string>> made = render(drawings, options);
-  if (!made) {
-    problem = made.error().message;
+  Result<std::vector<std::string>> rendered = render(drawings, options);
+  if (!rendered) {
+    problem = rendered.error().message;
     return;
   }
-  for (std::size_t k = 0; k < drawings.size(); ++k) svg[drawings[k].id] = (*made)[k];
+  for (std::size_t k = 0; k < drawings.size(); ++k) svg[drawings[k].id] = (*rendered)[k];
 }
 
 std::string Plots::html(const std::string& id, const std::string& legend_html, const std::string& caption) const {

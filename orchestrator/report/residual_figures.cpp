@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 enum class Abscissa { specific_force, force_product, temperature, time, since_rotation, turned, rate, heading };
 enum class Ordinate { accel, accel_per_g, tilt, tilt_per_turn, gyro, velocity };
 
-struct View {
+struct PlotAxes {
   std::string_view effect;
   Abscissa x;
   Ordinate y;
@@ -24,7 +24,7 @@ struct View {
 };
 
 // What the eye needs to see each effect. One that is not here is shown against time.
-constexpr View views[] = {
+constexpr PlotAxes plot_axes[] = {
     {"accel_second_order", Abscissa::specific_force, Ordinate::accel},
     {"accel_scale_asymmetry", Abscissa::specific_force, Ordinate::accel},
     {"accel_odd_quadratic", Abscissa::specific_force, Ordinate::accel},
@@ -50,9 +50,9 @@ constexpr View views[] = {
     {"gyro_accel_flexure", Abscissa::turned, Ordinate::tilt, true},
 };
 
-View view_of(const std::string& effect) {
-  for (const View& view : views)
-    if (view.effect == effect) return view;
+PlotAxes plot_axes_of(const std::string& effect) {
+  for (const PlotAxes& plot : plot_axes)
+    if (plot.effect == effect) return plot;
   return {effect, Abscissa::time, effect.starts_with("gyro") ? Ordinate::gyro : Ordinate::accel};
 }
 
@@ -207,18 +207,18 @@ std::vector<const EstimatedEffect*> components_of(const Diagnosis& diagnosis, co
   return result;
 }
 
-Panel dwell_panel(const std::vector<DwellResidual>& dwells, const View& view, const ComponentAxes& axes, int axis,
+Panel dwell_panel(const std::vector<DwellResidual>& dwells, const PlotAxes& plot, const ComponentAxes& axes, int axis,
                   bool with_after, const Limits& limits) {
   Panel panel;
-  panel.x_label = abscissa_label(view.x, axes, axis);
-  panel.y_label = ordinate_label(view.y, axis, limits);
-  panel.angle = view.x == Abscissa::turned || view.x == Abscissa::heading;
+  panel.x_label = abscissa_label(plot.x, axes, axis);
+  panel.y_label = ordinate_label(plot.y, axis, limits);
+  panel.angle = plot.x == Abscissa::turned || plot.x == Abscissa::heading;
   panel.series = before_after_series(with_after);
   for (std::size_t s = 0; s < panel.series.size(); ++s) {
     panel.series[s].style = with_after && s == 0 ? Series::Style::open_circle : Series::Style::dot;
     for (const DwellResidual& d : dwells) {
-      const double x = abscissa_of(d, view.x, axes, axis);
-      const double y = ordinate_of(d, s == 0 ? d.before : d.after, view.y, axis, limits);
+      const double x = abscissa_of(d, plot.x, axes, axis);
+      const double y = ordinate_of(d, s == 0 ? d.before : d.after, plot.y, axis, limits);
       if (std::isfinite(x) && std::isfinite(y)) panel.series[s].points.emplace_back(x, y);
     }
     panel.series[s].points = outline(panel.series[s].points, markers_a_series);
@@ -256,33 +256,33 @@ const char* caption_of(Ordinate y) {
 Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual>& dwells, const std::string& effect,
                      std::size_t number) {
   constexpr std::size_t most_panels = 3;
-  const View view = view_of(effect);
+  const PlotAxes plot = plot_axes_of(effect);
   const Limits limits = limits_of(dwells);
   Figure figure;
   figure.id = "effect" + std::to_string(number);
   figure.label = "Residual against what " + effect + " depends on";
-  if (view.x == Abscissa::since_rotation) {
+  if (plot.x == Abscissa::since_rotation) {
     figure.panels = since_rotation_panels(diagnosis);
     arrange(figure);
     figure.caption = "Root mean square over all dwells, second by second after the rotation.";
     return figure;
   }
-  if (view.all_axes) {
+  if (plot.all_axes) {
     for (int axis = 0; axis < 3; ++axis)
-      figure.panels.push_back(dwell_panel(dwells, view, {}, axis, has_after(diagnosis), limits));
+      figure.panels.push_back(dwell_panel(dwells, plot, {}, axis, has_after(diagnosis), limits));
   } else {
     for (const EstimatedEffect* e : components_of(diagnosis, effect)) {
       const std::string component(e->column.entry->components[static_cast<std::size_t>(e->column.component)]);
       const ComponentAxes axes = axes_of(component);
       if (axes.sensor < 0) continue;
-      Panel panel = dwell_panel(dwells, view, axes, axes.sensor, has_after(diagnosis), limits);
+      Panel panel = dwell_panel(dwells, plot, axes, axes.sensor, has_after(diagnosis), limits);
       panel.title = "component " + component;
       if (!panel.empty() && figure.panels.size() < most_panels) figure.panels.push_back(std::move(panel));
     }
   }
   std::erase_if(figure.panels, [](const Panel& panel) { return panel.empty(); });
   arrange(figure);
-  figure.caption = caption_of(view.y);
+  figure.caption = caption_of(plot.y);
   return figure;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/implausible.h"
@@ -20,7 +21,7 @@ std::string line(const char* format, const char* name, double value, const char*
 }  // namespace
 
 DwellMonitor::DwellMonitor(const DwellConfig& config, const RecordingInfo& info)
-    : config_(config), period_s_(info.sample_period_s) {
+    : config_(config), period_s_(info.sample_period_s), frozen_(info.sample_period_s) {
   window_samples_ = std::max<std::int64_t>(1, std::llround(config.stillness_window_s / info.sample_period_s));
   const double window_s = static_cast<double>(window_samples_) * info.sample_period_s;
   const Parameters start = start_parameters(info);
@@ -39,6 +40,7 @@ void DwellMonitor::start(std::int64_t first_counter, std::int64_t samples) {
   defect_.reset();
   window_sum_ = {};
   in_window_ = windows_ = 0;
+  frozen_.start();
   origin_ = sum_ = square_ = lowest_ = highest_ = {};
 }
 
@@ -56,6 +58,12 @@ const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const Imu
       break;
     }
     ++next_counter_;
+    std::string frozen = frozen_.add(sample);
+    if (frozen.empty() && complete()) frozen = frozen_.finish();
+    if (!frozen.empty()) {
+      defect_ = Defect{ErrorKind::device, std::move(frozen)};
+      break;
+    }
     for (std::size_t i = 0; i < channels; ++i) {
       const double value = channel_of(sample, i);
       window_sum_[i] += value;
@@ -86,6 +94,7 @@ void DwellMonitor::close_window() {
   window_sum_ = {};
   in_window_ = 0;
   ++windows_;
+  if (frozen_.suspects()) return;
   const double count = static_cast<double>(windows_);
   for (std::size_t i = 0; i < channels; ++i) {
     const bool gyro = i < 3;
@@ -119,12 +128,12 @@ void DwellMonitor::close_window() {
 std::string DwellMonitor::glitch_text(std::size_t channel, double limit) const {
   if (windows_ < 2) return {};
   const double others = static_cast<double>(windows_ - 1);
-  const auto rest_of = [&](double d) { return (sum_[channel] - d) / others; };
+  const auto mean_of_others = [&](double d) { return (sum_[channel] - d) / others; };
   const double low = lowest_[channel], high = highest_[channel];
-  const bool is_high = high - rest_of(high) > rest_of(low) - low;
+  const bool is_high = high - mean_of_others(high) > mean_of_others(low) - low;
   const double d = is_high ? high : low;
   const Outlier& outlier = is_high ? in_highest_[channel] : in_lowest_[channel];
-  const double with_it = std::abs(d - rest_of(d)), without = std::abs(outlier.without - rest_of(d));
+  const double with_it = std::abs(d - mean_of_others(d)), without = std::abs(outlier.without - mean_of_others(d));
   if (!(without <= limit && without < 0.1 * with_it)) return {};
   return glitch_of(channel, outlier.value, outlier.counter, period_s_) + ", and was still without it";
 }

@@ -6,6 +6,8 @@
 // configured limits (a single sample says nothing: one pulse of a laser gyro in 5 ms is already 0.05 deg/s). Judged at
 // the end of every window, so that a knock in a long dwell does not cost the rest of it.
 //
+// Nor may all six channels stand still together (frozen_watch.h).
+//
 // One sample alone may have spoilt a window: when the unit was still without it, the reason names it as a glitch.
 //
 // Units: counts become deg/s and m/s^2 by the nominal scale factors of the recording (start values of calib/model/parameters.h);
@@ -20,6 +22,7 @@
 
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
+#include "orchestrator/run/frozen_watch.h"
 #include "orchestrator/station/station_config.h"
 
 namespace turncal {
@@ -66,6 +69,7 @@ class DwellMonitor {
   std::array<Outlier, channels> least_{}, most_{};            // of the running window
   std::array<Outlier, channels> in_lowest_{}, in_highest_{};  // of the windows with the lowest and the highest mean
   double period_s_ = 0.0;
+  FrozenWatch frozen_;
 };
 
 }  // namespace turncal

@@ -26,6 +26,8 @@ class RunSink {
   virtual Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) = 0;
   virtual Status sync() = 0;
   virtual Status finish() = 0;  // complete and durable
+  // What was found wrong with the unit itself, not with storing; asked when a segment has ended. A recording judges nothing.
+  virtual Status unit_fits() const { return {}; }
 };
 
 }  // namespace turncal

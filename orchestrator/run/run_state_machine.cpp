@@ -16,7 +16,7 @@ constexpr std::array<std::string_view, run_event_count> event_names = {
     "move_bad",      "calibration_ok", "calibration_failed", "stopped_verified",
     "stall",         "deadline",       "table_fault",        "e_stop",
     "link_lost",     "imu_lost",       "motion_data_lost",   "storage_failed",
-    "pause_wanted",  "operator_stop",  "end_wanted"};
+    "unit_wrong",    "pause_wanted",   "operator_stop",      "end_wanted"};
 
 constexpr std::array<std::string_view, run_action_count> action_names = {
     "none",           "connect",      "enable_and_home", "begin_rest",  "settle_again", "select_next",   "issue_move",

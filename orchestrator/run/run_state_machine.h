@@ -70,11 +70,12 @@ enum class RunEvent {
   imu_lost,          // the IMU is gone or silent
   motion_data_lost,  // samples lost or flagged while the table turns: told at once, judged when it has settled
   storage_failed,    // the recording cannot be written
+  unit_wrong,        // what the unit feels does not fit its frame, its mounting or the site
   pause_wanted,      // asked for a pause: told while an item goes on, and again at the next safe point
   operator_stop,     // the operator: stop now
   end_wanted         // from outside (SIGTERM, SIGHUP): stop now, nobody gives the run up
 };
-inline constexpr int run_event_count = 31;
+inline constexpr int run_event_count = 32;
 
 enum class RunAction {
   none,
@@ -208,6 +209,7 @@ inline constexpr TransitionRow rows[] = {
   {live_states,    link_lost,          always,          stopping,    stop_table},
   {live_states,    imu_lost,           always,          stopping,    stop_table},
   {live_states,    storage_failed,     always,          stopping,    stop_table},
+  {live_states,    unit_wrong,         always,          stopping,    stop_table},
   {live_states,    operator_stop,      always,          stopping,    stop_table},
   {calibrating,    operator_stop,      always,          stopping,    stop_table},
   {live_states,    end_wanted,         always,          stopping,    stop_table},
@@ -228,7 +230,7 @@ inline constexpr TransitionRow rows[] = {
 };
 
 inline constexpr IgnoredRow ignored[] = {
-  {stopping,    {table_fault, e_stop, link_lost, imu_lost, motion_data_lost, storage_failed},
+  {stopping,    {table_fault, e_stop, link_lost, imu_lost, motion_data_lost, storage_failed, unit_wrong},
                 "the first reason stands; the deadline judges the stop"},
   {calibrating, {table_fault, e_stop, link_lost, imu_lost},
                 "the recording is complete and the table is at rest, its drives off"},
@@ -240,7 +242,7 @@ inline constexpr IgnoredRow ignored[] = {
                 {start, connected, connect_failed, homed, rest_over, back_in_place, move_next, dwell_next, step_complete,
                  step_next, sequence_complete, arrived, unsettled, settled, dwell_complete, dwell_bad, move_bad,
                  calibration_ok, calibration_failed, stopped_verified, stall, deadline, table_fault, e_stop, link_lost, imu_lost,
-                 motion_data_lost, storage_failed, pause_wanted, operator_stop, end_wanted},
+                 motion_data_lost, storage_failed, unit_wrong, pause_wanted, operator_stop, end_wanted},
                 "the run is over"},
 };
 // clang-format on

@@ -66,6 +66,7 @@ StationRun::MaybeEvent StationRun::issue_move() {
     if (const MaybeEvent event = keep(hooks_.journal->move(move, devices_.clock.now_s()))) return event;
   }
   arrival_.start_move(move, from_deg, devices_.clock.now_s());
+  told_to_move_ = true;
   if (Status status =
           devices_.table.move_absolute(move.axis, move.target_deg, move.rate_degps, move.acceleration_degps2);
       !status) {
@@ -140,11 +141,7 @@ StationRun::MaybeEvent StationRun::discard_dwell() {
   ++repeats_;
   ++repeated_dwells_;
   for (UnitLane& lane : lanes_) lane.repeats += !bad_lane_ || bad_lane_ == &lane ? 1 : 0;
-  item_running_ = false;
-  hold();
-  arrival_.settle_only(devices_.clock.now_s());
-  begin_segment(SegmentKind::rotate);
-  return std::nullopt;
+  return settle_again(recording_);
 }
 
 StationRun::MaybeEvent StationRun::finish_step() {
@@ -184,7 +181,15 @@ void StationRun::begin_segment(SegmentKind kind) {
 }
 
 StationRun::MaybeEvent StationRun::end_segment(SegmentKind kind) {
-  return in_every_lane([&](UnitLane& lane) { return lane.end_segment(kind, commanded_deg_); });
+  if (const MaybeEvent event = in_every_lane([&](UnitLane& lane) { return lane.end_segment(kind, commanded_deg_); })) {
+    return event;
+  }
+  for (UnitLane& lane : lanes_) {
+    const Status fits = lane.alive() ? lane.fits() : Status{};
+    if (fits) continue;
+    if (const MaybeEvent event = fail(lane, RunEvent::unit_wrong, fits.error())) return event;
+  }
+  return std::nullopt;
 }
 
 }  // namespace turncal

@@ -89,7 +89,7 @@ StationRun::MaybeEvent StationRun::pump() {
     const Error silent = device_error("no sample from the IMU for " + std::to_string(std::lround(silent_s)) + " s");
     if (const MaybeEvent event = fail(lane, RunEvent::imu_lost, silent)) return event;
   }
-  return take_all();
+  return record_all();
 }
 
 StationRun::MaybeEvent StationRun::receive_all(UnitLane& lane) {
@@ -106,7 +106,7 @@ StationRun::MaybeEvent StationRun::receive_all(UnitLane& lane) {
 StationRun::MaybeEvent StationRun::catch_up() {
   for (UnitLane& lane : lanes_) {
     if (const MaybeEvent event = receive_all(lane)) return event;
-    if (const MaybeEvent event = take(lane)) {
+    if (const MaybeEvent event = record(lane)) {
       if (*event != RunEvent::motion_data_lost) return event;
       handle(*event);
     }
@@ -127,9 +127,9 @@ bool StationRun::apart() const {
   return least <= most && static_cast<double>(most - least) > allowed;
 }
 
-StationRun::MaybeEvent StationRun::take_all() {
+StationRun::MaybeEvent StationRun::record_all() {
   for (UnitLane& lane : lanes_) {
-    if (const MaybeEvent event = take(lane)) return event;
+    if (const MaybeEvent event = record(lane)) return event;
   }
   if (state_ != RunState::dwelling) return std::nullopt;
   if (any_living([](const UnitLane& lane) { return !lane.dwell_complete(); })) return std::nullopt;
@@ -139,17 +139,17 @@ StationRun::MaybeEvent StationRun::take_all() {
   return RunEvent::dwell_complete;
 }
 
-StationRun::MaybeEvent StationRun::take(UnitLane& lane) {
+StationRun::MaybeEvent StationRun::record(UnitLane& lane) {
   if (!lane.alive()) return std::nullopt;
   const bool dwelling = state_ == RunState::dwelling;
-  const Result<UnitLane::Taken> taken = lane.take(dwelling);
-  if (!taken) return fail(lane, RunEvent::storage_failed, taken.error());
-  if (dwelling) return taken->defect ? judge_defect(lane, *taken->defect) : std::nullopt;
-  if (!arrival_.move() || lane.motion_lost || (!taken->gap && !taken->flagged)) return std::nullopt;
+  const Result<UnitLane::Recorded> recorded = lane.record(dwelling);
+  if (!recorded) return fail(lane, RunEvent::storage_failed, recorded.error());
+  if (dwelling) return recorded->defect ? judge_defect(lane, *recorded->defect) : std::nullopt;
+  if (!arrival_.move() || lane.motion_lost || (!recorded->gap && !recorded->flagged)) return std::nullopt;
   lane.motion_lost = true;
   return raise(RunEvent::motion_data_lost, ErrorKind::device,
-               named(lane, (taken->gap ? "samples lost" : taken->what) + " while the table turned, before sample " +
-                               std::to_string(lane.next_sample())));
+               named(lane, (recorded->gap ? "samples lost" : recorded->what) +
+                               " while the table turned, before sample " + std::to_string(lane.next_sample())));
 }
 
 // Settled, but what the unit sent of the way is not whole. A lane that has no repeat left drops out, and the others do not repeat it.

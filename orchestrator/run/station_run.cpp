@@ -32,10 +32,10 @@ StationRun::StationRun(StationDevices devices, StationJob job, const std::vector
       commanded_deg_(job_.sequence.start_deg),
       arrival_(patient(job_.station.motion, devices_.table.needs_operator())),
       stop_(devices_.table, job_.station.motion.settle_rate_degps) {
-  if (job_.resume) take_up(*job_.resume);
+  if (job_.resume) resume_at(*job_.resume);
 }
 
-void StationRun::take_up(const ResumePoint& resume) {
+void StationRun::resume_at(const ResumePoint& resume) {
   const CompletedDwell& dwell = resume.after;
   const PlannedItem& item = job_.plan.items[dwell.item];
   item_ = dwell.item + 1;
@@ -44,7 +44,7 @@ void StationRun::take_up(const ResumePoint& resume) {
   repeated_dwells_ = dwell.repeated_dwells;
   rest_due_ = !resume.no_time_passed;
   for (std::size_t i = 0; i < lanes_.size(); ++i) {
-    lanes_[i].take_up(dwell.units[i], resume.no_time_passed);
+    lanes_[i].resume_at(dwell.units[i], resume.no_time_passed);
     if (i < resume.dropped.size() && resume.dropped[i])
       lanes_[i].drop(device_error("dropped out before the interruption"));
   }
@@ -151,7 +151,11 @@ RunEvent StationRun::raise(RunEvent event, ErrorKind kind, const std::string& re
 RunEvent StationRun::raise_table(RunEvent event, const Error& error, const std::string& before) {
   if (state_ == RunState::stopping) return raise(event, error.kind, before + error.message);
   if (error.kind == ErrorKind::interrupted) return raise(RunEvent::end_wanted, error.kind, error.message);
-  if (error.kind != ErrorKind::aborted) return raise(event, error.kind, before + error.message);
+  if (error.kind != ErrorKind::aborted) {
+    // A configuration that has moved the table was in order: in mid-run a refusal is the device's.
+    const bool in_mid_run = error.kind == ErrorKind::input && told_to_move_;
+    return raise(event, in_mid_run ? ErrorKind::device : error.kind, before + error.message);
+  }
   if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) ++stops_seen_;
   return raise_stop();
 }

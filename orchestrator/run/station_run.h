@@ -142,8 +142,8 @@ class StationRun {
   RunEvent pause();       // here and now
   bool pause_asked() const { return hooks_.pause_requests && hooks_.pause_requests->load() > 0; }
 
-  void take_up(const ResumePoint& resume);
-  bool at_rest() const;                   // every axis, by the last status read
+  void resume_at(const ResumePoint& resume);
+  bool table_stands() const;              // every axis, by the last status read
   bool stands_as_left() const;            // homed, and where the completed dwell was
   MaybeEvent keep(const Status& status);  // of the journal or the recording
 
@@ -168,8 +168,8 @@ class StationRun {
   void receive_meanwhile();  // what the units send while the table's answer is awaited
   MaybeEvent pump();         // reads the IMU until the next poll is due
   UnitLane* lead();          // the lane that the run waits for; null: none is open
-  MaybeEvent take_all();     // what the lanes have received; is the dwell complete?
-  MaybeEvent take(UnitLane& lane);
+  MaybeEvent record_all();   // what the lanes have received; is the dwell complete?
+  MaybeEvent record(UnitLane& lane);
   bool apart() const;                      // a unit's samples are so late that some may be from the move
   MaybeEvent receive_all(UnitLane& lane);  // that has arrived, without waiting for more
   MaybeEvent catch_up();                   // with the samples that have arrived, without waiting for more
@@ -208,6 +208,7 @@ class StationRun {
   bool pause_told_ = false;
   bool abort_sent_ = false;
   bool home_sent_ = false;
+  bool told_to_move_ = false;  // homing or a move was sent
   bool fault_left_ = false;
   bool enabled_ = false;
   int stops_seen_ = 0;

@@ -65,7 +65,7 @@ StationRun::MaybeEvent StationRun::enable_and_home() {
     for (UnitLane& lane : lanes_) lane.expect_gap();
   }
   if (const MaybeEvent event = read_table()) return event;
-  if (!at_rest()) {  // whoever commanded this is gone
+  if (!table_stands()) {  // whoever commanded this is gone
     if (Status status = devices_.table.stop_all(); !status) {
       return raise_table(RunEvent::table_fault, status.error(), "stopping: ");
     }
@@ -79,6 +79,7 @@ StationRun::MaybeEvent StationRun::send_home() {
   if (hooks_.journal) {
     if (const MaybeEvent event = keep(hooks_.journal->home(devices_.clock.now_s()))) return event;
   }
+  told_to_move_ = true;
   if (Status status = devices_.table.home(); !status) {
     return raise_table(RunEvent::table_fault, status.error(), "homing: ");
   }

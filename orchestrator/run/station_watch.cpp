@@ -122,14 +122,14 @@ StationRun::MaybeEvent StationRun::read_table() {
   return std::nullopt;
 }
 
-bool StationRun::at_rest() const {
+bool StationRun::table_stands() const {
   return std::all_of(status_.begin(), status_.end(), [this](const AxisStatus& axis) {
     return !axis.moving && std::abs(axis.rate_degps) <= job_.station.motion.settle_rate_degps;
   });
 }
 
 StationRun::MaybeEvent StationRun::judge_homing(double now_s) {
-  if (!home_sent_ && at_rest()) return send_home();
+  if (!home_sent_ && table_stands()) return send_home();
   const bool homed = std::all_of(status_.begin(), status_.end(),
                                  [](const AxisStatus& axis) { return axis.homed && axis.enabled && !axis.moving; });
   if (home_sent_ && homed) return RunEvent::homed;
@@ -162,7 +162,8 @@ StationRun::MaybeEvent StationRun::judge_dwell() {
   }
   if (devices_.clock.now_s() <= phase_deadline_s_) return std::nullopt;
   for (UnitLane& lane : lanes_) {
-    if (!lane.alive() || lane.dwell_complete()) continue;
+    // A table that answers late holds up the count, not the unit.
+    if (!lane.alive() || lane.dwell_received()) continue;
     const Error slow = device_error("the IMU's samples come too slowly for its period");
     if (const MaybeEvent event = fail(lane, RunEvent::deadline, slow)) return event;
   }

@@ -15,7 +15,7 @@ void UnitLane::close() {
   unit_.imu.close();
 }
 
-void UnitLane::take_up(const RecordingPoint& left, bool no_time_passed) {
+void UnitLane::resume_at(const RecordingPoint& left, bool no_time_passed) {
   next_sample_ = left.next_sample;
   lost_samples_ = left.lost_samples;
   duplicate_samples_ = left.duplicate_samples;
@@ -93,13 +93,13 @@ void UnitLane::receive_meanwhile(double now_s) {
   }
 }
 
-Result<UnitLane::Taken> UnitLane::take(bool dwelling) {
-  Taken taken;
+Result<UnitLane::Recorded> UnitLane::record(bool dwelling) {
+  Recorded recorded;
   std::size_t count = waiting_.size();
   if (dwelling) count = std::min(count, static_cast<std::size_t>(std::max<std::int64_t>(dwell_->remaining(), 0)));
   if (!segment_) waiting_.clear();
   if (!segment_) conflict_.reset();
-  if (waiting_.empty() || count == 0) return taken;
+  if (waiting_.empty() || count == 0) return recorded;
   const std::span<ImuSample> samples = std::span(waiting_).first(count);
   if (!segment_written_) {
     segment_written_ = true;
@@ -115,31 +115,31 @@ Result<UnitLane::Taken> UnitLane::take(bool dwelling) {
   std::string glitch;
   for (ImuSample& sample : samples) {
     sample.counter -= *first_counter_;
-    taken.flagged = taken.flagged || (sample.flags & sample_flag_invalid) != 0;
+    recorded.flagged = recorded.flagged || (sample.flags & sample_flag_invalid) != 0;
     const std::optional<std::size_t> channel = spikes_->spike_in(sample);
     if (channel && glitch.empty())
       glitch = glitch_of(*channel, channel_of(sample, *channel), sample.counter, info_.sample_period_s);
   }
   const auto lost = static_cast<std::uint64_t>(samples.back().counter + 1 - next_sample_) - samples.size();
   lost_samples_ += lost;
-  taken.gap = lost != 0;
+  recorded.gap = lost != 0;
   next_sample_ = samples.back().counter + 1;
   if (Status status = unit_.sink.add(samples); !status) return status.error();
-  if (dwelling) taken.defect = dwell_->add(samples);
+  if (dwelling) recorded.defect = dwell_->add(samples);
   if (!glitch.empty()) {
-    taken.flagged = true;
-    taken.what = glitch + ", which cannot be,";
-    if (dwelling) taken.defect = DwellMonitor::Defect{ErrorKind::device, glitch + ", which cannot be"};
+    recorded.flagged = true;
+    recorded.what = glitch + ", which cannot be,";
+    if (dwelling) recorded.defect = DwellMonitor::Defect{ErrorKind::device, glitch + ", which cannot be"};
   }
   if (conflict_) {
     const std::string text =
         "two samples with the counter " + std::to_string(*conflict_ - *first_counter_) + " that differ";
-    if (dwelling && !taken.defect) taken.defect = DwellMonitor::Defect{ErrorKind::unit_failed, text};
-    taken.flagged = true;
+    if (dwelling && !recorded.defect) recorded.defect = DwellMonitor::Defect{ErrorKind::unit_failed, text};
+    recorded.flagged = true;
     conflict_.reset();
   }
   waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
-  return taken;
+  return recorded;
 }
 
 void UnitLane::begin_segment(const Segment& segment) {

@@ -44,7 +44,7 @@ class UnitLane {
   void close();
 
   // Goes on after a completed dwell. No time passed: the unit's next sample is the recording's next.
-  void take_up(const RecordingPoint& left, bool no_time_passed);
+  void resume_at(const RecordingPoint& left, bool no_time_passed);
   void expect_gap() { gap_due_ = true; }  // the next recorded sample is the first after an interruption
   RecordingPoint point() const;
   std::uint64_t lost_samples() const { return lost_samples_; }
@@ -64,7 +64,7 @@ class UnitLane {
   void heard(double now_s) { last_sample_s_ = now_s; }
   double last_sample_s() const { return last_sample_s_; }
 
-  struct Taken {
+  struct Recorded {
     std::optional<DwellMonitor::Defect> defect;  // while dwelling
     bool gap = false;                            // samples are missing among these
     bool flagged = false;  // by the unit, as bad; two samples that contradict each other; one that cannot be
@@ -72,7 +72,7 @@ class UnitLane {
   };
   // What waits goes into the open segment, in a dwell no more than it needs; outside a segment it is dropped. Error: the
   // recording cannot be written.
-  Result<Taken> take(bool dwelling);
+  Result<Recorded> record(bool dwelling);
 
   // Where the recording stands. A segment in which no sample came (units a little apart, a defect in another one's first sample)
   // is not written: the recording begins it with its first sample.
@@ -82,8 +82,11 @@ class UnitLane {
   void begin_dwell(std::int64_t samples) { dwell_->start(next_sample_, samples); }
   bool dwell_complete() const { return dwell_->complete(); }
   std::int64_t dwell_remaining() const { return dwell_->remaining(); }
+  // With what waits to be taken: it came while the table's answer was awaited.
+  bool dwell_received() const { return static_cast<std::int64_t>(waiting_.size()) >= dwell_remaining(); }
   Status sync() { return unit_.sink.sync(); }
   Status finish() { return unit_.sink.finish(); }
+  Status fits() const { return unit_.sink.unit_fits(); }
 
   int repeats = 0;           // of the present dwell, that this unit or the table made necessary
   bool motion_lost = false;  // samples lost or flagged in the present move

@@ -1,11 +1,12 @@
 #include "orchestrator/station/station_config.h"
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <limits>
 
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_value.h"
+#include "imu_io/base/key_table.h"
 
 namespace turncal {
 
@@ -31,22 +32,23 @@ std::string beside(const KeyValueFile& file, const std::string& path) {
 // Defects of a map or dialect come with their own file and line; those of this file stay with it, as with all its keys.
 Status read_table(KeyValueFile& file, TableConfig& table) {
   const std::string driver = file.one_of("table.driver", {"mock", "modbus", "serial", "manual"});
+  KeyTable keys(file);
   // Any table may be turned by hand (run --manual).
   ManualSettings& manual = table.manual;
-  manual.tolerance_deg = file.number_or("table.tolerance_deg", manual.tolerance_deg, between(1e-6, 10.0));
-  manual.gravity_tolerance_deg =
-      file.number_or("table.gravity_tolerance_deg", manual.gravity_tolerance_deg, {0.0, 90.0, true});
-  manual.answer_timeout_s = file.number_or("table.answer_timeout_s", manual.answer_timeout_s, between(1.0, 86400.0));
-  manual.pause_limit_s = file.number_or("table.pause_limit_s", manual.pause_limit_s, between(1.0, 86400.0));
+  keys.number("table.tolerance_deg", manual.tolerance_deg, between(1e-6, 10.0));
+  keys.number("table.gravity_tolerance_deg", manual.gravity_tolerance_deg, {0.0, 90.0, true});
+  keys.number("table.answer_timeout_s", manual.answer_timeout_s, between(1.0, 86400.0));
+  keys.number("table.pause_limit_s", manual.pause_limit_s, between(1.0, 86400.0));
   if (driver == "mock" || driver.empty()) {
     return {};
   }
-  table.simulated = file.boolean_or("table.simulated", false);
+  keys.flag("table.simulated", table.simulated);
   if (driver == "manual") {
     table.driver = TableDriver::manual;
     return {};
   }
-  const std::string address = file.text_or("table.address", "");
+  std::string address;
+  keys.text("table.address", address);
   if (driver == "modbus") {
     table.driver = TableDriver::modbus;
     const std::string path = file.text("table.map");
@@ -69,36 +71,35 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   return {};
 }
 
-void read_axes(KeyValueFile& file, std::array<AxisLimits, 3>& axes) {
+void read_axes(KeyTable& keys, std::array<AxisLimits, 3>& axes) {
   for (const Axis axis : all_axes) {
     AxisLimits& limit = axes[static_cast<std::size_t>(axis)];
     const std::string prefix = "axis." + std::string(to_string(axis)) + ".";
-    limit.soft_min_deg = file.number_or(prefix + "soft_min_deg", limit.soft_min_deg, angle);
-    limit.soft_max_deg = file.number_or(prefix + "soft_max_deg", limit.soft_max_deg, angle);
-    limit.max_rate_degps = file.number_or(prefix + "max_rate_degps", limit.max_rate_degps, some_rate);
-    limit.max_acceleration_degps2 =
-        file.number_or(prefix + "max_acceleration_degps2", limit.max_acceleration_degps2, some_acceleration);
-    limit.wrap_deg = file.number_or(prefix + "wrap_deg", limit.wrap_deg, winding);
+    keys.number(prefix + "soft_min_deg", limit.soft_min_deg, angle);
+    keys.number(prefix + "soft_max_deg", limit.soft_max_deg, angle);
+    keys.number(prefix + "max_rate_degps", limit.max_rate_degps, some_rate);
+    keys.number(prefix + "max_acceleration_degps2", limit.max_acceleration_degps2, some_acceleration);
+    keys.number(prefix + "wrap_deg", limit.wrap_deg, winding);
   }
 }
 
-void read_motion(KeyValueFile& file, MotionConfig& motion) {
-  motion.position_tolerance_deg = file.number_or("motion.position_tolerance_deg", motion.position_tolerance_deg, fine);
-  motion.settle_rate_degps = file.number_or("motion.settle_rate_degps", motion.settle_rate_degps, fine);
-  motion.settle_s = file.number_or("motion.settle_s", motion.settle_s, time_or_zero);
-  motion.poll_moving_s = file.number_or("motion.poll_moving_s", motion.poll_moving_s, some_time);
-  motion.poll_idle_s = file.number_or("motion.poll_idle_s", motion.poll_idle_s, some_time);
-  motion.stall_s = file.number_or("motion.stall_s", motion.stall_s, some_time);
-  motion.deadline_margin_s = file.number_or("motion.deadline_margin_s", motion.deadline_margin_s, some_time);
+void read_motion(KeyTable& keys, MotionConfig& motion) {
+  keys.number("motion.position_tolerance_deg", motion.position_tolerance_deg, fine);
+  keys.number("motion.settle_rate_degps", motion.settle_rate_degps, fine);
+  keys.number("motion.settle_s", motion.settle_s, time_or_zero);
+  keys.number("motion.poll_moving_s", motion.poll_moving_s, some_time);
+  keys.number("motion.poll_idle_s", motion.poll_idle_s, some_time);
+  keys.number("motion.stall_s", motion.stall_s, some_time);
+  keys.number("motion.deadline_margin_s", motion.deadline_margin_s, some_time);
 }
 
-void read_dwell(KeyValueFile& file, DwellConfig& dwell) {
-  dwell.max_repeats = static_cast<int>(file.integer_or("dwell.max_repeats", dwell.max_repeats, 0, 100));
-  dwell.stillness_window_s = file.number_or("dwell.stillness_window_s", dwell.stillness_window_s, between(0.1, 60.0));
-  dwell.max_gyro_std_degps = file.number_or("dwell.max_gyro_std_degps", dwell.max_gyro_std_degps, stillness);
-  dwell.max_gyro_peak_degps = file.number_or("dwell.max_gyro_peak_degps", dwell.max_gyro_peak_degps, stillness);
-  dwell.max_accel_std_mps2 = file.number_or("dwell.max_accel_std_mps2", dwell.max_accel_std_mps2, stillness);
-  dwell.max_accel_peak_mps2 = file.number_or("dwell.max_accel_peak_mps2", dwell.max_accel_peak_mps2, stillness);
+void read_dwell(KeyTable& keys, DwellConfig& dwell) {
+  keys.whole("dwell.max_repeats", dwell.max_repeats, 0, 100);
+  keys.number("dwell.stillness_window_s", dwell.stillness_window_s, between(0.1, 60.0));
+  keys.number("dwell.max_gyro_std_degps", dwell.max_gyro_std_degps, stillness);
+  keys.number("dwell.max_gyro_peak_degps", dwell.max_gyro_peak_degps, stillness);
+  keys.number("dwell.max_accel_std_mps2", dwell.max_accel_std_mps2, stillness);
+  keys.number("dwell.max_accel_peak_mps2", dwell.max_accel_peak_mps2, stillness);
 }
 
 // Two keys that cannot both be meant. One may stand at its default, so the line names the one that is in the file and
@@ -151,9 +152,15 @@ void reject_table_contradictions(KeyValueFile& file, const StationConfig& statio
                                                       : std::numeric_limits<double>::infinity();
   for (const Axis axis : all_axes) {
     const AxisLimits& limit = station.axis[static_cast<std::size_t>(axis)];
-    if (limit.max_rate_degps > plausible_rate_degps) {
-      file.reject("axis." + std::string(to_string(axis)) + ".max_rate_degps",
+    if (limit.max_rate_degps <= plausible_rate_degps) continue;
+    const std::string key = "axis." + std::string(to_string(axis)) + ".max_rate_degps";
+    if (file.has(key)) {
+      file.reject(key,
                   "at most plausible.rate_degps of the table's file (" + format_number(plausible_rate_degps) + ")");
+    } else {
+      file.reject(table.map ? "table.map" : "table.dialect",
+                  "a file whose plausible.rate_degps (" + format_number(plausible_rate_degps) + ") is not below " +
+                      key + " (" + format_number(limit.max_rate_degps) + ", its default)");
     }
   }
   // What the operator may type has to count as arrived.
@@ -184,9 +191,10 @@ void reject_clock_contradictions(KeyValueFile& file, StationConfig& station) {
 
 bool is_date(const std::string& text) {
   if (text.size() != 10 || text[4] != '-' || text[7] != '-') return false;
-  const auto month = parse_integer<int>(text.substr(5, 2)), day = parse_integer<int>(text.substr(8, 2));
-  return parse_integer<int>(text.substr(0, 4)) && month && *month >= 1 && *month <= 12 && day && *day >= 1 &&
-         *day <= 31;
+  const auto year = parse_integer<int>(text.substr(0, 4));
+  const auto month = parse_integer<unsigned>(text.substr(5, 2)), day = parse_integer<unsigned>(text.substr(8, 2));
+  return year && month && day &&
+         std::chrono::year_month_day(std::chrono::year(*year), std::chrono::month(*month), std::chrono::day(*day)).ok();
 }
 
 // imu.2.device, imu.3.device, ...: contiguous, every line once.
@@ -212,6 +220,7 @@ void read_further_places(KeyValueFile& file, StationConfig& station) {
 
 Result<StationConfig> station_from(KeyValueFile& file) {
   StationConfig station;
+  KeyTable keys(file);
   station.file = file.file_name();
   file.integer("format", 1, 1);
   station.name = file.has("station.name") ? file.text("station.name") : "unnamed";
@@ -227,23 +236,23 @@ Result<StationConfig> station_from(KeyValueFile& file) {
     station.imu = std::move(*imu);
     read_further_places(file, station);
   }
-  station.clock_speed_up = file.number_or("clock.speed_up", 1.0, between(0.01, 1000.0));
-  station.imu_timeout_s = file.number_or("imu.timeout_s", station.imu_timeout_s, some_time);
-  read_axes(file, station.axis);
-  read_motion(file, station.motion);
-  read_dwell(file, station.dwell);
-  station.resume_rest_s = file.number_or("resume.rest_s", station.resume_rest_s, {0.0, 86400.0});
+  keys.number("clock.speed_up", station.clock_speed_up, between(0.01, 1000.0));
+  keys.number("imu.timeout_s", station.imu_timeout_s, some_time);
+  read_axes(keys, station.axis);
+  read_motion(keys, station.motion);
+  read_dwell(keys, station.dwell);
+  keys.number("resume.rest_s", station.resume_rest_s, {0.0, 86400.0});
   station.limits = read_limits(file);
   station.diagnosis = read_diagnosis_policy(file);
-  station.hooks.done = file.text_or("hook.done", "");
-  station.hooks.fail = file.text_or("hook.fail", "");
-  station.hooks.needs_operator = file.text_or("hook.needs_operator", "");
-  station.hooks.mount = file.text_or("hook.mount", "");
-  station.hooks.mount_time_s = file.number_or("hook.mount_time_s", station.hooks.mount_time_s, between(1.0, 86400.0));
-  station.table_id = file.text_or("table.id", "");
-  station.table_calibration_due = file.text_or("table.calibration_due", "");
+  keys.text("hook.done", station.hooks.done);
+  keys.text("hook.fail", station.hooks.fail);
+  keys.text("hook.needs_operator", station.hooks.needs_operator);
+  keys.text("hook.mount", station.hooks.mount);
+  keys.number("hook.mount_time_s", station.hooks.mount_time_s, between(1.0, 86400.0));
+  keys.text("table.id", station.table_id);
+  keys.text("table.calibration_due", station.table_calibration_due);
   if (!station.table_calibration_due.empty() && !is_date(station.table_calibration_due)) {
-    file.reject("table.calibration_due", "a day as 2026-12-31");
+    file.reject("table.calibration_due", "a day of the calendar, as 2026-12-31");
   }
   const auto path_of = [&file](const char* key) {
     return file.has(key) ? beside(file, file.text(key)) : std::string();

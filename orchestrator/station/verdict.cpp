@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/key_table.h"
 #include "imu_io/recordings/recording_check.h"
 
 namespace turncal {
@@ -43,9 +44,10 @@ bool VerdictLimits::any() const {
 
 VerdictLimits read_limits(KeyValueFile& file) {
   VerdictLimits limits;
-  const auto read = [&file](const std::string& key, Limit& limit) {
-    limit.min = file.number_if(key + ".min");
-    limit.max = file.number_if(key + ".max");
+  KeyTable keys(file);
+  const auto read = [&file, &keys](const std::string& key, Limit& limit) {
+    keys.number(key + ".min", limit.min);
+    keys.number(key + ".max", limit.max);
     if (limit.min && limit.max && !(*limit.min < *limit.max)) {
       file.reject(key + ".min", "a number below " + key + ".max (" + format_number(*limit.max) + ")");
     }
@@ -54,11 +56,13 @@ VerdictLimits read_limits(KeyValueFile& file) {
     if (!parameter_is_free[i]) continue;  // three are 0 by the choice of the body frame: a limit on them is a mistake
     const std::string key = "limit." + std::string(parameter_keys[i]);
     read(key, limits.parameter[i]);
-    limits.sigma_max[i] = file.number_if(key + ".sigma_max", positive);
+    keys.number(key + ".sigma_max", limits.sigma_max[i], positive);
   }
-  limits.residual_max = file.number_if("limit.residual_max", positive);
+  keys.number("limit.residual_max", limits.residual_max, positive);
   read("limit.temperature_c", limits.temperature_c);
-  limits.guard_factor = file.number_or("limit.guard_factor", limits.guard_factor, between(0.0, 10.0));
+  keys.number("limit.heading_deg", limits.heading_deg, positive);
+  keys.number("limit.level_deg", limits.level_deg, positive);
+  keys.number("limit.guard_factor", limits.guard_factor, between(0.0, 10.0));
   return limits;
 }
 
@@ -107,8 +111,7 @@ DiagnosisPolicy read_diagnosis_policy(KeyValueFile& file) {
     const std::string word = file.one_of("diagnosis.extended", {"pass", "hold", "fail"});
     policy.extended = word == "pass" ? UnitVerdict::pass : word == "fail" ? UnitVerdict::fail : UnitVerdict::hold;
   }
-  if (file.has("diagnosis.parameters"))
-    policy.load_extended = file.one_of("diagnosis.parameters", {"base", "extended"}) == "extended";
+  KeyTable(file).chosen("diagnosis.parameters", policy.load_extended, {"base", "extended"});
   return policy;
 }
 

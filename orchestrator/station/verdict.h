@@ -32,6 +32,9 @@ struct VerdictLimits {
   std::optional<double> residual_max;                              // limit.residual_max, of quality.normalised_rms
   Limit temperature_c;        // limit.temperature_c.min, .max: every second of the recording
   double guard_factor = 1.0;  // limit.guard_factor
+  // Of a verification (docs/verification.md), not of a calibration.
+  double heading_deg = 0.012;  // limit.heading_deg
+  double level_deg = 0.012;    // limit.level_deg
   bool any() const;
 };
 

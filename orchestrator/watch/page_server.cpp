@@ -123,16 +123,16 @@ struct PageServer::State {
   }
 
   std::string answer_to(std::string_view request) const {
-    std::string_view rest = request;
-    const std::string_view line = take_line(rest);
+    std::string_view remaining = request;
+    const std::string_view line = next_line(remaining);
     const std::size_t first = line.find(' '), last = line.rfind(' ');
     if (first == std::string_view::npos || last == first || !line.substr(last + 1).starts_with("HTTP/1.")) {
       return refusal(400, "Bad Request");
     }
     std::optional<std::string> host_given;
     bool body = false;
-    while (!rest.empty()) {
-      const std::string_view header = take_line(rest);
+    while (!remaining.empty()) {
+      const std::string_view header = next_line(remaining);
       const std::size_t colon = header.find(':');
       if (colon == std::string_view::npos) continue;
       const std::string name = lower(header.substr(0, colon)), value(trimmed(header.substr(colon + 1)));

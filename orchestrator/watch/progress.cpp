@@ -74,11 +74,11 @@ bool stdout_takes_more() {
   return ::poll(&out, 1, 0) != 0;  // a reader that is gone is an error at once, and no wait
 }
 
-ProgressView::ProgressView(std::ostream& out, int columns, std::function<double()> wall_s,
-                           std::function<bool()> takes_more)
+ProgressPrinter::ProgressPrinter(std::ostream& out, int columns, std::function<double()> wall_s,
+                                 std::function<bool()> takes_more)
     : out_(out), columns_(columns), wall_s_(std::move(wall_s)), takes_more_(std::move(takes_more)) {}
 
-void ProgressView::on_transition(const TransitionRecord& record) {
+void ProgressPrinter::on_transition(const TransitionRecord& record) {
   if (!takes_more_()) return;
   if (columns_ == 0) {
     out_ << format_transition(record) << std::endl;
@@ -88,13 +88,13 @@ void ProgressView::on_transition(const TransitionRecord& record) {
   }
 }
 
-void ProgressView::on_dropout(const Dropout& dropout) {
+void ProgressPrinter::on_dropout(const Dropout& dropout) {
   if (!takes_more_()) return;
   clear();
   out_ << format_dropout(dropout) << std::endl;
 }
 
-void ProgressView::on_progress(const RunSnapshot& snapshot) {
+void ProgressPrinter::on_progress(const RunSnapshot& snapshot) {
   if (columns_ == 0) return;
   const double now_s = wall_s_();
   if (now_s - drawn_s_ < redraw_interval_s || !takes_more_()) return;
@@ -106,7 +106,7 @@ void ProgressView::on_progress(const RunSnapshot& snapshot) {
   out_ << '\r' << line << "\x1b[K" << std::flush;
 }
 
-void ProgressView::clear() {
+void ProgressPrinter::clear() {
   if (!line_shown_ || !takes_more_()) return;
   line_shown_ = false;
   out_ << "\x1b[2K\r" << std::flush;

@@ -13,15 +13,15 @@
 
 namespace turncal {
 
-class ProgressView : public RunObserver {
+class ProgressPrinter : public RunObserver {
  public:
   // columns: width of the terminal, 0 when it is none.
   // wall_s: seconds on any steady clock; only used to limit redrawing.
   // takes_more: false while the stream would block; what is shown then is left out, since the run may not wait for it.
-  ProgressView(
+  ProgressPrinter(
       std::ostream& out, int columns, std::function<double()> wall_s,
       std::function<bool()> takes_more = [] { return true; });
-  ~ProgressView() override { clear(); }
+  ~ProgressPrinter() override { clear(); }
   void on_transition(const TransitionRecord& record) override;
   void on_dropout(const Dropout& dropout) override;
   void on_progress(const RunSnapshot& snapshot) override;

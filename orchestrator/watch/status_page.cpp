@@ -45,18 +45,18 @@ std::string StatusPage::warning() const {
          " can read the status page: it has no access control and is not encrypted";
 }
 
-Result<std::unique_ptr<StatusPage>> StatusPage::open(const std::string& address, const LiveView& view) {
+Result<std::unique_ptr<StatusPage>> StatusPage::open(const std::string& address, const LiveStatus& run) {
   std::unique_ptr<StatusPage> page(new StatusPage);
   State& state = *page->state_;
-  // However often it is asked for, the view is locked and written out a few times a second. Only the server's thread comes here.
+  // However often it is asked for, the status is locked and written out a few times a second. Only the server's thread comes here.
   struct Newest {
     std::string json;
-    double made_s = -1e9;
+    double rendered_s = -1e9;
   };
   const auto newest = std::make_shared<Newest>();
-  const auto status = [&view, &state, newest]() -> const std::string& {
+  const auto status = [&run, &state, newest]() -> const std::string& {
     const double now_s = steady_wall_s();
-    if (now_s - newest->made_s > shown_for_s || newest->made_s < state.fresh_s) *newest = {view.json(), now_s};
+    if (now_s - newest->rendered_s > shown_for_s || newest->rendered_s < state.fresh_s) *newest = {run.json(), now_s};
     return newest->json;
   };
   const auto pages = [&state, status](std::string_view path) -> std::optional<PageText> {

@@ -10,21 +10,21 @@
 #include <string>
 
 #include "calib/types/status.h"
-#include "orchestrator/watch/live_view.h"
+#include "orchestrator/watch/live_status.h"
 
 namespace turncal {
 
 class StatusPage {
  public:
   // "127.0.0.1:8080", "[::1]:8080"; port 0: any free one. The view must outlive the page.
-  static Result<std::unique_ptr<StatusPage>> open(const std::string& address, const LiveView& view);
+  static Result<std::unique_ptr<StatusPage>> open(const std::string& address, const LiveStatus& run);
   ~StatusPage();
   StatusPage(const StatusPage&) = delete;
   StatusPage& operator=(const StatusPage&) = delete;
 
   std::string url() const;
   std::string warning() const;  // of an address that others reach; else empty
-  // After LiveView::end: lets whoever is looking hear of it, for 3 s at most; nobody looking: at once.
+  // After LiveStatus::end: lets whoever is looking hear of it, for 3 s at most; nobody looking: at once.
   void say_goodbye();
 
  private:

@@ -143,11 +143,12 @@ TEST(DiagnosisFaults, ScatterOfScaleFromTurnToTurnIsNotClean) {
   EXPECT_TRUE(d.effect_names.empty()) << told(d);
 }
 
-// Of one gyro alone it once passed for an asymmetry: of three sizes and axes none gets a name, nor is it trusted far from the truth.
+// Of one gyro alone it once passed for an asymmetry: of sizes and axes at random none gets a name, nor is it trusted far from the truth.
 TEST(DiagnosisFaults, ScatterOfOneScaleFactorGetsNoName) {
   std::mt19937_64 random(20261122);
-  for (int axis = 0; axis < 3; ++axis) {
-    const double size = 1e-6 * std::uniform_real_distribution<double>(6.0, 20.0)(random);
+  for (int k = 0; k < 8; ++k) {
+    const int axis = k % 3;
+    const double size = 1e-6 * std::uniform_real_distribution<double>(3.0, 12.0)(random);
     const std::uint64_t seed = random();
     const Diagnosis d = diagnose_with(clean(), [=](const DisturbedMoment& m) {
       AddedReading added;
@@ -156,9 +157,10 @@ TEST(DiagnosisFaults, ScatterOfOneScaleFactorGetsNoName) {
       added.gyro_radps[axis] = size * std::normal_distribution<double>()(own) * m.rate_radps[axis];
       return added;
     });
-    EXPECT_EQ(d.verdict, Verdict::unexplained) << axis << " " << size << ": " << told(d);
-    EXPECT_TRUE(d.effect_names.empty()) << told(d);
-    EXPECT_FALSE(d.trusted);
+    EXPECT_TRUE(d.effect_names.empty()) << axis << " " << size << ": " << told(d);
+    if (d.trusted) {
+      EXPECT_LT(worst_sigmas(d, clean().truth), 4.5) << axis << " " << size << ": " << told(d);
+    }
   }
 }
 

@@ -270,24 +270,5 @@ TEST(JointConditions, GravityWithTheWrongSignIsRefused) {
   EXPECT_NE(r.message.find("gravity has the wrong sign"), std::string::npos) << r.message;
 }
 
-// The same unit, switched on again: new biases, another day's north.
-TEST(JointConditions, BiasesOfASecondRecording) {
-  RigConfig again = unit();
-  again.noise_seed = 1421;
-  const RigRecording second = record(again);
-  CompressedRecording recording = second.recording;
-  for (Segment& segment : recording.segments) segment.heading_deg += 3.0;
-  JointResult of_unit = clean_estimate();
-  of_unit.parameters.N0_degph += Eigen::Vector3d(0.02, -0.02, 0.01);  // as if the first day's had been others
-  of_unit.parameters.A0_g += Eigen::Vector3d(2e-5, 1e-5, -2e-5);
-  const JointResult r = fit_biases(recording, of_unit, of_unit.noise);
-  ASSERT_TRUE(r.converged) << r.message;
-  EXPECT_EQ(r.free.size(), 6u);
-  EXPECT_EQ(r.parameters.n, of_unit.parameters.n);
-  const ParameterVector error = to_vector(r.parameters) - to_vector(second.truth);
-  for (int k = 0; k < 6; ++k)
-    EXPECT_LT(std::abs(error[k]), 5.0 * clean_estimate().sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
-}
-
 }  // namespace
 }  // namespace turncal

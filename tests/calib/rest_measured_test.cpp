@@ -46,7 +46,7 @@ Segments supplied(const std::string& csv, std::int64_t end) {
   Result<std::string> text = read_whole_file(measured + csv);
   EXPECT_TRUE(text.ok());
   std::string_view left = *text;
-  take_line(left);
+  next_line(left);
   std::int64_t at = 0;
   const auto append = [&](SegmentKind kind, std::int64_t to) {
     if (to <= at) return;
@@ -58,7 +58,7 @@ Segments supplied(const std::string& csv, std::int64_t end) {
     at = to;
   };
   while (!left.empty()) {
-    const auto cells = split(take_line(left), ',');
+    const auto cells = split(next_line(left), ',');
     if (cells.size() < 2) continue;
     append(SegmentKind::rotate, std::stoll(std::string(cells[0])));
     append(SegmentKind::still, std::stoll(std::string(cells[1])));

@@ -69,7 +69,7 @@ void requests(fuzz::Input& input) {
                          [](std::byte b) { return std::to_integer<std::uint8_t>(b); });
   for (std::size_t before = bytes.size() + 1; before > bytes.size();) {
     before = bytes.size();
-    const auto request = take_request(bytes, tcp);
+    const auto request = next_request(bytes, tcp);
     if (!request) break;
     fuzz::require(bytes.size() < before);
     if (!request->well_formed) {

@@ -209,7 +209,7 @@ TEST(FrameForms, StuffedAsTheStandardsSay) {
         const std::size_t n = std::min(piece, out.size() - at);
         Bytes room(n + 1);
         std::copy_n(out.begin() + static_cast<std::ptrdiff_t>(at), n, room.begin() + 1);
-        room.resize(unstuffer.take(room.data(), n));
+        room.resize(unstuffer.unstuff(room.data(), n));
         plain.insert(plain.end(), room.begin(), room.end());
       }
       EXPECT_EQ(plain, from_hex(example.plain)) << "in pieces of " << piece;
@@ -233,7 +233,7 @@ TEST(FrameForms, LongGroupsOfCobs) {
       Bytes room(1);
       for (const Bytes& part : {line, Bytes{std::byte{0}}, line}) room.insert(room.end(), part.begin(), part.end());
       Unstuffer unstuffer({StuffingKind::cobs, {}, {}});
-      room.resize(unstuffer.take(room.data(), room.size() - 1));
+      room.resize(unstuffer.unstuff(room.data(), room.size() - 1));
       Bytes twice = plain;
       twice.insert(twice.end(), plain.begin(), plain.end());
       EXPECT_EQ(room, twice) << length << " and " << after;

@@ -30,7 +30,7 @@ TEST(KeyValue, ReadsEveryType) {
   EXPECT_EQ(file.text("name"), "north bench");
   EXPECT_EQ(file.number("site.latitude_deg", between(-90, 90)), 29.53);
   EXPECT_EQ(file.integer("table.turns"), -3);
-  EXPECT_TRUE(file.boolean("manual"));
+  EXPECT_TRUE(file.boolean_or("manual", false));
   EXPECT_EQ(file.one_of("kind", {"serial", "modbus"}), "serial");
   EXPECT_EQ(file.numbers("limits", 3), (std::vector<double>{-1, 2.5, 300}));
   EXPECT_EQ(file.list("effects"), (std::vector<std::string>{"a", "b"}));
@@ -89,7 +89,8 @@ INSTANTIATE_TEST_SUITE_P(
                  "a.conf:2: key 'k' = '0': expected a whole number between 1 and 9"},
         BadValue{"0", [](KeyValueFile& f) { f.integer("k", 1); },
                  "a.conf:2: key 'k' = '0': expected a whole number >= 1"},
-        BadValue{"yes", [](KeyValueFile& f) { f.boolean("k"); }, "a.conf:2: key 'k' = 'yes': expected true or false"},
+        BadValue{"yes", [](KeyValueFile& f) { f.boolean_or("k", true); },
+                 "a.conf:2: key 'k' = 'yes': expected true or false"},
         BadValue{"tcp",
                  [](KeyValueFile& f) {
                    f.one_of("k", {"a", "b", "c"});

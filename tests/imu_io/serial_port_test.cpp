@@ -150,37 +150,7 @@ TEST(SerialPort, ComesBackUnderTheSameName) {
   ASSERT_TRUE(port.ok()) << port.error().message;
   ASSERT_TRUE(pty->write_all("back", 1.0).ok());
   EXPECT_EQ(read_text(*port), "back");
-}
-
-TEST(SerialPort, ThrowsAwayOldInput) {
-  auto pty = Pty::create();
-  ASSERT_TRUE(pty.ok());
-  auto port = SerialPort::open(on(*pty));
-  ASSERT_TRUE(port.ok());
-  ASSERT_TRUE(pty->write_all("old", 1.0).ok());
-  const auto quiet = port->discard_until_quiet(0.05, 1.0);
-  ASSERT_TRUE(quiet.ok());
-  EXPECT_TRUE(*quiet);
-  ASSERT_TRUE(pty->write_all("new", 1.0).ok());
-  EXPECT_EQ(read_text(*port), "new");
   EXPECT_FALSE(port->line_errors().has_value());  // a pty does not count
-}
-
-TEST(SerialPort, ALineThatNeverIsQuietIsToldApart) {
-  auto pty = Pty::create();
-  ASSERT_TRUE(pty.ok());
-  auto port = SerialPort::open(on(*pty));
-  ASSERT_TRUE(port.ok());
-  std::thread talker([&] {
-    for (int i = 0; i < 40; ++i) {
-      EXPECT_TRUE(pty->write_all("x", 1.0).ok());
-      ::usleep(5000);
-    }
-  });
-  const auto quiet = port->discard_until_quiet(0.1, 0.1);
-  talker.join();
-  ASSERT_TRUE(quiet.ok());
-  EXPECT_FALSE(*quiet);
 }
 
 TEST(Pty, WhatIsSentToNobodyIsLost) {

@@ -4,7 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
 #include <functional>
+#include <random>
 
 #include "tests/orchestrator/rig_station.h"
 
@@ -33,6 +36,7 @@ class ChangedUnit : public RunSink {
   }
   Status sync() override { return check_.sync(); }
   Status finish() override { return check_.finish(); }
+  Status unit_fits() const override { return check_.unit_fits(); }
 
  private:
   FirstStepCheck check_;
@@ -51,11 +55,13 @@ struct Found {
   RunState state;
   std::string why;
   double time_s;
+  bool is_of_the_unit;  // by the event that stopped the run
 };
 Found found_with(
     const std::function<void(ImuSample&)>& change,
-    const std::function<void(RecordingInfo&)>& told = [](RecordingInfo&) {}) {
-  RigStation rig(first_step_text);
+    const std::function<void(RecordingInfo&)>& told = [](RecordingInfo&) {},
+    const RigConfig& rig_config = default_rig_config()) {
+  RigStation rig(first_step_text, rig_config);
   ChangedUnit unit(rig.sink, change, told);
   rig.devices.imu.describe(rig.info);
   rig.plan = make_plan(rig.sequence, plan_limits(rig.station, rig.info.sample_period_s));
@@ -64,7 +70,8 @@ Found found_with(
       {&rig.watcher, &rig.stop_requests, [] { return Status{}; }, nullptr, &rig.pause_requests, &rig.end_requests});
   const RunOutcome outcome = run.run();
   EXPECT_TRUE(rig.at_rest());
-  return {outcome.state, outcome.state == RunState::done ? "" : outcome.error.message, rig.clock.now_s()};
+  return {outcome.state, outcome.state == RunState::done ? "" : outcome.error.message, rig.clock.now_s(),
+          rig.watcher.saw(RunEvent::unit_wrong) && !rig.watcher.saw(RunEvent::storage_failed)};
 }
 
 TEST(FirstStep, AGoodUnitPasses) {
@@ -80,6 +87,7 @@ TEST(FirstStep, WrongMountingStopsAfterTheFirstRest) {
   EXPECT_EQ(found.state, RunState::failed);
   EXPECT_NE(found.why.find("the unit's -z is up instead of its +y"), std::string::npos) << found.why;
   EXPECT_LT(found.time_s, 20.0);
+  EXPECT_TRUE(found.is_of_the_unit) << "nothing was wrong with storing";
 }
 
 TEST(FirstStep, EverySignOfAnAccelerometer) {
@@ -97,14 +105,68 @@ TEST(FirstStep, SignsAndAxesOfTheGyros) {
   EXPECT_NE(z.why.find("the turn of pitch by 90 deg was felt about -z"), std::string::npos) << z.why;
   const Found x = found_with([](ImuSample& s) { s.gyro[0] = -s.gyro[0]; });
   EXPECT_NE(x.why.find("the turn of roll by 90 deg was felt about -x"), std::string::npos) << x.why;
-  const Found swapped = found_with([](ImuSample& s) { std::swap(s.gyro[1], s.gyro[2]); });
-  EXPECT_NE(swapped.why.find("felt about +y"), std::string::npos) << swapped.why;
+  const Found swapped = found_with([](ImuSample& s) { std::swap(s.gyro[0], s.gyro[2]); });
+  EXPECT_NE(swapped.why.find("felt about +x"), std::string::npos) << swapped.why;
+  // These the earth's rate shows first, in the first rest.
+  for (const std::function<void(ImuSample&)>& change :
+       {std::function<void(ImuSample&)>([](ImuSample& s) { std::swap(s.gyro[1], s.gyro[2]); }),
+        std::function<void(ImuSample&)>([](ImuSample& s) { s.gyro[1] = -s.gyro[1]; })}) {
+    const Found found = found_with(change);
+    EXPECT_NE(found.why.find("axes and signs of the gyros"), std::string::npos) << found.why;
+    EXPECT_LT(found.time_s, 20.0);
+  }
 }
 
 TEST(FirstStep, TheOtherHemisphere) {
   const Found found = found_with([](ImuSample&) {}, [](RecordingInfo& info) { info.latitude_deg *= -1.0; });
   EXPECT_EQ(found.state, RunState::failed);
   EXPECT_NE(found.why.find("site.latitude_deg is -29.53"), std::string::npos) << found.why;
+  EXPECT_LT(found.time_s, 20.0) << "in the first rest";
+  EXPECT_TRUE(found.is_of_the_unit);
+}
+
+// Other units at other sites. What is told is off by 8 deg and more; what is not told is off by nothing.
+TEST(FirstStep, AnotherLatitude) {
+  std::mt19937 random(14);
+  std::uniform_real_distribution<double> anywhere(-75.0, 75.0), off(8.0, 30.0);
+  for (int draw = 0; draw < 20; ++draw) {
+    RigConfig config = default_rig_config();
+    config.seed = 100 + static_cast<std::uint64_t>(draw);
+    config.site.latitude_deg = anywhere(random);
+    const double at_deg = config.site.latitude_deg, by_deg = at_deg > 0.0 ? -off(random) : off(random);
+    for (const double told_deg : {at_deg, at_deg + by_deg}) {
+      const Found found = found_with([](ImuSample&) {}, [=](RecordingInfo& i) { i.latitude_deg = told_deg; }, config);
+      EXPECT_EQ(found.state, told_deg == at_deg ? RunState::done : RunState::failed)
+          << config.site.latitude_deg << " told as " << told_deg << ": " << found.why;
+      if (told_deg == at_deg) continue;
+      EXPECT_NE(found.why.find("site.latitude_deg is "), std::string::npos) << found.why;
+      EXPECT_LT(found.time_s, 75.0) << "three rests are enough";
+    }
+  }
+}
+
+// Biases as of a unit that is no laser gyro: the poses tell them from the earth's rate, and the latitude is still right.
+TEST(FirstStep, BiasesAreNotTakenForALatitude) {
+  std::mt19937 random(15);
+  std::normal_distribution<double> bias_degph(0.0, 20.0);
+  for (int draw = 0; draw < 20; ++draw) {
+    std::array<double, 3> pulses{};  // of a sample
+    for (double& p : pulses) p = bias_degph(random) * 0.005 / 0.932920;
+    const Found found = found_with([&](ImuSample& s) {
+      for (std::size_t i = 0; i < 3; ++i) s.gyro[i] += pulses[i];
+    });
+    EXPECT_EQ(found.state, RunState::done) << found.why;
+  }
+}
+
+TEST(FirstStep, UpThatLeansAndNumbersThatAreNothing) {
+  const DirectionLimits limits;
+  const Status leaning = judge_force({9.79 * std::sin(0.5), 9.79 * std::cos(0.5), 0.0}, {}, 9.79, limits);
+  ASSERT_FALSE(leaning.ok());
+  EXPECT_NE(leaning.error().message.find("up is 29 deg away from there"), std::string::npos) << leaning.error().message;
+  const Status turned = judge_force({0.0, 0.0, 9.79}, {0.0, 90.0, 0.0}, 9.79, limits);
+  ASSERT_FALSE(turned.ok());
+  EXPECT_NE(turned.error().message.find("expected +9.79, +0, +0;"), std::string::npos) << turned.error().message;
 }
 
 // A unit whose frame is said to be in rad and m/s; what it sends is so many times that.
@@ -130,6 +192,22 @@ TEST(FirstStep, UnitsThatAreWrongAreNamedAfterTheFirstRest) {
   EXPECT_NE(g.why.find("as if they were in g, not m/s^2"), std::string::npos) << g.why;
 }
 
+TEST(FirstStep, PulsesOfAWeightThatNoCalibrationFindsAreNamed) {
+  const auto weighing = [](double arcsec) {
+    RigConfig config = default_rig_config();
+    config.gyro_pulse_arcsec = arcsec;
+    return found_with([](ImuSample&) {}, [](RecordingInfo&) {}, config);
+  };
+  for (const double arcsec : {0.65, 1.0, 1.9})
+    EXPECT_EQ(weighing(arcsec).state, RunState::done) << weighing(arcsec).why;
+  for (const double arcsec : {0.0163, 0.46, 2.5, 53.5}) {
+    const Found found = weighing(arcsec);
+    EXPECT_NE(found.why.find("a pulse weighs"), std::string::npos) << arcsec << ": " << found.why;
+    EXPECT_TRUE(found.is_of_the_unit);
+    EXPECT_LT(found.time_s, 35.0) << "seen in the first turn";
+  }
+}
+
 TEST(FirstStep, AnImpossibleTemperature) {
   const Found found = found_with([](ImuSample& s) { s.temperature_c = 3000.0F; });
   EXPECT_NE(found.why.find("temperature reads 3000 C"), std::string::npos) << found.why;
@@ -148,6 +226,8 @@ TEST(FirstStep, DeadSensors) {
   const char* names[] = {"gyro x", "gyro y", "gyro z", "accelerometer x", "accelerometer y", "accelerometer z"};
   for (std::size_t i = 0; i < 6; ++i) {
     for (const std::int64_t from : {0, 3000}) {
+      // No turn of the first step is about y: once it has lived, it may as well point west. The step that turns about it tells.
+      if (i == 1 && from > 0) continue;
       const auto shown = [i](ImuSample& s) -> double& { return i < 3 ? s.gyro[i] : s.accel[i - 3]; };
       std::int64_t k = 0;
       double last = 0.0;
@@ -166,6 +246,35 @@ TEST(FirstStep, DeadSensors) {
       EXPECT_TRUE(named || earlier) << found.why;
     }
   }
+}
+
+// In pulses as coarse as these to the millisecond, a gyro that points west gives none for minutes.
+TEST(FirstStep, AGyroThatPointsWestIsNotStuck) {
+  RecordingInfo info;
+  info.sample_period_s = 0.001;
+  info.accel_pulse_mps = 5e-4;
+  ChannelLife life(info);
+  const auto turn = [&](std::size_t about, double angle_deg) {
+    constexpr int samples = 36000;
+    const double counts = angle_deg * 3600.0 / 0.932920 / samples;
+    for (int k = 0; k < samples; ++k) {
+      static std::int64_t counter = 0;
+      ImuSample s;
+      s.counter = counter++;
+      for (std::size_t i = 0; i < 3; ++i) s.accel[i] = static_cast<double>((k + static_cast<int>(i)) % 3);
+      s.gyro[about] = counts + (k % 2 == 0 ? 0.5 : -0.5);
+      s.gyro[(about + 1) % 3] = k % 7 == 0 ? 1.0 : 0.0;
+      life.add(s);
+    }
+    life.turned(std::abs(angle_deg));
+  };
+  turn(0, 90.0);  // every gyro but z has lived
+  for (const double angle : {360.0, -360.0, 360.0, -360.0}) turn(0, angle);
+  EXPECT_EQ(life.defect(), "") << "z, across the axis";
+  turn(2, 360.0);
+  EXPECT_EQ(life.defect(), "");
+  for (const double angle : {360.0, -360.0}) turn(1, angle);  // x is silent now, and z lives
+  EXPECT_EQ(life.defect(), "");
 }
 
 }  // namespace

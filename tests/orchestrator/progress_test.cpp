@@ -47,13 +47,13 @@ TEST(Progress, DwellSaysItsKindAndRepeat) {
 TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
   std::ostringstream out;
   double wall_s = 50.0;
-  ProgressView view(out, 41, [&] { return wall_s; });
+  ProgressPrinter progress(out, 41, [&] { return wall_s; });
   TransitionRecord record;
   record.at = moving();
   int calls = 0;
   for (; wall_s < 52.0; wall_s += 0.001, ++calls) {
-    view.on_progress(moving());
-    view.on_transition(record);
+    progress.on_progress(moving());
+    progress.on_transition(record);
   }
   const std::string text = out.str();
   const auto redraws = std::count(text.begin(), text.end(), '\r');
@@ -61,21 +61,21 @@ TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
   EXPECT_LE(redraws, 20);
   EXPECT_NE(text.find("\rstep 2/14  moving  roll 123.46 -> 360.00\x1b[K"), std::string::npos) << "cut to 40 columns";
   EXPECT_EQ(text.find('\n'), std::string::npos) << "the live line never scrolls";
-  view.clear();
+  progress.clear();
   EXPECT_TRUE(out.str().ends_with("\x1b[2K\r"));
 }
 
 TEST(Progress, TerminalSaysAtOnceWhatAPauseWaitsFor) {
   std::ostringstream out;
   const LinePrefix marked(out, "[dry run] ");
-  ProgressView view(out, 80, [] { return 0.0; });
-  view.on_progress(moving());
+  ProgressPrinter progress(out, 80, [] { return 0.0; });
+  progress.on_progress(moving());
   out.str("");
   TransitionRecord record;
   record.at = moving();
   record.event = RunEvent::pause_wanted;
   record.detail = format_pause(record.at);
-  view.on_transition(record);
+  progress.on_transition(record);
   EXPECT_EQ(out.str(), "\x1b[2K\r[dry run] pause asked for: after this move; Ctrl-C again stops now\n");
   for (const auto& [state, text] :
        {std::pair{RunState::homing, "after homing;"}, std::pair{RunState::settling, "after settling;"},
@@ -88,14 +88,14 @@ TEST(Progress, TerminalSaysAtOnceWhatAPauseWaitsFor) {
 TEST(Progress, ElsewhereOnePlainLineATransition) {
   std::ostringstream out;
   const LinePrefix marked(out, "[dry run] ");
-  ProgressView view(out, 0, [] { return 0.0; });
+  ProgressPrinter progress(out, 0, [] { return 0.0; });
   TransitionRecord record;
   record.at = moving();
   record.from = RunState::moving;
   record.to = RunState::settling;
   record.event = RunEvent::arrived;
-  for (int i = 0; i < 100; ++i) view.on_progress(moving());
-  view.on_transition(record);
+  for (int i = 0; i < 100; ++i) progress.on_progress(moving());
+  progress.on_transition(record);
   EXPECT_EQ(
       out.str(),
       "[dry run] 2026-01-01T00:12:34Z     754.500 s  step 2/14  moving -> settling  arrived: roll at 123.4567 deg\n");

@@ -8,7 +8,7 @@
 #include <new>
 #include <thread>
 
-#include "orchestrator/watch/live_view.h"
+#include "orchestrator/watch/live_status.h"
 #include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/run_log.h"
@@ -253,12 +253,12 @@ TEST(PageServer, Addresses) {
 
 LiveRun a_run() { return {.unit = "SN1", .station = "s", .sequence = "q", .folder = "out", .simulated = true}; }
 
-bool says(const LiveView& view, const std::string& headline, const std::string& tone) {
-  return view.json().starts_with("{\"headline\":\"" + headline + "\",\"tone\":\"" + tone + "\"");
+bool says(const LiveStatus& status, const std::string& headline, const std::string& tone) {
+  return status.json().starts_with("{\"headline\":\"" + headline + "\",\"tone\":\"" + tone + "\"");
 }
 
 // What stands in the coloured line is what is so, and green is for what needs nobody.
-TEST(LiveView, HeadlineIsTheStateAsItIs) {
+TEST(LiveStatus, HeadlineIsTheStateAsItIs) {
   LiveRun run = a_run();
   RunSnapshot at;
   at.step_place = 3;
@@ -270,76 +270,76 @@ TEST(LiveView, HeadlineIsTheStateAsItIs) {
   at.eta_s = 100.0;
   at.end_utc_s = at.utc_s + 50.0;  // twins at twice the speed
   {
-    LiveView view(run, steady_wall_s);
-    view.on_progress(at);
-    EXPECT_TRUE(says(view, "Running: step 3/14, moving", "good")) << view.json();
-    EXPECT_NE(view.json().find("\"eta_utc\":\"2026-01-01T00:00:50Z\""), std::string::npos) << view.json();
+    LiveStatus status(run, steady_wall_s);
+    status.on_progress(at);
+    EXPECT_TRUE(says(status, "Running: step 3/14, moving", "good")) << status.json();
+    EXPECT_NE(status.json().find("\"eta_utc\":\"2026-01-01T00:00:50Z\""), std::string::npos) << status.json();
     at.state = RunState::resting;
-    view.on_progress(at);
-    EXPECT_TRUE(says(view, "Running: step 3/14, resting after the interruption", "good")) << view.json();
+    status.on_progress(at);
+    EXPECT_TRUE(says(status, "Running: step 3/14, resting after the interruption", "good")) << status.json();
     at.state = RunState::moving;
     at.units = {{"SN1", 10, 0, ""}, {"SN2", 5, 0, "silent"}};
-    view.on_progress(at);
-    EXPECT_TRUE(says(view, "Running: step 3/14, moving; dropped out: SN2", "attention")) << view.json();
-    view.end("Done: SN1 pass, SN2 dropped out", Tone::good);
-    EXPECT_TRUE(says(view, "Done: SN1 pass, SN2 dropped out; dropped out: SN2", "attention")) << view.json();
+    status.on_progress(at);
+    EXPECT_TRUE(says(status, "Running: step 3/14, moving; dropped out: SN2", "attention")) << status.json();
+    status.end("Done: SN1 pass, SN2 dropped out", Tone::good);
+    EXPECT_TRUE(says(status, "Done: SN1 pass, SN2 dropped out; dropped out: SN2", "attention")) << status.json();
   }
   run.by_hand = true;
   at.units.clear();
-  LiveView view(run, steady_wall_s);
-  view.on_progress(at);
-  EXPECT_TRUE(says(view, "Waits for the operator: step 3/14, turn pitch to 90.00 deg", "attention")) << view.json();
-  EXPECT_NE(view.json().find("\"eta_utc\":\"\""), std::string::npos) << "nobody knows how long a person takes";
-  view.end("Paused: step 3; go on with: turncal resume out", Tone::attention);
-  EXPECT_TRUE(says(view, "Paused: step 3; go on with: turncal resume out", "attention")) << view.json();
+  LiveStatus status(run, steady_wall_s);
+  status.on_progress(at);
+  EXPECT_TRUE(says(status, "Waits for the operator: step 3/14, turn pitch to 90.00 deg", "attention")) << status.json();
+  EXPECT_NE(status.json().find("\"eta_utc\":\"\""), std::string::npos) << "nobody knows how long a person takes";
+  status.end("Paused: step 3; go on with: turncal resume out", Tone::attention);
+  EXPECT_TRUE(says(status, "Paused: step 3; go on with: turncal resume out", "attention")) << status.json();
 }
 
-TEST(LiveView, SaysWhatAPauseWaitsFor) {
-  LiveView view(a_run(), [] { return 0.0; });
-  EXPECT_NE(view.json().find("\"pause\":\"\""), std::string::npos);
+TEST(LiveStatus, SaysWhatAPauseWaitsFor) {
+  LiveStatus status(a_run(), [] { return 0.0; });
+  EXPECT_NE(status.json().find("\"pause\":\"\""), std::string::npos);
   TransitionRecord record;
   record.from = record.to = record.at.state = RunState::dwelling;
   record.event = RunEvent::pause_wanted;
   record.at.item_end_utc_s = 1767225600.0 + 3661.0;
   record.detail = format_pause(record.at);
-  view.on_transition(record);
-  EXPECT_NE(view.json().find("\"pause\":\"pause asked for: after this dwell, at 01:01:01Z; Ctrl-C again stops now\""),
+  status.on_transition(record);
+  EXPECT_NE(status.json().find("\"pause\":\"pause asked for: after this dwell, at 01:01:01Z; Ctrl-C again stops now\""),
             std::string::npos)
-      << view.json();
-  EXPECT_NE(view.json().find("\"last_error\":\"\""), std::string::npos) << "a pause is no error";
+      << status.json();
+  EXPECT_NE(status.json().find("\"last_error\":\"\""), std::string::npos) << "a pause is no error";
 }
 
-TEST(LiveView, TextsAreSafeInsideThePage) {
+TEST(LiveStatus, TextsAreSafeInsideThePage) {
   LiveRun run = a_run();
   run.unit = "</script><b>\"\\";
-  LiveView view(run, steady_wall_s);
-  const std::string json = view.json();
+  LiveStatus status(run, steady_wall_s);
+  const std::string json = status.json();
   EXPECT_EQ(json.find("</script>"), std::string::npos);
   EXPECT_NE(json.find("\\u003c/script>\\u003cb>"), std::string::npos) << json;
   EXPECT_NE(json.find("\\\"\\\\"), std::string::npos) << json;
 }
 
 // One second of a dwell is one point, in deg/s and m/s^2.
-TEST(LiveView, TheDwellSecondBySecond) {
-  LiveView view(a_run(), steady_wall_s);
+TEST(LiveStatus, TheDwellSecondBySecond) {
+  LiveStatus status(a_run(), steady_wall_s);
   RecordingInfo info;
   info.sample_period_s = 0.5;
   info.gyro_increment = IncrementKind::physical;
   info.accel_increment = IncrementKind::physical;
-  view.begin(info);
-  view.begin_segment(SegmentKind::still);
+  status.begin(info);
+  status.begin_segment(SegmentKind::still);
   std::vector<ImuSample> samples(6);
   for (std::size_t i = 0; i < samples.size(); ++i) {
     samples[i].gyro[0] = i < 4 ? 0.0 : 0.01;  // rad in half a second
     samples[i].accel[1] = 4.9;
   }
-  view.add(samples);
-  const std::string json = view.json();
+  status.add(samples);
+  const std::string json = status.json();
   EXPECT_NE(json.find("\"dwell\":[[0,0,1.1459"), std::string::npos) << json;  // 0.02 rad/s
   EXPECT_NE(json.find("\"temperature_c\":null"), std::string::npos);
   EXPECT_NE(json.find("\"still_gyro_degps\":0.66159"), std::string::npos) << json;  // 1.1459 / sqrt 3
-  view.begin_segment(SegmentKind::align);
-  EXPECT_NE(view.json().find("\"dwell\":[[],[],[],[],[],[]]"), std::string::npos);
+  status.begin_segment(SegmentKind::align);
+  EXPECT_NE(status.json().find("\"dwell\":[[],[],[],[],[],[]]"), std::string::npos);
 }
 
 }  // namespace

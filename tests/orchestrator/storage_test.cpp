@@ -123,12 +123,16 @@ TEST_F(Storage, WhatWouldStopARunIsSaidBeforeItBegins) {
     const std::vector<Error> found = preflight(run);
     return found.empty() ? Error{ErrorKind::internal, "nothing"} : found.front();
   };
-  const Error full = first({.station = none, .folder = path("r"), .units = {"SN1"}, .samples = LLONG_MAX / 128});
+  Plan long_one;
+  long_one.samples = LLONG_MAX / 128;
+  const Error full = first({.station = none, .plan = long_one, .folder = path("r"), .units = {"SN1"}});
   EXPECT_EQ(full.kind, ErrorKind::device);
   EXPECT_NE(full.message.find("MiB are free: expected"), std::string::npos) << full.message;
   none.table_calibration_due = "2026-01-01";
-  EXPECT_EQ(first({.station = none, .utc_s = 1767312000.0}).kind, ErrorKind::input);  // 2026-01-02
-  EXPECT_EQ(first({.station = none, .utc_s = 1767312000.0, .overdue_reason = "x"}).kind, ErrorKind::internal);
+  const Plan plan;
+  EXPECT_EQ(first({.station = none, .plan = plan, .utc_s = 1767312000.0}).kind, ErrorKind::input);  // 2026-01-02
+  EXPECT_EQ(first({.station = none, .plan = plan, .utc_s = 1767312000.0, .overdue_reason = "x"}).kind,
+            ErrorKind::internal);
 }
 
 TEST(StorageError, IsADeviceErrorUnlessTheNameIsWrong) {

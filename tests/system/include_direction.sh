@@ -16,7 +16,7 @@ grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*#[[:s
       allowed["turntable_drivers"] = "calib imu_io turntable_drivers"
       allowed["sequences"] = "calib imu_io sequences"
       allowed["orchestrator"] = "calib imu_io turntable_drivers sequences orchestrator"
-      ranks("calib", "types; model; statistics; closed_form joint rests; diagnosis; prediction")
+      ranks("calib", "types; model; statistics; closed_form joint rests navigation; diagnosis; prediction")
       ranks("imu_io", "base; recordings lines; frames; units")
       ranks("turntable_drivers", "table; modbus ascii manual rig; twins")
       ranks("orchestrator", "station; run; watch records; devices; report; jobs; commands; .")

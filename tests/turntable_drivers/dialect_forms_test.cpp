@@ -31,14 +31,16 @@ std::string form_text() {
          "status.bit.in_position = 2\nstatus.bit.homed = 3\nstatus.bit.fault = 5\nstatus.bit.emergency_stop = 6\n";
 }
 
-Dialect form_dialect() {
-  const Result<Dialect> dialect = parse_dialect(form_text(), "form.dialect");
+Dialect parsed(const std::string& text, const std::string& name) {
+  const Result<Dialect> dialect = parse_dialect(text, name);
   EXPECT_TRUE(dialect.ok()) << (dialect.ok() ? "" : dialect.error().message);
   return dialect.ok() ? *dialect : Dialect();
 }
+Dialect form_dialect() { return parsed(form_text(), "form.dialect"); }
 
-struct FormFactory {
-  DialectStation station{form_dialect()};
+template <Dialect (*dialect)()>
+struct CircleFactory {
+  DialectStation station{dialect()};
   SerialTurntable driver{station.described, station.clock};
   Turntable& table() { return driver; }
   void pass(double seconds) { station.pass(seconds); }
@@ -46,26 +48,17 @@ struct FormFactory {
   static constexpr double beyond_limits_deg = 7201.0;
   static constexpr bool must_home = true, must_enable = true;
 };
+using FormFactory = CircleFactory<form_dialect>;
 INSTANTIATE_TYPED_TEST_SUITE_P(DialectForms, TableContract, FormFactory);
 
 // The same, told positions of its circle, to which it goes the shorter way.
 Dialect shorter_dialect() {
   std::string text = form_text() + "axis.heading.way = shorter\naxis.pitch.way = shorter\naxis.roll.way = shorter\n";
   text.replace(text.find("{distance:12}"), 13, "{position:12}");
-  const Result<Dialect> dialect = parse_dialect(text, "shorter.dialect");
-  EXPECT_TRUE(dialect.ok()) << (dialect.ok() ? "" : dialect.error().message);
-  return dialect.ok() ? *dialect : Dialect();
+  return parsed(text, "shorter.dialect");
 }
 
-struct ShorterFactory {
-  DialectStation station{shorter_dialect()};
-  SerialTurntable driver{station.described, station.clock};
-  Turntable& table() { return driver; }
-  void pass(double seconds) { station.pass(seconds); }
-  static constexpr double tolerance_deg = 1e-3;
-  static constexpr double beyond_limits_deg = 7201.0;
-  static constexpr bool must_home = true, must_enable = true;
-};
+using ShorterFactory = CircleFactory<shorter_dialect>;
 INSTANTIATE_TYPED_TEST_SUITE_P(DialectShorterWay, TableContract, ShorterFactory);
 
 using FormTable = FaultTable<DialectStation, SerialTurntable>;

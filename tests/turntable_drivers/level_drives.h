@@ -114,7 +114,7 @@ write.abort = 0 u16 0
 
  private:
   std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) override {
-    const std::optional<ModbusRequest> request = take_request(bytes, true);
+    const std::optional<ModbusRequest> request = next_request(bytes, true);
     if (!request) return {};
     const std::lock_guard lock(mutex);
     LevelDrive& drive = drives[request->unit];

@@ -94,12 +94,36 @@ TEST(RegisterMap, WritesThatWouldMoveUnderAnotherNameAreRefused) {
             std::string::npos);
   EXPECT_NE(error_of(beat, "heartbeat.address = 0x200\nheartbeat.values = 7, 1").find("'heartbeat.values'"),
             std::string::npos);
+  // Half of a number of 32 bits is a register as well, whichever half the drive takes for the high one.
+  EXPECT_NE(error_of("", "write.setup = 0x200 s32 65536, 0x1ff s32 1\n").find("which is write.enable"),
+            std::string::npos);
+  EXPECT_NE(error_of(stop, stop + ", 0x215 s32 1, 0x215 s32 65536").find("which is write.move"), std::string::npos);
   // The same registers with other values, and a release, start nothing.
   EXPECT_EQ(error_of("", "write.setup = 0x200 u16 2, 0x216 u16 2\n"), "accepted");
   EXPECT_NE(error_of(clear, clear + ", 0x216 u16 1, 0x216 u16 0").find("which is write.move"), std::string::npos)
       << "a release does not make good what went before";
   EXPECT_EQ(error_of(clear, clear + ", 0x216 u16 2, 0x216 u16 0"), "accepted");
   EXPECT_EQ(error_of(beat, "heartbeat.address = 0x200\nheartbeat.values = 7, 8"), "accepted");
+}
+
+// A drive that is on may go where its target register says, without any other command.
+TEST(RegisterMap, NothingButAMoveWritesWhereItGoes) {
+  EXPECT_EQ(error_of("", "write.setup = 0x210 s32 0\n"),
+            "my.map:50: key 'write.setup' = '0x210 s32 0': expected no write to register 528, where write.move says "
+            "where to go");
+  EXPECT_NE(error_of("", "write.setup = 0x211 u16 5\n").find("'write.setup'"), std::string::npos) << "half of it";
+  EXPECT_NE(error_of("", "write.setup = 0x20f s32 5\n").find("'write.setup'"), std::string::npos) << "half of it";
+  EXPECT_EQ(error_of("", "write.setup = 0x212 u32 5, 0x20e s32 5\n"), "accepted") << "its neighbours";
+  EXPECT_NE(error_of("heartbeat.address = 0x220", "heartbeat.address = 0x211").find("where write.move says"),
+            std::string::npos);
+  const std::string stop = "write.stop = 0x202 u16 1, 0x202 u16 0";
+  EXPECT_NE(error_of(stop, stop + ", 0x210 s32 0").find("'write.stop'"), std::string::npos);
+  // A command block: another command stands before it.
+  const std::string move = "write.move = 0x210 s32 position + u32 rate + u32 acceleration, 0x216 u16 1";
+  EXPECT_EQ(error_of(move,
+                     "write.setup = 0x20f u16 9, 0x210 s32 0\nwrite.move = 0x20f u16 7, 0x210 s32 position + u32 "
+                     "rate + u32 acceleration, 0x216 u16 1"),
+            "accepted");
 }
 
 TEST(RegisterMap, AxesThatCannotBeToldApartAreRefused) {

@@ -1,8 +1,11 @@
 // A table that takes 150 ms an answer, and units at 1 kHz beside it: they are read while it is awaited.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <atomic>
 #include <thread>
+#include <vector>
 
 #include "imu_io/frames/builtin_frames.h"
 #include "imu_io/frames/frame_encoder.h"
@@ -168,6 +171,64 @@ TEST(SlowTable, ARunReadsItsUnitsMeanwhile) {
   EXPECT_GT(table.hooked, 100);
   EXPECT_FALSE(table.hook);
   EXPECT_EQ(s.sink.sample_count, two_steps_samples);
+}
+
+// The rig's unit as behind a line: what it sends while time passes is there when it is read.
+class BufferedImu : public ImuSource {
+ public:
+  explicit BufferedImu(ImuSource& imu) : imu_(imu) {}
+  void pass(double seconds) {
+    std::array<ImuSample, 64> block;
+    const Result<std::size_t> got = imu_.read(block, seconds);
+    if (got) buffer_.insert(buffer_.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*got));
+  }
+  Status open() override { return imu_.open(); }
+  Result<ImuIdentity> identify() override { return imu_.identify(); }
+  void describe(RecordingInfo& info) const override { imu_.describe(info); }
+  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
+    if (buffer_.empty()) return timeout_s > 0.0 ? imu_.read(out, timeout_s) : Result<std::size_t>(std::size_t{0});
+    const std::size_t count = std::min(out.size(), buffer_.size());
+    std::copy_n(buffer_.begin(), count, out.begin());
+    buffer_.erase(buffer_.begin(), buffer_.begin() + static_cast<std::ptrdiff_t>(count));
+    return count;
+  }
+  ImuLinkCounters counters() const override { return imu_.counters(); }
+  void close() override { imu_.close(); }
+
+ private:
+  ImuSource& imu_;
+  std::vector<ImuSample> buffer_;
+};
+
+// Its answers take longer than a dwell may: the samples are there, and the unit is not called slow.
+TEST(SlowTable, ALateAnswerIsNotTheUnitsFault) {
+  struct Late : LimitedTurntable {
+    using LimitedTurntable::LimitedTurntable;
+    void set_meanwhile(std::function<void()> meanwhile) override { hook = std::move(meanwhile); }
+    Result<AxisStatus> status(Axis axis) override {
+      for (int i = 0; hook && lasts && i < 1000; ++i) {  // 10 s, a look away every 10 ms
+        imu->pass(0.01);
+        hook();
+      }
+      return LimitedTurntable::status(axis);
+    }
+    std::function<void()> hook;
+    BufferedImu* imu = nullptr;
+    bool lasts = false;
+  };
+  RigStation s(two_steps_text);
+  const StationDevices devices = s.devices.devices();
+  BufferedImu imu(devices.imu);
+  Late table(devices.table, {});
+  table.imu = &imu;
+  imu.describe(s.info);
+  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
+  s.watcher.on_tick = [&](const RunSnapshot& now) { table.lasts = now.state == RunState::dwelling; };
+  StationRun run({table, imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
+                 {&s.watcher, &s.stop_requests, {}, nullptr});
+  const RunOutcome outcome = run.run();
+  EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.units[0].lost_samples, 0u);
 }
 
 }  // namespace

@@ -129,6 +129,21 @@ std::vector<DriveFault> drive_faults() {
          });
        },
        RunEvent::table_fault, "exception 4"},
+      {"move_refused_as_an_address", plain,
+       [](ModbusRun& s) {
+         s.station.disturb([](const ModbusRequest& request, AnswerPlan& plan) {
+           if (request.function == 16) plan.pieces[0].bytes = exception_reply(request, 2, true);
+         });
+       },
+       RunEvent::table_fault, "exception 2"},
+      {"reading_refused_as_a_value", plain,
+       [](ModbusRun& s) {
+         s.station.disturb([&s](const ModbusRequest& request, AnswerPlan& plan) {
+           if (request.function == 3 && s.rig_time_s() > in_mid_move_s)
+             plan.pieces[0].bytes = exception_reply(request, 3, true);
+         });
+       },
+       RunEvent::link_lost, "exception 3"},
   };
 }
 
@@ -150,6 +165,20 @@ TEST_P(StationDriveFaults, TableStopsAndTheRunSaysWhy) {
 }
 INSTANTIATE_TEST_SUITE_P(All, StationDriveFaults, testing::ValuesIn(drive_faults()),
                          [](const auto& which) { return std::string(which.param.name); });
+
+// Before anything was told to move a register that the drive does not know is a mistake of the map; homing is a motion.
+TEST(StationFaults, AnIllegalAddressIsTheMapsUntilSomethingMoves) {
+  constexpr int enable_register = 0x200, home_register = 0x201;
+  for (const int refused : {enable_register, home_register}) {
+    ModbusRun s;
+    s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+      if (request.function == 6 && request.address == refused) plan.pieces[0].bytes = exception_reply(request, 2, true);
+    });
+    const RunOutcome outcome = s.run();
+    EXPECT_EQ(outcome.state, RunState::failed);
+    EXPECT_EQ(exit_code(outcome.error.kind), refused == enable_register ? 1 : 50) << outcome.error.message;
+  }
+}
 
 // An overshoot that comes back, and a flicker of the position after done: the settle time begins anew, the dwell is good.
 TEST(StationFaults, OvershootThatComesBack) {

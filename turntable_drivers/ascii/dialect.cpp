@@ -3,8 +3,9 @@
 #include <charconv>
 
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_value.h"
+#include "imu_io/base/key_table.h"
 #include "imu_io/base/text_pieces.h"
+#include "turntable_drivers/ascii/sentence_clash.h"
 
 namespace turncal {
 namespace {
@@ -72,44 +73,39 @@ std::uint32_t crc_number(KeyValueFile& file, const std::string& key, std::option
 
 void read_link(KeyValueFile& file, DialectLink& link) {
   constexpr NumberRange some_time{0.0, 60.0, true};
+  KeyTable keys(file);
   link.tcp = file.one_of("link.kind", {"serial", "tcp"}) == "tcp";
-  link.address = file.text_or("link.address", "");
+  keys.text("link.address", link.address);
   link.serial.device = link.address;
   if (!link.tcp) {
-    link.serial.baud = static_cast<std::uint32_t>(file.integer_or("link.baud", 9600, 50, 4000000));
-    link.serial.data_bits = static_cast<int>(file.integer_or("link.data_bits", 8, 7, 8));
-    const std::string parity = file.one_of_or("link.parity", "none", {"none", "even", "odd"});
-    link.serial.parity = parity == "none"   ? SerialParity::none
-                         : parity == "even" ? SerialParity::even
-                                            : SerialParity::odd;
-    link.serial.stop_bits = static_cast<int>(file.integer_or("link.stop_bits", 1, 1, 2));
+    link.serial.baud = 9600;
+    keys.whole("link.baud", link.serial.baud, 50u, 4000000u);
+    keys.whole("link.data_bits", link.serial.data_bits, 7, 8);
+    keys.chosen("link.parity", link.serial.parity, {"none", "even", "odd"});
+    keys.whole("link.stop_bits", link.serial.stop_bits, 1, 2);
   }
-  link.terminator_out = escaped_text(file, "link.terminator_out", "\r");
-  link.terminator_in = escaped_text(file, "link.terminator_in", "\n");
+  link.terminator_out = escaped_text(file, "link.terminator_out", link.terminator_out);
+  link.terminator_in = escaped_text(file, "link.terminator_in", link.terminator_in);
   if (link.terminator_in.empty()) file.reject("link.terminator_in", "at least one character");
   link.prompt = escaped_text(file, "link.prompt", "");
-  link.echo = file.boolean_or("link.echo", false);
+  keys.flag("link.echo", link.echo);
   link.echo_terminator = link.terminator_out;
   if (link.echo) link.echo_terminator = escaped_text(file, "link.echo_terminator", link.terminator_out);
   if (link.echo && link.echo_terminator.empty()) file.reject("link.echo_terminator", "at least one character");
-  link.prefix = file.text_or("link.prefix", "");
-  const std::string check = file.one_of_or("link.check", "none", {"none", "sum8", "xor", "crc16"});
-  link.check = check == "none"    ? SentenceCheck::none
-               : check == "sum8"  ? SentenceCheck::sum8
-               : check == "crc16" ? SentenceCheck::crc16
-                                  : SentenceCheck::exclusive_or;
+  keys.text("link.prefix", link.prefix);
+  keys.chosen("link.check", link.check, {"none", "sum8", "xor", "crc16"});
   if (link.check == SentenceCheck::crc16) {
     link.crc.polynomial = crc_number(file, "link.crc.polynomial", {});
     link.crc.initial = crc_number(file, "link.crc.initial", 0);
     link.crc.final_xor = crc_number(file, "link.crc.final_xor", 0);
-    link.crc.reflect_input = file.boolean_or("link.crc.reflect_input", false);
-    link.crc.reflect_output = file.boolean_or("link.crc.reflect_output", false);
+    keys.flag("link.crc.reflect_input", link.crc.reflect_input);
+    keys.flag("link.crc.reflect_output", link.crc.reflect_output);
   }
-  link.check_mark = file.text_or("link.check_mark", "*");
-  link.reply_timeout_s = file.number_or("link.reply_timeout_s", link.reply_timeout_s, some_time);
-  link.quiet_s = file.number_or("link.quiet_s", link.quiet_s, some_time);
-  link.gap_s = file.number_or("link.gap_s", link.gap_s, between(0.0, 0.05));
-  link.read_retries = static_cast<int>(file.integer_or("link.read_retries", link.read_retries, 0, 10));
+  keys.text("link.check_mark", link.check_mark);
+  keys.number("link.reply_timeout_s", link.reply_timeout_s, some_time);
+  keys.number("link.quiet_s", link.quiet_s, some_time);
+  keys.number("link.gap_s", link.gap_s, between(0.0, 0.05));
+  keys.whole("link.read_retries", link.read_retries, 0, 10);
 }
 
 void read_steps(KeyValueFile& file, Dialect& dialect) {
@@ -155,14 +151,14 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
                   "unless way = shorter");
     }
   }
-  bool tells_position = false;
+  bool reports_position = false;
   for (const Exchange& exchange : dialect.of(DialectOperation::status).exchanges) {
     if (!exchange.expect) continue;
-    tells_position = tells_position || exchange.expect->has("position") ||
-                     (exchange.expect->has("position.heading") && exchange.expect->has("position.pitch") &&
-                      exchange.expect->has("position.roll"));
+    reports_position = reports_position || exchange.expect->has("position") ||
+                       (exchange.expect->has("position.heading") && exchange.expect->has("position.pitch") &&
+                        exchange.expect->has("position.roll"));
   }
-  if (!tells_position && file.has("status.1")) {
+  if (!reports_position && file.has("status.1")) {
     file.reject("status.1",
                 "an answer (status.1.expect) with {position}, or with {position.heading}, .pitch and .roll");
   }
@@ -198,37 +194,38 @@ void read_status(KeyValueFile& file, DialectStatus& status) {
       for (const DriveBit bit : flag_list("status.active_low")) status.active_low[static_cast<std::size_t>(bit)] = true;
     }
   }
-  if (!status.tells(DriveBit::in_position)) {
+  if (!status.reports(DriveBit::in_position)) {
     file.reject("status.kind", "a code or a bit for in_position: what does not say that it has arrived never has");
   }
 }
 
 Result<Dialect> dialect_from(KeyValueFile& file) {
   Dialect dialect;
+  KeyTable keys(file);
   dialect.file = file.file_name();
   file.integer("format", 1, 1);
   dialect.name = file.text("name");
-  dialect.verified_on_hardware = file.boolean_or("verified_on_hardware", false);
-  dialect.commissioned = file.boolean_or("commissioned", false);
+  keys.flag("verified_on_hardware", dialect.verified_on_hardware);
+  keys.flag("commissioned", dialect.commissioned);
   read_link(file, dialect.link);
   for (const Axis which : all_axes) {
     DialectAxis& axis = dialect.axis[static_cast<std::size_t>(which)];
     const std::string prefix = "axis." + std::string(to_string(which)) + ".";
     axis.name = file.text(prefix + "name");
     axis.sign = file.one_of_or(prefix + "sign", "1", {"1", "-1"}) == "-1" ? -1 : 1;
-    axis.zero_deg = file.number_or(prefix + "zero_deg", 0.0, between(-360.0, 360.0));
-    axis.units_per_degree = file.number_or(prefix + "units_per_degree", 1.0, positive);
-    axis.modulo_deg = file.number_or(prefix + "modulo_deg", 0.0, between(0.0, 3600.0));
-    axis.shorter_way = file.one_of_or(prefix + "way", "told", {"told", "shorter"}) == "shorter";
+    keys.number(prefix + "zero_deg", axis.zero_deg, between(-360.0, 360.0));
+    keys.number(prefix + "units_per_degree", axis.units_per_degree, positive);
+    keys.number(prefix + "modulo_deg", axis.modulo_deg, between(0.0, 3600.0));
+    keys.chosen(prefix + "way", axis.shorter_way, {"told", "shorter"});
     if (axis.shorter_way && axis.modulo_deg == 0.0) file.reject(prefix + "way", "no such key without modulo_deg");
     axis.rate_scale = file.number_or(prefix + "rate_scale", axis.units_per_degree, positive);
     axis.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", axis.rate_scale, positive);
     axis.acceleration_scale = file.number_or(prefix + "acceleration_scale", axis.units_per_degree, positive);
   }
-  dialect.decimals = static_cast<int>(file.integer_or("number.decimals", dialect.decimals, 0, 9));
-  dialect.plus = file.boolean_or("number.plus", false);
+  keys.whole("number.decimals", dialect.decimals, 0, 9);
+  keys.flag("number.plus", dialect.plus);
   read_steps(file, dialect);
-  dialect.can_switch_off = file.boolean_or("switch_off", true);
+  keys.flag("switch_off", dialect.can_switch_off);
   const auto sentences = [&](DialectOperation operation) {
     std::string all;
     for (const Exchange& exchange : dialect.of(operation).exchanges) all += exchange.send.text() + "\n";
@@ -240,10 +237,11 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
   }
   if (file.has("error.texts")) dialect.errors = file.list("error.texts");
   read_status(file, dialect.status);
-  dialect.moving_rate_degps = file.number_or("moving.rate_degps", dialect.moving_rate_degps, positive);
-  dialect.plausible_deg = file.number_or("plausible.angle_deg", dialect.plausible_deg, positive);
-  dialect.plausible_rate_degps = file.number_or("plausible.rate_degps", dialect.plausible_rate_degps, positive);
+  keys.number("moving.rate_degps", dialect.moving_rate_degps, positive);
+  keys.number("plausible.angle_deg", dialect.plausible_deg, positive);
+  keys.number("plausible.rate_degps", dialect.plausible_rate_degps, positive);
   if (Status status = file.check_all_used(); !status) return status.error();
+  if (const auto clash = sentence_clash(dialect)) return file.error_at(clash->key, clash->expected);
   return dialect;
 }
 
@@ -255,7 +253,7 @@ const char* to_string(DialectOperation operation) {
   return names[static_cast<std::size_t>(operation)];
 }
 
-bool DialectStatus::tells(DriveBit bit) const {
+bool DialectStatus::reports(DriveBit bit) const {
   if (by_bits) return mask[static_cast<std::size_t>(bit)] != 0;
   for (const auto& [code, flags] : codes) {
     for (const DriveBit flag : flags) {
@@ -281,7 +279,7 @@ std::string caution_of(const Dialect& dialect) {
   if (!dialect.can_switch_off) {
     return "switch_off = false: its drives stay on after every run, with nobody to watch them";
   }
-  if (dialect.status.tells(DriveBit::enabled)) return "";
+  if (dialect.status.reports(DriveBit::enabled)) return "";
   return "its status does not tell whether a drive is on: that they are off is what was commanded, not what was read";
 }
 
@@ -297,7 +295,7 @@ DialectFlags flags_of(const DialectStatus& status, const std::string& word) {
   for (int i = 0; i < drive_bit_count; ++i) {
     const auto at = static_cast<std::size_t>(i);
     const auto bit = static_cast<DriveBit>(i);
-    if (!status.tells(bit)) continue;
+    if (!status.reports(bit)) continue;
     if (!result.known) {
       result.flag[at] = bit == DriveBit::moving;
     } else if (status.by_bits) {
@@ -329,7 +327,7 @@ std::string word_of(const DialectStatus& status, const std::array<bool, drive_bi
     int score = 0;
     for (std::size_t i = 0; i < flags.size(); ++i) {
       const auto bit = static_cast<DriveBit>(i);
-      if (!status.tells(bit)) continue;
+      if (!status.reports(bit)) continue;
       bool says = false;
       for (const DriveBit flag : named) says = says || flag == bit;
       const bool grave = bit == DriveBit::fault || bit == DriveBit::emergency_stop;

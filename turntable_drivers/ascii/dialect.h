@@ -79,7 +79,7 @@ struct DialectStatus {
   std::array<std::uint32_t, drive_bit_count> mask{};  // 0: not told
   std::array<bool, drive_bit_count> active_low{};
   // What the device can tell at all; the rest is known from what was commanded.
-  bool tells(DriveBit bit) const;
+  bool reports(DriveBit bit) const;
 };
 
 struct Dialect {

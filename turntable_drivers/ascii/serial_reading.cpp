@@ -22,30 +22,30 @@ Result<SerialTurntable::Reading> SerialTurntable::read_once(Axis axis) {
   const std::string suffix = std::string(".") + to_string(axis);
   std::optional<double> position_deg;
   Reading reading;
-  bool status_told = false;
+  bool status_read = false;
   for (const Exchange& exchange : dialect_.of(DialectOperation::status).exchanges) {
     const Result<Values> values = talk(exchange, axis, commands_);
     if (!values) return values.error();
-    const auto tells = [&](const std::string& name) {
+    const auto answered = [&](const std::string& name) {
       return values->count(name) != 0 || values->count(name + suffix) != 0;
     };
-    if (tells("position")) {
+    if (answered("position")) {
       const Result<double> value = number(axis, *values, "position");
       if (!value) return value.error();
       position_deg = scale.sign * *value / scale.units_per_degree + scale.zero_deg;
     }
-    if (tells("rate")) {
+    if (answered("rate")) {
       const Result<double> value = number(axis, *values, "rate");
       if (!value) return value.error();
       reading.rate_degps = scale.sign * *value / scale.measured_rate_scale;
     }
-    if (tells("status")) {
+    if (answered("status")) {
       const auto place = values->find("status");
       reading.flags = flags_of(dialect_.status, place != values->end() ? place->second : values->at("status" + suffix));
-      status_told = true;
+      status_read = true;
     }
   }
-  if (!position_deg || !status_told) return axis_error(axis, "no position or no status in the answers");
+  if (!position_deg || !status_read) return axis_error(axis, "no position or no status in the answers");
   reading.position_deg = *position_deg;
   if (scale.modulo_deg > 0.0) {
     reading.position_deg =
@@ -94,17 +94,17 @@ Result<AxisStatus> SerialTurntable::status(Axis axis) {
   report.moving =
       flags[DriveBit::moving].value_or(!(std::abs(report.rate_degps) <= dialect_.moving_rate_degps)) || !flags.known;
   report.drive_on =
-      flags[DriveBit::enabled].value_or(commanded_on_) || (!flags.known && dialect_.status.tells(DriveBit::enabled));
+      flags[DriveBit::enabled].value_or(commanded_on_) || (!flags.known && dialect_.status.reports(DriveBit::enabled));
   memory.drive_on = report.drive_on;
   report.enabled = enable_called_ && flags.known && flags[DriveBit::enabled].value_or(true);
-  const bool tells_homed = dialect_.status.tells(DriveBit::homed);
+  const bool reports_homed = dialect_.status.reports(DriveBit::homed);
   // A device that knows only a circle has forgotten the turns after a lost link: it has to be homed again.
   const bool turns_known = dialect_.of(axis).modulo_deg == 0.0 || memory.home_called;
-  const bool homed = tells_homed ? flags[DriveBit::homed].value_or(false)
-                                 : memory.homed || (memory.home_called && report.in_position && !report.moving);
+  const bool homed = reports_homed ? flags[DriveBit::homed].value_or(false)
+                                   : memory.homed || (memory.home_called && report.in_position && !report.moving);
   // Without a flag of its own, "arrived" may be the old one: it counts from the fourth reading on, or once it was seen gone.
-  report.homed =
-      memory.judge_homed(homed && turns_known, report.moving || (!tells_homed && !report.in_position && !memory.homed));
+  report.homed = memory.judge_homed(homed && turns_known,
+                                    report.moving || (!reports_homed && !report.in_position && !memory.homed));
   report.limit = flags[DriveBit::limit_positive].value_or(false) || flags[DriveBit::limit_negative].value_or(false);
   report.fault = flags[DriveBit::fault].value_or(false);
   report.emergency_stop = flags[DriveBit::emergency_stop].value_or(false);

@@ -23,8 +23,8 @@ std::string fixed(double value, int decimals, bool plus) {
 // From 0 to below a turn, as it is written with so many decimals.
 double on_circle(double units, double turn, int decimals) {
   const double grain = std::pow(10.0, -decimals);
-  const double rest = grain * std::round((units - turn * std::floor(units / turn)) / grain);
-  return rest >= turn ? 0.0 : rest;
+  const double remainder = grain * std::round((units - turn * std::floor(units / turn)) / grain);
+  return remainder >= turn ? 0.0 : remainder;
 }
 
 constexpr double longest_leg = 0.45;  // of a circle
@@ -172,7 +172,7 @@ Status SerialTurntable::enable() {
     if (now->emergency_stop || now->fault)
       return axis_error(axis, "enable: fault or emergency stop: expected it cleared");
   }
-  told_off_ = false;
+  commanded_off_ = false;
   commanded_on_ = true;
   for (AxisMemory& memory : memory_) memory.drive_on.reset();
   if (Status status = carry_out_for_all(DialectOperation::enable); !status) return status;
@@ -273,7 +273,7 @@ Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
   way_ = {};
   const bool all_off =
       std::all_of(memory_.begin(), memory_.end(), [](const AxisMemory& memory) { return memory.drive_on == false; });
-  if (told_off_ || all_off) operation = DialectOperation::abort;
+  if (commanded_off_ || all_off) operation = DialectOperation::abort;
   stop_.handled();
   if (!line_.is_open()) {
     enable_called_ = false;
@@ -302,7 +302,7 @@ Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
 Status SerialTurntable::stop_all() { return carry_out_at_once(DialectOperation::stop); }
 
 Status SerialTurntable::abort_all() {
-  told_off_ = true;
+  commanded_off_ = true;
   const Status status = carry_out_at_once(DialectOperation::abort);
   if (status) commanded_on_ = false;
   enable_called_ = false;

@@ -89,8 +89,8 @@ class SerialTurntable : public Turntable {
   std::string lost_reason_;
   bool was_connected_ = false;
   bool enable_called_ = false;
-  bool told_off_ = false;      // since enable()
-  bool commanded_on_ = false;  // enable was sent, and no abort was taken since
+  bool commanded_off_ = false;  // since enable()
+  bool commanded_on_ = false;   // enable was sent, and no abort was taken since
   std::array<AxisMemory, 3> memory_;
   std::array<Command, 3> commands_;            // the last of each axis
   std::array<std::optional<Command>, 3> way_;  // what the present leg is a part of

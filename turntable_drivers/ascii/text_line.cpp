@@ -161,17 +161,17 @@ Result<std::string> TextLine::body_of(std::string frame) const {
 }
 
 Result<std::string> TextLine::bodies_of(const std::string& frames, int lines) {
-  std::string rest = frames;
-  if (rest.ends_with(link_.terminator_in)) rest.resize(rest.size() - link_.terminator_in.size());
+  std::string remaining = frames;
+  if (remaining.ends_with(link_.terminator_in)) remaining.resize(remaining.size() - link_.terminator_in.size());
   std::string bodies;
   int count = 0;
-  for (bool more = !rest.empty() || lines > 0; more;) {
-    const std::size_t end = rest.find(link_.terminator_in);
+  for (bool more = !remaining.empty() || lines > 0; more;) {
+    const std::size_t end = remaining.find(link_.terminator_in);
     more = end != std::string::npos;
-    const Result<std::string> body = body_of(rest.substr(0, end));
+    const Result<std::string> body = body_of(remaining.substr(0, end));
     if (!body) return body.error();
     bodies += (count++ > 0 ? "\n" : "") + *body;
-    if (more) rest.erase(0, end + link_.terminator_in.size());
+    if (more) remaining.erase(0, end + link_.terminator_in.size());
   }
   if (count == lines || (lines == 0 && count == 1)) return bodies;  // what was not asked for is for the caller to judge
   return failure("answer '" + visible(frames) + "': expected " +

@@ -66,12 +66,12 @@ void ManualTurntable::look_at_input() {
   check_answer();
   // Of a rehearsal nothing is read that could not be taken: it is the answer to a later question.
   if (rehearsed_) {
-    take_lines();
-    if (waits_for_answer() && read_input(true)) take_lines();
+    handle_lines();
+    if (waits_for_answer() && read_input(true)) handle_lines();
     if (waits_for_answer() && input_ended_)
       end(ErrorKind::interrupted, "end of input: expected the operator's answers");
   } else {
-    while (read_input(false)) take_lines();
+    while (read_input(false)) handle_lines();
     if (input_ended_) end(ErrorKind::interrupted, "end of input: expected the operator's answers");
   }
   keep_limits();
@@ -92,7 +92,7 @@ bool ManualTurntable::read_input(bool wait) {
   return true;
 }
 
-void ManualTurntable::take_lines() {
+void ManualTurntable::handle_lines() {
   for (std::size_t at; (at = typed_.find('\n')) != std::string::npos && !end_ && (!rehearsed_ || waits_for_answer());) {
     const std::string line(trimmed(std::string_view(typed_).substr(0, at)));
     typed_.erase(0, at + 1);
@@ -120,7 +120,7 @@ void ManualTurntable::answer(const std::string& line) {
   if (line.empty()) return;
   const std::size_t blank = line.find(' ');
   std::string word = line.substr(0, blank);
-  const std::string rest(blank == std::string::npos ? "" : trimmed(std::string_view(line).substr(blank)));
+  const std::string argument(blank == std::string::npos ? "" : trimmed(std::string_view(line).substr(blank)));
   std::transform(word.begin(), word.end(), word.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   const auto is = [&](const char* name) { return word == name || word == std::string(1, name[0]); };
@@ -154,15 +154,15 @@ void ManualTurntable::answer(const std::string& line) {
   } else if (paused_) {
     say("Paused. Type continue first.");
   } else if (is("skip")) {
-    if (rest.empty()) return say("Why? Type skip and the reason.");
-    end(ErrorKind::interrupted, "skipped by the operator: " + rest);
-    say("Skipped: " + rest);
+    if (argument.empty()) return say("Why? Type skip and the reason.");
+    end(ErrorKind::interrupted, "skipped by the operator: " + argument);
+    say("Skipped: " + argument);
   } else if (rehearsed_ && word == "turn") {
-    turn_rehearsed(rest);
+    turn_rehearsed(argument);
   } else if (rehearsed_ && word == "say") {
-    take_angle(rest, true);
+    handle_angle(argument, true);
   } else {
-    take_angle(line, false);
+    handle_angle(line, false);
   }
 }
 
@@ -176,7 +176,7 @@ void ManualTurntable::turn_rehearsed(const std::string& axis_and_angle) {
   rehearsed_->turn(*axis, *angle_deg, queue_.front().rate_degps, queue_.front().acceleration_degps2);
 }
 
-void ManualTurntable::take_angle(const std::string& text, bool turned) {
+void ManualTurntable::handle_angle(const std::string& text, bool turned) {
   const Wanted now = queue_.front();
   const std::optional<double> typed_deg = device_number(text);
   if (!typed_deg) {

@@ -15,7 +15,7 @@ ManualTurntable::ManualTurntable(ManualSettings settings, const Clock& clock, in
     : settings_(settings), clock_(clock), input_(input), out_(out), sense_(std::move(sense)) {}
 
 void ManualTurntable::say(const std::string& text) {
-  for (std::string_view rest = text; !rest.empty();) out_ << take_line(rest) << '\n';
+  for (std::string_view remaining = text; !remaining.empty();) out_ << next_line(remaining) << '\n';
   out_ << std::flush;
 }
 

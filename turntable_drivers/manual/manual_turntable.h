@@ -102,10 +102,10 @@ class ManualTurntable : public Turntable {
   Status usable();  // connected, and what was asked for can still be answered
   void look_at_input();
   bool read_input(bool wait);  // whether there may be more
-  void take_lines();
+  void handle_lines();
   void keep_limits();
   void answer(const std::string& line);
-  void take_angle(const std::string& text, bool turned);
+  void handle_angle(const std::string& text, bool turned);
   void turn_rehearsed(const std::string& axis_and_angle);
   void check_answer();
   std::optional<std::string> gravity_objection(Axis axis, double angle_deg) const;

@@ -77,7 +77,7 @@ std::uint16_t modbus_crc(std::span<const std::uint8_t> bytes) {
   return static_cast<std::uint16_t>(crc);
 }
 
-std::optional<ModbusRequest> take_request(std::vector<std::uint8_t>& bytes, bool tcp) {
+std::optional<ModbusRequest> next_request(std::vector<std::uint8_t>& bytes, bool tcp) {
   const auto drop = [&bytes](std::size_t n) {
     bytes.erase(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
   };

@@ -29,7 +29,7 @@ struct ModbusRequest {
 
 // The next request at the front of `bytes`, which it is taken off. Empty: not complete yet. Bytes that cannot begin a frame
 // (RTU: CRC wrong) are dropped one by one.
-std::optional<ModbusRequest> take_request(std::vector<std::uint8_t>& bytes, bool tcp);
+std::optional<ModbusRequest> next_request(std::vector<std::uint8_t>& bytes, bool tcp);
 
 Frame read_reply(const ModbusRequest& request, std::span<const std::uint16_t> values, bool tcp);
 Frame write_reply(const ModbusRequest& request, bool tcp);

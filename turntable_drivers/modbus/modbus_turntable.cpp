@@ -140,7 +140,7 @@ Status ModbusTurntable::enable() {
     if (now->emergency_stop) return axis_error(axis, "enable: emergency stop is pressed");
     if (now->fault) return axis_error(axis, "enable: drive fault: expected it cleared");
     if (map_.once(DriveOperation::enable) && axis != Axis::roll) continue;  // all three were looked at
-    told_off_ = false;
+    commanded_off_ = false;
     memory_[index(axis)].drive_on.reset();
     if (Status status = write_list(axis, DriveOperation::enable, {}); !status) return status;
   }
@@ -209,7 +209,7 @@ Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
   const bool all_off =
       std::all_of(memory_.begin(), memory_.end(), [](const AxisMemory& memory) { return memory.drive_on == false; });
   const auto operation_of = [&](Axis axis) {
-    const bool is_off = told_off_ || (map_.once(operation) ? all_off : memory_[index(axis)].drive_on == false);
+    const bool is_off = commanded_off_ || (map_.once(operation) ? all_off : memory_[index(axis)].drive_on == false);
     return is_off ? DriveOperation::abort : operation;
   };
   const auto send = [&](Axis axis, const WriteStep& step, bool at_once) -> Status {
@@ -258,7 +258,7 @@ Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
 Status ModbusTurntable::stop_all() { return write_to_all_at_once(DriveOperation::stop); }
 
 Status ModbusTurntable::abort_all() {
-  told_off_ = true;
+  commanded_off_ = true;
   const Status status = write_to_all_at_once(DriveOperation::abort);
   enable_called_ = false;
   return status;

@@ -81,7 +81,7 @@ class ModbusTurntable : public Turntable {
   bool connected_ = false;
   bool was_connected_ = false;
   bool enable_called_ = false;
-  bool told_off_ = false;  // since enable()
+  bool commanded_off_ = false;  // since enable()
   std::array<AxisMemory, 3> memory_;
   std::array<std::size_t, 3> beats_{};
   Moves moves_{};             // the last of each axis, for tables that are told of all three

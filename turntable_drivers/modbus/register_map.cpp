@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/key_table.h"
 #include "imu_io/base/text_pieces.h"
 #include "turntable_drivers/modbus/write_clash.h"
 
@@ -55,21 +56,22 @@ void read_link(KeyValueFile& file, ModbusLinkSettings& link) {
   const std::string kind = file.one_of("link.kind", {"tcp", "rtu", "rtu_tcp"});
   link.tcp = kind != "rtu";
   link.rtu_frames = kind == "rtu_tcp";
-  link.address = file.text_or("link.address", "");
+  KeyTable keys(file);
+  keys.text("link.address", link.address);
   if (!link.tcp) {
-    link.baud = static_cast<std::uint32_t>(file.integer_or("link.baud", link.baud, 300, 4000000));
-    const std::string parity = file.one_of_or("link.parity", "even", {"none", "even", "odd"});
-    link.parity = parity == "none" ? SerialParity::none : parity == "even" ? SerialParity::even : SerialParity::odd;
-    link.stop_bits = static_cast<int>(file.integer_or("link.stop_bits", link.stop_bits, 1, 2));
+    keys.whole("link.baud", link.baud, 300u, 4000000u);
+    keys.chosen("link.parity", link.parity, {"none", "even", "odd"});
+    keys.whole("link.stop_bits", link.stop_bits, 1, 2);
   }
-  link.response_timeout_s = file.number_or("link.response_timeout_s", link.response_timeout_s, some_time);
-  link.byte_timeout_s = file.number_or("link.byte_timeout_s", link.byte_timeout_s, some_time);
-  link.quiet_s = file.number_or("link.quiet_s", link.quiet_s, some_time);
-  link.gap_s = file.number_or("link.gap_s", link.gap_s, between(0.0, 0.05));
-  link.read_retries = static_cast<int>(file.integer_or("link.read_retries", link.read_retries, 0, 10));
+  keys.number("link.response_timeout_s", link.response_timeout_s, some_time);
+  keys.number("link.byte_timeout_s", link.byte_timeout_s, some_time);
+  keys.number("link.quiet_s", link.quiet_s, some_time);
+  keys.number("link.gap_s", link.gap_s, between(0.0, 0.05));
+  keys.whole("link.read_retries", link.read_retries, 0, 10);
 }
 
 void read_axes(KeyValueFile& file, RegisterMap& map) {
+  KeyTable keys(file);
   for (const Axis which : all_axes) {
     MapAxis& axis = map.axis[static_cast<std::size_t>(which)];
     const std::string prefix = "axis." + std::string(to_string(which)) + ".";
@@ -79,8 +81,8 @@ void read_axes(KeyValueFile& file, RegisterMap& map) {
     }
     axis.counts_per_degree = file.number(prefix + "counts_per_degree", positive);
     axis.sign = file.one_of_or(prefix + "sign", "1", {"1", "-1"}) == "-1" ? -1 : 1;
-    axis.zero_deg = file.number_or(prefix + "zero_deg", 0.0, between(-360.0, 360.0));
-    axis.modulo_deg = file.number_or(prefix + "modulo_deg", 0.0, between(0.0, 3600.0));
+    keys.number(prefix + "zero_deg", axis.zero_deg, between(-360.0, 360.0));
+    keys.number(prefix + "modulo_deg", axis.modulo_deg, between(0.0, 3600.0));
     axis.rate_scale = file.number_or(prefix + "rate_scale", axis.counts_per_degree, positive);
     axis.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", axis.rate_scale, positive);
     axis.acceleration_scale = file.number_or(prefix + "acceleration_scale", axis.counts_per_degree, positive);
@@ -89,7 +91,8 @@ void read_axes(KeyValueFile& file, RegisterMap& map) {
 }
 
 void read_status_block(KeyValueFile& file, RegisterMap& map) {
-  map.status_function = static_cast<int>(file.integer_or("status.function", 3, 3, 4));
+  KeyTable keys(file);
+  keys.whole("status.function", map.status_function, 3, 4);
   map.status_address = static_cast<int>(hex_or_decimal(file, "status.address", 0, 65535));
   map.status_count = static_cast<int>(file.integer("status.count", 1, longest_block));
   if (file.has("status2.address")) {
@@ -163,9 +166,9 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
       axis.bits[static_cast<std::size_t>(i)] = bit;
     }
   }
-  map.moving_rate_degps = file.number_or("moving.rate_degps", map.moving_rate_degps, positive);
-  map.plausible_deg = file.number_or("plausible.angle_deg", map.plausible_deg, positive);
-  map.plausible_rate_degps = file.number_or("plausible.rate_degps", map.plausible_rate_degps, positive);
+  keys.number("moving.rate_degps", map.moving_rate_degps, positive);
+  keys.number("plausible.angle_deg", map.plausible_deg, positive);
+  keys.number("plausible.rate_degps", map.plausible_rate_degps, positive);
 }
 
 void read_writes(KeyValueFile& file, RegisterMap& map) {
@@ -225,7 +228,8 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
       file.reject("write.move", "distance: with modulo_deg a position does not say how many turns to go");
     }
   }
-  map.can_switch_off = file.boolean_or("switch_off", true);
+  KeyTable keys(file);
+  keys.flag("switch_off", map.can_switch_off);
   if (map.can_switch_off && !map.list(DriveOperation::stop).empty() &&
       map.list(DriveOperation::stop) == map.list(DriveOperation::abort)) {
     file.reject("write.abort",
@@ -242,8 +246,8 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
       }
       if (map.heartbeat_values.empty()) file.reject("heartbeat.values", "at least one number");
     }
-    map.heartbeat_period_s = file.number_or("heartbeat.period_s", map.heartbeat_period_s, {0.0, 60.0, true});
-    map.watchdog_s = file.number_or("heartbeat.watchdog_s", map.watchdog_s, {0.0, 600.0, true});
+    keys.number("heartbeat.period_s", map.heartbeat_period_s, {0.0, 60.0, true});
+    keys.number("heartbeat.watchdog_s", map.watchdog_s, {0.0, 600.0, true});
     if (map.watchdog_s < 2.0 * map.heartbeat_period_s) {
       file.reject(file.has("heartbeat.watchdog_s") ? "heartbeat.watchdog_s" : "heartbeat.period_s",
                   "heartbeat.watchdog_s at least twice heartbeat.period_s");
@@ -253,16 +257,16 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
 
 Result<RegisterMap> map_from(KeyValueFile& file) {
   RegisterMap map;
+  KeyTable keys(file);
   map.file = file.file_name();
   file.integer("format", 1, 1);
   map.name = file.text("name");
-  map.verified_on_hardware = file.boolean_or("verified_on_hardware", false);
-  map.commissioned = file.boolean_or("commissioned", false);
+  keys.flag("verified_on_hardware", map.verified_on_hardware);
+  keys.flag("commissioned", map.commissioned);
   map.layout.high_word_first = file.one_of("words.order", {"high_first", "low_first"}) == "high_first";
-  map.layout.swap_bytes = file.boolean_or("words.swap_bytes", false);
-  map.acceleration_is_ramp_time =
-      file.one_of_or("acceleration.kind", "proportional", {"proportional", "ramp_time"}) == "ramp_time";
-  map.home_by_encoder = file.one_of_or("home.kind", "search", {"search", "encoder"}) == "encoder";
+  keys.flag("words.swap_bytes", map.layout.swap_bytes);
+  keys.chosen("acceleration.kind", map.acceleration_is_ramp_time, {"proportional", "ramp_time"});
+  keys.chosen("home.kind", map.home_by_encoder, {"search", "encoder"});
   read_link(file, map.link);
   read_axes(file, map);
   read_status_block(file, map);

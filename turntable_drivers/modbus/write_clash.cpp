@@ -10,11 +10,14 @@ namespace {
 
 using Register = std::pair<int, int>;  // unit, address
 
-// One number that a list writes, in its order.
+// One register that a list writes, in its order: a number of several registers is as many of these, since that is what the drive gets.
 struct Written {
   Register place;
   std::optional<double> value;  // none: what a move asks for
   std::vector<std::uint16_t> words;
+  int registers = 1;
+  bool target = false;  // where a move goes
+  int number = 0;       // of the list's numbers
 };
 
 // A release: 0 after another value.
@@ -26,19 +29,27 @@ bool releases(const std::vector<Written>& before, const Written& now) {
 
 std::vector<Written> written_by(const RegisterMap& map, DriveOperation operation, Axis axis) {
   std::vector<Written> all;
+  int number = 0;
   for (const WriteStep& step : map.list(operation)) {
     int address = map.address_of(step, operation, axis);
     for (const WriteOperand& operand : step.operands) {
       Written now{{map.unit_of(operation, axis), address}, {}, {}};
       if (operand.kind == WriteOperand::Kind::constant) now.value = operand.constant;
       if (operand.kind == WriteOperand::Kind::axis) now.value = map.of(operand.of_axis.value_or(axis)).code;
-      if (now.value) {
-        if (const auto words = encode_words(*now.value, operand.type, map.layout)) {
-          now.words.assign(words->span().begin(), words->span().end());
-        }
+      now.registers = register_count(operand.type);
+      now.target = operand.kind == WriteOperand::Kind::position || operand.kind == WriteOperand::Kind::distance;
+      now.number = ++number;
+      const int first = std::exchange(address, address + now.registers);
+      const auto words = now.value ? encode_words(*now.value, operand.type, map.layout) : std::nullopt;
+      if (!words) {
+        all.push_back(std::move(now));
+        continue;
       }
-      address += register_count(operand.type);
-      if (!releases(all, now)) all.push_back(std::move(now));
+      int at = first;
+      for (const std::uint16_t word : words->span()) {
+        const Written one{{now.place.first, at++}, static_cast<double>(word), {word}, 1, false, number};
+        if (!releases(all, one)) all.push_back(one);
+      }
     }
   }
   return all;
@@ -47,16 +58,23 @@ std::vector<Written> written_by(const RegisterMap& map, DriveOperation operation
 // What starts an operation, as it stands in its list.
 std::vector<Written> triggers_of(const std::vector<Written>& list, DriveOperation operation) {
   if (list.empty()) return {};
-  if (operation == DriveOperation::enable) return {list.back()};
+  std::vector<Written> last;  // the registers of the last number; of several those that are not 0
+  for (const Written& written : list)
+    if (written.number == list.back().number) last.push_back(written);
+  if (last.size() > 1) std::erase_if(last, [](const Written& written) { return written.value == 0.0; });
+  if (last.empty()) last.push_back(list.back());
+  if (operation == DriveOperation::enable) return last;
   std::vector<Written> found;
   for (const Written& written : list) {
-    if (written.place == list.back().place) found.push_back(written);
+    const bool there =
+        std::any_of(last.begin(), last.end(), [&](const Written& l) { return l.place == written.place; });
+    if (there && (written.value != 0.0 || last.size() == 1)) found.push_back(written);
   }
   return found;
 }
 
 // Another register that both write with different values before: another command.
-bool told_apart(const std::vector<Written>& one, const std::vector<Written>& other, const Register& trigger) {
+bool differ(const std::vector<Written>& one, const std::vector<Written>& other, const Register& trigger) {
   for (const Written& a : one) {
     if (a.place == trigger || !a.value) continue;
     const auto same_place = [&](const Written& b) { return b.place == a.place; };
@@ -73,11 +91,39 @@ bool holds(const Written& written, const Written& trigger) {
   return trigger.value && written.place == trigger.place && written.words == trigger.words;
 }
 
+bool overlaps(const Register& place, int registers, const Written& target) {
+  return place.first == target.place.first && place.second < target.place.second + target.registers &&
+         target.place.second < place.second + registers;
+}
+
 std::string said(const Register& place) { return "register " + std::to_string(place.second); }
+
+Register heartbeat_of(const RegisterMap& map, Axis axis) {
+  return {map.of(axis).unit, *map.heartbeat_address + (map.heartbeat_of_table ? 0 : map.of(axis).address_offset)};
+}
 
 constexpr DriveOperation starting[] = {DriveOperation::enable, DriveOperation::home, DriveOperation::move};
 constexpr DriveOperation harmless[] = {DriveOperation::setup, DriveOperation::stop, DriveOperation::abort,
                                        DriveOperation::clear_fault};
+
+// A drive that is on may follow its target register without any other command.
+std::optional<WriteClash> target_clash_of(const RegisterMap& map, Axis of_move, Axis of_harmless) {
+  const std::vector<Written> move = written_by(map, DriveOperation::move, of_move);
+  for (const Written& target : move) {
+    if (!target.target) continue;
+    const std::string expected = "no write to " + said(target.place) + ", where write.move says where to go";
+    for (const DriveOperation operation : harmless) {
+      const std::vector<Written> other = written_by(map, operation, of_harmless);
+      for (const Written& written : other) {
+        if (overlaps(written.place, written.registers, target) && !differ(move, other, written.place))
+          return WriteClash{"write." + std::string(to_string(operation)), expected};
+      }
+    }
+    if (map.heartbeat_address && overlaps(heartbeat_of(map, of_harmless), 1, target))
+      return WriteClash{"heartbeat.address", expected};
+  }
+  return std::nullopt;
+}
 
 std::optional<WriteClash> clash_of(const RegisterMap& map, Axis of_starting, Axis of_harmless) {
   for (const DriveOperation starts : starting) {
@@ -87,15 +133,14 @@ std::optional<WriteClash> clash_of(const RegisterMap& map, Axis of_starting, Axi
       for (const DriveOperation operation : harmless) {
         const std::vector<Written> other = written_by(map, operation, of_harmless);
         for (const Written& written : other) {
-          if (!holds(written, trigger) || told_apart(list, other, trigger.place)) continue;
+          if (!holds(written, trigger) || differ(list, other, trigger.place)) continue;
           return WriteClash{"write." + std::string(to_string(operation)),
                             "no write of " + format_number(*trigger.value) + " to " + said(trigger.place) +
                                 ", which is write." + to_string(starts)};
         }
       }
       if (!map.heartbeat_address) continue;
-      const Register beat{map.of(of_harmless).unit,
-                          *map.heartbeat_address + (map.heartbeat_of_table ? 0 : map.of(of_harmless).address_offset)};
+      const Register beat = heartbeat_of(map, of_harmless);
       const int first = trigger.place.second, length = static_cast<int>(trigger.words.size());
       const bool inside = beat.first == trigger.place.first && beat.second >= first && beat.second < first + length;
       if (!inside) continue;
@@ -139,6 +184,7 @@ std::optional<WriteClash> write_clash(const RegisterMap& map) {
         if (auto clash = same_axis(map, one, other)) return clash;
       }
       if (auto clash = clash_of(map, one, other)) return clash;
+      if (auto clash = target_clash_of(map, one, other)) return clash;
     }
   }
   return std::nullopt;

@@ -3,7 +3,8 @@
 //
 // What starts something is the register that its list writes last: for `enable` the value that it ends with (those before are steps of
 // the drive's own state machine), for `home` and `move` every value written there. A 0 that follows another value in a register is a
-// release, and starts nothing. A register that both lists write with different values first, as a command block does, tells them apart.
+// release, and starts nothing. The register of a move's position or distance is written by no other list, whatever the value: a drive that
+// is on may follow it. All of it register by register: a number of 32 bits writes two. A register that both lists write with different values first, as a command block does, tells them apart.
 #pragma once
 
 #include <optional>

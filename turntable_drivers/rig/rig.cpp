@@ -27,21 +27,21 @@ void Rig::command_move(Axis axis, double target_deg, double rate_degps, double a
   if (command.stuck || command.fault || s.emergency_stop) return;
   command.acceleration_degps2 = acceleration_degps2;
   s.axes[i].move(s.k, target_deg, rate_degps, acceleration_degps2);
-  s.rest_is_known = false;
+  s.standing_is_known = false;
 }
 
 void Rig::stop() {
   RigState& s = *state_;
   s.apply_events();
   for (std::size_t i = 0; i < 3; ++i) s.axes[i].brake(s.k, s.commands[i].acceleration_degps2);
-  s.rest_is_known = false;
+  s.standing_is_known = false;
 }
 
 void Rig::abort() {
   RigState& s = *state_;
   s.apply_events();
   for (RigAxis& axis : s.axes) axis.halt(s.k);
-  s.rest_is_known = false;
+  s.standing_is_known = false;
 }
 
 Rig::AxisState Rig::axis(Axis axis) const {

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_value.h"
+#include "imu_io/base/key_table.h"
 #include "imu_io/recordings/recording_check.h"
 #include "turntable_drivers/rig/rig_config.h"
 
@@ -21,181 +21,134 @@ constexpr std::int64_t most_counter = max_counter / 2;
 
 const std::initializer_list<std::string_view> table_axes = {"heading", "pitch", "roll"};  // as Axis
 
-class Reader {
- public:
-  explicit Reader(KeyValueFile& file) : file_(&file) {}
-  Reader() = default;  // without a file: looks at what there is
+void read_sensor_axis(KeyTable& keys, const std::string& key, int& axis) { keys.chosen(key, axis, {"x", "y", "z"}); }
 
-  void read(RigConfig& config);
-  const Status& status() const { return status_; }  // without a file: the first value out of its range
-
- private:
-  void number(const std::string& key, double& value, NumberRange range = any_size) {
-    if (file_)
-      value = file_->number_or(key, value, range);
-    else if (status_ && !(range.contains(value) && std::isfinite(value)))
-      status_ = input_error("rig: " + key + " = " + format_number(value) + ": expected " + describe(range));
+void read_general(KeyTable& keys, RigConfig& config) {
+  if (KeyValueFile* const file = keys.file()) {
+    config.seed = static_cast<std::uint64_t>(file->integer_or("seed", static_cast<std::int64_t>(config.seed), 0));
+    if (file->has("noise.seed")) config.noise_seed = static_cast<std::uint64_t>(file->integer("noise.seed", 0));
   }
-  void number(const std::string& key, std::optional<double>& value, NumberRange range = any_size) {
-    if (!file_) return;
-    if (const std::optional<double> given = file_->number_if(key, range)) value = given;
-  }
-  void whole(const std::string& key, int& value, int min, int max) {
-    if (file_)
-      value = static_cast<int>(file_->integer_or(key, value, min, max));
-    else if (status_ && (value < min || value > max))
-      status_ = input_error("rig: " + key + " = " + std::to_string(value) + ": expected a whole number between " +
-                            std::to_string(min) + " and " + std::to_string(max));
-  }
-  void chosen(const std::string& key, int& value, std::initializer_list<std::string_view> names) {
-    if (!file_) return whole(key, value, 0, static_cast<int>(names.size()) - 1);
-    const std::string name = file_->one_of_or(key, names.begin()[value], names);
-    value = static_cast<int>(std::find(names.begin(), names.end(), name) - names.begin());
-  }
-  template <class Enum>
-  void chosen(const std::string& key, Enum& value, std::initializer_list<std::string_view> names) {
-    int place = static_cast<int>(value);
-    chosen(key, place, names);
-    value = static_cast<Enum>(place);
-  }
-  void sensor_axis(const std::string& key, int& axis) { chosen(key, axis, {"x", "y", "z"}); }
-  void general(RigConfig& config);
-  void table_errors(RigTableErrors& errors);
-  void table(RigTableBehaviour& table);
-  void outside(RigOutsideEffects& outside);
-  void effects(RigEffects& effects);
-  void faults(std::vector<RigFault>& faults);
-  void fault(const std::string& prefix, RigFault& fault);
-
-  KeyValueFile* file_ = nullptr;
-  Status status_;
-};
-
-void Reader::general(RigConfig& config) {
-  if (file_) {
-    config.seed = static_cast<std::uint64_t>(file_->integer_or("seed", static_cast<std::int64_t>(config.seed), 0));
-    if (file_->has("noise.seed")) config.noise_seed = static_cast<std::uint64_t>(file_->integer("noise.seed", 0));
-    config.unit_serial = file_->text_or("unit_serial", config.unit_serial);
-    config.first_counter = file_->integer_or("first_counter", config.first_counter, -most_counter, most_counter);
-    config.random_truth = file_->boolean_or("random_truth", config.random_truth);
-  }
-  number("start_utc_s", config.start_utc_s, between(0.0, last_utc_s));
-  number("sample_period_s", config.sample_period_s, between(1e-5, 1.0));
-  whole("quadrature_substeps", config.quadrature_substeps, 1, 1000);
-  number("gyro_pulse_arcsec", config.gyro_pulse_arcsec, above_zero);
-  number("accel_pulse_mps", config.accel_pulse_mps, above_zero);
-  chosen("quantisation", config.quantisation, {"floor", "round", "off"});
+  keys.text("unit_serial", config.unit_serial);
+  keys.whole("first_counter", config.first_counter, -most_counter, most_counter);
+  keys.flag("random_truth", config.random_truth);
+  keys.number("start_utc_s", config.start_utc_s, between(0.0, last_utc_s));
+  keys.number("sample_period_s", config.sample_period_s, between(1e-5, 1.0));
+  keys.whole("quadrature_substeps", config.quadrature_substeps, 1, 1000);
+  keys.number("gyro_pulse_arcsec", config.gyro_pulse_arcsec, above_zero);
+  keys.number("accel_pulse_mps", config.accel_pulse_mps, above_zero);
+  keys.chosen("quantisation", config.quantisation, {"floor", "round", "off"});
   for (std::size_t i = 0; i < config.truth.size(); ++i) {
-    number(std::string("truth.") + rig_truth_keys[i], config.truth[i]);
+    keys.number(std::string("truth.") + rig_truth_keys[i], config.truth[i]);
   }
 
-  number("site.latitude_deg", config.site.latitude_deg, between(-90.0, 90.0));
-  number("site.gravity_mps2", config.site.gravity_mps2, above_zero);
-  number("site.earth_rate_radps", config.site.earth_rate_radps);
+  keys.number("site.latitude_deg", config.site.latitude_deg, between(-90.0, 90.0));
+  keys.number("site.gravity_mps2", config.site.gravity_mps2, above_zero);
+  keys.number("site.earth_rate_radps", config.site.earth_rate_radps);
   const char* const directions[] = {"north", "up", "east"};
   for (std::size_t i = 0; i < 3; ++i) {
-    number(std::string("site.magnetic_") + directions[i] + "_gauss", config.site.magnetic_field_gauss[i]);
+    keys.number(std::string("site.magnetic_") + directions[i] + "_gauss", config.site.magnetic_field_gauss[i]);
   }
   RigNoise& noise = config.noise;
-  number("noise.gyro_random_walk_deg_per_rt_h", noise.gyro_random_walk_deg_per_rt_h, zero_or_more);
-  number("noise.accel_random_walk_ug_per_rt_hz", noise.accel_random_walk_ug_per_rt_hz, zero_or_more);
-  number("noise.gyro_bias_instability_degph", noise.gyro_bias_instability_degph, zero_or_more);
-  number("noise.accel_bias_instability_ug", noise.accel_bias_instability_ug, zero_or_more);
-  number("noise.gyro_rate_random_walk_degph_per_rt_h", noise.gyro_rate_random_walk_degph_per_rt_h, zero_or_more);
-  number("noise.accel_acceleration_random_walk_ug_per_rt_h", noise.accel_acceleration_random_walk_ug_per_rt_h,
-         zero_or_more);
-  number("noise.flicker_longest_s", noise.flicker_longest_s, between(1.0, 1e9));
+  keys.number("noise.gyro_random_walk_deg_per_rt_h", noise.gyro_random_walk_deg_per_rt_h, zero_or_more);
+  keys.number("noise.accel_random_walk_ug_per_rt_hz", noise.accel_random_walk_ug_per_rt_hz, zero_or_more);
+  keys.number("noise.gyro_bias_instability_degph", noise.gyro_bias_instability_degph, zero_or_more);
+  keys.number("noise.accel_bias_instability_ug", noise.accel_bias_instability_ug, zero_or_more);
+  keys.number("noise.gyro_rate_random_walk_degph_per_rt_h", noise.gyro_rate_random_walk_degph_per_rt_h, zero_or_more);
+  keys.number("noise.accel_acceleration_random_walk_ug_per_rt_h", noise.accel_acceleration_random_walk_ug_per_rt_h,
+              zero_or_more);
+  keys.number("noise.flicker_longest_s", noise.flicker_longest_s, between(1.0, 1e9));
 
-  number("temperature.start_c", config.temperature.start_c);
-  number("temperature.rise_c", config.temperature.rise_c);
-  number("temperature.tau_s", config.temperature.tau_s, above_zero);
-  number("temperature.reference_c", config.temperature.reference_c);
+  keys.number("temperature.start_c", config.temperature.start_c);
+  keys.number("temperature.rise_c", config.temperature.rise_c);
+  keys.number("temperature.tau_s", config.temperature.tau_s, above_zero);
+  keys.number("temperature.reference_c", config.temperature.reference_c);
 }
 
-void Reader::table_errors(RigTableErrors& errors) {
-  number("table_error.random_arcmin", errors.random_arcmin, between(0.0, 600.0));
-  number("table_error.tilt_north_arcmin", errors.tilt_north_arcmin);
-  number("table_error.tilt_east_arcmin", errors.tilt_east_arcmin);
-  number("table_error.north_arcmin", errors.north_arcmin);
-  number("table_error.heading_pitch_arcmin", errors.heading_pitch_arcmin);
-  number("table_error.pitch_roll_arcmin", errors.pitch_roll_arcmin);
+void read_table_errors(KeyTable& keys, RigTableErrors& errors) {
+  keys.number("table_error.random_arcmin", errors.random_arcmin, between(0.0, 600.0));
+  keys.number("table_error.tilt_north_arcmin", errors.tilt_north_arcmin);
+  keys.number("table_error.tilt_east_arcmin", errors.tilt_east_arcmin);
+  keys.number("table_error.north_arcmin", errors.north_arcmin);
+  keys.number("table_error.heading_pitch_arcmin", errors.heading_pitch_arcmin);
+  keys.number("table_error.pitch_roll_arcmin", errors.pitch_roll_arcmin);
   const char* const body[] = {"x", "y", "z"};
   for (std::size_t i = 0; i < 3; ++i) {
-    number(std::string("table_error.mounting_") + body[i] + "_arcmin", errors.mounting_arcmin[i]);
+    keys.number(std::string("table_error.mounting_") + body[i] + "_arcmin", errors.mounting_arcmin[i]);
   }
   for (Axis axis : all_axes) {
     const std::size_t i = static_cast<std::size_t>(axis);
     const std::string prefix = std::string("table_error.") + to_string(axis) + ".";
-    number(prefix + "encoder_offset_arcsec", errors.encoder[i].offset_arcsec);
-    number(prefix + "encoder_scale_ppm", errors.encoder[i].scale_ppm);
-    number(prefix + "encoder_harmonic_arcsec", errors.encoder[i].harmonic_arcsec);
-    number(prefix + "encoder_phase_deg", errors.encoder[i].phase_deg);
-    whole(prefix + "encoder_order", errors.encoder[i].order, 0, 10000);
-    number(prefix + "creep_arcsec", errors.creep_arcsec[i]);
+    keys.number(prefix + "encoder_offset_arcsec", errors.encoder[i].offset_arcsec);
+    keys.number(prefix + "encoder_scale_ppm", errors.encoder[i].scale_ppm);
+    keys.number(prefix + "encoder_harmonic_arcsec", errors.encoder[i].harmonic_arcsec);
+    keys.number(prefix + "encoder_phase_deg", errors.encoder[i].phase_deg);
+    keys.whole(prefix + "encoder_order", errors.encoder[i].order, 0, 10000);
+    keys.number(prefix + "creep_arcsec", errors.creep_arcsec[i]);
   }
-  number("table_error.creep_tau_s", errors.creep_tau_s, above_zero);
+  keys.number("table_error.creep_tau_s", errors.creep_tau_s, above_zero);
 }
 
-void Reader::table(RigTableBehaviour& table) {
+void read_table(KeyTable& keys, RigTableBehaviour& table) {
   for (Axis axis : all_axes) {
     const std::size_t i = static_cast<std::size_t>(axis);
     const std::string prefix = std::string("table.") + to_string(axis) + ".";
-    number(prefix + "power_on_deg", table.power_on_deg[i]);
-    number(prefix + "limit_min_deg", table.limit_min_deg[i]);
-    number(prefix + "limit_max_deg", table.limit_max_deg[i]);
-    number(prefix + "max_rate_degps", table.max_rate_degps[i], above_zero);
-    number(prefix + "max_acceleration_degps2", table.max_acceleration_degps2[i], above_zero);
+    keys.number(prefix + "power_on_deg", table.power_on_deg[i]);
+    keys.number(prefix + "limit_min_deg", table.limit_min_deg[i]);
+    keys.number(prefix + "limit_max_deg", table.limit_max_deg[i]);
+    keys.number(prefix + "max_rate_degps", table.max_rate_degps[i], above_zero);
+    keys.number(prefix + "max_acceleration_degps2", table.max_acceleration_degps2[i], above_zero);
   }
-  number("table.home_rate_degps", table.home_rate_degps, above_zero);
-  number("table.home_acceleration_degps2", table.home_acceleration_degps2, above_zero);
-  number("table.home_time_s", table.home_time_s, zero_or_more);
-  number("table.encoder_resolution_deg", table.encoder_resolution_deg, zero_or_more);
-  number("table.in_position_tolerance_deg", table.in_position_tolerance_deg, zero_or_more);
-  number("table.in_position_time_s", table.in_position_time_s, zero_or_more);
-  chosen("table.in_position", table.in_position, {"honest", "servo_on", "after_stop", "stale", "late", "flicker"});
+  keys.number("table.home_rate_degps", table.home_rate_degps, above_zero);
+  keys.number("table.home_acceleration_degps2", table.home_acceleration_degps2, above_zero);
+  keys.number("table.home_time_s", table.home_time_s, zero_or_more);
+  keys.number("table.encoder_resolution_deg", table.encoder_resolution_deg, zero_or_more);
+  keys.number("table.in_position_tolerance_deg", table.in_position_tolerance_deg, zero_or_more);
+  keys.number("table.in_position_time_s", table.in_position_time_s, zero_or_more);
+  keys.chosen("table.in_position", table.in_position, {"honest", "servo_on", "after_stop", "stale", "late", "flicker"});
 }
 
-void Reader::effects(RigEffects& effects) {
-  for (const std::string& key : rig_effect_keys()) number("effect." + key, *find_effect(effects, key));
-  number("effect.gyro_warm_up.tau_s", effects.gyro_warm_up_tau_s, above_zero);
-  number("effect.post_rotation_relaxation.tau_s", effects.post_rotation_relaxation_tau_s, above_zero);
+void read_effects(KeyTable& keys, RigEffects& effects) {
+  for (const std::string& key : rig_effect_keys()) keys.number("effect." + key, *find_effect(effects, key));
+  keys.number("effect.gyro_warm_up.tau_s", effects.gyro_warm_up_tau_s, above_zero);
+  keys.number("effect.post_rotation_relaxation.tau_s", effects.post_rotation_relaxation_tau_s, above_zero);
 }
 
-void Reader::outside(RigOutsideEffects& outside) {
-  sensor_axis("outside.gyro_bias_step.axis", outside.gyro_bias_step.axis);
-  number("outside.gyro_bias_step.time_s", outside.gyro_bias_step.time_s);
-  number("outside.gyro_bias_step.size_degph", outside.gyro_bias_step.size);
-  sensor_axis("outside.accel_bias_step.axis", outside.accel_bias_step.axis);
-  number("outside.accel_bias_step.time_s", outside.accel_bias_step.time_s);
-  number("outside.accel_bias_step.size_ug", outside.accel_bias_step.size);
+void read_outside(KeyTable& keys, RigOutsideEffects& outside) {
+  read_sensor_axis(keys, "outside.gyro_bias_step.axis", outside.gyro_bias_step.axis);
+  keys.number("outside.gyro_bias_step.time_s", outside.gyro_bias_step.time_s);
+  keys.number("outside.gyro_bias_step.size_degph", outside.gyro_bias_step.size);
+  read_sensor_axis(keys, "outside.accel_bias_step.axis", outside.accel_bias_step.axis);
+  keys.number("outside.accel_bias_step.time_s", outside.accel_bias_step.time_s);
+  keys.number("outside.accel_bias_step.size_ug", outside.accel_bias_step.size);
   auto& angle = outside.gyro_angle_periodic;
-  sensor_axis("outside.gyro_angle_periodic.axis", angle.axis);
-  chosen("outside.gyro_angle_periodic.table_axis", angle.table_axis, table_axes);
-  whole("outside.gyro_angle_periodic.order", angle.order, 0, 1000);
-  number("outside.gyro_angle_periodic.size_degph", angle.size_degph);
-  number("outside.gyro_angle_periodic.phase_deg", angle.phase_deg);
+  read_sensor_axis(keys, "outside.gyro_angle_periodic.axis", angle.axis);
+  keys.chosen("outside.gyro_angle_periodic.table_axis", angle.table_axis, table_axes);
+  keys.whole("outside.gyro_angle_periodic.order", angle.order, 0, 1000);
+  keys.number("outside.gyro_angle_periodic.size_degph", angle.size_degph);
+  keys.number("outside.gyro_angle_periodic.phase_deg", angle.phase_deg);
   auto& time = outside.accel_time_periodic;
-  sensor_axis("outside.accel_time_periodic.axis", time.axis);
-  number("outside.accel_time_periodic.size_ug", time.size_ug);
-  number("outside.accel_time_periodic.period_s", time.period_s, above_zero);
-  number("outside.accel_time_periodic.phase_deg", time.phase_deg);
-  sensor_axis("outside.accel_hysteresis.axis", outside.accel_hysteresis.axis);
-  number("outside.accel_hysteresis.size_ug", outside.accel_hysteresis.size_ug);
+  read_sensor_axis(keys, "outside.accel_time_periodic.axis", time.axis);
+  keys.number("outside.accel_time_periodic.size_ug", time.size_ug);
+  keys.number("outside.accel_time_periodic.period_s", time.period_s, above_zero);
+  keys.number("outside.accel_time_periodic.phase_deg", time.phase_deg);
+  read_sensor_axis(keys, "outside.accel_hysteresis.axis", outside.accel_hysteresis.axis);
+  keys.number("outside.accel_hysteresis.size_ug", outside.accel_hysteresis.size_ug);
 }
 
 // Only the keys that mean something for the kind are asked for, so that the others are unknown keys.
-void Reader::fault(const std::string& prefix, RigFault& fault) {
-  const std::string name = file_->text(prefix + "kind");
+void read_fault(KeyValueFile& file, const std::string& prefix, RigFault& fault) {
+  KeyTable keys(file, any_size);
+  const std::string name = file.text(prefix + "kind");
   if (!parse_rig_fault_kind(name, fault.kind)) {
-    file_->reject(prefix + "kind", "a kind of fault of docs/rig.md, such as lost_sample");
+    file.reject(prefix + "kind", "a kind of fault of docs/rig.md, such as lost_sample");
     return;
   }
-  const auto sample = [&] { fault.sample = file_->integer(prefix + "sample", 0); };
-  const auto count = [&] { fault.count = file_->integer_or(prefix + "count", 1, 1); };
-  const auto time = [&] { fault.time_s = file_->number(prefix + "time_s", zero_or_more); };
-  const auto duration = [&] { number(prefix + "duration_s", fault.duration_s, zero_or_more); };
-  const auto hidden = [&] { fault.hidden = file_->boolean_or(prefix + "hidden", false); };
-  if (concerns_unit(fault.kind)) fault.unit = static_cast<int>(file_->integer_or(prefix + "unit", 1, 1, 16));
+  const auto sample = [&] { fault.sample = file.integer(prefix + "sample", 0); };
+  const auto count = [&] { fault.count = file.integer_or(prefix + "count", 1, 1); };
+  const auto time = [&] { fault.time_s = file.number(prefix + "time_s", zero_or_more); };
+  const auto duration = [&] { keys.number(prefix + "duration_s", fault.duration_s, zero_or_more); };
+  const auto hidden = [&] { keys.flag(prefix + "hidden", fault.hidden); };
+  if (concerns_unit(fault.kind)) keys.whole(prefix + "unit", fault.unit, 1, 16);
   switch (fault.kind) {
     case RigFaultKind::lost_sample:
       sample();
@@ -208,13 +161,13 @@ void Reader::fault(const std::string& prefix, RigFault& fault) {
       break;
     case RigFaultKind::gyro_glitch:
       sample();
-      sensor_axis(prefix + "axis", fault.axis);
-      fault.size = file_->number(prefix + "size_mrad", any_size);
+      read_sensor_axis(keys, prefix + "axis", fault.axis);
+      fault.size = file.number(prefix + "size_mrad", any_size);
       break;
     case RigFaultKind::velocity_knock:
       sample();
-      sensor_axis(prefix + "axis", fault.axis);
-      fault.size = file_->number(prefix + "size_mps", any_size);
+      read_sensor_axis(keys, prefix + "axis", fault.axis);
+      fault.size = file.number(prefix + "size_mps", any_size);
       break;
     case RigFaultKind::invalid_sample:
       sample();
@@ -222,25 +175,25 @@ void Reader::fault(const std::string& prefix, RigFault& fault) {
       break;
     case RigFaultKind::imu_silent:
       time();
-      fault.duration_s = file_->number(prefix + "duration_s", above_zero);
+      fault.duration_s = file.number(prefix + "duration_s", above_zero);
       break;
     case RigFaultKind::imu_unplugged: time(); break;
     case RigFaultKind::table_moved:
       time();
-      chosen(prefix + "axis", fault.axis, table_axes);
-      fault.size = file_->number(prefix + "size_deg", any_size);
-      number(prefix + "rate_degps", fault.rate_degps, above_zero);
+      keys.chosen(prefix + "axis", fault.axis, table_axes);
+      fault.size = file.number(prefix + "size_deg", any_size);
+      keys.number(prefix + "rate_degps", fault.rate_degps, above_zero);
       hidden();
       break;
     case RigFaultKind::never_in_position:
       time();
-      chosen(prefix + "axis", fault.axis, table_axes);
+      keys.chosen(prefix + "axis", fault.axis, table_axes);
       duration();
       break;
     case RigFaultKind::stuck_axis:
     case RigFaultKind::axis_fault:
       time();
-      chosen(prefix + "axis", fault.axis, table_axes);
+      keys.chosen(prefix + "axis", fault.axis, table_axes);
       break;
     case RigFaultKind::emergency_stop:
     case RigFaultKind::link_lost:
@@ -250,21 +203,21 @@ void Reader::fault(const std::string& prefix, RigFault& fault) {
   }
 }
 
-void Reader::faults(std::vector<RigFault>& faults) {
-  for (int number = 1; !file_->keys_with_prefix("fault." + std::to_string(number) + ".").empty(); ++number) {
+void read_faults(KeyValueFile& file, std::vector<RigFault>& faults) {
+  for (int number = 1; !file.keys_with_prefix("fault." + std::to_string(number) + ".").empty(); ++number) {
     RigFault next;
-    fault("fault." + std::to_string(number) + ".", next);
+    read_fault(file, "fault." + std::to_string(number) + ".", next);
     faults.push_back(next);
   }
 }
 
-void Reader::read(RigConfig& config) {
-  general(config);
-  table_errors(config.table_errors);
-  table(config.table);
-  effects(config.effects);
-  outside(config.outside);
-  if (file_) faults(config.faults);
+void read(KeyTable& keys, RigConfig& config) {
+  read_general(keys, config);
+  read_table_errors(keys, config.table_errors);
+  read_table(keys, config.table);
+  read_effects(keys, config.effects);
+  read_outside(keys, config.outside);
+  if (keys.file()) read_faults(*keys.file(), config.faults);
 }
 
 Status bad(const std::string& key, double value, const std::string& expected) {
@@ -313,7 +266,8 @@ Status check_fault(const RigFault& fault, std::size_t number) {
 }
 
 Result<RigConfig> config_from(KeyValueFile& file, RigConfig config) {
-  Reader(file).read(config);
+  KeyTable keys(file, any_size);
+  read(keys, config);
   if (Status status = file.check_all_used(); !status) return status.error();
   if (Status status = check(config); !status) return input_error(file.file_name() + ": " + status.error().message);
   return config;
@@ -323,9 +277,9 @@ Result<RigConfig> config_from(KeyValueFile& file, RigConfig config) {
 
 Status check(const RigConfig& config) {
   RigConfig copy = config;
-  Reader reader;
-  reader.read(copy);
-  if (!reader.status()) return reader.status();
+  KeyTable keys("rig", any_size);
+  read(keys, copy);
+  if (!keys.status()) return keys.status();
   for (Axis axis : all_axes) {
     const std::size_t i = static_cast<std::size_t>(axis);
     if (!(config.table.limit_min_deg[i] < config.table.limit_max_deg[i])) {

@@ -39,8 +39,8 @@ SinCos turn(const SinCos& value, long long quarter_turns) {
 
 SinCos sin_cos_deg(double angle_deg) {
   const double quarter = floor_of(angle_deg * (1.0 / 90.0) + 0.5);
-  const double rest_deg = angle_deg - 90.0 * quarter;  // exact
-  return turn(kernel(rest_deg * (pi / 180.0)), static_cast<long long>(quarter));
+  const double remainder_deg = angle_deg - 90.0 * quarter;  // exact
+  return turn(kernel(remainder_deg * (pi / 180.0)), static_cast<long long>(quarter));
 }
 
 SinCos sin_cos(double angle_rad) {
@@ -49,8 +49,8 @@ SinCos sin_cos(double angle_rad) {
   constexpr double part2 = 6.07710050630396597660e-11;
   constexpr double part3 = 2.02226624879595063154e-21;
   const double quarter = floor_of(angle_rad * (2.0 / pi) + 0.5);
-  const double rest = ((angle_rad - quarter * part1) - quarter * part2) - quarter * part3;
-  return turn(kernel(rest), static_cast<long long>(quarter));
+  const double remainder = ((angle_rad - quarter * part1) - quarter * part2) - quarter * part3;
+  return turn(kernel(remainder), static_cast<long long>(quarter));
 }
 
 double exp_of(double x) {

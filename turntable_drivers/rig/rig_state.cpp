@@ -109,23 +109,23 @@ void RigState::apply_event(const RigFault& fault) {
     case RigFaultKind::imu_unplugged: unplugged = true; break;
     default: break;
   }
-  rest_is_known = false;
+  standing_is_known = false;
 }
 
 void RigState::apply_events() {
   while (next_event < events.size() && events[next_event].sample <= k) apply_event(events[next_event++].fault);
 }
 
-void RigState::integrate_rest(std::array<double, 3>& gyro, std::array<double, 3>& accel) {
-  if (!rest_is_known) {
+void RigState::integrate_standing(std::array<double, 3>& gyro, std::array<double, 3>& accel) {
+  if (!standing_is_known) {
     const std::array<TrueAxis, 3> now = true_axes(0.0);
-    rest_motion = geometry.at(now);
-    hysteresis_state = sensor_effects.next_hysteresis_state(rest_motion, hysteresis_state);
-    rest_reading = sensor_effects.standing(rest_motion, now, hysteresis_state);
-    rest_is_known = true;
+    standing_motion = geometry.at(now);
+    hysteresis_state = sensor_effects.next_hysteresis_state(standing_motion, hysteresis_state);
+    standing_reading = sensor_effects.standing(standing_motion, now, hysteresis_state);
+    standing_is_known = true;
   }
-  Reading reading = rest_reading;
-  if (sensor_effects.has_running()) sensor_effects.add_running(rest_motion, moment_at(0.5 * period_s), reading);
+  Reading reading = standing_reading;
+  if (sensor_effects.has_running()) sensor_effects.add_running(standing_motion, moment_at(0.5 * period_s), reading);
   for (std::size_t i = 0; i < 3; ++i) {
     gyro[i] = reading.gyro[static_cast<int>(i)] * period_s;
     accel[i] = reading.accel[static_cast<int>(i)] * period_s;
@@ -133,7 +133,7 @@ void RigState::integrate_rest(std::array<double, 3>& gyro, std::array<double, 3>
 }
 
 void RigState::integrate_motion(std::array<double, 3>& gyro, std::array<double, 3>& accel) {
-  rest_is_known = false;
+  standing_is_known = false;
   std::array<double, 3 * RigAxis::max_corners + 2> corners;
   corners[0] = 0.0;
   std::size_t count = 1;
@@ -172,8 +172,8 @@ void RigState::integrate_motion(std::array<double, 3>& gyro, std::array<double, 
 bool RigState::step(ImuSample& sample) {
   apply_events();
   std::array<double, 3> gyro, accel;
-  if (rest_is_known || at_rest()) {
-    integrate_rest(gyro, accel);
+  if (standing_is_known || all_standing()) {
+    integrate_standing(gyro, accel);
   } else {
     integrate_motion(gyro, accel);
   }

@@ -54,9 +54,9 @@ struct RigState {
   std::optional<ImuSample> duplicate;  // to be delivered next
 
   // At rest nothing but noise and the running effects changes from sample to sample.
-  bool rest_is_known = false;
-  BodyMotion rest_motion;
-  Reading rest_reading;
+  bool standing_is_known = false;
+  BodyMotion standing_motion;
+  Reading standing_reading;
   double hysteresis_state = 0.0;
 
   std::array<TrueAxis, 3> true_axes(double offset_s) const {
@@ -79,8 +79,8 @@ struct RigState {
 
   void apply_events();
   void apply_event(const RigFault& fault);
-  bool at_rest() const { return axes[0].standing(k) && axes[1].standing(k) && axes[2].standing(k); }
-  void integrate_rest(std::array<double, 3>& gyro, std::array<double, 3>& accel);
+  bool all_standing() const { return axes[0].standing(k) && axes[1].standing(k) && axes[2].standing(k); }
+  void integrate_standing(std::array<double, 3>& gyro, std::array<double, 3>& accel);
   void integrate_motion(std::array<double, 3>& gyro, std::array<double, 3>& accel);
   bool step(ImuSample& sample);  // false: the sample was lost
 };

@@ -32,14 +32,14 @@ Status TableStop::abort(double now_s) {
   return aborted;
 }
 
-bool TableStop::at_rest(const TableStatus& axes) const {
+bool TableStop::standing(const TableStatus& axes) const {
   return std::all_of(axes.begin(), axes.end(), [this](const AxisStatus& axis) {
-    return !axis.moving && std::abs(axis.rate_degps) <= rest_rate_degps_;
+    return !axis.moving && std::abs(axis.rate_degps) <= standing_rate_degps_;
   });
 }
 
 bool TableStop::look(const TableStatus* axes, double now_s) {
-  if (axes != nullptr && at_rest(*axes)) {
+  if (axes != nullptr && standing(*axes)) {
     const bool on = drives_on(*axes);
     if (!on || (abort_taken_ && !table_.can_switch_off())) return true;
   } else if (axes != nullptr && !abort_taken_) {
@@ -62,7 +62,7 @@ void TableStop::reconnect(double now_s) {
 
 Status leave_off(Turntable& table, const StopTime& time) {
   if (table.needs_operator() || !table.was_connected()) return {};
-  TableStop stop(table, time.rest_rate_degps);
+  TableStop stop(table, time.standing_rate_degps);
   const double began_s = time.now_s();
   bool stop_sent = false, abort_sent = false;
   Error why = device_error("the drives do not go off");
@@ -80,7 +80,7 @@ Status leave_off(Turntable& table, const StopTime& time) {
     }
     const double now_s = time.now_s();
     const bool moves = std::any_of(axes.begin(), axes.end(), [&](const AxisStatus& axis) {
-      return axis.moving || !(std::abs(axis.rate_degps) <= time.rest_rate_degps);
+      return axis.moving || !(std::abs(axis.rate_degps) <= time.standing_rate_degps);
     });
     // A driver that gives a reading up for a stop that was asked for reads again once a stop went out.
     const bool given_up = !readable && (why.kind == ErrorKind::aborted || why.kind == ErrorKind::interrupted);

@@ -19,7 +19,7 @@ namespace turncal {
 class TableStop {
  public:
   // The table must outlive this. At rest: no axis says that it moves, or turns faster than that.
-  TableStop(Turntable& table, double rest_rate_degps) : table_(table), rest_rate_degps_(rest_rate_degps) {}
+  TableStop(Turntable& table, double standing_rate_degps) : table_(table), standing_rate_degps_(standing_rate_degps) {}
 
   void begin();                // of another stop: what was sent before does not count
   Status stop(double now_s);   // an error: some axis did not take it
@@ -30,11 +30,11 @@ class TableStop {
   static constexpr double repeat_s = 0.5;
 
  private:
-  bool at_rest(const TableStatus& axes) const;
+  bool standing(const TableStatus& axes) const;
   void reconnect(double now_s);
 
   Turntable& table_;
-  double rest_rate_degps_;
+  double standing_rate_degps_;
   bool abort_taken_ = false;  // by every axis
   double repeat_at_s_ = 0.0;
   double reconnect_at_s_ = 0.0;
@@ -48,7 +48,7 @@ struct StopTime {
   double brake_s = 3.0;      // then the fastest stop, though it still moves
   double deadline_s = 10.0;  // in all
   double poll_s = 0.05;
-  double rest_rate_degps = 0.02;
+  double standing_rate_degps = 0.02;
 };
 
 // Carries the rule out from wherever the table is. Nothing is sent to a table whose axes all read at rest with their drives off.

@@ -131,9 +131,10 @@ Status DialectTwin::move(Axis axis, const Values& values) {
     double target_deg = position ? scale.sign * *position / scale.units_per_degree + scale.zero_deg
                                  : now->position_deg + scale.sign * *distance / scale.units_per_degree;
     if (position && scale.shorter_way) target_deg = unwrapped_deg(target_deg, now->position_deg, scale.modulo_deg);
-    const bool told = position && values.count("position") == 0;
+    const bool for_all_axes = position && values.count("position") == 0;
     const double from_deg = target_deg_[index(which)].value_or(now->position_deg);
-    if (told && (std::abs(from_deg - target_deg) < 1e-3 || std::abs(now->position_deg - target_deg) < 1e-3)) continue;
+    if (for_all_axes && (std::abs(from_deg - target_deg) < 1e-3 || std::abs(now->position_deg - target_deg) < 1e-3))
+      continue;
     target_deg_[index(which)] = target_deg;
     const double rate_degps = number("rate").value_or(10.0 * scale.rate_scale) / scale.rate_scale;
     const double acceleration_degps2 =
@@ -167,14 +168,14 @@ std::optional<AnswerPlan> DialectServer::next_answer(std::vector<std::uint8_t>& 
     answer = twin_.answer(body);
   }
   std::string text = link.echo ? frame + link.echo_terminator : "";
-  for (std::string_view rest = answer ? *answer : std::string_view(); answer;) {
-    const std::size_t line_end = rest.find('\n');
-    const std::string line(rest.substr(0, line_end));
+  for (std::string_view remaining = answer ? *answer : std::string_view(); answer;) {
+    const std::size_t line_end = remaining.find('\n');
+    const std::string line(remaining.substr(0, line_end));
     text += link.prefix + line;
     if (link.check != SentenceCheck::none) text += link.check_mark + check_digits(line, link.check, link.crc);
     text += link.terminator_in;
     if (line_end == std::string_view::npos) break;
-    rest.remove_prefix(line_end + 1);
+    remaining.remove_prefix(line_end + 1);
   }
   text += link.prompt;
   if (!text.empty()) plan.pieces.push_back({{text.begin(), text.end()}, 0.0});

@@ -6,7 +6,7 @@ namespace turncal {
 
 std::optional<AnswerPlan> ModbusServer::next_answer(std::vector<std::uint8_t>& bytes) {
   const bool header = tcp() && !twin_.map().link.rtu_frames;
-  const std::optional<ModbusRequest> request = take_request(bytes, header);
+  const std::optional<ModbusRequest> request = next_request(bytes, header);
   if (!request) return {};
   const auto& axes = twin_.map().axis;
   const bool ours =

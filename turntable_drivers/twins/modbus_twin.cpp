@@ -282,12 +282,12 @@ Status ModbusTwin::carry_out(Axis axis, DriveOperation operation, const Operands
   return {};
 }
 
-Status ModbusTwin::move(Axis axis, int told_of, const Operands& operands) {
+Status ModbusTwin::move(Axis axis, int operand_axis, const Operands& operands) {
   if (tripped_[index(axis)]) return device_error("the watchdog has tripped");
   using Kind = WriteOperand::Kind;
-  const auto has = [&](Kind kind) { return operands.count({kind, told_of}) != 0; };
+  const auto has = [&](Kind kind) { return operands.count({kind, operand_axis}) != 0; };
   const auto number = [&](Kind kind, double otherwise) {
-    const auto place = operands.find({kind, told_of});
+    const auto place = operands.find({kind, operand_axis});
     return place == operands.end() ? otherwise : place->second;
   };
   if (!has(Kind::position) && !has(Kind::distance)) return {};
@@ -304,9 +304,9 @@ Status ModbusTwin::move(Axis axis, int told_of, const Operands& operands) {
   double target_deg = angle_of(scale, number(Kind::position, 0.0));
   if (has(Kind::distance)) {
     const double distance = number(Kind::distance, 0.0);
-    if (told_of != addressed && distance == 0.0) return {};
+    if (operand_axis != addressed && distance == 0.0) return {};
     target_deg = now->position_deg + distance / scale.signed_counts_per_degree();
-  } else if (told_of != addressed) {
+  } else if (operand_axis != addressed) {
     // Told of all three, those stay alone that are there, or on their way.
     const double from_deg = target_deg_[index(axis)].value_or(now->position_deg);
     const double step_deg = 2.0 / std::abs(scale.counts_per_degree);

@@ -59,7 +59,7 @@ class ModbusTwin {
   bool matches(const WriteStep& step, DriveOperation operation, Axis axis, const ModbusRequest& request,
                Operands& operands) const;
   Status carry_out(Axis axis, DriveOperation operation, const Operands& operands);
-  Status move(Axis axis, int told_of, const Operands& operands);
+  Status move(Axis axis, int operand_axis, const Operands& operands);
   bool beats(const ModbusRequest& request, Axis axis);  // whether this is its heartbeat
 
   RegisterMap map_;

@@ -24,10 +24,10 @@ struct LiveRun {
 
 enum class Tone { good, attention, bad };  // green, amber, red
 
-class LiveView : public RunObserver {
+class LiveStatus : public RunObserver {
  public:
   // wall_s: seconds on a steady clock, for the age of the heartbeat.
-  LiveView(LiveRun run, std::function<double()> wall_s);
+  LiveStatus(LiveRun run, std::function<double()> wall_s);
 
   void on_transition(const TransitionRecord& record) override;
   void on_dropout(const Dropout& dropout) override;
@@ -73,21 +73,21 @@ class LiveView : public RunObserver {
 // A sink that shows the samples on their way to the recording.
 class LiveSink : public RunSink {
  public:
-  LiveSink(RunSink& sink, LiveView& view) : sink_(sink), view_(view) {}
+  LiveSink(RunSink& sink, LiveStatus& status) : sink_(sink), status_(status) {}
   Status start(const RecordingInfo& info) override {
-    view_.begin(info);
+    status_.begin(info);
     return sink_.start(info);
   }
   Status resume(const RecordingInfo& info, std::int64_t end_sample) override {
-    view_.begin(info);
+    status_.begin(info);
     return sink_.resume(info, end_sample);
   }
   Status begin_segment(const Segment& segment) override {
-    view_.begin_segment(segment.kind);
+    status_.begin_segment(segment.kind);
     return sink_.begin_segment(segment);
   }
   Status add(std::span<const ImuSample> samples) override {
-    view_.add(samples);
+    status_.add(samples);
     return sink_.add(samples);
   }
   Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
@@ -95,10 +95,11 @@ class LiveSink : public RunSink {
   }
   Status sync() override { return sink_.sync(); }
   Status finish() override { return sink_.finish(); }
+  Status unit_fits() const override { return sink_.unit_fits(); }
 
  private:
   RunSink& sink_;
-  LiveView& view_;
+  LiveStatus& status_;
 };
 
 }  // namespace turncal

@@ -1,4 +1,4 @@
-#include "orchestrator/watch/live_view.h"
+#include "orchestrator/watch/live_status.h"
 
 #include <algorithm>
 #include <cmath>
@@ -59,10 +59,10 @@ class Object {
 
 }  // namespace
 
-LiveView::LiveView(LiveRun run, std::function<double()> wall_s)
+LiveStatus::LiveStatus(LiveRun run, std::function<double()> wall_s)
     : run_(std::move(run)), wall_s_(std::move(wall_s)), heartbeat_s_(wall_s_()) {}
 
-void LiveView::on_transition(const TransitionRecord& record) {
+void LiveStatus::on_transition(const TransitionRecord& record) {
   const std::lock_guard lock(mutex_);
   transitions_.push_back(format_transition(record));
   if (transitions_.size() > transitions_kept) transitions_.erase(transitions_.begin());
@@ -75,18 +75,18 @@ void LiveView::on_transition(const TransitionRecord& record) {
   if (bad && !record.detail.empty()) last_error_ = record.detail;
 }
 
-void LiveView::on_dropout(const Dropout& dropout) {
+void LiveStatus::on_dropout(const Dropout& dropout) {
   const std::lock_guard lock(mutex_);
   last_error_ = "unit " + dropout.serial + " dropped out at " + dropout.why.message;
 }
 
-void LiveView::on_progress(const RunSnapshot& snapshot) {
+void LiveStatus::on_progress(const RunSnapshot& snapshot) {
   const std::lock_guard lock(mutex_);
   snapshot_ = snapshot;
   heartbeat_s_ = wall_s_();
 }
 
-void LiveView::begin(const RecordingInfo& info) {
+void LiveStatus::begin(const RecordingInfo& info) {
   const std::lock_guard lock(mutex_);
   const Parameters start = start_parameters(info);
   const ParameterVector si = si_per_unit(info);
@@ -100,7 +100,7 @@ void LiveView::begin(const RecordingInfo& info) {
   pulse_[1] = info.accel_increment == IncrementKind::pulses ? per_count_[3] * second_s * 1000.0 : 0.0;
 }
 
-void LiveView::begin_segment(SegmentKind kind) {
+void LiveStatus::begin_segment(SegmentKind kind) {
   const std::lock_guard lock(mutex_);
   dwelling_ = kind != SegmentKind::rotate;
   if (!dwelling_) return;
@@ -109,7 +109,7 @@ void LiveView::begin_segment(SegmentKind kind) {
   in_sum_ = 0;
 }
 
-void LiveView::add(std::span<const ImuSample> samples) {
+void LiveStatus::add(std::span<const ImuSample> samples) {
   const std::lock_guard lock(mutex_);
   if (samples.empty()) return;
   has_temperature_ = !std::isnan(samples.back().temperature_c);
@@ -130,14 +130,14 @@ void LiveView::add(std::span<const ImuSample> samples) {
   }
 }
 
-void LiveView::end(const std::string& how, Tone tone) {
+void LiveStatus::end(const std::string& how, Tone tone) {
   const std::lock_guard lock(mutex_);
   ended_ = how;
   ended_as_ = tone;
   heartbeat_s_ = wall_s_();
 }
 
-LiveView::Headline LiveView::headline() const {
+LiveStatus::Headline LiveStatus::headline() const {
   const RunSnapshot& s = snapshot_;
   std::string gone;
   for (const UnitSnapshot& unit : s.units) {
@@ -159,7 +159,7 @@ LiveView::Headline LiveView::headline() const {
   return head;
 }
 
-std::string LiveView::json() const {
+std::string LiveStatus::json() const {
   const std::lock_guard lock(mutex_);
   const RunSnapshot& s = snapshot_;
   constexpr const char* tones[] = {"good", "attention", "bad"};

@@ -1,0 +1,93 @@
+#include "calib/navigation/alignment.h"
+
+#include <cmath>
+
+#include "calib/model/attitude.h"
+
+namespace turncal {
+namespace {
+
+// What a coarse alignment can be off by; larger than it is, so that the filter finds its own.
+constexpr double coarse_level_rad = 0.02;
+constexpr double coarse_heading_rad = 0.2;
+constexpr double observed_every_s = 1.0;
+
+// Integral from t1 to t2 of the direction up of a fixed point, in axes that stood along n at t = 0 and do not turn.
+Eigen::Vector3d up_integral(const Eigen::Vector3d& earth_n, double t1, double t2) {
+  const double w = earth_n.norm();
+  const Eigen::Vector3d axis = earth_n / w;
+  const Eigen::Vector3d up = Eigen::Vector3d::UnitY();
+  const Eigen::Vector3d along = axis * axis.dot(up);
+  return along * (t2 - t1) + (up - along) * ((std::sin(w * t2) - std::sin(w * t1)) / w) +
+         axis.cross(up) * ((std::cos(w * t1) - std::cos(w * t2)) / w);
+}
+
+Eigen::Matrix3d triad(const Eigen::Vector3d& first, const Eigen::Vector3d& second) {
+  Eigen::Matrix3d m;
+  m.col(0) = first.normalized();
+  m.col(1) = first.cross(second).normalized();
+  m.col(2) = m.col(0).cross(m.col(1));
+  return m;
+}
+
+double duration_of(std::span<const MotionInterval> window) {
+  double t = 0.0;
+  for (const MotionInterval& interval : window) t += interval.duration_s;
+  return t;
+}
+
+}  // namespace
+
+Eigen::Quaterniond coarse_alignment(std::span<const MotionInterval> window, const DriftCovariance::Site& site) {
+  const double half = 0.5 * duration_of(window);
+  Eigen::Quaterniond q = Eigen::Quaterniond::Identity();  // body now to body at the start
+  Eigen::Vector3d early = Eigen::Vector3d::Zero(), late = Eigen::Vector3d::Zero();
+  double t = 0.0, middle = 0.0;
+  for (const MotionInterval& interval : window) {
+    const bool first = t + 0.5 * interval.duration_s < half;
+    (first ? early : late) += q * interval.push_mps;
+    q = q * interval.turn;
+    t += interval.duration_s;
+    if (first) middle = t;
+  }
+  const Eigen::Vector3d earth = earth_rate_n(site.latitude_rad / rad_per_deg);
+  const Eigen::Vector3d early_n = up_integral(earth, 0.0, middle), late_n = up_integral(earth, middle, t);
+  const Eigen::Matrix3d in_n = triad(early_n + late_n, late_n);
+  const Eigen::Matrix3d in_b = triad(early + late, late);
+  return Eigen::Quaterniond(Eigen::Matrix3d(in_n * in_b.transpose())).normalized();
+}
+
+void begin_alignment(DriftCovariance& drift) { drift.begin(coarse_level_rad, coarse_heading_rad); }
+
+Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovariance::Site& site,
+                        DriftCovariance drift) {
+  if (std::abs(site.latitude_rad) > max_navigation_latitude_deg * rad_per_deg)
+    return input_error("latitude: expected at most 85 deg north or south to navigate by the Earth's rate");
+  double rest_s = 0.0;
+  for (const MotionInterval& interval : window) rest_s += interval.at_rest ? interval.duration_s : 0.0;
+  if (rest_s < align_min_rest_s)
+    return input_error("alignment: " + std::to_string(std::lround(rest_s)) + " s at rest, expected at least " +
+                       std::to_string(static_cast<int>(align_min_rest_s)) + " s");
+  NavigationState start;
+  start.q_nb = coarse_alignment(window, site);
+  start.latitude_rad = site.latitude_rad;
+  Navigator navigator(start, site.gravity_mps2, true);
+  begin_alignment(drift);
+  double since_s = 0.0;
+  for (const MotionInterval& interval : window) {
+    const Eigen::Quaterniond before = navigator.state().q_nb;
+    navigator.advance(interval);
+    drift.advance(before.slerp(0.5, navigator.state().q_nb).toRotationMatrix(), interval);
+    since_s += interval.duration_s;
+    if (!interval.at_rest || since_s < observed_every_s - 1e-9) continue;
+    since_s = 0.0;
+    const Eigen::Vector3d v = navigator.state().velocity_n_mps;
+    const DriftVector error = drift.observe_rest({v[0], v[2]});
+    navigator.correct(error.head<3>(), {error[3], 0.0, error[4]});
+    navigator.set_position(site.latitude_rad, 0.0, 0.0);
+  }
+  drift.begin_navigation();
+  return Alignment{navigator.state(), std::move(drift), rest_s};
+}
+
+}  // namespace turncal

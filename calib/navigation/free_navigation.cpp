@@ -1,0 +1,120 @@
+#include "calib/navigation/free_navigation.h"
+
+#include <cmath>
+
+#include "calib/model/attitude.h"
+#include "calib/navigation/earth.h"
+#include "calib/navigation/navigation_error.h"
+
+namespace turncal {
+namespace {
+
+constexpr double track_step_s = 1.0;
+constexpr double rest_interval_s = 0.1;
+
+DriftCovariance drift_of(const FreeNavigationSetup& setup) {
+  return DriftCovariance(setup.site, setup.noise, setup.counts);
+}
+
+Eigen::Vector3d attitude_sigma(const DriftMatrix& covariance) {
+  return covariance.diagonal().head<3>().cwiseMax(0.0).cwiseSqrt();
+}
+
+Eigen::Matrix2d position_block(const DriftMatrix& covariance) { return covariance.block<2, 2>(5, 5); }
+
+// What a unit reads at rest over one interval.
+MotionInterval resting(const Eigen::Matrix3d& C_nb, const DriftCovariance::Site& site, double seconds) {
+  MotionInterval interval;
+  interval.duration_s = seconds;
+  interval.at_rest = true;
+  interval.gyro_rad = seconds * (C_nb.transpose() * earth_rate_n(site.latitude_rad / rad_per_deg));
+  interval.accel_mps = seconds * (C_nb.transpose() * Eigen::Vector3d(0.0, site.gravity_mps2, 0.0));
+  interval.turn = quaternion_of(interval.gyro_rad);
+  interval.push_mps = interval.accel_mps + 0.5 * interval.gyro_rad.cross(interval.accel_mps);
+  return interval;
+}
+
+}  // namespace
+
+Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, const FreeNavigationSetup& setup) {
+  if (stretch.empty()) return input_error("nothing to navigate: the stretch is empty");
+  const double interval_s = stretch.front().duration_s;
+  const auto align_intervals = static_cast<std::size_t>(std::lround(setup.align_s / interval_s));
+  if (stretch.size() <= align_intervals)
+    return input_error(
+        "alignment: the stretch has " + std::to_string(std::lround(static_cast<double>(stretch.size()) * interval_s)) +
+        " s, expected more than the " + std::to_string(std::lround(setup.align_s)) + " s of the alignment");
+  Result<Alignment> alignment = align(stretch.first(align_intervals), setup.site, drift_of(setup));
+  if (!alignment) return alignment.error();
+
+  FreeNavigation result;
+  result.align_rest_s = alignment->rest_s;
+  result.aligned = alignment->state;
+  DriftCovariance& drift = alignment->drift;
+  result.align_sigma_rad = attitude_sigma(drift.covariance(setup.parameter_covariance));
+  const std::span<const MotionInterval> free = stretch.subspan(align_intervals);
+  const auto every = std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(track_step_s / interval_s)));
+  result.track.reserve(free.size() / every + 2);
+  Navigator navigator(alignment->state, setup.site.gravity_mps2, true);
+  RadialErrorRate rate;
+  double squares = 0.0;
+  const auto note = [&](std::size_t intervals) {
+    const NavigationState& state = navigator.state();
+    const double t = static_cast<double>(intervals) * interval_s;
+    const Eigen::Vector2d moved = displacement_m(state, setup.site.latitude_rad, 0.0);
+    result.track.push_back({t, state, moved});
+    rate.add(t, moved.norm());
+    squares += state.velocity_n_mps.squaredNorm();
+  };
+  note(0);
+  for (std::size_t k = 0; k < free.size(); ++k) {
+    const Eigen::Quaterniond before = navigator.state().q_nb;
+    navigator.advance(free[k]);
+    if (setup.expected) {
+      // Half way: the mean of two quaternions that are close, to second order of the angle between them.
+      const Eigen::Quaterniond& after = navigator.state().q_nb;
+      const double side = before.dot(after) < 0.0 ? -1.0 : 1.0;
+      const Eigen::Quaterniond middle(Eigen::Vector4d(before.coeffs() + side * after.coeffs()).normalized());
+      drift.advance(middle.toRotationMatrix(), free[k]);
+    }
+    if ((k + 1) % every == 0 || k + 1 == free.size()) note(k + 1);
+  }
+  result.free_s = static_cast<double>(free.size()) * interval_s;
+  result.nm_per_h = rate.nm_per_h();
+  result.velocity_rms_mps = std::sqrt(squares / static_cast<double>(result.track.size()));
+  if (setup.expected) result.end_covariance_m2 = position_block(drift.covariance(setup.parameter_covariance));
+  return result;
+}
+
+ExpectedDrift expected_drift(const FreeNavigationSetup& setup, double heading_rad, double free_s, double every_s) {
+  const Eigen::Matrix3d C_nb = attitude_from_angles(heading_rad, 0.0, 0.0);
+  const MotionInterval interval = resting(C_nb, setup.site, rest_interval_s);
+  const auto intervals_of = [](double seconds) { return std::lround(seconds / rest_interval_s); };
+  DriftCovariance drift = drift_of(setup);
+  begin_alignment(drift);
+  const long a_second = intervals_of(1.0);
+  for (long k = 1; k <= intervals_of(setup.align_s); ++k) {
+    drift.advance(C_nb, interval);
+    if (k % a_second == 0) drift.observe_rest(Eigen::Vector2d::Zero());
+  }
+  drift.begin_navigation();
+  ExpectedDrift result;
+  result.align_sigma_rad = attitude_sigma(drift.covariance(setup.parameter_covariance));
+  const long end = intervals_of(free_s);
+  const long every = std::max(a_second, intervals_of(every_s));
+  for (long k = 1; k <= end; ++k) {
+    drift.advance(C_nb, interval);
+    if (k % every != 0 && k != end) continue;
+    const DriftMatrix covariance = drift.covariance(setup.parameter_covariance);
+    result.points.push_back({static_cast<double>(k) * rest_interval_s, position_block(covariance),
+                             position_block(drift.noise_covariance()), covariance.block<2, 2>(3, 3)});
+  }
+  return result;
+}
+
+double expected_nm_per_h(const Eigen::Matrix2d& covariance_m2, double time_s) {
+  return time_s > 0.0 ? std::sqrt(std::max(0.0, covariance_m2.trace())) / metres_per_nautical_mile / (time_s / 3600.0)
+                      : 0.0;
+}
+
+}  // namespace turncal

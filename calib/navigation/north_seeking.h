@@ -1,0 +1,72 @@
+// North seeking on a table: how well a unit finds its heading, and how well it finds it again.
+//
+// Wang (2020), 4.2 and Table 2: the mean of two searches sets the table's zero; then the unit is turned to headings 0, 90, 180
+// and 270 and aligned four times in each. For head, roll and pitch of each position the paper prints the mean and the "mean
+// square deviation", which is the sample standard deviation, with n - 1 (docs/verification.md):
+//   s^2 = sum (x_k - mean)^2 / (n - 1)
+// Degrees. Headings are printed near the angle of the table: -0.01, not 359.99.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+namespace turncal {
+
+enum class NorthAngle { heading = 0, roll = 1, pitch = 2 };  // in the order of the paper's table
+inline constexpr std::array<const char*, 3> north_angle_names = {"heading", "roll", "pitch"};
+
+struct NorthReading {
+  double table_deg = 0.0;                   // where the table stood
+  std::array<double, 3> angle_deg{};        // by NorthAngle
+  std::array<double, 3> noise_sigma_deg{};  // from the noise of the sensors, of one alignment
+  std::array<double, 3> total_sigma_deg{};  // and from the calibration
+};
+
+struct NorthPosition {
+  double table_deg = 0.0;
+  std::vector<NorthReading> readings;  // headings from the table's zero, near table_deg
+  std::array<double, 3> mean_deg{};
+  std::array<double, 3> deviation_deg{};    // sample standard deviation; 0 of a single reading
+  std::array<double, 3> noise_sigma_deg{};  // what the noise lets expect of it
+};
+
+struct NorthSeeking {
+  double zero_deg = 0.0;  // heading of the unit where the table stands at 0: the mean of the searches
+  std::vector<NorthPosition> positions;
+  // What is judged: the reading whose heading is furthest from the table's, and the largest deviation of roll and of pitch.
+  NorthReading worst_heading;
+  double worst_heading_error_deg = 0.0;               // with its sign
+  std::array<double, 2> worst_level_deviation_deg{};  // roll, pitch
+  std::array<double, 2> level_sigma_deg{};            // of those deviations, from noise
+};
+
+// Mean and sample standard deviation.
+struct Spread {
+  double mean = 0.0;
+  double deviation = 0.0;
+};
+Spread spread_of(std::span<const double> values);
+
+// REQUIRES: at least one search and one reading. Readings in order; those that follow each other at one angle are a position.
+NorthSeeking seek_north(std::span<const NorthReading> searches, std::span<const NorthReading> readings);
+
+// The angle nearest to `near_deg` among angle_deg + 360 k.
+double near(double angle_deg, double near_deg);
+
+// Readings beside those of references without drift (an azimuth extractor, a level): Wang (2020), 4.3 and Table 3. The references
+// are bound to the unit by the first row, whose errors are zero:
+//   error = unit - (reference - (reference_1 - unit_1))
+struct ReferenceRow {
+  std::array<double, 3> unit_deg{};  // by NorthAngle
+  std::array<double, 3> reference_deg{};
+};
+struct ReferenceComparison {
+  std::vector<std::array<double, 3>> error_deg;  // a row each
+  std::array<double, 3> worst_deg{};             // largest size
+  std::array<double, 3> rms_deg{};               // of the rows after the first
+};
+// REQUIRES: at least two rows
+ReferenceComparison compare_references(std::span<const ReferenceRow> rows);
+
+}  // namespace turncal

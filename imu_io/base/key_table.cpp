@@ -1,0 +1,53 @@
+#include "imu_io/base/key_table.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "imu_io/base/format_number.h"
+
+namespace turncal {
+
+void KeyTable::refuse(const std::string& key, const std::string& value, const std::string& expected) {
+  if (status_) status_ = input_error(whose_ + ": " + key + " = " + value + ": expected " + expected);
+}
+
+void KeyTable::number(const std::string& key, double& value, NumberRange range) {
+  if (file_)
+    value = file_->number_or(key, value, range);
+  else if (!(range.contains(value) && std::isfinite(value)))
+    refuse(key, format_number(value), describe(range));
+}
+
+void KeyTable::number(const std::string& key, std::optional<double>& value, NumberRange range) {
+  if (!file_) return;
+  if (const std::optional<double> given = file_->number_if(key, range)) value = given;
+}
+
+void KeyTable::flag(const std::string& key, bool& value) {
+  if (file_) value = file_->boolean_or(key, value);
+}
+
+void KeyTable::text(const std::string& key, std::string& value) {
+  if (file_) value = file_->text_or(key, value);
+}
+
+std::int64_t KeyTable::whole_of(const std::string& key, std::int64_t value, std::int64_t min, std::int64_t max) {
+  if (file_) return file_->integer_or(key, value, min, max);
+  if (value < min || value > max)
+    refuse(key, std::to_string(value), "a whole number between " + std::to_string(min) + " and " + std::to_string(max));
+  return value;
+}
+
+std::size_t KeyTable::place_of(const std::string& key, std::size_t place,
+                               std::initializer_list<std::string_view> names) {
+  if (!file_) {
+    whole_of(key, static_cast<std::int64_t>(place), 0, static_cast<std::int64_t>(names.size()) - 1);
+    return place;
+  }
+  const std::string name = file_->one_of_or(key, names.begin()[place], names);
+  // A defect leaves no name; the caller may go on with any value.
+  const auto at = std::find(names.begin(), names.end(), name);
+  return at == names.end() ? place : static_cast<std::size_t>(at - names.begin());
+}
+
+}  // namespace turncal

@@ -1,0 +1,230 @@
+#include "imu_io/recordings/parameter_forms.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "imu_io/base/bytes.h"
+#include "imu_io/base/crc32c.h"
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
+
+namespace turncal {
+namespace {
+
+constexpr std::string_view block_magic = "TCPB";
+constexpr std::uint32_t block_version = 1;
+constexpr std::size_t longest_text = 4096;
+
+constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
+
+bool is_trusted(const ParameterFile& file) {
+  for (const auto& [key, value] : file.further)
+    if (key == "quality.trusted") return value == "true";
+  return true;
+}
+
+void append_text(std::vector<std::byte>& out, std::string_view text) {
+  append_bytes(out, static_cast<std::uint32_t>(text.size()));
+  append_bytes(out, text);
+}
+
+// Reads from the front; remembers that something was missing.
+class BlockReader {
+ public:
+  explicit BlockReader(std::span<const std::byte> bytes) : bytes_(bytes) {}
+  template <class T>
+  T take() {
+    if (bytes_.size() < sizeof(T)) {
+      good_ = false;
+      return T{};
+    }
+    const T value = load_bytes<T>(bytes_.data());
+    bytes_ = bytes_.subspan(sizeof(T));
+    return value;
+  }
+  std::string take_text() {
+    const auto length = static_cast<std::size_t>(take<std::uint32_t>());
+    if (length > longest_text || length > bytes_.size()) {
+      good_ = false;
+      return {};
+    }
+    std::string text(reinterpret_cast<const char*>(bytes_.data()), length);
+    bytes_ = bytes_.subspan(length);
+    return text;
+  }
+  bool good() const { return good_; }
+  bool at_end() const { return bytes_.empty(); }
+
+ private:
+  std::span<const std::byte> bytes_;
+  bool good_ = true;
+};
+
+// A double as C and every YAML reader have it: with a point, before an exponent too.
+std::string literal(double value) {
+  std::string text = format_number(value);
+  if (text.find('.') == std::string::npos) text.insert(std::min(text.find('e'), text.size()), ".0");
+  return text;
+}
+
+// Between double quotes, for C and YAML: what would need an escape becomes '_'.
+std::string in_quotes(std::string_view text) {
+  std::string result = "\"";
+  for (const char c : text) {
+    const bool plain = c >= ' ' && c < 127 && c != '"' && c != '\\' && c != '?';
+    result += plain ? c : '_';
+  }
+  return result + "\"";
+}
+
+std::string matrix_of(const ParameterFile& file, int first) {
+  std::string text = "{";
+  for (int row = 0; row < 3; ++row) {
+    text += row == 0 ? "{" : ", {";
+    for (int column = 0; column < 3; ++column)
+      text += (column == 0 ? "" : ", ") + literal(file.parameters[first + 3 * row + column]);
+    text += "}";
+  }
+  return text + "}";
+}
+
+std::string vector_of(const ParameterFile& file, int first) {
+  std::string text = "{";
+  for (int k = 0; k < 3; ++k) text += (k == 0 ? "" : ", ") + literal(file.parameters[first + k]);
+  return text + "}";
+}
+
+}  // namespace
+
+ParameterBlock block_of(const ParameterFile& file) {
+  ParameterBlock block;
+  block.gyro_pulses = file.gyro_increment == IncrementKind::pulses;
+  block.accel_pulses = file.accel_increment == IncrementKind::pulses;
+  block.simulated = file.simulated;
+  block.trusted = is_trusted(file);
+  block.sample_period_s = file.sample_period_s;
+  block.accel_pulse_mps = file.accel_pulse_mps;
+  block.latitude_deg = file.latitude_deg;
+  block.gravity_mps2 = file.gravity_mps2;
+  block.reference_temperature_c = file.reference_temperature_c.value_or(not_a_number);
+  for (std::size_t k = 0; k < static_cast<std::size_t>(parameter_count); ++k) {
+    block.value[k] = file.parameters[static_cast<Eigen::Index>(k)];
+    block.sigma[k] = file.sigma[k].value_or(not_a_number);
+  }
+  block.unit_serial = file.unit_serial;
+  for (const EffectValue& effect : file.effects)
+    block.effects.emplace_back(effect.name + "." + effect.component, effect.value);
+  return block;
+}
+
+std::vector<std::byte> format_parameter_block(const ParameterBlock& block) {
+  std::vector<std::byte> out;
+  append_bytes(out, block_magic);
+  append_bytes(out, block_version);
+  for (const bool flag : {block.gyro_pulses, block.accel_pulses, block.simulated, block.trusted})
+    append_bytes(out, static_cast<std::uint8_t>(flag ? 1 : 0));
+  for (const double value : {block.sample_period_s, block.accel_pulse_mps, block.latitude_deg, block.gravity_mps2,
+                             block.reference_temperature_c})
+    append_bytes(out, value);
+  for (const double value : block.value) append_bytes(out, value);
+  for (const double value : block.sigma) append_bytes(out, value);
+  append_text(out, block.unit_serial);
+  append_bytes(out, static_cast<std::uint32_t>(block.effects.size()));
+  for (const auto& [name, value] : block.effects) {
+    append_text(out, name);
+    append_bytes(out, value);
+  }
+  append_bytes(out, crc32c(std::span<const std::byte>(out)));
+  return out;
+}
+
+Result<ParameterBlock> parse_parameter_block(std::span<const std::byte> bytes, const std::string& file_name) {
+  constexpr std::size_t least = 4 + 4 + 4;
+  if (bytes.size() < least || std::memcmp(bytes.data(), block_magic.data(), block_magic.size()) != 0)
+    return input_error(file_name + ": expected a parameter block, which begins with TCPB");
+  const std::span<const std::byte> checked = bytes.first(bytes.size() - 4);
+  if (crc32c(checked) != load_bytes<std::uint32_t>(bytes.data() + checked.size()))
+    return input_error(file_name + ": wrong checksum: the parameter block is damaged or cut off");
+  BlockReader reader(checked.subspan(block_magic.size()));
+  const auto version = reader.take<std::uint32_t>();
+  if (version != block_version)
+    return input_error(file_name + ": parameter block of version " + std::to_string(version) + ", expected " +
+                       std::to_string(block_version));
+  ParameterBlock block;
+  for (bool* flag : {&block.gyro_pulses, &block.accel_pulses, &block.simulated, &block.trusted})
+    *flag = reader.take<std::uint8_t>() != 0;
+  for (double* value : {&block.sample_period_s, &block.accel_pulse_mps, &block.latitude_deg, &block.gravity_mps2,
+                        &block.reference_temperature_c})
+    *value = reader.take<double>();
+  for (double& value : block.value) value = reader.take<double>();
+  for (double& value : block.sigma) value = reader.take<double>();
+  block.unit_serial = reader.take_text();
+  for (auto left = reader.take<std::uint32_t>(); left > 0 && reader.good(); --left) {
+    std::string name = reader.take_text();
+    block.effects.emplace_back(std::move(name), reader.take<double>());
+  }
+  if (!reader.good() || !reader.at_end())
+    return input_error(file_name + ": a parameter block whose parts do not fit its length");
+  return block;
+}
+
+std::string format_parameter_header(const ParameterFile& file) {
+  std::string text =
+      "/* Calibration of an inertial measurement unit, made by turncal " + file.software_version +
+      ".\n   w = n counts - N0 (deg/h), f = a counts - A0 (g, 9.80665 m/s^2); body axes: x front, y up, z right. */\n";
+  if (file.simulated) text += "/* SIMULATED: not of a real unit. */\n";
+  if (!is_trusted(file)) text += "/* NOT TRUSTED: the model does not fit the data that it was made from. */\n";
+  text += "#ifndef TURNCAL_PARAMETERS_H\n#define TURNCAL_PARAMETERS_H\n\n";
+  const auto constant = [&text](const std::string& type, const std::string& name, const std::string& value) {
+    text += "static const " + type + " turncal_" + name + " = " + value + ";\n";
+  };
+  constant("char", "unit_serial[]", in_quotes(file.unit_serial));
+  constant("char", "time_utc[]", in_quotes(file.time_utc));
+  constant("char", "recording_hash[]", in_quotes(file.recording_hash));
+  constant("int", "simulated", file.simulated ? "1" : "0");
+  constant("int", "trusted", is_trusted(file) ? "1" : "0");
+  constant("double", "sample_period_s", literal(file.sample_period_s));
+  constant("double", "accel_pulse_mps", literal(file.accel_pulse_mps));
+  constant("double", "N0_degph[3]", vector_of(file, 0));
+  constant("double", "A0_g[3]", vector_of(file, 3));
+  constant("double", "n[3][3]", matrix_of(file, 6));
+  constant("double", "a[3][3]", matrix_of(file, 15));
+  if (file.reference_temperature_c)
+    constant("double", "reference_temperature_c", literal(*file.reference_temperature_c));
+  for (const EffectValue& effect : file.effects)
+    constant("double", "effect_" + effect.name + "_" + effect.component, literal(effect.value));
+  return text + "\n#endif\n";
+}
+
+std::string format_parameter_yaml(const ParameterFile& file) {
+  std::string text = "# Parameters of an inertial measurement unit, as YAML.\n";  // no other file of ours begins so
+  if (file.simulated) text += "# Simulated data: a dry run, or a twin.\n";
+  const auto line = [&text](const std::string& key, const std::string& value) { text += key + ": " + value + "\n"; };
+  line("unit_serial", in_quotes(file.unit_serial));
+  line("recording_hash", in_quotes(file.recording_hash));
+  line("model", in_quotes(file.model));
+  line("method", in_quotes(file.method));
+  line("software_version", in_quotes(file.software_version));
+  line("time_utc", in_quotes(file.time_utc));
+  line("simulated", file.simulated ? "true" : "false");
+  line("trusted", is_trusted(file) ? "true" : "false");
+  line("latitude_deg", literal(file.latitude_deg));
+  line("gravity_mps2", literal(file.gravity_mps2));
+  line("sample_period_s", literal(file.sample_period_s));
+  line("accel_pulse_mps", literal(file.accel_pulse_mps));
+  line("gyro_increment", file.gyro_increment == IncrementKind::pulses ? "pulses" : "rad");
+  line("accel_increment", file.accel_increment == IncrementKind::pulses ? "pulses" : "mps");
+  if (file.reference_temperature_c) line("reference_temperature_c", literal(*file.reference_temperature_c));
+  text += "parameters:\n";
+  for (std::size_t k = 0; k < static_cast<std::size_t>(parameter_count); ++k)
+    line("  " + std::string(parameter_keys[k]), literal(file.parameters[static_cast<Eigen::Index>(k)]));
+  text += "sigma:\n";
+  for (std::size_t k = 0; k < static_cast<std::size_t>(parameter_count); ++k)
+    line("  " + std::string(parameter_keys[k]), file.sigma[k] ? literal(*file.sigma[k]) : "null");
+  text += file.effects.empty() ? "effects: {}\n" : "effects:\n";
+  for (const EffectValue& effect : file.effects)
+    line("  " + effect.name + "." + effect.component, literal(effect.value));
+  return text;
+}
+
+}  // namespace turncal

@@ -1,0 +1,67 @@
+// `turncal navigate RECORDING --parameters FILE [--against FILE] --out DIR`: free inertial navigation with calibrated increments, and
+// what it is off by. Writes DIR/navigation.conf, DIR/track.csv (and DIR/track_against.csv) and DIR/navigation.svg.
+#include <memory>
+
+#include "imu_io/base/atomic_file.h"
+#include "orchestrator/commands/commands.h"
+#include "orchestrator/jobs/navigation_job.h"
+#include "orchestrator/records/output_folder.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr double longest_recording_s = 1e7;
+
+struct NavigateOptions {
+  NavigationRequest request;
+  std::string out;
+};
+
+Status navigate(const NavigateOptions& options, CommandContext& context) {
+  if (Status status = check_not_source(options.out, options.request.recording); !status) return status;
+  const Result<NavigationReport> report = navigate_recording(options.request);
+  if (!report) return report.error();
+  // An earlier result in the folder is replaced, whole.
+  Result<OutputFolder> folder = OutputFolder::prepare(options.out, {});
+  if (!folder) return folder.error();
+  const Result<std::string> drawing = draw_navigation(*report);
+  if (drawing) {
+    if (Status status = write_file_atomically(folder->file("navigation.svg"), *drawing); !status) return status;
+  }
+  for (const NavigatedFile& file : report->files) {
+    const std::string name = file.prefix.empty() ? "track.csv" : "track_against.csv";
+    if (Status status = write_file_atomically(folder->file(name), format_track(*report, file)); !status) return status;
+  }
+  const std::string conf = folder->file("navigation.conf");
+  if (Status status = write_file_atomically(conf, format_navigation(*report)); !status) return status;
+  folder->keep();
+  print_navigation(*report, context.out);
+  if (!drawing) context.out << drawing.error().message << '\n';
+  context.out << "navigation  " << conf << std::endl;
+  return {};
+}
+
+}  // namespace
+
+void add_navigate_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<NavigateOptions>();
+  NavigationRequest& request = options->request;
+  const Command command = line.command("navigate", "free inertial navigation of a recording: what it drifts");
+  command.option("recording", request.recording, "a folder (binary or text form) or a .tcr file").required();
+  command.option("--parameters", request.parameters, "parameter file").required();
+  command.option("--against", request.against, "another parameter file, navigated beside it");
+  command.option("--out", options->out, "folder for navigation.conf, track.csv, navigation.svg").required();
+  command.option("--align", request.align_s, "length of the alignment, s").range(20.0, 86400.0).default_in_help();
+  command.option("--from", request.from_s, "where to begin, s from the first sample")
+      .range(0.0, longest_recording_s)
+      .default_in_help();
+  command.option("--to", request.to_s, "where to end, s; default: the end of the recording")
+      .range(0.0, longest_recording_s);
+  command.option("--for", request.free_s, "length of each free navigation, s; default: an hour, or what there is")
+      .range(1.0, longest_recording_s);
+  command.option("--branches", request.branches, "starts, spread over the recording").range(1, 1000).default_in_help();
+  command.runs(context, [options, &context] { return navigate(*options, context); });
+}
+
+}  // namespace turncal

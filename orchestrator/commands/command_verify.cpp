@@ -1,0 +1,130 @@
+// `turncal verify`: north seeking on the table with a calibration (Wang (2020), 4.2), and `--references`: readings of references beside
+// those of the unit (4.3). The table is moved and the unit recorded as in a run (run_job.h), with verify.seq in place of the fourteen
+// steps; an interrupted one is taken up by `turncal resume DIR` and judged by `turncal verify --recording DIR`.
+#include <memory>
+
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/base/line_prefix.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/commands/command_run.h"
+#include "orchestrator/commands/commands.h"
+#include "orchestrator/jobs/run_job.h"
+#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/jobs/verification_job.h"
+#include "orchestrator/records/output_folder.h"
+#include "orchestrator/station/builtin_sequence.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr const char* verification_name = "verification.conf";
+
+struct VerifyOptions {
+  RunRequest run;
+  std::string unit;
+  std::string parameters;
+  std::string folder;
+  std::string recording;
+  std::string references;
+};
+
+Status check_together(const VerifyOptions& o) {
+  if (!o.references.empty()) {
+    if (!o.unit.empty() || !o.parameters.empty() || !o.recording.empty() || o.run.dry_run || o.run.manual)
+      return input_error("--references: expected no other option than --out: the readings say everything");
+    return {};
+  }
+  if (o.parameters.empty()) return input_error("--parameters is required: the calibration that is verified");
+  if (o.folder.empty()) return input_error("--out is required: the folder for " + std::string(verification_name));
+  if (o.recording.empty() && o.unit.empty())
+    return input_error("--unit is required (or --recording, of a verification that was recorded)");
+  if (!o.recording.empty() && (!o.unit.empty() || o.run.dry_run || o.run.manual))
+    return input_error("--recording: expected no --unit, --dry-run or --manual: nothing is measured");
+  return {};
+}
+
+Status verify_by_references(const VerifyOptions& options, CommandContext& context) {
+  const Result<ReferenceReport> report = verify_references(options.references);
+  if (!report) return report.error();
+  if (!options.folder.empty()) {
+    Result<OutputFolder> folder = OutputFolder::prepare(options.folder, {});
+    if (!folder) return folder.error();
+    const std::string file = folder->file("references.conf");
+    if (Status status = write_file_atomically(file, format_references(*report)); !status) return status;
+    folder->keep();
+  }
+  print_references(*report, context.out);
+  return verification_status(options.references, report->pass ? UnitVerdict::pass : UnitVerdict::fail);
+}
+
+Result<VerdictLimits> limits_of(const std::string& station) {
+  if (station.empty()) return VerdictLimits{};
+  const Result<StationConfig> config = read_station_config(station);
+  if (!config) return config.error();
+  return config->limits;
+}
+
+// Records the north seeking as a run that calibrates nothing. What cannot be used is refused before anything moves.
+Status measure(const VerifyOptions& options, CommandContext& context) {
+  const Result<ParameterFile> parameters = read_parameter_file(options.parameters);
+  if (!parameters) return parameters.error();
+  RunRequest run = options.run;
+  run.units = {options.unit};
+  run.capture_only = true;
+  if (run.sequence.empty()) run.sequence = builtin_verify_name;
+  const Result<PreparedRun> prepared = prepare(run);
+  if (!prepared) return prepared.error();
+  RecordingInfo planned = planned_info(*prepared);
+  planned.unit_serial = options.unit;
+  planned.simulated = prepared->simulated();
+  if (Status status = check_applicable(*parameters, options.parameters, planned); !status) return status;
+  return begin_run(run, options.folder, context).status;
+}
+
+Status verify(const VerifyOptions& options, CommandContext& context) {
+  if (Status status = check_together(options); !status) return status;
+  if (!options.references.empty()) return verify_by_references(options, context);
+  const Result<VerdictLimits> limits = limits_of(options.run.station);
+  if (!limits) return limits.error();
+  if (options.recording.empty()) {
+    if (Status status = measure(options, context); !status) return status;
+  }
+  const std::string recording = options.recording.empty() ? options.folder : options.recording;
+  const Result<VerificationReport> report = verify_recording({recording, options.parameters, *limits});
+  if (!report) return report.error();
+  Result<OutputFolder> folder = OutputFolder::prepare(options.folder, {});
+  if (!folder) return folder.error();
+  const std::string file = folder->file(verification_name);
+  if (Status status = write_file_atomically(file, format_verification(*report)); !status) return status;
+  folder->keep();
+  const LinePrefix marked(context.out,
+                          report->info.simulated && context.tag.empty() ? std::string(simulated_tag) : context.tag);
+  print_verification(*report, context.out);
+  context.out << "verification  " << file << std::endl;
+  return verification_status("unit " + report->info.unit_serial, report->verdict);
+}
+
+}  // namespace
+
+void add_verify_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<VerifyOptions>();
+  RunRequest& run = options->run;
+  const Command command = line.command("verify", "north seeking with a calibration, or readings beside references");
+  command.option("--parameters", options->parameters, "parameter file of the unit");
+  command.option("--unit", options->unit, "serial number of the unit");
+  command.option("--out", options->folder, "folder for the recording and verification.conf");
+  command.option("--station", run.station, "station configuration, with its limits; default: the built-in rig station");
+  command.flag("--dry-run", run.dry_run, "use the built-in rig in virtual time");
+  command.flag("--manual", run.manual, "the table is turned by hand");
+  command.option("--rig", run.rig, "rig configuration (docs/rig.md); default: the built-in one");
+  command.option("--sequence", run.sequence, "another sequence than verify.seq: align sets the zero, dwell counts");
+  command.option("--recording", options->recording, "judge what was recorded before; nothing moves");
+  command.option("--references", options->references,
+                 "CSV of readings: heading_deg,roll_deg,pitch_deg and the same with reference_ in front");
+  add_watch_options(command, run);
+  add_record_options(command, run);
+  command.runs(context, [options, &context] { return verify(*options, context); });
+}
+
+}  // namespace turncal

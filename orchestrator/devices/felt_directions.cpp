@@ -1,0 +1,119 @@
+#include "orchestrator/devices/felt_directions.h"
+
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include <Eigen/Geometry>
+
+#include "calib/model/attitude.h"
+#include "calib/model/parameters.h"
+#include "calib/statistics/unit_slip.h"
+#include "imu_io/base/format_number.h"
+
+namespace turncal {
+
+namespace {
+
+bool points_along(const Eigen::Vector3d& v, const Eigen::Vector3d& direction, double within_deg) {
+  return v.norm() > 0.0 && v.dot(direction) >= v.norm() * direction.norm() * std::cos(within_deg * rad_per_deg);
+}
+
+double angle_between_deg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b)) / rad_per_deg;
+}
+
+// "-z": the axis that a direction is nearest to.
+std::string nearest_axis(const Eigen::Vector3d& v) {
+  Eigen::Index axis = 0;
+  v.cwiseAbs().maxCoeff(&axis);
+  return std::string(v[axis] < 0.0 ? "-" : "+") + "xyz"[axis];
+}
+
+std::string angles_text(const AxisTriple& deg) {
+  return "heading " + format_number(deg[Axis::heading]) + ", pitch " + format_number(deg[Axis::pitch]) + ", roll " +
+         format_number(deg[Axis::roll]) + " deg";
+}
+
+std::string triple_text(const Eigen::Vector3d& v) {
+  // What is nothing beside the largest is shown as 0, not as what rounding left of it.
+  const double least = 1e-5 * v.cwiseAbs().maxCoeff();
+  const auto shown = [least](double x) { return std::abs(x) < least ? 0.0 : x; };
+  char text[80];
+  std::snprintf(text, sizeof text, "%+.4g, %+.4g, %+.4g", shown(v.x()), shown(v.y()), shown(v.z()));
+  return text;
+}
+
+// Of the body, for a turn by + about an axis of the table (planned_motion.h).
+Eigen::Vector3d body_axis_of(Axis axis, const AxisTriple& at_deg) {
+  switch (axis) {
+    case Axis::heading: return -attitude_of(at_deg).transpose() * Eigen::Vector3d::UnitY();
+    case Axis::pitch:
+      return Eigen::AngleAxisd(-at_deg[Axis::roll] * rad_per_deg, Eigen::Vector3d::UnitX()) * Eigen::Vector3d::UnitZ();
+    case Axis::roll: break;
+  }
+  return Eigen::Vector3d::UnitX();
+}
+
+}  // namespace
+
+Eigen::Matrix3d attitude_of(const AxisTriple& angles_deg) {
+  return attitude_from_angles(angles_deg[Axis::heading] * rad_per_deg, angles_deg[Axis::pitch] * rad_per_deg,
+                              angles_deg[Axis::roll] * rad_per_deg);
+}
+
+std::optional<std::pair<Axis, double>> turn_between(const AxisTriple& from_deg, const AxisTriple& to_deg) {
+  std::optional<std::pair<Axis, double>> turn;
+  for (const Axis axis : all_axes) {
+    if (to_deg[axis] == from_deg[axis]) continue;
+    if (turn) return {};
+    turn = {axis, to_deg[axis] - from_deg[axis]};
+  }
+  return turn;
+}
+
+Status judge_force(const Eigen::Vector3d& force_mps2, const AxisTriple& angles_deg, double gravity_mps2,
+                   const DirectionLimits& limits) {
+  const Eigen::Vector3d up = attitude_of(angles_deg).transpose() * Eigen::Vector3d::UnitY();
+  const bool size_fits = std::abs(force_mps2.norm() - gravity_mps2) <= limits.force_tolerance * gravity_mps2;
+  const bool points_up = points_along(force_mps2, up, limits.direction_deg);
+  if (size_fits && points_up) return {};
+  const std::string sensed = "at " + angles_text(angles_deg) + " the accelerometers sense " + triple_text(force_mps2) +
+                             " m/s^2 along x, y, z: expected " + triple_text(gravity_mps2 * up);
+  const UnitSlip* const slip = slip_near(accel_slips(), force_mps2.norm() / gravity_mps2);
+  if (points_up && slip != nullptr) {
+    return device_error(sensed + "; the accelerometers look " + slip->words +
+                        " (accel.unit, accel.scale of the frame)");
+  }
+  Eigen::Index most = 0;
+  up.cwiseAbs().maxCoeff(&most);
+  if (!size_fits && std::abs(force_mps2[most]) < 0.1 * gravity_mps2 && std::abs(up[most]) > 0.5) {
+    return device_error(sensed + "; accelerometer " + "xyz"[most] + " does not answer to gravity");
+  }
+  if (!points_up && nearest_axis(force_mps2) != nearest_axis(up)) {
+    return device_error(sensed + "; the unit's " + nearest_axis(force_mps2) + " is up instead of its " +
+                        nearest_axis(up) + ": mounted another way, or axes and signs of its frame (accel.axes)");
+  }
+  if (size_fits) {
+    return device_error(sensed + "; up is " + format_number(std::round(angle_between_deg(force_mps2, up))) +
+                        " deg away from there: zero of the table's pitch and roll, or the fixture");
+  }
+  return device_error(sensed +
+                      "; scale of the accelerometers (accel.pulse_mps, accel.scale of the frame) or a dead one");
+}
+
+Status judge_felt(const Eigen::Vector3d& sum, const AxisTriple& from_deg, const AxisTriple& to_deg,
+                  const DirectionLimits& limits) {
+  const auto turn = turn_between(from_deg, to_deg);
+  if (!turn || std::abs(turn->second) < limits.smallest_turn_deg) return {};
+  const Eigen::Vector3d expected = body_axis_of(turn->first, from_deg) * turn->second;
+  if (points_along(sum, expected, limits.direction_deg)) return {};
+  const std::string turned =
+      std::string("the turn of ") + to_string(turn->first) + " by " + format_number(turn->second) + " deg ";
+  if (sum.norm() == 0.0) return device_error(turned + "was not felt by any gyro");
+  return device_error(turned + "was felt about " + nearest_axis(sum) + " (" + triple_text(sum) + "): expected about " +
+                      nearest_axis(expected) +
+                      ": mounted another way, signs of the table's axis, or axes and signs of the unit's frame");
+}
+
+}  // namespace turncal

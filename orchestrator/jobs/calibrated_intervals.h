@@ -1,0 +1,36 @@
+// A recording read once, its samples calibrated by one or more parameter files, as intervals of motion (calib/navigation/increments.h).
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/navigation/increments.h"
+#include "calib/types/status.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "imu_io/recordings/recording_source.h"
+#include "orchestrator/jobs/effect_terms.h"
+
+namespace turncal {
+
+inline constexpr double motion_interval_s = 0.1;  // or a sample, where that is longer
+
+struct CalibratedIntervals {
+  std::string path;  // of the parameter file
+  ParameterFile file;
+  SensorModel model;
+  EffectTerms effects;
+  IncrementIntegrator integrator;
+};
+
+// Before any sample is read. Errors: the file, or that it is not of this unit and kind of increments.
+Result<CalibratedIntervals> calibrated_intervals(const std::string& parameters, RecordingSource& source);
+
+struct Stretch {  // s from the first sample
+  double from_s = 0.0;
+  std::optional<double> to_s;  // default: the end
+};
+// Samples marked as bad count as lost. Without segments everything is at rest.
+Status integrate_recording(RecordingSource& source, const Stretch& stretch, std::vector<CalibratedIntervals>& files);
+
+}  // namespace turncal

@@ -1,0 +1,121 @@
+#include "orchestrator/jobs/navigation_job.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "orchestrator/jobs/calibrated_intervals.h"
+#include "orchestrator/jobs/stored_estimate.h"
+
+namespace turncal {
+namespace {
+
+constexpr double default_free_s = 3600.0;
+
+// First intervals of the branches.
+std::vector<std::size_t> starts_of(const std::vector<MotionInterval>& intervals, std::size_t length, int branches) {
+  std::vector<std::size_t> starts;
+  if (intervals.size() < length) return starts;
+  const std::size_t last = intervals.size() - length;
+  for (int k = 0; k < branches; ++k) {
+    std::size_t at = branches > 1 ? last * static_cast<std::size_t>(k) / static_cast<std::size_t>(branches - 1) : 0;
+    while (at < last && !intervals[at].at_rest) ++at;
+    if (starts.empty() || at > starts.back()) starts.push_back(at);
+  }
+  return starts;
+}
+
+std::string seconds(double s) { return std::to_string(std::llround(s)) + " s"; }
+
+Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const RecordingInfo& info, double align_s,
+                                    std::size_t length, const std::vector<std::size_t>& starts, double from_s,
+                                    const std::string& prefix) {
+  const Result<NoiseModel> noise = stored_noise(calibrated.file, calibrated.path);
+  if (!noise) return noise.error();
+  const Result<StoredCovariance> covariance = stored_covariance(calibrated.file, calibrated.path);
+  if (!covariance) return covariance.error();
+  FreeNavigationSetup setup;
+  setup.site = {info.latitude_deg * rad_per_deg, info.gravity_mps2};
+  setup.noise = *noise;
+  setup.counts = counts_model(from_vector(calibrated.file.parameters), info);
+  setup.parameter_covariance = covariance->covariance;
+  setup.align_s = align_s;
+
+  NavigatedFile result;
+  result.prefix = prefix;
+  result.path = calibrated.path;
+  result.model = calibrated.file.model;
+  result.covariance_source = covariance->source;
+  const std::vector<MotionInterval>& intervals = calibrated.integrator.intervals();
+  std::vector<double> rates;
+  double squares = 0.0;
+  for (const std::size_t start : starts) {
+    setup.expected = start == starts.front();
+    NavigatedBranch branch;
+    branch.start_s = from_s + static_cast<double>(start) * intervals.front().duration_s;
+    Result<FreeNavigation> navigation = navigate_freely(std::span(intervals).subspan(start, length), setup);
+    if (!navigation)
+      return Error{navigation.error().kind, "branch at " + seconds(branch.start_s) + ": " + navigation.error().message};
+    if (setup.expected) {
+      const double rms = expected_nm_per_h(navigation->end_covariance_m2, navigation->free_s);
+      result.expected = drift_over_runs(std::span(&rms, 1));
+    }
+    rates.push_back(navigation->nm_per_h);
+    squares += navigation->velocity_rms_mps * navigation->velocity_rms_mps;
+    branch.navigation = std::move(*navigation);
+    result.branches.push_back(std::move(branch));
+  }
+  result.drift = drift_over_runs(rates);
+  result.velocity_rms_mps = std::sqrt(squares / static_cast<double>(starts.size()));
+  return result;
+}
+
+}  // namespace
+
+Result<NavigationReport> navigate_recording(const NavigationRequest& request) {
+  if (request.to_s && *request.to_s <= request.from_s)
+    return input_error("--to " + seconds(*request.to_s) + ": expected more than --from, " + seconds(request.from_s));
+  Result<std::unique_ptr<RecordingSource>> opened = RecordingSource::open(request.recording);
+  if (!opened) return opened.error();
+  RecordingSource& source = **opened;
+  const RecordingInfo info = source.info();
+  std::vector<CalibratedIntervals> files;
+  for (const std::string& path : {request.parameters, request.against}) {
+    if (path.empty()) continue;
+    Result<CalibratedIntervals> file = calibrated_intervals(path, source);
+    if (!file) return file.error();
+    files.push_back(std::move(*file));
+  }
+  if (Status status = integrate_recording(source, {request.from_s, request.to_s}, files); !status)
+    return status.error();
+  const std::vector<MotionInterval>& intervals = files.front().integrator.intervals();
+  const double interval = info.sample_period_s * std::max(1.0, std::round(motion_interval_s / info.sample_period_s));
+  const double available_s = static_cast<double>(intervals.size()) * interval;
+  const double wanted_s = request.free_s.value_or(std::min(default_free_s, available_s - request.align_s));
+  const auto length = static_cast<std::size_t>(std::max(0L, std::lround((request.align_s + wanted_s) / interval)));
+  if (available_s <= request.align_s || length > intervals.size())
+    return input_error(request.recording + ": " + seconds(available_s) + " to navigate, expected more than " +
+                       seconds(request.align_s + std::max(0.0, request.free_s.value_or(0.0))));
+
+  NavigationReport report;
+  report.recording = request.recording;
+  report.info = info;
+  report.align_s = request.align_s;
+  report.without_segments = source.segments().empty();
+  const Result<std::string> hash = source.content_hash();
+  if (!hash) return hash.error();
+  report.recording_hash = *hash;
+  for (const MotionInterval& motion : intervals) {
+    report.filled_samples += motion.missing;
+    if (!motion.at_rest) report.filled_in_motion += motion.missing;
+  }
+  const std::vector<std::size_t> starts = starts_of(intervals, length, request.branches);
+  for (std::size_t k = 0; k < files.size(); ++k) {
+    Result<NavigatedFile> file =
+        navigate_file(files[k], info, request.align_s, length, starts, request.from_s, k == 0 ? "" : "against.");
+    if (!file) return Error{file.error().kind, request.recording + ": " + file.error().message};
+    report.files.push_back(std::move(*file));
+  }
+  return report;
+}
+
+}  // namespace turncal

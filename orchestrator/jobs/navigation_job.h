@@ -1,0 +1,30 @@
+// Free navigation of a recording with one or two parameter files, from its samples to what is reported.
+//
+// A table turns the unit about a fixed point, so the whole walk is navigated, turns and all, and what moves is error. Branches are
+// the same recording from other starts, spread evenly over what is left when every one of them has its full length; each begins
+// where the unit next rests.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "calib/types/status.h"
+#include "orchestrator/report/navigation_report.h"
+
+namespace turncal {
+
+struct NavigationRequest {
+  std::string recording;
+  std::string parameters;
+  std::string against;  // empty: none
+  double align_s = 300.0;
+  double from_s = 0.0;           // of the recording, from its first sample
+  std::optional<double> to_s;    // default: its end
+  std::optional<double> free_s;  // of each branch; default: an hour, or what the recording holds
+  int branches = 8;              // at most; as many as have different starts
+};
+
+// Errors: kind input for files that cannot be used, and for a recording that is too short or does not rest.
+Result<NavigationReport> navigate_recording(const NavigationRequest& request);
+
+}  // namespace turncal

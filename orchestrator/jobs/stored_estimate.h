@@ -1,0 +1,21 @@
+// What a parameter file says of its own uncertainty: noise of the sensors, and the covariance of the parameters.
+#pragma once
+
+#include "calib/model/noise_model.h"
+#include "calib/navigation/drift.h"
+#include "imu_io/recordings/parameter_file.h"
+
+namespace turncal {
+
+// The `noise.` keys; what is not there keeps the value of NoiseModel, and the pulses are those of the increments.
+Result<NoiseModel> stored_noise(const ParameterFile& file, const std::string& file_name);
+
+// Correlations of the `quality.covariance.` keys with the standard deviations `sigma.` (they can be wider than the covariance, where
+// the fit is not trusted); without those keys the standard deviations alone, and zero where there is none.
+struct StoredCovariance {
+  ParameterCovariance covariance = ParameterCovariance::Zero();
+  const char* source = "none";  // covariance, sigmas or none
+};
+Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std::string& file_name);
+
+}  // namespace turncal

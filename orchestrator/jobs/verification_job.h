@@ -1,0 +1,31 @@
+// North seeking made of a recording of it (docs/verification.md): each `align` segment is a search for the table's zero, each `static` one an
+// alignment that counts, where the table stands at the heading of the segment. And readings of references, from a file.
+#pragma once
+
+#include <string>
+
+#include "calib/types/status.h"
+#include "orchestrator/report/verification_report.h"
+
+namespace turncal {
+
+// What the recording does not say: the calibration, and the limits of the station.
+struct VerificationRequest {
+  std::string recording;
+  std::string parameters;
+  VerdictLimits limits;
+};
+// Errors: kind input for files that cannot be used, recordings without searches or alignments, turned units that are not level
+// (roll or pitch of the table other than 0), and alignments shorter than alignment.h asks for.
+Result<VerificationReport> verify_recording(const VerificationRequest& request);
+
+// Wang (2020), 4.3: heading better than 0.009 deg, roll and pitch better than 0.06 deg.
+inline constexpr std::array<double, 3> reference_limits_deg = {0.009, 0.06, 0.06};
+
+// A CSV with the columns heading_deg, roll_deg, pitch_deg, reference_heading_deg, reference_roll_deg, reference_pitch_deg.
+Result<ReferenceReport> verify_references(const std::string& csv);
+
+// Kind unit_failed unless the verdict is one to accept.
+Status verification_status(const std::string& what, UnitVerdict verdict);
+
+}  // namespace turncal

@@ -1,0 +1,49 @@
+// What free navigation with a parameter file comes to: as a file, as a track, as drawings, and for the terminal.
+#pragma once
+
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "calib/navigation/free_navigation.h"
+#include "calib/navigation/navigation_error.h"
+#include "calib/types/recording_types.h"
+#include "orchestrator/report/gnuplot.h"
+
+namespace turncal {
+
+struct NavigatedBranch {
+  double start_s = 0.0;  // where its alignment begins, from the first sample of the recording
+  FreeNavigation navigation;
+};
+
+struct NavigatedFile {  // one parameter file
+  std::string prefix;   // of its keys: "" or "against."
+  std::string path;
+  std::string model;
+  std::string covariance_source;
+  std::vector<NavigatedBranch> branches;
+  DriftOverRuns drift;
+  DriftOverRuns expected;  // of the end of the first branch
+  double velocity_rms_mps = 0.0;
+};
+
+struct NavigationReport {
+  std::string recording;
+  std::string recording_hash;
+  RecordingInfo info;
+  double align_s = 0.0;
+  std::int64_t filled_samples = 0;    // lost or bad, as their neighbours
+  std::int64_t filled_in_motion = 0;  // of them while the unit turned
+  bool without_segments = false;      // everything counted as rest
+  std::vector<NavigatedFile> files;   // the one asked for, then that of --against
+};
+
+std::string format_navigation(const NavigationReport& report);
+// branch,time_s,latitude_deg,...: a row a second of every branch.
+std::string format_track(const NavigationReport& report, const NavigatedFile& file);
+// Velocity and position errors against time, as one SVG.
+Result<std::string> draw_navigation(const NavigationReport& report, const GnuplotOptions& options = {});
+void print_navigation(const NavigationReport& report, std::ostream& out);
+
+}  // namespace turncal

@@ -1,0 +1,119 @@
+#include "orchestrator/report/verification_report.h"
+
+#include <cstdarg>
+#include <cstdio>
+#include <utility>
+
+#include "imu_io/base/format_number.h"
+
+namespace turncal {
+namespace {
+
+void add_key(const std::string& key, const std::string& value, std::string& text) {
+  text += key + " = " + value + "\n";
+}
+void add_key(const std::string& key, double value, std::string& text) { add_key(key, format_number(value), text); }
+
+[[gnu::format(printf, 2, 3)]] void print_text(std::ostream& out, const char* format, ...) {
+  char text[240];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(text, sizeof text, format, arguments);
+  va_end(arguments);
+  out << text;
+}
+
+}  // namespace
+
+std::string format_verification(const VerificationReport& report) {
+  std::string text = report.info.simulated ? "# Simulated data: a dry run, or a twin.\n" : "";
+  add_key("format", 1.0, text);
+  add_key("unit_serial", report.info.unit_serial, text);
+  add_key("simulated", report.info.simulated ? "true" : "false", text);
+  add_key("recording_hash", report.recording_hash, text);
+  add_key("parameters", report.parameters, text);
+  add_key("align_s", report.align_s, text);
+  add_key("zero_deg", report.found.zero_deg, text);
+  for (std::size_t p = 0; p < report.found.positions.size(); ++p) {
+    const NorthPosition& position = report.found.positions[p];
+    const std::string prefix = "position." + std::to_string(p + 1) + ".";
+    add_key(prefix + "table_deg", position.table_deg, text);
+    for (std::size_t k = 0; k < position.readings.size(); ++k)
+      for (std::size_t a = 0; a < 3; ++a)
+        add_key(prefix + std::to_string(k + 1) + "." + north_angle_names[a] + "_deg", position.readings[k].angle_deg[a],
+                text);
+    for (std::size_t a = 0; a < 3; ++a) {
+      const std::string name = std::string(north_angle_names[a]) + "_deg";
+      add_key(prefix + "mean." + name, position.mean_deg[a], text);
+      add_key(prefix + "deviation." + name, position.deviation_deg[a], text);
+      add_key(prefix + "sigma." + name, position.noise_sigma_deg[a], text);
+    }
+  }
+  add_key("worst.heading_error_deg", report.found.worst_heading_error_deg, text);
+  add_key("worst.heading_sigma_deg", report.found.worst_heading.total_sigma_deg[0], text);
+  add_key("worst.roll_deviation_deg", report.found.worst_level_deviation_deg[0], text);
+  add_key("worst.pitch_deviation_deg", report.found.worst_level_deviation_deg[1], text);
+  add_key("limit.heading_deg", report.heading_limit_deg, text);
+  add_key("limit.level_deg", report.level_limit_deg, text);
+  add_key("limit.guard_factor", report.guard_factor, text);
+  add_key("verdict.heading", std::string(to_string(report.heading)), text);
+  add_key("verdict.level", std::string(to_string(report.level)), text);
+  add_key("verdict.result", std::string(to_string(report.verdict)), text);
+  return text;
+}
+
+void print_verification(const VerificationReport& report, std::ostream& out) {
+  print_text(out, "Unit %s, alignments of %.0f s; the table's zero is at a heading of %.4f deg. deg:\n\n",
+             report.info.unit_serial.c_str(), report.align_s, report.found.zero_deg);
+  for (const NorthPosition& position : report.found.positions) {
+    print_text(out, "%7.1f %22s %12s %12s\n", position.table_deg, "heading", "roll", "pitch");
+    for (std::size_t k = 0; k < position.readings.size(); ++k) {
+      const std::array<double, 3>& x = position.readings[k].angle_deg;
+      print_text(out, "  %-15zu %12.6f %12.6f %12.6f\n", k + 1, x[0], x[1], x[2]);
+    }
+    for (const auto& [name, values] :
+         {std::pair{"mean", &position.mean_deg}, std::pair{"deviation", &position.deviation_deg},
+          std::pair{"sigma, noise", &position.noise_sigma_deg}})
+      print_text(out, "  %-15s %12.6f %12.6f %12.6f\n", name, (*values)[0], (*values)[1], (*values)[2]);
+    out << "\n";
+  }
+  print_text(out, "heading  worst reading %+.6f deg from the table, sigma %.6f; limit %g: %s\n",
+             report.found.worst_heading_error_deg, report.found.worst_heading.total_sigma_deg[0],
+             report.heading_limit_deg, std::string(to_string(report.heading)).c_str());
+  print_text(out, "level    largest deviation of roll %.6f, of pitch %.6f deg; limit %g: %s\n",
+             report.found.worst_level_deviation_deg[0], report.found.worst_level_deviation_deg[1],
+             report.level_limit_deg, std::string(to_string(report.level)).c_str());
+  out << "verdict  " << to_string(report.verdict) << "\n";
+}
+
+std::string format_references(const ReferenceReport& report) {
+  std::string text;
+  add_key("format", 1.0, text);
+  add_key("references", report.file, text);
+  for (std::size_t row = 0; row < report.found.error_deg.size(); ++row)
+    for (std::size_t a = 0; a < 3; ++a)
+      add_key("error." + std::to_string(row + 1) + "." + north_angle_names[a] + "_deg", report.found.error_deg[row][a],
+              text);
+  for (std::size_t a = 0; a < 3; ++a) {
+    const std::string name = std::string(north_angle_names[a]) + "_deg";
+    add_key("worst." + name, report.found.worst_deg[a], text);
+    add_key("rms." + name, report.found.rms_deg[a], text);
+    add_key("limit." + name, report.limit_deg[a], text);
+  }
+  add_key("verdict.result", report.pass ? "pass" : "fail", text);
+  return text;
+}
+
+void print_references(const ReferenceReport& report, std::ostream& out) {
+  print_text(out, "%-12s %12s %12s %12s   error, deg\n", "reading", "heading", "roll", "pitch");
+  for (std::size_t row = 0; row < report.found.error_deg.size(); ++row) {
+    const std::array<double, 3>& x = report.found.error_deg[row];
+    print_text(out, "%-12zu %12.6f %12.6f %12.6f%s\n", row + 1, x[0], x[1], x[2], row == 0 ? "   bound" : "");
+  }
+  for (const auto& [name, values] : {std::pair{"worst", &report.found.worst_deg},
+                                     std::pair{"rms", &report.found.rms_deg}, std::pair{"limit", &report.limit_deg}})
+    print_text(out, "%-12s %12.6f %12.6f %12.6f\n", name, (*values)[0], (*values)[1], (*values)[2]);
+  out << "verdict  " << (report.pass ? "pass" : "fail") << "\n";
+}
+
+}  // namespace turncal

@@ -1,0 +1,221 @@
+// The mechanisation against truths that were made by other means: closed forms of the unforced Earth, of Schuler's oscillation,
+// and a flight along a great circle written in inertial axes.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "calib/model/parameters.h"
+#include "calib/navigation/earth.h"
+#include "calib/navigation/mechanisation.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+// NIMA TR8350.2, tables 3.1 to 3.4; NGA's calculator for 45 deg.
+TEST(NavigationEarth, PublishedValues) {
+  EXPECT_NEAR(normal_gravity_mps2(0.0, 0.0), 9.7803253359, 1e-10);
+  EXPECT_NEAR(normal_gravity_mps2(0.5 * pi, 0.0), 9.8321849379, 2e-10);
+  EXPECT_NEAR(normal_gravity_mps2(0.25 * pi, 0.0), 9.8061977694, 1e-9);
+  // The free-air gradient, 3.086e-6 1/s^2.
+  EXPECT_NEAR(normal_gravity_mps2(0.25 * pi, 1000.0) - normal_gravity_mps2(0.25 * pi, 0.0), -3.0855e-3, 2e-6);
+  EXPECT_NEAR(radii_of_curvature(0.0).north_m, 6335439.3273, 1e-3);
+  EXPECT_NEAR(radii_of_curvature(0.0).east_m, 6378137.0, 1e-6);
+  EXPECT_NEAR(radii_of_curvature(0.5 * pi).north_m, 6399593.6258, 1e-3);
+  EXPECT_NEAR(radii_of_curvature(0.5 * pi).east_m, 6399593.6258, 1e-3);
+}
+
+constexpr double gravity = 9.7914;
+constexpr double T = 0.1;
+
+// A unit that stands at the equator, level, front north (body axes are n), with errors of its readings.
+MotionInterval resting_at_equator(const Vector3d& gyro_error_radps, const Vector3d& accel_error_mps2) {
+  MotionInterval interval;
+  interval.gyro_rad = T * (Vector3d(earth_rate_radps, 0.0, 0.0) + gyro_error_radps);
+  interval.turn = quaternion_of(interval.gyro_rad);
+  // The push in axes that stand still while the body turns by half a micro-radian: C push, to second order.
+  interval.accel_mps = T * (Vector3d(0.0, gravity, 0.0) + accel_error_mps2);
+  interval.push_mps = interval.accel_mps + 0.5 * interval.gyro_rad.cross(interval.accel_mps);
+  interval.duration_s = T;
+  return interval;
+}
+
+struct Flown {
+  NavigationState end;
+  Eigen::Vector2d moved_m;
+};
+Flown navigate_at_equator(const Vector3d& gyro_error_radps, const Vector3d& accel_error_mps2, double seconds) {
+  NavigationState start;
+  Navigator navigator(start, gravity, true);
+  const MotionInterval interval = resting_at_equator(gyro_error_radps, accel_error_mps2);
+  for (int k = 0; k < std::lround(seconds / T); ++k) navigator.advance(interval);
+  return {navigator.state(), displacement_m(navigator.state(), 0.0, 0.0)};
+}
+
+TEST(NavigationSchuler, AtRestNothingMoves) {
+  const Flown run = navigate_at_equator(Vector3d::Zero(), Vector3d::Zero(), 7200.0);
+  EXPECT_LT(run.end.velocity_n_mps.norm(), 1e-6);
+  EXPECT_LT(run.moved_m.norm(), 1e-2);
+}
+
+// At the equator the level errors have closed forms with no approximation but smallness. With ws^2 = g / R (R the radius of
+// curvature of the direction), W the Earth's rate, s = phi_E + dr_N / R (s' = -w_E - W phi_U, phi_U' = W s - w_U):
+//   accelerometer error b north:  v_N = b / ws sin(ws t),              r_N = b / ws^2 (1 - cos ws t)
+//   gyro error w north:           v_E = R w (1 - cos ws t),            r_E = R w (t - sin(ws t) / ws)
+//   gyro error w east:            v_N = -g w (cos W t - cos ws t) / (ws^2 - W^2)
+//   gyro error w up:              v_N = g w (sin W t - W / ws sin ws t) / (ws^2 - W^2)
+class NavigationSchulerAt : public testing::TestWithParam<double> {
+ protected:
+  double t() const { return GetParam(); }
+  const double north_m = wgs84_semi_major_m * std::pow(1.0 - wgs84_flattening, 2);
+  const double ws_north = std::sqrt(gravity / north_m);
+  const double ws_east = std::sqrt(gravity / wgs84_semi_major_m);
+  static constexpr double w = 0.01 * radps_per_degph;
+  static constexpr double b = 100e-6 * 9.8;
+};
+
+TEST_P(NavigationSchulerAt, AccelerometerError) {
+  const Flown run = navigate_at_equator(Vector3d::Zero(), {b, 0.0, 0.0}, t());
+  EXPECT_NEAR(run.end.velocity_n_mps[0], b / ws_north * std::sin(ws_north * t()), 1e-4 * b / ws_north);
+  EXPECT_NEAR(run.moved_m[0], b / (ws_north * ws_north) * (1.0 - std::cos(ws_north * t())), 2e-4 * 1271.0);
+  const Flown east = navigate_at_equator(Vector3d::Zero(), {0.0, 0.0, b}, t());
+  EXPECT_NEAR(east.end.velocity_n_mps[2], b / ws_east * std::sin(ws_east * t()), 1e-3 * b / ws_east);
+}
+
+TEST_P(NavigationSchulerAt, GyroErrorNorth) {
+  const Flown run = navigate_at_equator({w, 0.0, 0.0}, Vector3d::Zero(), t());
+  const double R = wgs84_semi_major_m;
+  EXPECT_NEAR(run.end.velocity_n_mps[2], R * w * (1.0 - std::cos(ws_east * t())), 1e-3 * R * w);
+  EXPECT_NEAR(run.moved_m[1], R * w * (t() - std::sin(ws_east * t()) / ws_east), 1e-3 * R * w * t());
+  EXPECT_NEAR(run.end.velocity_n_mps[0], 0.0, 1e-3 * R * w);
+}
+
+TEST_P(NavigationSchulerAt, GyroErrorEast) {
+  const Flown run = navigate_at_equator({0.0, 0.0, w}, Vector3d::Zero(), t());
+  const double W = earth_rate_radps;
+  const double amplitude = gravity * w / (ws_north * ws_north - W * W);
+  EXPECT_NEAR(run.end.velocity_n_mps[0], -amplitude * (std::cos(W * t()) - std::cos(ws_north * t())), 1e-3 * amplitude);
+}
+
+TEST_P(NavigationSchulerAt, GyroErrorUp) {
+  const Flown run = navigate_at_equator({0.0, w, 0.0}, Vector3d::Zero(), t());
+  const double W = earth_rate_radps;
+  const double amplitude = gravity * w / (ws_north * ws_north - W * W);
+  EXPECT_NEAR(run.end.velocity_n_mps[0], amplitude * (std::sin(W * t()) - W / ws_north * std::sin(ws_north * t())),
+              1e-3 * amplitude);
+}
+
+// A quarter, half, three quarters and the whole of a Schuler period, and three hours.
+INSTANTIATE_TEST_SUITE_P(Times, NavigationSchulerAt, testing::Values(1266.0, 2532.0, 3798.0, 5064.0, 10800.0));
+
+// The flight. Latitude and longitude go along a great circle of the unit sphere (u its angle from the node, i its inclination),
+//   sin L = sin i sin u,  tan lon = cos i tan u,  u = u0 + n t
+// at a height that rises. Place and velocity in inertial axes (Earth's axis z, x at longitude 0 when t = 0) are closed forms of
+// L, lon, h and their rates; the body keeps its axes in inertial space, so its velocity increments are differences of inertial
+// velocity less gravitation, and its gyros are silent.
+class Flight {
+ public:
+  explicit Flight(double height_mps) : climb_(height_mps) {}
+  static constexpr double inclination = 50.0 * rad_per_deg, u0 = -0.3, n = 250.0 / 6378137.0;
+  double u(double t) const { return u0 + n * t; }
+  double latitude(double t) const { return std::asin(std::sin(inclination) * std::sin(u(t))); }
+  double longitude(double t) const { return std::atan2(std::cos(inclination) * std::sin(u(t)), std::cos(u(t))); }
+  double latitude_rate(double t) const { return n * std::sin(inclination) * std::cos(u(t)) / std::cos(latitude(t)); }
+  double longitude_rate(double t) const { return n * std::cos(inclination) / std::pow(std::cos(latitude(t)), 2); }
+  double height(double t) const { return 1000.0 + climb_ * t; }
+
+  static constexpr double a = 6378137.0, f = 1.0 / 298.257223563, e2 = f * (2.0 - f);
+  double east_radius(double L) const { return a / std::sqrt(1.0 - e2 * std::sin(L) * std::sin(L)); }
+  double north_radius(double L) const { return a * (1.0 - e2) / std::pow(1.0 - e2 * std::sin(L) * std::sin(L), 1.5); }
+
+  // Right angle of the local meridian plane in inertial space: longitude and Earth's turn.
+  double hour(double t) const { return longitude(t) + earth_rate_radps * t; }
+  Vector3d velocity_i(double t) const {
+    const double L = latitude(t), h = height(t), c = std::cos(hour(t)), s = std::sin(hour(t));
+    const double out = (east_radius(L) + h) * std::cos(L);
+    const double out_rate = -(north_radius(L) + h) * std::sin(L) * latitude_rate(t) + climb_ * std::cos(L);
+    const double hour_rate = longitude_rate(t) + earth_rate_radps;
+    return {out_rate * c - out * s * hour_rate, out_rate * s + out * c * hour_rate,
+            (north_radius(L) + h) * std::cos(L) * latitude_rate(t) + climb_ * std::sin(L)};
+  }
+  Vector3d gravitation_i(double t) const {
+    const double L = latitude(t), h = height(t), c = std::cos(hour(t)), s = std::sin(hour(t));
+    // Normal gravity by the two-radius form, with the polar value; height to second order.
+    const double b = a * (1.0 - f);
+    const double C2 = std::pow(std::cos(L), 2), S2 = std::pow(std::sin(L), 2);
+    const double surface = (a * 9.7803253359 * C2 + b * 9.8321849379 * S2) / std::sqrt(a * a * C2 + b * b * S2);
+    const double g =
+        surface * (1.0 - 2.0 * h / a * (1.0 + f + 0.00344978650684 - 2.0 * f * S2) + 3.0 * h * h / (a * a));
+    const Vector3d down(-std::cos(L) * c, -std::cos(L) * s, -std::sin(L));
+    const double out = (east_radius(L) + h) * std::cos(L);
+    const double W = earth_rate_radps;
+    return g * down - W * W * out * Vector3d(c, s, 0.0);  // gravity holds the centrifugal part
+  }
+  // Columns: north, up, east in inertial axes.
+  Matrix3d axes(double t) const {
+    const double L = latitude(t), c = std::cos(hour(t)), s = std::sin(hour(t));
+    Matrix3d m;
+    m.col(0) << -std::sin(L) * c, -std::sin(L) * s, std::cos(L);
+    m.col(1) << std::cos(L) * c, std::cos(L) * s, std::sin(L);
+    m.col(2) << -s, c, 0.0;
+    return m;
+  }
+  Vector3d velocity_n(double t) const {
+    const double L = latitude(t), h = height(t);
+    return {(north_radius(L) + h) * latitude_rate(t), climb_, (east_radius(L) + h) * std::cos(L) * longitude_rate(t)};
+  }
+
+ private:
+  double climb_;
+};
+
+class NavigationFlight : public testing::TestWithParam<double> {};
+TEST_P(NavigationFlight, GreatCircle) {
+  const Flight flight(GetParam());
+  NavigationState start;
+  start.q_nb = Quaterniond(Matrix3d(flight.axes(0.0).transpose()));  // body axes are the inertial ones
+  start.velocity_n_mps = flight.velocity_n(0.0);
+  start.latitude_rad = flight.latitude(0.0);
+  start.longitude_rad = flight.longitude(0.0);
+  start.height_m = flight.height(0.0);
+  Navigator navigator(start, normal_gravity_mps2(start.latitude_rad, start.height_m), false);
+  MotionInterval interval;
+  interval.duration_s = T;
+  constexpr int steps = 36000;
+  for (int k = 0; k < steps; ++k) {
+    const double t = k * T;
+    const Vector3d pull =
+        T / 6.0 * (flight.gravitation_i(t) + 4.0 * flight.gravitation_i(t + 0.5 * T) + flight.gravitation_i(t + T));
+    interval.push_mps = flight.velocity_i(t + T) - flight.velocity_i(t) - pull;
+    navigator.advance(interval);
+  }
+  const double t = steps * T;  // 900 km further, from 13 deg south to 6 deg south
+  const Eigen::Vector2d off = displacement_m(navigator.state(), flight.latitude(t), flight.longitude(t));
+  EXPECT_LT(off.norm(), 0.1);
+  EXPECT_LT((navigator.state().velocity_n_mps - flight.velocity_n(t)).norm(), 1e-3);
+  // The vertical channel multiplies what rounding and the step leave by exp(3600 / 562 s) = 600.
+  EXPECT_NEAR(navigator.state().height_m, flight.height(t), 0.5);
+  const Quaterniond truth(Matrix3d(flight.axes(t).transpose()));
+  EXPECT_LT(navigator.state().q_nb.angularDistance(truth), 1e-8);
+}
+INSTANTIATE_TEST_SUITE_P(Climb, NavigationFlight, testing::Values(0.0, 2.0));
+
+TEST(NavigationAngles, OfTheTablesConvention) {
+  for (const Vector3d& degrees :
+       {Vector3d(270.0, 0.0, 0.0), Vector3d(12.0, 40.0, -130.0), Vector3d(359.0, -85.0, 179.0)}) {
+    const Vector3d r = degrees * rad_per_deg;
+    const Quaterniond q = Quaterniond(Eigen::AngleAxisd(-r[0], Vector3d::UnitY())) *
+                          Quaterniond(Eigen::AngleAxisd(r[1], Vector3d::UnitZ())) *
+                          Quaterniond(Eigen::AngleAxisd(r[2], Vector3d::UnitX()));
+    const AttitudeAngles angles = angles_of(q);
+    EXPECT_NEAR(angles.heading_rad, r[0], 1e-12);
+    EXPECT_NEAR(angles.pitch_rad, r[1], 1e-12);
+    EXPECT_NEAR(angles.roll_rad, r[2], 1e-12);
+  }
+}
+
+}  // namespace
+}  // namespace turncal

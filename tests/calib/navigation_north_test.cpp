@@ -1,0 +1,133 @@
+// North seeking and reference readings against the figures of Wang (2020), Tables 2 and 3, typed in from the paper.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "calib/navigation/north_seeking.h"
+
+namespace turncal {
+namespace {
+
+struct PrintedPosition {
+  double table_deg;
+  std::array<std::array<double, 3>, 4> readings;  // head, roll, pitch
+  std::array<double, 3> mean, deviation;
+  std::array<double, 3> rounding;  // half of the last digit that is printed, of the mean
+};
+constexpr PrintedPosition table_2[] = {
+    {0.0,
+     {{{0.010329, 0.002115, -0.001641},
+       {-0.010653, 0.002893, -0.001273},
+       {-0.005672, 0.003542, -0.002101},
+       {0.002389, 0.003679, -0.001978}}},
+     {-0.000902, 0.003057, -0.00175},
+     {0.0092159, 0.000716, 0.000372},
+     {5e-7, 5e-7, 5e-6}},
+    {90.0,
+     {{{90.009189, 0.002678, 0.000563},
+       {90.007654, 0.002018, 0.000781},
+       {89.999781, 0.002671, 0.000603},
+       {90.0032167, 0.0030189, 0.000451}}},
+     {90.00496, 0.002596, 0.0006},
+     {0.004282, 0.000418, 0.000137},
+     {5e-6, 6e-7, 5e-5}},
+    {180.0,
+     {{{180.000315, 0.001952, 0.002138},
+       {180.000363, 0.001631, 0.003159},
+       {180.000403, 0.002152, 0.001876},
+       {180.000158, 0.0019871, 0.002819}}},
+     {180.0003, 0.001931, 0.002498},
+     {0.000107, 0.000218, 0.000593},
+     {5e-5, 6e-7, 5e-7}},
+    {270.0,
+     {{{270.005671, 0.003548, 0.002896},
+       {270.005751, 0.003179, 0.002765},
+       {270.006012, 0.003019, 0.002514},
+       {270.005138, 0.003998, 0.003065}}},
+     {270.0056, 0.003436, 0.00281},
+     {0.000367, 0.000435, 0.000232},
+     {5e-5, 5e-7, 5e-6}},
+};
+
+std::vector<NorthReading> printed_readings() {
+  std::vector<NorthReading> readings;
+  for (const PrintedPosition& position : table_2)
+    for (const std::array<double, 3>& angles : position.readings) {
+      NorthReading reading;
+      reading.table_deg = position.table_deg;
+      reading.angle_deg = angles;
+      readings.push_back(reading);
+    }
+  return readings;
+}
+
+// All 24 figures of the paper's table follow from its readings: arithmetic means, deviations with n - 1.
+TEST(NavigationNorth, TableTwoOfThePaper) {
+  const NorthSeeking found = seek_north(std::vector<NorthReading>{{}, {}}, printed_readings());
+  ASSERT_EQ(found.positions.size(), 4u);
+  for (std::size_t p = 0; p < 4; ++p) {
+    ASSERT_EQ(found.positions[p].readings.size(), 4u);
+    for (std::size_t a = 0; a < 3; ++a) {
+      EXPECT_NEAR(found.positions[p].mean_deg[a], table_2[p].mean[a], table_2[p].rounding[a]) << p << a;
+      EXPECT_NEAR(found.positions[p].deviation_deg[a], table_2[p].deviation[a], 6e-7) << p << a;
+    }
+  }
+  EXPECT_NEAR(found.worst_heading_error_deg, -0.010653, 1e-12);
+  EXPECT_NEAR(found.worst_level_deviation_deg[0], 0.000716, 6e-7);
+  EXPECT_NEAR(found.worst_level_deviation_deg[1], 0.000593, 6e-7);
+}
+
+TEST(NavigationNorth, TheTablesZeroIsTheMeanOfTheSearches) {
+  // The unit sits turned by 40 deg on the table, which points 0.02 deg west of it; two searches on either side of north.
+  const auto at = [](double table, double heading) {
+    NorthReading reading;
+    reading.table_deg = table;
+    reading.angle_deg = {heading, 0.001, 0.002};
+    return reading;
+  };
+  const NorthSeeking across = seek_north(std::vector{at(0.0, 359.99), at(0.0, 0.03)}, std::vector{at(0.0, 359.995)});
+  EXPECT_NEAR(across.zero_deg, 0.01, 1e-12);
+  EXPECT_NEAR(across.positions[0].mean_deg[0], -0.015, 1e-12);
+  EXPECT_EQ(across.positions[0].deviation_deg[0], 0.0);
+  const NorthSeeking turned = seek_north(std::vector{at(0.0, 40.01), at(0.0, 40.03)},
+                                         std::vector{at(0.0, 40.02), at(0.0, 40.024), at(270.0, 310.021)});
+  EXPECT_NEAR(turned.zero_deg, 40.02, 1e-12);
+  ASSERT_EQ(turned.positions.size(), 2u);
+  EXPECT_NEAR(turned.positions[0].mean_deg[0], 0.002, 1e-12);
+  EXPECT_NEAR(turned.positions[1].mean_deg[0], 270.001, 1e-10);
+  EXPECT_NEAR(turned.worst_heading_error_deg, 0.004, 1e-10);
+}
+
+TEST(NavigationNorth, TableThreeOfThePaper) {
+  const std::vector<ReferenceRow> rows = {
+      {{20.186751, 0.009256, -0.017475}, {20.186751, 0.009256, -0.017475}},
+      {{74.261759, 0.017019, 0.052811}, {74.262023, 0.017211, 0.052833}},
+      {{156.123621, 0.009978, 0.039101}, {156.124101, 0.009981, 0.039131}},
+      {{254.556781, 0.019298, 0.029012}, {254.557014, 0.019301, 0.029112}},
+      {{246.017871, 0.008066, -0.027013}, {246.018541, 0.008054, -0.027128}},
+      {{20.017897, 0.012601, -0.013012}, {20.017913, 0.012871, -0.014151}},
+  };
+  constexpr std::array<std::array<double, 3>, 6> printed = {{{0.0, 0.0, 0.0},
+                                                             {-0.000264, -0.000192, -0.000022},
+                                                             {-0.000480, -0.000003, -0.000030},
+                                                             {-0.000233, -0.000003, -0.000100},
+                                                             {-0.000670, 0.000012, 0.000115},
+                                                             {-0.000016, -0.000270, 0.001139}}};
+  const ReferenceComparison found = compare_references(rows);
+  for (std::size_t row = 0; row < 6; ++row)
+    for (std::size_t a = 0; a < 3; ++a) EXPECT_NEAR(found.error_deg[row][a], printed[row][a], 1e-10) << row << a;
+  EXPECT_NEAR(found.worst_deg[0], 0.00067, 1e-10);
+  EXPECT_NEAR(found.worst_deg[1], 0.00027, 1e-10);
+  EXPECT_NEAR(found.worst_deg[2], 0.001139, 1e-10);
+  // A reference with an offset, and one on the other side of north, is bound by the first row.
+  std::vector<ReferenceRow> offset = rows;
+  for (ReferenceRow& row : offset) {
+    row.reference_deg[0] -= 30.0;
+    row.reference_deg[2] += 0.5;
+  }
+  EXPECT_NEAR(compare_references(offset).error_deg[5][0], -0.000016, 1e-10);
+  EXPECT_NEAR(compare_references(offset).error_deg[5][2], 0.001139, 1e-10);
+}
+
+}  // namespace
+}  // namespace turncal

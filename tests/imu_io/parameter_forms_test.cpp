@@ -1,0 +1,110 @@
+// A parameter file in other forms: the binary block there and back, damaged at every byte; the C header compiled and read by a C program.
+#include "imu_io/recordings/parameter_forms.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+
+#include "imu_io/base/bytes.h"
+#include "imu_io/base/crc32c.h"
+#include "imu_io/base/format_number.h"
+#include "recording_samples.h"
+#include "temporary_folder.h"
+
+namespace turncal {
+namespace {
+
+ParameterFile make_file() {
+  ParameterFile file;
+  describe_recording(test::make_info(), file);
+  file.recording_hash = "c9a8024e345e5f3f127138fb58be5abe";
+  file.model = "extended";
+  file.method = "joint";
+  file.software_version = "0.1.0";
+  file.time_utc = "2026-01-31T12:00:00Z";
+  for (int i = 0; i < parameter_count; ++i) {
+    file.parameters[i] += 1e-7 / (i + 3);
+    if (parameter_is_free[static_cast<std::size_t>(i)]) file.sigma[static_cast<std::size_t>(i)] = 1e-7 * (i + 1);
+  }
+  file.effects = {{"accel_size_effect", "x_rx", 12.5, 0.25}, {"gyro_warm_up", "tau_s", 600.0, {}}};
+  file.add_further("quality.trusted", "false");
+  return file;
+}
+
+TEST(ParameterForms, BlockThereAndBack) {
+  const ParameterBlock block = block_of(make_file());
+  const std::vector<std::byte> bytes = format_parameter_block(block);
+  const Result<ParameterBlock> back = parse_parameter_block(bytes, "b");
+  ASSERT_TRUE(back.ok()) << back.error().message;
+  EXPECT_EQ(format_parameter_block(*back), bytes);
+  EXPECT_EQ(back->value, block.value);
+  EXPECT_FALSE(back->trusted);
+  EXPECT_EQ(back->unit_serial, block.unit_serial);
+  EXPECT_EQ(back->effects, block.effects);
+  EXPECT_EQ(back->sigma[0], 1e-7);
+  EXPECT_TRUE(std::isnan(back->sigma[18]));  // a21 is fixed
+  EXPECT_TRUE(std::isnan(back->reference_temperature_c));
+  // The place of the first parameter, as the document has it.
+  EXPECT_EQ(load_bytes<double>(bytes.data() + 52), block.value[0]);
+  EXPECT_EQ(load_bytes<double>(bytes.data() + 52 + 23 * 8), block.value[23]);
+}
+
+TEST(ParameterForms, DamageIsSeen) {
+  const std::vector<std::byte> good = format_parameter_block(block_of(make_file()));
+  for (std::size_t k = 0; k < good.size(); ++k) {
+    std::vector<std::byte> bad = good;
+    bad[k] ^= std::byte{0x10};
+    EXPECT_FALSE(parse_parameter_block(bad, "b").ok()) << "byte " << k;
+    EXPECT_FALSE(parse_parameter_block(std::span(good).first(k), "b").ok()) << "cut at " << k;
+  }
+  // A length that runs past the end, under a right checksum.
+  std::vector<std::byte> forged = good;
+  const std::uint32_t huge = 0xffffffff;
+  std::memcpy(forged.data() + 52 + 48 * 8, &huge, sizeof huge);
+  const std::uint32_t crc = crc32c(std::span<const std::byte>(forged).first(forged.size() - 4));
+  std::memcpy(forged.data() + forged.size() - 4, &crc, sizeof crc);
+  const Result<ParameterBlock> refused = parse_parameter_block(forged, "b");
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().message, "b: a parameter block whose parts do not fit its length");
+}
+
+TEST(ParameterForms, ACProgramReadsTheHeader) {
+  if (std::system("cc --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "no C compiler";
+  const test::TemporaryFolder folder;
+  const ParameterFile file = make_file();
+  std::ofstream(folder / "calibration.h") << format_parameter_header(file);
+  std::ofstream(folder / "main.c")
+      << "#include <stdio.h>\n#include \"calibration.h\"\n#include \"calibration.h\"\nint main(void) {\n"
+         "  printf(\"%.17g %.17g %.17g %d\", turncal_n[1][2], turncal_A0_g[2], turncal_effect_accel_size_effect_x_rx,\n"
+         "         turncal_trusted);\n  return 0;\n}\n";
+  const std::string command =
+      "cd " + folder.path() + " && cc -std=c99 -pedantic -Werror main.c -o main && ./main > said";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  std::ifstream said(folder / "said");
+  double n23 = 0.0, A03 = 0.0, effect = 0.0;
+  int trusted = 1;
+  said >> n23 >> A03 >> effect >> trusted;
+  EXPECT_EQ(n23, file.parameters[11]);
+  EXPECT_EQ(A03, file.parameters[5]);
+  EXPECT_EQ(effect, 12.5);
+  EXPECT_EQ(trusted, 0);
+}
+
+TEST(ParameterForms, YamlHasEveryParameter) {
+  const ParameterFile file = make_file();
+  const std::string yaml = format_parameter_yaml(file);
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
+    const std::string key = "\n  " + std::string(parameter_keys[k]) + ": ";
+    const std::size_t at = yaml.find(key);
+    ASSERT_NE(at, std::string::npos);
+    EXPECT_EQ(std::stod(yaml.substr(at + key.size())), file.parameters[static_cast<Eigen::Index>(k)]);
+  }
+  EXPECT_NE(yaml.find("\n  a21: null\n"), std::string::npos);
+  EXPECT_NE(yaml.find("\ntrusted: false\n"), std::string::npos);
+  EXPECT_NE(yaml.find("\n  N01: 1.0e-07\n"), std::string::npos) << yaml;  // sigma: with a point, or it would be a word
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,58 @@
+// `turncal convert`: what it writes and what it refuses.
+#include <gtest/gtest.h>
+
+#include "imu_io/recordings/parameter_file.h"
+#include "imu_io/recordings/parameter_forms.h"
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+namespace {
+
+class Convert : public Program {
+ protected:
+  void SetUp() override {
+    Program::SetUp();
+    ParameterFile file;
+    file.unit_serial = "SN7";
+    file.recording_hash = std::string(32, '0');
+    file.model = "base";
+    file.method = "joint";
+    file.software_version = "test";
+    file.time_utc = "2026-01-31T12:00:00Z";
+    file.latitude_deg = 29.53;
+    file.gravity_mps2 = 9.7914;
+    file.sample_period_s = 0.005;
+    file.accel_pulse_mps = 0.0005;
+    file.simulated = true;
+    const Status written = write_parameter_file(file, path("parameters.conf"));
+    ASSERT_TRUE(written.ok()) << written.error().message;
+  }
+};
+
+TEST_F(Convert, WritesEachForm) {
+  for (int again = 0; again < 2; ++again) {  // the second time over what is there
+    const ProgramResult made =
+        run({"convert", "parameters.conf", "--header", "c.h", "--binary", "c.bin", "--yaml", "c.yaml"});
+    ASSERT_EQ(made.code, 0) << made.err;
+  }
+  const std::string bytes = file_text(folder_ / "c.bin");
+  const Result<ParameterBlock> block = parse_parameter_block(std::as_bytes(std::span(bytes)), "c.bin");
+  ASSERT_TRUE(block.ok()) << block.error().message;
+  EXPECT_EQ(block->unit_serial, "SN7");
+  EXPECT_EQ(block->value[6], 0.93292);
+  EXPECT_NE(file_text(folder_ / "c.h").find("static const char turncal_unit_serial[] = \"SN7\";"), std::string::npos);
+  EXPECT_NE(file_text(folder_ / "c.yaml").find("unit_serial: \"SN7\"\n"), std::string::npos);
+}
+
+TEST_F(Convert, RefusesWhatItCannotUse) {
+  expect_refused({"convert", "parameters.conf"}, "expected --header, --binary or --yaml");
+  expect_refused({"convert", "nothing.conf", "--yaml", "c.yaml"}, "nothing.conf");
+  const std::string before = file_text(folder_ / "parameters.conf");
+  for (const char* form : {"--header", "--binary", "--yaml"})
+    expect_refused({"convert", "parameters.conf", form, "parameters.conf"}, "holds something else");
+  EXPECT_EQ(file_text(folder_ / "parameters.conf"), before);
+  expect_refused({"convert", "parameters.conf", "--binary", "nowhere/c.bin"}, "nowhere/c.bin");
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,147 @@
+// A unit that gives the same six numbers over and over in a dwell, while its counter runs on.
+#include "orchestrator/run/frozen_watch.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <random>
+#include <vector>
+
+#include "tests/orchestrator/rig_station.h"
+
+namespace turncal {
+namespace {
+
+constexpr double period_s = 0.005;
+
+// `count` samples from `first` on, of pulses that come at random; from `from` to before `to` the numbers of the sample before.
+std::vector<ImuSample> dwell(std::mt19937_64& random, std::int64_t first, std::int64_t count, std::int64_t from = 0,
+                             std::int64_t to = 0) {
+  std::poisson_distribution<int> few(0.05), many(98.0);
+  std::vector<ImuSample> samples(static_cast<std::size_t>(count));
+  for (std::int64_t k = 0; k < count; ++k) {
+    ImuSample& s = samples[static_cast<std::size_t>(k)];
+    for (double& x : s.gyro) x = few(random);
+    for (double& x : s.accel) x = many(random);
+    if (k >= from && k < to && k > 0) s = samples[static_cast<std::size_t>(k - 1)];
+    s.counter = first + k;
+  }
+  return samples;
+}
+
+std::string found(FrozenWatch& watch, const std::vector<ImuSample>& samples) {
+  watch.start();
+  for (const ImuSample& sample : samples) {
+    if (std::string text = watch.add(sample); !text.empty()) return text;
+  }
+  return watch.finish();
+}
+
+// Anywhere in a dwell of 100 s, at its beginning and to its end too: the samples that repeat the one before are named with it.
+TEST(FrozenWatch, NamesTheVerySamples) {
+  std::mt19937_64 random(6);
+  for (int draw = 0; draw < 60; ++draw) {
+    FrozenWatch watch(period_s);
+    ASSERT_EQ(found(watch, dwell(random, 0, 4000)), "");
+    const auto length = static_cast<std::int64_t>(500 + random() % 4000);
+    const auto from = draw == 0 ? 1 : draw == 1 ? 20000 - length : static_cast<std::int64_t>(1 + random() % 15000);
+    const std::string text = found(watch, dwell(random, 7000, 20000, from, from + length));
+    const std::string samples = std::to_string(7000 + from - 1) + " to " + std::to_string(7000 + from + length - 1);
+    EXPECT_NE(text.find(samples), std::string::npos) << text << ": " << samples;
+  }
+}
+
+// In the first dwell of all what comes before or after tells what the unit is used to.
+TEST(FrozenWatch, NeedsNoDwellBefore) {
+  std::mt19937_64 random(7);
+  for (const std::int64_t from : {1, 3000, 9000, 17000}) {
+    FrozenWatch watch(period_s);
+    EXPECT_NE(found(watch, dwell(random, 0, 20000, from, from + 3000)), "") << from;
+  }
+}
+
+TEST(FrozenWatch, TellsWhatGoesOnAfterHalfAMinute) {
+  std::mt19937_64 random(8);
+  FrozenWatch watch(period_s);
+  ASSERT_EQ(found(watch, dwell(random, 0, 4000)), "");
+  EXPECT_NE(found(watch, dwell(random, 0, 120000, 1000, 120000)).find("in 6000 samples, 999 to 6998"),
+            std::string::npos);
+}
+
+TEST(FrozenWatch, AUnitThatIsUsedToItIsNotFrozen) {
+  std::mt19937_64 random(9);
+  // Coarse: nothing but a flicker of one channel, a few seconds apart.
+  std::bernoulli_distribution flickers(0.002);
+  std::vector<ImuSample> coarse(20000);
+  for (std::size_t k = 0; k < coarse.size(); ++k) {
+    coarse[k].counter = static_cast<std::int64_t>(k);
+    coarse[k].accel[1] = flickers(random) ? 1.0 : 0.0;
+  }
+  FrozenWatch watch(period_s);
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(found(watch, coarse), "");
+  // Without any noise: dwells of different lengths, each one number.
+  FrozenWatch silent(period_s);
+  for (const std::size_t count : {200U, 20000U, 400U, 120000U, 12000U}) {
+    EXPECT_EQ(found(silent, std::vector<ImuSample>(count)), "") << count;
+  }
+}
+
+// The rig's unit, frozen from one sample of its own to another.
+class FreezingImu : public ImuSource {
+ public:
+  FreezingImu(ImuSource& imu, std::int64_t from, std::int64_t to) : imu_(imu), from_(from), to_(to) {}
+  Status open() override { return imu_.open(); }
+  Result<ImuIdentity> identify() override { return imu_.identify(); }
+  void describe(RecordingInfo& info) const override { imu_.describe(info); }
+  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
+    Result<std::size_t> got = imu_.read(out, timeout_s);
+    for (std::size_t i = 0; got && i < *got; ++i) {
+      if (out[i].counter < from_ || out[i].counter >= to_) {
+        kept_ = out[i];
+      } else {
+        out[i].gyro = kept_.gyro;
+        out[i].accel = kept_.accel;
+      }
+    }
+    return got;
+  }
+  ImuLinkCounters counters() const override { return imu_.counters(); }
+  void close() override { imu_.close(); }
+
+ private:
+  ImuSource& imu_;
+  std::int64_t from_, to_;
+  ImuSample kept_{};
+};
+
+// For 15 s of a dwell of 60 s: the dwell is repeated once, and the run goes on.
+TEST(FrozenWatch, ARunRepeatsTheDwell) {
+  RigStation rig(
+      "format = 1\nname = frozen\nrate_degps = 30\nacceleration_degps2 = 60\nstep 1\n  initial H 0 P 0 R 0\n"
+      "  align 2000\n  rotate P +90\n  dwell 12000\n  rotate P -90\n");
+  FreezingImu imu(rig.devices.imu, 6000, 9000);
+  imu.describe(rig.info);
+  rig.plan = make_plan(rig.sequence, plan_limits(rig.station, rig.info.sample_period_s));
+  StationDevices devices = rig.devices.devices();
+  StationRun run({devices.table, imu, devices.clock, devices.wait}, {rig.sequence, rig.plan, rig.station, "SN1"},
+                 rig.sink, {&rig.watcher, &rig.stop_requests, {}, nullptr});
+  const RunOutcome outcome = run.run();
+  EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.repeated_dwells, 1);
+  ASSERT_EQ(rig.watcher.count(RunEvent::dwell_bad), 1);
+  for (const TransitionRecord& record : rig.watcher.transitions) {
+    if (record.event != RunEvent::dwell_bad) continue;
+    long long samples = 0, first = 0, last = 0;
+    ASSERT_EQ(std::sscanf(record.detail.c_str(), "all six channels gave the same in %lld samples, %lld to %lld",
+                          &samples, &first, &last),
+              3)
+        << record.detail;
+    // The recording began 400 samples after the unit. A neighbour may happen to be the same.
+    EXPECT_LE(first, 6000 - 1 - 400);
+    EXPECT_GE(last, 9000 - 1 - 400);
+    EXPECT_LE(samples, 3000 + 5) << record.detail;
+  }
+}
+
+}  // namespace
+}  // namespace turncal

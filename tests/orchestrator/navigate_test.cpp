@@ -1,0 +1,167 @@
+// `turncal navigate` as a program: what it writes, and what it refuses.
+#include <gtest/gtest.h>
+
+#include "imu_io/base/key_value.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "imu_io/recordings/recording_source.h"
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+namespace {
+
+class Navigate : public Program {
+ protected:
+  // 300 s and 1700 s at rest at a heading of 30 deg, with a turn over and back in the middle, of a unit without noise.
+  void record(const std::string& out, const std::string& rig = "") {
+    write("quiet.rig",
+          "noise.gyro_random_walk_deg_per_rt_h = 0\nnoise.accel_random_walk_ug_per_rt_hz = 0\n"
+          "noise.gyro_bias_instability_degph = 0\nnoise.accel_bias_instability_ug = 0\ntable_error.random_arcmin = 0\n"
+          "seed = 31\n" +
+              rig);
+    write("rest.seq",
+          "format = 1\nname = rest\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 30 P 0 R 0\n"
+          "  align 60000\n  dwell 140000\n  rotate P +90\n  dwell 60000\n  rotate P -90\n  dwell 140000\n");
+    const ProgramResult made = run({"run", "--dry-run", "--unit", "SN7", "--out", out, "--capture-only", "--rig",
+                                    path("quiet.rig"), "--sequence", path("rest.seq")});
+    ASSERT_EQ(made.code, 0) << made.err;
+  }
+  // The true parameters as a file, with what `change` makes of them.
+  void write_truth(const std::string& recording, const std::string& name, int parameter = 0, double change = 0.0) {
+    KeyValueFile truth = *KeyValueFile::parse(file_text(folder_ / recording / "truth.conf"), "truth.conf");
+    ParameterFile file;
+    Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path(recording));
+    ASSERT_TRUE(source.ok());
+    describe_recording((*source)->info(), file);
+    for (std::size_t k = 0; k < parameter_keys.size(); ++k)
+      file.parameters[static_cast<Eigen::Index>(k)] = truth.number(parameter_keys[k]);
+    file.parameters[parameter] += change;
+    file.model = "base";
+    file.method = "joint";
+    file.simulated = true;
+    file.recording_hash = std::string(32, '0');
+    file.software_version = "test";
+    file.time_utc = "2026-01-31T12:00:00Z";
+    const Status written = write_parameter_file(file, path(name));
+    ASSERT_TRUE(written.ok()) << written.error().message;
+  }
+  KeyValueFile result(const std::string& folder) {
+    return *KeyValueFile::parse(file_text(folder_ / folder / "navigation.conf"), "navigation.conf");
+  }
+};
+
+TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
+  record("rest");
+  write_truth("rest", "true.conf");
+  write_truth("rest", "wrong.conf", 1, 0.1);  // N02, the gyro that points up: 0.1 deg/h
+  const ProgramResult navigated = run({"navigate", "rest", "--parameters", path("true.conf"), "--against",
+                                       path("wrong.conf"), "--out", "nav", "--for", "1500", "--branches", "3"});
+  ASSERT_EQ(navigated.code, 0) << navigated.err;
+  EXPECT_EQ(navigated.err, "");
+  KeyValueFile conf = result("nav");
+  EXPECT_EQ(conf.integer("branches"), 3);
+  EXPECT_EQ(conf.integer("against.branches"), 3);
+  EXPECT_NEAR(conf.number("branch.1.heading_deg"), 30.0, 1e-3);
+  EXPECT_NEAR(conf.number("branch.1.pitch_deg"), 0.0, 1.3e-4);  // half a gyro pulse
+  EXPECT_NEAR(conf.number("branch.1.roll_deg"), 0.0, 1.3e-4);
+  EXPECT_LT(conf.number("drift.rms_nm_per_h"), 0.05);  // of counting in pulses
+  // Until the first turn the alignment hides a constant gyro error up in nothing: the heading drifts by w t, and with it the Earth's
+  // rate east by W cos L w t: v_N' = -g W cos L w t^2 / 2, 2 m/s after 1500 s, less by Schuler's feedback.
+  EXPECT_GT(conf.number("against.drift.rms_nm_per_h"), 20.0 * conf.number("drift.rms_nm_per_h"));
+  EXPECT_EQ(conf.text("expected.from"), "none");
+  EXPECT_GT(conf.number("expected.cep_nm_per_h"), 0.0);
+  // A row a second and branch, and the start.
+  const std::string track = file_text(folder_ / "nav/track.csv");
+  EXPECT_EQ(std::count(track.begin(), track.end(), '\n'), 1 + 3 * 1501);
+  EXPECT_EQ(std::count(track.begin(), track.begin() + static_cast<std::ptrdiff_t>(track.find('\n')), ','), 10);
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "nav/track_against.csv"));
+  EXPECT_NE(file_text(folder_ / "nav/navigation.svg").find("<svg"), std::string::npos);
+  // Again, in the same folder: the same bytes.
+  const std::string before = file_text(folder_ / "nav/navigation.conf");
+  EXPECT_EQ(run({"navigate", "rest", "--parameters", path("true.conf"), "--against", path("wrong.conf"), "--out", "nav",
+                 "--for", "1500", "--branches", "3"})
+                .code,
+            0);
+  EXPECT_EQ(file_text(folder_ / "nav/navigation.conf"), before);
+}
+
+TEST_F(Navigate, EffectsOfTheFileAreTakenOff) {
+  record("g", "effect.gyro_g_sensitivity.zx = 0.5\n");
+  write_truth("g", "plain.conf");
+  ParameterFile file = *read_parameter_file(path("plain.conf"));
+  file.effects.push_back({"gyro_g_sensitivity", "zx", 0.5, 0.01});
+  file.model = "extended";
+  ASSERT_TRUE(write_parameter_file(file, path("effect.conf")).ok());
+  ASSERT_EQ(run({"navigate", "g", "--parameters", path("effect.conf"), "--against", path("plain.conf"), "--out", "nav",
+                 "--branches", "1"})
+                .code,
+            0);
+  KeyValueFile conf = result("nav");
+  // Nose up for 300 s, 0.5 deg/h tilt it by 7e-4 rad: 7 mm/s^2 from then on.
+  EXPECT_LT(conf.number("drift.rms_nm_per_h"), 0.05);  // of counting in pulses
+  EXPECT_GT(conf.number("against.drift.rms_nm_per_h"), 0.1);
+}
+
+TEST_F(Navigate, WithoutSegmentsEverythingCountsAsRest) {
+  record("rest");
+  write_truth("rest", "true.conf");
+  ASSERT_EQ(run({"export", "rest", "--out", "text"}).code, 0);
+  const std::string segments = file_text(folder_ / "text/segments.csv");
+  write("text/segments.csv", segments.substr(0, segments.find('\n') + 1));
+  const ProgramResult navigated =
+      run({"navigate", "text", "--parameters", path("true.conf"), "--out", "nav", "--to", "900", "--align", "200"});
+  ASSERT_EQ(navigated.code, 0) << navigated.err;
+  EXPECT_NE(navigated.out.find("no segments: everything counts as rest"), std::string::npos);
+  EXPECT_EQ(result("nav").number("branch.1.free_s"), 700.0);
+}
+
+TEST_F(Navigate, RefusesWhatItCannotUse) {
+  record("rest");
+  write_truth("rest", "true.conf");
+  const auto with = [&](std::vector<std::string> more) {
+    std::vector<std::string> arguments = {"navigate", "rest", "--parameters", path("true.conf"), "--out", "nav"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  };
+  expect_refused({"navigate", "rest", "--out", "nav"}, "--parameters");
+  expect_refused({"navigate", "rest", "--parameters", "nothing.conf", "--out", "nav"}, "nothing.conf");
+  expect_refused({"navigate", "nothing", "--parameters", path("true.conf"), "--out", "nav"}, "nothing");
+  expect_refused({"navigate", "rest", "--parameters", path("true.conf"), "--out", "rest"}, "rest");
+  expect_refused({"navigate", "rest", "--parameters", path("true.conf"), "--out", path("true.conf")}, "true.conf");
+  expect_refused(with({"--align", "5000"}), "s to navigate, expected more than 5000 s");
+  expect_refused(with({"--for", "5000"}), "s to navigate, expected more than 5300 s");
+  expect_refused(with({"--from", "700", "--to", "600"}), "--to 600 s: expected more than --from, 700 s");
+  expect_refused(with({"--from", "1e300"}), "--from");
+  expect_refused(with({"--from", "1900"}), "s to navigate, expected more than 300 s");
+  expect_refused(with({"--align", "nan"}), "--align");
+  expect_refused(with({"--branches", "0"}), "--branches");
+  expect_refused(with({"--against", "nothing.conf"}), "nothing.conf");
+  std::string other = file_text(folder_ / "true.conf");
+  other.replace(other.find("n11"), 3, "n99");
+  write("damaged.conf", other);
+  expect_refused({"navigate", "rest", "--parameters", path("damaged.conf"), "--out", "nav"}, "damaged.conf");
+}
+
+TEST_F(Navigate, IsPredictedFromASequence) {
+  const std::string sequence = std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq";
+  const auto row = [](const std::string& text, const std::string& name) {
+    const std::size_t at = text.find(name);
+    return at == std::string::npos ? -1.0 : std::stod(text.substr(at + name.size()));
+  };
+  const ProgramResult hour = run({"predict", "--sequence", sequence, "--navigate", "1h"});
+  ASSERT_EQ(hour.code, 0) << hour.err;
+  // Angle random walk N over the alignment T: N / (W cos L sqrt(T)) = 0.0303 deg; velocity noise, and the calibration, add to it.
+  EXPECT_GT(row(hour.out, "heading after alignment, deg"), 0.0303);
+  EXPECT_LT(row(hour.out, "heading after alignment, deg"), 0.0303 * 1.2);
+  EXPECT_GT(row(hour.out, "rms, nm/h"), row(hour.out, "of it from noise alone, nm/h"));
+  EXPECT_EQ(run({"predict", "--sequence", sequence, "--navigate", "60min"}).out, hour.out);
+  EXPECT_EQ(run({"predict", "--sequence", sequence, "--navigate", "3600"}).out, hour.out);
+  // An alignment four times as long halves the heading's sigma from noise.
+  const ProgramResult longer = run({"predict", "--sequence", sequence, "--navigate", "1h", "--align", "1200"});
+  EXPECT_NEAR(row(longer.out, "heading after alignment, deg"), 0.5 * row(hour.out, "heading after alignment, deg"),
+              0.004);
+  for (const char* bad : {"0", "25h", "1d", "h", "nan", "-1h"})
+    expect_refused({"predict", "--sequence", sequence, "--navigate", bad}, "--navigate");
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,89 @@
+// Dialects whose sentences do more than they are called, and a table that was not commissioned.
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+#include "tests/turntable_drivers/dialect_station.h"
+
+namespace turncal {
+namespace {
+
+// Commands of three kinds: a word and the axis, several in one sentence, a target as text.
+std::string plain_text(const std::string& more) {
+  std::string text =
+      "format = 1\nname = plain\nlink.kind = serial\naxis.heading.name = 1\naxis.pitch.name = 2\naxis.roll.name = 3\n"
+      "prepare.1 = VERBOSE 0\nenable.1 = RESET {axis}\nenable.2 = SERVO {axis} 1\nenable.3 = ERR?\nenable.3.expect = "
+      "0\n"
+      "home.1 = HOME {axis}\nmove.1 = VEL {axis} {rate};ACC {axis} {acceleration}\nmove.2 = GOTO {axis} {position}\n"
+      "move.3 = RUN {axis}\nstatus.1 = WHERE? {axis}\nstatus.1.expect = {position} {status}\nstop.1 = HALT {axis}\n"
+      "abort.1 = SERVO {axis} 0\nclear_fault.1 = RESET {axis};ERR?\n"
+      "status.kind = codes\nstatus.code.0 = in_position\nstatus.code.1 = moving\n";
+  std::istringstream lines(more);
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t old = text.find("\n" + line.substr(0, line.find('=') + 1));
+    if (old != std::string::npos) text.erase(old, text.find('\n', old + 1) - old);
+    text += line + "\n";
+  }
+  return text;
+}
+
+std::string error_of(const std::string& more) {
+  const Result<Dialect> dialect = parse_dialect(plain_text(more), "my.dialect");
+  return dialect ? "accepted" : dialect.error().message;
+}
+
+TEST(SentenceClash, WhatWouldMoveUnderAnotherNameIsRefused) {
+  EXPECT_EQ(error_of(""), "accepted") << "a reset and a question are in several lists";
+  EXPECT_EQ(error_of("prepare.2 = SERVO {axis} 1"),
+            "my.dialect:24: key 'prepare.2' = 'SERVO {axis} 1': expected no 'SERVO 1 1', which is enable");
+  for (const char* const key : {"prepare.2", "identify.1", "status.2", "stop.2", "abort.2", "clear_fault.2"}) {
+    for (const auto& [sentence, starts] :
+         {std::pair("SERVO {axis} 1", "which is enable"), std::pair("SERVO 3 1", "which is enable"),
+          std::pair("VERBOSE 1; SERVO 2 1 ;ECHO 0", "which is enable"), std::pair("HOME {axis}", "which is home"),
+          std::pair("RUN 2", "which is move"), std::pair("GOTO {axis} 0", "which is move"),
+          std::pair("GOTO 2 -12.5;RUN 9", "which is move")}) {
+      const std::string said = error_of(std::string(key) + " = " + sentence);
+      EXPECT_NE(said.find(starts), std::string::npos) << key << " " << sentence << ": " << said;
+      EXPECT_NE(said.find(std::string("'") + key + "'"), std::string::npos) << said;
+    }
+  }
+  // As controllers read it: blanks, capitals, leading zeros.
+  for (const char* const same : {"SERVO  {axis} 1", "servo {axis} 1", "SERVO {axis} 01", "run 2", "GOTO 2  5"})
+    EXPECT_NE(error_of(std::string("prepare.2 = ") + same).find(", which is "), std::string::npos) << same;
+  // Where to go is known to a move only.
+  EXPECT_NE(error_of("stop.1 = FETCH {axis} {position}").find("'stop.1'"), std::string::npos);
+  EXPECT_NE(error_of("status.2 = {distance}?").find("'status.2'"), std::string::npos);
+  // What only resembles it.
+  for (const char* const other : {"SERVO {axis} 0", "SERVO {axis} 10", "HOME? {axis}", "VEL {axis} 5", "RUN 9"})
+    EXPECT_EQ(error_of(std::string("prepare.2 = ") + other), "accepted") << other;
+}
+
+TEST(SentenceClash, AxesThatOneMoveWouldMoveAreRefused) {
+  EXPECT_NE(
+      error_of("axis.roll.name = 2").find("'axis.roll.name' = '2': expected a name of its own, not that of axis.pitch"),
+      std::string::npos)
+      << error_of("axis.roll.name = 2");
+  EXPECT_NE(error_of("axis.roll.name = 02").find("'axis.roll.name'"), std::string::npos);
+}
+
+TEST(Dialect, NothingIsSwitchedOnBeforeItIsCommissioned) {
+  for (const char* const name : {"three_axis_dollar", "acutronic_acl", "newport_esp30x", "pi_gcs2", "aerosmith"}) {
+    Dialect dialect = shipped_dialect(name);
+    dialect.commissioned = false;
+    DialectStation station(dialect);
+    std::vector<std::string> sent;
+    station.disturb([&](const std::string& sentence, AnswerPlan&) { sent.push_back(sentence); });
+    SerialTurntable driver(station.described, station.clock);
+    ASSERT_TRUE(driver.connect().ok()) << name;
+    sent.clear();
+    for (const Status& refused : {driver.enable(), driver.home(), driver.move_absolute(Axis::pitch, 5.0, 1.0, 1.0)}) {
+      ASSERT_FALSE(refused.ok()) << name;
+      EXPECT_EQ(refused.error().kind, ErrorKind::input) << name;
+      EXPECT_NE(refused.error().message.find("not commissioned"), std::string::npos) << refused.error().message;
+    }
+    EXPECT_TRUE(sent.empty()) << name << ": " << sent.front();
+  }
+}
+
+}  // namespace
+}  // namespace turncal
