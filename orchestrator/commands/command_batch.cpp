@@ -19,7 +19,7 @@
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/unit_queue.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {

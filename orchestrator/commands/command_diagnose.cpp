@@ -11,7 +11,7 @@
 #include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/records/output_folder.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {

@@ -15,7 +15,7 @@
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/watch/clock_watch.h"
 #include "orchestrator/watch/live_status.h"

@@ -11,7 +11,7 @@
 #include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/recording_sink.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
 #include "orchestrator/watch/clock_watch.h"

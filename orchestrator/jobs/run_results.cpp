@@ -14,7 +14,7 @@
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/report/result_table.h"
 #include "orchestrator/watch/progress.h"
 #include "turntable_drivers/rig/rig.h"

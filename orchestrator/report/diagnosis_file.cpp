@@ -7,7 +7,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {

@@ -11,7 +11,7 @@
 #include "calib/diagnosis/diagnosis.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
-#include "orchestrator/report/diagnosis_context.h"
+#include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/report/report.h"
 
 namespace turncal {

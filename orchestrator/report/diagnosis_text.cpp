@@ -6,9 +6,9 @@
 #include <limits>
 #include <numeric>
 
-#include "orchestrator/report/diagnosis_figures.h"
-#include "orchestrator/report/report_dwells.h"
-#include "orchestrator/report/score_chart.h"
+#include "orchestrator/figures/diagnosis_figures.h"
+#include "orchestrator/figures/report_dwells.h"
+#include "orchestrator/figures/score_chart.h"
 
 namespace turncal {
 namespace {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "calib/diagnosis/diagnosis.h"
-#include "orchestrator/report/diagnosis_context.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/diagnosis_context.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 

@@ -6,8 +6,8 @@
 
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/html_table.h"
-#include "orchestrator/report/report_format.h"
-#include "orchestrator/report/score_chart.h"
+#include "orchestrator/figures/report_format.h"
+#include "orchestrator/figures/score_chart.h"
 
 namespace turncal {
 

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "orchestrator/records/parameter_history.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/report/report_page.h"
 
 namespace turncal {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/report/gnuplot.h"
+#include "orchestrator/figures/gnuplot.h"
 
 namespace turncal {
 

@@ -1,6 +1,6 @@
 #include "orchestrator/report/html_table.h"
 
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal::html {
 namespace {

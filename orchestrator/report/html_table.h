@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal::html {
 

@@ -6,8 +6,8 @@
 #include "calib/model/parameters.h"
 #include "calib/navigation/earth.h"
 #include "imu_io/base/format_number.h"
-#include "orchestrator/report/drawing.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/drawing.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 namespace {

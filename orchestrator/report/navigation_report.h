@@ -8,7 +8,7 @@
 #include "calib/navigation/free_navigation.h"
 #include "calib/navigation/navigation_error.h"
 #include "calib/types/recording_types.h"
-#include "orchestrator/report/gnuplot.h"
+#include "orchestrator/figures/gnuplot.h"
 
 namespace turncal {
 

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "orchestrator/report/diagnosis_figures.h"
+#include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/html_table.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 

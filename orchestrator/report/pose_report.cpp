@@ -4,7 +4,7 @@
 
 #include "calib/model/noise_model.h"
 #include "imu_io/base/format_number.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 namespace {

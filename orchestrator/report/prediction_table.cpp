@@ -6,7 +6,7 @@
 #include <map>
 #include <set>
 
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 

@@ -3,15 +3,15 @@
 #include <algorithm>
 #include <vector>
 
-#include "orchestrator/report/diagnosis_figures.h"
+#include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/report/diagnosis_text.h"
-#include "orchestrator/report/drawing.h"
-#include "orchestrator/report/report_dwells.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/drawing.h"
+#include "orchestrator/figures/report_dwells.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/report/report_page.h"
 #include "orchestrator/report/report_tables.h"
-#include "orchestrator/report/residual_figures.h"
-#include "orchestrator/report/score_chart.h"
+#include "orchestrator/figures/residual_figures.h"
+#include "orchestrator/figures/score_chart.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {

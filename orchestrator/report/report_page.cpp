@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "orchestrator/report/drawing.h"
+#include "orchestrator/figures/drawing.h"
 
 namespace turncal {
 

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "calib/diagnosis/diagnosis.h"
-#include "orchestrator/report/diagnosis_context.h"
+#include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/report/diagnosis_text.h"
 
 namespace turncal {

@@ -6,9 +6,9 @@
 
 #include "calib/joint/score_algebra.h"
 #include "calib/statistics/distributions.h"
-#include "orchestrator/report/diagnosis_figures.h"
+#include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/report/diagnosis_file.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 namespace {

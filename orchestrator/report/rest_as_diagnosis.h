@@ -7,10 +7,10 @@
 #include "calib/diagnosis/diagnosis.h"
 #include "calib/diagnosis/rest_diagnosis.h"
 #include "imu_io/recordings/parameter_file.h"
-#include "orchestrator/report/diagnosis_context.h"
+#include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/report/diagnosis_text.h"
-#include "orchestrator/report/report_dwells.h"
-#include "orchestrator/report/report_figure.h"
+#include "orchestrator/figures/report_dwells.h"
+#include "orchestrator/figures/report_figure.h"
 
 namespace turncal {
 

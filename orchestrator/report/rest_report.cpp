@@ -1,7 +1,7 @@
 #include "orchestrator/report/rest_report.h"
 
 #include "imu_io/base/format_number.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/report/report_tables.h"
 #include "orchestrator/report/rest_as_diagnosis.h"
 

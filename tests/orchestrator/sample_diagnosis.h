@@ -8,7 +8,7 @@
 
 #include "calib/diagnosis/diagnosis.h"
 #include "calib/model/attitude.h"
-#include "orchestrator/report/diagnosis_context.h"
+#include "orchestrator/figures/diagnosis_context.h"
 
 namespace turncal {
 

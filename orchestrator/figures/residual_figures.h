@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "calib/diagnosis/diagnosis.h"
-#include "orchestrator/report/report_dwells.h"
-#include "orchestrator/report/report_figure.h"
+#include "orchestrator/figures/report_dwells.h"
+#include "orchestrator/figures/report_figure.h"
 
 namespace turncal {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "calib/diagnosis/diagnosis.h"
-#include "orchestrator/report/report_figure.h"
+#include "orchestrator/figures/report_figure.h"
 
 namespace turncal {
 

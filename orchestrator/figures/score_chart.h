@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "calib/diagnosis/diagnosis.h"
-#include "orchestrator/report/drawing.h"
+#include "orchestrator/figures/drawing.h"
 
 namespace turncal {
 

@@ -1,4 +1,4 @@
-#include "orchestrator/report/report_figure.h"
+#include "orchestrator/figures/report_figure.h"
 
 #include <algorithm>
 #include <cmath>

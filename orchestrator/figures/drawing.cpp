@@ -1,4 +1,4 @@
-#include "orchestrator/report/drawing.h"
+#include "orchestrator/figures/drawing.h"
 
 #include <algorithm>
 #include <charconv>

@@ -1,4 +1,4 @@
-#include "orchestrator/report/score_chart.h"
+#include "orchestrator/figures/score_chart.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include "calib/model/effects.h"
 #include "calib/statistics/distributions.h"
 #include "imu_io/base/format_number.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 

@@ -1,4 +1,4 @@
-#include "orchestrator/report/report_dwells.h"
+#include "orchestrator/figures/report_dwells.h"
 
 #include <algorithm>
 #include <cmath>

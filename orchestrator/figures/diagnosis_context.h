@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "calib/statistics/compression.h"
-#include "orchestrator/report/gnuplot.h"
+#include "orchestrator/figures/gnuplot.h"
 
 namespace turncal {
 

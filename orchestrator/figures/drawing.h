@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "orchestrator/report/gnuplot.h"
-#include "orchestrator/report/report_figure.h"
+#include "orchestrator/figures/gnuplot.h"
+#include "orchestrator/figures/report_figure.h"
 
 namespace turncal {
 

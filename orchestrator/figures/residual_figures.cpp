@@ -1,12 +1,12 @@
-#include "orchestrator/report/residual_figures.h"
+#include "orchestrator/figures/residual_figures.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
-#include "orchestrator/report/diagnosis_figures.h"
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/diagnosis_figures.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 namespace {

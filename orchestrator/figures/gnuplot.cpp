@@ -1,4 +1,4 @@
-#include "orchestrator/report/gnuplot.h"
+#include "orchestrator/figures/gnuplot.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -14,7 +14,7 @@
 #include <thread>
 #include <utility>
 
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 
 extern char** environ;
 

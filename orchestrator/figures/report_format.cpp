@@ -1,4 +1,4 @@
-#include "orchestrator/report/report_format.h"
+#include "orchestrator/figures/report_format.h"
 
 #include <algorithm>
 #include <cmath>
