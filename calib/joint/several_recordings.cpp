@@ -78,6 +78,24 @@ Whole add_up(const std::vector<JointResult>& estimates) {
 
 }  // namespace
 
+JointResult estimate_beside(const CompressedRecording& recording, const Parameters& known) {
+  JointOptions options;
+  options.start = known;
+  options.free_parameters = {0, 1, 2, 3, 4, 5};
+  JointResult e = joint_estimate(recording, options);
+  if (!e.converged) return e;
+  e.free.clear();
+  for (int k = 0; k < parameter_count; ++k)
+    if (parameter_is_free[static_cast<std::size_t>(k)]) e.free.push_back(k);
+  const SubsetSolution solution = solve_subset(e.last.information, e.last.gradient, e.free, e.ranges);
+  e.covariance = solution.covariance;
+  e.unseen_instability.setZero(e.covariance.rows(), e.covariance.cols());
+  e.undetermined.assign(static_cast<std::size_t>(solution.undetermined.cols()), {});
+  for (std::size_t i = 0; i < e.free.size(); ++i)
+    e.determined[static_cast<std::size_t>(e.free[i])] = solution.lost[i] == 0;
+  return e;
+}
+
 SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates) {
   const Whole w = add_up(estimates);
   const SubsetSolution solution = solve_subset(w.information, w.gradient, w.subset, w.ranges);
@@ -92,7 +110,8 @@ SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates) 
   for (std::size_t k = 0; k < estimates.size(); ++k) {
     const JointResult& e = estimates[k];
     const Eigen::VectorXd apart = own(all, e, k) - Eigen::VectorXd(to_vector(e.parameters)(e.free));
-    result.disagreement += apart.dot(information_of(e) * apart);
+    const Eigen::VectorXd gradient = Eigen::VectorXd(e.last.gradient(e.free)) + information_of(e) * apart;
+    result.disagreement += gradient.dot(e.covariance * gradient);  // along what it determines
     known += static_cast<int>(e.free.size()) - static_cast<int>(e.undetermined.size());
   }
   result.degrees = known - static_cast<int>(w.subset.size() - static_cast<std::size_t>(solution.undetermined.cols()));

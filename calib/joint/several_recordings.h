@@ -5,7 +5,8 @@
 //   sum_i T_i' (I_i (T_i p - p_i) + g_i) = 0,  T_i picks what recording i knows of,
 // which is what one estimate from all seconds of all recordings would find (to second order in p_i - T_i p, some sigma).
 //
-// The recordings agree when sum_i (T_i p - p_i)' I_i (T_i p - p_i) is chi-square with sum_i rank - rank degrees of freedom.
+// The recordings agree when sum_i c_i' C_i c_i, c_i = I_i (T_i p - p_i) + g_i and C_i the covariance along what recording i determines, is
+// chi-square with sum_i rank - rank degrees of freedom.
 // Turn-on repeatability of a bias: the scatter of its K values, less what their own sigmas explain (IEEE 952, 1293).
 // Not modelled: changes of scale factor or installation from day to day; they show in the agreement. Effects are not combined.
 #pragma once
@@ -30,6 +31,10 @@ struct SeveralRecordings {
   double p_value = 1.0;
   bool agree = true;  // p_value above one in a thousand; where not, sigmas are those that would make them agree
 };
+
+// A recording that leaves directions of the 21 open, near the parameters that another has determined: its six biases are fitted, and what
+// it says of all 21 there is in the covariance and the last pass. Its own fit would end anywhere along what it leaves open.
+JointResult estimate_beside(const CompressedRecording& recording, const Parameters& known);
 
 // At least two estimates without effects, each converged.
 SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates);

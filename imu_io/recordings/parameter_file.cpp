@@ -96,6 +96,12 @@ void read_effects(KeyValueFile& input, ParameterFile& file) {
 
 }  // namespace
 
+const std::string* find_further(const ParameterFile& file, std::string_view key) {
+  for (const auto& [name, value] : file.further)
+    if (name == key) return &value;
+  return nullptr;
+}
+
 void ParameterFile::add_further(std::string key, double value) { add_further(std::move(key), format_number(value)); }
 
 void describe_recording(const RecordingInfo& info, ParameterFile& file) {
@@ -214,7 +220,11 @@ Result<ParameterFile> read_parameter_file(const std::string& path) {
   const auto text = read_whole_file(path);
   if (!text) return text.error();
   if (text->empty()) return input_error(path + ": empty file: expected a parameter file");
-  return parse_parameter_file(*text, path);
+  Result<ParameterFile> file = parse_parameter_file(*text, path);
+  if (!file) return file;
+  if (const std::string* const keys = find_further(*file, undetermined_key))
+    return input_error(path + ": its calibration did not determine " + *keys + ": expected one that did");
+  return file;
 }
 
 Status check_applicable(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info) {

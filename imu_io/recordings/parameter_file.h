@@ -63,7 +63,15 @@ void describe_recording(const RecordingInfo& info, ParameterFile& file);
 Result<std::string> format_parameter_file(const ParameterFile& file);
 Status write_parameter_file(const ParameterFile& file, const std::string& path);
 
+// What a calibration did not determine, keys with a space between: such a value means nothing by itself.
+inline constexpr std::string_view undetermined_key = "quality.undetermined";
+
+// The value of a further key; null where there is none.
+const std::string* find_further(const ParameterFile& file, std::string_view key);
+
+// For the record: whatever was written.
 Result<ParameterFile> parse_parameter_file(std::string_view text, const std::string& file_name);
+// To be used: an error, too, where parameters are not determined.
 Result<ParameterFile> read_parameter_file(const std::string& path);
 
 // Whether the parameters may be applied to this recording: same unit, same increments and pulse weight, and not

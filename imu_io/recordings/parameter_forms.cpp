@@ -18,9 +18,8 @@ constexpr std::size_t longest_text = 4096;
 constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
 bool is_trusted(const ParameterFile& file) {
-  for (const auto& [key, value] : file.further)
-    if (key == "quality.trusted") return value == "true";
-  return true;
+  const std::string* const value = find_further(file, "quality.trusted");
+  return value == nullptr || *value == "true";
 }
 
 void append_text(std::vector<std::byte>& out, std::string_view text) {

@@ -1,5 +1,6 @@
 // `turncal calibrate RECORDING... --out DIR [--method ...]`: writes DIR/parameters.conf from any recording, or from several of one unit. A
-// truth.conf beside the first (as after a dry run) is compared with the result.
+// truth.conf beside the first (as after a dry run) is compared with the result. Exit code 20, the file written, where the data speak
+// against its sigmas.
 #include <filesystem>
 #include <memory>
 #include <vector>
@@ -37,6 +38,7 @@ std::optional<ParameterVector> truth_beside(const std::string& recording) {
 Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   std::vector<LoadedRecording> recordings;
   for (const std::string& path : options.recordings) {
+    if (Status status = check_not_source(options.out, path); !status) return status;
     Result<LoadedRecording> recording = load_recording(path);
     if (!recording) return recording.error();
     recordings.push_back(std::move(*recording));
@@ -57,7 +59,8 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   context.out << '\n';
   print_results(output->file, truth_beside(options.recordings.front()), context.out);
   context.out << "\nparameters  " << file << std::endl;
-  return {};
+  if (output->distrust.empty()) return {};
+  return Error{ErrorKind::unit_failed, file + ": not trusted: " + output->distrust};
 }
 
 }  // namespace

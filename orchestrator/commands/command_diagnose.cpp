@@ -2,22 +2,19 @@
 // every effect of the catalogue, adds what stands the test on held-out data, and writes DIR/parameters.conf,
 // DIR/diagnosis.conf and DIR/report.html. Exit code 0 when the verdict is clean, 20 when it is not.
 
-#include <filesystem>
 #include <memory>
 #include <optional>
 
 #include "imu_io/base/clock.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/records/output_folder.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
 namespace {
-
-namespace fs = std::filesystem;
 
 struct DiagnoseOptions {
   std::string recording;
@@ -71,20 +68,6 @@ Result<LoadedRecording> load(const std::string& path, Phases& phases) {
   return load_recording(**source, [&](std::int64_t count) { phases.samples(count); });
 }
 
-// The recordings' own folders are not written to: parameters.conf may be there, the result of a run.
-Status check_out(const DiagnoseOptions& options) {
-  for (const std::string& path : {options.recording, options.holdout}) {
-    if (path.empty()) continue;
-    std::error_code error;
-    const fs::path folder = fs::is_directory(path, error) ? fs::path(path) : fs::absolute(path, error).parent_path();
-    if (fs::equivalent(folder, options.out, error)) {
-      return input_error("--out " + options.out + ": is the folder of the recording " + path +
-                         ": expected another one, the recording's own files are not touched");
-    }
-  }
-  return {};
-}
-
 Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, const RecordingInfo& info) {
   if (!options.arw_deg_per_rt_h && !options.vrw_ug_per_rt_hz) {
     if (options.gyro_bias_instability_degph > 0.0 || options.accel_bias_instability_ug > 0.0)
@@ -107,7 +90,10 @@ Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, co
 
 Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context) {
   const double began_s = steady_wall_s();
-  if (Status status = check_out(options); !status) return status.error();
+  for (const std::string& source : {options.recording, options.holdout}) {
+    if (source.empty()) continue;
+    if (Status status = check_not_source(options.out, source); !status) return status.error();
+  }
   Phases phases(context);
   const Result<LoadedRecording> fitted = load(options.recording, phases);
   if (!fitted) return fitted.error();

@@ -8,6 +8,7 @@
 #include "calib/closed_form/closed_form.h"
 #include "calib/diagnosis/lack_of_fit.h"
 #include "calib/diagnosis/rest_diagnosis.h"
+#include "calib/joint/several_recordings.h"
 #include "calib/rests/rest_model.h"
 #include "calib/rests/rest_units.h"
 #include "orchestrator/report/diagnosis_file.h"
@@ -54,18 +55,11 @@ void note_joint(const JointResult& result, double sample_period_s, std::vector<s
     notes.push_back("fault: " + fault.what + text + fault.action);
   }
   for (const Undetermined& direction : result.undetermined) {
+    if (direction.combination.empty()) continue;
     std::string line = "not determined by this recording:";
     for (const auto& [key, weight] : direction.combination) line += " " + key;
     notes.push_back(line);
   }
-}
-
-std::string undetermined_keys(const JointResult& result) {
-  std::string keys;
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
-    if (parameter_is_free[i] && !result.determined[i]) keys += " " + std::string(parameter_keys[i]);
-  }
-  return keys;
 }
 
 // What speaks against its sigmas; empty: nothing does, be it that there is too little to judge by.
@@ -82,16 +76,15 @@ std::string distrust_of(const CompressedRecording& recording, const JointResult&
   return text;
 }
 
-Status joint(const CompressedRecording& recording, bool partial, bool test_fit, CalibrationOutput& output) {
-  JointResult result = joint_estimate(recording);
+Status joint(const CompressedRecording& recording, const CalibrationRequest& request, CalibrationOutput& output) {
+  JointResult result = request.known ? estimate_beside(recording, *request.known) : joint_estimate(recording);
   if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result.message};
-  if (const std::string keys = undetermined_keys(result); !keys.empty() && !partial) {
-    return not_determined("this recording does not determine" + keys + ": expected the steps that do");
-  }
+  const std::string open = undetermined_parameters(result);
+  if (!open.empty() && !request.partial)
+    return not_determined("this recording does not determine " + open + ": expected the steps that do");
   describe_estimate(result, recording, false, output.file);
-  output.distrust = distrust_of(recording, result, test_fit);
-  const bool trusted = result.whiteness.level > 0.0 && output.distrust.empty();
-  output.file.add_further("quality.trusted", std::string(trusted ? "true" : "false"));
+  output.distrust = distrust_of(recording, result, request.test_fit);
+  describe_trust(result.whiteness.level > 0.0 && output.distrust.empty(), output.file);
   note_joint(result, recording.info.sample_period_s, output.notes);
   if (!output.distrust.empty())
     output.notes.push_back("NOT TRUSTED: " + output.distrust + " (turncal diagnose says more)");
@@ -116,9 +109,9 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
   if (!unjudged.empty() && !partial)
     return not_determined("not tested: the data determine nothing that could be judged: " + unjudged);
   describe_rest_fit(*fit, {}, data, output.file);
-  output.file.add_further("quality.trusted", std::string(unjudged.empty() ? "true" : "false"));
+  describe_trust(unjudged.empty(), output.file);
   if (!unjudged.empty()) output.notes.push_back(output.distrust = "not tested: " + unjudged);
-  output.notes.push_back("no table angles: " + std::to_string(data.rests.size()) + " rests and " +
+  output.notes.push_back(std::string(no_table_angles) + ": " + std::to_string(data.rests.size()) + " rests and " +
                          std::to_string(data.legs.size()) + " rotations by hand, settled after " +
                          std::to_string(fit->iterations) + " iterations");
   output.notes.push_back("errors: " + error_text(fit->errors));
@@ -151,11 +144,10 @@ Result<CalibrationOutput> calibrate_recording(const LoadedRecording& loaded, con
   const bool closed = request.method == "closed-form";
   const bool by_hand = loaded.by_hand;
   if (closed && by_hand)
-    return input_error(loaded.path +
-                       ": has no table angles: expected the fourteen steps of a table for --method closed-form");
+    return input_error(loaded.path + ": " + no_table_angles + ": expected the fourteen steps for --method closed-form");
   if (Status status = by_hand  ? rests_by_hand(recording, request.partial, output)
                       : closed ? closed_form(recording, output)
-                               : joint(recording, request.partial, request.test_fit, output);
+                               : joint(recording, request, output);
       !status) {
     return Error{status.error().kind, loaded.path + ": " + status.error().message};
   }

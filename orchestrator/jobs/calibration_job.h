@@ -22,8 +22,10 @@ inline constexpr const char* rest_method = "rests";
 struct CalibrationRequest {
   std::string method = calibration_methods[0];
   std::string time_utc;  // for the record
-  bool partial = false;  // accept parameters that the recording does not determine; they stay at their start values
-  bool test_fit = true;  // by the lack-of-fit tests; false where a diagnosis follows, which makes them
+  // Accept parameters that the recording does not determine: `quality.undetermined`, and the file is not trusted.
+  bool partial = false;
+  bool test_fit = true;             // by the lack-of-fit tests; false where a diagnosis follows, which makes them
+  std::optional<Parameters> known;  // from another recording of the unit (several_recordings.h, estimate_beside)
 };
 
 struct CalibrationOutput {

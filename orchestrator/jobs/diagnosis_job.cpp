@@ -73,9 +73,8 @@ Result<DiagnosisOutput> of_single_pose(const LoadedRecording& recording) {
 Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const DiagnosisRequest& request,
                                        DiagnosisContext& context) {
   if (request.noise)
-    return input_error(recording.path +
-                       ": has no table angles: expected no --arw, --vrw or bias instability, the noise is "
-                       "measured in the rests");
+    return input_error(recording.path + ": " + no_table_angles +
+                       ": expected no --arw, --vrw or bias instability, the noise is measured in the rests");
   const RestData data = make_rest_data(recording.data);
   if (data.rests.size() == 1) return of_single_pose(recording);
   std::optional<RestData> other;

@@ -12,6 +12,9 @@
 
 namespace turncal {
 
+// What is said of a recording turned by hand, which has no other mark (segmentation.h, without_table_angles).
+inline constexpr const char* no_table_angles = "all table angles are 0, as of a unit turned by hand";
+
 struct LoadedRecording {
   std::string path;
   CompressedRecording data;

@@ -18,7 +18,7 @@ Status check_same_unit(const std::vector<LoadedRecording>& recordings) {
                          ": expected recordings of one unit");
     };
     if (r.by_hand)
-      return input_error(r.path + ": has no table angles: expected recordings from a table where there are several");
+      return input_error(r.path + ": " + no_table_angles + ": expected several recordings to be from a table");
     if (info.unit_serial != first.unit_serial)
       return differs("another serial number, " + info.unit_serial + " where " + first.unit_serial + " was first,");
     if (info.gyro_increment != first.gyro_increment || info.accel_increment != first.accel_increment ||
@@ -50,6 +50,31 @@ void describe(const SeveralRecordings& several, const std::vector<LoadedRecordin
   file.add_further("quality.recordings_p_value", several.p_value);
 }
 
+// What one recording does not determine the others may: one that leaves directions open is looked at beside one that does not.
+Result<std::vector<CalibrationOutput>> calibrate_each(const std::vector<LoadedRecording>& recordings,
+                                                      CalibrationRequest request) {
+  request.partial = true;
+  std::vector<CalibrationOutput> each;
+  for (const LoadedRecording& recording : recordings) {
+    Result<CalibrationOutput> one = calibrate_recording(recording, request);
+    if (!one) return one.error();
+    each.push_back(std::move(*one));
+  }
+  const auto whole = [](const CalibrationOutput& one) { return one.fit->undetermined.empty(); };
+  const auto known = std::find_if(each.begin(), each.end(), whole);
+  if (known == each.end()) return each;
+  request.known = known->fit->parameters;
+  const std::string from = recordings[static_cast<std::size_t>(known - each.begin())].path;
+  for (std::size_t k = 0; k < each.size(); ++k) {
+    if (whole(each[k])) continue;
+    Result<CalibrationOutput> again = calibrate_recording(recordings[k], request);
+    if (!again) return again.error();
+    each[k] = std::move(*again);
+    each[k].notes.push_back("determines too little by itself: its biases beside the parameters of " + from);
+  }
+  return each;
+}
+
 }  // namespace
 
 Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording>& recordings,
@@ -59,32 +84,28 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
     return input_error("--method " + request.method + ": expected joint where there are several recordings");
   if (Status status = check_same_unit(recordings); !status) return status.error();
   CalibrationOutput output;
+  Result<std::vector<CalibrationOutput>> each = calibrate_each(recordings, request);
+  if (!each) return each.error();
   std::vector<JointResult> estimates;
   bool judged = true;
-  for (const LoadedRecording& recording : recordings) {
-    CalibrationRequest one = request;
-    one.partial = true;  // what one does not determine the others may
-    Result<CalibrationOutput> single = calibrate_recording(recording, one);
-    if (!single) return single.error();
-    output.notes.push_back(recording.path + ":");
-    for (const std::string& note : single->notes) output.notes.push_back("  " + note);
-    judged = judged && single->fit->whiteness.level > 0.0;
-    if (!single->distrust.empty()) output.distrust = recording.path + ": " + single->distrust;
-    estimates.push_back(std::move(*single->fit));
-    if (estimates.size() == 1) output.file = std::move(single->file);
+  for (std::size_t k = 0; k < recordings.size(); ++k) {
+    CalibrationOutput& one = (*each)[k];
+    output.notes.push_back(recordings[k].path + ":");
+    for (const std::string& note : one.notes) output.notes.push_back("  " + note);
+    judged = judged && one.fit->whiteness.level > 0.0;
+    if (!one.distrust.empty()) output.distrust = recordings[k].path + ": " + one.distrust;
+    estimates.push_back(std::move(*one.fit));
   }
   const SeveralRecordings several = combine_recordings(estimates);
-  std::string open;
-  for (std::size_t k = 0; k < parameter_keys.size(); ++k)
-    if (parameter_is_free[k] && !several.unit.determined[k]) open += " " + std::string(parameter_keys[k]);
+  const std::string open = undetermined_parameters(several.unit);
   if (!open.empty() && !request.partial)
-    return not_determined("these recordings do not determine" + open + ": expected the steps that do");
-  ParameterFile file = output.file;
+    return not_determined("these recordings do not determine " + open + ": expected the steps that do");
+  ParameterFile file = std::move(each->front().file);
   file.further.clear();
   file.sigma = {};
   describe_estimate(several.unit, recordings.front().data, false, file);
   if (!several.agree) output.distrust = "the recordings contradict each other";
-  file.add_further("quality.trusted", std::string(judged && output.distrust.empty() ? "true" : "false"));
+  describe_trust(judged && output.distrust.empty(), file);
   describe(several, recordings, file);
   output.file = std::move(file);
   char text[240];

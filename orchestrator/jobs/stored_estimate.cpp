@@ -8,12 +8,6 @@
 namespace turncal {
 namespace {
 
-const std::string* further(const ParameterFile& file, const std::string& key) {
-  for (const auto& [name, value] : file.further)
-    if (name == key) return &value;
-  return nullptr;
-}
-
 Error bad_value(const std::string& file_name, const std::string& key, const std::string& value, const char* expected) {
   return input_error(file_name + ": key '" + key + "' = '" + value + "': expected " + expected);
 }
@@ -21,7 +15,7 @@ Error bad_value(const std::string& file_name, const std::string& key, const std:
 // Into `value` (times `unit`) where the key is there.
 Status take(const ParameterFile& file, const std::string& file_name, const std::string& key, double unit,
             double& value) {
-  const std::string* const text = further(file, key);
+  const std::string* const text = find_further(file, key);
   if (text == nullptr) return {};
   const std::optional<double> number = parse_number(*text);
   if (!number || *number < 0.0) return bad_value(file_name, key, *text, "a number of 0 or more");
@@ -77,7 +71,7 @@ Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std:
   std::vector<int> rows;  // those that have a line, in order
   for (int k = 0; k < parameter_count; ++k) {
     const std::string key = "quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(k)]);
-    const std::string* const text = further(file, key);
+    const std::string* const text = find_further(file, key);
     if (text == nullptr) continue;
     rows.push_back(k);
     const std::vector<std::string_view> words = words_of(*text);

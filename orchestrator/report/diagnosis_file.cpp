@@ -120,6 +120,21 @@ void describe_model(const JointResult& result, const CompressedRecording& record
           {name, std::string(parts.front()->column.entry->variant), parts.front()->column.tau_s, std::nullopt});
   }
   file.model = result.effects.empty() ? "base" : "extended";
+  if (const std::string keys = undetermined_parameters(result); !keys.empty())
+    file.add_further(std::string(undetermined_key), keys);
+}
+
+void describe_trust(bool trusted, ParameterFile& file) {
+  const bool whole = find_further(file, undetermined_key) == nullptr;
+  file.add_further("quality.trusted", std::string(trusted && whole ? "true" : "false"));
+}
+
+std::string undetermined_parameters(const JointResult& result) {
+  std::string keys;
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k)
+    if (parameter_is_free[k] && !result.determined[k])
+      keys += (keys.empty() ? "" : " ") + std::string(parameter_keys[k]);
+  return keys;
 }
 
 void describe_random_walk(const NoiseModel& noise, ParameterFile& file) {
@@ -195,7 +210,7 @@ void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& con
   file.method = context.method;
   file.software_version = software_version();
   file.time_utc = context.time_utc;
-  file.add_further("quality.trusted", std::string(diagnosis.trusted ? "true" : "false"));
+  describe_trust(diagnosis.trusted, file);
   file.add_further("verdict.diagnosis", std::string(to_string(diagnosis.verdict)));
 }
 

@@ -30,6 +30,10 @@ void describe_estimate(const JointResult& result, const CompressedRecording& rec
 // Its parts: what is not about noise or quality, and the white noise.
 void describe_random_walk(const NoiseModel& noise, ParameterFile& file);
 void describe_model(const JointResult& result, const CompressedRecording& recording, ParameterFile& file);
+// After the model: no file is trusted whose parameters are not all determined.
+void describe_trust(bool trusted, ParameterFile& file);
+// Free parameters that are not determined, with a space between.
+std::string undetermined_parameters(const JointResult& result);
 // What belongs to the work: hash, method, version, time, verdict.
 void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context, ParameterFile& file);
 

@@ -26,10 +26,8 @@ void judge_into(VerdictReport& report, std::string key, std::optional<double> va
 }
 
 std::optional<double> residual_of(const ParameterFile& file) {
-  for (const auto& [key, value] : file.further) {
-    if (key == "quality.normalised_rms") return parse_number(value);
-  }
-  return std::nullopt;
+  const std::string* const value = find_further(file, "quality.normalised_rms");
+  return value ? parse_number(*value) : std::nullopt;
 }
 
 }  // namespace
@@ -133,9 +131,7 @@ void judge_trust(const std::string& distrust, VerdictReport& report) {
 
 void add_verdict(const VerdictReport& report, ParameterFile& file) {
   const auto add = [&file](const std::string& key, const std::string& value) {
-    const bool there =
-        std::any_of(file.further.begin(), file.further.end(), [&](const auto& f) { return f.first == key; });
-    if (!there && is_plain_text(value)) file.add_further(key, value);
+    if (find_further(file, key) == nullptr && is_plain_text(value)) file.add_further(key, value);
   };
   if (report.verdict == UnitVerdict::not_judged && report.diagnosis == "not_made") return;
   add("verdict.result", std::string(to_string(report.verdict)));

@@ -230,6 +230,17 @@ TEST(ParameterFile, FileIsWrittenAndRead) {
   EXPECT_ERROR(read_parameter_file(path), path + ": empty file: expected a parameter file");
 }
 
+// What a calibration left open is read for the record, not for use.
+TEST(ParameterFile, UndeterminedParametersAreNotForUse) {
+  ParameterFile file = make_file();
+  file.add_further(std::string(undetermined_key), "a11 A01");
+  ASSERT_OK(parse_parameter_file(formatted(file), "p.conf"));
+  TemporaryFolder folder;
+  const std::string path = folder / "p.conf";
+  ASSERT_OK(write_parameter_file(file, path));
+  EXPECT_ERROR(read_parameter_file(path), path + ": its calibration did not determine a11 A01: expected one that did");
+}
+
 TEST(ParameterFile, AppliesOnlyToItsUnit) {
   const ParameterFile file = make_file();
   ASSERT_OK(check_applicable(file, "p.conf", make_info()));

@@ -155,6 +155,52 @@ TEST_F(CommandLine, SeveralRecordingsAreOfOneUnitAndDiffer) {
   expect_refused({"calibrate", "sn1", demo, "--method", "closed-form", "--out", "out"}, "expected joint");
 }
 
+// verify.seq keeps the table level: most parameters stay open.
+TEST_F(CommandLine, WhatIsNotDeterminedIsSaidAndNotUsed) {
+  const std::string demo = demo_run("demo");
+  const std::string level = std::string(TURNCAL_SOURCE_DIR) + "/sequences/verify.seq";
+  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN1", "--sequence", level, "--capture-only", "--out", "level"}).code,
+            0);
+  expect_refused({"calibrate", "level", "--out", "out"}, "does not determine N01 A01", 20);
+  ASSERT_EQ(run({"calibrate", "level", "--partial", "--out", "part"}).code, 0);
+  const std::string file = file_text(folder_ / "part/parameters.conf");
+  EXPECT_NE(file.find("\nquality.undetermined = N01 A01 A02 A03 "), std::string::npos) << file;
+  EXPECT_NE(file.find("\nquality.trusted = false\n"), std::string::npos);
+  const std::string said = "did not determine N01 A01 A02 A03";
+  const std::string part = path("part/parameters.conf");
+  expect_refused({"apply", "level", "--parameters", part, "--out", "out.csv"}, said);
+  expect_refused({"navigate", "level", "--parameters", part, "--out", "out"}, said);
+  expect_refused({"verify", "--recording", "level", "--parameters", part, "--out", "out"}, said);
+  expect_refused({"convert", part, "--header", "out.h"}, said);
+
+  const ProgramResult both = run({"calibrate", demo, "level", "--out", "both"});
+  EXPECT_EQ(both.code, 0) << both.out << both.err;
+  EXPECT_NE(file_text(folder_ / "both/parameters.conf").find("\nquality.trusted = true\n"), std::string::npos);
+}
+
+TEST_F(CommandLine, AnotherUnitUnderTheSameSerialIsNotTrusted) {
+  const std::string demo = demo_run("demo");
+  write("other.rig", "seed = 77\n");
+  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN1", "--sequence",
+                 std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq", "--capture-only", "--rig",
+                 path("other.rig"), "--out", "other"})
+                .code,
+            0);
+  const ProgramResult both = run({"calibrate", demo, "other", "--out", "both"});
+  EXPECT_EQ(both.code, 20) << both.out;
+  EXPECT_NE(both.err.find("not trusted: the recordings contradict each other"), std::string::npos) << both.err;
+  EXPECT_NE(file_text(folder_ / "both/parameters.conf").find("\nquality.trusted = false\n"), std::string::npos);
+}
+
+TEST_F(CommandLine, ResultsOfARunAreNotReplacedInItsFolder) {
+  const std::string demo = demo_run("demo");
+  const std::string before = file_text(folder_ / "demo/parameters.conf");
+  for (const char* command : {"calibrate", "diagnose"})
+    for (const std::string& recording : {demo, demo + "/recording.tcr"})
+      expect_refused({command, recording, "--out", demo}, "expected another folder than that of the source");
+  EXPECT_EQ(file_text(folder_ / "demo/parameters.conf"), before);
+}
+
 TEST_F(CommandLine, ApplyWritesCalibratedIncrements) {
   const std::string demo = demo_run("demo");
   ASSERT_EQ(run({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", "calibrated.csv"}).code, 0);

@@ -117,10 +117,12 @@ TEST_F(Diagnose, RefusesInOneLine) {
   expect_refused({"diagnose"}, "recording");
   expect_refused({"diagnose", "rec"}, "--out");
   expect_refused({"diagnose", "missing", "--out", "out"}, "missing");
-  expect_refused({"diagnose", "rec", "--out", "rec"}, "--out rec: is the folder of the recording rec");
+  expect_refused({"diagnose", "rec", "--out", "rec"},
+                 "--out rec: expected another folder than that of the source, rec");
   expect_refused({"diagnose", "rec/recording.tcr", "--out", "./rec/"},
-                 "is the folder of the recording rec/recording.tcr");
-  expect_refused({"diagnose", "rec", "--holdout", "other", "--out", "other"}, "is the folder of the recording other");
+                 "expected another folder than that of the source, rec/recording.tcr");
+  expect_refused({"diagnose", "rec", "--holdout", "other", "--out", "other"},
+                 "expected another folder than that of the source, other");
   expect_refused({"diagnose", "rec", "--holdout", "missing", "--out", "out"}, "missing");
   expect_refused({"diagnose", "rec", "--holdout", "rec", "--out", "out"},
                  "rec/recording.tcr: is the recording to be fitted itself");

@@ -165,7 +165,8 @@ TEST_F(HandTurned, RefusesWhatItCannotUse) {
   expect_refused({"calibrate", "few", "--out", "out"}, "wants at least 4 rests");
   plan.rests = 12;
   synthetic("rec", plan);
-  expect_refused({"calibrate", "rec", "--method", "closed-form", "--out", "out"}, "has no table angles");
+  expect_refused({"calibrate", "rec", "--method", "closed-form", "--out", "out"},
+                 "all table angles are 0, as of a unit turned by hand");
   expect_refused({"diagnose", "rec", "--arw", "0.1", "--vrw", "10", "--out", "out"}, "expected no --arw");
 }
 
