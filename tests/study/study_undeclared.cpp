@@ -19,12 +19,13 @@
 #include <random>
 #include <string>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "calib/diagnosis/diagnosis.h"
 #include "calib/diagnosis/lack_of_fit.h"
 #include "tests/disturbance.h"
 #include "tests/rig_recorder.h"
+#include "tests/study/taken_up.h"
 
 namespace turncal {
 namespace {
@@ -144,51 +145,17 @@ Drawn draw(Random& r, double largest, const std::string& only) {
     if (Drawn d = draw_any(r, largest); d.what.find(only) != std::string::npos) return d;
 }
 
-// What a bias and the sensor's row would take up: the bias at rest, the row of a gyro in the turns, that of an accelerometer at rest.
-Disturbance without_parameters(const Disturbance& whole, const CompressedRecording& recording,
-                               const Parameters& truth) {
-  Eigen::Matrix4d normal_accel = Eigen::Matrix4d::Zero(), normal_gyro = Eigen::Matrix4d::Zero();
-  Eigen::Matrix<double, 4, 3> right_accel = Eigen::Matrix<double, 4, 3>::Zero(),
-                              right_gyro = Eigen::Matrix<double, 4, 3>::Zero();
-  each_moment(recording, truth, [&](std::size_t k, const DisturbedMoment& m) {
-    const AddedReading added = whole(m);
-    const double t = recording.blocks[k].duration_s;
-    if (m.at_rest) {
-      const Eigen::Vector4d x(1.0, m.force_g.x(), m.force_g.y(), m.force_g.z());
-      normal_accel += t * x * x.transpose();
-      right_accel += t * x * added.accel_mps2.transpose();
-    }
-    // A turn is worth more than a rest: a ppm of it stands against the rest of a minute.
-    Eigen::Vector4d x(1.0, 0.0, 0.0, 0.0);
-    if (!m.at_rest) x.tail<3>() = m.rate_radps;
-    normal_gyro += t * x * x.transpose();
-    right_gyro += t * x * added.gyro_radps.transpose();
-  });
-  const Eigen::Matrix<double, 4, 3> accel = normal_accel.completeOrthogonalDecomposition().solve(right_accel);
-  const Eigen::Matrix<double, 4, 3> gyro = normal_gyro.completeOrthogonalDecomposition().solve(right_gyro);
-  return [whole, accel, gyro](const DisturbedMoment& m) {
-    AddedReading added = whole(m);
-    added.accel_mps2 -= accel.row(0).transpose() + accel.bottomRows<3>().transpose() * m.force_g;
-    added.gyro_radps -= gyro.row(0).transpose() + gyro.bottomRows<3>().transpose() * m.rate_radps;
-    return added;
-  };
-}
-
 std::string join(const std::vector<std::string>& names) {
   std::string text;
   for (const std::string& n : names) text += (text.empty() ? "" : "+") + n;
   return text.empty() ? "-" : text;
 }
 
-void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d, const Parameters& truth, bool tests) {
-  const ParameterVector error = to_vector(d.extended.parameters) - to_vector(truth);
-  double worst = 0.0;
-  std::string_view parameter = "-";
-  for (int k = 0; k < parameter_count; ++k)
-    if (d.extended.sigma[k] > 0.0 && std::abs(error[k]) > worst * d.extended.sigma[k]) {
-      worst = std::abs(error[k]) / d.extended.sigma[k];
-      parameter = parameter_keys[static_cast<std::size_t>(k)];
-    }
+void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d, const CompressedRecording& recording,
+            const Parameters& truth, bool tests) {
+  Eigen::Index at = 0;
+  const double worst = errors_in_sigmas(d.extended, recording, truth).cwiseAbs().maxCoeff(&at);
+  const std::string_view parameter = worst > 0.0 ? parameter_keys[static_cast<std::size_t>(at)] : "-";
   std::string family = d.lack_of_fit.worst.family.empty() ? "-" : d.lack_of_fit.worst.family;
   std::replace(family.begin(), family.end(), ' ', '_');
   std::printf("%llu %d %s %.3g %s %d %s %s %.2f %s %.2f %s\n", static_cast<unsigned long long>(seed), draw,
@@ -292,10 +259,10 @@ int main(int argc, char** argv) {
         d.lack_of_fit = test_lack_of_fit(recording, d.extended, &holdout, options.limits.fit);
         d.trusted = d.lack_of_fit.passed;
         d.verdict = d.trusted ? Verdict::clean : Verdict::unexplained;
-        report(seed, k, drawn, d, made.truth, tests);
+        report(seed, k, drawn, d, recording, made.truth, tests);
         continue;
       }
-      report(seed, k, drawn, diagnose(recording, options), made.truth, tests);
+      report(seed, k, drawn, diagnose(recording, options), recording, made.truth, tests);
     }
   }
 }
