@@ -50,29 +50,27 @@ void describe(const SeveralRecordings& several, const std::vector<LoadedRecordin
   file.add_further("quality.recordings_p_value", several.p_value);
 }
 
-// What one recording does not determine the others may: one that leaves directions open is looked at beside one that does not.
+// What one recording does not determine the others may: one that leaves directions open, or does not settle for it, is looked at beside one that does not.
 Result<std::vector<CalibrationOutput>> calibrate_each(const std::vector<LoadedRecording>& recordings,
                                                       CalibrationRequest request) {
   request.partial = true;
-  std::vector<CalibrationOutput> each;
-  for (const LoadedRecording& recording : recordings) {
-    Result<CalibrationOutput> one = calibrate_recording(recording, request);
-    if (!one) return one.error();
-    each.push_back(std::move(*one));
-  }
-  const auto whole = [](const CalibrationOutput& one) { return one.fit->undetermined.empty(); };
+  std::vector<Result<CalibrationOutput>> each;
+  for (const LoadedRecording& recording : recordings) each.push_back(calibrate_recording(recording, request));
+  const auto whole = [](const Result<CalibrationOutput>& one) { return one.ok() && one->fit->undetermined.empty(); };
   const auto known = std::find_if(each.begin(), each.end(), whole);
-  if (known == each.end()) return each;
-  request.known = known->fit->parameters;
-  const std::string from = recordings[static_cast<std::size_t>(known - each.begin())].path;
+  if (known != each.end()) request.known = (*known)->fit->parameters;
+  std::vector<CalibrationOutput> outputs;
   for (std::size_t k = 0; k < each.size(); ++k) {
-    if (whole(each[k])) continue;
-    Result<CalibrationOutput> again = calibrate_recording(recordings[k], request);
-    if (!again) return again.error();
-    each[k] = std::move(*again);
-    each[k].notes.push_back("determines too little by itself: its biases beside the parameters of " + from);
+    if (request.known && !whole(each[k])) {
+      each[k] = calibrate_recording(recordings[k], request);
+      if (each[k])
+        each[k]->notes.push_back("determines too little by itself: its biases beside the parameters of " +
+                                 recordings[static_cast<std::size_t>(known - each.begin())].path);
+    }
+    if (!each[k]) return each[k].error();
+    outputs.push_back(std::move(*each[k]));
   }
-  return each;
+  return outputs;
 }
 
 }  // namespace
