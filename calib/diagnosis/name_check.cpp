@@ -1,6 +1,9 @@
 #include "calib/diagnosis/name_check.h"
 
 #include <algorithm>
+#include <iterator>
+#include <string_view>
+#include <utility>
 
 #include "calib/diagnosis/fit_pass.h"
 #include "calib/diagnosis/nameless_families.h"
@@ -24,6 +27,13 @@ FamilyFits families_at(const DiagnosisModel& m, const JointResult& at) {
   return all;
 }
 
+// What the effects of temperature are of; rate and lag of a temperature have names that begin alike.
+constexpr std::pair<std::string_view, DisturbedSensor> with_temperature[] = {
+    {"gyro_bias_temperature", DisturbedSensor::gyro_bias},
+    {"gyro_scale_temperature", DisturbedSensor::gyro_scale},
+    {"accel_bias_temperature", DisturbedSensor::accel_bias},
+    {"accel_scale_temperature", DisturbedSensor::accel_scale}};
+
 // A temperature coefficient is one of the curves with temperature of the same sensor. Where the effect is one, or cannot be told from one,
 // that family is the same answer in another shape: as a rival it must be better, not as good.
 bool holds(const Family& family, const DiagnosisModel& m, const Diagnosis& d, const std::string& name) {
@@ -32,14 +42,13 @@ bool holds(const Family& family, const DiagnosisModel& m, const Diagnosis& d, co
   if (const auto aliases = d.aliases.find(name); aliases != d.aliases.end())
     alike.insert(alike.end(), aliases->second.begin(), aliases->second.end());
   for (const std::string& one : alike) {
-    const EffectEntry* entry = find_effect(one);
-    if (entry == nullptr || !entry->needs_temperature) continue;
-    const std::string quantity = one.find("_scale_") != std::string::npos ? "scale factor of " : "bias of ";
-    const std::string triad = one.starts_with("gyro") ? "gyro " : "accelerometer ";
+    const bool same_sensor =
+        std::any_of(std::begin(with_temperature), std::end(with_temperature),
+                    [&](const auto& row) { return row.second == family.sensor && one.starts_with(row.first); });
+    // A component's name begins with the axis of its sensor.
     for (const EffectColumn& c : m.chosen)
-      if (c.entry->name == name &&
-          family.what.starts_with(quantity + triad + c.entry->components[static_cast<std::size_t>(c.component)][0] +
-                                  " "))
+      if (same_sensor && c.entry->name == name &&
+          c.entry->components[static_cast<std::size_t>(c.component)][0] == "xyz"[family.axis])
         return true;
   }
   return false;

@@ -64,7 +64,7 @@ std::vector<Function> functions_of(const std::vector<Piece>& pieces) {
 
 constexpr const char* axes[] = {"x", "y", "z"};
 
-enum class Sensor { gyro_bias, gyro_scale, accel_bias, accel_scale };
+using Sensor = DisturbedSensor;
 constexpr const char* sensors[] = {"bias of gyro ", "scale factor of gyro ", "bias of accelerometer ",
                                    "scale factor of accelerometer "};
 
@@ -110,7 +110,7 @@ std::vector<Family> nameless_families(const std::vector<Piece>& pieces) {
     for (const Sensor sensor : {Sensor::gyro_bias, Sensor::gyro_scale, Sensor::accel_bias, Sensor::accel_scale})
       for (int axis = 0; axis < 3 && f.count > 0; ++axis)
         families.push_back({f.kind, sensors[static_cast<int>(sensor)] + std::string(axes[axis]) + " " + f.what,
-                            weights_on(pieces, sensor, axis, f)});
+                            weights_on(pieces, sensor, axis, f), sensor, axis});
   return families;
 }
 

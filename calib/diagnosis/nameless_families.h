@@ -21,10 +21,14 @@
 
 namespace turncal {
 
+enum class DisturbedSensor { gyro_bias, gyro_scale, accel_bias, accel_scale };
+
 struct Family {
-  std::string kind;         // "angle", "scatter", "walk", "temperature curve"
-  std::string what;         // "scale factor of gyro x from turn to turn"
-  Eigen::MatrixXd weights;  // rows of SegmentScores x functions
+  std::string kind;                                     // "angle", "scatter", "walk", "temperature curve"
+  std::string what;                                     // "scale factor of gyro x from turn to turn"
+  Eigen::MatrixXd weights;                              // rows of SegmentScores x functions
+  DisturbedSensor sensor = DisturbedSensor::gyro_bias;  // of nameless_families()
+  int axis = 0;
 };
 std::vector<Eigen::MatrixXd> weights_of(const std::vector<Family>& families);
 std::vector<Family> nameless_families(const std::vector<Piece>& pieces);
