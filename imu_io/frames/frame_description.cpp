@@ -8,6 +8,7 @@
 
 #include "imu_io/base/key_value.h"
 #include "imu_io/frames/frame_keys.h"
+#include "imu_io/lines/serial_keys.h"
 
 namespace turncal {
 namespace {
@@ -195,14 +196,6 @@ ByteStuffing read_stuffing(FrameKeys& keys, const FrameDescription& frame) {
   return stuffing;
 }
 
-void read_line(KeyValueFile& file, SerialSettings& line) {
-  line.baud = static_cast<std::uint32_t>(file.integer_or("line.baud", 115200, 50, 20'000'000));
-  line.data_bits = static_cast<int>(file.integer_or("line.data_bits", 8, 7, 8));
-  line.stop_bits = static_cast<int>(file.integer_or("line.stop_bits", 1, 1, 2));
-  const std::string parity = file.one_of_or("line.parity", "none", {"none", "even", "odd"});
-  line.parity = parity == "even" ? SerialParity::even : parity == "odd" ? SerialParity::odd : SerialParity::none;
-}
-
 // Everything inside its frame, and nothing contradicting.
 void check_layout(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
   const auto inside = [&](const FrameField& field, const char* key) {
@@ -274,7 +267,8 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
   frame.sample_period_s = file.number("sample_period_s", {1e-5, 10.0});
   frame.stuffing = read_stuffing(keys, frame);
   frame.check = read_frame_check(keys);
-  read_line(file, frame.line);
+  KeyTable table(file);
+  read_serial_keys(table, "line", frame.line);
   for (const std::string& name : file.list_or("variants", {""})) {
     FrameKeys own(file, name);
     frame.variants.push_back(read_variant(own, name, frame));

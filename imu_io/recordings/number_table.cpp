@@ -100,6 +100,10 @@ Result<NumberTable> CsvTable::read() {
   std::string_view left = text_;
   std::vector<std::string> header;
   if (left.starts_with("\xEF\xBB\xBF")) left.remove_prefix(3);
+  if (left.find_first_not_of(" \t\r\n") == std::string_view::npos) {
+    return input_error(file_name_ + ": empty file: expected " +
+                       (format_.header_lines > 0 ? "a header and " : std::string()) + "rows of numbers");
+  }
   for (int k = 0; k < format_.header_lines; ++k) {
     if (left.empty())
       return defect("the file ends inside its " + std::to_string(format_.header_lines) + " header lines");

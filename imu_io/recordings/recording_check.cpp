@@ -24,6 +24,16 @@ bool is_plain_text(const std::string& text) {
   return true;
 }
 
+Status check_serial(const std::string& serial, const std::string& where) {
+  constexpr std::size_t longest = 200, shown = 60;
+  if (is_plain_text(serial) && serial.size() <= longest) return {};
+  const std::string found = serial.size() > longest
+                                ? quoted(serial.substr(0, shown)) + "..., " + std::to_string(serial.size()) + " bytes"
+                                : quoted(serial);
+  return input_error(where + " " + found + ": expected a serial number of 1 to " + std::to_string(longest) +
+                     " bytes, printable characters without '#'");
+}
+
 Status check_info(const RecordingInfo& info, const std::string& where) {
   if (!(info.sample_period_s > 0.0) || !std::isfinite(info.sample_period_s)) {
     return defect(where, "sample_period_s", format_number(info.sample_period_s), "a number > 0");
@@ -38,10 +48,7 @@ Status check_info(const RecordingInfo& info, const std::string& where) {
       (info.accel_increment == IncrementKind::pulses && info.accel_pulse_mps == 0.0)) {
     return defect(where, "accel_pulse_mps", format_number(info.accel_pulse_mps), "a number > 0");
   }
-  if (!is_plain_text(info.unit_serial) || info.unit_serial.size() > 200) {
-    return input_error(where + ": unit_serial: expected 1 to 200 printable characters without '#'");
-  }
-  return {};
+  return check_serial(info.unit_serial, where + ": unit_serial");
 }
 
 Status check_segments(const Segments& segments, std::int64_t first_counter, std::int64_t last_counter,

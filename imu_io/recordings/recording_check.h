@@ -32,4 +32,7 @@ Status check_segments(const Segments& segments, std::int64_t first_counter, std:
 // end.
 bool is_plain_text(const std::string& text);
 
+// A serial number: such a text of 200 bytes at most. `where` begins the message.
+Status check_serial(const std::string& serial, const std::string& where);
+
 }  // namespace turncal

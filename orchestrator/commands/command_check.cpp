@@ -137,7 +137,7 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   }
   const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
   if (!keys.empty()) {
-    out << "\nThis sequence " << coverage_text(keys) << "; or run it with --partial or --capture-only.\n";
+    out << "\nThis sequence " << coverage_text(keys) << ".\n";
   }
   const std::vector<Error> found = preflight({.station = *station,
                                               .plan = plan,
@@ -149,7 +149,10 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   for (const Error& error : found) err << error.message << "\n";
   if (found.empty()) out << "\nWhat can be written, the room for it, hooks and due dates are in order.\n";
   const bool good = plan.ok() && found.empty();
-  out << (good ? "\nThe station can run this sequence.\n" : "\nThe station cannot run this sequence.\n");
+  out << (!good ? "\nThe station cannot run this sequence.\n"
+          : keys.empty()
+              ? "\nThe station can run this sequence.\n"
+              : "\nThe station can run this sequence with --partial or --capture-only; without, it is refused.\n");
   return good ? 0 : exit_code(plan.ok() ? found.front().kind : ErrorKind::input);
 }
 

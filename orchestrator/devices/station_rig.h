@@ -10,7 +10,7 @@
 namespace turncal {
 
 // `file`, where it is not empty, else rig.file of the station, else the built-in one. It stands where the station does unless the
-// file says another site.
+// file says another site, and samples as the station's unit does: a file that says otherwise is refused, and so are pulses that are not whole.
 Result<RigConfig> rig_of(const StationConfig& station, const std::string& file = "");
 
 }  // namespace turncal

@@ -38,10 +38,7 @@ Result<StationConfig> station_from(const std::string& path, const std::string& t
 
 Status check_words(const RunRequest& request) {
   for (const std::string& unit : request.units) {
-    if (!is_plain_text(unit)) {
-      return input_error("--unit " + turncal::quoted(unit) +
-                         ": expected a serial number of printable characters without '#'");
-    }
+    if (Status status = check_serial(unit, "--unit"); !status) return status;
     if (std::count(request.units.begin(), request.units.end(), unit) > 1) {
       return input_error("--unit " + turncal::quoted(unit) + ": given twice, expected each unit once");
     }

@@ -44,8 +44,7 @@ Result<std::vector<std::string>> read_queue(const std::string& path) {
     const std::string unit = serial_in(next_line(remaining));
     if (unit.empty()) continue;
     const std::string where = path + ":" + std::to_string(line) + ": ";
-    if (!is_plain_text(unit))
-      return input_error(where + turncal::quoted(unit) + ": expected a serial number of printable characters");
+    if (Status status = check_serial(unit, path + ":" + std::to_string(line) + ":"); !status) return status.error();
     if (unit.find(" = ") != std::string::npos)
       return input_error(where + turncal::quoted(unit) +
                          ": expected a serial number, found the key and value of another file");
@@ -130,8 +129,7 @@ Status change_queue(const std::string& path, const QueueChange& change) {
     const bool twice = holds({change.add.begin(), change.add.begin() + static_cast<std::ptrdiff_t>(i)}, unit);
     if (twice || (holds(*units, unit) && !holds(change.remove, unit)))
       return input_error(path + ": holds unit '" + unit + "' already");
-    if (!is_plain_text(unit))
-      return input_error("'" + unit + "': expected a serial number of printable characters without '#'");
+    if (Status status = check_serial(unit, "--add"); !status) return status;
     text += unit + "\n";
   }
   if (!change.again.empty()) {

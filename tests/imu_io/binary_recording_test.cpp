@@ -205,10 +205,14 @@ TEST_F(WriterTest, RefusesSenselessInfo) {
   refused([](RecordingInfo& i) { i.latitude_deg = 90.5; },
           "latitude_deg = '90.5': expected a number between -90 and 90");
   refused([](RecordingInfo& i) { i.accel_pulse_mps = 0; }, "accel_pulse_mps = '0': expected a number > 0");
-  refused([](RecordingInfo& i) { i.unit_serial = ""; },
-          "unit_serial: expected 1 to 200 printable characters without '#'");
-  refused([](RecordingInfo& i) { i.unit_serial = "A#1"; },
-          "unit_serial: expected 1 to 200 printable characters without '#'");
+  for (const std::string& serial : {std::string(), std::string("A#1")}) {
+    refused(
+        [&](RecordingInfo& i) { i.unit_serial = serial; },
+        "unit_serial '" + serial + "': expected a serial number of 1 to 200 bytes, printable characters without '#'");
+  }
+  refused([](RecordingInfo& i) { i.unit_serial = std::string(201, 'A'); },
+          "unit_serial '" + std::string(60, 'A') +
+              "'..., 201 bytes: expected a serial number of 1 to 200 bytes, printable characters without '#'");
 }
 
 TEST_F(WriterTest, RefusesBadSamples) {

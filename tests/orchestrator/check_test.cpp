@@ -87,7 +87,8 @@ TEST_F(Check, PrintsEveryMoveAndDwellWithItsTime) {
         "0:03:17 rotate roll 360 -> 0 10 deg/s 20 deg/s^2 37.0 s to the initial position",
         "0:03:54 align 1.0 s 200 samples", "roll 0 to 360 -540 to 540 360 / 720 720",
         "heading 0 to 0 -540 to 540 0 / 720 0", "Moves 2", "Dwells 3 (2 alignments, 1 static)", "Samples 47000",
-        "Total time 0:03:55 (235 s), of which moving 0:01:14 (74 s)", "The station can run this sequence."}) {
+        "Total time 0:03:55 (235 s), of which moving 0:01:14 (74 s)",
+        "The station can run this sequence with --partial or --capture-only; without, it is refused."}) {
     EXPECT_TRUE(has_line(outcome.out, line)) << line << "\n" << outcome.out;
   }
 }

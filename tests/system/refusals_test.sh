@@ -53,7 +53,22 @@ check near "table.map' = 'near.map': expected a file whose plausible.rate_degps 
 echo 'axis.heading.max_rate_degps = 30' >> near
 check near "axis.heading.max_rate_degps' = '30': expected at most plausible.rate_degps"
 
+sed 's/^link.kind = tcp/&\nlink.baud = 9600/' twin.map > near.map
+grep -q '^link.baud' near.map || fail "the twin's map is not of a TCP link"
+check near "near.map:$(grep -n '^link.baud' near.map | cut -d: -f1): key 'link.baud' = '9600': expected no such key unless the device is a serial line"
+
+# A rig: what no unit of this station sends, and what no recording holds.
+echo 'sample_period_s = 0.01' > slow.rig
+refused 'slow.rig: sample_period_s = 0.01: expected 0.005, as frame laser_gyro of the station has it' run --dry-run --unit A --station plain --rig slow.rig --out b
+refused 'slow.rig: sample_period_s = 0.01: expected 0.005' twin --station plain --rig slow.rig
+echo 'quantisation = off' > real.rig
+refused 'real.rig: quantisation = off: expected floor or round' run --dry-run --unit A --rig real.rig --out b
+
 # What is typed.
+long=$(printf 'A%.0s' $(seq 300))
+refused "'..., 300 bytes: expected a serial number of 1 to 200 bytes" run --dry-run --unit "$long" --out b
+printf 'A\n%s\n' "$long" > queue
+refused "queue:2: 'AAAA" queue queue --add B
 good run --dry-run --no-diagnosis --unit A --sequence "$demo" --out a
 refused "'1e300': expected a number from 0.1 to 3600" segment a --out s --min-rest 1e300
 refused "'1e-9': expected a number from 1 to 1000000000000" segment a --out s --threshold 1e-9
@@ -62,6 +77,8 @@ refused "--unit 'B': expected 'A', whose run this is" resume a --unit B
 refused 'nowhere/x.csv: cannot create' apply a --parameters a/parameters.conf --out nowhere/x.csv
 ! grep -q 'tmp:' said.err || fail "a temporary name: $(cat said.err)"
 printf 'A\n' > queue
+printf ' \n' > empty.csv
+refused 'empty.csv: empty file: expected a header and rows of numbers' import --map "$here/docs/maps/xsens_mti_imutk.map" empty.csv --out b
 printf 'format = 1\nname = one\nrate_degps = 30\nacceleration_degps2 = 60\nstep 1\n  initial H 0 P 0 R 0\n  align 2000\n  rotate P +10\n  dwell 2000\n' > one.seq
 refused 'expected steps that do (turncal predict)' batch queue --dry-run --sequence one.seq --out b
 ! grep -q -- --partial said.err || fail "an option that batch does not have: $(cat said.err)"

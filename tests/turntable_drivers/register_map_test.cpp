@@ -26,7 +26,7 @@ TEST(RegisterMap, EveryKeyArrives) {
   const RegisterMap map = map_of(plain_map_text("rtu"));
   EXPECT_EQ(map.name, "three plain drives");
   EXPECT_FALSE(map.link.tcp);
-  EXPECT_EQ(map.link.parity, SerialParity::even) << "the protocol's default";
+  EXPECT_EQ(map.link.serial.parity, SerialParity::even) << "the protocol's default";
   EXPECT_EQ(map.of(Axis::roll).unit, 3);
   EXPECT_EQ(map.of(Axis::pitch).sign, -1);
   EXPECT_EQ(counts_of(map.of(Axis::roll), 13.5), 10000.0);

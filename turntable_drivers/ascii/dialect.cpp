@@ -5,6 +5,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/text_pieces.h"
+#include "imu_io/lines/serial_keys.h"
 #include "turntable_drivers/ascii/sentence_clash.h"
 
 namespace turncal {
@@ -77,13 +78,8 @@ void read_link(KeyValueFile& file, DialectLink& link) {
   link.tcp = file.one_of("link.kind", {"serial", "tcp"}) == "tcp";
   keys.text("link.address", link.address);
   link.serial.device = link.address;
-  if (!link.tcp) {
-    link.serial.baud = 9600;
-    keys.whole("link.baud", link.serial.baud, 50u, 4000000u);
-    keys.whole("link.data_bits", link.serial.data_bits, 7, 8);
-    keys.chosen("link.parity", link.serial.parity, {"none", "even", "odd"});
-    keys.whole("link.stop_bits", link.serial.stop_bits, 1, 2);
-  }
+  if (!link.tcp) link.serial.baud = 9600;
+  read_serial_keys(keys, "link", link.serial, !link.tcp);
   link.terminator_out = escaped_text(file, "link.terminator_out", link.terminator_out);
   link.terminator_in = escaped_text(file, "link.terminator_in", link.terminator_in);
   if (link.terminator_in.empty()) file.reject("link.terminator_in", "at least one character");

@@ -93,10 +93,11 @@ Status ModbusLink::open() {
     }
   } else {
     if (address.empty()) return input_error("link.address: expected a serial device");
-    const char parity = settings_.parity == SerialParity::none   ? 'N'
-                        : settings_.parity == SerialParity::even ? 'E'
-                                                                 : 'O';
-    context_ = modbus_new_rtu(address.c_str(), static_cast<int>(settings_.baud), parity, 8, settings_.stop_bits);
+    const char parity = settings_.serial.parity == SerialParity::none   ? 'N'
+                        : settings_.serial.parity == SerialParity::even ? 'E'
+                                                                        : 'O';
+    context_ =
+        modbus_new_rtu(address.c_str(), static_cast<int>(settings_.serial.baud), parity, 8, settings_.serial.stop_bits);
   }
   if (context_ == nullptr) return failure(std::string("not usable: ") + modbus_strerror(errno));
   modbus_set_error_recovery(context_, MODBUS_ERROR_RECOVERY_NONE);

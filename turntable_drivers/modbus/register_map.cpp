@@ -7,6 +7,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/text_pieces.h"
+#include "imu_io/lines/serial_keys.h"
 #include "turntable_drivers/modbus/write_clash.h"
 
 namespace turncal {
@@ -58,11 +59,8 @@ void read_link(KeyValueFile& file, ModbusLinkSettings& link) {
   link.rtu_frames = kind == "rtu_tcp";
   KeyTable keys(file);
   keys.text("link.address", link.address);
-  if (!link.tcp) {
-    keys.whole("link.baud", link.baud, 300u, 4000000u);
-    keys.chosen("link.parity", link.parity, {"none", "even", "odd"});
-    keys.whole("link.stop_bits", link.stop_bits, 1, 2);
-  }
+  read_serial_keys(keys, "link", link.serial, !link.tcp);
+  if (link.serial.data_bits != 8) file.reject("link.data_bits", "8, as RTU has it");
   keys.number("link.response_timeout_s", link.response_timeout_s, some_time);
   keys.number("link.byte_timeout_s", link.byte_timeout_s, some_time);
   keys.number("link.quiet_s", link.quiet_s, some_time);

@@ -34,9 +34,7 @@ struct ModbusLinkSettings {
   bool rtu_frames = false;  // over TCP: a serial server that passes on what it gets, without the protocol's TCP header
   bool header() const { return tcp && !rtu_frames; }  // frames of Modbus TCP: a transaction number, no CRC
   std::string address;                                // host:port, or the device (a name of /dev/serial/by-id)
-  std::uint32_t baud = 115200;                        // rtu, with parity and stop bits
-  SerialParity parity = SerialParity::even;
-  int stop_bits = 1;
+  SerialSettings serial{.device = "", .parity = SerialParity::even};  // rtu; its device is the address
   double response_timeout_s = 1.0;
   double byte_timeout_s = 0.1;  // silence inside a reply
   double quiet_s = 0.5;         // after trouble the line is read empty until it has been quiet for this long
