@@ -6,6 +6,7 @@
 #include <map>
 
 #include "calib/closed_form/closed_form.h"
+#include "calib/diagnosis/felt_latitude.h"
 #include "calib/diagnosis/lack_of_fit.h"
 #include "calib/diagnosis/rest_diagnosis.h"
 #include "calib/joint/several_recordings.h"
@@ -62,12 +63,26 @@ void note_joint(const JointResult& result, double sample_period_s, std::vector<s
   }
 }
 
+// The diagnosis finds the same as the effect earth_rate.
+std::string wrong_latitude(const CompressedRecording& recording, const JointResult& result) {
+  constexpr double sigmas = 5.0, least_deg = 0.03;
+  const std::optional<FeltLatitude> felt = felt_latitude(recording, result);
+  const double stated_deg = recording.info.latitude_deg;
+  if (!felt || std::abs(felt->latitude_deg - stated_deg) < std::max(sigmas * felt->sigma_deg, least_deg)) return "";
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "the gyros feel the earth turn as at a latitude of %.3f +- %.3f deg, the recording says %.10g",
+                felt->latitude_deg, felt->sigma_deg, stated_deg);
+  return text;
+}
+
 // What speaks against its sigmas; empty: nothing does, be it that there is too little to judge by.
 std::string distrust_of(const CompressedRecording& recording, const JointResult& result, bool test_fit) {
   if (result.whiteness.level == 0.0) return "";  // too few seconds at rest
   // Quieter than the noise model, correlated or not: its sigmas are too large, if anything.
   if (!result.whiteness.white && result.whiteness.level > 1.0) return result.whiteness.message;
   if (!test_fit) return "";
+  if (const std::string wrong = wrong_latitude(recording, result); !wrong.empty()) return wrong;
   const LackOfFit fit = test_lack_of_fit(recording, result, nullptr, LackOfFitLimits{});
   if (fit.passed) return "";
   char text[200];

@@ -1,0 +1,40 @@
+#include "calib/diagnosis/felt_latitude.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/rig_recorder.h"
+
+namespace turncal {
+namespace {
+
+// Eight units at eight sites, told the truth and a latitude that is 0.3 deg off: what is felt is the true one both times, within
+// its sigma (chi square of 8 stays below 26.1 but for one time in a thousand), which is 0.06 deg at most.
+TEST(FeltLatitude, IsTheTrueOneWhateverIsTold) {
+  const Sequence sequence = must_read_sequence("fourteen_step.seq");
+  double chi_square[2] = {};
+  for (int draw = 0; draw < 8; ++draw) {
+    RigConfig config = default_rig_config();
+    config.seed = 40 + static_cast<std::uint64_t>(draw);
+    config.site.latitude_deg = -70.0 + 18.0 * draw;
+    CompressedRecording recording = record_on_rig(sequence, config).recording;
+    for (const bool wrong : {false, true}) {
+      recording.info.latitude_deg = config.site.latitude_deg + (wrong ? 0.3 : 0.0);
+      const std::optional<FeltLatitude> felt = felt_latitude(recording, joint_estimate(recording));
+      ASSERT_TRUE(felt.has_value());
+      const double off = (felt->latitude_deg - config.site.latitude_deg) / felt->sigma_deg;
+      chi_square[wrong ? 1 : 0] += off * off;
+      EXPECT_LT(felt->sigma_deg, 0.06) << config.site.latitude_deg;
+      RecordProperty("sigma_deg_" + std::to_string(draw), std::to_string(felt->sigma_deg));
+      if (wrong) {
+        EXPECT_GT(std::abs(felt->latitude_deg - recording.info.latitude_deg), 5.0 * felt->sigma_deg);
+      }
+    }
+  }
+  EXPECT_LT(chi_square[0], 26.1);
+  EXPECT_LT(chi_square[1], 26.1);
+}
+
+}  // namespace
+}  // namespace turncal
