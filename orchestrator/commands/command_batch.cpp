@@ -15,11 +15,12 @@
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/mounting.h"
 #include "orchestrator/devices/stop_signals.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/run_job.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/unit_queue.h"
-#include "orchestrator/figures/report_format.h"
+#include "orchestrator/station/hooks.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -87,7 +88,7 @@ Result<Turn> next_turn(const BatchOptions& options) {
 }
 
 struct Tally {
-  int passed = 0, not_passed = 0;
+  int passed = 0, unjudged = 0, not_passed = 0;
 };
 
 Result<Tally> tally_of(const std::string& path) {
@@ -100,14 +101,25 @@ Result<Tally> tally_of(const std::string& path) {
     const UnitOutcome* outcome = find_outcome(*outcomes, unit);
     if (!outcome) continue;
     const auto is = [outcome](const char* word) { return outcome->outcome == word; };
-    const bool good = is("pass") || is("conditional_pass") || is("not_judged") || is("captured");
-    ++(good ? tally.passed : tally.not_passed);
+    const bool passed = is("pass") || is("conditional_pass"), unjudged = is("not_judged") || is("captured");
+    ++(passed ? tally.passed : unjudged ? tally.unjudged : tally.not_passed);
   }
   return tally;
 }
 
+// Nobody is there, and what stopped the batch came before there was a run that could tell.
+void tell_operator(const HookCommands& hooks, const Status& why, const Turn& turn, bool dry_run, std::ostream& out) {
+  HookCall call{.event = "needs_operator",
+                .unit = join(turn.units),
+                .folder = turn.folder,
+                .message = why.error().message,
+                .dry_run = dry_run};
+  if (Status status = run_hook(hooks, call); !status) out << status.error().message << std::endl;
+}
+
 // One run, and what became of each of its units.
-Status run_turn(const BatchOptions& options, const Turn& turn, const std::string& tag, CommandContext& context) {
+Status run_turn(const BatchOptions& options, const HookCommands& hooks, const Turn& turn, const std::string& tag,
+                CommandContext& context) {
   const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + join(turn.units);
   context.out << tag << name << " in " << turn.folder << std::endl;
   RunRequest request = options.request;
@@ -118,11 +130,15 @@ Status run_turn(const BatchOptions& options, const Turn& turn, const std::string
   const bool begun = path_exists(turn.folder + "/" + journal_name);
   RunEnd end = begun ? resume_run(turn.folder, resumed, context) : begin_run(request, turn.folder, context);
   if (!end.to_the_end) {
-    // Refused before anything was measured: not the unit on the table, say. Anything else is the station's affair.
+    // Refused before anything was measured: not the unit on the table, say. Anything else is the station's affair, and so is what
+    // stopped it before there was a run: a table that is overdue since midnight is no fault of all the units that wait.
     const bool refused =
-        !begun && end.status.error().kind == ErrorKind::input &&
+        !begun && !end.units.empty() && end.status.error().kind == ErrorKind::input &&
         std::all_of(end.units.begin(), end.units.end(), [](const auto& unit) { return unit.outcome == "refused"; });
-    if (!refused) return Error{end.status.error().kind, name + ": " + end.status.error().message};
+    if (!refused) {
+      if (end.units.empty()) tell_operator(hooks, end.status, turn, request.dry_run, context.out);
+      return Error{end.status.error().kind, name + ": " + end.status.error().message};
+    }
     end.units.clear();
     for (const std::string& unit : turn.units) end.units.push_back({unit, turn.folder, "refused", end.status});
   }
@@ -180,7 +196,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
         options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared->station, *turn, tag, context);
     if (!all) return all.error();
     if (!*all) continue;
-    if (Status status = run_turn(options, *turn, tag, context); !status) return status;
+    if (Status status = run_turn(options, prepared->station.hooks, *turn, tag, context); !status) return status;
     if (StopSignals::any()) {  // asked for when the results were being made
       return Error{ErrorKind::interrupted,
                    "paused after unit " + join(turn->units) + "; the same command goes on with the next"};
@@ -189,10 +205,12 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
   // Of the whole queue, whichever command did it.
   const Result<Tally> tally = tally_of(options.queue);
   if (!tally) return tally.error();
-  context.out << tag << "queue done: " << tally->passed << " passed, " << tally->not_passed << " not" << std::endl;
+  context.out << tag << "queue done: " << tally->passed << " passed, "
+              << (tally->unjudged > 0 ? std::to_string(tally->unjudged) + " without a verdict, " : "")
+              << tally->not_passed << " not passed" << std::endl;
   if (tally->not_passed == 0) return {};
   return Error{ErrorKind::unit_failed, std::to_string(tally->not_passed) + " of " +
-                                           std::to_string(tally->passed + tally->not_passed) +
+                                           std::to_string(tally->passed + tally->unjudged + tally->not_passed) +
                                            " units did not pass; see turncal queue " + options.queue};
 }
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <set>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
@@ -21,8 +22,18 @@ using Calibrations = std::vector<StoredCalibration>;
 struct HistoryOptions {
   std::string database, unit, parameter, csv, report;
   std::vector<std::int64_t> compare;
-  bool control = false, simulated = false;
+  bool control = false, simulated = false, together = false;
 };
+
+// A control chart is of one unit, unless the spread between units is asked for.
+Status check_one_unit(const HistoryOptions& options, const Calibrations& all) {
+  std::set<std::string> units;
+  for (const StoredCalibration& c : all) units.insert(c.unit);
+  if (units.size() <= 1 || options.together) return {};
+  return input_error(options.database + ": holds " + std::to_string(units.size()) +
+                     " units, of which control limits and Cpk would be one mixture: expected --unit SERIAL, or "
+                     "--together for all of them on purpose");
+}
 
 template <class... Values>
 void print(std::ostream& out, const char* format, Values... values) {
@@ -141,6 +152,7 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
   // Simulated and real units are never in one list of numbers.
   if (options.control || !options.parameter.empty() || !options.report.empty()) {
     std::erase_if(all, [&](const StoredCalibration& c) { return c.simulated != options.simulated; });
+    if (Status status = check_one_unit(options, all); !status) return status;
   }
   if (!options.csv.empty()) {
     if (Status status = write_named(options.csv, as_csv(all)); !status) return status;
@@ -149,7 +161,8 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
   }
   if (!options.compare.empty()) return print_comparison(all, options.compare, out);
   if (!options.report.empty()) {
-    const std::string source = options.database + (options.unit.empty() ? "" : ", unit " + options.unit);
+    const std::string source =
+        options.database + (options.unit.empty() ? ", all units together" : ", unit " + options.unit);
     if (Status status = write_named(options.report, history_page(all, source)); !status) return status;
     out << "control charts of " << all.size() << " calibrations in " << options.report << '\n';
     return {};
@@ -193,12 +206,18 @@ Status restore(const RestoreOptions& options, std::ostream& out) {
   }
   const Result<std::vector<StoredVersion>> versions = stored_versions(options.store, options.unit, options.simulated);
   if (!versions) return versions.error();
+  Status damaged;
   for (const StoredVersion& version : *versions) {
+    if (!version.status) {
+      print(out, "%4d  damaged", version.number);
+      if (damaged) damaged = version.status;
+      continue;
+    }
     print(out, "%4d  %-20s  recording %s%s%s", version.number, version.file.time_utc.c_str(),
           version.file.recording_hash.c_str(), version.file.simulated ? "  [simulated]" : "",
           version.in_use ? "  in use" : "");
   }
-  return {};
+  return damaged;
 }
 
 }  // namespace
@@ -213,6 +232,7 @@ void add_history_command(CommandLine& line, CommandContext& context) {
   command.option("--parameter", options->parameter, "one parameter, calibration by calibration");
   command.option("--report", options->report, "writes a page (HTML) with the control charts of every parameter");
   command.flag("--simulated", options->simulated, "of the dry runs, for --control, --parameter and --report");
+  command.flag("--together", options->together, "charts of all units in one: the spread between them");
   command.option("--csv", options->csv, "writes the calibrations with all values to this file");
   command.runs(context, [options, &context] { return show_history(*options, context.out); });
 }

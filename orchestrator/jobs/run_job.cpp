@@ -5,13 +5,13 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/line_prefix.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_attempt.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/recording_sink.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
 #include "orchestrator/watch/clock_watch.h"
@@ -67,9 +67,13 @@ RunEnd call_hooks(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
     call.unit = unit.run.unit();
     call.folder = unit.folder;
     call.outcome = outcome_of(unit);
+    if (unit.status && call.outcome == to_string(UnitVerdict::not_judged)) {  // nobody has said that it is good
+      call.event = "needs_operator";
+      call.message = "unit " + call.unit + ": " + call.outcome + ": " + reason_of(unit.run, unit.results.verdict);
+    }
     call.dry_run = unit.run.request.dry_run;
     if (Status status = run_hook(unit.run.station.hooks, call); !status && log) log->line(status.error().message);
-    end.units.push_back({unit.run.unit(), unit.folder, outcome_of(unit), unit.status});
+    end.units.push_back({call.unit, call.folder, call.outcome, unit.status});
   }
   return end;
 }
@@ -232,6 +236,8 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   if (!path_exists(path)) return input_error(folder + ": holds no " + journal_name + ": expected the folder of a run");
   Result<JournalFile> journal = JournalFile::reopen(path);  // its lock: nobody else goes on with this run
   if (!journal) return journal.error();
+  const Result<LockFile> held = hold_folder(folder);
+  if (!held) return held.error();
   const Result<JournalContents> contents = read_journal(path);
   if (!contents) return contents.error();
   if (contents->begin_value("live") != "true") context.tag = dry_run_tag;

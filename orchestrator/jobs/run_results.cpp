@@ -11,10 +11,10 @@
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/devices/truth.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/report/result_table.h"
 #include "orchestrator/watch/progress.h"
 #include "turntable_drivers/rig/rig.h"
@@ -190,6 +190,11 @@ Status write_results(const PreparedRun& run, const std::string& folder, const Lo
                                                      mark));
 }
 
+std::string reason_of(const PreparedRun& run, const VerdictReport& verdict) {
+  if (run.request.partial) return "estimated in part";
+  return verdict.verdict == UnitVerdict::not_judged ? "the station has no limits" : verdict.reason;
+}
+
 Status verdict_status(const std::string& unit, const VerdictReport& report) {
   if (is_accepted(report.verdict)) return {};
   return Error{ErrorKind::unit_failed,
@@ -220,11 +225,8 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
     }
     const VerdictReport& verdict = results.verdict;
     for (const std::string& line : describe(verdict)) out << line << '\n';
-    const std::string why = run.request.partial                          ? ": estimated in part"
-                            : verdict.verdict == UnitVerdict::not_judged ? ": the station has no limits"
-                            : verdict.reason.empty()                     ? ""
-                                                                         : ": " + verdict.reason;
-    out << "verdict     " << to_string(verdict.verdict) << why
+    const std::string why = reason_of(run, verdict);
+    out << "verdict     " << to_string(verdict.verdict) << (why.empty() ? "" : ": ") << why
         << (verdict.rule.empty() ? "" : "  (" + verdict.rule + ")") << '\n';
     out << "parameters  " << path(parameters_name) << '\n';
     if (results.diagnosis) out << "report      " << path(diagnosis_folder) << '/' << report_name << '\n';

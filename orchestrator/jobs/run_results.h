@@ -50,6 +50,8 @@ inline constexpr double least_diagnosed_s = 1800.0;
 
 void print_summary(const PreparedRun& run, const std::string& folder, const RunCounts& counts,
                    const RunResults& results, double wall_s, const std::string& log, std::ostream& out);
+// Why the verdict is what it is; empty: a plain pass.
+std::string reason_of(const PreparedRun& run, const VerdictReport& verdict);
 // An error of kind unit_failed, with verdict and reason, when the verdict is not one to accept.
 Status verdict_status(const std::string& unit, const VerdictReport& report);
 

@@ -12,10 +12,11 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr const char* lock_name = ".lock";
 constexpr int most_races = 100;
 
 }  // namespace
+
+Result<LockFile> hold_folder(const std::string& folder) { return LockFile::acquire(folder + "/.lock"); }
 
 Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<std::string> names) {
   std::error_code error;
@@ -27,7 +28,7 @@ Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<
   // Whoever fails meanwhile takes the folder away that we found: then it is made once more.
   for (int race = 0;; ++race) {
     if (Status status = folder.make_missing(); !status) return status.error();
-    Result<LockFile> lock = LockFile::acquire(folder.file(lock_name));
+    Result<LockFile> lock = hold_folder(path);
     if (!lock && race < most_races && !path_exists(path)) continue;
     if (!lock) {
       folder.names_.clear();  // they are another's

@@ -14,6 +14,9 @@
 
 namespace turncal {
 
+// Held by whoever writes to a folder of results, from before it looks at what is there.
+Result<LockFile> hold_folder(const std::string& folder);
+
 class OutputFolder {
  public:
   // `names`: files that must not be there, and that are removed again on failure.

@@ -50,6 +50,13 @@ std::vector<int> version_numbers(const std::string& folder) {
   return numbers;
 }
 
+Error no_version(const std::string& what, const std::string& store, const std::string& unit, bool simulated) {
+  const bool other = !version_numbers(unit_folder(store, unit, !simulated)).empty();
+  return input_error(
+      what + ": there is no such version of unit '" + unit + "'" +
+      (other ? simulated ? ", but real ones: leave out --simulated" : ", but simulated ones: --simulated" : ""));
+}
+
 }  // namespace
 
 Status put_in_use(const std::string& store, const ParameterFile& file) {
@@ -75,7 +82,7 @@ Status put_in_use(const std::string& store, const ParameterFile& file) {
 Status restore_version(const std::string& store, const std::string& unit, int version, bool simulated) {
   const std::string folder = unit_folder(store, unit, simulated);
   const std::string path = version_path(folder, version);
-  if (!path_exists(path)) return input_error(path + ": there is no such version");
+  if (!path_exists(path)) return no_version(path, store, unit, simulated);
   const Result<LockFile> lock = LockFile::acquire(folder + "/.lock", LockFile::change_s);
   if (!lock) return lock.error();
   const Result<ParameterFile> file = read_parameter_file(path);
@@ -92,17 +99,18 @@ Status restore_version(const std::string& store, const std::string& unit, int ve
 Result<std::vector<StoredVersion>> stored_versions(const std::string& store, const std::string& unit, bool simulated) {
   const std::string folder = unit_folder(store, unit, simulated);
   const std::vector<int> numbers = version_numbers(folder);
-  if (numbers.empty()) return input_error(folder + ": holds no parameter file for unit '" + unit + "'");
+  if (numbers.empty()) return no_version(folder, store, unit, simulated);
   const Result<std::string> in_use = read_whole_file(folder + "/" + in_use_name);
   std::vector<StoredVersion> versions;
   for (const int number : numbers) {
-    StoredVersion version{number, version_path(folder, number), false, {}};
+    StoredVersion version{.number = number, .path = version_path(folder, number), .status = {}, .file = {}};
     const Result<std::string> text = read_whole_file(version.path);
-    if (!text) return text.error();
-    Result<ParameterFile> file = parse_parameter_file(*text, version.path);
-    if (!file) return file.error();
-    version.file = std::move(*file);
-    version.in_use = in_use && *in_use == *text;
+    version.in_use = in_use && text && *in_use == *text;
+    Result<ParameterFile> file = text ? parse_parameter_file(*text, version.path) : text.error();
+    if (file)
+      version.file = std::move(*file);
+    else
+      version.status = file.error();
     versions.push_back(std::move(version));
   }
   return versions;

@@ -27,8 +27,10 @@ struct StoredVersion {
   int number = 0;
   std::string path;
   bool in_use = false;
+  Status status;  // an error: damaged, and there is no file
   ParameterFile file;
 };
+// An error when there is none; it says so where the unit has some of the other kind, simulated or not.
 Result<std::vector<StoredVersion>> stored_versions(const std::string& store, const std::string& unit, bool simulated);
 
 }  // namespace turncal

@@ -43,7 +43,7 @@ TEST_F(Batch, DoesTheWholeQueue) {
     EXPECT_TRUE(fs::exists(folder_ / "units" / name / "parameters.conf")) << name;
   }
   // Nothing left to do: the count is the whole queue of before.
-  EXPECT_NE(run(batch()).out.find("queue done: 3 passed, 0 not"), std::string::npos)
+  EXPECT_NE(run(batch()).out.find("queue done: 0 passed, 3 without a verdict, 0 not passed"), std::string::npos)
       << "of the queue, not of this command";
   // Once more on demand, in a folder of its own.
   ASSERT_EQ(run({"queue", "queue", "--again", "SN2"}).code, 0);
@@ -122,11 +122,43 @@ TEST_F(Batch, QueueCommand) {
   EXPECT_EQ(run({"queue", "queue"}).code, 1);
 }
 
+TEST_F(Batch, AUnitThatNobodyJudgedIsNotCalledPassed) {
+  write("queue", "SN1\n");
+  const std::string hooks = "hook.done = echo done >> told\nhook.needs_operator = echo \"$TURNCAL_MESSAGE\" >> told\n";
+  const ProgramResult unjudged = run(batch({"--station", write("no_limits.station", station(hooks))}));
+  EXPECT_EQ(unjudged.code, 0) << unjudged.err;
+  EXPECT_NE(unjudged.out.find("queue done: 0 passed, 1 without a verdict, 0 not passed"), std::string::npos)
+      << unjudged.out;
+  EXPECT_EQ(file_text(folder_ / "told"), "unit SN1: not_judged: the station has no limits\n");
+  write("queue", "SN1\nSN2\n");
+  const std::string judged = write("limits.station", station(hooks + "limit.residual_max = 10\n"));
+  EXPECT_NE(run(batch({"--station", judged})).out.find("queue done: 1 passed, 1 without a verdict, 0 not passed"),
+            std::string::npos);
+}
+
+// In the night a disk is full, or a calibration runs out, before the next unit begins: there is no run yet that could tell anybody, and
+// the units that wait are not to blame.
+TEST_F(Batch, WhatStopsItBeforeARunBeginsIsToldAndNoUnitIsRefused) {
+  const std::string hook = "hook.needs_operator = echo \"$TURNCAL_UNIT: $TURNCAL_MESSAGE\" >> told\n";
+  for (const auto& [keys, why] :
+       {std::pair("record.database = /proc/nowhere/r.db\n", "SN1: /proc: no folder"),
+        std::pair("table.id = T7\ntable.calibration_due = 2020-01-31\n", "SN1: the calibration of table 'T7'")}) {
+    SCOPED_TRACE(keys);
+    write("queue", "SN1\nSN2\n");
+    fs::remove(folder_ / "told");
+    const ProgramResult result = run(batch({"--station", write("night.station", station(keys + hook))}));
+    EXPECT_TRUE(result.code == 1 || result.code == 50) << result.code;
+    EXPECT_EQ(result.err_lines(), 1) << result.err;
+    EXPECT_EQ(file_text(folder_ / "told").find(why), 0u) << file_text(folder_ / "told");
+    EXPECT_EQ(outcomes(), "");
+  }
+}
+
 TEST_F(Batch, HooksAreCalledWithWhatHappened) {
   const std::string tell = "echo \"$TURNCAL_EVENT $TURNCAL_UNIT $TURNCAL_DRY_RUN $TURNCAL_MESSAGE\" >> told; exit 3";
   const std::string hooks = "hook.done = " + tell + "\nhook.fail = " + tell + "\nhook.needs_operator = " + tell + "\n";
   write("queue", "SN1\n");
-  EXPECT_EQ(run(batch({"--station", write("good.station", station(hooks))})).code, 0)
+  EXPECT_EQ(run(batch({"--station", write("good.station", station(hooks + "limit.residual_max = 10\n"))})).code, 0)
       << "a hook's code is not the run's";
   write("queue", "SN2\n");
   EXPECT_EQ(run(batch({"--station", write("strict.station", station(hooks + "limit.residual_max = 0.1\n"))})).code, 20);

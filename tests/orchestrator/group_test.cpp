@@ -164,9 +164,21 @@ TEST_F(Group, AUnitThatDoesNotKeepItsLimitsFailsAlone) {
   for (const char* unit : {"SN1", "SN2", "SN3"}) EXPECT_NE(history.out.find(unit), std::string::npos) << history.out;
   // Not into its own source, nor over any other file but an earlier table or page.
   for (const char* option : {"--csv", "--report"}) {
-    expect_refused({"history", "r.db", option, "r.db"}, "holds something else than would be written");
-    ASSERT_EQ(run({"history", "r.db", option, std::string("table") + option}).code, 0);
-    EXPECT_EQ(run({"history", "r.db", option, std::string("table") + option}).code, 0);
+    expect_refused({"history", "r.db", option, "r.db", "--simulated", "--together"},
+                   "holds something else than would be written");
+    const std::vector<std::string> write_it = {"history",     "r.db",      option, std::string("table") + option,
+                                               "--simulated", "--together"};
+    ASSERT_EQ(run(write_it).code, 0);
+    EXPECT_EQ(run(write_it).code, 0);
+  }
+  for (const std::vector<std::string>& chart :
+       {std::vector<std::string>{"--control"}, {"--parameter", "N01"}, {"--report", "mixed.html"}}) {
+    std::vector<std::string> words = {"history", "r.db", "--simulated"};
+    words.insert(words.end(), chart.begin(), chart.end());
+    expect_refused(words, "r.db: holds 3 units");
+    EXPECT_FALSE(there("mixed.html"));
+    words.insert(words.end(), {"--unit", "SN2"});
+    EXPECT_EQ(run(words).code, 0);
   }
   // A unit that dropped out as well: the larger code, and both are named.
   const std::string rig = write("gone.rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = 3\n");

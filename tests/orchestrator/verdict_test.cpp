@@ -209,14 +209,14 @@ TEST_F(Production, HistoryListsComparesChartsAndExports) {
 
   EXPECT_EQ(run({"history", "results.db", "--control"}).out.find("N01       3"), std::string::npos)
       << "simulated units among the real ones";
-  const std::string control = run({"history", "results.db", "--control", "--simulated"}).out;
+  const std::string control = run({"history", "results.db", "--control", "--simulated", "--together"}).out;
   EXPECT_NE(control.find("N01       3"), std::string::npos) << control;
-  const std::string one = run({"history", "results.db", "--parameter", "N01", "--simulated"}).out;
+  const std::string one = run({"history", "results.db", "--parameter", "N01", "--simulated", "--together"}).out;
   EXPECT_NE(one.find("N01: n 3, mean"), std::string::npos) << one;
   EXPECT_NE(one.find("limits -1 .. 1"), std::string::npos) << one;
   EXPECT_EQ(run({"history", "results.db", "--parameter", "N99"}).code, 1);
 
-  ASSERT_EQ(run({"history", "results.db", "--report", "charts.html", "--simulated"}).code, 0);
+  ASSERT_EQ(run({"history", "results.db", "--report", "charts.html", "--simulated", "--together"}).code, 0);
   EXPECT_NE(file_text(folder_ / "charts.html").find("3 calibrations of simulated units"), std::string::npos);
 
   ASSERT_EQ(run({"history", "results.db", "--csv", "all.csv"}).code, 0);
@@ -234,7 +234,10 @@ TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
   ASSERT_EQ(dry_run("two", "", {"--rig", write("two.rig", "noise.seed = 2\n")}).code, 0);
   const fs::path store = folder_ / "store/simulated/SN1";
   EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "two/parameters.conf"));
-  expect_refused({"restore", "store", "--unit", "SN1"}, "holds no parameter file for unit 'SN1'");
+  expect_refused({"restore", "store", "--unit", "SN1"},
+                 "no such version of unit 'SN1', but simulated ones: --simulated");
+  expect_refused({"restore", "store", "--unit", "SN1", "--version", "1"}, "but simulated ones: --simulated");
+  expect_refused({"restore", "store", "--unit", "SN7"}, "no such version of unit 'SN7'");
   const ProgramResult list = run({"restore", "store", "--unit", "SN1", "--simulated"});
   ASSERT_EQ(list.code, 0) << list.err;
   EXPECT_EQ(std::count(list.out.begin(), list.out.end(), '\n'), 2);
@@ -248,6 +251,11 @@ TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
   bytes[bytes.find("N01 = ") + 6] ^= 1;
   write("store/simulated/SN1/versions/0002.conf", bytes);
   EXPECT_EQ(run({"restore", "store", "--unit", "SN1", "--simulated", "--version", "2"}).code, 1);
+  const ProgramResult rest = run({"restore", "store", "--unit", "SN1", "--simulated"});
+  EXPECT_EQ(rest.code, 1) << "one is damaged";
+  EXPECT_NE(rest.err.find("0002.conf"), std::string::npos) << rest.err;
+  EXPECT_NE(rest.out.find("   2  damaged\n"), std::string::npos) << rest.out;
+  EXPECT_NE(rest.out.find("  in use\n"), std::string::npos) << "the others are listed:\n" << rest.out;
   EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "one/parameters.conf"));
 }
 

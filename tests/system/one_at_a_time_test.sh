@@ -77,6 +77,14 @@ for _ in $(seq 200); do grep -qs 'samples/s' second.out && break; sleep 0.1; don
 kill -KILL "$second"; wait "$second" 2> /dev/null || true
 "$binary" monitor --station twin.station --seconds 2 > third.out 2>&1 || fail "after a kill: $(cat third.out)"
 
+# Whoever goes on with a run holds its folder, as who begins one does.
+"$binary" run --dry-run --unit A --sequence short.seq --capture-only --out held > /dev/null
+exec 9> held/.lock; flock -n 9
+code=0; "$binary" resume held > said.out 2> said.err || code=$?
+[ "$code" = 1 ] || [ "$code" = 50 ] && grep -q 'held/.lock: in use by another process' said.err || fail "resume beside another writer: code $code: $(cat said.out said.err)"
+exec 9>&-
+"$binary" resume held > said.out || fail "resume of a folder that is free: $(cat said.out)"
+
 # A queue.
 printf 'A\nB\n' > queue
 demo=$here/sequences/short_demo.seq
