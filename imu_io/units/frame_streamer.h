@@ -49,7 +49,7 @@ class FrameStreamer {
   std::vector<std::byte> bytes_;
   std::vector<std::byte> asked_;  // what has come and is no whole request yet
   std::optional<ImuSample> last_;
-  std::uint64_t frames_sent_ = 0;
+  std::atomic<std::uint64_t> frames_sent_ = 0;  // read by who waits for them, from another thread
   std::uint64_t batches_dropped_ = 0;
   bool listener_reads_ = true;
 };

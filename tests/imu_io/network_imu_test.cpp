@@ -175,13 +175,15 @@ TEST(NetworkImu, AUnitThatAnswersRequestsIsAskedAllTheWhile) {
   // answers late, and what was not asked for in time is counted as lost.
   ASSERT_FALSE(got.empty());
   const auto first = static_cast<std::size_t>(got.front().counter);
-  const auto unread = std::ranges::count_if(got, [&](const ImuSample& s) { return static_cast<std::size_t>(s.counter) < first + 60; });
+  const auto unread =
+      std::ranges::count_if(got, [&](const ImuSample& s) { return static_cast<std::size_t>(s.counter) < first + 60; });
   EXPECT_GT(unread, 20) << "of the 60 that it had while nobody read";
   for (std::size_t i = 0; i < got.size(); ++i) {
     EXPECT_EQ(got[i].gyro[0], static_cast<double>(got[i].counter));
     EXPECT_TRUE(i == 0 || got[i].counter > got[i - 1].counter);
   }
-  EXPECT_LE(static_cast<std::size_t>(got.back().counter) - first + 1, got.size() + imu.counters().lost_samples) << "each is there or counted";
+  EXPECT_LE(static_cast<std::size_t>(got.back().counter) - first + 1, got.size() + imu.counters().lost_samples)
+      << "each is there or counted";
   EXPECT_GT(imu.counters().duplicates, 0U) << "it is asked more often than it has samples";
   imu.close();
   ::usleep(20'000);

@@ -60,6 +60,22 @@ TEST(FrozenWatch, NeedsNoDwellBefore) {
   }
 }
 
+// Not at the end of the dwell: nobody waits for the rest of one that is lost.
+TEST(FrozenWatch, TellsAsSoonAsItIsOver) {
+  std::mt19937_64 random(10);
+  FrozenWatch watch(period_s);
+  ASSERT_EQ(found(watch, dwell(random, 0, 4000)), "");
+  watch.start();
+  std::int64_t told = 0;
+  for (const ImuSample& sample : dwell(random, 0, 20000, 3000, 5000)) {
+    if (watch.add(sample).empty()) continue;
+    told = sample.counter;
+    break;
+  }
+  EXPECT_GE(told, 5000);
+  EXPECT_LE(told, 5010);
+}
+
 TEST(FrozenWatch, TellsWhatGoesOnAfterHalfAMinute) {
   std::mt19937_64 random(8);
   FrozenWatch watch(period_s);
@@ -79,6 +95,14 @@ TEST(FrozenWatch, AUnitThatIsUsedToItIsNotFrozen) {
   }
   FrozenWatch watch(period_s);
   for (int i = 0; i < 20; ++i) EXPECT_EQ(found(watch, coarse), "");
+  // Its first stretch of all is the longest, and nothing else is known of it yet.
+  std::vector<ImuSample> first(4000);
+  for (std::size_t k = 0; k < first.size(); ++k) {
+    first[k].counter = static_cast<std::int64_t>(k);
+    first[k].accel[1] = k < 600 ? 0.0 : static_cast<double>(k / 200);
+  }
+  FrozenWatch fresh(period_s);
+  EXPECT_EQ(found(fresh, first), "");
   // Without any noise: dwells of different lengths, each one number.
   FrozenWatch silent(period_s);
   for (const std::size_t count : {200U, 20000U, 400U, 120000U, 12000U}) {

@@ -60,6 +60,17 @@ TEST(HistoryPage, ChartsEveryParameterThatIsEstimated) {
   EXPECT_EQ(count_of(page, " less "), 21u);
 }
 
+// Of every page that is made: as wide as a phone, wide tables scroll by themselves, and none is split between two sheets.
+TEST(HistoryPage, FitsPhonesAndPaper) {
+  const std::string page = history_page({}, "results.db");
+  EXPECT_NE(page.find("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"), std::string::npos);
+  const std::size_t phone = page.find("@media screen and (max-width:700px)"), paper = page.find("@media print");
+  ASSERT_NE(phone, std::string::npos);
+  ASSERT_NE(paper, std::string::npos);
+  EXPECT_LT(page.find("table { display:block; overflow-x:auto; }", phone), paper);
+  EXPECT_NE(page.find("figure, table, tr, .verdict { break-inside:avoid; }", paper), std::string::npos);
+}
+
 TEST(HistoryPage, MarksWhatIsOutsideTheControlLimits) {
   const std::string page = history_page(ten_units(0.09), "results.db");
   EXPECT_EQ(count_of(page, "<tr class=\"hit\">"), 1u);

@@ -257,7 +257,7 @@ INSTANTIATE_TEST_SUITE_P(All, ModbusExceptions, testing::Values(1, 2, 3, 4, 5, 6
 
 TEST(ModbusFaults, ThirdFailureInARowIsALostLink) {
   FaultStation s(false);
-  int silent = 2, asked = 0;
+  std::atomic<int> silent = 2, asked = 0;  // the server's thread counts
   s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
     if (!is_read(request)) return;
     ++asked;

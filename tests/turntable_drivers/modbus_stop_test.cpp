@@ -113,9 +113,13 @@ TEST(ModbusHeartbeat, KilledInMidMove) {
     ASSERT_FALSE(deadline.passed()) << "the child never moved the table";
     ::kill(child, SIGKILL);
     ::waitpid(child, nullptr, 0);
-    EXPECT_FALSE(station.twin.watchdog_tripped(Axis::roll));
-    for (int i = 0; i < 150 && !station.twin.watchdog_tripped(Axis::roll); ++i) pass(0.05);
-    EXPECT_TRUE(station.twin.watchdog_tripped(Axis::roll));
+    const auto tripped = [&] {
+      const std::lock_guard lock(station.server.mutex);
+      return station.twin.watchdog_tripped(Axis::roll);
+    };
+    EXPECT_FALSE(tripped());
+    for (int i = 0; i < 150 && !tripped(); ++i) pass(0.05);
+    EXPECT_TRUE(tripped());
     station.pass(1.0);
     const std::lock_guard lock(station.server.mutex);
     EXPECT_EQ(station.rig.axis(Axis::roll).rate_degps, 0.0);

@@ -64,6 +64,10 @@ TEST(SentenceClash, AxesThatOneMoveWouldMoveAreRefused) {
       std::string::npos)
       << error_of("axis.roll.name = 2");
   EXPECT_NE(error_of("axis.roll.name = 02").find("'axis.roll.name'"), std::string::npos);
+  EXPECT_EQ(
+      error_of("axis.roll.name = 2\nmove.2 = GOTO {position.heading} {position.pitch} {position.roll}\nmove.3 = RUN"),
+      "accepted")
+      << "one sentence tells each axis its own place";
 }
 
 TEST(Dialect, NothingIsSwitchedOnBeforeItIsCommissioned) {
