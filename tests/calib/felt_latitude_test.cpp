@@ -10,7 +10,8 @@ namespace turncal {
 namespace {
 
 // Eight units at eight sites, told the truth and a latitude that is 0.3 deg off: what is felt is the true one both times, within
-// its sigma (chi square of 8 stays below 26.1 but for one time in a thousand), which is 0.06 deg at most.
+// its sigma (chi square of 8 stays below 26.1 but for one time in a thousand), which is 0.05 deg at
+// most where the latitude is right. (A wrong one looks like bias instability, too, and widens it.)
 TEST(FeltLatitude, IsTheTrueOneWhateverIsTold) {
   const Sequence sequence = must_read_sequence("fourteen_step.seq");
   double chi_square[2] = {};
@@ -25,7 +26,9 @@ TEST(FeltLatitude, IsTheTrueOneWhateverIsTold) {
       ASSERT_TRUE(felt.has_value());
       const double off = (felt->latitude_deg - config.site.latitude_deg) / felt->sigma_deg;
       chi_square[wrong ? 1 : 0] += off * off;
-      EXPECT_LT(felt->sigma_deg, 0.06) << config.site.latitude_deg;
+      if (!wrong) {
+        EXPECT_LT(felt->sigma_deg, 0.05) << config.site.latitude_deg;
+      }
       RecordProperty("sigma_deg_" + std::to_string(draw), std::to_string(felt->sigma_deg));
       if (wrong) {
         EXPECT_GT(std::abs(felt->latitude_deg - recording.info.latitude_deg), 5.0 * felt->sigma_deg);
