@@ -147,8 +147,14 @@ FamilyFit fit_family(const SegmentScores::Test& test) {
 }  // namespace
 
 std::vector<FamilyFit> fit_families(const SegmentScores& scores, const std::vector<Family>& families) {
+  constexpr std::size_t at_once = 12;  // one kind: all of them side by side are gigabytes in a day
   std::vector<FamilyFit> fits;
-  for (const SegmentScores::Test& test : scores.tests(weights_of(families))) fits.push_back(fit_family(test));
+  for (std::size_t begin = 0; begin < families.size(); begin += at_once) {
+    std::vector<MatrixXd> weights;
+    for (std::size_t k = begin; k < std::min(begin + at_once, families.size()); ++k)
+      weights.push_back(families[k].weights);
+    for (const SegmentScores::Test& test : scores.tests(weights)) fits.push_back(fit_family(test));
+  }
   return fits;
 }
 
