@@ -7,6 +7,7 @@
 namespace turncal {
 
 std::optional<FeltLatitude> felt_latitude(const CompressedRecording& recording, const JointResult& fit) {
+  if (!fit.undetermined.empty()) return {};
   const EffectEntry* const rate = find_effect("earth_rate");
   JointOptions options;
   options.start = fit.parameters;

@@ -16,7 +16,7 @@ struct FeltLatitude {
   double sigma_deg = 0.0;
 };
 
-// `fit`: of `recording`. Nothing where rests and turns do not tell.
+// `fit`: of `recording`. Nothing where rests and turns do not tell, or leave parameters open.
 std::optional<FeltLatitude> felt_latitude(const CompressedRecording& recording, const JointResult& fit);
 
 }  // namespace turncal
