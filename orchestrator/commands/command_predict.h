@@ -14,32 +14,28 @@
 // station cannot run is predicted all the same, with a note.
 #pragma once
 
-#include <optional>
 #include <ostream>
 #include <string>
 #include <vector>
 
 #include "calib/types/status.h"
-#include "orchestrator/station/station_config.h"
-#include "sequences/plan.h"
+#include "orchestrator/commands/command_line.h"
+#include "orchestrator/jobs/planned_unit.h"
 
 namespace turncal {
 
 struct PredictRequest {
   std::vector<std::string> sequences;  // files
-  std::string station;                 // file; empty: built in
-  std::optional<double> latitude_deg;
-  std::optional<double> gravity_mps2;
-  double arw_deg_per_rt_h = 0.002;
-  double vrw_ug_per_rt_hz = 8.0;
-  double gyro_bias_instability_degph = 0.0;
-  double accel_bias_instability_ug = 0.0;
+  PlannedSite site;
   bool effects = false;
   double temperature_rise_c = 0.0;  // 0: the temperature stands still
   double temperature_tau_s = 2400.0;
   std::string navigate;  // how long; empty: not asked
   double align_s = 300.0;
 };
+
+// What `predict` and `design` are made for.
+void add_site_options(const Command& command, PlannedSite& site);
 
 Status run_predict(const PredictRequest& request, std::ostream& out);
 

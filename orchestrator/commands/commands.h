@@ -13,6 +13,7 @@ void add_monitor_command(CommandLine& line, CommandContext& context);
 void add_commission_command(CommandLine& line, CommandContext& context);
 void add_check_command(CommandLine& line, CommandContext& context);
 void add_predict_command(CommandLine& line, CommandContext& context);
+void add_design_command(CommandLine& line, CommandContext& context);
 void add_import_command(CommandLine& line, CommandContext& context);
 void add_export_command(CommandLine& line, CommandContext& context);
 void add_segment_command(CommandLine& line, CommandContext& context);

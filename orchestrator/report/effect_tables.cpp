@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "orchestrator/report/diagnosis_text.h"
-#include "orchestrator/report/html_table.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/figures/score_chart.h"
+#include "orchestrator/report/diagnosis_text.h"
+#include "orchestrator/report/html_table.h"
 
 namespace turncal {
 

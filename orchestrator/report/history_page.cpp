@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "orchestrator/records/parameter_history.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/records/parameter_history.h"
 #include "orchestrator/report/report_page.h"
 
 namespace turncal {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "orchestrator/records/results_database.h"
 #include "orchestrator/figures/gnuplot.h"
+#include "orchestrator/records/results_database.h"
 
 namespace turncal {
 

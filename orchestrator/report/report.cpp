@@ -4,14 +4,14 @@
 #include <vector>
 
 #include "orchestrator/figures/diagnosis_figures.h"
-#include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/figures/drawing.h"
 #include "orchestrator/figures/report_dwells.h"
 #include "orchestrator/figures/report_format.h"
-#include "orchestrator/report/report_page.h"
-#include "orchestrator/report/report_tables.h"
 #include "orchestrator/figures/residual_figures.h"
 #include "orchestrator/figures/score_chart.h"
+#include "orchestrator/report/diagnosis_text.h"
+#include "orchestrator/report/report_page.h"
+#include "orchestrator/report/report_tables.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {

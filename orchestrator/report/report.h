@@ -10,9 +10,9 @@
 
 #include "calib/diagnosis/diagnosis.h"
 #include "orchestrator/figures/diagnosis_context.h"
-#include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/figures/report_dwells.h"
 #include "orchestrator/figures/report_figure.h"
+#include "orchestrator/report/diagnosis_text.h"
 
 namespace turncal {
 

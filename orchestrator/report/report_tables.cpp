@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "orchestrator/figures/diagnosis_figures.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/html_table.h"
-#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 

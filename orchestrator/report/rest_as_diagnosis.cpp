@@ -7,8 +7,8 @@
 #include "calib/joint/score_algebra.h"
 #include "calib/statistics/distributions.h"
 #include "orchestrator/figures/diagnosis_figures.h"
-#include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/report/diagnosis_file.h"
 
 namespace turncal {
 namespace {

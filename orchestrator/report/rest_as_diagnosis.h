@@ -8,9 +8,9 @@
 #include "calib/diagnosis/rest_diagnosis.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/figures/diagnosis_context.h"
-#include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/figures/report_dwells.h"
 #include "orchestrator/figures/report_figure.h"
+#include "orchestrator/report/diagnosis_text.h"
 
 namespace turncal {
 

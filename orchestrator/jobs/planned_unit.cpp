@@ -1,0 +1,87 @@
+#include "orchestrator/jobs/planned_unit.h"
+
+#include <cmath>
+
+#include "calib/prediction/predict.h"
+#include "imu_io/base/format_number.h"
+#include "orchestrator/devices/station_rig.h"
+
+namespace turncal {
+
+Status check_option(const char* option, double value, double min, double max, bool min_excluded) {
+  const bool good = (min_excluded ? value > min : value >= min) && value <= max;  // false for NaN
+  if (good) return {};
+  return input_error(
+      std::string(option) + " = " + format_number(value) + ": expected a number " +
+      (min_excluded ? "above " + format_number(min) + " and not above " : "from " + format_number(min) + " to ") +
+      format_number(max));
+}
+
+Result<double> parse_time_s(const char* option, const std::string& text) {
+  constexpr double longest_s = 86400.0;
+  std::string_view number = text;
+  double unit = 1.0;
+  for (const auto& [name, seconds] : {std::pair{"min", 60.0}, std::pair{"h", 3600.0}, std::pair{"s", 1.0}}) {
+    if (!number.ends_with(name)) continue;
+    number.remove_suffix(std::string_view(name).size());
+    unit = seconds;
+    break;
+  }
+  const std::optional<double> value = parse_number(number);
+  if (!value || *value * unit < 1.0 || *value * unit > longest_s)
+    return input_error(std::string(option) + " '" + text +
+                       "': expected a time from 1s to 24h, like 1h, 90min or 5400s");
+  return *value * unit;
+}
+
+Status check_site(const PlannedSite& site) {
+  for (const Status& status : {
+           check_option("--latitude", site.latitude_deg.value_or(0.0), -90.0, 90.0),
+           check_option("--gravity", site.gravity_mps2.value_or(standard_gravity_mps2), 9.7, 9.9),
+           check_option("--arw", site.arw_deg_per_rt_h, 0.0, 1000.0, true),
+           check_option("--vrw", site.vrw_ug_per_rt_hz, 0.0, 1e6, true),
+           check_option("--gyro-bias-instability", site.gyro_bias_instability_degph, 0.0, 1e4),
+           check_option("--accel-bias-instability", site.accel_bias_instability_ug, 0.0, 1e5),
+       })
+    if (!status) return status;
+  return {};
+}
+
+Result<PlannedUnit> planned_unit(const PlannedSite& site) {
+  const Result<StationConfig> station =
+      site.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(site.station);
+  if (!station) return station.error();
+  Result<RigConfig> rig = rig_of(*station);
+  if (!rig) return rig.error();
+  PlannedUnit unit;
+  unit.station = *station;
+  unit.info.sample_period_s = rig->sample_period_s;
+  unit.info.latitude_deg = site.latitude_deg.value_or(station->latitude_deg);
+  unit.info.gravity_mps2 = site.gravity_mps2.value_or(station->gravity_mps2);
+  unit.info.accel_pulse_mps = rig->accel_pulse_mps;
+  unit.info.simulated = true;
+  unit.parameters = typical_unit(unit.info);
+  unit.parameters.n = Eigen::Matrix3d::Identity() * rig->gyro_pulse_arcsec;
+  return unit;
+}
+
+NoiseModel noise_model(const PlannedSite& site) {
+  NoiseModel noise;
+  noise.angle_random_walk.setConstant(site.arw_deg_per_rt_h * radprs_per_degprh);
+  noise.velocity_random_walk.setConstant(site.vrw_ug_per_rt_hz * mpsprs_per_ugprHz);
+  noise.gyro_bias_instability_radps = site.gyro_bias_instability_degph * radps_per_degph;
+  noise.accel_bias_instability_mps2 = site.accel_bias_instability_ug * 1e-6 * standard_gravity_mps2;
+  return noise;
+}
+
+void print_premises(const PlannedSite& site, const RecordingInfo& info, std::ostream& out) {
+  out << "Noise     " << format_number(site.arw_deg_per_rt_h) << " deg/sqrt(h), "
+      << format_number(site.vrw_ug_per_rt_hz) << " ug/sqrt(Hz); bias instability "
+      << format_number(site.gyro_bias_instability_degph) << " deg/h, " << format_number(site.accel_bias_instability_ug)
+      << " ug; pulse " << format_number(info.accel_pulse_mps) << " m/s\n";
+  out << "Site      latitude " << format_number(info.latitude_deg) << " deg, gravity "
+      << format_number(info.gravity_mps2) << " m/s^2; IMU at "
+      << format_number(std::round(1e6 / info.sample_period_s) / 1e6) << " Hz\n";
+}
+
+}  // namespace turncal

@@ -1,0 +1,217 @@
+#include "orchestrator/jobs/sequence_design.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <random>
+
+#include "orchestrator/jobs/sequence_coverage.h"
+
+namespace turncal {
+namespace {
+
+constexpr double judged_period_s = 0.05;
+constexpr double excess_weight = 60.0;
+constexpr double undetermined_cost = 10.0;
+constexpr double first_threshold = 0.02;  // what may be worse at the beginning of the search
+constexpr int most_share = 12;
+constexpr std::array<double, 7> turns_deg{90.0, 180.0, 360.0, 45.0, 135.0, 270.0, 30.0};
+
+// A walk without times: rests are shares of the time that the turns leave.
+struct SharedLeg {
+  Axis axis = Axis::heading;
+  double turn_deg = 0.0;
+  double rate_degps = 0.0;
+  int share = 1;
+};
+struct SharedWalk {
+  AxisTriple start_deg;
+  int first_share = 1;
+  std::vector<SharedLeg> legs;
+};
+
+class Search {
+ public:
+  explicit Search(const DesignTask& task) : task_(task), random_(task.seed) {
+    for (const Axis axis : all_axes)
+      if (task.turns[index(axis)]) axes_.push_back(axis);
+  }
+
+  Result<Design> run(const std::function<bool(const DesignProgress&)>& progress) {
+    if (axes_.empty()) return input_error("no axis may turn: expected one at least");
+    SharedWalk now = begin();
+    std::optional<double> cost = judge(now);
+    while (!cost && !now.legs.empty()) {  // too long, or not for this table: fewer legs
+      now.legs.pop_back();
+      cost = judge(now);
+    }
+    if (!cost) return input_error("no walk from the start position fits into the time and the limits of the table");
+    Design design;
+    design.start_cost = *cost;
+    SharedWalk best = now;
+    double best_cost = *cost;
+    for (int i = 0; i < task_.tries; ++i) {
+      SharedWalk other = changed(now);
+      const std::optional<double> other_cost = judge(other);
+      if (!other_cost) continue;
+      const double left = 1.0 - static_cast<double>(i) / (0.7 * task_.tries);
+      if (*other_cost < *cost + first_threshold * std::max(0.0, left)) {
+        now = std::move(other);
+        cost = other_cost;
+      }
+      if (*cost < best_cost) {
+        best = now;
+        best_cost = *cost;
+      }
+      if (!progress({i + 1, task_.tries, best_cost, best.legs.size()})) break;
+    }
+    design.walk = *timed(best, task_.info.sample_period_s);
+    design.cost = best_cost;
+    design.judged = judged_;
+    return design;
+  }
+
+ private:
+  std::size_t below(std::size_t n) { return static_cast<std::size_t>(random_() % n); }
+
+  // The walk to start from: rests in units of its shortest, rates that are among those to choose from.
+  SharedWalk begin() const {
+    std::int64_t shortest = std::max<std::int64_t>(1, task_.start.first_rest_samples);
+    for (const Leg& leg : task_.start.legs)
+      if (leg.rest_samples > 0) shortest = std::min(shortest, leg.rest_samples);
+    const auto share = [&](std::int64_t samples) {
+      return static_cast<int>(std::min<std::int64_t>((samples + shortest / 2) / shortest, most_share));
+    };
+    SharedWalk walk;
+    walk.start_deg = task_.start.start_deg;
+    walk.first_share = share(task_.start.first_rest_samples);
+    for (const Leg& leg : task_.start.legs) {
+      if (!task_.turns[index(leg.axis)]) continue;
+      const bool offered = std::ranges::find(task_.rates_degps, leg.rate_degps) != task_.rates_degps.end();
+      walk.legs.push_back({leg.axis, leg.turn_deg, offered ? leg.rate_degps : task_.rates_degps.front(),
+                           share(leg.rest_samples)});
+    }
+    return walk;
+  }
+
+  SharedLeg any_leg() {
+    const double turn_deg = turns_deg[below(turns_deg.size())];
+    return {axes_[below(axes_.size())], below(2) == 0 ? turn_deg : -turn_deg,
+            task_.rates_degps[below(task_.rates_degps.size())], 1 + static_cast<int>(below(3))};
+  }
+
+  SharedWalk changed(SharedWalk walk) {
+    std::vector<SharedLeg>& legs = walk.legs;
+    const std::size_t n = legs.size();
+    const auto at = [&](std::size_t k) { return legs.begin() + static_cast<std::ptrdiff_t>(k); };
+    switch (n == 0 ? 1 : below(8)) {
+      case 0: legs[below(n)] = any_leg(); break;
+      case 1: legs.insert(at(below(n + 1)), any_leg()); break;
+      case 2: legs.erase(at(below(n))); break;
+      case 3: std::swap(legs[below(n)], legs[below(n)]); break;
+      case 4: legs[below(n)].turn_deg *= -1.0; break;
+      case 5: {  // there and back
+        const SharedLeg leg = any_leg();
+        SharedLeg back = leg;
+        back.turn_deg *= -1.0;
+        const std::size_t k = below(n + 1);
+        legs.insert(at(k), {leg, back});
+        break;
+      }
+      case 6: {  // a run of legs in the other order, the other way
+        const std::size_t first = below(n), last = first + below(std::min<std::size_t>(n - first, 6));
+        std::reverse(at(first), at(last + 1));
+        break;
+      }
+      default: {
+        int& share = below(n + 1) == 0 ? walk.first_share : legs[below(n)].share;
+        const int other =
+            below(2) == 0 ? share + 1 + static_cast<int>(below(4)) : share - 1 - static_cast<int>(below(2));
+        share = std::clamp(other, 0, most_share);
+      }
+    }
+    return walk;
+  }
+
+  // In samples of a unit of this period; nothing where the turns leave too little.
+  std::optional<Walk> timed(const SharedWalk& shared, double period_s) const {
+    double left_s = task_.time_s;
+    int shares = std::max(1, shared.first_share);
+    const double tick_s = std::max(period_s, task_.info.sample_period_s);
+    for (const SharedLeg& leg : shared.legs) {
+      const double turn_s = move_duration_s(leg.turn_deg, leg.rate_degps, task_.acceleration_degps2);
+      left_s -= std::ceil((turn_s + task_.limits.settle_s) / tick_s) * tick_s;
+      shares += leg.share;
+    }
+    const double unit_s = left_s / shares;
+    if (!(unit_s >= task_.least_rest_s)) return std::nullopt;
+    const auto samples = [&](int share) {
+      return static_cast<std::int64_t>(std::llround(std::floor(unit_s * share) / period_s));
+    };
+    Walk walk;
+    walk.start_deg = shared.start_deg;
+    walk.first_rest_samples = samples(std::max(1, shared.first_share));
+    for (const SharedLeg& leg : shared.legs)
+      walk.legs.push_back({leg.axis, leg.turn_deg, leg.rate_degps, samples(leg.share)});
+    return walk;
+  }
+
+  std::optional<double> judge(const SharedWalk& shared) {
+    const std::optional<Walk> walk = timed(shared, judged_period_s);
+    if (!walk) return std::nullopt;
+    WalkHeader header;
+    header.name = "walk";
+    header.rate_degps = task_.rates_degps.front();
+    header.acceleration_degps2 = task_.acceleration_degps2;
+    const Result<Sequence> sequence = parse_sequence(sequence_text(*walk, header), "walk");
+    if (!sequence) return std::nullopt;  // cumulative angles beyond those of the grammar
+    PlanLimits limits = task_.limits;
+    limits.sample_period_s = judged_period_s;
+    const Plan plan = make_plan(*sequence, limits);
+    if (!plan.ok()) return std::nullopt;
+    RecordingInfo info = task_.info;
+    info.sample_period_s = judged_period_s;
+    PredictOptions options = task_.predict;
+    options.effects = !task_.effects.empty();
+    const Prediction prediction = predict(info, planned_motion(*sequence, plan), options);
+    if (!prediction.valid) return std::nullopt;
+    ++judged_;
+    return cost_of(prediction);
+  }
+
+  double cost_of(const Prediction& prediction) const {
+    double sum = 0.0, worst = -undetermined_cost;
+    int n = 0;
+    const auto add = [&](double over_aim) {
+      sum += over_aim + excess_weight * std::max(0.0, over_aim);
+      worst = std::max(worst, over_aim);
+      ++n;
+    };
+    for (int k = 0; k < parameter_count; ++k) {
+      if (task_.aim[k] <= 0.0) continue;
+      const bool known = prediction.determined[static_cast<std::size_t>(k)] && prediction.sigma[k] > 0.0;
+      add(known ? std::log(prediction.sigma[k] / task_.aim[k]) : undetermined_cost);
+    }
+    for (std::size_t k = 0; k < prediction.effects.size() && k < task_.effect_aims.size(); ++k) {
+      const PredictedEffect& effect = prediction.effects[k];
+      if (std::ranges::find(task_.effects, effect.column.entry->name) == task_.effects.end()) continue;
+      if (!task_.effect_aims[k].visible && !effect.visible) continue;
+      add(effect.visible ? std::log(effect.detectable / task_.effect_aims[k].detectable) : undetermined_cost);
+    }
+    return task_.criterion == AimAt::worst ? worst : sum / std::max(1, n);
+  }
+
+  const DesignTask& task_;
+  std::mt19937_64 random_;
+  std::vector<Axis> axes_;
+  int judged_ = 0;
+};
+
+}  // namespace
+
+Result<Design> design_walk(const DesignTask& task, const std::function<bool(const DesignProgress&)>& progress) {
+  return Search(task).run(progress);
+}
+
+}  // namespace turncal

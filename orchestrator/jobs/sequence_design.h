@@ -1,0 +1,68 @@
+// A sequence found for a purpose: the walk whose predicted sigmas are best in units of what is aimed at, within a given time.
+//
+//   cost(walk) = mean over the parameters of ln(sigma / aim)  +  60 max(0, ln(sigma / aim))     (AimAt::mean)
+//              = the largest ln(sigma / aim)                                                    (AimAt::worst)
+//   + the mean of ln(detectable / aim) over the effect components asked for, with the same excess
+// sigma and detectable are those of predict() (calib/prediction/predict.h): the filter and the estimator of a calibration, on the recording
+// of an ideal unit. A parameter that the walk does not determine counts as a sigma of e^10 times its aim.
+//
+// Search: exchange (Fedorov 1972; Atkinson, Donev and Tobias, Optimum Experimental Designs, 2007, ch. 12; criteria: Pukelsheim, Optimal
+// Design of Experiments, 2006). A leg is changed, put in, taken out, moved, or its rest made longer or shorter; what is better stays, and for
+// the first part of the tries what is a little worse, too (threshold accepting). The time that turns leave is shared out among the
+// rests in the ratio of their shares, so that every walk that is judged lasts as long as may be. All random numbers come from the
+// seed: the same task gives the same walk on every machine.
+//
+// The walks are judged at 20 samples a second: the sigmas of a 200 Hz unit to a few parts in a thousand, at a tenth of the time.
+// Not in the cost: time to home, effects not asked for, what table errors do.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "calib/prediction/predict.h"
+#include "sequences/plan.h"
+#include "sequences/walk.h"
+
+namespace turncal {
+
+enum class AimAt { mean, worst };
+
+struct DesignTask {
+  PlanLimits limits;
+  RecordingInfo info;                           // period, site, increments of the unit
+  PredictOptions predict;                       // its noise
+  double time_s = 0.0;                          // of the whole run, the way to the start not counted
+  std::array<bool, 3> turns{true, true, true};  // which axes may turn, indexed by Axis
+  std::vector<double> rates_degps{10.0};        // to choose from; the first is that of the file
+  double acceleration_degps2 = 20.0;
+  double least_rest_s = 10.0;
+  ParameterVector aim;  // sigma, file units; 0: this parameter does not count
+  AimAt criterion = AimAt::mean;
+  std::vector<std::string> effects;          // names of the catalogue
+  std::vector<PredictedEffect> effect_aims;  // what is aimed at: `detectable` of each component
+  Walk start;                                // where the search begins
+  std::uint64_t seed = 1;
+  int tries = 1500;
+};
+
+struct DesignProgress {
+  int done = 0, tries = 0;
+  double cost = 0.0;  // of the best so far
+  std::size_t legs = 0;
+};
+
+struct Design {
+  Walk walk;  // rests in samples of the unit
+  double cost = 0.0;
+  double start_cost = 0.0;
+  int judged = 0;  // walks that the table can run
+};
+
+// Errors (input): no walk that begins at `start` fits into the time; no axis may turn. progress is called now and then and ends the search
+// by returning false.
+Result<Design> design_walk(const DesignTask& task, const std::function<bool(const DesignProgress&)>& progress);
+
+}  // namespace turncal

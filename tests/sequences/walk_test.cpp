@@ -1,0 +1,68 @@
+#include "sequences/walk.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "sequences/plan.h"
+#include "tests/imu_io/temporary_folder.h"
+
+namespace turncal {
+namespace {
+
+Walk example() {
+  Walk walk;
+  walk.start_deg[Axis::heading] = -90.0;
+  walk.first_rest_samples = 4000;
+  for (int k = 0; k < 5; ++k) {
+    walk.legs.push_back({Axis::pitch, 90.0, 10.0, 2000 + k});
+    walk.legs.push_back({Axis::roll, -45.0, 20.0, k == 2 ? 0 : 3000});
+    walk.legs.push_back({Axis::heading, 22.5, 10.0, 400});
+  }
+  return walk;
+}
+
+WalkHeader header() {
+  WalkHeader header;
+  header.name = "example";
+  header.comments = {"made for a test"};
+  return header;
+}
+
+TEST(Walk, TheSequenceMakesTheSameTurnsAndRests) {
+  const Walk walk = example();
+  const Result<Sequence> sequence = parse_sequence(sequence_text(walk, header()), "walk.seq");
+  ASSERT_OK(sequence);
+  EXPECT_EQ(sequence->steps.size(), 2U) << "fifteen legs, eight a step";
+  for (const Step& step : sequence->steps)
+    for (const SequenceItem& item : step.items) EXPECT_FALSE(item.positioning) << "a step begins where the last one ended";
+  const Walk again = walk_of(*sequence);
+  EXPECT_EQ(again.start_deg, walk.start_deg);
+  EXPECT_EQ(again.first_rest_samples, walk.first_rest_samples);
+  ASSERT_EQ(again.legs.size(), walk.legs.size());
+  for (std::size_t k = 0; k < walk.legs.size(); ++k) {
+    EXPECT_EQ(again.legs[k].axis, walk.legs[k].axis) << k;
+    EXPECT_DOUBLE_EQ(again.legs[k].turn_deg, walk.legs[k].turn_deg) << k;
+    EXPECT_EQ(again.legs[k].rate_degps, walk.legs[k].rate_degps) << k;
+    EXPECT_EQ(again.legs[k].rest_samples, walk.legs[k].rest_samples) << k;
+  }
+}
+
+TEST(Walk, MovesToInitialPositionsAreTurns) {
+  const Result<Sequence> sequence = parse_sequence(
+      "format = 1\nname = two\nrate_degps = 10\nacceleration_degps2 = 20\n"
+      "step 1 \"a\"\n  initial H 0 P 0 R 0\n  align 2000\n  rotate R +90\n  dwell 300\n"
+      "step 2 \"b\"\n  initial H -90 P 0 R 0\n  align 500\n  dwell 700\n",
+      "two.seq");
+  ASSERT_OK(sequence);
+  const Walk walk = walk_of(*sequence);
+  ASSERT_EQ(walk.legs.size(), 3U);
+  EXPECT_EQ(walk.legs[1].axis, Axis::roll);
+  EXPECT_EQ(walk.legs[1].turn_deg, -90.0);
+  EXPECT_EQ(walk.legs[1].rest_samples, 0);
+  EXPECT_EQ(walk.legs[2].axis, Axis::heading);
+  EXPECT_EQ(walk.legs[2].rest_samples, 1200);
+}
+
+}  // namespace
+}  // namespace turncal
