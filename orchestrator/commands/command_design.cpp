@@ -47,8 +47,9 @@ Status choose(const DesignOptions& options, DesignTask& task) {
     const AxisLimits& limits = task.limits[axis];
     for (const double rate : task.rates_degps)
       if (rate > limits.max_rate_degps)
-        return input_error("--rate " + format_number(rate) + ": expected at most " + format_number(limits.max_rate_degps) +
-                           ", what the table's " + to_string(axis) + " axis may do");
+        return input_error("--rate " + format_number(rate) + ": expected at most " +
+                           format_number(limits.max_rate_degps) + ", what the table's " + to_string(axis) +
+                           " axis may do");
     if (task.acceleration_degps2 > limits.max_acceleration_degps2)
       return input_error("--acceleration " + format_number(task.acceleration_degps2) + ": expected at most " +
                          format_number(limits.max_acceleration_degps2) + ", what the table's " + to_string(axis) +

@@ -89,8 +89,8 @@ class Search {
     for (const Leg& leg : task_.start.legs) {
       if (!task_.turns[index(leg.axis)]) continue;
       const bool offered = std::ranges::find(task_.rates_degps, leg.rate_degps) != task_.rates_degps.end();
-      walk.legs.push_back({leg.axis, leg.turn_deg, offered ? leg.rate_degps : task_.rates_degps.front(),
-                           share(leg.rest_samples)});
+      walk.legs.push_back(
+          {leg.axis, leg.turn_deg, offered ? leg.rate_degps : task_.rates_degps.front(), share(leg.rest_samples)});
     }
     return walk;
   }

@@ -35,7 +35,8 @@ TEST(Walk, TheSequenceMakesTheSameTurnsAndRests) {
   ASSERT_OK(sequence);
   EXPECT_EQ(sequence->steps.size(), 2U) << "fifteen legs, eight a step";
   for (const Step& step : sequence->steps)
-    for (const SequenceItem& item : step.items) EXPECT_FALSE(item.positioning) << "a step begins where the last one ended";
+    for (const SequenceItem& item : step.items)
+      EXPECT_FALSE(item.positioning) << "a step begins where the last one ended";
   const Walk again = walk_of(*sequence);
   EXPECT_EQ(again.start_deg, walk.start_deg);
   EXPECT_EQ(again.first_rest_samples, walk.first_rest_samples);
