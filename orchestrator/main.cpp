@@ -3,6 +3,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <iostream>
 
 #include "orchestrator/commands/commands.h"
@@ -27,6 +28,7 @@ bool open_closed_descriptors() {
 
 int main(int argc, char** argv) {
   if (!open_closed_descriptors()) return turncal::exit_code(turncal::ErrorKind::internal);
+  std::signal(SIGPIPE, SIG_IGN);              // a reader that goes away ends the printing, not what is being made
   ::umask(::umask(0) | (S_IWGRP | S_IWOTH));  // results are for all to read and for their owner to write
   turncal::CommandContext context{.out = std::cout,
                                   .err = std::cerr,

@@ -389,4 +389,31 @@ Result<Sequence> read_sequence(const std::string& path) {
   return parse_sequence(text, path);
 }
 
+void append_steps(const Sequence& more, Sequence& sequence) {
+  AxisTriple stands_deg = sequence.start_deg;
+  int number = 0;
+  for (const Step& step : sequence.steps) {
+    number = std::max(number, step.number);
+    for (const SequenceItem& item : step.items)
+      if (item.kind == SequenceItem::Kind::move) stands_deg[item.move.axis] = item.move.target_deg;
+  }
+  for (const Step& step : more.steps) {
+    sequence.steps.push_back(step);
+    sequence.steps.back().number = ++number;
+    if (&step != &more.steps.front()) continue;
+    std::vector<SequenceItem> moves;
+    for (const Axis axis : approach_order) {
+      if (stands_deg[axis] == step.initial_deg[axis]) continue;
+      SequenceItem item;
+      item.kind = SequenceItem::Kind::move;
+      item.move = {axis, step.initial_deg[axis], more.rate_degps, more.acceleration_degps2};
+      item.line = step.line;
+      item.positioning = true;
+      moves.push_back(item);
+    }
+    std::vector<SequenceItem>& items = sequence.steps.back().items;
+    items.insert(items.begin(), moves.begin(), moves.end());
+  }
+}
+
 }  // namespace turncal

@@ -59,4 +59,7 @@ struct Sequence {
 Result<Sequence> parse_sequence(const std::string& text, const std::string& file_name);
 Result<Sequence> read_sequence(const std::string& path);
 
+// The steps of `more` after those of `sequence`, with numbers that go on; the table is turned to their start at their own rate.
+void append_steps(const Sequence& more, Sequence& sequence);
+
 }  // namespace turncal

@@ -13,6 +13,7 @@
 // Errors: fewer than min_rest_s seconds at rest in the window; above max_latitude_deg, where no gyro tells north.
 #pragma once
 
+#include <array>
 #include <span>
 #include <string>
 
@@ -39,5 +40,21 @@ struct Alignment {
 // `drift` as constructed; the alignment begins it.
 Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovariance::Site& site,
                         DriftCovariance drift);
+
+// Standard deviations of heading, roll and pitch, rad, of an attitude error phi in n (its covariance). Heading is where x points: near the
+// vertical phi's level parts go into it with tan(pitch), up to what is known of any heading, 2 pi / sqrt(12).
+std::array<double, 3> angle_sigmas(const Eigen::Matrix3d& of_phi, const Eigen::Quaterniond& q_nb);
+
+// Where on the Earth the unit turns as it does at rest: the rate about the vertical is W sin L. Says nothing of east or west; what a wrong
+// latitude of the recording, or a wrong gyro bias up, shows in.
+//   sigma: angle random walk over the seconds at rest, and the gyro biases' covariance.
+struct RestLatitude {
+  double latitude_rad = 0.0;
+  double sigma_rad = 0.0;  // infinite where nothing rests
+  // Further from `latitude_rad` than a degree and five sigma.
+  bool speaks_against(double latitude_rad) const;
+};
+RestLatitude latitude_of_rests(std::span<const MotionInterval> intervals, const NoiseModel& noise,
+                           const ParameterCovariance& parameters);
 
 }  // namespace turncal

@@ -51,7 +51,9 @@ Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, 
   result.align_rest_s = alignment->rest_s;
   result.aligned = alignment->state;
   DriftCovariance& drift = alignment->drift;
-  result.align_sigma_rad = attitude_sigma(drift.covariance(setup.parameter_covariance));
+  const DriftMatrix at_start = drift.covariance(setup.parameter_covariance);
+  result.align_sigma_rad = attitude_sigma(at_start);
+  result.heading_sigma_rad = angle_sigmas(at_start.topLeftCorner<3, 3>(), result.aligned.q_nb)[0];
   const std::span<const MotionInterval> free = stretch.subspan(align_intervals);
   const auto every = std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(track_step_s / interval_s)));
   result.track.reserve(free.size() / every + 2);

@@ -25,6 +25,7 @@ struct FreeNavigation {
   double align_rest_s = 0.0;
   NavigationState aligned;
   Eigen::Vector3d align_sigma_rad = Eigen::Vector3d::Zero();  // north, up, east: noise and parameters
+  double heading_sigma_rad = 0.0;                             // of where x points (angle_sigmas)
   double free_s = 0.0;
   std::vector<TrackPoint> track;  // at the start, then each second, and at the end
   double nm_per_h = 0.0;          // radial error rate (navigation_error.h), over the track

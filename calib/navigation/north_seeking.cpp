@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/statistics/distributions.h"
+
 namespace turncal {
 namespace {
 
@@ -25,6 +27,19 @@ void summarise(NorthPosition& position) {
       squares += reading.noise_sigma_deg[a] * reading.noise_sigma_deg[a];
     position.noise_sigma_deg[a] = std::sqrt(squares / static_cast<double>(position.readings.size()));
   }
+}
+
+// Of a mean heading less the table's. Noise: that of the mean and of the zero. Calibration: an error that is the unit's own goes around
+// with it, so that over the quarters of the circle the square of what is left after the zero is twice that of a single alignment.
+double mean_variance(const NorthPosition& position, std::size_t searches) {
+  double noise = 0.0, calibration = 0.0;
+  for (const NorthReading& reading : position.readings) {
+    const double own = reading.noise_sigma_deg[0] * reading.noise_sigma_deg[0];
+    noise += own;
+    calibration += std::max(0.0, reading.total_sigma_deg[0] * reading.total_sigma_deg[0] - own);
+  }
+  const auto n = static_cast<double>(position.readings.size());
+  return noise / n * (1.0 / n + 1.0 / static_cast<double>(searches)) + 2.0 * calibration / n;
 }
 
 }  // namespace
@@ -57,23 +72,48 @@ NorthSeeking seek_north(std::span<const NorthReading> searches, std::span<const 
     zeroed.angle_deg[0] = near(reading.angle_deg[0] - result.zero_deg, reading.table_deg);
     result.positions.back().readings.push_back(zeroed);
     const double error = zeroed.angle_deg[0] - reading.table_deg;
-    if (result.positions.size() + result.positions.back().readings.size() == 2 ||
-        std::abs(error) > std::abs(result.worst_heading_error_deg)) {
-      result.worst_heading_error_deg = error;
-      result.worst_heading = zeroed;
-    }
+    if (std::abs(error) > std::abs(result.worst_heading_error_deg)) result.worst_heading_error_deg = error;
   }
+  result.searches = searches.size();
+  double squares = 0.0, variance = 0.0;
   for (NorthPosition& position : result.positions) {
     summarise(position);
-    for (std::size_t k = 0; k < 2; ++k) {
-      if (position.deviation_deg[k + 1] < result.worst_level_deviation_deg[k]) continue;
-      result.worst_level_deviation_deg[k] = position.deviation_deg[k + 1];
+    const auto n = static_cast<double>(position.readings.size());
+    for (std::size_t a = 0; a < 3; ++a) {
+      if (position.deviation_deg[a] < result.deviation[a].value_deg) continue;
       // A sample standard deviation of n readings scatters by sigma / sqrt(2 (n - 1)).
-      const double n = std::max(2.0, static_cast<double>(position.readings.size()));
-      result.level_sigma_deg[k] = position.noise_sigma_deg[k + 1] / std::sqrt(2.0 * (n - 1.0));
+      result.deviation[a] = {position.deviation_deg[a], position.noise_sigma_deg[a] / std::sqrt(2.0 * (n - 1.0))};
     }
+    squares += std::pow(position.mean_deg[0] - position.table_deg, 2);
+    variance += mean_variance(position, result.searches);
   }
+  const auto count = static_cast<double>(result.positions.size());
+  result.mean_heading = {std::sqrt(squares / count), std::sqrt(variance / count)};
   return result;
+}
+
+double false_fail_probability(const NorthSeeking& found, double heading_limit_deg, double level_limit_deg) {
+  double passes = 1.0;
+  // Sum of squares of the means: independent parts of noise a each, and that of the zero, z, in all of them.
+  double trace = 0.0, of_squares = 0.0, zero = 0.0;
+  for (const NorthPosition& position : found.positions) {
+    const auto n = static_cast<double>(position.readings.size());
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double limit = a == 0 ? heading_limit_deg : level_limit_deg;
+      const double variance = std::pow(position.noise_sigma_deg[a], 2);
+      if (variance > 0.0) passes *= 1.0 - chi_square_tail((n - 1.0) * limit * limit / variance, n - 1.0);
+    }
+    const double own = std::pow(position.noise_sigma_deg[0], 2) / n;
+    zero = std::pow(position.noise_sigma_deg[0], 2) / static_cast<double>(found.searches);
+    trace += own + zero;
+    of_squares += own * own + 2.0 * own * zero;
+  }
+  const auto count = static_cast<double>(found.positions.size());
+  of_squares += count * count * zero * zero;
+  if (trace > 0.0)
+    passes *= 1.0 - chi_square_tail(count * heading_limit_deg * heading_limit_deg * trace / of_squares,
+                                    trace * trace / of_squares);
+  return 1.0 - passes;
 }
 
 ReferenceComparison compare_references(std::span<const ReferenceRow> rows) {

@@ -27,19 +27,29 @@ struct NorthPosition {
   double table_deg = 0.0;
   std::vector<NorthReading> readings;  // headings from the table's zero, near table_deg
   std::array<double, 3> mean_deg{};
-  std::array<double, 3> deviation_deg{};    // sample standard deviation; 0 of a single reading
+  std::array<double, 3> deviation_deg{};    // sample standard deviation
   std::array<double, 3> noise_sigma_deg{};  // what the noise lets expect of it
 };
 
+// What is judged. Of each angle the largest deviation of a position; and whether the headings are right, not only alike: the root
+// mean square, over the positions, of mean heading less the table's. A calibration that is wrong but steady shows there alone.
+struct NorthFigure {
+  double value_deg = 0.0;
+  double sigma_deg = 0.0;  // of the value, from noise; of the means from the calibration, too
+};
 struct NorthSeeking {
   double zero_deg = 0.0;  // heading of the unit where the table stands at 0: the mean of the searches
   std::vector<NorthPosition> positions;
-  // What is judged: the reading whose heading is furthest from the table's, and the largest deviation of roll and of pitch.
-  NorthReading worst_heading;
-  double worst_heading_error_deg = 0.0;               // with its sign
-  std::array<double, 2> worst_level_deviation_deg{};  // roll, pitch
-  std::array<double, 2> level_sigma_deg{};            // of those deviations, from noise
+  std::array<NorthFigure, 3> deviation;  // by NorthAngle
+  NorthFigure mean_heading;              // rms of the means from the table's angle
+  double worst_heading_error_deg = 0.0;  // of a single reading, with its sign; not judged
+  std::size_t searches = 0;
 };
+
+// How often a unit would be turned down though nothing but its noise is in the readings: any of the four figures above its limit.
+// Deviations are chi-square; the squares of the means, which share the zero's error, are taken as chi-square of the same mean and
+// variance (Satterthwaite (1946)); the figures as independent.
+double false_fail_probability(const NorthSeeking& found, double heading_limit_deg, double level_limit_deg);
 
 // Mean and sample standard deviation.
 struct Spread {
@@ -48,7 +58,7 @@ struct Spread {
 };
 Spread spread_of(std::span<const double> values);
 
-// REQUIRES: at least one search and one reading. Readings in order; those that follow each other at one angle are a position.
+// REQUIRES: at least one search, and two readings in each position (a single one has no deviation). Readings in order; those that follow each other at one angle are a position.
 NorthSeeking seek_north(std::span<const NorthReading> searches, std::span<const NorthReading> readings);
 
 // The angle nearest to `near_deg` among angle_deg + 360 k.

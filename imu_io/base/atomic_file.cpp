@@ -80,10 +80,14 @@ Status AtomicFile::write(std::string_view text) {
   return {};
 }
 
-Status AtomicFile::commit() {
+Status AtomicFile::settle() {
   if (failed_) return Error{ErrorKind::device, path_ + ": not written, an earlier write failed"};
   if (Status status = flush(); !status) return status;
-  if (Status status = file_.sync(); !status) return status;
+  return file_.sync();
+}
+
+Status AtomicFile::commit() {
+  if (Status status = settle(); !status) return status;
   const std::string temporary = file_.path();
   if (Status status = file_.close(); !status) return status;
   if (std::rename(temporary.c_str(), path_.c_str()) != 0) {
@@ -99,6 +103,20 @@ Status write_file_atomically(const std::string& path, std::string_view content) 
   if (!file) return file.error();
   if (Status status = file->write(content); !status) return status;
   return file->commit();
+}
+
+Status write_files_atomically(const std::vector<NamedText>& files) {
+  std::vector<AtomicFile> written;
+  for (const NamedText& named : files) {
+    Result<AtomicFile> file = AtomicFile::create(named.path);
+    if (!file) return file.error();
+    if (Status status = file->write(named.content); !status) return status;
+    if (Status status = file->settle(); !status) return status;
+    written.push_back(std::move(*file));
+  }
+  for (AtomicFile& file : written)
+    if (Status status = file.commit(); !status) return status;
+  return {};
 }
 
 }  // namespace turncal

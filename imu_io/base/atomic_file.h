@@ -6,6 +6,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "calib/types/status.h"
 #include "imu_io/base/posix_file.h"
@@ -21,6 +22,8 @@ class AtomicFile {
 
   // Buffered. The first failure is returned and makes commit() fail.
   Status write(std::string_view text);
+  // All that was written is on disk, under the temporary name; what commit() then does needs no room.
+  Status settle();
   Status commit();
 
  private:
@@ -34,6 +37,12 @@ class AtomicFile {
 };
 
 Status write_file_atomically(const std::string& path, std::string_view content);
+// All of them or, where one cannot be written (a full disk), none.
+struct NamedText {
+  std::string path;
+  std::string content;
+};
+Status write_files_atomically(const std::vector<NamedText>& files);
 
 // A file named by a user is replaced by one of its own kind only: an input error unless nothing is there, it is empty, or it begins
 // with `beginning` as the new one does. A results database given for its own table would be gone otherwise.

@@ -16,6 +16,7 @@ namespace turncal {
 namespace {
 
 constexpr std::string_view title = "# turncal parameter file: w = n * counts - N0 (deg/h), f = a * counts - A0 (g)\n";
+constexpr double same_period = 1e-6;  // relative: a text may have rounded it
 constexpr std::string_view checksum_key = "checksum = ";
 
 std::string checksum_of(std::string_view text) {
@@ -227,6 +228,11 @@ Result<ParameterFile> read_parameter_file(const std::string& path) {
   return file;
 }
 
+bool is_trusted(const ParameterFile& file) {
+  const std::string* const value = find_further(file, "quality.trusted");
+  return value == nullptr || *value == "true";
+}
+
 Status check_applicable(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info) {
   const auto refuse = [&](const std::string& key, const std::string& value, const std::string& expected) {
     return input_error(file_name + ": key '" + key + "' = '" + value + "': expected " + expected +
@@ -234,6 +240,8 @@ Status check_applicable(const ParameterFile& file, const std::string& file_name,
   };
   if (file.unit_serial != info.unit_serial)
     return refuse("unit_serial", file.unit_serial, "'" + info.unit_serial + "'");
+  if (std::abs(file.sample_period_s - info.sample_period_s) > same_period * info.sample_period_s)
+    return refuse("sample_period_s", format_number(file.sample_period_s), format_number(info.sample_period_s));
   if (file.gyro_increment != info.gyro_increment) {
     return refuse("gyro_increment", gyro_increment_name(file.gyro_increment), gyro_increment_name(info.gyro_increment));
   }

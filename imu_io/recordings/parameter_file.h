@@ -74,7 +74,10 @@ Result<ParameterFile> parse_parameter_file(std::string_view text, const std::str
 // To be used: an error, too, where parameters are not determined.
 Result<ParameterFile> read_parameter_file(const std::string& path);
 
-// Whether the parameters may be applied to this recording: same unit, same increments and pulse weight, and not
+// False where the file says of itself that its sigmas cannot be believed.
+bool is_trusted(const ParameterFile& file);
+
+// Whether the parameters may be applied to this recording: same unit, same period, increments and pulse weight, and not
 // simulated parameters on a real unit. `file_name` is for the message.
 Status check_applicable(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info);
 

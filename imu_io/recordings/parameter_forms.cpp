@@ -1,6 +1,7 @@
 #include "imu_io/recordings/parameter_forms.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <cstring>
 
 #include "imu_io/base/bytes.h"
@@ -16,11 +17,6 @@ constexpr std::uint32_t block_version = 1;
 constexpr std::size_t longest_text = 4096;
 
 constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
-
-bool is_trusted(const ParameterFile& file) {
-  const std::string* const value = find_further(file, "quality.trusted");
-  return value == nullptr || *value == "true";
-}
 
 void append_text(std::vector<std::byte>& out, std::string_view text) {
   append_bytes(out, static_cast<std::uint32_t>(text.size()));
@@ -66,14 +62,23 @@ std::string literal(double value) {
   return text;
 }
 
-// Between double quotes, for C and YAML: what would need an escape becomes '_'.
-std::string in_quotes(std::string_view text) {
+// A C string: what is not plain as an octal number of three digits, '?' too (trigraphs).
+std::string in_c_quotes(std::string_view text) {
   std::string result = "\"";
   for (const char c : text) {
     const bool plain = c >= ' ' && c < 127 && c != '"' && c != '\\' && c != '?';
-    result += plain ? c : '_';
+    char octal[5];
+    std::snprintf(octal, sizeof octal, "\\%03o", static_cast<unsigned>(static_cast<unsigned char>(c)));
+    result += plain ? std::string(1, c) : octal;
   }
   return result + "\"";
+}
+
+// A YAML scalar: between single quotes only they themselves need anything, and are doubled. Texts of a parameter file are printable.
+std::string in_yaml_quotes(std::string_view text) {
+  std::string result = "'";
+  for (const char c : text) result += c == '\'' ? "''" : std::string(1, c);
+  return result + "'";
 }
 
 std::string matrix_of(const ParameterFile& file, int first) {
@@ -177,9 +182,9 @@ std::string format_parameter_header(const ParameterFile& file) {
   const auto constant = [&text](const std::string& type, const std::string& name, const std::string& value) {
     text += "static const " + type + " turncal_" + name + " = " + value + ";\n";
   };
-  constant("char", "unit_serial[]", in_quotes(file.unit_serial));
-  constant("char", "time_utc[]", in_quotes(file.time_utc));
-  constant("char", "recording_hash[]", in_quotes(file.recording_hash));
+  constant("char", "unit_serial[]", in_c_quotes(file.unit_serial));
+  constant("char", "time_utc[]", in_c_quotes(file.time_utc));
+  constant("char", "recording_hash[]", in_c_quotes(file.recording_hash));
   constant("int", "simulated", file.simulated ? "1" : "0");
   constant("int", "trusted", is_trusted(file) ? "1" : "0");
   constant("double", "sample_period_s", literal(file.sample_period_s));
@@ -199,12 +204,12 @@ std::string format_parameter_yaml(const ParameterFile& file) {
   std::string text = "# Parameters of an inertial measurement unit, as YAML.\n";  // no other file of ours begins so
   if (file.simulated) text += "# Simulated data: a dry run, or a twin.\n";
   const auto line = [&text](const std::string& key, const std::string& value) { text += key + ": " + value + "\n"; };
-  line("unit_serial", in_quotes(file.unit_serial));
-  line("recording_hash", in_quotes(file.recording_hash));
-  line("model", in_quotes(file.model));
-  line("method", in_quotes(file.method));
-  line("software_version", in_quotes(file.software_version));
-  line("time_utc", in_quotes(file.time_utc));
+  line("unit_serial", in_yaml_quotes(file.unit_serial));
+  line("recording_hash", in_yaml_quotes(file.recording_hash));
+  line("model", in_yaml_quotes(file.model));
+  line("method", in_yaml_quotes(file.method));
+  line("software_version", in_yaml_quotes(file.software_version));
+  line("time_utc", in_yaml_quotes(file.time_utc));
   line("simulated", file.simulated ? "true" : "false");
   line("trusted", is_trusted(file) ? "true" : "false");
   line("latitude_deg", literal(file.latitude_deg));

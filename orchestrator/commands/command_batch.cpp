@@ -250,6 +250,7 @@ void add_batch_command(CommandLine& line, CommandContext& context) {
   command.option("--rig", request.rig, "rig configuration; default: the built-in one");
   command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
   command.option("--station", request.station, "station configuration; default: the built-in rig station");
+  add_verify_option(command, request);
   add_record_options(command, request);
   add_watch_options(command, request);
   command.runs(context, [options, &context] { return run_batch(*options, context); });

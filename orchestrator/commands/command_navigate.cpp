@@ -20,21 +20,20 @@ struct NavigateOptions {
 
 Status navigate(const NavigateOptions& options, CommandContext& context) {
   if (Status status = check_not_source(options.out, options.request.recording); !status) return status;
-  const Result<NavigationReport> report = navigate_recording(options.request);
-  if (!report) return report.error();
   // An earlier result in the folder is replaced, whole.
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {});
   if (!folder) return folder.error();
+  const Result<NavigationReport> report = navigate_recording(options.request);
+  if (!report) return report.error();
+  const std::string conf = folder->file("navigation.conf");
+  std::vector<NamedText> files = {{conf, format_navigation(*report)}};
   const Result<std::string> drawing = draw_navigation(*report);
-  if (drawing) {
-    if (Status status = write_file_atomically(folder->file("navigation.svg"), *drawing); !status) return status;
-  }
+  if (drawing) files.push_back({folder->file("navigation.svg"), *drawing});
   for (const NavigatedFile& file : report->files) {
     const std::string name = file.prefix.empty() ? "track.csv" : "track_against.csv";
-    if (Status status = write_file_atomically(folder->file(name), format_track(*report, file)); !status) return status;
+    files.push_back({folder->file(name), format_track(*report, file)});
   }
-  const std::string conf = folder->file("navigation.conf");
-  if (Status status = write_file_atomically(conf, format_navigation(*report)); !status) return status;
+  if (Status status = write_files_atomically(files); !status) return status;
   folder->keep();
   print_navigation(*report, context.out);
   if (!drawing) context.out << drawing.error().message << '\n';

@@ -34,6 +34,10 @@ void add_record_options(const Command& command, RunRequest& request) {
   add_overdue_option(command, request);
 }
 
+void add_verify_option(const Command& command, RunRequest& request) {
+  command.flag("--verify", request.verify, "seek north with the new parameters, right after the calibration");
+}
+
 void add_watch_options(const Command& command, RunRequest& request) {
   command.option("--listen", request.listen,
                  "serve a read-only status page there (127.0.0.1:8080; port 0: any free one)");
@@ -62,6 +66,7 @@ void add_run_command(CommandLine& line, CommandContext& context) {
   command.flag("--partial", request.partial,
                "of a sequence that does not determine all: estimate what it does; no verdict, not put in use");
   command.flag("--no-diagnosis", options->request.no_diagnosis, "leave out the diagnosis at the end");
+  add_verify_option(command, request);
   add_record_options(command, request);
   command.runs(context, [options, &context] { return begin_run(options->request, options->folder, context).status; });
 }

@@ -1,6 +1,6 @@
 // `turncal verify`: north seeking on the table with a calibration (Wang (2020), 4.2), and `--references`: readings of references beside
 // those of the unit (4.3). The table is moved and the unit recorded as in a run (run_job.h), with verify.seq in place of the fourteen
-// steps; an interrupted one is taken up by `turncal resume DIR` and judged by `turncal verify --recording DIR`.
+// steps; an interrupted one is taken up by `turncal resume DIR`; judged again by `turncal verify --recording DIR`.
 #include <memory>
 
 #include "imu_io/base/atomic_file.h"
@@ -18,8 +18,6 @@ namespace turncal {
 
 namespace {
 
-constexpr const char* verification_name = "verification.conf";
-
 struct VerifyOptions {
   RunRequest run;
   std::string unit;
@@ -27,6 +25,7 @@ struct VerifyOptions {
   std::string folder;
   std::string recording;
   std::string references;
+  int first_step = 0;
 };
 
 Status check_together(const VerifyOptions& o) {
@@ -58,43 +57,30 @@ Status verify_by_references(const VerifyOptions& options, CommandContext& contex
   return verification_status(options.references, report->pass ? UnitVerdict::pass : UnitVerdict::fail);
 }
 
-Result<VerdictLimits> limits_of(const std::string& station) {
-  if (station.empty()) return VerdictLimits{};
-  const Result<StationConfig> config = read_station_config(station);
-  if (!config) return config.error();
-  return config->limits;
-}
-
 // Records the north seeking as a run that calibrates nothing. What cannot be used is refused before anything moves.
 Status measure(const VerifyOptions& options, CommandContext& context) {
-  const Result<ParameterFile> parameters = read_parameter_file(options.parameters);
-  if (!parameters) return parameters.error();
   RunRequest run = options.run;
   run.units = {options.unit};
-  run.capture_only = true;
+  run.capture_only = run.verify = true;
+  run.verified = options.parameters;
   if (run.sequence.empty()) run.sequence = builtin_verify_name;
-  const Result<PreparedRun> prepared = prepare(run);
-  if (!prepared) return prepared.error();
-  RecordingInfo planned = planned_info(*prepared);
-  planned.unit_serial = options.unit;
-  planned.simulated = prepared->simulated();
-  if (Status status = check_applicable(*parameters, options.parameters, planned); !status) return status;
   return begin_run(run, options.folder, context).status;
 }
 
-Status verify(const VerifyOptions& options, CommandContext& context) {
-  if (Status status = check_together(options); !status) return status;
-  if (!options.references.empty()) return verify_by_references(options, context);
-  const Result<VerdictLimits> limits = limits_of(options.run.station);
-  if (!limits) return limits.error();
-  if (options.recording.empty()) {
-    if (Status status = measure(options, context); !status) return status;
+Status judge_again(const VerifyOptions& options, CommandContext& context) {
+  VerdictLimits limits;
+  if (!options.run.station.empty()) {
+    const Result<StationConfig> station = read_station_config(options.run.station);
+    if (!station) return station.error();
+    limits = station->limits;
   }
-  const std::string recording = options.recording.empty() ? options.folder : options.recording;
-  const Result<VerificationReport> report = verify_recording({recording, options.parameters, *limits});
-  if (!report) return report.error();
+  Result<ParameterFile> parameters = read_parameter_file(options.parameters);
+  if (!parameters) return parameters.error();
   Result<OutputFolder> folder = OutputFolder::prepare(options.folder, {});
   if (!folder) return folder.error();
+  const Result<VerificationReport> report =
+      verify_recording({options.recording, options.parameters, std::move(*parameters), limits, options.first_step});
+  if (!report) return report.error();
   const std::string file = folder->file(verification_name);
   if (Status status = write_file_atomically(file, format_verification(*report)); !status) return status;
   folder->keep();
@@ -103,6 +89,12 @@ Status verify(const VerifyOptions& options, CommandContext& context) {
   print_verification(*report, context.out);
   context.out << "verification  " << file << std::endl;
   return verification_status("unit " + report->info.unit_serial, report->verdict);
+}
+
+Status verify(const VerifyOptions& options, CommandContext& context) {
+  if (Status status = check_together(options); !status) return status;
+  if (!options.references.empty()) return verify_by_references(options, context);
+  return options.recording.empty() ? measure(options, context) : judge_again(options, context);
 }
 
 }  // namespace
@@ -120,6 +112,10 @@ void add_verify_command(CommandLine& line, CommandContext& context) {
   command.option("--rig", run.rig, "rig configuration (docs/rig.md); default: the built-in one");
   command.option("--sequence", run.sequence, "another sequence than verify.seq: align sets the zero, dwell counts");
   command.option("--recording", options->recording, "judge what was recorded before; nothing moves");
+  command
+      .option("--from-step", options->first_step,
+              "of a recording: where the north seeking begins, behind a calibration")
+      .range(0, 1'000'000);
   command.option("--references", options->references,
                  "CSV of readings: heading_deg,roll_deg,pitch_deg and the same with reference_ in front");
   add_watch_options(command, run);

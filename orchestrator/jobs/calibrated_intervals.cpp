@@ -24,17 +24,21 @@ class RestOf {
 
 }  // namespace
 
+Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source) {
+  const RecordingInfo& info = source.info();
+  if (Status status = check_applicable(file, path, info); !status) return status.error();
+  Result<EffectTerms> effects = EffectTerms::of(file, path, source);
+  if (!effects) return effects.error();
+  const int samples = std::max(1, static_cast<int>(std::lround(motion_interval_s / info.sample_period_s)));
+  const SensorModel model = sensor_model(from_vector(file.parameters), info);
+  return CalibratedIntervals{path, std::move(file), model, std::move(*effects),
+                             IncrementIntegrator(info.sample_period_s, samples)};
+}
+
 Result<CalibratedIntervals> calibrated_intervals(const std::string& path, RecordingSource& source) {
   Result<ParameterFile> file = read_parameter_file(path);
   if (!file) return file.error();
-  const RecordingInfo& info = source.info();
-  if (Status status = check_applicable(*file, path, info); !status) return status.error();
-  Result<EffectTerms> effects = EffectTerms::of(*file, path, source);
-  if (!effects) return effects.error();
-  const int samples = std::max(1, static_cast<int>(std::lround(motion_interval_s / info.sample_period_s)));
-  const SensorModel model = sensor_model(from_vector(file->parameters), info);
-  return CalibratedIntervals{path, std::move(*file), model, std::move(*effects),
-                             IncrementIntegrator(info.sample_period_s, samples)};
+  return calibrated_intervals(std::move(*file), path, source);
 }
 
 Status integrate_recording(RecordingSource& source, const Stretch& stretch, std::vector<CalibratedIntervals>& files) {

@@ -24,7 +24,9 @@ struct CalibratedIntervals {
 };
 
 // Before any sample is read. Errors: the file, or that it is not of this unit and kind of increments.
-Result<CalibratedIntervals> calibrated_intervals(const std::string& parameters, RecordingSource& source);
+// `path`: how the file is called.
+Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source);
+Result<CalibratedIntervals> calibrated_intervals(const std::string& path, RecordingSource& source);
 
 struct Stretch {  // s from the first sample
   double from_s = 0.0;

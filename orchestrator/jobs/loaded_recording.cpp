@@ -47,7 +47,7 @@ class TableLife {
 }  // namespace
 
 Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress,
-                                       const std::optional<CompressionOptions>& blocks) {
+                                       const std::optional<CompressionOptions>& blocks, int before_step) {
   if (source.segments().empty()) {
     return input_error(source.path() +
                        ": the recording has no segments, so nothing says when the unit was at rest: expected segments, "
@@ -61,10 +61,21 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
                         blocks.value_or(loaded.by_hand ? rest_compression_options() : CompressionOptions{}));
   std::optional<ClippingFinder> clipping;
   if (loaded.by_hand) clipping.emplace();
-  SegmentedFeed feed(compressor, source.segments());
-  TableLife life(source.info(), source.segments());
+  Segments segments = source.segments();
+  loaded.recorded_s = static_cast<double>(segments.back().end_sample) * source.info().sample_period_s;
+  if (before_step > 0)
+    segments.erase(std::find_if(segments.begin(), segments.end(),
+                                [&](const Segment& segment) { return segment.step >= before_step; }),
+                   segments.end());
+  if (segments.empty())
+    return input_error(source.path() + ": nothing was recorded before step " + std::to_string(before_step));
+  SegmentedFeed feed(compressor, segments);
+  TableLife life(source.info(), segments);
   std::int64_t count = 0;
   const Status status = source.read([&](std::span<const ImuSample> samples) {
+    while (before_step > 0 && !samples.empty() && samples.back().counter >= segments.back().end_sample)
+      samples = samples.first(samples.size() - 1);
+    if (samples.empty()) return Status{};
     feed.add(samples);
     if (!loaded.by_hand) life.add(samples);
     if (clipping)
@@ -85,10 +96,10 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
 }
 
 Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress,
-                                       const std::optional<CompressionOptions>& blocks) {
+                                       const std::optional<CompressionOptions>& blocks, int before_step) {
   const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path);
   if (!source) return source.error();
-  return load_recording(**source, progress, blocks);
+  return load_recording(**source, progress, blocks, before_step);
 }
 
 Status check_data(const LoadedRecording& loaded) {

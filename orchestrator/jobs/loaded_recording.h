@@ -20,16 +20,18 @@ struct LoadedRecording {
   CompressedRecording data;
   RecordingDamage damage;
   std::string hash;          // of the contents (RecordingSource::content_hash)
+  double recorded_s = 0.0;   // of all its segments
   bool by_hand = false;      // no table angles
   std::string dead_channel;  // channel_life.h, of a recording with table angles
 };
 
 // Blocks as short as the recording needs: those of rests found by hand where it has no table angles. `progress`, if given, is
-// told the number of samples read so far; `blocks`: others. An error when the recording has no segments.
+// told the number of samples read so far; `blocks`: others; `before_step`: what later steps recorded is left out (0: nothing is). An
+// error when the recording has no segments.
 Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress = {},
-                                       const std::optional<CompressionOptions>& blocks = {});
+                                       const std::optional<CompressionOptions>& blocks = {}, int before_step = 0);
 Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress = {},
-                                       const std::optional<CompressionOptions>& blocks = {});
+                                       const std::optional<CompressionOptions>& blocks = {}, int before_step = 0);
 
 // An error when there is nothing to calibrate from: a channel that does not live, units that are
 // plainly wrong, not one whole second at rest.

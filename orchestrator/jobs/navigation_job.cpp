@@ -45,6 +45,8 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
   result.path = calibrated.path;
   result.model = calibrated.file.model;
   result.covariance_source = covariance->source;
+  result.trusted = is_trusted(calibrated.file);
+  result.felt = latitude_of_rests(calibrated.integrator.intervals(), *noise, covariance->covariance);
   const std::vector<MotionInterval>& intervals = calibrated.integrator.intervals();
   std::vector<double> rates;
   double squares = 0.0;

@@ -10,6 +10,7 @@
 #include "orchestrator/jobs/run_attempt.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/jobs/sequence_coverage.h"
+#include "orchestrator/jobs/verification_job.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/station/hooks.h"
@@ -28,11 +29,35 @@ Status check_plan(const Plan& plan) {
                      (more > 0 ? " (and " + std::to_string(more) + " more; see turncal check)" : ""));
 }
 
+Plan plan_of(const PreparedRun& run, const Sequence& sequence, double sample_period_s) {
+  return make_plan(sequence, plan_limits(run.station, sample_period_s));
+}
+
+// What the recording of a verification would say.
+RecordingInfo verified_info(const PreparedRun& run) {
+  RecordingInfo info = planned_info(run);
+  info.unit_serial = run.unit();
+  info.simulated = run.simulated();
+  return info;
+}
+
 // What could not be calibrated at the end is said before anything moves.
 Status check_sequence(const PreparedRun& run, const Plan& plan, const std::string& otherwise) {
   if (Status status = check_plan(plan); !status) return status;
+  if (run.request.verify) {
+    if (run.verified) {
+      if (Status status = check_applicable(*run.verified, run.request.verified, verified_info(run)); !status)
+        return status;
+    }
+    const Segments planned = planned_segments(plan);
+    if (Status s = check_north_seeking(planned, run.verify_from, run.sample_period_s(), run.sequence.file); !s) return s;
+  }
   if (run.request.capture_only || run.request.partial) return {};
-  const std::vector<std::string> keys = undetermined_by(run.sequence, plan, planned_info(run));
+  Sequence calibrating = run.sequence;
+  if (run.verify_from > 0)
+    std::erase_if(calibrating.steps, [&](const Step& step) { return step.number >= run.verify_from; });
+  const std::vector<std::string> keys =
+      undetermined_by(calibrating, plan_of(run, calibrating, run.sample_period_s()), planned_info(run));
   if (keys.empty()) return {};
   return input_error("sequence " + run.sequence.name + " " + coverage_text(keys) + otherwise);
 }
@@ -90,9 +115,7 @@ RunEnd finish_sealed(std::vector<UnitRun>& units, const std::string& folder, con
   return end;
 }
 
-Plan plan_of(const PreparedRun& run, double sample_period_s) {
-  return make_plan(run.sequence, plan_limits(run.station, sample_period_s));
-}
+Plan plan_of(const PreparedRun& run, double sample_period_s) { return plan_of(run, run.sequence, sample_period_s); }
 
 // Whoever had dropped out. late: also those after the last completed dwell, which a run that goes on takes back.
 void mark_dropped(const JournalContents& contents, bool late, std::vector<UnitRun>& units) {

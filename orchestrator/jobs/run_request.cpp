@@ -71,6 +71,32 @@ void turn_by_hand(StationConfig& station) {
       std::max(station.motion.position_tolerance_deg, 1.1 * station.table.manual.tolerance_deg);
 }
 
+// What is to be verified, and the north seeking behind the calibration where there is one.
+Status prepare_verification(PreparedRun& run) {
+  RunRequest& wanted = run.request;
+  if (wanted.verify && wanted.verified.empty() && (wanted.capture_only || wanted.partial))
+    return input_error("--verify: expected neither --capture-only nor --partial: nothing would come of them to verify");
+  wanted.verify = wanted.verify || (run.station.verify_run && !wanted.capture_only && !wanted.partial);
+  if (!wanted.verify) return {};
+  if (wanted.verified.empty()) {
+    Result<Sequence> seeking = parse_sequence(std::string(builtin_verify_text), builtin_verify_name);
+    if (!seeking) return seeking.error();
+    const std::size_t steps = run.sequence.steps.size();
+    append_steps(*seeking, run.sequence);
+    run.verify_from = run.sequence.steps[steps].number;
+    return {};
+  }
+  const std::string given = wanted.verified;
+  const Result<std::string> text = text_of(wanted.verified, "");
+  if (!text) return text.error();
+  Result<ParameterFile> file = read_parameter_file(given);
+  if (!file) return file.error();
+  run.verified = std::move(*file);
+  run.verified_hash = hash_of_text(*text);
+  run.verify_from = run.sequence.steps.front().number;
+  return {};
+}
+
 Status prepare_rig(PreparedRun& run) {
   RunRequest& wanted = run.request;
   const std::string rig_given = wanted.rig.empty() ? run.station.rig_file : wanted.rig;
@@ -159,6 +185,7 @@ Result<PreparedRun> prepare(const RunRequest& request) {
   if (!sequence) return sequence.error();
   run.sequence = std::move(*sequence);
   run.sequence_hash = hash_of_text(*sequence_text);
+  if (Status status = prepare_verification(run); !status) return status.error();
   return run;
 }
 
@@ -172,6 +199,9 @@ JournalFields begin_fields(const PreparedRun& run) {
                           {"capture_only", request.capture_only ? "true" : "false"},
                           {"partial", request.partial ? "true" : ""},
                           {"no_diagnosis", request.no_diagnosis ? "true" : ""},
+                          {"verify", request.verify ? "true" : ""},
+                          {"verified", request.verified},
+                          {"verified_hash", run.verified_hash},
                           {"unit", request.units.front()},
                           {"station", request.station},
                           {"station_hash", run.station_hash},
@@ -197,6 +227,8 @@ RunRequest request_of(const JournalContents& journal) {
   request.capture_only = journal.begin_value("capture_only") == "true";
   request.partial = journal.begin_value("partial") == "true";
   request.no_diagnosis = journal.begin_value("no_diagnosis") == "true";
+  request.verify = journal.begin_value("verify") == "true";
+  request.verified = journal.begin_value("verified");
   request.units = journal.units();
   request.station = journal.begin_value("station");
   request.rig = journal.begin_value("rig");
@@ -214,7 +246,8 @@ Status check_unchanged(const PreparedRun& run, const JournalContents& journal) {
   const std::tuple<const char*, const std::string&, const std::string&> parts[] = {
       {"station", request.station, run.station_hash},
       {"rig", request.rig, run.rig_hash},
-      {"sequence", request.sequence, run.sequence_hash}};
+      {"sequence", request.sequence, run.sequence_hash},
+      {"verified", request.verified, run.verified_hash}};
   for (const auto& [name, path, hash] : parts) {
     if (journal.begin_value(std::string(name) + "_hash") == hash) continue;
     return input_error((path.empty() ? std::string("the built-in ") + name : path) + ": is not the " + name +

@@ -2,10 +2,12 @@
 // station, sequence and rig read and checked, each with the hash of the bytes it was read from.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "calib/types/status.h"
+#include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/records/journal_file.h"
 #include "orchestrator/station/station_config.h"
 #include "sequences/sequence.h"
@@ -18,6 +20,8 @@ struct RunRequest {
   bool manual = false;  // the table is turned by hand, whatever the station says
   bool capture_only = false;
   bool no_diagnosis = false;
+  bool verify = false;   // seek north with the calibration, in the same walk of the table (docs/verification.md)
+  std::string verified;  // the parameter file that is verified; empty: what the run estimates
   std::vector<std::string> units;  // serial numbers, by place on the table
   std::string rig;                 // files, made absolute by prepare(); empty: the built-in one
   std::string sequence;
@@ -41,8 +45,14 @@ struct PreparedRun {
   StationConfig station;
   RigConfig rig;
   Sequence sequence;
-  std::string station_hash, rig_hash, sequence_hash;                 // rig_hash: of a dry run
+  int verify_from = 0;  // number of the step where the north seeking begins; 0: none
+  std::optional<ParameterFile> verified;
+  std::string station_hash, rig_hash, sequence_hash, verified_hash;  // rig_hash: of a dry run
   const std::string& unit() const { return request.units.front(); }  // of a run of one
+  // The step where what is calibrated from ends; 0: with the recording.
+  int calibration_ends_before() const { return request.capture_only ? 0 : verify_from; }
+  // It has no outcome but the recording.
+  bool only_captures() const { return request.capture_only && !request.verify; }
   bool simulated() const { return request.dry_run || station.simulated(); }
   double sample_period_s() const { return request.dry_run ? rig.sample_period_s : station.imu->frame.sample_period_s; }
 };

@@ -15,6 +15,7 @@
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/jobs/verification_job.h"
 #include "orchestrator/report/result_table.h"
 #include "orchestrator/watch/progress.h"
 #include "turntable_drivers/rig/rig.h"
@@ -94,6 +95,28 @@ Result<Finding> diagnose_unit(const PreparedRun& run, const std::string& folder,
   return Finding{to_string(diagnosis.verdict), finding_of(diagnosis)};
 }
 
+// North sought with what was estimated, or with the file that was given. Its verdict becomes part of the unit's.
+Status verify_unit(const PreparedRun& run, const std::string& folder, const LoadedRecording& recording,
+                   RunResults& results) {
+  if (!run.request.verify) return {};
+  const bool own = results.output.has_value();
+  const bool sealed = path_exists(recording.path);
+  Result<VerificationReport> report =
+      verify_recording({.recording = sealed ? recording.path : folder + "/" + partial_recording_name,
+                        .parameters = own ? parameters_name : run.request.verified,
+                        .file = own ? results.output->file : *run.verified,
+                        .limits = run.station.limits,
+                        .first_step = run.verify_from});
+  if (!report && !own) return Error{ErrorKind::unit_failed, report.error().message};
+  if (!report) {  // what was calibrated is kept
+    judge_verification(UnitVerdict::fail, report.error().message, results.verdict);
+    return {};
+  }
+  judge_verification(report->verdict, verification_words(*report), results.verdict);
+  results.verification = std::move(*report);
+  return stored(write_file_atomically(folder + "/" + verification_name, format_verification(*results.verification)));
+}
+
 // The file the unit is to load, judged.
 void choose_file(const PreparedRun& run, const RunCounts& counts, const Finding& finding, RunResults& results) {
   CalibrationOutput& output = *results.output;
@@ -112,7 +135,6 @@ void choose_file(const PreparedRun& run, const RunCounts& counts, const Finding&
   }
   judge_diagnosis(finding.diagnosis, finding.text, run.station.diagnosis, results.verdict);
   if (finding.diagnosis == "not_made" && !run.request.partial) judge_trust(output.distrust, results.verdict);
-  add_verdict(results.verdict, output.file);
 }
 
 Status write_truth(const PreparedRun& run, const std::string& folder, const RunResults& results) {
@@ -180,12 +202,18 @@ Status write_results(const PreparedRun& run, const std::string& folder, const Lo
     const Result<Finding> finding = diagnose_unit(run, folder, recording, results);
     if (!finding) return stored(finding.error());
     choose_file(run, counts, *finding, results);
+    if (Status status = verify_unit(run, folder, recording, results); !status) return status;
+    add_verdict(results.verdict, results.output->file);
     if (Status status = keep_results(run, folder, counts, journal, mark, results); !status) return stored(status);
+  }
+  if (!results.output) {
+    if (Status status = verify_unit(run, folder, recording, results); !status) return status;
   }
   const VerdictReport& verdict = results.verdict;
   return journal.append(JournalType::verdict, marked({{"result", std::string(to_string(verdict.verdict))},
                                                       {"rule", verdict.rule},
                                                       {"diagnosis", verdict.diagnosis},
+                                                      {"verification", verdict.verification},
                                                       {"reason", verdict.reason}},
                                                      mark));
 }
@@ -230,6 +258,11 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
         << (verdict.rule.empty() ? "" : "  (" + verdict.rule + ")") << '\n';
     out << "parameters  " << path(parameters_name) << '\n';
     if (results.diagnosis) out << "report      " << path(diagnosis_folder) << '/' << report_name << '\n';
+  }
+  if (results.verification) {
+    out << '\n';
+    print_verification(*results.verification, out);
+    out << "verification  " << path(verification_name) << '\n';
   }
   if (run.request.dry_run) out << "truth       " << path(truth_name) << '\n';
   out << "recording   " << path(binary_recording_name) << '\n' << "log         " << log << '\n';

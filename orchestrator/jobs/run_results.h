@@ -1,6 +1,6 @@
 // From a sealed recording to what a run leaves behind, in the order in which it becomes durable:
 //
-//   truth.conf (dry run) -> diagnosis/ -> parameters.conf -> journal `results` -> database -> parameter store -> journal `verdict`
+//   truth.conf (dry run) -> diagnosis/ -> verification.conf -> parameters.conf -> journal `results` -> database -> parameter store -> journal `verdict`
 //
 // Only then is a verdict printed. What cannot be written is a fault of the storage (kind device), whatever the reason. Every step can be done again: a run that was interrupted in between repeats them all with the
 // same bytes.
@@ -14,12 +14,14 @@
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/jobs/run_request.h"
+#include "orchestrator/report/verification_report.h"
 #include "orchestrator/station/verdict.h"
 
 namespace turncal {
 
 inline constexpr const char* parameters_name = "parameters.conf";
 inline constexpr const char* truth_name = "truth.conf";
+inline constexpr const char* verification_name = "verification.conf";
 inline constexpr const char* diagnosis_folder = "diagnosis";
 // Before every line that a dry run prints or logs, so that none passes for a real one.
 inline constexpr std::string_view dry_run_tag = "[dry run] ";
@@ -38,6 +40,7 @@ struct RunCounts {
 struct RunResults {
   std::optional<CalibrationOutput> output;   // empty: only captured
   std::optional<DiagnosisOutput> diagnosis;  // empty: not made
+  std::optional<VerificationReport> verification;  // empty: not asked for
   VerdictReport verdict;
 };
 

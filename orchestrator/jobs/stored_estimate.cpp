@@ -62,6 +62,10 @@ Result<NoiseModel> stored_noise(const ParameterFile& file, const std::string& fi
 
 Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std::string& file_name) {
   StoredCovariance stored;
+  if (!file.effects.empty()) {
+    stored.source = "effects";
+    return stored;
+  }
   ParameterVector sigma = ParameterVector::Zero();
   for (int k = 0; k < parameter_count; ++k) sigma[k] = file.sigma[static_cast<std::size_t>(k)].value_or(0.0);
   if (sigma.any()) {

@@ -12,9 +12,12 @@ Result<NoiseModel> stored_noise(const ParameterFile& file, const std::string& fi
 
 // Correlations of the `quality.covariance.` keys with the standard deviations `sigma.` (they can be wider than the covariance, where
 // the fit is not trusted); without those keys the standard deviations alone, and zero where there is none.
+//
+// A file with effects gives none: its sigmas are those of parameters and effects together, and without their correlations a bias and its
+// own drift would count as two errors that never cancel.
 struct StoredCovariance {
   ParameterCovariance covariance = ParameterCovariance::Zero();
-  const char* source = "none";  // covariance, sigmas or none
+  const char* source = "none";  // covariance, sigmas, none or effects
 };
 Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std::string& file_name);
 

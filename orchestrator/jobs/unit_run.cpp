@@ -90,7 +90,7 @@ std::string outcome_of(const UnitRun& unit) {
   const bool measured = unit.counts.recorded_s > 0.0;
   if (unit.dropped) return unit.status.error().kind == ErrorKind::input && !measured ? "refused" : "dropped";
   if (unit.status)
-    return unit.run.request.capture_only ? "captured" : std::string(to_string(unit.results.verdict.verdict));
+    return unit.run.only_captures() ? "captured" : std::string(to_string(unit.results.verdict.verdict));
   const ErrorKind kind = unit.status.error().kind;
   if (kind == ErrorKind::unit_failed && !is_accepted(unit.results.verdict.verdict))
     return std::string(to_string(unit.results.verdict.verdict));
@@ -137,7 +137,7 @@ Result<std::vector<std::string>> read_recordings(std::vector<UnitRun>& units) {
   for (UnitRun& unit : units) {
     hashes.emplace_back();
     if (unit.dropped) continue;
-    Result<LoadedRecording> loaded = load_recording(partial_of(unit));
+    Result<LoadedRecording> loaded = load_recording(partial_of(unit), {}, {}, unit.run.calibration_ends_before());
     if (!loaded) return loaded.error();
     if (loaded->damage.lost_data()) return damaged(*loaded);
     loaded->damage = {};  // the end mark is still to come
@@ -155,7 +155,7 @@ Status verify_recordings(std::vector<UnitRun>& units, const JournalContents& con
     if (!contents.seal_utc_s || !contents.last_dwell) {
       return input_error(unit.folder + ": the recording is complete, but the journal knows nothing of it");
     }
-    Result<LoadedRecording> loaded = load_recording(recording_of(unit));
+    Result<LoadedRecording> loaded = load_recording(recording_of(unit), {}, {}, unit.run.calibration_ends_before());
     if (!loaded) return device_error(loaded.error().message + " (the recording was whole when it was sealed)");
     const RecordingInfo& info = loaded->data.info;
     if (info.simulated != unit.run.simulated() || info.unit_serial != unit.run.unit()) {
@@ -173,7 +173,7 @@ Status verify_recordings(std::vector<UnitRun>& units, const JournalContents& con
     unit.counts.lost_samples = contents.last_dwell->units[i].lost_samples;
     unit.counts.sessions = contents.sessions + 1;
     unit.counts.clock = i < contents.clocks.size() ? contents.clocks[i] : std::nullopt;
-    unit.counts.recorded_s = static_cast<double>(loaded->data.segments.back().end_sample) * info.sample_period_s;
+    unit.counts.recorded_s = loaded->recorded_s;
     unit.recording = std::move(*loaded);
   }
   return {};

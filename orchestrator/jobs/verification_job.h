@@ -5,6 +5,7 @@
 #include <string>
 
 #include "calib/types/status.h"
+#include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/report/verification_report.h"
 
 namespace turncal {
@@ -12,11 +13,17 @@ namespace turncal {
 // What the recording does not say: the calibration, and the limits of the station.
 struct VerificationRequest {
   std::string recording;
-  std::string parameters;
+  std::string parameters;  // how the file is called
+  ParameterFile file;
   VerdictLimits limits;
+  int first_step = 0;  // of the north seeking; what a calibration before it recorded is left alone
 };
-// Errors: kind input for files that cannot be used, recordings without searches or alignments, turned units that are not level
-// (roll or pitch of the table other than 0), and alignments shorter than alignment.h asks for.
+
+// What a north seeking needs, of a plan as of a recording of one: at least one search, two alignments that count in each position, the
+// table at pitch and roll 0, and each of them as long as alignment.h asks for. `where` begins the message.
+Status check_north_seeking(const Segments& segments, int first_step, double sample_period_s, const std::string& where);
+
+// Errors: kind input for files that cannot be used, and check_north_seeking.
 Result<VerificationReport> verify_recording(const VerificationRequest& request);
 
 // Wang (2020), 4.3: heading better than 0.009 deg, roll and pitch better than 0.06 deg.

@@ -19,6 +19,7 @@ CREATE TABLE IF NOT EXISTS calibration(
   station TEXT, operator TEXT, part TEXT, revision TEXT, ambient TEXT, configuration_hash TEXT, sequence TEXT,
   sequence_hash TEXT, table_id TEXT, table_calibration_due TEXT, overdue_reason TEXT, repeated_dwells TEXT,
   lost_samples TEXT, parameter_file TEXT NOT NULL, model TEXT, diagnosis TEXT, reason TEXT,
+  verification TEXT,
   UNIQUE(unit, recording_hash, method));
 CREATE TABLE IF NOT EXISTS value(
   calibration INTEGER NOT NULL REFERENCES calibration(id) ON DELETE CASCADE, key TEXT NOT NULL, value REAL NOT NULL,
@@ -143,11 +144,10 @@ Result<ResultsDatabase> ResultsDatabase::open(const std::string& path) {
   for (const char* sql : {"PRAGMA synchronous = EXTRA", "PRAGMA foreign_keys = ON", schema}) {
     if (Status status = database.execute(sql); !status) return status.error();
   }
-  if (!Statement(handle, "SELECT model FROM calibration")) {  // made before these columns were
-    for (const char* column : {"model", "diagnosis", "reason"}) {
-      const std::string sql = std::string("ALTER TABLE calibration ADD COLUMN ") + column + " TEXT";
-      if (Status status = database.execute(sql.c_str()); !status) return status.error();
-    }
+  for (const std::string column : {"model", "diagnosis", "reason", "verification"}) {
+    if (Statement(handle, "SELECT " + column + " FROM calibration")) continue;  // made before this column was
+    const std::string sql = "ALTER TABLE calibration ADD COLUMN " + column + " TEXT";
+    if (Status status = database.execute(sql.c_str()); !status) return status.error();
   }
   return database;
 }
@@ -189,8 +189,8 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
   };
   std::string sql =
       "INSERT OR REPLACE INTO calibration(unit, time_utc, method, recording_hash, software_version, simulated, "
-      "verdict, rule, sessions, folder, parameter_file, model, diagnosis, reason";
-  std::string places = "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?";
+      "verdict, rule, sessions, folder, parameter_file, model, diagnosis, reason, verification";
+  std::string places = "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?";
   for (const char* column : record_columns) {
     sql += std::string(", ") + column;
     places += ", ?";
@@ -204,7 +204,7 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
       .bind(file.software_version);
   insert.bind(std::int64_t{file.simulated}).bind(std::string(to_string(verdict.verdict))).bind(verdict.rule);
   insert.bind(std::int64_t{sessions}).bind(std::filesystem::absolute(folder).lexically_normal().string()).bind(*text);
-  insert.bind(file.model).bind(verdict.diagnosis).bind(verdict.reason);
+  insert.bind(file.model).bind(verdict.diagnosis).bind(verdict.reason).bind(verdict.verification);
   for (const char* column : record_columns) insert.bind(record_value(file, column));
   if (!insert.done()) return undo(failure("cannot write"));
   const std::int64_t id = sqlite3_last_insert_rowid(handle_.get());

@@ -8,6 +8,7 @@
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/drawing.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/report/verification_report.h"
 
 namespace turncal {
 namespace {
@@ -26,7 +27,7 @@ void describe_branch(const std::string& prefix, const NavigatedBranch& branch, s
   line(prefix + "heading_deg", angles.heading_rad / rad_per_deg, text);
   line(prefix + "pitch_deg", angles.pitch_rad / rad_per_deg, text);
   line(prefix + "roll_deg", angles.roll_rad / rad_per_deg, text);
-  line(prefix + "sigma.heading_deg", n.align_sigma_rad[1] / rad_per_deg, text);
+  line(prefix + "sigma.heading_deg", n.heading_sigma_rad / rad_per_deg, text);
   line(prefix + "free_s", n.free_s, text);
   line(prefix + "north_m", end.moved_m[0], text);
   line(prefix + "east_m", end.moved_m[1], text);
@@ -81,6 +82,9 @@ std::string format_navigation(const NavigationReport& report) {
   for (const NavigatedFile& file : report.files) {
     line(file.prefix + "parameters", file.path, text);
     line(file.prefix + "model", file.model, text);
+    line(file.prefix + "trusted", std::string(file.trusted ? "true" : "false"), text);
+    line(file.prefix + "felt_latitude_deg", file.felt.latitude_rad / rad_per_deg, text);
+    line(file.prefix + "felt_latitude_sigma_deg", file.felt.sigma_rad / rad_per_deg, text);
     describe_drift(file.prefix + "drift.", file.drift, text);
     line(file.prefix + "velocity_rms_mps", file.velocity_rms_mps, text);
     line(file.prefix + "expected.from", file.covariance_source, text);
@@ -162,7 +166,7 @@ void print_navigation(const NavigationReport& report, std::ostream& out) {
       const Eigen::Vector2d end = n.track.back().moved_m;
       std::snprintf(text, sizeof text, "  %6zu  %14.1f  %8.3f +- %.3f  %7.0f  %10.0f  %10.0f  %6.3f\n", k + 1,
                     branch.start_s, angles_of(n.aligned.q_nb).heading_rad / rad_per_deg,
-                    n.align_sigma_rad[1] / rad_per_deg, n.free_s, end[0], end[1], n.nm_per_h);
+                    n.heading_sigma_rad / rad_per_deg, n.free_s, end[0], end[1], n.nm_per_h);
       out << text;
     }
     std::snprintf(text, sizeof text, "  drift     rms %.3f, CEP %.3f, R95 %.3f nm/h; velocity rms %.3f m/s\n",
@@ -171,8 +175,14 @@ void print_navigation(const NavigationReport& report, std::ostream& out) {
     std::snprintf(text, sizeof text,
                   "  expected  rms %.3f, CEP %.3f, R95 %.3f nm/h at the end of the first branch, from noise%s\n",
                   file.expected.rms_nm_per_h, file.expected.cep_nm_per_h, file.expected.r95_nm_per_h,
-                  file.covariance_source == "none" ? " alone" : " and parameters");
+                  file.covariance_source == "none"      ? " alone"
+                  : file.covariance_source == "effects" ? " alone (the file has effects)"
+                                                        : " and parameters");
     out << text;
+    if (file.felt.speaks_against(report.info.latitude_deg * rad_per_deg))
+      out << "  LATITUDE  " << latitude_words(file.felt, report.info.latitude_deg)
+          << ": one of the two, or the calibration, is wrong\n";
+    if (!file.trusted) out << "  " << not_trusted_words << "\n";
   }
 }
 

@@ -22,6 +22,8 @@ struct NavigatedFile {  // one parameter file
   std::string path;
   std::string model;
   std::string covariance_source;
+  bool trusted = true;  // as the file says of itself
+  RestLatitude felt;
   std::vector<NavigatedBranch> branches;
   DriftOverRuns drift;
   DriftOverRuns expected;  // of the end of the first branch

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "calib/model/parameters.h"
 #include "imu_io/base/format_number.h"
 
 namespace turncal {
@@ -13,6 +14,11 @@ void add_key(const std::string& key, const std::string& value, std::string& text
   text += key + " = " + value + "\n";
 }
 void add_key(const std::string& key, double value, std::string& text) { add_key(key, format_number(value), text); }
+
+void add_figure(const std::string& key, const NorthFigure& figure, std::string& text) {
+  add_key(key + "_deg", figure.value_deg, text);
+  add_key(key + "_sigma_deg", figure.sigma_deg, text);
+}
 
 [[gnu::format(printf, 2, 3)]] void print_text(std::ostream& out, const char* format, ...) {
   char text[240];
@@ -25,6 +31,13 @@ void add_key(const std::string& key, double value, std::string& text) { add_key(
 
 }  // namespace
 
+std::string latitude_words(const RestLatitude& felt, double of_recording_deg) {
+  char text[120];
+  std::snprintf(text, sizeof text, "%.3f +- %.3f deg felt, the recording says %.4f", felt.latitude_rad / rad_per_deg,
+                felt.sigma_rad / rad_per_deg, of_recording_deg);
+  return text;
+}
+
 std::string format_verification(const VerificationReport& report) {
   std::string text = report.info.simulated ? "# Simulated data: a dry run, or a twin.\n" : "";
   add_key("format", 1.0, text);
@@ -32,6 +45,7 @@ std::string format_verification(const VerificationReport& report) {
   add_key("simulated", report.info.simulated ? "true" : "false", text);
   add_key("recording_hash", report.recording_hash, text);
   add_key("parameters", report.parameters, text);
+  add_key("trusted", report.trusted ? "true" : "false", text);
   add_key("align_s", report.align_s, text);
   add_key("zero_deg", report.found.zero_deg, text);
   for (std::size_t p = 0; p < report.found.positions.size(); ++p) {
@@ -49,17 +63,33 @@ std::string format_verification(const VerificationReport& report) {
       add_key(prefix + "sigma." + name, position.noise_sigma_deg[a], text);
     }
   }
+  for (std::size_t a = 0; a < 3; ++a)
+    add_figure(std::string("deviation.") + north_angle_names[a], report.found.deviation[a], text);
+  add_figure("mean.heading", report.found.mean_heading, text);
   add_key("worst.heading_error_deg", report.found.worst_heading_error_deg, text);
-  add_key("worst.heading_sigma_deg", report.found.worst_heading.total_sigma_deg[0], text);
-  add_key("worst.roll_deviation_deg", report.found.worst_level_deviation_deg[0], text);
-  add_key("worst.pitch_deviation_deg", report.found.worst_level_deviation_deg[1], text);
+  add_key("felt_latitude_deg", report.felt.latitude_rad / rad_per_deg, text);
+  add_key("felt_latitude_sigma_deg", report.felt.sigma_rad / rad_per_deg, text);
   add_key("limit.heading_deg", report.heading_limit_deg, text);
   add_key("limit.level_deg", report.level_limit_deg, text);
   add_key("limit.guard_factor", report.guard_factor, text);
+  add_key("false_fail", report.false_fail, text);
   add_key("verdict.heading", std::string(to_string(report.heading)), text);
   add_key("verdict.level", std::string(to_string(report.level)), text);
+  add_key("verdict.latitude", std::string(to_string(report.latitude)), text);
   add_key("verdict.result", std::string(to_string(report.verdict)), text);
   return text;
+}
+
+std::string verification_words(const VerificationReport& report) {
+  char text[200];
+  std::snprintf(text, sizeof text, "heading %.4f deg (mean %.4f) of %g, roll %.5f and pitch %.5f of %g",
+                report.found.deviation[0].value_deg, report.found.mean_heading.value_deg, report.heading_limit_deg,
+                report.found.deviation[1].value_deg, report.found.deviation[2].value_deg, report.level_limit_deg);
+  std::string words = text;
+  if (report.latitude == UnitVerdict::fail)
+    words += "; latitude " + latitude_words(report.felt, report.info.latitude_deg);
+  if (!report.trusted) words += "; parameters not trusted";
+  return words;
 }
 
 void print_verification(const VerificationReport& report, std::ostream& out) {
@@ -77,12 +107,19 @@ void print_verification(const VerificationReport& report, std::ostream& out) {
       print_text(out, "  %-15s %12.6f %12.6f %12.6f\n", name, (*values)[0], (*values)[1], (*values)[2]);
     out << "\n";
   }
-  print_text(out, "heading  worst reading %+.6f deg from the table, sigma %.6f; limit %g: %s\n",
-             report.found.worst_heading_error_deg, report.found.worst_heading.total_sigma_deg[0],
-             report.heading_limit_deg, std::string(to_string(report.heading)).c_str());
+  const NorthSeeking& found = report.found;
+  print_text(out,
+             "heading  largest deviation %.6f +- %.6f, means off the table by %.6f +- %.6f deg (rms); limit %g: %s\n",
+             found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
+             found.mean_heading.sigma_deg, report.heading_limit_deg, std::string(to_string(report.heading)).c_str());
   print_text(out, "level    largest deviation of roll %.6f, of pitch %.6f deg; limit %g: %s\n",
-             report.found.worst_level_deviation_deg[0], report.found.worst_level_deviation_deg[1],
-             report.level_limit_deg, std::string(to_string(report.level)).c_str());
+             found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
+             std::string(to_string(report.level)).c_str());
+  out << "latitude " << latitude_words(report.felt, report.info.latitude_deg) << ": " << to_string(report.latitude)
+      << "\n";
+  print_text(out, "         a unit with nothing but this noise is above a limit in %.1f of 100 verifications\n",
+             100.0 * report.false_fail);
+  if (!report.trusted) out << not_trusted_words << "\n";
   out << "verdict  " << to_string(report.verdict) << "\n";
 }
 

@@ -4,6 +4,7 @@
 #include <ostream>
 #include <string>
 
+#include "calib/navigation/alignment.h"
 #include "calib/navigation/north_seeking.h"
 #include "calib/types/recording_types.h"
 #include "orchestrator/station/verdict.h"
@@ -14,14 +15,23 @@ struct VerificationReport {
   RecordingInfo info;
   std::string recording_hash;
   std::string parameters;  // file
+  bool trusted = true;     // as the file says of itself
   double align_s = 0.0;    // of the shortest alignment
   NorthSeeking found;
+  RestLatitude felt;
+  double false_fail = 0.0;  // chance that a good unit fails
   double heading_limit_deg = 0.0, level_limit_deg = 0.0, guard_factor = 1.0;
   UnitVerdict heading = UnitVerdict::not_judged, level = UnitVerdict::not_judged;
-  UnitVerdict verdict = UnitVerdict::not_judged;  // the worse of the two
+  UnitVerdict latitude = UnitVerdict::not_judged;
+  // The worst of them; not better than hold for parameters that are not trusted.
+  UnitVerdict verdict = UnitVerdict::not_judged;
 };
 
 std::string format_verification(const VerificationReport& report);
+// The figures and their limits, for a verdict's reason.
+std::string verification_words(const VerificationReport& report);
+std::string latitude_words(const RestLatitude& felt, double of_recording_deg);
+inline constexpr const char* not_trusted_words = "NOT TRUSTED: the parameter file says that its sigmas cannot be believed";
 void print_verification(const VerificationReport& report, std::ostream& out);
 
 struct ReferenceReport {

@@ -249,6 +249,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   keys.text("hook.needs_operator", station.hooks.needs_operator);
   keys.text("hook.mount", station.hooks.mount);
   keys.number("hook.mount_time_s", station.hooks.mount_time_s, between(1.0, 86400.0));
+  keys.flag("verify.run", station.verify_run);
   keys.text("table.id", station.table_id);
   keys.text("table.calibration_due", station.table_calibration_due);
   if (!station.table_calibration_due.empty() && !is_date(station.table_calibration_due)) {

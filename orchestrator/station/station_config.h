@@ -85,7 +85,8 @@ struct StationConfig {
   HookCommands hooks;
   VerdictLimits limits;
   DiagnosisPolicy diagnosis;
-  std::string table_id;  // for the record; empty: not given
+  bool verify_run = false;  // every calibration is followed by a north seeking (docs/verification.md)
+  std::string table_id;     // for the record; empty: not given
   std::string
       table_calibration_due;  // "2026-12-31"; a run after that day is refused unless overridden; empty: not given
   std::string database;       // results (results_database.h); empty: none; relative to the station file's folder

@@ -129,6 +129,13 @@ void judge_trust(const std::string& distrust, VerdictReport& report) {
   report.verdict = std::max(report.verdict, UnitVerdict::hold);
 }
 
+void judge_verification(UnitVerdict found, const std::string& figures, VerdictReport& report) {
+  report.verification = std::string(to_string(found)) + ": " + figures;
+  report.verdict = std::max(report.verdict, found);
+  if (found != UnitVerdict::pass)
+    report.reason += (report.reason.empty() ? "" : "; ") + ("verification " + report.verification);
+}
+
 void add_verdict(const VerdictReport& report, ParameterFile& file) {
   const auto add = [&file](const std::string& key, const std::string& value) {
     if (find_further(file, key) == nullptr && is_plain_text(value)) file.add_further(key, value);
@@ -138,6 +145,7 @@ void add_verdict(const VerdictReport& report, ParameterFile& file) {
   add("verdict.reason", report.reason);
   add("verdict.diagnosis", report.diagnosis);
   add("verdict.rule", report.rule);
+  add("verdict.verification", report.verification);
   for (const JudgedValue& judged : report.values) {
     add("verdict." + judged.key, std::string(to_string(judged.verdict)) + ", limits " + number(judged.limit.min) +
                                      " .. " + number(judged.limit.max) + ", guard band " +

@@ -65,6 +65,7 @@ struct VerdictReport {
   std::string rule;
   std::string reason;                  // one line: why it is not a plain pass
   std::string diagnosis = "not_made";  // the word of diagnosis.conf
+  std::string verification;            // of a north seeking: its verdict and figures; empty: not made
   std::vector<JudgedValue> values;     // those with a limit
 };
 
@@ -89,6 +90,8 @@ void judge_diagnosis(const std::string& diagnosis, const std::string& finding, c
                      VerdictReport& report);
 // A file whose sigmas cannot be believed is held, whatever they say; `distrust` is why, empty where they can be.
 void judge_trust(const std::string& distrust, VerdictReport& report);
+// Takes a north seeking into the verdict; `figures`: what was found and the limits, in a few words.
+void judge_verification(UnitVerdict found, const std::string& figures, VerdictReport& report);
 void add_verdict(const VerdictReport& report, ParameterFile& file);
 // "FAIL: N01 = 0.021, limits -0.01 .. 0.01, guard band 0.002 (fail)": one line a value that does not plainly pass.
 std::vector<std::string> describe(const VerdictReport& report);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 #include "calib/navigation/north_seeking.h"
 
@@ -73,8 +74,11 @@ TEST(NavigationNorth, TableTwoOfThePaper) {
     }
   }
   EXPECT_NEAR(found.worst_heading_error_deg, -0.010653, 1e-12);
-  EXPECT_NEAR(found.worst_level_deviation_deg[0], 0.000716, 6e-7);
-  EXPECT_NEAR(found.worst_level_deviation_deg[1], 0.000593, 6e-7);
+  EXPECT_NEAR(found.deviation[0].value_deg, 0.0092159, 6e-7);
+  EXPECT_NEAR(found.deviation[1].value_deg, 0.000716, 6e-7);
+  EXPECT_NEAR(found.deviation[2].value_deg, 0.000593, 6e-7);
+  // Of the printed means: sqrt((0.000902^2 + 0.00496^2 + 0.0003^2 + 0.0056^2) / 4).
+  EXPECT_NEAR(found.mean_heading.value_deg, 0.00377, 3e-5);
 }
 
 TEST(NavigationNorth, TheTablesZeroIsTheMeanOfTheSearches) {
@@ -85,17 +89,56 @@ TEST(NavigationNorth, TheTablesZeroIsTheMeanOfTheSearches) {
     reading.angle_deg = {heading, 0.001, 0.002};
     return reading;
   };
-  const NorthSeeking across = seek_north(std::vector{at(0.0, 359.99), at(0.0, 0.03)}, std::vector{at(0.0, 359.995)});
+  const NorthSeeking across =
+      seek_north(std::vector{at(0.0, 359.99), at(0.0, 0.03)}, std::vector{at(0.0, 359.995), at(0.0, 0.005)});
   EXPECT_NEAR(across.zero_deg, 0.01, 1e-12);
-  EXPECT_NEAR(across.positions[0].mean_deg[0], -0.015, 1e-12);
-  EXPECT_EQ(across.positions[0].deviation_deg[0], 0.0);
-  const NorthSeeking turned = seek_north(std::vector{at(0.0, 40.01), at(0.0, 40.03)},
-                                         std::vector{at(0.0, 40.02), at(0.0, 40.024), at(270.0, 310.021)});
+  EXPECT_NEAR(across.positions[0].mean_deg[0], -0.01, 1e-12);
+  EXPECT_NEAR(across.mean_heading.value_deg, 0.01, 1e-12);
+  const NorthSeeking turned =
+      seek_north(std::vector{at(0.0, 40.01), at(0.0, 40.03)},
+                 std::vector{at(0.0, 40.02), at(0.0, 40.024), at(270.0, 310.021), at(270.0, 310.021)});
   EXPECT_NEAR(turned.zero_deg, 40.02, 1e-12);
   ASSERT_EQ(turned.positions.size(), 2u);
   EXPECT_NEAR(turned.positions[0].mean_deg[0], 0.002, 1e-12);
   EXPECT_NEAR(turned.positions[1].mean_deg[0], 270.001, 1e-10);
   EXPECT_NEAR(turned.worst_heading_error_deg, 0.004, 1e-10);
+}
+
+// 20 000 north seekings of units in which there is nothing but noise: as often above the limits as is said beforehand, and sigma is that
+// of the figures. The heading's sigma is 0.0054 deg (docs/verification.md), that of the level at the edge.
+TEST(NavigationNorth, GoodUnitsFailAsOftenAsIsSaid) {
+  constexpr double heading_sigma = 0.0054, level_sigma = 0.006, limit = 0.012;
+  constexpr int runs = 20'000;
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> normal;
+  const auto reading = [&](double table) {
+    NorthReading made;
+    made.table_deg = table;
+    made.noise_sigma_deg = made.total_sigma_deg = {heading_sigma, level_sigma, level_sigma};
+    for (std::size_t a = 0; a < 3; ++a) made.angle_deg[a] = made.noise_sigma_deg[a] * normal(random);
+    made.angle_deg[0] += table;
+    return made;
+  };
+  int failed = 0, of_heading = 0;
+  double squares = 0.0, said = 0.0, sigma = 0.0;
+  for (int run = 0; run < runs; ++run) {
+    const std::vector<NorthReading> searches = {reading(0.0), reading(0.0)};
+    std::vector<NorthReading> readings;
+    for (int k = 0; k < 16; ++k) readings.push_back(reading(90.0 * (k / 4)));
+    const NorthSeeking found = seek_north(searches, readings);
+    const bool heading = found.deviation[0].value_deg > limit || found.mean_heading.value_deg > limit;
+    of_heading += heading ? 1 : 0;
+    failed += heading || found.deviation[1].value_deg > limit || found.deviation[2].value_deg > limit ? 1 : 0;
+    squares += found.mean_heading.value_deg * found.mean_heading.value_deg;
+    said = false_fail_probability(found, limit, limit);
+    sigma = found.mean_heading.sigma_deg;
+  }
+  const double share = static_cast<double>(failed) / runs;
+  const double scatter = std::sqrt(share * (1.0 - share) / runs);
+  EXPECT_NEAR(said, share,
+              4.0 * scatter + 0.1 * share);  // the tenth: what the two means leave of independence and of Satterthwaite
+  EXPECT_LT(static_cast<double>(of_heading) / runs, 0.03);
+  EXPECT_NEAR(std::sqrt(squares / runs) / sigma, 1.0, 0.02);
 }
 
 TEST(NavigationNorth, TableThreeOfThePaper) {

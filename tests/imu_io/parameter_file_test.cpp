@@ -254,6 +254,7 @@ TEST(ParameterFile, AppliesOnlyToItsUnit) {
           "'gyro_increment' = 'pulses': expected rad");
   refused([](RecordingInfo& i) { i.accel_increment = IncrementKind::physical; },
           "'accel_increment' = 'pulses': expected mps");
+  refused([](RecordingInfo& i) { i.sample_period_s = 0.0025; }, "'sample_period_s' = '0.005': expected 0.0025");
   refused([](RecordingInfo& i) { i.accel_pulse_mps = 0.001; }, "'accel_pulse_mps' = '0.0005': expected 0.001");
   ParameterFile simulated = file;
   simulated.simulated = true;

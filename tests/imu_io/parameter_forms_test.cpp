@@ -92,6 +92,15 @@ TEST(ParameterForms, ACProgramReadsTheHeader) {
   EXPECT_EQ(trusted, 0);
 }
 
+// A serial number with all that a quote could trip over stays what it is.
+TEST(ParameterForms, TextsAreNotAltered) {
+  ParameterFile file = make_file();
+  file.unit_serial = "it's \"7\\8\"?\?/";
+  EXPECT_NE(format_parameter_yaml(file).find("\nunit_serial: 'it''s \"7\\8\"?\?/'\n"), std::string::npos);
+  EXPECT_NE(format_parameter_header(file).find("= \"it's \\0427\\1348\\042\\077\\077/\";"), std::string::npos)
+      << format_parameter_header(file);
+}
+
 TEST(ParameterForms, YamlHasEveryParameter) {
   const ParameterFile file = make_file();
   const std::string yaml = format_parameter_yaml(file);

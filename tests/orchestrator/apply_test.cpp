@@ -5,46 +5,22 @@
 #include <sstream>
 #include <vector>
 
-#include "imu_io/base/key_value.h"
-#include "imu_io/recordings/parameter_file.h"
-#include "imu_io/recordings/recording_source.h"
-#include "tests/orchestrator/program.h"
+#include "tests/orchestrator/rig_unit.h"
 
 namespace turncal {
 namespace {
 
-class Apply : public Program {};
+class Apply : public RigUnit {};
 
 // With the effect in the file, what is left in the calibrated increments is the effect-free unit: the x accelerometer up and
 // down reads g both ways. Without it the two differ by twice the square term.
 TEST_F(Apply, TakesEffectsOff) {
-  write("k2.rig",
-        "effect.accel_second_order.x = 200\nnoise.gyro_random_walk_deg_per_rt_h = 0\n"
-        "noise.accel_random_walk_ug_per_rt_hz = 0\nnoise.gyro_bias_instability_degph = 0\n"
-        "noise.accel_bias_instability_ug = 0\ntable_error.random_arcmin = 0\n");
-  write("up.seq",
-        "format = 1\nname = up\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 90 R 0\n"
-        "  align 4000\n  rotate P -180\n  dwell 4000\n");
-  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN7", "--out", "k2", "--capture-only", "--rig", path("k2.rig"),
-                 "--sequence", path("up.seq")})
-                .code,
-            0);
-  KeyValueFile truth = *KeyValueFile::parse(file_text(folder_ / "k2/truth.conf"), "truth.conf");
-  ParameterFile file;
-  ASSERT_TRUE(RecordingSource::open(path("k2")).ok());
-  describe_recording((*RecordingSource::open(path("k2")))->info(), file);
-  for (std::size_t k = 0; k < parameter_keys.size(); ++k)
-    file.parameters[static_cast<Eigen::Index>(k)] = truth.number(parameter_keys[k]);
-  file.model = "base";
-  file.method = "joint";
-  file.simulated = true;
-  file.recording_hash = std::string(32, '0');
-  file.software_version = "test";
-  file.time_utc = "2026-01-31T12:00:00Z";
+  record("k2", std::string(without_noise) + "effect.accel_second_order.x = 200\n",
+         "step 1\n  initial H 0 P 90 R 0\n  align 4000\n  rotate P -180\n  dwell 4000\n");
+  ParameterFile file = truth_of("k2");
   // Mean of x over the last seconds of both dwells: (up + down) / 2 g, in ug.
   const auto asymmetry_ug = [&](const std::string& name) {
-    const Status written = write_parameter_file(file, path(name + ".conf"));
-    EXPECT_TRUE(written.ok()) << written.error().message;
+    keep(file, name + ".conf");
     const ProgramResult applied = run({"apply", "k2", "--parameters", path(name + ".conf"), "--out", name + ".csv"});
     EXPECT_EQ(applied.code, 0) << applied.err;
     std::istringstream csv(file_text(folder_ / (name + ".csv")));

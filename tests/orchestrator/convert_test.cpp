@@ -41,7 +41,7 @@ TEST_F(Convert, WritesEachForm) {
   EXPECT_EQ(block->unit_serial, "SN7");
   EXPECT_EQ(block->value[6], 0.93292);
   EXPECT_NE(file_text(folder_ / "c.h").find("static const char turncal_unit_serial[] = \"SN7\";"), std::string::npos);
-  EXPECT_NE(file_text(folder_ / "c.yaml").find("unit_serial: \"SN7\"\n"), std::string::npos);
+  EXPECT_NE(file_text(folder_ / "c.yaml").find("unit_serial: 'SN7'\n"), std::string::npos);
 }
 
 TEST_F(Convert, RefusesWhatItCannotUse) {
@@ -49,8 +49,11 @@ TEST_F(Convert, RefusesWhatItCannotUse) {
   expect_refused({"convert", "nothing.conf", "--yaml", "c.yaml"}, "nothing.conf");
   const std::string before = file_text(folder_ / "parameters.conf");
   for (const char* form : {"--header", "--binary", "--yaml"})
-    expect_refused({"convert", "parameters.conf", form, "parameters.conf"}, "holds something else");
+    expect_refused({"convert", "parameters.conf", form, "parameters.conf"}, "expected another file than the parameter file");
+  write("other.conf", "something = else\n");
+  expect_refused({"convert", "parameters.conf", "--yaml", "other.conf"}, "holds something else");
   EXPECT_EQ(file_text(folder_ / "parameters.conf"), before);
+  expect_refused({"convert", "parameters.conf", "--header", "c.h", "--yaml", "./c.h"}, "--yaml ./c.h: expected another");
   expect_refused({"convert", "parameters.conf", "--binary", "nowhere/c.bin"}, "nowhere/c.bin");
 }
 

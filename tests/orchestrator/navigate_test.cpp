@@ -1,63 +1,36 @@
 // `turncal navigate` as a program: what it writes, and what it refuses.
 #include <gtest/gtest.h>
 
-#include "imu_io/base/key_value.h"
-#include "imu_io/recordings/parameter_file.h"
-#include "imu_io/recordings/recording_source.h"
-#include "tests/orchestrator/program.h"
+#include "tests/orchestrator/rig_unit.h"
 
 namespace turncal {
 namespace {
 
-class Navigate : public Program {
+class Navigate : public RigUnit {
  protected:
   // 300 s and 1700 s at rest at a heading of 30 deg, with a turn over and back in the middle, of a unit without noise.
-  void record(const std::string& out, const std::string& rig = "") {
-    write("quiet.rig",
-          "noise.gyro_random_walk_deg_per_rt_h = 0\nnoise.accel_random_walk_ug_per_rt_hz = 0\n"
-          "noise.gyro_bias_instability_degph = 0\nnoise.accel_bias_instability_ug = 0\ntable_error.random_arcmin = 0\n"
-          "seed = 31\n" +
-              rig);
-    write("rest.seq",
-          "format = 1\nname = rest\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 30 P 0 R 0\n"
-          "  align 60000\n  dwell 140000\n  rotate P +90\n  dwell 60000\n  rotate P -90\n  dwell 140000\n");
-    const ProgramResult made = run({"run", "--dry-run", "--unit", "SN7", "--out", out, "--capture-only", "--rig",
-                                    path("quiet.rig"), "--sequence", path("rest.seq")});
-    ASSERT_EQ(made.code, 0) << made.err;
+  void record_rest(const std::string& out, const std::string& rig = "") {
+    record(out, std::string(without_noise) + "seed = 31\n" + rig,
+           "step 1\n  initial H 30 P 0 R 0\n  align 60000\n  dwell 140000\n  rotate P +90\n  dwell 60000\n"
+           "  rotate P -90\n  dwell 140000\n");
   }
-  // The true parameters as a file, with what `change` makes of them.
+  // The true parameters as a file, but for `change` of one of them.
   void write_truth(const std::string& recording, const std::string& name, int parameter = 0, double change = 0.0) {
-    KeyValueFile truth = *KeyValueFile::parse(file_text(folder_ / recording / "truth.conf"), "truth.conf");
-    ParameterFile file;
-    Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path(recording));
-    ASSERT_TRUE(source.ok());
-    describe_recording((*source)->info(), file);
-    for (std::size_t k = 0; k < parameter_keys.size(); ++k)
-      file.parameters[static_cast<Eigen::Index>(k)] = truth.number(parameter_keys[k]);
+    ParameterFile file = truth_of(recording);
     file.parameters[parameter] += change;
-    file.model = "base";
-    file.method = "joint";
-    file.simulated = true;
-    file.recording_hash = std::string(32, '0');
-    file.software_version = "test";
-    file.time_utc = "2026-01-31T12:00:00Z";
-    const Status written = write_parameter_file(file, path(name));
-    ASSERT_TRUE(written.ok()) << written.error().message;
-  }
-  KeyValueFile result(const std::string& folder) {
-    return *KeyValueFile::parse(file_text(folder_ / folder / "navigation.conf"), "navigation.conf");
+    keep(file, name);
   }
 };
 
 TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
-  record("rest");
+  record_rest("rest");
   write_truth("rest", "true.conf");
   write_truth("rest", "wrong.conf", 1, 0.1);  // N02, the gyro that points up: 0.1 deg/h
   const ProgramResult navigated = run({"navigate", "rest", "--parameters", path("true.conf"), "--against",
                                        path("wrong.conf"), "--out", "nav", "--for", "1500", "--branches", "3"});
   ASSERT_EQ(navigated.code, 0) << navigated.err;
   EXPECT_EQ(navigated.err, "");
-  KeyValueFile conf = result("nav");
+  KeyValueFile conf = result("nav/navigation.conf");
   EXPECT_EQ(conf.integer("branches"), 3);
   EXPECT_EQ(conf.integer("against.branches"), 3);
   EXPECT_NEAR(conf.number("branch.1.heading_deg"), 30.0, 1e-3);
@@ -85,24 +58,24 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
 }
 
 TEST_F(Navigate, EffectsOfTheFileAreTakenOff) {
-  record("g", "effect.gyro_g_sensitivity.zx = 0.5\n");
+  record_rest("g", "effect.gyro_g_sensitivity.zx = 0.5\n");
   write_truth("g", "plain.conf");
   ParameterFile file = *read_parameter_file(path("plain.conf"));
   file.effects.push_back({"gyro_g_sensitivity", "zx", 0.5, 0.01});
   file.model = "extended";
-  ASSERT_TRUE(write_parameter_file(file, path("effect.conf")).ok());
+  keep(file, "effect.conf");
   ASSERT_EQ(run({"navigate", "g", "--parameters", path("effect.conf"), "--against", path("plain.conf"), "--out", "nav",
                  "--branches", "1"})
                 .code,
             0);
-  KeyValueFile conf = result("nav");
+  KeyValueFile conf = result("nav/navigation.conf");
   // Nose up for 300 s, 0.5 deg/h tilt it by 7e-4 rad: 7 mm/s^2 from then on.
   EXPECT_LT(conf.number("drift.rms_nm_per_h"), 0.05);  // of counting in pulses
   EXPECT_GT(conf.number("against.drift.rms_nm_per_h"), 0.1);
 }
 
 TEST_F(Navigate, WithoutSegmentsEverythingCountsAsRest) {
-  record("rest");
+  record_rest("rest");
   write_truth("rest", "true.conf");
   ASSERT_EQ(run({"export", "rest", "--out", "text"}).code, 0);
   const std::string segments = file_text(folder_ / "text/segments.csv");
@@ -111,11 +84,11 @@ TEST_F(Navigate, WithoutSegmentsEverythingCountsAsRest) {
       run({"navigate", "text", "--parameters", path("true.conf"), "--out", "nav", "--to", "900", "--align", "200"});
   ASSERT_EQ(navigated.code, 0) << navigated.err;
   EXPECT_NE(navigated.out.find("no segments: everything counts as rest"), std::string::npos);
-  EXPECT_EQ(result("nav").number("branch.1.free_s"), 700.0);
+  EXPECT_EQ(result("nav/navigation.conf").number("branch.1.free_s"), 700.0);
 }
 
 TEST_F(Navigate, RefusesWhatItCannotUse) {
-  record("rest");
+  record_rest("rest");
   write_truth("rest", "true.conf");
   const auto with = [&](std::vector<std::string> more) {
     std::vector<std::string> arguments = {"navigate", "rest", "--parameters", path("true.conf"), "--out", "nav"};
@@ -139,6 +112,105 @@ TEST_F(Navigate, RefusesWhatItCannotUse) {
   other.replace(other.find("n11"), 3, "n99");
   write("damaged.conf", other);
   expect_refused({"navigate", "rest", "--parameters", path("damaged.conf"), "--out", "nav"}, "damaged.conf");
+}
+
+// The unit's nose down: heading is not defined, and what is said of it says so.
+TEST_F(Navigate, NoseDownHasNoHeading) {
+  record("down", without_noise, "step 1\n  initial H 0 P -90 R 0\n  align 60000\n  dwell 20000\n");
+  write_truth("down", "true.conf");
+  ASSERT_EQ(run({"navigate", "down", "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"}).code, 0);
+  KeyValueFile conf = result("nav/navigation.conf");
+  EXPECT_NEAR(conf.number("branch.1.pitch_deg"), -90.0, 0.1);
+  EXPECT_GT(conf.number("branch.1.sigma.heading_deg"), 3.0);
+  EXPECT_LE(conf.number("branch.1.sigma.heading_deg"), 104.0);
+}
+
+TEST_F(Navigate, SaysWhatSpeaksAgainstTheFile) {
+  record_rest("rest");
+  ParameterFile file = truth_of("rest");
+  file.add_further("quality.trusted", std::string("false"));
+  keep(file, "doubtful.conf");
+  const ProgramResult navigated = run({"navigate", "rest", "--parameters", path("doubtful.conf"), "--out", "nav"});
+  ASSERT_EQ(navigated.code, 0) << navigated.err;
+  EXPECT_NE(navigated.out.find("NOT TRUSTED"), std::string::npos) << navigated.out;
+  EXPECT_NEAR(result("nav/navigation.conf").number("felt_latitude_deg"), 29.53, 0.01);
+  EXPECT_EQ(result("nav/navigation.conf").text("trusted"), "false");
+  // The recording says another latitude than the one that the unit turns with.
+  ASSERT_EQ(run({"export", "rest", "--out", "text"}).code, 0);
+  std::string conf = file_text(folder_ / "text/recording.conf");
+  conf.replace(conf.find("29.53"), 5, "39.53");
+  write("text/recording.conf", conf);
+  const ProgramResult elsewhere = run({"navigate", "text", "--parameters", path("doubtful.conf"), "--out", "away"});
+  ASSERT_EQ(elsewhere.code, 0) << elsewhere.err;
+  EXPECT_NE(elsewhere.out.find("LATITUDE  29.5"), std::string::npos) << elsewhere.out;
+  // Parameters are of increments over a period.
+  file.sample_period_s = 0.0025;
+  keep(file, "faster.conf");
+  expect_refused({"navigate", "rest", "--parameters", path("faster.conf"), "--out", "fast"},
+                 "'sample_period_s' = '0.0025': expected 0.005");
+}
+
+// A bias and its drift are estimated together: the sigma of the bias alone promises miles that nobody drifts.
+TEST_F(Navigate, ExpectsOfAFileWithEffectsWhatItCanKnow) {
+  record_rest("rest");
+  ParameterFile file = truth_of("rest");
+  for (int k = 0; k < 3; ++k) file.sigma[static_cast<std::size_t>(k)] = 0.2;
+  keep(file, "base.conf");
+  file.effects.push_back({"gyro_bias_drift", "x", 0.0, 0.2});
+  file.model = "extended";
+  keep(file, "effect.conf");
+  ASSERT_EQ(run({"navigate", "rest", "--parameters", path("effect.conf"), "--against", path("base.conf"), "--out",
+                 "nav", "--branches", "1"})
+                .code,
+            0);
+  KeyValueFile conf = result("nav/navigation.conf");
+  EXPECT_EQ(conf.text("expected.from"), "effects");
+  EXPECT_EQ(conf.text("against.expected.from"), "sigmas");
+  EXPECT_GT(conf.number("against.expected.rms_nm_per_h"), 5.0 * conf.number("expected.rms_nm_per_h"));
+}
+
+TEST_F(Navigate, AFullDiskLeavesNothing) {
+  record_rest("rest");
+  write_truth("rest", "true.conf");
+  const std::vector<std::string> arguments = {"navigate", "rest", "--parameters", path("true.conf"), "--out", "nav"};
+  ASSERT_EQ(run_struck(arguments, 0, "full").code, 0);
+  const long points = std::stol(file_text(folder_.string() + ".count"));
+  std::filesystem::remove(folder_.string() + ".count");
+  std::filesystem::remove_all(folder_ / "nav");
+  const std::set<std::string> before = everything();
+  ASSERT_GT(points, 5);
+  for (long point = 1; point <= points; ++point) {
+    const ProgramResult full = run_struck(arguments, point, "full");
+    std::filesystem::remove(folder_.string() + ".count");
+    const bool written = std::filesystem::exists(folder_ / "nav/navigation.conf");
+    EXPECT_EQ(full.code == 0, written) << point << full.err;
+    if (!written) {
+      EXPECT_EQ(full.code, 50) << point;
+      EXPECT_EQ(full.err_lines(), 1) << full.err;
+      EXPECT_EQ(everything(), before) << point;
+    }
+    std::filesystem::remove_all(folder_ / "nav");
+  }
+}
+
+// A reader that goes away, as `head` does.
+TEST_F(Navigate, GoesOnWithoutAReader) {
+  record_rest("rest");
+  write_truth("rest", "true.conf");
+  int ends[2];
+  ASSERT_EQ(::pipe(ends), 0);
+  ::close(ends[0]);
+  const pid_t pid = ::fork();
+  if (pid == 0) {
+    ::signal(SIGPIPE, SIG_DFL);
+    ::dup2(ends[1], 1);
+    if (::chdir(folder_.c_str()) != 0) ::_exit(99);
+    ::execl(TURNCAL_BINARY, TURNCAL_BINARY, "navigate", "rest", "--parameters", "true.conf", "--out", "nav", nullptr);
+    ::_exit(98);
+  }
+  ::close(ends[1]);
+  EXPECT_EQ(finish(pid).code, 0);
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "nav/navigation.conf"));
 }
 
 TEST_F(Navigate, IsPredictedFromASequence) {

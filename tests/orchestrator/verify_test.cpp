@@ -1,56 +1,47 @@
 // `turncal verify` as a program: north seeking on the rig, judged; readings of references; and what is refused.
 #include <gtest/gtest.h>
 
-#include "imu_io/base/key_value.h"
-#include "imu_io/recordings/parameter_file.h"
-#include "imu_io/recordings/recording_source.h"
-#include "tests/orchestrator/program.h"
+#include "imu_io/base/lock_file.h"
+#include "tests/orchestrator/operator_session.h"
+#include "tests/orchestrator/rig_unit.h"
 
 namespace turncal {
 namespace {
 
-class Verify : public Program {
+constexpr const char* good_rig =
+    "noise.gyro_random_walk_deg_per_rt_h = 0.0001\nnoise.gyro_bias_instability_degph = 0\n"
+    "noise.accel_random_walk_ug_per_rt_hz = 1\nnoise.accel_bias_instability_ug = 0\n";
+constexpr const char* short_seeking =
+    "step 1\n  initial H 0 P 0 R 0\n  align 6000\n  align 6000\nstep 2\n  initial H 90 P 0 R 0\n  dwell 6000\n"
+    "  dwell 6000\n";
+
+class Verify : public RigUnit {
  protected:
   void SetUp() override {
-    Program::SetUp();
-    write("good.rig",
-          "noise.gyro_random_walk_deg_per_rt_h = 0.0001\nnoise.gyro_bias_instability_degph = 0\n"
-          "noise.accel_random_walk_ug_per_rt_hz = 1\nnoise.accel_bias_instability_ug = 0\n");
-    write("short.seq",
-          "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 0 R 0\n"
-          "  align 6000\n  align 6000\nstep 2\n  initial H 90 P 0 R 0\n  dwell 6000\n  dwell 6000\n");
+    RigUnit::SetUp();
+    write("good.rig", good_rig);
+    write_sequence("short.seq", short_seeking);
+    record("one", good_rig, "step 1\n  initial H 0 P 0 R 0\n  align 200\n  dwell 200\n");
   }
-  // True parameters of the rig's unit, but for `change` of one of them, and noise as it is.
-  void write_parameters(const std::string& name, int parameter = 0, double change = 0.0) {
-    if (!std::filesystem::exists(folder_ / "one")) {
-      write("one.seq",
-            "format = 1\nname = one\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 0 R 0\n"
-            "  align 200\n  dwell 200\n");
-      ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN7", "--out", "one", "--capture-only", "--rig", path("good.rig"),
-                     "--sequence", path("one.seq")})
-                    .code,
-                0);
-    }
-    KeyValueFile truth = *KeyValueFile::parse(file_text(folder_ / "one/truth.conf"), "truth.conf");
-    ParameterFile file;
-    describe_recording((*RecordingSource::open(path("one")))->info(), file);
-    for (std::size_t k = 0; k < parameter_keys.size(); ++k)
-      file.parameters[static_cast<Eigen::Index>(k)] = truth.number(parameter_keys[k]);
-    file.parameters[parameter] += change;
-    file.model = "base";
-    file.method = "joint";
-    file.simulated = true;
-    file.recording_hash = std::string(32, '0');
-    file.software_version = "test";
-    file.time_utc = "2026-01-31T12:00:00Z";
+  // The unit's true parameters with the noise as it is.
+  ParameterFile good_file() {
+    ParameterFile file = truth_of("one");
     for (const char* axis : {"x", "y", "z"}) {
       file.add_further(std::string("noise.angle_random_walk.") + axis + "_deg_per_rt_h", 0.0001);
       file.add_further(std::string("noise.velocity_random_walk.") + axis + "_ug_per_rt_hz", 1.0);
     }
-    const Status written = write_parameter_file(file, path(name));
-    ASSERT_TRUE(written.ok()) << written.error().message;
+    return file;
   }
-  KeyValueFile result(const std::string& name) { return *KeyValueFile::parse(file_text(folder_ / name), name); }
+  void write_parameters(const std::string& name, int parameter = 0, double change = 0.0) {
+    ParameterFile file = good_file();
+    file.parameters[parameter] += change;
+    keep(file, name);
+  }
+  std::vector<std::string> seeking(const std::string& parameters, const std::string& out) {
+    return {"verify",         "--dry-run",      "--unit", "SN7",   "--parameters",
+            path(parameters), "--rig",          path("good.rig"), "--sequence", path("short.seq"),
+            "--out",          out};
+  }
 };
 
 TEST_F(Verify, SeeksNorthInFourHeadings) {
@@ -68,6 +59,9 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
     EXPECT_LT(conf.number(prefix + "deviation.heading_deg"), 0.012);
     EXPECT_GT(conf.number(prefix + "sigma.heading_deg"), 0.0005);
   }
+  EXPECT_LT(conf.number("mean.heading_deg"), 0.012);
+  EXPECT_NEAR(conf.number("felt_latitude_deg"), 29.53, 0.05);
+  EXPECT_LT(conf.number("false_fail"), 0.05);
   EXPECT_NEAR(conf.number("align_s"), 300.0, 0.2);
   EXPECT_EQ(conf.number("limit.heading_deg"), 0.012);
   const std::string verdict = conf.text("verdict.result");
@@ -108,14 +102,139 @@ TEST_F(Verify, RefusesWhatItCannotUse) {
   expect_refused({"verify", "--references", "none.csv"}, "none.csv");
   expect_refused({"verify", "--references", "none.csv", "--dry-run"}, "--references: expected no other option");
   // A unit that lies on its side.
-  write("side.seq",
-        "format = 1\nname = side\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 0 R 90\n"
-        "  align 6000\n  dwell 6000\n");
-  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN7", "--out", "side", "--capture-only", "--rig", path("good.rig"),
-                 "--sequence", path("side.seq")})
-                .code,
-            0);
+  const std::string side = "step 1\n  initial H 0 P 0 R 90\n  align 6000\n  dwell 6000\n  dwell 6000\n";
+  record("side", good_rig, side);
   expect_refused(with({"--recording", "side"}), "expected the table at pitch 0 and roll 0");
+  // Sequences that cannot be judged are refused before anything moves.
+  for (const auto& [steps, message] :
+       {std::pair<std::string, const char*>{side, "expected the table at pitch 0 and roll 0"},
+        {"step 1\n  initial H 0 P 0 R 0\n  align 6000\n  dwell 6000\n", "one alignment at heading 0, expected two"},
+        {"step 1\n  initial H 0 P 0 R 0\n  align 6000\n  dwell 6000\n  dwell 6000\n  rotate H +90\n  dwell 6000\n"
+         "  rotate H +90\n  dwell 6000\n  dwell 6000\n",
+         "one alignment at heading 90, expected two"},
+        {"step 1\n  initial H 0 P 0 R 0\n  align 6000\n", "expected align dwells"},
+        {"step 1\n  initial H 0 P 0 R 0\n  align 6000\n  dwell 2000\n  dwell 2000\n", "alignment: 10 s at rest"}}) {
+    write_sequence("bad.seq", steps);
+    expect_refused(with({"--dry-run", "--unit", "SN7", "--rig", path("good.rig"), "--sequence", path("bad.seq")}),
+                   message);
+  }
+  // Somebody else works in the folder.
+  std::filesystem::create_directory(folder_ / "busy");
+  const Result<LockFile> lock = LockFile::acquire(path("busy/.lock"));
+  ASSERT_TRUE(lock.ok());
+  expect_refused({"verify", "--recording", "one", "--parameters", path("true.conf"), "--out", "busy"}, "in use by");
+  expect_refused({"navigate", "one", "--parameters", path("true.conf"), "--out", "busy"}, "in use by");
+}
+
+TEST_F(Verify, SaysWhatSpeaksAgainstTheFile) {
+  ParameterFile file = good_file();
+  file.add_further("quality.trusted", std::string("false"));
+  keep(file, "doubtful.conf");
+  const ProgramResult held = run(seeking("doubtful.conf", "v"));
+  EXPECT_EQ(held.code, 20) << held.out;
+  EXPECT_NE(held.err.find("parameters not trusted"), std::string::npos) << held.err;
+  EXPECT_NE(held.out.find("NOT TRUSTED"), std::string::npos) << held.out;
+  EXPECT_EQ(result("v/verification.conf").text("trusted"), "false");
+  // A recording of another latitude than the unit feels.
+  write_parameters("true.conf");
+  ASSERT_EQ(run({"export", "v", "--out", "text"}).code, 0);
+  std::string conf = file_text(folder_ / "text/recording.conf");
+  conf.replace(conf.find("29.53"), 5, "39.53");
+  write("text/recording.conf", conf);
+  const ProgramResult away = run({"verify", "--recording", "text", "--parameters", path("true.conf"), "--out", "away"});
+  EXPECT_EQ(away.code, 20) << away.out;
+  EXPECT_EQ(result("away/verification.conf").text("verdict.latitude"), "fail");
+}
+
+// Killed anywhere and taken up again: the same outcome, exit code and file.
+TEST_F(Verify, GoesOnWithItsOutcome) {
+  write_parameters("wrong.conf", 0, 0.1);
+  const ProgramResult whole = run(seeking("wrong.conf", "whole"));
+  ASSERT_EQ(whole.code, 20) << whole.err;
+  run_struck(seeking("wrong.conf", "count"), 0, "kill");
+  const long points = std::stol(file_text(folder_.string() + ".count"));
+  for (const long point : {points / 3, 2 * points / 3, points - 12, points - 4, points - 1}) {
+    const std::string out = "killed" + std::to_string(point);
+    run_struck(seeking("wrong.conf", out), point, "kill");
+    const ProgramResult resumed = run({"resume", out});
+    EXPECT_EQ(resumed.code, 20) << point << resumed.err << resumed.out;
+    EXPECT_NE(resumed.err.find("verification"), std::string::npos) << resumed.err;
+    EXPECT_EQ(file_text(folder_ / out / "verification.conf"), file_text(folder_ / "whole/verification.conf")) << point;
+    EXPECT_EQ(run({"resume", out}).code, 20) << point;
+  }
+  // The file that is verified has to be the one that was begun with.
+  write_parameters("wrong.conf", 0, 0.2);
+  run_struck(seeking("wrong.conf", "changed"), points / 2, "kill");
+  std::filesystem::remove(folder_.string() + ".count");
+  write_parameters("wrong.conf", 0, 0.3);
+  const ProgramResult changed = run({"resume", "changed"});
+  EXPECT_EQ(changed.code, 1) << changed.out;
+  EXPECT_NE(changed.err.find("wrong.conf: is not the verified that"), std::string::npos) << changed.err;
+}
+
+// Behind the calibration, in the same walk of the table: what is calibrated is not changed by it, and its outcome is the unit's.
+TEST_F(Verify, BehindTheCalibration) {
+  const std::string station =
+      "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
+      "limit.heading_deg = 0.2\n";
+  write("plain.station", station);
+  write("verifying.station", station + "verify.run = true\nrecord.database = r.db\n");
+  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN7", "--station", path("plain.station"), "--out", "plain"}).code, 0);
+  const auto into = [&](const std::string& out) {
+    return std::vector<std::string>{"run", "--dry-run", "--unit", "SN7", "--station", path("verifying.station"), "--out",
+                                    out};
+  };
+  const ProgramResult verified = run(into("v"));
+  ASSERT_EQ(verified.code, 0) << verified.err;
+  const ParameterFile plain = *read_parameter_file(path("plain/parameters.conf"));
+  const ParameterFile file = *read_parameter_file(path("v/parameters.conf"));
+  EXPECT_EQ(file.parameters, plain.parameters);
+  EXPECT_EQ(file.sigma, plain.sigma);
+  KeyValueFile conf = result("v/verification.conf");
+  EXPECT_EQ(conf.number("position.4.table_deg"), 270.0);
+  EXPECT_EQ(conf.text("verdict.result"), "pass");
+  EXPECT_EQ(conf.text("recording_hash"), file.recording_hash);
+  const std::string text = file_text(folder_ / "v/parameters.conf");
+  EXPECT_NE(text.find("verdict.verification = pass: heading 0.0"), std::string::npos) << text;
+  EXPECT_NE(run({"journal", "v"}).out.find("verification = pass: heading 0.0"), std::string::npos);
+  EXPECT_NE(file_text(folder_ / "r.db").find("pass: heading 0.0"), std::string::npos);
+  // Interrupted in the north seeking: the same file.
+  run_struck(into("count"), 0, "kill");
+  const long points = std::stol(file_text(folder_.string() + ".count"));
+  run_struck(into("killed"), points - points / 20, "kill");
+  std::filesystem::remove(folder_.string() + ".count");
+  EXPECT_EQ(run({"resume", "killed"}).code, 0);
+  EXPECT_EQ(file_text(folder_ / "killed/parameters.conf"), text);
+  EXPECT_EQ(file_text(folder_ / "killed/verification.conf"), file_text(folder_ / "v/verification.conf"));
+  // A limit that the unit does not keep: its verdict, though all its parameters are good. Also in a batch.
+  write("queue", "SN7\n");
+  const ProgramResult batch = run({"batch", "queue", "--dry-run", "--verify", "--out", "batch"});
+  EXPECT_EQ(batch.code, 20) << batch.out;
+  EXPECT_NE(file_text(folder_ / "batch/SN7/parameters.conf").find("verdict.result = conditional_fail\n"),
+            std::string::npos);
+  EXPECT_NE(batch.out.find("unit SN7: conditional_fail: verification conditional_fail: heading 0.0"), std::string::npos)
+      << batch.out;
+  expect_refused({"run", "--dry-run", "--unit", "SN7", "--out", "x", "--verify", "--capture-only"},
+                 "--verify: expected neither --capture-only nor --partial");
+}
+
+// The table is turned by hand: the operator types the angles that he is asked for.
+class VerifyByHand : public OperatedProgram {};
+TEST_F(VerifyByHand, AsOnATable) {
+  write("good.rig", good_rig);
+  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN7", "--rig", path("good.rig"), "--no-diagnosis", "--out", "c"}).code, 0);
+  write("short.seq", std::string("format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\n") + short_seeking);
+  const Session session =
+      operate({"verify", "--dry-run", "--manual", "--unit", "SN7", "--rig", path("good.rig"), "--parameters",
+               path("c/parameters.conf"), "--sequence", path("short.seq"), "--out", "v"},
+              [](const std::string& line) -> std::optional<std::string> {
+                const std::optional<Question> asked = question(line);
+                if (!asked) return {};
+                return std::to_string(asked->target_deg);
+              });
+  EXPECT_TRUE(session.code == 0 || session.code == 20) << session.err << session.out;
+  EXPECT_NE(session.out.find("heading  largest deviation"), std::string::npos) << session.out;
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "v/verification.conf"));
 }
 
 constexpr const char* head =
@@ -136,6 +255,10 @@ TEST_F(Verify, ReadingsOfReferences) {
   const ProgramResult failed = run({"verify", "--references", path("off.csv")});
   EXPECT_EQ(failed.code, 20);
   EXPECT_NE(failed.out.find("-0.010000"), std::string::npos) << failed.out;
+  write("edge.csv", std::string(head) + "20,0,0,20,0,0\n100.3,0.06,0,100.291,0,0.06\n");
+  EXPECT_EQ(run({"verify", "--references", path("edge.csv")}).code, 0);
+  write("cut.csv", std::string(head) + "20,0,0,20,0,0\n30,0,0,30,0,0.0");
+  expect_refused({"verify", "--references", path("cut.csv")}, "cut.csv: the last line has no end");
   write("one.csv", std::string(head) + "20,0,0,20,0,0\n");
   expect_refused({"verify", "--references", path("one.csv")}, "1 rows, expected two and more");
   write("word.csv", std::string(head) + "20,0,0,20,0,0\n20,zero,0,20,0,0\n");

@@ -1,0 +1,52 @@
+// For tests of what is done with a calibration: a unit of the rig, its recordings, and its true parameters as a file.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "imu_io/base/key_value.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "imu_io/recordings/recording_source.h"
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+
+inline constexpr const char* without_noise =
+    "noise.gyro_random_walk_deg_per_rt_h = 0\nnoise.accel_random_walk_ug_per_rt_hz = 0\n"
+    "noise.gyro_bias_instability_degph = 0\nnoise.accel_bias_instability_ug = 0\ntable_error.random_arcmin = 0\n";
+
+class RigUnit : public Program {
+ protected:
+  // Unit SN7 through `steps` of a sequence, into the folder `out`.
+  void record(const std::string& out, const std::string& rig, const std::string& steps) {
+    write(out + ".rig", rig);
+    write_sequence(out + ".seq", steps);
+    const ProgramResult made = run({"run", "--dry-run", "--unit", "SN7", "--out", out, "--capture-only", "--rig",
+                                    path(out + ".rig"), "--sequence", path(out + ".seq")});
+    ASSERT_EQ(made.code, 0) << made.err;
+  }
+  void write_sequence(const std::string& name, const std::string& steps) {
+    write(name, "format = 1\nname = of_test\nrate_degps = 10\nacceleration_degps2 = 20\n" + steps);
+  }
+  ParameterFile truth_of(const std::string& recording) {
+    KeyValueFile truth = *KeyValueFile::parse(file_text(folder_ / recording / "truth.conf"), "truth.conf");
+    ParameterFile file;
+    describe_recording((*RecordingSource::open(path(recording)))->info(), file);
+    for (std::size_t k = 0; k < parameter_keys.size(); ++k)
+      file.parameters[static_cast<Eigen::Index>(k)] = truth.number(parameter_keys[k]);
+    file.model = "base";
+    file.method = "joint";
+    file.simulated = true;
+    file.recording_hash = std::string(32, '0');
+    file.software_version = "test";
+    file.time_utc = "2026-01-31T12:00:00Z";
+    return file;
+  }
+  void keep(const ParameterFile& file, const std::string& name) {
+    const Status written = write_parameter_file(file, path(name));
+    ASSERT_TRUE(written.ok()) << written.error().message;
+  }
+  KeyValueFile result(const std::string& name) { return *KeyValueFile::parse(file_text(folder_ / name), name); }
+};
+
+}  // namespace turncal
