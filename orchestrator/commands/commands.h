@@ -22,6 +22,7 @@ void add_diagnose_command(CommandLine& line, CommandContext& context);
 void add_apply_command(CommandLine& line, CommandContext& context);
 void add_navigate_command(CommandLine& line, CommandContext& context);
 void add_verify_command(CommandLine& line, CommandContext& context);
+void add_certificate_command(CommandLine& line, CommandContext& context);
 void add_convert_command(CommandLine& line, CommandContext& context);
 void add_batch_command(CommandLine& line, CommandContext& context);
 void add_queue_command(CommandLine& line, CommandContext& context);

@@ -50,7 +50,8 @@ Status check_sequence(const PreparedRun& run, const Plan& plan, const std::strin
         return status;
     }
     const Segments planned = planned_segments(plan);
-    if (Status s = check_north_seeking(planned, run.verify_from, run.sample_period_s(), run.sequence.file); !s) return s;
+    if (Status s = check_north_seeking(planned, run.verify_from, run.sample_period_s(), run.sequence.file); !s)
+      return s;
   }
   if (run.request.capture_only || run.request.partial) return {};
   Sequence calibrating = run.sequence;

@@ -38,8 +38,8 @@ struct RunCounts {
 };
 
 struct RunResults {
-  std::optional<CalibrationOutput> output;   // empty: only captured
-  std::optional<DiagnosisOutput> diagnosis;  // empty: not made
+  std::optional<CalibrationOutput> output;         // empty: only captured
+  std::optional<DiagnosisOutput> diagnosis;        // empty: not made
   std::optional<VerificationReport> verification;  // empty: not asked for
   VerdictReport verdict;
 };

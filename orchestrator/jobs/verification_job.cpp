@@ -55,8 +55,8 @@ void judge_north(const VerdictLimits& limits, VerificationReport& report) {
   const bool elsewhere = report.felt.speaks_against(report.info.latitude_deg * rad_per_deg);
   report.latitude = elsewhere ? UnitVerdict::fail : UnitVerdict::pass;
   report.false_fail = false_fail_probability(found, limits.heading_deg, limits.level_deg);
-  report.verdict = std::max(
-      {report.heading, report.level, report.latitude, report.trusted ? UnitVerdict::pass : UnitVerdict::hold});
+  report.verdict =
+      std::max({report.heading, report.level, report.latitude, report.trusted ? UnitVerdict::pass : UnitVerdict::hold});
 }
 
 bool is_north_dwell(const Segment& segment, int first_step) {
@@ -183,7 +183,7 @@ Result<ReferenceReport> verify_references(const std::string& csv) {
   report.found = compare_references(rows);
   report.limit_deg = reference_limits_deg;
   report.pass = true;
-  for (std::size_t a = 0; a < 3; ++a) 
+  for (std::size_t a = 0; a < 3; ++a)
     report.pass = report.pass && report.found.worst_deg[a] <= report.limit_deg[a] + of_rounding_deg;
   return report;
 }

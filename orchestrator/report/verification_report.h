@@ -31,7 +31,8 @@ std::string format_verification(const VerificationReport& report);
 // The figures and their limits, for a verdict's reason.
 std::string verification_words(const VerificationReport& report);
 std::string latitude_words(const RestLatitude& felt, double of_recording_deg);
-inline constexpr const char* not_trusted_words = "NOT TRUSTED: the parameter file says that its sigmas cannot be believed";
+inline constexpr const char* not_trusted_words =
+    "NOT TRUSTED: the parameter file says that its sigmas cannot be believed";
 void print_verification(const VerificationReport& report, std::ostream& out);
 
 struct ReferenceReport {

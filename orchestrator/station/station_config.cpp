@@ -218,6 +218,18 @@ void read_further_places(KeyValueFile& file, StationConfig& station) {
   station.further_imu_devices.assign(taken.begin() + 1, taken.end());
 }
 
+void read_parties(KeyTable& keys, Parties& parties) {
+  keys.text("laboratory.name", parties.laboratory_name);
+  keys.text("laboratory.address", parties.laboratory_address);
+  keys.text("laboratory.accreditation", parties.laboratory_accreditation);
+  keys.text("laboratory.signatory", parties.laboratory_signatory);
+  keys.text("customer.name", parties.customer_name);
+  keys.text("customer.address", parties.customer_address);
+  keys.text("customer.order", parties.customer_order);
+  keys.number("site.gravity_uncertainty_mps2", parties.gravity_uncertainty_mps2, between(0.0, 0.1));
+  keys.number("site.latitude_uncertainty_deg", parties.latitude_uncertainty_deg, between(0.0, 1.0));
+}
+
 Result<StationConfig> station_from(KeyValueFile& file) {
   StationConfig station;
   KeyTable keys(file);
@@ -249,6 +261,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   keys.text("hook.needs_operator", station.hooks.needs_operator);
   keys.text("hook.mount", station.hooks.mount);
   keys.number("hook.mount_time_s", station.hooks.mount_time_s, between(1.0, 86400.0));
+  read_parties(keys, station.parties);
   keys.flag("verify.run", station.verify_run);
   keys.text("table.id", station.table_id);
   keys.text("table.calibration_due", station.table_calibration_due);

@@ -67,6 +67,13 @@ struct TableConfig {
   bool simulated = false;
 };
 
+// Who calibrates, for whom, and how well the site is known: for the certificate alone (docs/certificate.md). Empty: not given.
+struct Parties {
+  std::string laboratory_name, laboratory_address, laboratory_accreditation, laboratory_signatory;
+  std::string customer_name, customer_address, customer_order;
+  double gravity_uncertainty_mps2 = 0.0, latitude_uncertainty_deg = 0.0;  // standard uncertainties
+};
+
 struct StationConfig {
   std::string file;  // empty: built in
   std::string name = "built-in rig";
@@ -86,7 +93,8 @@ struct StationConfig {
   VerdictLimits limits;
   DiagnosisPolicy diagnosis;
   bool verify_run = false;  // every calibration is followed by a north seeking (docs/verification.md)
-  std::string table_id;     // for the record; empty: not given
+  Parties parties;
+  std::string table_id;  // for the record; empty: not given
   std::string
       table_calibration_due;  // "2026-12-31"; a run after that day is refused unless overridden; empty: not given
   std::string database;       // results (results_database.h); empty: none; relative to the station file's folder

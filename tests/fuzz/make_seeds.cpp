@@ -10,6 +10,7 @@
 #include "imu_io/frames/frame_encoder.h"
 #include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/parameter_file.h"
+#include "imu_io/recordings/parameter_forms.h"
 #include "input.h"
 
 namespace {
@@ -120,5 +121,8 @@ int main(int count, char** arguments) {
   if (!text) std::fprintf(stderr, "%s\n", text.error().message.c_str());
   fuzz::require(text.ok());
   write(folder + "/fuzz_parameter_file/whole", std::string{'\1'} + *text);
+  const std::vector<std::byte> block = format_parameter_block(block_of(file));
+  write(folder + "/fuzz_parameter_block/whole",
+        std::string{'\1'} + std::string(reinterpret_cast<const char*>(block.data()), block.size()));
   return 0;
 }

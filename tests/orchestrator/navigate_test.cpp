@@ -48,6 +48,18 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
   EXPECT_EQ(std::count(track.begin(), track.begin() + static_cast<std::ptrdiff_t>(track.find('\n')), ','), 10);
   EXPECT_TRUE(std::filesystem::exists(folder_ / "nav/track_against.csv"));
   EXPECT_NE(file_text(folder_ / "nav/navigation.svg").find("<svg"), std::string::npos);
+  // What docs/examples has for it reads the same rates.
+  if (std::system("python3 -c 'import numpy' 2> /dev/null") == 0) {
+    const std::string command = std::string("python3 ") + TURNCAL_SOURCE_DIR + "/docs/examples/read_track.py " +
+                                path("nav/track.csv") + " > " + path("nav/read");
+    ASSERT_EQ(std::system(command.c_str()), 0);
+    const std::string read = file_text(folder_ / "nav/read");
+    for (int k = 1; k <= 3; ++k) {
+      char rate[40];
+      std::snprintf(rate, sizeof rate, ", %.3f nm/h\n", conf.number("branch." + std::to_string(k) + ".nm_per_h"));
+      EXPECT_NE(read.find(rate), std::string::npos) << rate << read;
+    }
+  }
   // Again, in the same folder: the same bytes.
   const std::string before = file_text(folder_ / "nav/navigation.conf");
   EXPECT_EQ(run({"navigate", "rest", "--parameters", path("true.conf"), "--against", path("wrong.conf"), "--out", "nav",

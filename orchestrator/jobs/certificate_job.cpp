@@ -1,0 +1,105 @@
+#include "orchestrator/jobs/certificate_job.h"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/base/clock.h"
+#include "imu_io/base/key_value.h"
+#include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/recording_source.h"
+#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/report/certificate.h"
+#include "orchestrator/watch/progress.h"
+
+extern char** environ;
+
+namespace turncal {
+namespace {
+
+constexpr const char* pdf_program = "weasyprint";
+
+// Why the result is for nobody's use; empty: it may be certified.
+std::string objection(const ParameterFile& file) {
+  if (file.simulated) return "its data are simulated";
+  if (!is_trusted(file)) return "its sigmas are not trusted";
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i)
+    if (parameter_is_free[i] && !file.sigma[i])
+      return "it has no standard deviation of " + std::string(parameter_keys[i]);
+  return "";
+}
+
+Status take_verification(const std::string& path, const ParameterFile& file, Certificate& certificate) {
+  if (!path_exists(path)) return {};
+  Result<KeyValueFile> conf = KeyValueFile::read(path);
+  if (!conf) return conf.error();
+  if (conf->has("recording_hash") && conf->text("recording_hash") != file.recording_hash)
+    return input_error(path + ": is not of the recording that the parameters are of");
+  for (const std::string& key : conf->keys()) certificate.verification.emplace_back(key, conf->text(key));
+  return {};
+}
+
+}  // namespace
+
+Result<std::string> make_certificate(const CertificateRequest& request) {
+  Certificate certificate;
+  Result<StationConfig> station = read_station_config(request.station);
+  if (!station) return station.error();
+  certificate.parties = station->parties;
+  certificate.specimen = request.specimen;
+  certificate.issued_utc = format_utc(wall_utc_s());
+  std::vector<ParameterFile> runs;
+  for (const std::string& folder : request.runs) {
+    const std::string path = folder + "/" + parameters_name;
+    const Result<std::string> text = read_whole_file(path);
+    if (!text) return text.error();
+    Result<ParameterFile> file = parse_parameter_file(*text, path);
+    if (!file) return file.error();
+    if (!runs.empty() && file->unit_serial != runs.front().unit_serial)
+      return input_error(path + ": of unit " + file->unit_serial + ", expected " + runs.front().unit_serial +
+                         ": a certificate is of one unit");
+    if (!runs.empty() && file->time_utc < runs.back().time_utc)
+      return input_error(path +
+                         ": older than the run before it, expected them oldest first: the last one is certified");
+    const std::string why = objection(*file);
+    if (!why.empty() && !request.specimen)
+      return Error{ErrorKind::unit_failed, path + ": no certificate: " + why + " (--specimen makes a specimen)"};
+    certificate.recording_hashes.push_back(file->recording_hash);
+    certificate.parameters_hash = hash_of_text(*text);
+    runs.push_back(std::move(*file));
+  }
+  certificate.file = runs.back();
+  for (std::size_t i = 0; i < certificate.budget.size(); ++i)
+    certificate.budget[i] = budget_of(runs, i, certificate.parties);
+  if (Status status = take_verification(request.runs.back() + "/" + verification_name, certificate.file, certificate);
+      !status)
+    return status.error();
+  return certificate_page(certificate);
+}
+
+Status write_pdf(const std::string& html, const std::string& path) {
+  const std::string from = temporary_name(path), to = temporary_name(path + ".pdf");
+  if (Status status = write_file_atomically(from, html); !status) return status;
+  const char* arguments[] = {pdf_program, "--encoding", "utf-8", from.c_str(), to.c_str(), nullptr};
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+  pid_t child = -1;
+  const int error = ::posix_spawnp(&child, pdf_program, &actions, nullptr, const_cast<char**>(arguments), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  int how = -1;
+  if (error == 0)
+    while (::waitpid(child, &how, 0) < 0 && errno == EINTR) continue;
+  ::unlink(from.c_str());
+  if (error == 0 && WIFEXITED(how) && WEXITSTATUS(how) == 0) return rename_durably(to, path);
+  ::unlink(to.c_str());
+  if (error == ENOENT) return device_error(path + ": " + pdf_program + " is not installed (Debian package weasyprint)");
+  return device_error(path + ": " + pdf_program + " failed");
+}
+
+}  // namespace turncal

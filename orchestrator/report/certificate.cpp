@@ -1,0 +1,193 @@
+#include "orchestrator/report/certificate.h"
+
+#include <cmath>
+
+#include "calib/navigation/north_seeking.h"
+#include "imu_io/recordings/recording_source.h"
+#include "orchestrator/report/html_table.h"
+
+namespace turncal {
+namespace {
+
+const char* const certificate_css = R"(
+body { font: 10pt/1.35 "DejaVu Sans", Arial, sans-serif; color: #111; max-width: 190mm; margin: 6mm auto; padding: 0 4mm; }
+h1 { font-size: 18pt; margin: 0; } h2 { font-size: 11pt; margin: 4mm 0 1mm; border-bottom: .3mm solid #888; }
+.no { margin: 0 0 2mm; color: #444; } .two { display: flex; flex-wrap: wrap; gap: 0 8mm; } .two > section { flex: 1 1 75mm; }
+.facts td { border: 0; vertical-align: top; font-size: 9pt; overflow-wrap: anywhere; } .facts td:first-child { color: #555; width: 32mm; }
+table { border-collapse: collapse; width: 100%; font-size: 8pt; } th, td { padding: .5mm 1.2mm; text-align: left; border-bottom: .1mm solid #ccc; }
+th.n, td.n { text-align: right; } td.n { font-variant-numeric: tabular-nums; white-space: nowrap; } th { font-weight: 600; }
+section { overflow-x: auto; } table:not(.facts) td:nth-child(2), table:not(.facts) th { white-space: nowrap; } tr { break-inside: avoid; } h2 { break-after: avoid; } p { margin: 1mm 0; }
+.small, .hash { font-size: 8pt; color: #444; } .sign { display: flex; justify-content: space-between; margin-top: 14mm; break-inside: avoid; }
+.sign p:last-child { border-top: .3mm solid #111; min-width: 70mm; padding-top: 1mm; }
+.mark { position: fixed; top: 40%; left: 0; right: 0; text-align: center; font-size: 80pt; color: rgba(200, 0, 0, .18); transform: rotate(-30deg); z-index: 9; pointer-events: none; }
+@page { size: A4; margin: 15mm 12mm 16mm; @bottom-right { content: "page " counter(page) " of " counter(pages); font-size: 8pt; } }
+@page { @bottom-left { font-size: 7pt; } }
+@media print { body { margin: 0; padding: 0; max-width: none; } .hash { display: none; } section { overflow-x: visible; } }
+)";
+
+std::string of_record(const ParameterFile& file, const std::string& key, const std::string& otherwise = "-") {
+  const std::string* const value = find_further(file, key);
+  return value ? *value : otherwise;
+}
+
+std::string or_dash(const std::string& text) { return text.empty() ? "-" : text; }
+
+const char* certificate_unit(std::size_t parameter, const ParameterFile& file) {
+  if (parameter < 3) return "°/h";
+  if (parameter < 6) return "g";
+  if (parameter < 15) return file.gyro_increment == IncrementKind::pulses ? "″/pulse" : "1";
+  return "1";
+}
+
+using Facts = std::vector<std::pair<std::string, std::string>>;
+std::string fact_table(const std::string& title, const Facts& rows) {
+  std::string html = "<section><h2>" + title + "</h2><table class=\"facts\">\n";
+  for (const auto& [name, value] : rows)
+    html += "<tr><td>" + std::string(name) + "</td><td>" + html_escape(value) + "</td></tr>\n";
+  return html + "</table></section>\n";
+}
+
+std::string result_table(const Certificate& c) {
+  html::HtmlTable table({html::text("parameter"), html::text("unit"), html::number("value"), html::number("U (k = 2)"),
+                         html::number("estimate"), html::number("gravity"), html::number("latitude"),
+                         html::number("repeatability"), html::text("limits")});
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
+    if (!parameter_is_free[i]) continue;
+    const std::string key(parameter_keys[i]);
+    const UncertaintyBudget& u = c.budget[i];
+    const double expanded = u.expanded();
+    const std::string limits = of_record(c.file, "verdict." + key);
+    table.row({html::name(key), html::text(certificate_unit(i, c.file)),
+               html::number(value_with_sigma(c.file.parameters[static_cast<Eigen::Index>(i)], expanded, html::typo)),
+               html::number(expanded, 2), html::number(u.estimate, 2), html::number(u.gravity, 2),
+               html::number(u.latitude, 2), u.repeatability ? html::number(*u.repeatability, 2) : html::number("-"),
+               html::text(limits.substr(0, limits.find(", guard band")))});
+  }
+  return table.finish();
+}
+
+std::string north_table(const Certificate& c) {
+  const auto value = [&](const std::string& key) -> std::string {
+    for (const auto& [name, text] : c.verification)
+      if (name == key) return text;
+    return "-";
+  };
+  const auto degrees = [&](const std::string& key) {
+    const std::string text = value(key);
+    return html::number(text == "-" ? text : value_with_sigma(std::stod(text), 1e-4, html::typo));
+  };
+  std::vector<html::Cell> head = {html::text("table, °")};
+  for (const char* angle : north_angle_names)
+    for (const char* what : {"mean", "deviation"})
+      head.push_back(html::number(std::string(angle) + " " + what + ", °"));
+  html::HtmlTable table(head);
+  for (int p = 1; value("position." + std::to_string(p) + ".table_deg") != "-"; ++p) {
+    const std::string prefix = "position." + std::to_string(p) + ".";
+    std::vector<html::Cell> cells = {html::text(value(prefix + "table_deg"))};
+    for (const char* angle : north_angle_names)
+      for (const char* what : {"mean.", "deviation."})
+        cells.push_back(degrees(prefix + what + std::string(angle) + "_deg"));
+    table.row(cells);
+  }
+  return "<section><h2>Verification: north seeking</h2>\n" + table.finish() +
+         html::paragraph("Alignments of " + value("align_s") + " s; limits " + value("limit.heading_deg") +
+                         " ° for the heading's deviation and mean, " + value("limit.level_deg") +
+                         " ° for roll and pitch: " + value("verdict.result") + ".") +
+         "</section>\n";
+}
+
+}  // namespace
+
+double UncertaintyBudget::expanded() const {
+  return 2.0 * std::hypot(std::hypot(estimate, gravity), std::hypot(latitude, repeatability.value_or(0.0)));
+}
+
+UncertaintyBudget budget_of(const std::vector<ParameterFile>& runs, std::size_t parameter, const Parties& parties) {
+  const ParameterFile& file = runs.back();
+  const auto at = static_cast<Eigen::Index>(parameter);
+  const double value = file.parameters[at];
+  UncertaintyBudget budget;
+  budget.estimate = file.sigma[parameter].value_or(0.0);
+  const bool of_accelerometer = (parameter >= 3 && parameter < 6) || parameter >= 15;
+  if (of_accelerometer) budget.gravity = std::abs(value) * parties.gravity_uncertainty_mps2 / file.gravity_mps2;
+  if (parameter < 3)
+    budget.latitude = earth_rate_radps / radps_per_degph * parties.latitude_uncertainty_deg * rad_per_deg;
+  if (runs.size() > 1) {
+    std::vector<double> values;
+    for (const ParameterFile& run : runs) values.push_back(run.parameters[at]);
+    budget.repeatability = spread_of(values).deviation;
+  }
+  return budget;
+}
+
+std::string certificate_page(const Certificate& c) {
+  const ParameterFile& f = c.file;
+  const std::string serial = html_escape(f.unit_serial);
+  std::string body = c.specimen ? "<div class=\"mark\">SPECIMEN</div>\n" : "";
+  body +=
+      "<h1>Calibration certificate</h1>\n<p class=\"no\">No. " + serial + " / " + html_escape(f.time_utc) + "</p>\n";
+  body += "<div class=\"two\">" +
+          fact_table("Laboratory", {{"name", or_dash(c.parties.laboratory_name)},
+                                    {"address", or_dash(c.parties.laboratory_address)},
+                                    {"accreditation", or_dash(c.parties.laboratory_accreditation)}}) +
+          fact_table("Customer", {{"name", or_dash(c.parties.customer_name)},
+                                  {"address", or_dash(c.parties.customer_address)},
+                                  {"order", or_dash(c.parties.customer_order)}}) +
+          "</div>\n<div class=\"two\">";
+  body +=
+      fact_table("Item", {{"unit", "strapdown inertial measurement unit"},
+                          {"serial number", f.unit_serial},
+                          {"part, revision", of_record(f, "record.part") + ", " + of_record(f, "record.revision")}});
+  body += fact_table(
+              "Conditions",
+              {{"calibrated", f.time_utc},
+               {"operator", of_record(f, "record.operator")},
+               {"temperature of the unit",
+                f.reference_temperature_c ? significant(*f.reference_temperature_c, 4) + " °C (mean)" : "not measured"},
+               {"ambient", of_record(f, "record.ambient")},
+               {"latitude", significant(f.latitude_deg, 6) + "°"},
+               {"gravity", significant(f.gravity_mps2, 7) + " m/s²"}}) +
+          "</div>\n";
+  body += fact_table(
+      "Equipment and method",
+      {{"station", of_record(f, "record.station")},
+       {"table", of_record(f, "record.table_id") + ", calibration due " + of_record(f, "record.table_calibration_due") +
+                     (find_further(f, "record.overdue_reason")
+                          ? "; used though overdue: " + of_record(f, "record.overdue_reason")
+                          : "")},
+       {"method", f.method + " estimate, model " + f.model + ", sequence " + of_record(f, "record.sequence") +
+                      "; w = n counts − N0 (°/h), f = a counts − A0 (g = 9.80665 m/s²)"},
+       {"software", "turncal " + f.software_version},
+       {"adjustment", "none: the parameters are to be loaded by the customer"}});
+  body += "<section><h2>Results</h2>\n" + result_table(c);
+  body += html::paragraph(
+      "Expanded uncertainty U = 2 u; u combines the columns to its right (standard uncertainties). The table's angles "
+      "are not taken "
+      "as truth and add nothing; the given heading enters in second order. Effects that this sequence cannot tell from "
+      "a parameter "
+      "(its alias class) are not in U: " +
+      std::string(f.effects.empty() ? "none was found." : "those found are in the model."));
+  body += "</section>\n";
+  if (!c.verification.empty()) body += north_table(c);
+  const std::string rule = of_record(f, "verdict.rule", "");
+  body += fact_table("Conformity",
+                     {{"verdict", of_record(f, "verdict.result", "not judged")},
+                      {"decision rule", rule.empty() ? "no limits were agreed" : rule},
+                      {"diagnosis", of_record(f, "verdict.diagnosis", "not made") + ": " +
+                                        of_record(f, "verdict.reason", "nothing beyond the model was found")}});
+  std::string hashes;
+  for (const std::string& hash : c.recording_hashes) hashes += (hashes.empty() ? "" : ", ") + hash;
+  body += fact_table("Traceability of the record", {{"parameter file", c.parameters_hash}, {"recordings", hashes}});
+  body +=
+      "<p class=\"small\">The results relate to this item in the state in which it was calibrated. This certificate "
+      "may be reproduced "
+      "in full only.</p>\n<div class=\"sign\"><p>Issued " +
+      html_escape(c.issued_utc) + "</p><p>" + html_escape(or_dash(c.parties.laboratory_signatory)) + "</p></div>\n";
+  const std::string hash = hash_of_text(body);
+  return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration certificate " + serial +
+         "</title>\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<style>" +
+         certificate_css + "@page { @bottom-left { content: \"" + hash + "\"; } }\n</style></head>\n<body>\n" + body +
+         "<p class=\"hash\">hash " + hash + "</p>\n</body></html>\n";
+}
+
+}  // namespace turncal

@@ -1,0 +1,38 @@
+// The calibration certificate: what ISO/IEC 17025:2017, 7.8 asks for, as one HTML document that prints on A4 (docs/certificate.md).
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/station/station_config.h"
+
+namespace turncal {
+
+// Standard uncertainties (k = 1) of one parameter, in its unit.
+struct UncertaintyBudget {
+  double estimate = 0.0;  // noise and all that is estimated along: sigma of the parameter file
+  double gravity = 0.0;   // of the site's gravity: specific force is measured in units of it
+  double latitude = 0.0;  // bound: Earth's rate times the error of latitude, whatever the attitudes average
+  std::optional<double> repeatability;  // sample standard deviation over the runs; empty: a single run
+  double expanded() const;              // U = 2 times the root of the sum of squares
+};
+
+struct Certificate {
+  ParameterFile file;                         // the result that is certified
+  std::vector<std::string> recording_hashes;  // of all runs, that of the result last
+  std::array<UncertaintyBudget, parameter_count> budget{};
+  Parties parties;
+  std::string parameters_hash;
+  std::vector<std::pair<std::string, std::string>>
+      verification;  // key and value, of verification.conf; empty: not made
+  std::string issued_utc;
+  bool specimen = false;
+};
+
+UncertaintyBudget budget_of(const std::vector<ParameterFile>& runs, std::size_t parameter, const Parties& parties);
+std::string certificate_page(const Certificate& certificate);
+
+}  // namespace turncal
