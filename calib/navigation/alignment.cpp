@@ -110,7 +110,7 @@ bool RestLatitude::speaks_against(double of_record_rad) const {
 }
 
 RestLatitude latitude_of_rests(std::span<const MotionInterval> intervals, const NoiseModel& noise,
-                           const ParameterCovariance& parameters) {
+                               const ParameterCovariance& parameters) {
   double turned_rad = 0.0, seconds = 0.0;
   Eigen::Vector3d up = Eigen::Vector3d::Zero();  // time integral, in body axes
   double walk = 0.0;

@@ -55,6 +55,6 @@ struct RestLatitude {
   bool speaks_against(double latitude_rad) const;
 };
 RestLatitude latitude_of_rests(std::span<const MotionInterval> intervals, const NoiseModel& noise,
-                           const ParameterCovariance& parameters);
+                               const ParameterCovariance& parameters);
 
 }  // namespace turncal

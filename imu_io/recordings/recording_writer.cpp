@@ -1,5 +1,8 @@
 #include "imu_io/recordings/recording_writer.h"
 
+#include <xxhash.h>
+
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -10,6 +13,11 @@
 namespace turncal {
 
 struct RecordingWriter::State {
+  struct Free {
+    void operator()(XXH32_state_t* state) const { XXH32_freeState(state); }
+  };
+  // Of all bytes of the file. Not a CRC: each record ends with its own, after which the CRC of everything depends on nothing but the length.
+  std::unique_ptr<XXH32_state_t, Free> written{XXH32_createState()};
   PosixFile file;
   RecordingInfo info;
   Segments segments;
@@ -22,6 +30,21 @@ struct RecordingWriter::State {
   bool unusable = false;  // a write failed, or finish() went through
   std::vector<ImuSample> pending;
   std::vector<std::byte> bytes;
+
+  State() { XXH32_reset(written.get(), 0); }
+  void hash(std::span<const std::byte> some) { XXH32_update(written.get(), some.data(), some.size()); }
+  Status hash_file(std::uint64_t end) {
+    std::vector<std::byte> buffer(std::size_t{1} << 16);
+    for (std::uint64_t at = 0; at < end;) {
+      const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(buffer.size(), end - at));
+      const Result<std::size_t> got = file.read_at(at, std::span(buffer).first(wanted));
+      if (!got) return got.error();
+      if (*got == 0) return device_error(file.path() + ": ends before its last record");
+      hash(std::span(buffer).first(*got));
+      at += *got;
+    }
+    return {};
+  }
 
   Error refusal(const std::string& what) const { return input_error(file.path() + ": " + what); }
 
@@ -38,6 +61,7 @@ struct RecordingWriter::State {
     end_record(bytes, begun);
     Status status = file.write_all(bytes);
     if (!status) unusable = true;
+    hash(bytes);
     return status;
   }
 
@@ -103,6 +127,7 @@ Result<RecordingWriter> RecordingWriter::reopen(const std::string& path, OpenSeg
 
   auto state = std::make_unique<State>();
   state->file = std::move(*file);
+  if (Status status = state->hash_file(end); !status) return status.error();
   state->info = scan->info;
   state->segments = std::move(scan->segments);
   state->open_segment = scan->open_segment;
@@ -222,5 +247,6 @@ std::optional<std::int64_t> RecordingWriter::last_counter() const {
   return state_->last_counter;
 }
 std::uint64_t RecordingWriter::cut_bytes() const { return state_->cut_bytes; }
+std::uint32_t RecordingWriter::hash() const { return XXH32_digest(state_->written.get()); }
 
 }  // namespace turncal

@@ -62,6 +62,7 @@ class RecordingWriter {
   std::optional<std::int64_t> first_counter() const;
   std::optional<std::int64_t> last_counter() const;
   std::uint64_t cut_bytes() const;  // what reopen() cut off
+  std::uint32_t hash() const;       // XXH32 of all bytes of the file, those that reopen() found included
 
  private:
   struct State;

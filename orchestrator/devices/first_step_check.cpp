@@ -17,12 +17,13 @@ constexpr double least_stretches = 4.0;  // of a rest that tells its noise
 
 }  // namespace
 
-Status FirstStepCheck::resume(const RecordingInfo& info, std::int64_t end_sample) {
+Status FirstStepCheck::resume(const RecordingInfo& info, std::int64_t end_sample,
+                              std::optional<std::uint32_t> written) {
   info_ = info;
   spikes_.emplace(info);
   life_.emplace(info);
   turned_to_deg_.reset();
-  return sink_.resume(info, end_sample);
+  return sink_.resume(info, end_sample, written);
 }
 
 Status FirstStepCheck::start(const RecordingInfo& info) {

@@ -42,12 +42,13 @@ class FirstStepCheck : public RunSink {
   explicit FirstStepCheck(RunSink& sink, FirstStepLimits limits = {}) : sink_(sink), limits_(limits) {}
 
   Status start(const RecordingInfo& info) override;
-  Status resume(const RecordingInfo& info, std::int64_t end_sample) override;
+  Status resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) override;
   Status begin_segment(const Segment& segment) override;
   Status add(std::span<const ImuSample> samples) override;
   Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override;
   Status sync() override { return sink_.sync(); }
   Status finish() override { return sink_.finish(); }
+  std::optional<std::uint32_t> written() const override { return sink_.written(); }
   Status unit_fits() const override { return found_; }
 
  private:

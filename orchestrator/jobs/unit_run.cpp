@@ -89,8 +89,7 @@ void conclude_units(std::vector<UnitRun>& units, double wall_s, const std::strin
 std::string outcome_of(const UnitRun& unit) {
   const bool measured = unit.counts.recorded_s > 0.0;
   if (unit.dropped) return unit.status.error().kind == ErrorKind::input && !measured ? "refused" : "dropped";
-  if (unit.status)
-    return unit.run.only_captures() ? "captured" : std::string(to_string(unit.results.verdict.verdict));
+  if (unit.status) return unit.run.only_captures() ? "captured" : std::string(to_string(unit.results.verdict.verdict));
   const ErrorKind kind = unit.status.error().kind;
   if (kind == ErrorKind::unit_failed && !is_accepted(unit.results.verdict.verdict))
     return std::string(to_string(unit.results.verdict.verdict));

@@ -94,12 +94,16 @@ CompletedDwell read_dwell(KeyValueFile& file) {
   dwell.item = static_cast<std::size_t>(file.integer("item", 0));
   for (std::size_t unit = 0; unit == 0 || file.has(unit_prefix(unit) + "next_sample"); ++unit) {
     const std::string prefix = unit_prefix(unit);
+    std::optional<std::uint32_t> written;
+    if (file.has(prefix + "written_xxh32"))
+      written = static_cast<std::uint32_t>(file.integer(prefix + "written_xxh32", 0));
     dwell.units.push_back(
         {.next_sample = file.integer(prefix + "next_sample", 0),
          .first_counter = file.integer(prefix + "first_counter"),
          .last_counter = file.integer(prefix + "last_counter"),
          .lost_samples = static_cast<std::uint64_t>(file.integer(prefix + "lost_samples", 0)),
-         .duplicate_samples = static_cast<std::uint64_t>(file.integer(prefix + "duplicate_samples", 0))});
+         .duplicate_samples = static_cast<std::uint64_t>(file.integer(prefix + "duplicate_samples", 0)),
+         .written = written});
   }
   dwell.repeated_dwells = static_cast<int>(file.integer("repeated_dwells", 0));
   dwell.time_s = file.number("time_s");
@@ -232,6 +236,9 @@ Status JournalFile::dwell(const CompletedDwell& dwell) {
     const JournalFields more = point(dwell.units[unit], unit_prefix(unit));
     fields.insert(fields.end(), more.begin(), more.end());
   }
+  for (std::size_t unit = 0; unit < dwell.units.size(); ++unit)
+    if (const std::optional<std::uint32_t>& written = dwell.units[unit].written)
+      fields.emplace_back(unit_prefix(unit) + "written_xxh32", std::to_string(*written));
   return append(JournalType::dwell, fields);
 }
 

@@ -23,7 +23,7 @@ bool same(const RecordingInfo& a, const RecordingInfo& b) {
 
 }  // namespace
 
-Status RecordingSink::resume(const RecordingInfo& info, std::int64_t end_sample) {
+Status RecordingSink::resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) {
   const std::string path = folder_ + "/" + partial_recording_name;
   Result<RecordingWriter> writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop, end_sample);
   if (!writer) return writer.error();
@@ -43,8 +43,17 @@ Status RecordingSink::resume(const RecordingInfo& info, std::int64_t end_sample)
                        (kind ? std::string(": simulated and real data cannot be one recording")
                              : ": was made with another unit, site or kind of samples than this station has now"));
   }
+  if (written && writer->hash() != *written) {
+    return input_error(path + ": is not what this run had recorded by sample " + std::to_string(end_sample) +
+                       ": expected the recording that the journal speaks of");
+  }
   writer_.emplace(std::move(*writer));
   return {};
+}
+
+std::optional<std::uint32_t> RecordingSink::written() const {
+  if (!writer_) return {};
+  return writer_->hash();
 }
 
 Status RecordingSink::finish() {

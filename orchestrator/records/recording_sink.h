@@ -16,13 +16,14 @@ class RecordingSink : public RunSink {
  public:
   explicit RecordingSink(std::string folder) : folder_(std::move(folder)) {}
   Status start(const RecordingInfo& info) override;
-  Status resume(const RecordingInfo& info, std::int64_t end_sample) override;
+  Status resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) override;
   Status begin_segment(const Segment& segment) override { return writer_->begin_segment(segment); }
   Status add(std::span<const ImuSample> samples) override { return writer_->add(samples); }
   Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
     return writer_->end_segment(kind, end_sample, angles_deg);
   }
   Status sync() override { return writer_->sync(); }
+  std::optional<std::uint32_t> written() const override;
   Status finish() override;
 
   std::string path() const;  // of the finished recording

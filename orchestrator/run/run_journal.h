@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,7 @@ struct RecordingPoint {
   std::int64_t last_counter = 0;   // the unit's own, of the last recorded sample
   std::uint64_t lost_samples = 0;
   std::uint64_t duplicate_samples = 0;
+  std::optional<std::uint32_t> written{};  // hash of the recording up to there (run_sink.h)
   bool operator==(const RecordingPoint&) const = default;
 };
 

@@ -17,6 +17,7 @@ void UnitLane::close() {
 
 void UnitLane::resume_at(const RecordingPoint& left, bool no_time_passed) {
   next_sample_ = left.next_sample;
+  resumed_written_ = left.written;
   lost_samples_ = left.lost_samples;
   duplicate_samples_ = left.duplicate_samples;
   gap_due_ = !no_time_passed;
@@ -31,7 +32,8 @@ RecordingPoint UnitLane::point() const {
           .first_counter = first,
           .last_counter = first_counter_ ? first + next_sample_ - 1 : 0,
           .lost_samples = lost_samples_,
-          .duplicate_samples = duplicate_samples_};
+          .duplicate_samples = duplicate_samples_,
+          .written = unit_.sink.written()};
 }
 
 Result<std::string> UnitLane::connect(const StationConfig& station, bool table_simulated, bool resumed, double now_s) {
@@ -50,7 +52,7 @@ Result<std::string> UnitLane::connect(const StationConfig& station, bool table_s
   info_.simulated = info_.simulated || table_simulated;
   dwell_.emplace(station.dwell, info_);
   spikes_.emplace(info_);
-  const Status begun = resumed ? unit_.sink.resume(info_, next_sample_) : unit_.sink.start(info_);
+  const Status begun = resumed ? unit_.sink.resume(info_, next_sample_, resumed_written_) : unit_.sink.start(info_);
   if (!begun) return begun.error();
   last_sample_s_ = now_s;
   return imu->description;

@@ -109,9 +109,10 @@ class UnitLane {
   std::optional<std::int64_t> conflict_;       // two samples of this counter that differ, not yet told
   std::optional<std::int64_t> first_counter_;  // the unit's own, of the recording's first sample
   std::int64_t next_sample_ = 0;
-  std::int64_t came_before_ = 0;         // the segment began: what was recorded, and what waited
-  std::uint64_t lost_samples_ = 0;       // by the unit's counter, from the first recorded sample on
-  std::uint64_t duplicate_samples_ = 0;  // dropped
+  std::optional<std::uint32_t> resumed_written_;  // what the recording must be
+  std::int64_t came_before_ = 0;                  // the segment began: what was recorded, and what waited
+  std::uint64_t lost_samples_ = 0;                // by the unit's counter, from the first recorded sample on
+  std::uint64_t duplicate_samples_ = 0;           // dropped
   double last_sample_s_ = 0.0;
 };
 

@@ -78,9 +78,9 @@ class LiveSink : public RunSink {
     status_.begin(info);
     return sink_.start(info);
   }
-  Status resume(const RecordingInfo& info, std::int64_t end_sample) override {
+  Status resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) override {
     status_.begin(info);
-    return sink_.resume(info, end_sample);
+    return sink_.resume(info, end_sample, written);
   }
   Status begin_segment(const Segment& segment) override {
     status_.begin_segment(segment.kind);
@@ -95,6 +95,7 @@ class LiveSink : public RunSink {
   }
   Status sync() override { return sink_.sync(); }
   Status finish() override { return sink_.finish(); }
+  std::optional<std::uint32_t> written() const override { return sink_.written(); }
   Status unit_fits() const override { return sink_.unit_fits(); }
 
  private:

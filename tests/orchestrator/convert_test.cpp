@@ -49,11 +49,13 @@ TEST_F(Convert, RefusesWhatItCannotUse) {
   expect_refused({"convert", "nothing.conf", "--yaml", "c.yaml"}, "nothing.conf");
   const std::string before = file_text(folder_ / "parameters.conf");
   for (const char* form : {"--header", "--binary", "--yaml"})
-    expect_refused({"convert", "parameters.conf", form, "parameters.conf"}, "expected another file than the parameter file");
+    expect_refused({"convert", "parameters.conf", form, "parameters.conf"},
+                   "expected another file than the parameter file");
   write("other.conf", "something = else\n");
   expect_refused({"convert", "parameters.conf", "--yaml", "other.conf"}, "holds something else");
   EXPECT_EQ(file_text(folder_ / "parameters.conf"), before);
-  expect_refused({"convert", "parameters.conf", "--header", "c.h", "--yaml", "./c.h"}, "--yaml ./c.h: expected another");
+  expect_refused({"convert", "parameters.conf", "--header", "c.h", "--yaml", "./c.h"},
+                 "--yaml ./c.h: expected another");
   expect_refused({"convert", "parameters.conf", "--binary", "nowhere/c.bin"}, "nowhere/c.bin");
 }
 

@@ -24,7 +24,10 @@ class ChangedUnit : public RunSink {
     told_(other);
     return check_.start(other);
   }
-  Status resume(const RecordingInfo& info, std::int64_t end) override { return check_.resume(info, end); }
+  Status resume(const RecordingInfo& info, std::int64_t end, std::optional<std::uint32_t> written) override {
+    return check_.resume(info, end, written);
+  }
+  std::optional<std::uint32_t> written() const override { return check_.written(); }
   Status begin_segment(const Segment& segment) override { return check_.begin_segment(segment); }
   Status add(std::span<const ImuSample> samples) override {
     std::vector<ImuSample> changed(samples.begin(), samples.end());

@@ -238,20 +238,36 @@ TEST_F(Resume, SimulatedAndRealDataAreNeverOneRecording) {
   ASSERT_TRUE(sink.add({&sample, 1}).ok());
   ASSERT_TRUE(sink.end_segment(SegmentKind::still, 1, {}).ok());
   ASSERT_TRUE(sink.sync().ok());
-  const auto resumed = [&](const RecordingInfo& with, std::int64_t end_sample) {
+  const std::optional<std::uint32_t> written = sink.written();
+  ASSERT_TRUE(written.has_value());
+  const auto resumed = [&](const RecordingInfo& with, std::int64_t end_sample, std::uint32_t crc) {
     const std::string copy = path("copy" + std::to_string(++copies_));
     fs::create_directories(copy);
     fs::copy_file(folder_ / partial_recording_name, fs::path(copy) / partial_recording_name);
-    const Status status = RecordingSink(copy).resume(with, end_sample);
+    const Status status = RecordingSink(copy).resume(with, end_sample, crc);
     return status ? std::string() : status.error().message;
   };
-  EXPECT_EQ(resumed(info, 1), "");
+  EXPECT_EQ(resumed(info, 1, *written), "");
+  EXPECT_NE(resumed(info, 1, *written ^ 1).find("is not what this run had recorded by sample 1"), std::string::npos);
   RecordingInfo real = info, other = info;
   real.simulated = false;
   other.unit_serial = "SN2";
-  EXPECT_NE(resumed(real, 1).find("simulated and real data cannot be one recording"), std::string::npos);
-  EXPECT_NE(resumed(other, 1).find("another unit"), std::string::npos);
-  EXPECT_NE(resumed(info, 2).find("holds no segment that ends at sample 2"), std::string::npos);
+  EXPECT_NE(resumed(real, 1, *written).find("simulated and real data cannot be one recording"), std::string::npos);
+  EXPECT_NE(resumed(other, 1, *written).find("another unit"), std::string::npos);
+  EXPECT_NE(resumed(info, 2, *written).find("holds no segment that ends at sample 2"), std::string::npos);
+}
+
+// Of the same unit, site and length: only its bytes tell that it is another run's.
+TEST_F(Resume, ARecordingOfAnotherRunIsRefused) {
+  const std::string station = write("swapped/mock.station", station_text);
+  write("swapped/other.conf", "seed = 4711\n");
+  std::vector<std::string> other = begin("swapped/other", station);
+  other.insert(other.end(), {"--rig", path("swapped/other.conf")});
+  ASSERT_EQ(run_struck(begin("swapped/out", station), 700, "kill").code, -1000 - SIGKILL);
+  ASSERT_EQ(run_struck(other, 700, "kill").code, -1000 - SIGKILL);
+  fs::copy_file(folder_ / "swapped/other" / partial_recording_name, folder_ / "swapped/out" / partial_recording_name,
+                fs::copy_options::overwrite_existing);
+  expect_refused({"resume", "swapped/out"}, "is not what this run had recorded");
 }
 
 TEST_F(Resume, AStoppedRunGoesOn) {

@@ -31,7 +31,8 @@ class MemorySink : public RunSink {
     return step();
   }
   // Keeps what ended at or before end_sample, as the recording on disk does.
-  Status resume(const RecordingInfo& info_in, std::int64_t end_sample) override {
+  std::optional<std::uint32_t> written() const override { return {}; }
+  Status resume(const RecordingInfo& info_in, std::int64_t end_sample, std::optional<std::uint32_t>) override {
     EXPECT_EQ(info_in.unit_serial, info.unit_serial);
     open = false;
     while (!segments.empty() &&
