@@ -4,26 +4,26 @@
 
 #include <Eigen/LU>
 
+#include "calib/joint/score_algebra.h"
+
 namespace turncal {
 
-std::optional<FeltLatitude> felt_latitude(const CompressedRecording& recording, const JointResult& fit) {
-  if (!fit.undetermined.empty()) return {};
+std::vector<EffectColumn> latitude_columns() {
   const EffectEntry* const rate = find_effect("earth_rate");
-  JointOptions options;
-  options.start = fit.parameters;
-  options.effects = {{.entry = rate, .component = 0}, {.entry = rate, .component = 1}};
-  options.noise = fit.noise;
-  options.faults_of = &fit;
-  const JointResult freed = joint_estimate(recording, options);
-  const Eigen::Index n = freed.covariance.rows();
-  if (freed.effects.size() != 2 || n < 2 || !(freed.effects[0].sigma > 0.0 && freed.effects[1].sigma > 0.0)) return {};
-  const Eigen::Matrix2d information = freed.covariance.bottomRightCorner<2, 2>().inverse();
-  const double latitude = recording.info.latitude_deg * rad_per_deg, rate_degph = earth_rate_radps / radps_per_degph;
-  const Eigen::Vector2d x(freed.effects[0].value, freed.effects[1].value);
+  return {{.entry = rate, .component = 0}, {.entry = rate, .component = 1}};
+}
+
+std::optional<FeltLatitude> felt_latitude(const RecordingInfo& info, const JointResult& fit) {
+  const int north = parameter_count + static_cast<int>(fit.effects.size());
+  if (!fit.undetermined.empty() || fit.last.information.rows() != north + 2) return {};
+  const Scores scores = eliminate(fit.last.information, fit.last.gradient, fit.free, {north, north + 1});
+  const Eigen::Matrix2d information = scores.Q;
+  if (!(information.determinant() > 0.0)) return {};
+  const double latitude = info.latitude_deg * rad_per_deg, rate_degph = earth_rate_radps / radps_per_degph;
   const Eigen::Vector2d v(-rate_degph * std::sin(latitude), rate_degph * std::cos(latitude));
   const double weight = v.dot(information * v);
   if (!(weight > 0.0) || !std::isfinite(weight)) return {};
-  return FeltLatitude{recording.info.latitude_deg + v.dot(information * x) / weight / rad_per_deg,
+  return FeltLatitude{info.latitude_deg + v.dot(scores.s) / weight / rad_per_deg,
                       1.0 / std::sqrt(weight) / rad_per_deg};
 }
 

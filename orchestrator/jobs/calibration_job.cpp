@@ -64,10 +64,10 @@ void note_joint(const JointResult& result, double sample_period_s, std::vector<s
 }
 
 // The diagnosis finds the same as the effect earth_rate.
-std::string wrong_latitude(const CompressedRecording& recording, const JointResult& result) {
+std::string wrong_latitude(const RecordingInfo& info, const JointResult& result) {
   constexpr double sigmas = 5.0, least_deg = 0.03;
-  const std::optional<FeltLatitude> felt = felt_latitude(recording, result);
-  const double stated_deg = recording.info.latitude_deg;
+  const std::optional<FeltLatitude> felt = felt_latitude(info, result);
+  const double stated_deg = info.latitude_deg;
   if (!felt || std::abs(felt->latitude_deg - stated_deg) < std::max(sigmas * felt->sigma_deg, least_deg)) return "";
   char text[200];
   std::snprintf(text, sizeof text,
@@ -82,7 +82,7 @@ std::string distrust_of(const CompressedRecording& recording, const JointResult&
   // Quieter than the noise model, correlated or not: its sigmas are too large, if anything.
   if (!result.whiteness.white && result.whiteness.level > 1.0) return result.whiteness.message;
   if (!test_fit) return "";
-  if (const std::string wrong = wrong_latitude(recording, result); !wrong.empty()) return wrong;
+  if (const std::string wrong = wrong_latitude(recording.info, result); !wrong.empty()) return wrong;
   const LackOfFit fit = test_lack_of_fit(recording, result, nullptr, LackOfFitLimits{});
   if (fit.passed) return "";
   char text[200];
@@ -92,7 +92,9 @@ std::string distrust_of(const CompressedRecording& recording, const JointResult&
 }
 
 Status joint(const CompressedRecording& recording, const CalibrationRequest& request, CalibrationOutput& output) {
-  JointResult result = request.known ? estimate_beside(recording, *request.known) : joint_estimate(recording);
+  JointOptions options;
+  options.candidates = latitude_columns();
+  JointResult result = request.known ? estimate_beside(recording, *request.known) : joint_estimate(recording, options);
   if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result.message};
   const std::string open = undetermined_parameters(result);
   if (!open.empty() && !request.partial)

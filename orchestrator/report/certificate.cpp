@@ -162,26 +162,23 @@ std::string certificate_page(const Certificate& c) {
   body += "<section><h2>Results</h2>\n" + result_table(c);
   body += html::paragraph(
       "Expanded uncertainty U = 2 u; u combines the columns to its right (standard uncertainties). The table's angles "
-      "are not taken "
-      "as truth and add nothing; the given heading enters in second order. Effects that this sequence cannot tell from "
-      "a parameter "
-      "(its alias class) are not in U: " +
+      "are not taken as truth and add nothing; the given heading enters in second order. Effects that this sequence "
+      "cannot tell from a parameter (its alias class) are not in U: " +
       std::string(f.effects.empty() ? "none was found." : "those found are in the model."));
   body += "</section>\n";
   if (!c.verification.empty()) body += north_table(c);
   const std::string rule = of_record(f, "verdict.rule", "");
+  const std::string why = of_record(f, "verdict.reason", "");
   body += fact_table("Conformity",
-                     {{"verdict", of_record(f, "verdict.result", "not judged")},
+                     {{"verdict", of_record(f, "verdict.result", "not judged") + (why.empty() ? "" : ": " + why)},
                       {"decision rule", rule.empty() ? "no limits were agreed" : rule},
-                      {"diagnosis", of_record(f, "verdict.diagnosis", "not made") + ": " +
-                                        of_record(f, "verdict.reason", "nothing beyond the model was found")}});
+                      {"diagnosis", of_record(f, "verdict.diagnosis", "not made")}});
   std::string hashes;
   for (const std::string& hash : c.recording_hashes) hashes += (hashes.empty() ? "" : ", ") + hash;
   body += fact_table("Traceability of the record", {{"parameter file", c.parameters_hash}, {"recordings", hashes}});
   body +=
       "<p class=\"small\">The results relate to this item in the state in which it was calibrated. This certificate "
-      "may be reproduced "
-      "in full only.</p>\n<div class=\"sign\"><p>Issued " +
+      "may be reproduced in full only.</p>\n<div class=\"sign\"><p>Issued " +
       html_escape(c.issued_utc) + "</p><p>" + html_escape(or_dash(c.parties.laboratory_signatory)) + "</p></div>\n";
   const std::string hash = hash_of_text(body);
   return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration certificate " + serial +

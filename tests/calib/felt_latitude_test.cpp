@@ -22,7 +22,9 @@ TEST(FeltLatitude, IsTheTrueOneWhateverIsTold) {
     CompressedRecording recording = record_on_rig(sequence, config).recording;
     for (const bool wrong : {false, true}) {
       recording.info.latitude_deg = config.site.latitude_deg + (wrong ? 0.3 : 0.0);
-      const std::optional<FeltLatitude> felt = felt_latitude(recording, joint_estimate(recording));
+      JointOptions options;
+      options.candidates = latitude_columns();
+      const std::optional<FeltLatitude> felt = felt_latitude(recording.info, joint_estimate(recording, options));
       ASSERT_TRUE(felt.has_value());
       const double off = (felt->latitude_deg - config.site.latitude_deg) / felt->sigma_deg;
       chi_square[wrong ? 1 : 0] += off * off;
