@@ -1,12 +1,14 @@
 // `turncal design`: a sequence found for a time (orchestrator/jobs/sequence_design.h; docs/design.md).
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/key_value.h"
 #include "orchestrator/commands/command_predict.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/planned_unit.h"
@@ -19,9 +21,12 @@
 namespace turncal {
 namespace {
 
+constexpr double longest_design_s = 86400.0;
+constexpr std::string_view first_words = "# Found by turncal design";  // of the file
+
 struct DesignOptions {
   PlannedSite site;
-  std::string time, start, out, criterion = "mean";
+  std::string time, sigma, start, out, criterion = "mean";
   std::vector<std::string> effects, axes, rates;
   double acceleration_degps2 = 20.0, least_rest_s = 10.0;
   int seed = 1, tries = 1500;
@@ -69,83 +74,166 @@ std::string name_of(const std::string& file) {
   return name.empty() ? "designed" : name;
 }
 
-Status design(const DesignOptions& options, CommandContext& context) {
-  if (Status status = check_site(options.site); !status) return status;
-  const Result<double> time_s = parse_time_s("--time", options.time);
-  if (!time_s) return time_s.error();
-  const Result<PlannedUnit> unit = planned_unit(options.site);
-  if (!unit) return unit.error();
-  const Result<Sequence> reference = parse_sequence(std::string(builtin_sequence_text), "fourteen_step.seq");
-  if (!reference) return reference.error();
-  const Result<Sequence> start = options.start.empty() ? *reference : read_sequence(options.start);
-  if (!start) return start.error();
-
-  DesignTask task;
-  task.limits = plan_limits(unit->station, unit->info.sample_period_s);
-  task.info = unit->info;
-  task.predict.noise = noise_model(options.site);
-  task.predict.unit = unit->parameters;
-  task.predict.effects = !options.effects.empty();
-  task.time_s = *time_s;
-  task.acceleration_degps2 = options.acceleration_degps2;
-  task.least_rest_s = options.least_rest_s;
-  task.effects = options.effects;
-  task.seed = static_cast<std::uint64_t>(options.seed);
-  task.tries = options.tries;
-  task.criterion = options.criterion == "worst" ? AimAt::worst : AimAt::mean;
-  const auto predicted = [&](const Sequence& sequence) {
-    const Plan plan = make_plan(sequence, task.limits);
-    return NamedPrediction{sequence.name, predict(unit->info, planned_motion(sequence, plan), task.predict),
-                           plan.station_s};
-  };
-  std::vector<NamedPrediction> columns{predicted(*reference)};
-  task.aim = columns.front().prediction.sigma;
+// The sigmas that are wanted, `key = sigma` in units of the parameter file; what is not named does not count.
+Status read_aims(const std::string& path, DesignTask& task) {
+  Result<KeyValueFile> file = KeyValueFile::read(path);
+  if (!file) return file.error();
+  task.aim.setZero();
   for (int k = 0; k < parameter_count; ++k)
-    if (const std::optional<double> most = unit->station.limits.sigma_max[static_cast<std::size_t>(k)])
-      task.aim[k] = *most;
-  task.effect_aims = columns.front().prediction.effects;
-  task.start = walk_of(*start);
-  if (Status status = choose(options, task); !status) return status;
-
-  const double began_s = steady_wall_s();
-  double told_s = began_s;
-  const Result<Design> found = design_walk(task, [&](const DesignProgress& progress) {
-    const double now_s = steady_wall_s();
-    if (now_s - told_s < 5.0 && progress.done < progress.tries) return true;
-    told_s = now_s;
-    const double left_s = (now_s - began_s) / progress.done * (progress.tries - progress.done);
-    char text[160];
-    std::snprintf(text, sizeof text, "tried %d of %d  cost %.4f  %zu legs  %s left\n", progress.done, progress.tries,
-                  progress.cost, progress.legs, format_duration(left_s).c_str());
-    context.err << text << std::flush;
-    return true;
-  });
-  if (!found) return found.error();
-
-  WalkHeader header;
-  header.name = name_of(options.out);
-  header.comments = {"Found by turncal design for " + format_number(task.time_s) + " s: see docs/design.md."};
-  header.rate_degps = task.rates_degps.front();
-  header.acceleration_degps2 = task.acceleration_degps2;
-  const std::string text = sequence_text(found->walk, header);
-  const Result<Sequence> sequence = parse_sequence(text, options.out);
-  if (!sequence) return Error{ErrorKind::internal, sequence.error().message};
-  if (Status status = write_file_atomically(options.out, text); !status) return status;
-  columns.push_back(predicted(*sequence));
-  print_premises(options.site, unit->info, context.out);
-  print_sigmas(columns, unit->info, context.out);
-  print_undetermined(columns, context.out);
-  if (task.predict.effects) print_effects(columns, context.out);
-  context.out << "sequence    " << options.out << std::endl;
+    if (parameter_is_free[static_cast<std::size_t>(k)])
+      task.aim[k] = file->number_or(parameter_keys[static_cast<std::size_t>(k)], 0.0, positive);
+  if (Status status = file->check_all_used(); !status) return status;
+  if (task.aim.maxCoeff() <= 0.0) return input_error(path + ": expected a line like N01 = 0.003");
   return {};
 }
+
+// White noise alone: a bias is known to no better than the random walk over the root of the time.
+Result<double> least_time_s(const DesignTask& task) {
+  const ParameterVector si = si_per_unit(task.info);
+  double least_s = 600.0;
+  for (int k = 0; k < 6; ++k) {
+    if (task.aim[k] <= 0.0) continue;
+    const NoiseModel& noise = task.predict.noise;
+    const double walk = k < 3 ? noise.angle_random_walk[k] : noise.velocity_random_walk[k - 3];
+    const double needed_s = std::pow(walk / (task.aim[k] * si[k]), 2);
+    if (needed_s > longest_design_s) {
+      char text[160];
+      std::snprintf(text, sizeof text, "%s = %.3g needs %.3g h with this noise: expected what 24 h can give",
+                    std::string(parameter_keys[static_cast<std::size_t>(k)]).c_str(), task.aim[k], needed_s / 3600.0);
+      return input_error(text);
+    }
+    least_s = std::max(least_s, needed_s);
+  }
+  return least_s;
+}
+
+bool reaches(const Prediction& prediction, const ParameterVector& aim) {
+  for (int k = 0; k < parameter_count; ++k)
+    if (aim[k] > 0.0 && !(prediction.determined[static_cast<std::size_t>(k)] && prediction.sigma[k] <= aim[k]))
+      return false;
+  return true;
+}
+
+class Designer {
+ public:
+  Designer(const DesignOptions& options, CommandContext& context) : options_(options), context_(context) {}
+
+  Status run() {
+    if (Status status = check_site(options_.site); !status) return status;
+    if (options_.time.empty() == options_.sigma.empty()) return input_error("expected --time or --sigma, one of them");
+    // Before minutes of search, not after them.
+    if (Status status = check_replaceable(options_.out, first_words); !status) return status;
+    const Result<PlannedUnit> unit = planned_unit(options_.site);
+    if (!unit) return unit.error();
+    if (Status status = prepare(*unit); !status) return status;
+    if (!options_.sigma.empty()) {
+      if (Status status = read_aims(options_.sigma, task_); !status) return status;
+      Result<double> time_s = least_time_s(task_);
+      if (!time_s) return time_s.error();
+      task_.tries = std::max(100, options_.tries / 5);
+      for (task_.time_s = *time_s;; task_.time_s *= 1.25) {
+        if (task_.time_s > longest_design_s)
+          return Error{ErrorKind::unit_failed,
+                       options_.sigma + ": no sequence of 24 h was found that gives these sigmas"};
+        context_.err << "looking for " << format_duration(task_.time_s) << std::endl;
+        if (Status status = search(); !status) return status;
+        if (reaches(columns_.back().prediction, task_.aim)) break;
+        columns_.pop_back();
+      }
+    } else {
+      const Result<double> time_s = parse_time_s("--time", options_.time);
+      if (!time_s) return time_s.error();
+      task_.time_s = *time_s;
+      if (Status status = search(); !status) return status;
+    }
+    if (Status status = write_file_atomically(options_.out, text_); !status) return status;
+    print_premises(options_.site, unit->info, context_.out);
+    char line[100];
+    std::snprintf(line, sizeof line, "Time      %.0f s\n", columns_.back().station_s);
+    context_.out << line;
+    print_sigmas(columns_, unit->info, context_.out);
+    print_undetermined(columns_, context_.out);
+    if (task_.predict.effects) print_effects(columns_, context_.out);
+    context_.out << "sequence    " << options_.out << std::endl;
+    return {};
+  }
+
+ private:
+  Status prepare(const PlannedUnit& unit) {
+    const Result<Sequence> reference = parse_sequence(std::string(builtin_sequence_text), "fourteen_step.seq");
+    if (!reference) return reference.error();
+    const Result<Sequence> start = options_.start.empty() ? *reference : read_sequence(options_.start);
+    if (!start) return start.error();
+    task_.limits = plan_limits(unit.station, unit.info.sample_period_s);
+    task_.info = unit.info;
+    task_.predict.noise = noise_model(options_.site);
+    task_.predict.unit = unit.parameters;
+    task_.predict.effects = !options_.effects.empty();
+    task_.acceleration_degps2 = options_.acceleration_degps2;
+    task_.least_rest_s = options_.least_rest_s;
+    task_.effects = options_.effects;
+    task_.seed = static_cast<std::uint64_t>(options_.seed);
+    task_.tries = options_.tries;
+    task_.criterion = options_.criterion == "worst" ? AimAt::worst : AimAt::mean;
+    columns_.push_back(predicted(*reference));
+    task_.aim = columns_.front().prediction.sigma;
+    for (int k = 0; k < parameter_count; ++k)
+      if (const std::optional<double> most = unit.station.limits.sigma_max[static_cast<std::size_t>(k)])
+        task_.aim[k] = *most;
+    task_.effect_aims = columns_.front().prediction.effects;
+    task_.start = walk_of(*start);
+    return choose(options_, task_);
+  }
+
+  NamedPrediction predicted(const Sequence& sequence) const {
+    const Plan plan = make_plan(sequence, task_.limits);
+    return {sequence.name, predict(task_.info, planned_motion(sequence, plan), task_.predict), plan.station_s};
+  }
+
+  // The best walk of task_.time_s: its text, and what it gives as the last column.
+  Status search() {
+    const double began_s = steady_wall_s();
+    double told_s = began_s;
+    const Result<Design> found = design_walk(task_, [&](const DesignProgress& progress) {
+      const double now_s = steady_wall_s();
+      if (now_s - told_s < 5.0 && progress.done < progress.tries) return true;
+      told_s = now_s;
+      const double left_s = (now_s - began_s) / progress.done * (progress.tries - progress.done);
+      char text[160];
+      std::snprintf(text, sizeof text, "tried %d of %d  cost %.4f  %zu legs  %s left\n", progress.done, progress.tries,
+                    progress.cost, progress.legs, format_duration(left_s).c_str());
+      context_.err << text << std::flush;
+      return true;
+    });
+    if (!found) return found.error();
+    WalkHeader header;
+    header.name = name_of(options_.out);
+    header.comments = {std::string(first_words).substr(2) + " for " + format_number(std::round(task_.time_s)) +
+                       " s: see docs/design.md."};
+    header.rate_degps = task_.rates_degps.front();
+    header.acceleration_degps2 = task_.acceleration_degps2;
+    text_ = sequence_text(found->walk, header);
+    const Result<Sequence> sequence = parse_sequence(text_, options_.out);
+    if (!sequence) return Error{ErrorKind::internal, sequence.error().message};
+    columns_.push_back(predicted(*sequence));
+    return {};
+  }
+
+  const DesignOptions& options_;
+  CommandContext& context_;
+  DesignTask task_;
+  std::vector<NamedPrediction> columns_;  // the fourteen steps, then what was found
+  std::string text_;
+};
 
 }  // namespace
 
 void add_design_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<DesignOptions>();
   const Command command = line.command("design", "find a sequence with small sigmas in a given time; nothing moves");
-  command.option("--time", options->time, "length of the run: 40min, 2h, 2400").required();
+  command.option("--time", options->time, "length of the run: 40min, 2h, 2400");
+  command.option("--sigma", options->sigma,
+                 "in place of it: a file of sigmas (N01 = 0.003); the shortest run that gives them");
   command.option("--out", options->out, "the sequence file to write").required();
   add_site_options(command, options->site);
   command.option("--start", options->start, "sequence whose turns the search begins with; default: the fourteen steps");
@@ -159,7 +247,7 @@ void add_design_command(CommandLine& line, CommandContext& context) {
   command.option("--least-rest", options->least_rest_s, "of a rest, s").range(2.0, 3600.0).default_in_help();
   command.option("--seed", options->seed, "of the search").range(0, 1000000000).default_in_help();
   command.option("--tries", options->tries, "walks to judge").range(1, 1000000).default_in_help();
-  command.runs(context, [options, &context] { return design(*options, context); });
+  command.runs(context, [options, &context] { return Designer(*options, context).run(); });
 }
 
 }  // namespace turncal

@@ -8,6 +8,7 @@
 #include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/station/station_config.h"
 #include "tests/imu_io/temporary_folder.h"
+#include "tests/orchestrator/program.h"
 
 namespace turncal {
 namespace {
@@ -124,6 +125,37 @@ TEST(SequenceDesign, ShowsTheEffectsThatAreAskedFor) {
   const Result<Design> with = design_walk(task, go_on);
   ASSERT_OK(with);
   EXPECT_LT(detectable(*with), detectable(*without));
+}
+
+class DesignCommand : public Program {};
+
+TEST_F(DesignCommand, FindsTheShortestRunForSigmas) {
+  write("want.conf", "N01 = 0.006\nn11 = 1e-6\n");
+  const ProgramResult found =
+      run({"design", "--sigma", "want.conf", "--tries", "500", "--rate", "20", "--out", "short.seq"});
+  ASSERT_EQ(found.code, 0) << found.err;
+  const Result<Sequence> sequence = read_sequence(path("short.seq"));
+  ASSERT_OK(sequence);
+  const DesignTask task = task_of(600.0);
+  const Plan plan = make_plan(*sequence, task.limits);
+  EXPECT_LT(plan.station_s, 2000.0);
+  const Prediction prediction = predict(task.info, planned_motion(*sequence, plan), task.predict);
+  EXPECT_LE(prediction.sigma[0], 0.006);
+  EXPECT_LE(prediction.sigma[6], 1e-6);
+}
+
+TEST_F(DesignCommand, RefusesWhatCannotBe) {
+  write("want.conf", "N01 = 0.0003\n");
+  write("other.txt", "mine\n");
+  write("unknown.conf", "N99 = 1\n");
+  expect_refused({"design", "--sigma", "want.conf", "--out", "x.seq"}, "N01 = 0.0003 needs 44.4 h with this noise");
+  expect_refused({"design", "--sigma", "unknown.conf", "--out", "x.seq"}, "unknown.conf:1: key 'N99' is unknown");
+  expect_refused({"design", "--out", "x.seq"}, "expected --time or --sigma");
+  expect_refused({"design", "--time", "1h", "--sigma", "want.conf", "--out", "x.seq"}, "expected --time or --sigma");
+  expect_refused({"design", "--time", "1h", "--out", "other.txt"}, "holds something else");
+  expect_refused({"design", "--time", "1h", "--axes", "yaw", "--out", "x.seq"}, "expected heading, pitch or roll");
+  expect_refused({"design", "--time", "1h", "--rate", "500", "--out", "x.seq"}, "expected at most 100");
+  expect_refused({"design", "--time", "5s", "--out", "x.seq"}, "no walk");
 }
 
 }  // namespace
