@@ -144,6 +144,13 @@ TEST_F(DesignCommand, FindsTheShortestRunForSigmas) {
   EXPECT_LE(prediction.sigma[6], 1e-6);
 }
 
+TEST_F(DesignCommand, SaysWhatTheTableCannotDetermine) {
+  const ProgramResult found =
+      run({"design", "--time", "20min", "--axes", "heading", "--tries", "3", "--out", "flat.seq"});
+  EXPECT_EQ(found.code, 20) << found.err;
+  EXPECT_NE(found.err.find("flat.seq: does not determine"), std::string::npos) << found.err;
+}
+
 TEST_F(DesignCommand, RefusesWhatCannotBe) {
   write("want.conf", "N01 = 0.0003\n");
   write("other.txt", "mine\n");
