@@ -4,6 +4,7 @@
 #include "imu_io/base/atomic_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/certificate_job.h"
+#include "orchestrator/records/output_folder.h"
 
 namespace turncal {
 
@@ -16,6 +17,9 @@ struct CertificateOptions {
 };
 
 Status certify(const CertificateOptions& options, CommandContext& context) {
+  if (Status s = check_apart({{"--station", options.request.station}, {"--out", options.html}, {"--pdf", options.pdf}});
+      !s)
+    return s;
   const Result<std::string> page = make_certificate(options.request);
   if (!page) return page.error();
   constexpr std::size_t alike = 100;

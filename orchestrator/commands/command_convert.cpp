@@ -1,10 +1,10 @@
 // `turncal convert PARAMETERS --header FILE --binary FILE --yaml FILE`: a parameter file in other forms (docs/parameter-forms.md).
-#include <filesystem>
 #include <memory>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/recordings/parameter_forms.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/records/output_folder.h"
 
 namespace turncal {
 
@@ -17,27 +17,6 @@ struct ConvertOptions {
   std::string yaml;
 };
 
-// The forms are different files, and none is what they are made of.
-Status check_apart(const ConvertOptions& options) {
-  const std::pair<const char*, const std::string*> names[] = {{"the parameter file", &options.parameters},
-                                                              {"--header", &options.header},
-                                                              {"--binary", &options.binary},
-                                                              {"--yaml", &options.yaml}};
-  for (std::size_t i = 0; i < std::size(names); ++i)
-    for (std::size_t k = i + 1; k < std::size(names); ++k) {
-      const auto& [one, first] = names[i];
-      const auto& [other, second] = names[k];
-      if (first->empty() || second->empty()) continue;
-      const auto place = [](const std::string& name) {
-        std::error_code error;
-        return std::filesystem::weakly_canonical(std::filesystem::absolute(name, error), error);
-      };
-      if (place(*first) == place(*second))
-        return input_error(std::string(other) + " " + *second + ": expected another file than " + one + ", " + *first);
-    }
-  return {};
-}
-
 // An existing file is replaced by one that begins alike.
 Status write_form(const std::string& path, const std::string& content, std::size_t alike, CommandContext& context) {
   if (Status status = check_replaceable(path, std::string_view(content).substr(0, alike)); !status) return status;
@@ -49,7 +28,12 @@ Status write_form(const std::string& path, const std::string& content, std::size
 Status convert(const ConvertOptions& options, CommandContext& context) {
   if (options.header.empty() && options.binary.empty() && options.yaml.empty())
     return input_error("expected --header, --binary or --yaml, or several of them");
-  if (Status status = check_apart(options); !status) return status;
+  if (Status status = check_apart({{"the parameter file", options.parameters},
+                                   {"--header", options.header},
+                                   {"--binary", options.binary},
+                                   {"--yaml", options.yaml}});
+      !status)
+    return status;
   const Result<ParameterFile> file = read_parameter_file(options.parameters);
   if (!file) return file.error();
   constexpr std::size_t of_comment = 30, of_block = 4, of_yaml = 30;

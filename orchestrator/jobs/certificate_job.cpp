@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 
@@ -44,6 +45,17 @@ Status take_verification(const std::string& path, const ParameterFile& file, Cer
   return {};
 }
 
+// Of all recordings that a result was made from.
+std::vector<std::string> recordings_of(const ParameterFile& file) {
+  std::vector<std::string> hashes;
+  const auto of_several = [&] {
+    return find_further(file, "record.recording." + std::to_string(hashes.size() + 1) + ".hash");
+  };
+  while (const std::string* const hash = of_several()) hashes.push_back(*hash);
+  if (hashes.empty()) hashes.push_back(file.recording_hash);
+  return hashes;
+}
+
 }  // namespace
 
 Result<std::string> make_certificate(const CertificateRequest& request) {
@@ -69,13 +81,24 @@ Result<std::string> make_certificate(const CertificateRequest& request) {
     const std::string why = objection(*file);
     if (!why.empty() && !request.specimen)
       return Error{ErrorKind::unit_failed, path + ": no certificate: " + why + " (--specimen makes a specimen)"};
-    certificate.recording_hashes.push_back(file->recording_hash);
+    std::vector<std::string>& hashes = certificate.recording_hashes;
+    for (std::string& hash : recordings_of(*file)) {
+      if (std::find(hashes.begin(), hashes.end(), hash) != hashes.end())
+        return input_error(path + ": recording " + hash + " is given twice: expected runs of different recordings");
+      hashes.push_back(std::move(hash));
+    }
     certificate.parameters_hash = hash_of_text(*text);
     runs.push_back(std::move(*file));
   }
   certificate.file = runs.back();
-  for (std::size_t i = 0; i < certificate.budget.size(); ++i)
+  std::array<double, parameter_count> sigma{};
+  for (std::size_t i = 0; i < certificate.budget.size(); ++i) {
     certificate.budget[i] = budget_of(runs, i, certificate.parties);
+    sigma[i] = certificate.budget[i].expanded() / 2.0;
+  }
+  Result<VerdictReport> conformity = judge_again(certificate.file, sigma);
+  if (!conformity) return input_error(request.runs.back() + "/" + parameters_name + ": " + conformity.error().message);
+  certificate.conformity = std::move(*conformity);
   if (Status status = take_verification(request.runs.back() + "/" + verification_name, certificate.file, certificate);
       !status)
     return status.error();

@@ -15,7 +15,7 @@ struct CertificateRequest {
   bool specimen = false;
 };
 
-// Errors: kind input for folders without a result, of several units, or in another order; unit_failed for results that are simulated or not
+// Errors: kind input for folders without a result, of several units, of a recording given twice, or in another order; unit_failed for results that are simulated or not
 // trusted, unless a specimen is asked for.
 Result<std::string> make_certificate(const CertificateRequest& request);
 

@@ -147,9 +147,7 @@ VerdictReport report_of(const JournalFields& record) {
   VerdictReport report;
   for (const auto& [key, value] : record) {
     if (key == "reason") report.reason = value;
-    if (key != "result") continue;
-    for (int k = 0; k <= static_cast<int>(UnitVerdict::fail); ++k)
-      if (value == to_string(static_cast<UnitVerdict>(k))) report.verdict = static_cast<UnitVerdict>(k);
+    if (key == "result") report.verdict = verdict_from(value).value_or(UnitVerdict::not_judged);
   }
   return report;
 }

@@ -86,4 +86,19 @@ Status check_not_source(const std::string& out, const std::string& source) {
   return input_error("--out " + out + ": expected another folder than that of the source, " + source);
 }
 
+Status check_apart(const std::vector<std::pair<std::string, std::string>>& files) {
+  const auto place = [](const std::string& name) {
+    std::error_code error;
+    return fs::weakly_canonical(fs::absolute(name, error), error);
+  };
+  for (std::size_t i = 0; i < files.size(); ++i)
+    for (std::size_t k = i + 1; k < files.size(); ++k) {
+      const auto& [one, first] = files[i];
+      const auto& [other, second] = files[k];
+      if (!first.empty() && !second.empty() && place(first) == place(second))
+        return input_error(other + " " + second + ": expected another file than " + one + ", " + first);
+    }
+  return {};
+}
+
 }  // namespace turncal

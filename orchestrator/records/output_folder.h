@@ -7,6 +7,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/types/status.h"
@@ -42,5 +43,8 @@ class OutputFolder {
 // An error when `out` is the folder of `source` (a folder, or a file in it): what is written would stand beside what it is made of, and
 // whoever reads the folder could not tell them apart.
 Status check_not_source(const std::string& out, const std::string& source);
+
+// Files that one command reads and writes, as (what it is called, path; empty: not given): an input error where two are the same.
+Status check_apart(const std::vector<std::pair<std::string, std::string>>& files);
 
 }  // namespace turncal

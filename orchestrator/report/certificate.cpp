@@ -1,5 +1,6 @@
 #include "orchestrator/report/certificate.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "calib/navigation/north_seeking.h"
@@ -47,6 +48,22 @@ std::string fact_table(const std::string& title, const Facts& rows) {
   return html + "</table></section>\n";
 }
 
+// Of the effects beyond the parameters, what is known.
+std::string effects_found(const ParameterFile& file) {
+  const std::string diagnosis = of_record(file, "verdict.diagnosis", "not_made");
+  std::string words = "not examined";
+  if (diagnosis == "unexplained")
+    words = "a residual is left that no effect explains";
+  else if (!file.effects.empty())
+    words = "those found are in the model";
+  else if (diagnosis == "extended")
+    words = "those found are not in the model";
+  else if (diagnosis == "clean")
+    words = "none was found";
+  if (diagnosis != "unexplained" && !is_trusted(file)) words += ", and the standard deviations are not trusted";
+  return words + ".";
+}
+
 std::string result_table(const Certificate& c) {
   html::HtmlTable table({html::text("parameter"), html::text("unit"), html::number("value"), html::number("U (k = 2)"),
                          html::number("estimate"), html::number("gravity"), html::number("latitude"),
@@ -56,12 +73,15 @@ std::string result_table(const Certificate& c) {
     const std::string key(parameter_keys[i]);
     const UncertaintyBudget& u = c.budget[i];
     const double expanded = u.expanded();
-    const std::string limits = of_record(c.file, "verdict." + key);
+    const auto judged = std::find_if(c.conformity.values.begin(), c.conformity.values.end(),
+                                     [&key](const JudgedValue& one) { return one.key == key; });
     table.row({html::name(key), html::text(certificate_unit(i, c.file)),
                html::number(value_with_sigma(c.file.parameters[static_cast<Eigen::Index>(i)], expanded, html::typo)),
                html::number(expanded, 2), html::number(u.estimate, 2), html::number(u.gravity, 2),
                html::number(u.latitude, 2), u.repeatability ? html::number(*u.repeatability, 2) : html::number("-"),
-               html::text(limits.substr(0, limits.find(", guard band")))});
+               html::text(judged == c.conformity.values.end()
+                              ? "-"
+                              : std::string(to_string(judged->verdict)) + ", " + limits_text(*judged))});
   }
   return table.finish();
 }
@@ -164,14 +184,16 @@ std::string certificate_page(const Certificate& c) {
       "Expanded uncertainty U = 2 u; u combines the columns to its right (standard uncertainties). The table's angles "
       "are not taken as truth and add nothing; the given heading enters in second order. Effects that this sequence "
       "cannot tell from a parameter (its alias class) are not in U: " +
-      std::string(f.effects.empty() ? "none was found." : "those found are in the model."));
+      effects_found(f));
   body += "</section>\n";
   if (!c.verification.empty()) body += north_table(c);
-  const std::string rule = of_record(f, "verdict.rule", "");
-  const std::string why = of_record(f, "verdict.reason", "");
+  const VerdictReport& conformity = c.conformity;
+  const std::string verdict =
+      conformity.verdict == UnitVerdict::not_judged ? "not judged" : std::string(to_string(conformity.verdict));
   body += fact_table("Conformity",
-                     {{"verdict", of_record(f, "verdict.result", "not judged") + (why.empty() ? "" : ": " + why)},
-                      {"decision rule", rule.empty() ? "no limits were agreed" : rule},
+                     {{"verdict", verdict + (conformity.reason.empty() ? "" : ": " + conformity.reason)},
+                      {"decision rule", conformity.rule.empty() ? "no limits were agreed"
+                                                                : conformity.rule + "; U: that of the results above"},
                       {"diagnosis", of_record(f, "verdict.diagnosis", "not made")}});
   std::string hashes;
   for (const std::string& hash : c.recording_hashes) hashes += (hashes.empty() ? "" : ", ") + hash;

@@ -24,6 +24,7 @@ struct Certificate {
   ParameterFile file;                         // the result that is certified
   std::vector<std::string> recording_hashes;  // of all runs, that of the result last
   std::array<UncertaintyBudget, parameter_count> budget{};
+  VerdictReport conformity;  // by the expanded uncertainties of the budget
   Parties parties;
   std::string parameters_hash;
   std::vector<std::pair<std::string, std::string>>

@@ -6,6 +6,7 @@
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
+#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
 
 namespace turncal {
@@ -25,6 +26,33 @@ void judge_into(VerdictReport& report, std::string key, std::optional<double> va
   report.values.push_back(std::move(judged));
 }
 
+// "a", "a (and 2 more)"; there is one.
+std::string and_more(const std::string& line, std::size_t lines) {
+  return lines > 1 ? line + " (and " + std::to_string(lines - 1) + " more)" : line;
+}
+
+// "pass, limits -0.01 .. none, guard band 0.002"
+std::string judgement_text(const JudgedValue& judged) {
+  return std::string(to_string(judged.verdict)) + ", " + limits_text(judged) + ", guard band " +
+         format_number(judged.guard_band);
+}
+
+bool read_judgement(const std::string& text, JudgedValue& judged) {
+  const std::vector<std::string_view> parts = split(text, ',');
+  const std::optional<UnitVerdict> verdict = verdict_from(parts[0]);
+  constexpr std::string_view before_limits = "limits ", between_limits = " .. ", before_band = "guard band ";
+  if (parts.size() != 3 || !verdict || !parts[1].starts_with(before_limits) || !parts[2].starts_with(before_band))
+    return false;
+  const std::string_view limits = parts[1].substr(before_limits.size());
+  const std::size_t gap = limits.find(between_limits);
+  const std::optional<double> band = parse_number(parts[2].substr(before_band.size()));
+  if (gap == std::string_view::npos || !band) return false;
+  judged.limit = {parse_number(limits.substr(0, gap)), parse_number(limits.substr(gap + between_limits.size()))};
+  judged.verdict = *verdict;
+  judged.guard_band = *band;
+  return judgement_text(judged) == text;
+}
+
 std::optional<double> residual_of(const ParameterFile& file) {
   const std::string* const value = find_further(file, "quality.normalised_rms");
   return value ? parse_number(*value) : std::nullopt;
@@ -33,6 +61,11 @@ std::optional<double> residual_of(const ParameterFile& file) {
 }  // namespace
 
 std::string_view to_string(UnitVerdict verdict) { return names[static_cast<std::size_t>(verdict)]; }
+
+std::optional<UnitVerdict> verdict_from(std::string_view word) {
+  const auto at = std::find(std::begin(names), std::end(names), word);
+  return at == std::end(names) ? std::nullopt : std::optional(static_cast<UnitVerdict>(at - std::begin(names)));
+}
 
 bool VerdictLimits::any() const {
   const auto set = [](const Limit& limit) { return limit.min || limit.max; };
@@ -97,8 +130,9 @@ VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c,
   }
   if (const std::vector<std::string> lines = describe(report); !lines.empty()) {
     const std::string word = ": " + std::string(to_string(report.verdict));
-    report.reason = *std::find_if(lines.begin(), lines.end(), [&](const auto& line) { return line.ends_with(word); });
-    if (lines.size() > 1) report.reason += " (and " + std::to_string(lines.size() - 1) + " more)";
+    report.reason =
+        and_more(*std::find_if(lines.begin(), lines.end(), [&](const auto& line) { return line.ends_with(word); }),
+                 lines.size());
   }
   return report;
 }
@@ -147,19 +181,54 @@ void add_verdict(const VerdictReport& report, ParameterFile& file) {
   add("verdict.rule", report.rule);
   add("verdict.verification", report.verification);
   for (const JudgedValue& judged : report.values) {
-    add("verdict." + judged.key, std::string(to_string(judged.verdict)) + ", limits " + number(judged.limit.min) +
-                                     " .. " + number(judged.limit.max) + ", guard band " +
-                                     format_number(judged.guard_band));
+    add("verdict." + judged.key, judgement_text(judged));
   }
+}
+
+Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<double, parameter_count>& sigma) {
+  const auto recorded = [&file](const std::string& key) {
+    const std::string* const text = find_further(file, "verdict." + key);
+    return text ? *text : std::string();
+  };
+  VerdictReport report, worse;
+  report.verdict = verdict_from(recorded("result")).value_or(UnitVerdict::not_judged);
+  report.rule = recorded("rule");
+  report.reason = recorded("reason");
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
+    const std::string key(parameter_keys[i]), text = recorded(key);
+    if (text.empty()) continue;
+    const double value = file.parameters[static_cast<Eigen::Index>(i)];
+    JudgedValue judged{.key = key, .value = value, .limit = {}};
+    if (!read_judgement(text, judged))
+      return input_error("key 'verdict." + key + "' = " + turncal::quoted(text) +
+                         ": expected a verdict, its limits and its guard band");
+    if (const double own = file.sigma[i].value_or(0.0); own > 0.0) {
+      const double guard_factor = judged.guard_band / (2.0 * own);
+      judged.guard_band = 2.0 * guard_factor * sigma[i];
+      const UnitVerdict again = judge_value(value, sigma[i], judged.limit, guard_factor);
+      if (again > judged.verdict) {
+        judged.verdict = again;
+        worse.values.push_back(judged);
+      }
+    }
+    report.verdict = std::max(report.verdict, judged.verdict);
+    report.values.push_back(std::move(judged));
+  }
+  if (const std::vector<std::string> lines = describe(worse); !lines.empty())
+    report.reason += (report.reason.empty() ? "" : "; ") + and_more(lines.front(), lines.size());
+  return report;
+}
+
+std::string limits_text(const JudgedValue& judged) {
+  return "limits " + number(judged.limit.min) + " .. " + number(judged.limit.max);
 }
 
 std::vector<std::string> describe(const VerdictReport& report) {
   std::vector<std::string> lines;
   for (const JudgedValue& judged : report.values) {
     if (judged.verdict == UnitVerdict::pass) continue;
-    lines.push_back(judged.key + " = " + number(judged.value) + ", limits " + number(judged.limit.min) + " .. " +
-                    number(judged.limit.max) + ", guard band " + format_number(judged.guard_band) + ": " +
-                    std::string(to_string(judged.verdict)));
+    lines.push_back(judged.key + " = " + number(judged.value) + ", " + limits_text(judged) + ", guard band " +
+                    format_number(judged.guard_band) + ": " + std::string(to_string(judged.verdict)));
   }
   return lines;
 }

@@ -43,6 +43,7 @@ VerdictLimits read_limits(KeyValueFile& file);
 // From good to bad. hold: somebody has to decide; until then its parameters are not put in use.
 enum class UnitVerdict { not_judged, pass, conditional_pass, hold, conditional_fail, fail };
 std::string_view to_string(UnitVerdict verdict);
+std::optional<UnitVerdict> verdict_from(std::string_view word);
 constexpr bool is_accepted(UnitVerdict verdict) { return verdict <= UnitVerdict::conditional_pass; }
 
 struct JudgedValue {
@@ -93,6 +94,11 @@ void judge_trust(const std::string& distrust, VerdictReport& report);
 // Takes a north seeking into the verdict; `figures`: what was found and the limits, in a few words.
 void judge_verification(UnitVerdict found, const std::string& figures, VerdictReport& report);
 void add_verdict(const VerdictReport& report, ParameterFile& file);
+// What add_verdict wrote, with the parameters judged again by these sigmas, which hold more than the estimate's own; the worse of both
+// counts. `values`: the parameters with a limit. An input error where a verdict.<parameter> is not of its form.
+Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<double, parameter_count>& sigma);
+// "limits -0.01 .. none"
+std::string limits_text(const JudgedValue& judged);
 // "FAIL: N01 = 0.021, limits -0.01 .. 0.01, guard band 0.002 (fail)": one line a value that does not plainly pass.
 std::vector<std::string> describe(const VerdictReport& report);
 

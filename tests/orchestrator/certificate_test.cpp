@@ -62,6 +62,93 @@ TEST_F(CertificateTest, SaysWhatItHasTo) {
   EXPECT_EQ(run(certify({"a"})).code, 0);  // again, over its own
 }
 
+// What the page says of effects follows the diagnosis that was made, or was not.
+TEST_F(CertificateTest, SaysWhatIsKnownOfEffects) {
+  const auto page_of = [this](const std::string& diagnosis, bool trusted, bool with_effect) {
+    ParameterFile file = result_file();
+    if (!diagnosis.empty()) file.add_further("verdict.diagnosis", diagnosis);
+    if (with_effect) file.effects.push_back({"accel_size_effect", "x_rx", 0.02, 0.001});
+    for (auto& [key, value] : file.further)
+      if (key == "quality.trusted") value = trusted ? "true" : "false";
+    keep_run(file, "a");
+    const ProgramResult made = run(certify({"a"}, {"--specimen"}));
+    EXPECT_EQ(made.code, 0) << made.err;
+    return file_text(folder_ / "c.html");
+  };
+  const std::string about = "(its alias class) are not in U: ";
+  EXPECT_NE(page_of("", true, false).find(about + "not examined.<"), std::string::npos);
+  EXPECT_NE(page_of("not_made", false, false).find(about + "not examined, and the standard deviations are not trusted"),
+            std::string::npos);
+  EXPECT_NE(page_of("clean", true, false).find(about + "none was found.<"), std::string::npos);
+  EXPECT_NE(page_of("unexplained", false, false).find(about + "a residual is left that no effect explains."),
+            std::string::npos);
+  EXPECT_NE(page_of("unexplained", false, true).find(about + "a residual is left"), std::string::npos);
+  EXPECT_NE(page_of("extended", true, true).find(about + "those found are in the model.<"), std::string::npos);
+  EXPECT_NE(page_of("extended", false, false).find(about + "those found are not in the model, and"), std::string::npos);
+  EXPECT_NE(page_of("noise_model", false, false).find(about + "not examined, and"), std::string::npos);
+}
+
+// N01 = 0.0071 below 0.0131: the estimate alone leaves room for its guard band, three runs that scatter by 0.006 do not.
+TEST_F(CertificateTest, JudgesByTheUncertaintyItPrints) {
+  const auto of_run = [this](const std::string& name, double value, const std::string& judgement) {
+    ParameterFile file = result_file();
+    file.recording_hash = std::string(31, '0') + name;
+    file.parameters[0] = value;
+    file.add_further("verdict.N01", judgement);
+    file.add_further("verdict.A01", std::string("pass, limits none .. 10, guard band 2e-06"));
+    keep_run(file, name);
+  };
+  const std::string limits = "limits -0.0131 .. 0.0131", alone = "pass, " + limits + ", guard band 2e-06";
+  of_run("1", -0.0049, alone);
+  of_run("2", 0.0011, alone);
+  of_run("3", 0.0071, alone);
+  ASSERT_EQ(run(certify({"3"})).code, 0);
+  std::string page = file_text(folder_ / "c.html");
+  EXPECT_NE(page.find("<td>pass</td>"), std::string::npos);
+  EXPECT_NE(page.find("pass, " + limits), std::string::npos);
+  EXPECT_EQ(page.find("conditional_pass"), std::string::npos);
+  ASSERT_EQ(run(certify({"1", "2", "3"})).code, 0);  // U = 2 x 0.006
+  page = file_text(folder_ / "c.html");
+  EXPECT_NE(page.find("conditional_pass: N01 = 0.0071, " + limits + ", guard band 0.012"), std::string::npos);
+  EXPECT_NE(page.find("conditional_pass, " + limits), std::string::npos);
+  EXPECT_NE(page.find("pass, limits none .. 10"), std::string::npos);
+  EXPECT_EQ(page.find("<td>pass</td>"), std::string::npos);
+  // A judgement that was worse already stays.
+  of_run("3", 0.0071, "fail, " + limits + ", guard band 2e-06");
+  ASSERT_EQ(run(certify({"1", "2", "3"})).code, 0);
+  EXPECT_NE(file_text(folder_ / "c.html").find("fail, " + limits), std::string::npos);
+  for (const char* wrong : {"perhaps, limits -1 .. 1, guard band 0", "pass, limits -1 1, guard band 0", "pass",
+                            "pass, limits -1 .. 1, guard band", "pass, limits x .. 1, guard band 0"}) {
+    of_run("3", 0.0071, wrong);
+    expect_refused(certify({"3"}), "3/parameters.conf: key 'verdict.N01'");
+  }
+}
+
+TEST_F(CertificateTest, EachRecordingOnce) {
+  ParameterFile file = result_file();
+  keep_run(file, "a");
+  keep_run(file, "copy");
+  expect_refused(certify({"a", "copy"}), "copy/parameters.conf: recording 0000");
+  const std::string one(32, '1'), two(32, '2');
+  file.recording_hash = one;
+  file.add_further("record.recordings", 2.0);
+  file.add_further("record.recording.1.hash", one);
+  file.add_further("record.recording.2.hash", two);
+  keep_run(file, "both");
+  ASSERT_EQ(run(certify({"a", "both"})).code, 0);
+  EXPECT_NE(file_text(folder_ / "c.html").find(std::string(32, '0') + ", " + one + ", " + two), std::string::npos);
+  file = result_file();
+  file.recording_hash = two;
+  keep_run(file, "second");
+  expect_refused(certify({"both", "second"}), "second/parameters.conf: recording 2222");
+}
+
+TEST_F(CertificateTest, EachFileApart) {
+  keep_run(result_file(), "a");
+  expect_refused(certify({"a"}, {"--pdf", "./c.html"}), "--pdf ./c.html: expected another file than --out, c.html");
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "c.html"));
+}
+
 TEST_F(CertificateTest, BudgetByHand) {
   Parties parties;
   parties.gravity_uncertainty_mps2 = 1e-4;
