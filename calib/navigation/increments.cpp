@@ -23,12 +23,12 @@ void IncrementIntegrator::reserve(std::int64_t samples) {
 }
 
 void IncrementIntegrator::add(std::int64_t counter, const Eigen::Vector3d& gyro_rad, const Eigen::Vector3d& accel_mps,
-                              bool at_rest) {
+                              bool at_rest, bool gap_at_rest) {
   if (started_ && counter <= last_counter_) return;
   if (started_ && counter > last_counter_ + 1) {
     const Eigen::Vector3d gyro = 0.5 * (gyro_before_ + gyro_rad);
     const Eigen::Vector3d accel = 0.5 * (accel_before_ + accel_mps);
-    for (std::int64_t k = last_counter_ + 1; k < counter; ++k) add_one(gyro, accel, at_rest, true);
+    for (std::int64_t k = last_counter_ + 1; k < counter; ++k) add_one(gyro, accel, at_rest && gap_at_rest, true);
   }
   started_ = true;
   last_counter_ = counter;

@@ -10,8 +10,8 @@
 // An interval holds the product of the rotations and the sum of the velocities, in the axes at the interval's start. It does
 // not depend on where navigation began: every branch uses the same intervals.
 //
-// Samples that were lost, or marked as bad, count as the mean of their neighbours. That is right at rest; in a turn it
-// loses what the turn did meanwhile, and Interval::missing says so.
+// Samples that were lost, or marked as bad, count as the mean of their neighbours. That is good for one or two at rest; more lose what
+// the unit did meanwhile, and MotionInterval::missing says so.
 // Errors: of a coning motion of frequency w the share (w dt)^4 / 30 of its rate is left.
 #pragma once
 
@@ -45,8 +45,9 @@ class IncrementIntegrator {
   void reserve(std::int64_t samples);
 
   // Calibrated increments, rad and m/s, of the sample that ends at `counter`. Counters not above the last one are dropped; a
-  // bad sample is not handed over, and shows as a gap.
-  void add(std::int64_t counter, const Eigen::Vector3d& gyro_rad, const Eigen::Vector3d& accel_mps, bool at_rest);
+  // bad sample is not handed over, and shows as a gap. `gap_at_rest`: whether what is filled in before it counts as rest, too.
+  void add(std::int64_t counter, const Eigen::Vector3d& gyro_rad, const Eigen::Vector3d& accel_mps, bool at_rest,
+           bool gap_at_rest = true);
 
   int samples_per_interval() const { return samples_; }
   // What is whole so far. The rest, shorter than an interval, is never given.

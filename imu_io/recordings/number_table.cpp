@@ -32,6 +32,7 @@ class CsvTable {
   const TableFormat& format_;
   std::int64_t line_ = 0;
   std::vector<std::string_view> cells_;
+  std::size_t header_cells_ = 0;
   std::vector<std::size_t> index_;  // of each wanted column
   std::vector<double> row_;
   NumberTable table_;
@@ -88,6 +89,9 @@ Result<double> CsvTable::number(std::size_t column) const {
 
 Status CsvTable::read_row(std::string_view text) {
   split_row(text);
+  if (format_.whole_rows && cells_.size() != header_cells_)
+    return defect("the row has " + std::to_string(cells_.size()) + " columns: expected " +
+                  std::to_string(header_cells_));
   for (std::size_t k = 0; k < wanted_.size(); ++k) {
     Result<double> value = number(k);
     if (!value) return value.error();
@@ -113,6 +117,7 @@ Result<NumberTable> CsvTable::read() {
     split_row(names);
   }
   if (format_.header_lines > 0) header.assign(cells_.begin(), cells_.end());
+  header_cells_ = header.size();
   if (Status status = find_columns(header); !status) return status.error();
   row_.resize(wanted_.size());
   table_.columns.resize(wanted_.size());

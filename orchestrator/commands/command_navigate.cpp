@@ -1,5 +1,7 @@
 // `turncal navigate RECORDING --parameters FILE [--against FILE] --out DIR`: free inertial navigation with calibrated increments, and
 // what it is off by. Writes DIR/navigation.conf, DIR/track.csv (and DIR/track_against.csv) and DIR/navigation.svg.
+#include <algorithm>
+#include <filesystem>
 #include <memory>
 
 #include "imu_io/base/atomic_file.h"
@@ -34,6 +36,12 @@ Status navigate(const NavigateOptions& options, CommandContext& context) {
     files.push_back({folder->file(name), format_track(*report, file)});
   }
   if (Status status = write_files_atomically(files); !status) return status;
+  for (const char* name : {"navigation.svg", "track_against.csv"}) {
+    const std::string old = folder->file(name);
+    const auto is_it = [&](const NamedText& file) { return file.path == old; };
+    std::error_code none;
+    if (std::find_if(files.begin(), files.end(), is_it) == files.end()) std::filesystem::remove(old, none);
+  }
   folder->keep();
   print_navigation(*report, context.out);
   if (!drawing) context.out << drawing.error().message << '\n';

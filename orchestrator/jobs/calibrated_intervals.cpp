@@ -41,11 +41,14 @@ Result<CalibratedIntervals> calibrated_intervals(const std::string& path, Record
   return calibrated_intervals(std::move(*file), path, source);
 }
 
-Status integrate_recording(RecordingSource& source, const Stretch& stretch, std::vector<CalibratedIntervals>& files) {
+Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Stretch& stretch,
+                                              std::vector<CalibratedIntervals>& files) {
   const double period_s = source.info().sample_period_s;
   RestOf rest(source.segments());
   std::optional<std::int64_t> first;
   std::int64_t begin = 0, end = 0;
+  IntegratedSamples found;
+  std::optional<std::int64_t> last;  // taken
   Status status = source.read([&](std::span<const ImuSample> block) {
     if (!first) {
       first = block.front().counter;
@@ -59,17 +62,27 @@ Status integrate_recording(RecordingSource& source, const Stretch& stretch, std:
       if (sample.counter < begin || sample.counter >= end || (sample.flags & sample_flag_invalid) != 0) continue;
       const Eigen::Vector3d gyro(sample.gyro[0], sample.gyro[1], sample.gyro[2]);
       const Eigen::Vector3d accel(sample.accel[0], sample.accel[1], sample.accel[2]);
-      const bool at_rest = rest.at(sample.counter);
+      if (!last) found.first_sample = sample.counter;
+      SampleGap gap{last.value_or(sample.counter - 1) + 1};
+      for (std::int64_t lost = gap.first; lost < sample.counter; ++lost) {
+        ++gap.samples;
+        gap.in_motion += rest.at(lost) ? 0 : 1;
+      }
+      if (gap.samples > 0) found.gaps.push_back(gap);
+      last = std::max(last.value_or(sample.counter), sample.counter);
+      const bool at_rest = rest.at(sample.counter), gap_at_rest = gap.is_short() && gap.in_motion == 0;
       for (CalibratedIntervals& file : files) {
         const EffectTerms::Term& effects = file.effects.at(sample.counter);
         file.integrator.add(
             sample.counter, file.model.gyro_scale * gyro - period_s * (file.model.gyro_bias_radps + effects.rate_radps),
-            file.model.accel_scale * accel - period_s * (file.model.accel_bias_mps2 + effects.force_mps2), at_rest);
+            file.model.accel_scale * accel - period_s * (file.model.accel_bias_mps2 + effects.force_mps2), at_rest,
+            gap_at_rest);
       }
     }
     return Status{};
   });
-  return status;
+  if (!status) return status.error();
+  return found;
 }
 
 }  // namespace turncal

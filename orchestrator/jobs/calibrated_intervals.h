@@ -10,6 +10,7 @@
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/jobs/effect_terms.h"
+#include "orchestrator/report/sample_gap.h"
 
 namespace turncal {
 
@@ -32,7 +33,12 @@ struct Stretch {  // s from the first sample
   double from_s = 0.0;
   std::optional<double> to_s;  // default: the end
 };
-// Samples marked as bad count as lost. Without segments everything is at rest.
-Status integrate_recording(RecordingSource& source, const Stretch& stretch, std::vector<CalibratedIntervals>& files);
+struct IntegratedSamples {
+  std::int64_t first_sample = 0;  // counter of the first, where the first interval begins
+  std::vector<SampleGap> gaps;
+};
+// Samples marked as bad count as lost; an interval with a part of a long gap is not at rest. Without segments everything is at rest.
+Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Stretch& stretch,
+                                              std::vector<CalibratedIntervals>& files);
 
 }  // namespace turncal

@@ -11,6 +11,10 @@ namespace {
 
 constexpr double default_free_s = 3600.0;
 
+struct Branch {  // intervals
+  std::size_t start = 0, length = 0;
+};
+
 // First intervals of the branches.
 std::vector<std::size_t> starts_of(const std::vector<MotionInterval>& intervals, std::size_t length, int branches) {
   std::vector<std::size_t> starts;
@@ -27,8 +31,7 @@ std::vector<std::size_t> starts_of(const std::vector<MotionInterval>& intervals,
 std::string seconds(double s) { return std::to_string(std::llround(s)) + " s"; }
 
 Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const RecordingInfo& info, double align_s,
-                                    std::size_t length, const std::vector<std::size_t>& starts, double from_s,
-                                    const std::string& prefix) {
+                                    const std::vector<Branch>& branches, double from_s, const std::string& prefix) {
   const Result<NoiseModel> noise = stored_noise(calibrated.file, calibrated.path);
   if (!noise) return noise.error();
   const Result<StoredCovariance> covariance = stored_covariance(calibrated.file, calibrated.path);
@@ -50,8 +53,8 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
   const std::vector<MotionInterval>& intervals = calibrated.integrator.intervals();
   std::vector<double> rates;
   double squares = 0.0;
-  for (const std::size_t start : starts) {
-    setup.expected = start == starts.front();
+  for (const auto& [start, length] : branches) {
+    setup.expected = start == branches.front().start;
     NavigatedBranch branch;
     branch.start_s = from_s + static_cast<double>(start) * intervals.front().duration_s;
     Result<FreeNavigation> navigation = navigate_freely(std::span(intervals).subspan(start, length), setup);
@@ -67,7 +70,7 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
     result.branches.push_back(std::move(branch));
   }
   result.drift = drift_over_runs(rates);
-  result.velocity_rms_mps = std::sqrt(squares / static_cast<double>(starts.size()));
+  result.velocity_rms_mps = std::sqrt(squares / static_cast<double>(branches.size()));
   return result;
 }
 
@@ -87,8 +90,8 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request) {
     if (!file) return file.error();
     files.push_back(std::move(*file));
   }
-  if (Status status = integrate_recording(source, {request.from_s, request.to_s}, files); !status)
-    return status.error();
+  const Result<IntegratedSamples> integrated = integrate_recording(source, {request.from_s, request.to_s}, files);
+  if (!integrated) return integrated.error();
   const std::vector<MotionInterval>& intervals = files.front().integrator.intervals();
   const double interval = info.sample_period_s * std::max(1.0, std::round(motion_interval_s / info.sample_period_s));
   const double available_s = static_cast<double>(intervals.size()) * interval;
@@ -106,14 +109,34 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request) {
   const Result<std::string> hash = source.content_hash();
   if (!hash) return hash.error();
   report.recording_hash = *hash;
-  for (const MotionInterval& motion : intervals) {
-    report.filled_samples += motion.missing;
-    if (!motion.at_rest) report.filled_in_motion += motion.missing;
+  for (const SampleGap& gap : integrated->gaps) {
+    report.filled_samples += gap.samples;
+    report.filled_in_motion += gap.in_motion;
   }
-  const std::vector<std::size_t> starts = starts_of(intervals, length, request.branches);
+  const auto samples_each = static_cast<std::int64_t>(files.front().integrator.samples_per_interval());
+  const auto counter_of = [&](std::size_t index) {
+    return integrated->first_sample + samples_each * static_cast<std::int64_t>(index);
+  };
+  std::vector<Branch> branches;
+  for (const std::size_t start : starts_of(intervals, length, request.branches)) {
+    Branch branch{start, length};
+    if (const SampleGap* gap = long_gap_in(integrated->gaps, counter_of(start), counter_of(start + length))) {
+      const std::int64_t before = std::max(std::int64_t{0}, gap->first - counter_of(start)) / samples_each;
+      branch.length = static_cast<std::size_t>(before);
+      const bool kept = static_cast<double>(before) * interval >= request.align_s + 0.5 * wanted_s;
+      report.lost.push_back("branch from " + seconds(request.from_s + static_cast<double>(start) * interval) +
+                            (kept ? " ends early: " : " left out: ") + gap_words(*gap));
+      if (!kept) continue;
+    }
+    branches.push_back(branch);
+  }
+  if (branches.empty())
+    return input_error(request.recording + ": " + (report.lost.empty() ? "no branch" : report.lost.front()) +
+                       "; expected a branch that does not go over more than " + std::to_string(most_filled_samples) +
+                       " lost samples");
   for (std::size_t k = 0; k < files.size(); ++k) {
     Result<NavigatedFile> file =
-        navigate_file(files[k], info, request.align_s, length, starts, request.from_s, k == 0 ? "" : "against.");
+        navigate_file(files[k], info, request.align_s, branches, request.from_s, k == 0 ? "" : "against.");
     if (!file) return Error{file.error().kind, request.recording + ": " + file.error().message};
     report.files.push_back(std::move(*file));
   }

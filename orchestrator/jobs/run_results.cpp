@@ -108,8 +108,9 @@ Status verify_unit(const PreparedRun& run, const std::string& folder, const Load
                         .limits = run.station.limits,
                         .first_step = run.verify_from});
   if (!report && !own) return Error{ErrorKind::unit_failed, report.error().message};
-  if (!report) {  // what was calibrated is kept
-    judge_verification(UnitVerdict::fail, report.error().message, results.verdict);
+  if (!report) {                                                            // what was calibrated is kept
+    const bool not_judged = report.error().kind == ErrorKind::unit_failed;  // too much of it was lost
+    judge_verification(not_judged ? UnitVerdict::hold : UnitVerdict::fail, report.error().message, results.verdict);
     return {};
   }
   judge_verification(report->verdict, verification_words(*report), results.verdict);

@@ -110,7 +110,8 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
   Result<CalibratedIntervals> calibrated = calibrated_intervals(request.file, request.parameters, source);
   if (!calibrated) return calibrated.error();
   files.push_back(std::move(*calibrated));
-  if (Status status = integrate_recording(source, {}, files); !status) return status.error();
+  const Result<IntegratedSamples> integrated = integrate_recording(source, {}, files);
+  if (!integrated) return integrated.error();
   const std::vector<MotionInterval>& intervals = files.front().integrator.intervals();
   const Result<NoiseModel> noise = stored_noise(request.file, request.parameters);
   if (!noise) return noise.error();
@@ -122,12 +123,25 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
   std::vector<NorthReading> searches, readings;
   std::vector<MotionInterval> rests;
   double shortest_s = 1e300;
+  std::vector<std::pair<double, int>> positions;  // heading of the table, readings that are left
+  VerificationReport report;
+  for (const SampleGap& gap : integrated->gaps) report.filled_samples += gap.is_short() ? gap.samples : 0;
   for (const Segment& segment : segments) {
     if (!is_north_dwell(segment, request.first_step)) continue;
+    const bool reads = segment.kind != SegmentKind::align;
+    if (reads && (positions.empty() || positions.back().first != segment.heading_deg))
+      positions.emplace_back(segment.heading_deg, 0);
+    if (const SampleGap* gap = long_gap_in(integrated->gaps, segment.start_sample, segment.end_sample)) {
+      report.left_out.push_back(
+          "step " + std::to_string(segment.step) + ": " +
+          (reads ? "alignment at heading " + format_number(segment.heading_deg) : std::string("search for the zero")) +
+          ": " + gap_words(*gap));
+      continue;
+    }
     // Whole intervals inside the segment.
     const double samples_each = static_cast<double>(files.front().integrator.samples_per_interval());
     const auto place = [&](std::int64_t sample) {
-      return static_cast<double>(sample - segments.front().start_sample) / samples_each;
+      return static_cast<double>(std::max(std::int64_t{0}, sample - integrated->first_sample)) / samples_each;
     };
     const auto begin = static_cast<std::size_t>(std::ceil(place(segment.start_sample)));
     const auto end = std::min(intervals.size(), static_cast<std::size_t>(place(segment.end_sample)));
@@ -139,10 +153,18 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
     const Result<NorthReading> reading =
         reading_of(dwell, segment.heading_deg, site, *noise, counts, covariance->covariance);
     if (!reading) return Error{reading.error().kind, where + reading.error().message};
-    (segment.kind == SegmentKind::align ? searches : readings).push_back(*reading);
+    (reads ? readings : searches).push_back(*reading);
+    if (reads) ++positions.back().second;
   }
+  const auto few = std::find_if(positions.begin(), positions.end(), [](const auto& p) { return p.second < 2; });
+  if (searches.empty() || few != positions.end())
+    return Error{ErrorKind::unit_failed,
+                 request.recording + ": verification: not_judged: " +
+                     (searches.empty() ? "no search for the zero"
+                                       : std::to_string(few->second) + " alignments at heading " +
+                                             format_number(few->first) + ", expected two and more") +
+                     " without lost samples; " + (report.left_out.empty() ? "" : report.left_out.front())};
 
-  VerificationReport report;
   report.info = info;
   const Result<std::string> hash = source.content_hash();
   if (!hash) return hash.error();
@@ -164,7 +186,7 @@ Result<ReferenceReport> verify_references(const std::string& csv) {
   std::vector<WantedColumn> wanted;
   for (const char* prefix : {"", "reference_"})
     for (const char* angle : north_angle_names) wanted.push_back({std::string(prefix) + angle + "_deg"});
-  const Result<NumberTable> table = read_number_table(*content, csv, wanted, TableFormat{});
+  const Result<NumberTable> table = read_number_table(*content, csv, wanted, TableFormat{.whole_rows = true});
   if (!table) return table.error();
   if (table->rows() < 2)
     return input_error(csv + ": " + std::to_string(table->rows()) +

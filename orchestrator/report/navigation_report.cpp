@@ -79,6 +79,7 @@ std::string format_navigation(const NavigationReport& report) {
   line("align_s", report.align_s, text);
   line("filled_samples", static_cast<double>(report.filled_samples), text);
   line("filled_in_motion", static_cast<double>(report.filled_in_motion), text);
+  for (std::size_t k = 0; k < report.lost.size(); ++k) line("lost." + std::to_string(k + 1), report.lost[k], text);
   for (const NavigatedFile& file : report.files) {
     line(file.prefix + "parameters", file.path, text);
     line(file.prefix + "model", file.model, text);
@@ -157,6 +158,7 @@ void print_navigation(const NavigationReport& report, std::ostream& out) {
   if (report.filled_samples > 0)
     out << report.filled_samples << " samples lost or bad, filled in from their neighbours; " << report.filled_in_motion
         << " of them in a turn\n";
+  for (const std::string& branch : report.lost) out << branch << '\n';
   for (const NavigatedFile& file : report.files) {
     out << (file.prefix.empty() ? "parameters  " : "against     ") << file.path << "\n";
     out << "  branch  aligned from s   heading deg       free s     north m      east m   nm/h\n";

@@ -37,6 +37,7 @@ struct NavigationReport {
   double align_s = 0.0;
   std::int64_t filled_samples = 0;    // lost or bad, as their neighbours
   std::int64_t filled_in_motion = 0;  // of them while the unit turned
+  std::vector<std::string> lost;      // branches that lost samples ended or left out
   bool without_segments = false;      // everything counted as rest
   std::vector<NavigatedFile> files;   // the one asked for, then that of --against
 };

@@ -47,6 +47,9 @@ std::string format_verification(const VerificationReport& report) {
   add_key("parameters", report.parameters, text);
   add_key("trusted", report.trusted ? "true" : "false", text);
   add_key("align_s", report.align_s, text);
+  add_key("filled_samples", static_cast<double>(report.filled_samples), text);
+  for (std::size_t k = 0; k < report.left_out.size(); ++k)
+    add_key("left_out." + std::to_string(k + 1), report.left_out[k], text);
   add_key("zero_deg", report.found.zero_deg, text);
   for (std::size_t p = 0; p < report.found.positions.size(); ++p) {
     const NorthPosition& position = report.found.positions[p];
@@ -93,6 +96,9 @@ std::string verification_words(const VerificationReport& report) {
 }
 
 void print_verification(const VerificationReport& report, std::ostream& out) {
+  if (report.filled_samples > 0)
+    out << report.filled_samples << " samples lost or bad, filled in from their neighbours\n";
+  for (const std::string& alignment : report.left_out) out << "left out: " << alignment << '\n';
   print_text(out, "Unit %s, alignments of %.0f s; the table's zero is at a heading of %.4f deg. deg:\n\n",
              report.info.unit_serial.c_str(), report.align_s, report.found.zero_deg);
   for (const NorthPosition& position : report.found.positions) {

@@ -3,6 +3,7 @@
 
 #include <ostream>
 #include <string>
+#include <vector>
 
 #include "calib/navigation/alignment.h"
 #include "calib/navigation/north_seeking.h"
@@ -14,9 +15,11 @@ namespace turncal {
 struct VerificationReport {
   RecordingInfo info;
   std::string recording_hash;
-  std::string parameters;  // file
-  bool trusted = true;     // as the file says of itself
-  double align_s = 0.0;    // of the shortest alignment
+  std::string parameters;             // file
+  bool trusted = true;                // as the file says of itself
+  double align_s = 0.0;               // of the shortest alignment
+  std::int64_t filled_samples = 0;    // lost or bad, as their neighbours
+  std::vector<std::string> left_out;  // alignments in which more samples were lost
   NorthSeeking found;
   RestLatitude felt;
   double false_fail = 0.0;  // chance that a good unit fails

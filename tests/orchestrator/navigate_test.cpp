@@ -67,6 +67,64 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
                 .code,
             0);
   EXPECT_EQ(file_text(folder_ / "nav/navigation.conf"), before);
+  // Without the other file nothing of it is left.
+  EXPECT_EQ(run({"navigate", "rest", "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"}).code, 0);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "nav/track_against.csv"));
+}
+
+// Nothing is aligned or navigated over more than two lost samples.
+TEST_F(Navigate, LostSamplesEndABranch) {
+  record_rest("rest");
+  write_truth("rest", "true.conf");
+  const auto navigate = [&](const std::string& recording) {
+    return run(
+        {"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--for", "1500", "--branches", "1"});
+  };
+  const std::int64_t first = segments_of("rest").front().start_sample;
+  lose("rest", first + 150000, 1, "one");
+  const ProgramResult one = navigate("one");
+  ASSERT_EQ(one.code, 0) << one.err;
+  EXPECT_NE(one.out.find("1 samples lost or bad"), std::string::npos) << one.out;
+  EXPECT_EQ(result("nav/navigation.conf").number("branch.1.free_s"), 1500.0);
+  EXPECT_LT(result("nav/navigation.conf").number("drift.rms_nm_per_h"), 0.05);
+  // 300 s of alignment and 950 s: more than half of what was asked for.
+  lose("rest", first + 250000, 1000, "late");
+  const ProgramResult late = navigate("late");
+  ASSERT_EQ(late.code, 0) << late.err;
+  const std::string said = "1000 samples lost from sample " + std::to_string(first + 250000) + " on";
+  EXPECT_NE(late.out.find("branch from 0 s ends early: " + said), std::string::npos) << late.out;
+  KeyValueFile conf = result("nav/navigation.conf");
+  EXPECT_NEAR(conf.number("branch.1.free_s"), 950.0, 0.2);
+  EXPECT_LT(conf.number("drift.rms_nm_per_h"), 0.05);
+  EXPECT_EQ(conf.text("lost.1"), "branch from 0 s ends early: " + said);
+  // In the alignment: there is no such branch.
+  lose("rest", first + 20000, 1000, "early");
+  std::filesystem::remove_all(folder_ / "nav");
+  expect_refused(
+      {"navigate", "early", "--parameters", path("true.conf"), "--out", "nav", "--for", "1500", "--branches", "1"},
+      "branch from 0 s left out: 1000 samples lost from sample " + std::to_string(first + 20000) + " on");
+}
+
+TEST_F(Navigate, SamplesLostInATurnAreCountedThere) {
+  record_rest("rest");
+  write_truth("rest", "true.conf");
+  const Segments segments = segments_of("rest");
+  const auto turn = std::find_if(segments.begin(), segments.end(), [&](const Segment& s) {
+    return s.kind == SegmentKind::rotate && s.start_sample > segments.front().start_sample + 100000;
+  });
+  ASSERT_NE(turn, segments.end());
+  // From the rest before to the rest after it: 100 and 200 samples of them.
+  const std::int64_t length = turn->end_sample - turn->start_sample;
+  lose("rest", turn->start_sample - 100, length + 300, "turn");
+  const ProgramResult navigated =
+      run({"navigate", "turn", "--parameters", path("true.conf"), "--out", "nav", "--for", "600"});
+  ASSERT_EQ(navigated.code, 0) << navigated.err;
+  KeyValueFile conf = result("nav/navigation.conf");
+  EXPECT_EQ(conf.integer("filled_samples"), length + 300);
+  EXPECT_EQ(conf.integer("filled_in_motion"), length);
+  EXPECT_EQ(navigated.out.find("LATITUDE"), std::string::npos) << navigated.out;
+  EXPECT_NEAR(conf.number("felt_latitude_deg"), 29.53, 0.01);
+  EXPECT_LT(conf.number("drift.rms_nm_per_h"), 0.1);
 }
 
 TEST_F(Navigate, EffectsOfTheFileAreTakenOff) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <sstream>
 #include <string>
 
 #include "imu_io/base/key_value.h"
@@ -42,6 +43,20 @@ class RigUnit : public Program {
     file.time_utc = "2026-01-31T12:00:00Z";
     return file;
   }
+  // `recording` as text in `out`, without `count` samples from the one numbered `first` on.
+  void lose(const std::string& recording, std::int64_t first, std::int64_t count, const std::string& out) {
+    std::filesystem::remove_all(folder_ / out);
+    ASSERT_EQ(run({"export", recording, "--out", out}).code, 0);
+    std::istringstream all(file_text(folder_ / out / "imu.csv"));
+    std::string left, line;
+    while (std::getline(all, line)) {
+      const bool sample = !line.empty() && std::isdigit(static_cast<unsigned char>(line.front())) != 0;
+      const std::int64_t counter = sample ? std::stoll(line) : -1;
+      if (counter < first || counter >= first + count) left += line + '\n';
+    }
+    write(out + "/imu.csv", left);
+  }
+  Segments segments_of(const std::string& recording) { return (*RecordingSource::open(path(recording)))->segments(); }
   void keep(const ParameterFile& file, const std::string& name) {
     const Status written = write_parameter_file(file, path(name));
     ASSERT_TRUE(written.ok()) << written.error().message;

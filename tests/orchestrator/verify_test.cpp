@@ -145,6 +145,45 @@ TEST_F(Verify, SaysWhatSpeaksAgainstTheFile) {
   EXPECT_EQ(result("away/verification.conf").text("verdict.latitude"), "fail");
 }
 
+// An alignment that lost samples says nothing of the unit.
+TEST_F(Verify, LeavesOutWhatLostSamples) {
+  write_parameters("true.conf");
+  record("v", good_rig,
+         "step 1\n  initial H 0 P 0 R 0\n  align 6000\n  align 6000\n  dwell 6000\n  dwell 6000\n"
+         "  dwell 6000\n");
+  std::vector<std::int64_t> middle;
+  for (const Segment& segment : segments_of("v"))
+    if (segment.kind != SegmentKind::rotate) middle.push_back((segment.start_sample + segment.end_sample) / 2);
+  ASSERT_EQ(middle.size(), 5U);
+  const auto judge = [&](const std::string& recording) {
+    std::filesystem::remove_all(folder_ / "judged");
+    return run({"verify", "--recording", recording, "--parameters", path("true.conf"), "--out", "judged"});
+  };
+  lose("v", middle[3], 1000, "lost");
+  const ProgramResult left = judge("lost");
+  const std::string said = "step 1: alignment at heading 0: 1000 samples lost from sample " + std::to_string(middle[3]);
+  EXPECT_NE(left.out.find("left out: " + said), std::string::npos) << left.out << left.err;
+  KeyValueFile conf = result("judged/verification.conf");
+  EXPECT_EQ(conf.text("left_out.1"), said + " on");
+  EXPECT_TRUE(conf.has("position.1.2.heading_deg"));
+  EXPECT_FALSE(conf.has("position.1.3.heading_deg"));
+  // One sample is filled in, and said.
+  lose("v", middle[3], 1, "one");
+  EXPECT_NE(judge("one").out.find("1 samples lost or bad"), std::string::npos);
+  EXPECT_EQ(result("judged/verification.conf").integer("filled_samples"), 1);
+  EXPECT_TRUE(result("judged/verification.conf").has("position.1.3.heading_deg"));
+  // Of two alignments one is left: nobody can say.
+  lose("lost", middle[4], 1000, "few");
+  const ProgramResult few = judge("few");
+  EXPECT_EQ(few.code, 20) << few.err;
+  EXPECT_EQ(few.err_lines(), 1) << few.err;
+  EXPECT_NE(few.err.find("not_judged: 1 alignments at heading 0, expected two and more"), std::string::npos) << few.err;
+  lose("v", middle[0], middle[1] - middle[0] + 1, "zero");
+  const ProgramResult zero = judge("zero");
+  EXPECT_EQ(zero.code, 20) << zero.err;
+  EXPECT_NE(zero.err.find("no search for the zero"), std::string::npos) << zero.err;
+}
+
 // Killed anywhere and taken up again: the same outcome, exit code and file.
 TEST_F(Verify, GoesOnWithItsOutcome) {
   write_parameters("wrong.conf", 0, 0.1);
@@ -264,6 +303,8 @@ TEST_F(Verify, ReadingsOfReferences) {
   expect_refused({"verify", "--references", path("one.csv")}, "1 rows, expected two and more");
   write("word.csv", std::string(head) + "20,0,0,20,0,0\n20,zero,0,20,0,0\n");
   expect_refused({"verify", "--references", path("word.csv")}, "word.csv");
+  write("wide.csv", std::string(head) + "20,0,0,20,0,0\n20,0,0,20,0,0,7\n");
+  expect_refused({"verify", "--references", path("wide.csv")}, "wide.csv:3: the row has 7 columns: expected 6");
   write("far.csv", std::string(head) + "20,0,0,20,0,0\n2000,0,0,20,0,0\n");
   expect_refused({"verify", "--references", path("far.csv")}, "far.csv:3: expected angles from -360 to 360 deg");
 }
