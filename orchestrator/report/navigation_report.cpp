@@ -156,8 +156,7 @@ void print_navigation(const NavigationReport& report, std::ostream& out) {
   char text[240];
   if (report.without_segments) out << "no segments: everything counts as rest\n";
   if (report.filled_samples > 0)
-    out << report.filled_samples << " samples lost or bad, filled in from their neighbours; " << report.filled_in_motion
-        << " of them in a turn\n";
+    out << report.filled_samples << " samples lost or bad; " << report.filled_in_motion << " of them in a turn\n";
   for (const std::string& branch : report.lost) out << branch << '\n';
   for (const NavigatedFile& file : report.files) {
     out << (file.prefix.empty() ? "parameters  " : "against     ") << file.path << "\n";
