@@ -25,7 +25,8 @@ std::string text_of(double value) { return format_number(std::round(value * 1e6)
 // Violations, one line a cause. The same axis going to the same place at forty moves is one cause.
 class Violations {
  public:
-  explicit Violations(std::string file) : file_(std::move(file)) {}
+  // Of the file that those after this are in.
+  void in(const std::string& file) { file_ = file; }
 
   void add(int line, int step, const std::string& what) {
     const auto known = std::find_if(causes_.begin(), causes_.end(), [&](const Cause& c) { return c.what == what; });
@@ -33,13 +34,13 @@ class Violations {
       ++known->further;
       return;
     }
-    causes_.push_back({line, step, what, 0});
+    causes_.push_back({file_, line, step, what, 0});
   }
 
   std::vector<std::string> lines() const {
     std::vector<std::string> lines;
     for (const Cause& cause : causes_) {
-      std::string text = file_ + ":" + std::to_string(cause.line) + ": step " + std::to_string(cause.step) + ": ";
+      std::string text = cause.file + ":" + std::to_string(cause.line) + ": step " + std::to_string(cause.step) + ": ";
       text += cause.what;
       if (cause.further > 0) {
         text += " (and " + std::to_string(cause.further) + " more)";
@@ -51,6 +52,7 @@ class Violations {
 
  private:
   struct Cause {
+    std::string file;
     int line;
     int step;
     std::string what;
@@ -64,10 +66,11 @@ class Violations {
 class Planner {
  public:
   Planner(const Sequence& sequence, const PlanLimits& limits)
-      : sequence_(sequence), limits_(limits), violations_(sequence.file), commanded_deg_(sequence.start_deg) {}
+      : sequence_(sequence), limits_(limits), commanded_deg_(sequence.start_deg) {}
 
   Plan run() {
     plan_.travel_min_deg = plan_.travel_max_deg = commanded_deg_;
+    violations_.in(sequence_.file);
     if (!sequence_.steps.empty()) {
       const Step& first = sequence_.steps.front();
       for (const Axis axis : all_axes) {
@@ -75,6 +78,7 @@ class Planner {
       }
     }
     for (std::size_t s = 0; s < sequence_.steps.size(); ++s) {
+      violations_.in(sequence_.steps[s].file.empty() ? sequence_.file : sequence_.steps[s].file);
       for (std::size_t i = 0; i < sequence_.steps[s].items.size(); ++i) {
         add_item(s, i);
       }

@@ -400,6 +400,7 @@ void append_steps(const Sequence& more, Sequence& sequence) {
   for (const Step& step : more.steps) {
     sequence.steps.push_back(step);
     sequence.steps.back().number = ++number;
+    sequence.steps.back().file = more.file;
     if (&step != &more.steps.front()) continue;
     std::vector<SequenceItem> moves;
     for (const Axis axis : approach_order) {

@@ -42,6 +42,7 @@ struct Step {
   AxisTriple initial_deg;
   std::vector<SequenceItem> items;  // the moves to the initial position are already in front
   int line = 0;
+  std::string file;  // where it is another than the sequence's (append_steps)
 };
 
 struct Sequence {

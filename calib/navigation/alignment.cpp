@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <numbers>
 
@@ -63,10 +64,18 @@ Eigen::Quaterniond coarse_alignment(std::span<const MotionInterval> window, cons
 
 void begin_alignment(DriftCovariance& drift) { drift.begin(coarse_level_rad, coarse_heading_rad); }
 
+Status check_navigation_latitude(double latitude_deg) {
+  if (std::abs(latitude_deg) <= max_navigation_latitude_deg) return {};
+  char text[120];
+  std::snprintf(text, sizeof text,
+                "latitude_deg = %.10g: expected at most %.10g deg north or south to tell north by the Earth's rate",
+                latitude_deg, max_navigation_latitude_deg);
+  return input_error(text);
+}
+
 Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovariance::Site& site,
                         DriftCovariance drift) {
-  if (std::abs(site.latitude_rad) > max_navigation_latitude_deg * rad_per_deg)
-    return input_error("latitude: expected at most 85 deg north or south to navigate by the Earth's rate");
+  if (Status status = check_navigation_latitude(site.latitude_rad / rad_per_deg); !status) return status.error();
   double rest_s = 0.0;
   for (const MotionInterval& interval : window) rest_s += interval.at_rest ? interval.duration_s : 0.0;
   if (rest_s < align_min_rest_s)

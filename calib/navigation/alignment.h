@@ -10,7 +10,7 @@
 //
 // The unit stands at a fixed point: its distance from the centre of rotation is neglected (a turn at 10 deg/s with an arm of
 // 10 cm moves it at 17 mm/s), so velocity is observed at rest only.
-// Errors: fewer than min_rest_s seconds at rest in the window; above max_latitude_deg, where no gyro tells north.
+// Errors: fewer than min_rest_s seconds at rest in the window; above max_navigation_latitude_deg, where no gyro tells north.
 #pragma once
 
 #include <array>
@@ -25,6 +25,7 @@ namespace turncal {
 
 inline constexpr double align_min_rest_s = 20.0;
 inline constexpr double max_navigation_latitude_deg = 85.0;
+Status check_navigation_latitude(double latitude_deg);
 
 // C_nb at the start of `window`. REQUIRES: intervals that last at least a second together.
 Eigen::Quaterniond coarse_alignment(std::span<const MotionInterval> window, const DriftCovariance::Site& site);

@@ -117,8 +117,19 @@ void tell_operator(const HookCommands& hooks, const Status& why, const Turn& tur
   if (Status status = run_hook(hooks, call); !status) out << status.error().message << std::endl;
 }
 
-// One run, and what became of each of its units.
-Status run_turn(const BatchOptions& options, const HookCommands& hooks, const Turn& turn, const std::string& tag,
+// A run that was begun goes on with its own sequence, whatever is asked for now; empty: with the same.
+std::string another_sequence(const PreparedRun& asked, const std::string& folder) {
+  const Result<JournalContents> journal = read_journal(folder + "/" + journal_name);
+  if (!journal || journal->begin_value("sequence_hash") == asked.sequence_hash) return "";
+  const std::string began = journal->begin_value("sequence");
+  if (began == asked.request.sequence) return "";  // it was changed, which the run itself refuses
+  const auto called = [](const std::string& file) { return file.empty() ? std::string("the fourteen steps") : file; };
+  return "goes on with the sequence that it began with, " + called(began) + ", not with " +
+         called(asked.request.sequence);
+}
+
+// One run, and what became of each of its units. `asked`: as for any unit of the batch.
+Status run_turn(const BatchOptions& options, const PreparedRun& asked, const Turn& turn, const std::string& tag,
                 CommandContext& context) {
   const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + join(turn.units);
   context.out << tag << name << " in " << turn.folder << std::endl;
@@ -128,6 +139,8 @@ Status run_turn(const BatchOptions& options, const HookCommands& hooks, const Tu
   resumed.listen = request.listen;
   resumed.pace = request.pace;
   const bool begun = path_exists(turn.folder + "/" + journal_name);
+  if (const std::string other = begun ? another_sequence(asked, turn.folder) : ""; !other.empty())
+    for (const std::string& unit : turn.units) context.out << tag << "unit " << unit << ": " << other << std::endl;
   RunEnd end = begun ? resume_run(turn.folder, resumed, context) : begin_run(request, turn.folder, context);
   if (!end.to_the_end) {
     // Refused before anything was measured: not the unit on the table, say. Anything else is the station's affair, and so is what
@@ -136,7 +149,7 @@ Status run_turn(const BatchOptions& options, const HookCommands& hooks, const Tu
         !begun && !end.units.empty() && end.status.error().kind == ErrorKind::input &&
         std::all_of(end.units.begin(), end.units.end(), [](const auto& unit) { return unit.outcome == "refused"; });
     if (!refused) {
-      if (end.units.empty()) tell_operator(hooks, end.status, turn, request.dry_run, context.out);
+      if (end.units.empty()) tell_operator(asked.station.hooks, end.status, turn, request.dry_run, context.out);
       return Error{end.status.error().kind, name + ": " + end.status.error().message};
     }
     end.units.clear();
@@ -196,7 +209,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
         options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared->station, *turn, tag, context);
     if (!all) return all.error();
     if (!*all) continue;
-    if (Status status = run_turn(options, prepared->station.hooks, *turn, tag, context); !status) return status;
+    if (Status status = run_turn(options, *prepared, *turn, tag, context); !status) return status;
     if (StopSignals::any()) {  // asked for when the results were being made
       return Error{ErrorKind::interrupted,
                    "paused after unit " + join(turn->units) + "; the same command goes on with the next"};

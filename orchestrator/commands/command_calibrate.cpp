@@ -43,15 +43,14 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
     if (!recording) return recording.error();
     recordings.push_back(std::move(*recording));
   }
+  Result<OutputFolder> folder = OutputFolder::prepare_results(options.out, recordings.front().data.info.unit_serial);
+  if (!folder) return folder.error();
   CalibrationRequest request;
   request.method = options.method;
   request.partial = options.partial;
   request.time_utc = format_utc(wall_utc_s());
   const Result<CalibrationOutput> output = calibrate_recordings(recordings, request);
   if (!output) return output.error();
-  // An earlier result in the folder is replaced, whole.
-  Result<OutputFolder> folder = OutputFolder::prepare(options.out, {});
-  if (!folder) return folder.error();
   const std::string file = folder->file("parameters.conf");
   if (Status status = write_parameter_file(output->file, file); !status) return status;
   folder->keep();

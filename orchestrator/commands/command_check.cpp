@@ -110,7 +110,7 @@ void print_plan(const Sequence& sequence, const StationConfig& station, const Pl
 int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err) {
   const Result<StationConfig> station =
       options.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(options.station);
-  const Result<Sequence> sequence = read_sequence(options.sequence);
+  Result<Sequence> sequence = read_sequence(options.sequence);
   const Result<RecordingInfo> info = station ? planned_info(*station) : Result<RecordingInfo>(RecordingInfo{});
   for (const Error* error :
        {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()}) {
@@ -130,12 +130,20 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
                               : station->table.dialect ? caution_of(*station->table.dialect)
                                                        : "";
   if (!caution.empty()) err << "warning: table: " << caution << "\n";
-  const Plan plan = make_plan(*sequence, plan_limits(*station, info->sample_period_s));
+  const PlanLimits limits = plan_limits(*station, info->sample_period_s);
+  Plan plan = make_plan(*sequence, limits);
+  const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
+  if (station->verify_run && keys.empty()) {  // as a run does, but with --partial
+    if (const Result<int> from = append_north_seeking(*station, *sequence); !from) {
+      err << from.error().message << "\n";
+      return exit_code(from.error().kind);
+    }
+    plan = make_plan(*sequence, limits);
+  }
   print_plan(*sequence, *station, plan, out);
   for (const std::string& violation : plan.violations) {
     err << violation << "\n";
   }
-  const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
   if (!keys.empty()) {
     out << "\nThis sequence " << coverage_text(keys) << ".\n";
   }

@@ -110,8 +110,7 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
   request.holdout = holdout ? &*holdout : nullptr;
   request.noise = *noise;
   request.phase = [&phases](const std::string& what) { phases.begin(what); };
-  // An earlier result in the folder is replaced, file by file, each one whole.
-  Result<OutputFolder> folder = OutputFolder::prepare(options.out, {});
+  Result<OutputFolder> folder = OutputFolder::prepare_results(options.out, fitted->data.info.unit_serial);
   if (!folder) return folder.error();
   const Result<DiagnosisOutput> output = diagnose_recording(*fitted, request);
   if (!output) return output.error();

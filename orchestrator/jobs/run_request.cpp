@@ -5,6 +5,7 @@
 #include <tuple>
 #include <utility>
 
+#include "calib/navigation/alignment.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
@@ -57,6 +58,12 @@ Status check_words(const RunRequest& request) {
   return {};
 }
 
+Status check_seeks_north(const StationConfig& station) {
+  const Status status = check_navigation_latitude(station.latitude_deg);
+  if (status || station.file.empty()) return status;
+  return input_error(station.file + ": site." + status.error().message);
+}
+
 // A live run needs devices that are there.
 Status check_live(const PreparedRun& run) {
   if (!run.request.rig.empty()) return input_error("--rig describes a simulated table and unit: it needs --dry-run");
@@ -79,13 +86,12 @@ Status prepare_verification(PreparedRun& run) {
   wanted.verify = wanted.verify || (run.station.verify_run && !wanted.capture_only && !wanted.partial);
   if (!wanted.verify) return {};
   if (wanted.verified.empty()) {
-    Result<Sequence> seeking = parse_sequence(std::string(builtin_verify_text), builtin_verify_name);
-    if (!seeking) return seeking.error();
-    const std::size_t steps = run.sequence.steps.size();
-    append_steps(*seeking, run.sequence);
-    run.verify_from = run.sequence.steps[steps].number;
+    const Result<int> from = append_north_seeking(run.station, run.sequence);
+    if (!from) return from.error();
+    run.verify_from = *from;
     return {};
   }
+  if (Status status = check_seeks_north(run.station); !status) return status;
   const std::string given = wanted.verified;
   const Result<std::string> text = text_of(wanted.verified, "");
   if (!text) return text.error();
@@ -144,6 +150,15 @@ Status check_real_devices(const StationConfig& station) {
                        ": expected table and unit both real, or --dry-run to rehearse");
   }
   return {};
+}
+
+Result<int> append_north_seeking(const StationConfig& station, Sequence& sequence) {
+  if (Status status = check_seeks_north(station); !status) return status.error();
+  const Result<Sequence> seeking = parse_sequence(std::string(builtin_verify_text), builtin_verify_name);
+  if (!seeking) return seeking.error();
+  const std::size_t steps = sequence.steps.size();
+  append_steps(*seeking, sequence);
+  return sequence.steps[steps].number;
 }
 
 Result<PreparedRun> prepare(const RunRequest& request) {
@@ -243,16 +258,16 @@ RunRequest request_of(const JournalContents& journal) {
 
 Status check_unchanged(const PreparedRun& run, const JournalContents& journal) {
   const RunRequest& request = run.request;
-  const std::tuple<const char*, const std::string&, const std::string&> parts[] = {
-      {"station", request.station, run.station_hash},
-      {"rig", request.rig, run.rig_hash},
-      {"sequence", request.sequence, run.sequence_hash},
-      {"verified", request.verified, run.verified_hash}};
-  for (const auto& [name, path, hash] : parts) {
-    if (journal.begin_value(std::string(name) + "_hash") == hash) continue;
-    return input_error((path.empty() ? std::string("the built-in ") + name : path) + ": is not the " + name +
-                       " that the run began with: expected hash " + journal.begin_value(std::string(name) + "_hash") +
-                       ", found " + hash);
+  const std::tuple<const char*, const char*, const std::string&, const std::string&> parts[] = {
+      {"station", "station_hash", request.station, run.station_hash},
+      {"rig", "rig_hash", request.rig, run.rig_hash},
+      {"sequence", "sequence_hash", request.sequence, run.sequence_hash},
+      {"parameter file", "verified_hash", request.verified, run.verified_hash}};
+  for (const auto& [what, key, path, hash] : parts) {
+    const std::string began = journal.begin_value(key);
+    if (began == hash) continue;
+    return input_error((path.empty() ? std::string("the built-in ") + what : path) + ": is not the " + what +
+                       " that the run began with: expected hash " + began + ", found " + hash);
   }
   return {};
 }

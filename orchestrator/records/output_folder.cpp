@@ -5,6 +5,10 @@
 #include <utility>
 
 #include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "imu_io/recordings/recording_writer.h"
+#include "orchestrator/records/journal_file.h"
+#include "orchestrator/records/recording_sink.h"
 
 namespace turncal {
 
@@ -44,6 +48,24 @@ Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<
     return held;
   }
   return folder;
+}
+
+Result<OutputFolder> OutputFolder::prepare_results(const std::string& path, const std::string& unit) {
+  Result<OutputFolder> folder = prepare(path, {});
+  if (!folder) return folder;
+  // The folder of one unit of a group holds no journal.
+  for (const char* name : {journal_name, binary_recording_name, partial_recording_name})
+    if (path_exists(folder->file(name)))
+      return input_error("--out " + path + ": holds a run (" + name + "): expected another folder");
+  const std::string file = folder->file("parameters.conf");
+  if (!path_exists(file)) return folder;
+  const Result<std::string> text = read_whole_file(file);
+  if (!text) return text.error();
+  const Result<ParameterFile> earlier = parse_parameter_file(*text, file);
+  if (!earlier) return earlier.error();
+  if (earlier->unit_serial == unit) return folder;
+  return input_error(file + ": is of unit '" + earlier->unit_serial + "', not of '" + unit +
+                     "': expected another folder");
 }
 
 Status OutputFolder::make_missing() {

@@ -22,6 +22,9 @@ class OutputFolder {
  public:
   // `names`: files that must not be there, and that are removed again on failure.
   static Result<OutputFolder> prepare(const std::string& path, std::vector<std::string> names);
+  // For what is estimated of a recording of `unit`: an earlier result of the unit is replaced; an error when the folder holds a run, or
+  // parameters of another unit.
+  static Result<OutputFolder> prepare_results(const std::string& path, const std::string& unit);
   OutputFolder(OutputFolder&& other) noexcept;
   OutputFolder& operator=(OutputFolder&&) = delete;
   ~OutputFolder();  // removes what was made, unless keep() was called

@@ -132,6 +132,21 @@ TEST_F(Check, EachViolationIsOneLineAndThePlanIsStillPrinted) {
   EXPECT_TRUE(has_line(outcome.out, "The station cannot run this sequence."));
 }
 
+// As a run does; what needs --partial is not verified behind it.
+TEST_F(Check, PlansTheNorthSeekingBehindTheCalibration) {
+  const std::string sequence = source + "/sequences/two_axes.seq";
+  const std::string narrow = "axis.heading.soft_min_deg = -190\naxis.heading.soft_max_deg = 190\n";
+  EXPECT_EQ(check(file("plain.station", station_text + narrow), sequence).code, 0);
+  const Outcome outcome = check(file("my.station", station_text + narrow + "verify.run = true\n"), sequence);
+  EXPECT_EQ(outcome.code, 1);
+  ASSERT_EQ(outcome.problems.size(), 1U);
+  EXPECT_TRUE(outcome.problems[0].starts_with("built-in verify.seq:35: step ")) << outcome.problems[0];
+  EXPECT_NE(outcome.problems[0].find("heading goes to 270 deg, soft travel is -190 to 190 deg"), std::string::npos);
+  const std::string verifying = file("wide.station", station_text + "verify.run = true\n");
+  EXPECT_NE(check(verifying, sequence).out.find("two searches"), std::string::npos);
+  EXPECT_EQ(check(verifying, file("my.seq", sequence_text)).out.find("two searches"), std::string::npos);
+}
+
 TEST_F(Check, BadFilesAreBothNamedAndNothingIsPrinted) {
   const std::string station = file("my.station", station_text + "motion.speed = 1\n");
   const std::string sequence = file("my.seq", "");

@@ -214,6 +214,26 @@ TEST_F(CommandLine, ResultsOfARunAreNotReplacedInItsFolder) {
   EXPECT_EQ(file_text(folder_ / "demo/parameters.conf"), before);
 }
 
+TEST_F(CommandLine, OnlyResultsOfTheSameUnitAreReplaced) {
+  const std::string demo = demo_run("demo");
+  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN2", "--out", "other", "--sequence",
+                 std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq"})
+                .code,
+            0);
+  ASSERT_EQ(run({"calibrate", demo, "--out", "out"}).code, 0);
+  const std::string first = file_text(folder_ / "out/parameters.conf");
+  const std::string of_run = file_text(folder_ / "other/parameters.conf");
+  for (const char* command : {"calibrate", "diagnose"}) {
+    expect_refused({command, "other", "--out", "out"}, "is of unit 'SN1', not of 'SN2'");
+    expect_refused({command, demo, "--out", "other"}, "holds a run (journal.tcj)");
+  }
+  EXPECT_EQ(file_text(folder_ / "out/parameters.conf"), first);
+  EXPECT_EQ(file_text(folder_ / "other/parameters.conf"), of_run);
+  write("damaged/parameters.conf", first.substr(0, first.size() / 2));
+  expect_refused({"calibrate", demo, "--out", "damaged"}, "damaged/parameters.conf");
+  ASSERT_EQ(run({"calibrate", demo, "--out", "out"}).code, 0);
+}
+
 TEST_F(CommandLine, ApplyWritesCalibratedIncrements) {
   const std::string demo = demo_run("demo");
   ASSERT_EQ(run({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", "calibrated.csv"}).code, 0);

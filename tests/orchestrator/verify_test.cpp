@@ -15,6 +15,8 @@ constexpr const char* short_seeking =
     "step 1\n  initial H 0 P 0 R 0\n  align 6000\n  align 6000\nstep 2\n  initial H 90 P 0 R 0\n  dwell 6000\n"
     "  dwell 6000\n";
 
+const std::string fourteen_steps = std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq";
+
 class Verify : public RigUnit {
  protected:
   void SetUp() override {
@@ -117,6 +119,19 @@ TEST_F(Verify, RefusesWhatItCannotUse) {
     expect_refused(with({"--dry-run", "--unit", "SN7", "--rig", path("good.rig"), "--sequence", path("bad.seq")}),
                    message);
   }
+  // Where no gyro tells north; the built-in station stands where the rig does.
+  const std::string north = "expected at most 85 deg north or south";
+  write("north.station",
+        "format = 1\nsite.latitude_deg = -88\nsite.gravity_mps2 = 9.83\ntable.driver = mock\n"
+        "imu.driver = rig\nverify.run = true\n");
+  write("north.rig", "site.latitude_deg = 88\n");
+  write("queue", "SN7\n");
+  expect_refused(with({"--dry-run", "--unit", "SN7", "--station", path("north.station")}),
+                 path("north.station") + ": site.latitude_deg = -88: " + north);
+  expect_refused({"run", "--dry-run", "--unit", "SN7", "--station", path("north.station"), "--out", "v"}, north);
+  expect_refused({"run", "--dry-run", "--unit", "SN7", "--rig", path("north.rig"), "--verify", "--out", "v"}, north);
+  expect_refused({"batch", "queue", "--dry-run", "--station", path("north.station"), "--out", "v"}, north);
+  expect_refused({"check", "--station", path("north.station"), "--sequence", fourteen_steps}, north);
   // Somebody else works in the folder.
   std::filesystem::create_directory(folder_ / "busy");
   const Result<LockFile> lock = LockFile::acquire(path("busy/.lock"));
@@ -207,7 +222,7 @@ TEST_F(Verify, GoesOnWithItsOutcome) {
   write_parameters("wrong.conf", 0, 0.3);
   const ProgramResult changed = run({"resume", "changed"});
   EXPECT_EQ(changed.code, 1) << changed.out;
-  EXPECT_NE(changed.err.find("wrong.conf: is not the verified that"), std::string::npos) << changed.err;
+  EXPECT_NE(changed.err.find("wrong.conf: is not the parameter file that"), std::string::npos) << changed.err;
 }
 
 // Behind the calibration, in the same walk of the table: what is calibrated is not changed by it, and its outcome is the unit's.
