@@ -264,7 +264,7 @@ Status check_unchanged(const PreparedRun& run, const JournalContents& journal) {
       {"sequence", "sequence_hash", request.sequence, run.sequence_hash},
       {"parameter file", "verified_hash", request.verified, run.verified_hash}};
   for (const auto& [what, key, path, hash] : parts) {
-    const std::string began = journal.begin_value(key);
+    const std::string& began = journal.begin_value(key);
     if (began == hash) continue;
     return input_error((path.empty() ? std::string("the built-in ") + what : path) + ": is not the " + what +
                        " that the run began with: expected hash " + began + ", found " + hash);
