@@ -51,7 +51,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   request.time_utc = format_utc(wall_utc_s());
   const Result<CalibrationOutput> output = calibrate_recordings(recordings, request);
   if (!output) return output.error();
-  const std::string file = folder->file("parameters.conf");
+  const std::string file = folder->file(parameters_name);
   if (Status status = write_parameter_file(output->file, file); !status) return status;
   folder->keep();
   for (const std::string& note : output->notes) context.out << note << '\n';

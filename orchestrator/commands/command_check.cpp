@@ -70,20 +70,11 @@ void print_totals(const StationConfig& station, const Plan& plan, std::ostream& 
                    plan.station_s, clock_text(plan.moving_s).c_str(), plan.moving_s);
 }
 
-// What a recording of the unit would say: by its frame, or the rig's.
-Result<RecordingInfo> planned_info(const StationConfig& station) {
-  RecordingInfo info;
-  if (station.imu) {
-    station.imu->frame.describe(info);
-  } else {
-    const Result<RigConfig> rig = rig_of(station);
-    if (!rig) return rig.error();
-    info.sample_period_s = rig->sample_period_s;
-    info.accel_pulse_mps = rig->accel_pulse_mps;
-  }
-  info.latitude_deg = station.latitude_deg;
-  info.gravity_mps2 = station.gravity_mps2;
-  return info;
+Result<RecordingInfo> info_of(const StationConfig& station) {
+  if (station.imu) return planned_info(station, nullptr);
+  const Result<RigConfig> rig = rig_of(station);
+  if (!rig) return rig.error();
+  return planned_info(station, &*rig);
 }
 
 }  // namespace
@@ -111,7 +102,7 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   const Result<StationConfig> station =
       options.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(options.station);
   Result<Sequence> sequence = read_sequence(options.sequence);
-  const Result<RecordingInfo> info = station ? planned_info(*station) : Result<RecordingInfo>(RecordingInfo{});
+  const Result<RecordingInfo> info = station ? info_of(*station) : Result<RecordingInfo>(RecordingInfo{});
   for (const Error* error :
        {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()}) {
     if (error != nullptr) {

@@ -125,7 +125,7 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
   const DiagnosisFiles& files = output->files;
   if (!files.report.html.empty()) context.out << "report      " << folder->file(report_name) << '\n';
   context.out << "diagnosis   " << folder->file(diagnosis_name) << '\n';
-  if (files.parameters) context.out << "parameters  " << folder->file(parameters_name_of_diagnosis) << '\n';
+  if (files.parameters) context.out << "parameters  " << folder->file(parameters_name) << '\n';
   context.out << significant(steady_wall_s() - began_s, 2) << " s" << std::endl;
   return output->diagnosis.verdict;
 }

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "calib/navigation/alignment.h"
 #include "calib/prediction/predicted_drift.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/commands/commands.h"
@@ -83,10 +84,8 @@ Status run_predict(const PredictRequest& request, std::ostream& out) {
   out << "\n";
   print_undetermined(columns, out);
   if (!request.navigate.empty()) {
-    const double latitude_deg = std::abs(unit->info.latitude_deg);
-    if (latitude_deg > max_navigation_latitude_deg)
-      return input_error("--navigate: latitude " + format_number(unit->info.latitude_deg) + " deg: expected at most " +
-                         format_number(max_navigation_latitude_deg) + " deg north or south");
+    if (Status status = check_navigation_latitude(unit->info.latitude_deg); !status)
+      return input_error("--navigate: " + status.error().message);
     std::vector<std::pair<std::string, ExpectedDrift>> drifts;
     for (const NamedPrediction& column : columns)
       drifts.emplace_back(column.name, predicted_drift(unit->info, column.prediction, options, drift_plan));

@@ -1,6 +1,6 @@
 // Plots by gnuplot: one process draws all plots of a report, as SVG that can stand inside an HTML page.
 //
-// The script goes in on a socket and the drawings come back on a pipe, so nothing is written to disk. Every `plot` or
+// It is a filter (piped_program.h), so nothing is written to disk. Every `plot` or
 // `multiplot` under `set terminal svg` and without `set output` is one drawing, in the order of the script. gnuplot is
 // started without the user's own settings (-d), in the C locale, and is killed at the deadline: whatever it draws, a report
 // never waits for it longer than that.

@@ -16,6 +16,16 @@ class RestOf {
     return index_ < segments_.size() && counter >= segments_[index_].start_sample &&
            segments_[index_].kind != SegmentKind::rotate;
   }
+  // How many of [begin, end) it does not rest over, begin not before what at() was asked for.
+  std::int64_t moving_in(std::int64_t begin, std::int64_t end) const {
+    if (segments_.empty()) return 0;
+    std::int64_t resting = 0;
+    for (std::size_t k = index_; k < segments_.size() && segments_[k].start_sample < end; ++k)
+      if (segments_[k].kind != SegmentKind::rotate)
+        resting += std::max<std::int64_t>(
+            0, std::min(end, segments_[k].end_sample) - std::max(begin, segments_[k].start_sample));
+    return end - begin - resting;
+  }
 
  private:
   const Segments& segments_;
@@ -63,11 +73,10 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
       const Eigen::Vector3d gyro(sample.gyro[0], sample.gyro[1], sample.gyro[2]);
       const Eigen::Vector3d accel(sample.accel[0], sample.accel[1], sample.accel[2]);
       if (!last) found.first_sample = sample.counter;
-      SampleGap gap{last.value_or(sample.counter - 1) + 1};
-      for (std::int64_t lost = gap.first; lost < sample.counter; ++lost) {
-        ++gap.samples;
-        gap.in_motion += rest.at(lost) ? 0 : 1;
-      }
+      const std::int64_t expected = last.value_or(sample.counter - 1) + 1;
+      SampleGap gap{expected};
+      if (sample.counter > expected)
+        gap = {expected, sample.counter - expected, rest.moving_in(expected, sample.counter)};
       if (gap.samples > 0) found.gaps.push_back(gap);
       last = std::max(last.value_or(sample.counter), sample.counter);
       const bool at_rest = rest.at(sample.counter), gap_at_rest = gap.is_short() && gap.in_motion == 0;

@@ -10,7 +10,7 @@
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/jobs/effect_terms.h"
-#include "orchestrator/report/sample_gap.h"
+#include "orchestrator/jobs/sample_gap.h"
 
 namespace turncal {
 

@@ -1,29 +1,19 @@
 #include "orchestrator/jobs/certificate_job.h"
 
-#include <fcntl.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_source.h"
+#include "orchestrator/figures/piped_program.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/report/certificate.h"
 #include "orchestrator/watch/progress.h"
 
-extern char** environ;
-
 namespace turncal {
 namespace {
-
-constexpr const char* pdf_program = "weasyprint";
 
 // Why the result is for nobody's use; empty: it may be certified.
 std::string objection(const ParameterFile& file) {
@@ -106,23 +96,13 @@ Result<std::string> make_certificate(const CertificateRequest& request) {
 }
 
 Status write_pdf(const std::string& html, const std::string& path) {
-  const std::string from = temporary_name(path), to = temporary_name(path + ".pdf");
-  if (Status status = write_file_atomically(from, html); !status) return status;
-  const char* arguments[] = {pdf_program, "--encoding", "utf-8", from.c_str(), to.c_str(), nullptr};
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-  pid_t child = -1;
-  const int error = ::posix_spawnp(&child, pdf_program, &actions, nullptr, const_cast<char**>(arguments), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  int how = -1;
-  if (error == 0)
-    while (::waitpid(child, &how, 0) < 0 && errno == EINTR) continue;
-  ::unlink(from.c_str());
-  if (error == 0 && WIFEXITED(how) && WEXITSTATUS(how) == 0) return rename_durably(to, path);
-  ::unlink(to.c_str());
-  if (error == ENOENT) return device_error(path + ": " + pdf_program + " is not installed (Debian package weasyprint)");
-  return device_error(path + ": " + pdf_program + " failed");
+  const Result<PipedOutput> pdf = pipe_through({.name = "weasyprint",
+                                                .arguments = {"--encoding", "utf-8", "-", "-"},
+                                                .package = "weasyprint",
+                                                .deadline_s = 120.0},
+                                               html);
+  if (!pdf) return device_error(path + ": " + pdf.error().message);
+  return write_file_atomically(path, pdf->output);
 }
 
 }  // namespace turncal

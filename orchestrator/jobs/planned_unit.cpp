@@ -5,6 +5,7 @@
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/devices/station_rig.h"
+#include "orchestrator/jobs/run_request.h"
 
 namespace turncal {
 
@@ -55,10 +56,9 @@ Result<PlannedUnit> planned_unit(const PlannedSite& site) {
   if (!rig) return rig.error();
   PlannedUnit unit;
   unit.station = *station;
-  unit.info.sample_period_s = rig->sample_period_s;
-  unit.info.latitude_deg = site.latitude_deg.value_or(station->latitude_deg);
-  unit.info.gravity_mps2 = site.gravity_mps2.value_or(station->gravity_mps2);
-  unit.info.accel_pulse_mps = rig->accel_pulse_mps;
+  unit.info = planned_info(*station, &*rig);
+  if (site.latitude_deg) unit.info.latitude_deg = *site.latitude_deg;
+  if (site.gravity_mps2) unit.info.gravity_mps2 = *site.gravity_mps2;
   unit.info.simulated = true;
   unit.parameters = typical_unit(unit.info);
   unit.parameters.n = Eigen::Matrix3d::Identity() * rig->gyro_pulse_arcsec;

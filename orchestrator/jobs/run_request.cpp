@@ -124,17 +124,21 @@ Status prepare_rig(PreparedRun& run) {
 
 std::size_t places(const PreparedRun& run) { return run.request.dry_run ? most_units : run.station.imu_places(); }
 
-RecordingInfo planned_info(const PreparedRun& run) {
+RecordingInfo planned_info(const StationConfig& station, const RigConfig* rig) {
   RecordingInfo info;
-  if (run.request.dry_run) {
-    info.sample_period_s = run.rig.sample_period_s;
-    info.accel_pulse_mps = run.rig.accel_pulse_mps;
+  if (rig != nullptr) {
+    info.sample_period_s = rig->sample_period_s;
+    info.accel_pulse_mps = rig->accel_pulse_mps;
   } else {
-    run.station.imu->frame.describe(info);
+    station.imu->frame.describe(info);
   }
-  info.latitude_deg = run.station.latitude_deg;
-  info.gravity_mps2 = run.station.gravity_mps2;
+  info.latitude_deg = station.latitude_deg;
+  info.gravity_mps2 = station.gravity_mps2;
   return info;
+}
+
+RecordingInfo planned_info(const PreparedRun& run) {
+  return planned_info(run.station, run.request.dry_run ? &run.rig : nullptr);
 }
 
 Status check_real_devices(const StationConfig& station) {

@@ -59,8 +59,9 @@ struct PreparedRun {
 
 inline constexpr std::size_t most_units = 16;  // of a dry run, which has as many places as it is asked for
 std::size_t places(const PreparedRun& run);
-RecordingInfo planned_info(
-    const PreparedRun& run);  // what a recording of the unit would say, as far as that is known before
+// What a recording of the unit would say, as far as that is known before: of the rig, or (null) by the frame of the station's unit.
+RecordingInfo planned_info(const StationConfig& station, const RigConfig* rig);
+RecordingInfo planned_info(const PreparedRun& run);
 
 // An error unless table and unit are both ones that a live command can open.
 Status check_real_devices(const StationConfig& station);

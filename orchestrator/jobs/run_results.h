@@ -14,12 +14,12 @@
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/jobs/run_request.h"
+#include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/verification_report.h"
 #include "orchestrator/station/verdict.h"
 
 namespace turncal {
 
-inline constexpr const char* parameters_name = "parameters.conf";
 inline constexpr const char* truth_name = "truth.conf";
 inline constexpr const char* verification_name = "verification.conf";
 inline constexpr const char* diagnosis_folder = "diagnosis";

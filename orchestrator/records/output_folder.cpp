@@ -57,7 +57,7 @@ Result<OutputFolder> OutputFolder::prepare_results(const std::string& path, cons
   for (const char* name : {journal_name, binary_recording_name, partial_recording_name})
     if (path_exists(folder->file(name)))
       return input_error("--out " + path + ": holds a run (" + name + "): expected another folder");
-  const std::string file = folder->file("parameters.conf");
+  const std::string file = folder->file(parameters_name);
   if (!path_exists(file)) return folder;
   const Result<std::string> text = read_whole_file(file);
   if (!text) return text.error();

@@ -15,6 +15,8 @@
 
 namespace turncal {
 
+inline constexpr const char* parameters_name = "parameters.conf";  // of a run, a calibration and a diagnosis
+
 // Held by whoever writes to a folder of results, from before it looks at what is there.
 Result<LockFile> hold_folder(const std::string& folder);
 

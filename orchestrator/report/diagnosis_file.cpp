@@ -8,6 +8,7 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/records/output_folder.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {
@@ -234,7 +235,7 @@ Status write_diagnosis(const std::string& folder, const DiagnosisFiles& files) {
   };
   if (Status s = write(report_name, files.report.html); !s) return s;
   if (Status s = write(diagnosis_name, files.conf); !s) return s;
-  return write(parameters_name_of_diagnosis, *parameters);
+  return write(parameters_name, *parameters);
 }
 
 }  // namespace turncal

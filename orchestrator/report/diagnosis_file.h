@@ -17,7 +17,6 @@
 namespace turncal {
 
 inline constexpr const char* diagnosis_name = "diagnosis.conf";
-inline constexpr const char* parameters_name_of_diagnosis = "parameters.conf";
 inline constexpr const char* report_name = "report.html";
 
 std::string format_diagnosis(const Diagnosis& diagnosis);
