@@ -149,7 +149,7 @@ Result<PipedOutput> pipe_through(const PipedProgram& program, std::string_view i
   Child child;
   if (const int error = child.spawn(program, child_in.get(), child_out.get(), child_err.get()); error != 0) {
     return failed(error == ENOENT ? program.name + " is not installed (Debian package " + program.package + ")"
-                                   : "cannot start " + program.name + ": " + std::strerror(error));
+                                  : "cannot start " + program.name + ": " + std::strerror(error));
   }
   child_in.close();
   child_out.close();
@@ -159,8 +159,7 @@ Result<PipedOutput> pipe_through(const PipedProgram& program, std::string_view i
   std::string messages;
   while (from_child.open() || errors.open()) {
     const double left_s = std::chrono::duration<double>(deadline - SteadyClock::now()).count();
-    if (left_s <= 0.0)
-      return failed(program.name + " took longer than " + significant(program.deadline_s, 3) + " s");
+    if (left_s <= 0.0) return failed(program.name + " took longer than " + significant(program.deadline_s, 3) + " s");
     pollfd fds[3] = {{from_child.get(), POLLIN, 0}, {errors.get(), POLLIN, 0}, {to_child.get(), POLLOUT, 0}};
     const int ready = ::poll(fds, 3, static_cast<int>(1000.0 * left_s) + 1);
     if (ready < 0 && errno != EINTR) return failed(std::string("poll: ") + std::strerror(errno));
