@@ -264,6 +264,7 @@ void add_batch_command(CommandLine& line, CommandContext& context) {
   command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
   command.option("--station", request.station, "station configuration; default: the built-in rig station");
   add_verify_option(command, request);
+  add_until_option(command, request);
   add_record_options(command, request);
   add_watch_options(command, request);
   command.runs(context, [options, &context] { return run_batch(*options, context); });

@@ -38,6 +38,12 @@ void add_verify_option(const Command& command, RunRequest& request) {
   command.flag("--verify", request.verify, "seek north with the new parameters, right after the calibration");
 }
 
+void add_until_option(const Command& command, RunRequest& request) {
+  command.flag(
+      "--until-sigma", request.until_sigma,
+      "end after the dwell at which stop.sigma.* and limit.* of the station are met with certainty (docs/design.md)");
+}
+
 void add_watch_options(const Command& command, RunRequest& request) {
   command.option("--listen", request.listen,
                  "serve a read-only status page there (127.0.0.1:8080; port 0: any free one)");
@@ -67,6 +73,7 @@ void add_run_command(CommandLine& line, CommandContext& context) {
                "of a sequence that does not determine all: estimate what it does; no verdict, not put in use");
   command.flag("--no-diagnosis", options->request.no_diagnosis, "leave out the diagnosis at the end");
   add_verify_option(command, request);
+  add_until_option(command, request);
   add_record_options(command, request);
   command.runs(context, [options, &context] { return begin_run(options->request, options->folder, context).status; });
 }

@@ -9,6 +9,7 @@ struct RunRequest;
 
 void add_record_options(const Command& command, RunRequest& request);
 void add_verify_option(const Command& command, RunRequest& request);
+void add_until_option(const Command& command, RunRequest& request);
 void add_watch_options(const Command& command, RunRequest& request);
 
 }  // namespace turncal

@@ -13,6 +13,7 @@
 #include "orchestrator/devices/first_step_check.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/enough_watch.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
@@ -206,6 +207,19 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
     note_outcome(running->outcome(), a.sample_period_s, a.units);
     return calibrate_units(a.units, devices.clock.utc_s(), a.journal);
   };
+  EnoughWatch enough(a.run, a.plan, a.units, a.journal, [&](const std::string& line, const KnownSoFar& unit) {
+    a.log.line(line);
+    progress.clear();
+    if (stdout_takes_more()) context.out << line << std::endl;
+    std::vector<LiveStatus::Known> bars;
+    for (const NeededSigma& one : unit.sigmas)
+      bars.push_back({std::string(parameter_keys[one.parameter]), one.sigma, one.needed});
+    live.show_known(line, std::move(bars));
+  });
+  const auto go_on_with = [&](std::size_t next_item) {
+    note_outcome(running->outcome(), a.sample_period_s, a.units);
+    return enough.go_on_with(next_item);
+  };
   StationRun run(devices, {a.run.sequence, a.plan, a.run.station, a.units.front().run.unit(), a.resume, a.sessions > 1},
                  lanes,
                  {.observer = &observers,
@@ -214,7 +228,8 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
                   .journal = &a.journal,
                   .pause_requests = &StopSignals::pauses(),
                   .end_requests = &StopSignals::ends(),
-                  .content_hashes = content_hashes});
+                  .content_hashes = content_hashes,
+                  .go_on_with = a.run.request.until_sigma ? decltype(StationHooks::go_on_with)(go_on_with) : nullptr});
   running = &run;
   const RunOutcome outcome = run.run();
   for (std::size_t i = 0; run_devices.live && i < a.units.size(); ++i) {

@@ -103,6 +103,18 @@ Status prepare_verification(PreparedRun& run) {
   return {};
 }
 
+// What ends a run early has to be said by the station.
+Status check_until_sigma(const PreparedRun& run) {
+  if (!run.request.until_sigma) return {};
+  if (run.request.capture_only || run.request.partial)
+    return input_error(
+        "--until-sigma: expected neither --capture-only nor --partial: what is not estimated cannot be known well "
+        "enough");
+  if (says_when(run.station.stop_sigma, run.station.limits)) return {};
+  return input_error("--until-sigma: station " + run.station.name +
+                     " does not say what is enough: expected stop.sigma.<key> or limit.<key>.* in its file");
+}
+
 Status prepare_rig(PreparedRun& run) {
   RunRequest& wanted = run.request;
   const std::string rig_given = wanted.rig.empty() ? run.station.rig_file : wanted.rig;
@@ -205,6 +217,7 @@ Result<PreparedRun> prepare(const RunRequest& request) {
   run.sequence = std::move(*sequence);
   run.sequence_hash = hash_of_text(*sequence_text);
   if (Status status = prepare_verification(run); !status) return status.error();
+  if (Status status = check_until_sigma(run); !status) return status.error();
   return run;
 }
 
@@ -219,6 +232,7 @@ JournalFields begin_fields(const PreparedRun& run) {
                           {"partial", request.partial ? "true" : ""},
                           {"no_diagnosis", request.no_diagnosis ? "true" : ""},
                           {"verify", request.verify ? "true" : ""},
+                          {"until_sigma", request.until_sigma ? "true" : ""},
                           {"verified", request.verified},
                           {"verified_hash", run.verified_hash},
                           {"unit", request.units.front()},
@@ -247,6 +261,7 @@ RunRequest request_of(const JournalContents& journal) {
   request.partial = journal.begin_value("partial") == "true";
   request.no_diagnosis = journal.begin_value("no_diagnosis") == "true";
   request.verify = journal.begin_value("verify") == "true";
+  request.until_sigma = journal.begin_value("until_sigma") == "true";
   request.verified = journal.begin_value("verified");
   request.units = journal.units();
   request.station = journal.begin_value("station");

@@ -20,8 +20,9 @@ struct RunRequest {
   bool manual = false;  // the table is turned by hand, whatever the station says
   bool capture_only = false;
   bool no_diagnosis = false;
-  bool verify = false;   // seek north with the calibration, in the same walk of the table (docs/verification.md)
-  std::string verified;  // the parameter file that is verified; empty: what the run estimates
+  bool verify = false;       // seek north with the calibration, in the same walk of the table (docs/verification.md)
+  bool until_sigma = false;  // end after the dwell at which enough is known (needed_sigma.h)
+  std::string verified;      // the parameter file that is verified; empty: what the run estimates
   std::vector<std::string> units;  // serial numbers, by place on the table
   std::string rig;                 // files, made absolute by prepare(); empty: the built-in one
   std::string sequence;

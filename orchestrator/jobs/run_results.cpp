@@ -39,6 +39,7 @@ void add_record(const PreparedRun& run, const RunCounts& counts, ParameterFile& 
       {"record.table_id", run.station.table_id},
       {"record.table_calibration_due", run.station.table_calibration_due},
       {"record.overdue_reason", request.overdue_reason},
+      {"record.ended_after_s", request.until_sigma ? format_number(counts.recorded_s) : ""},
       {"record.repeated_dwells", format_number(counts.repeated_dwells)},
       {"record.lost_samples", format_number(counts.lost_samples)},
       {"record.clock_ppm", counts.clock ? format_number(counts.clock->ppm) : ""},

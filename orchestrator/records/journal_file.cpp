@@ -17,8 +17,9 @@ namespace turncal {
 namespace {
 
 constexpr std::uint32_t journal_magic = 0x4a435489;  // the bytes 0x89 'T' 'C' 'J'
-constexpr std::array<std::string_view, 11> type_names = {"begin",  "transition", "home",    "move",    "dwell", "seal",
-                                                         "resume", "results",    "verdict", "dropout", "clock"};
+constexpr std::array<std::string_view, 12> type_names = {"begin",   "transition", "home",   "move",
+                                                         "dwell",   "seal",       "resume", "results",
+                                                         "verdict", "dropout",    "clock",  "estimate"};
 
 // Any text as one value of a key-value line: '%', '#' and control characters as %XX, and a blank at either end.
 std::string escaped(std::string_view text) {
@@ -334,6 +335,7 @@ Result<JournalContents> read_journal(const std::string& path) {
       case JournalType::dropout: contents.dropped.push_back(read_dropout(*fields)); break;
       case JournalType::results:
       case JournalType::clock:
+      case JournalType::estimate:  // found again from the samples
       case JournalType::transition: break;
     }
     return fields->status();

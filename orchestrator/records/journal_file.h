@@ -31,7 +31,8 @@ enum class JournalType : std::uint32_t {
   results,
   verdict,
   dropout,
-  clock
+  clock,
+  estimate
 };
 std::string_view to_string(JournalType type);
 

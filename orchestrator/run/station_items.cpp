@@ -23,6 +23,7 @@ void StationRun::hold() {
 StationRun::MaybeEvent StationRun::select_next() {
   if (const MaybeEvent event = read_table()) return event;
   if (pause_asked() && item_ < job_.plan.items.size()) return pause();
+  if (const MaybeEvent event = leave_out()) return event;
   const std::vector<PlannedItem>& items = job_.plan.items;
   const bool item_left = item_ < items.size() && items[item_].step_index == step_;
   if (const std::optional<Axis> axis = displaced_axis()) {
@@ -49,6 +50,27 @@ StationRun::MaybeEvent StationRun::select_next() {
   detail_ = std::string(to_string(item.axis)) + " from " + format_number(item.from_deg) + " to " +
             format_number(item.to_deg) + " deg at " + format_number(item.rate_degps) + " deg/s";
   return RunEvent::move_next;
+}
+
+StationRun::MaybeEvent StationRun::leave_out() {
+  const std::vector<PlannedItem>& items = job_.plan.items;
+  if (!hooks_.go_on_with || item_ == asked_of_item_ || items[item_ - 1].kind != SequenceItem::Kind::dwell)
+    return std::nullopt;
+  asked_of_item_ = item_;
+  while (true) {
+    const Result<std::optional<std::size_t>> next = hooks_.go_on_with(item_);
+    if (!next) return keep(next.error());
+    if (*next && **next > item_) {
+      item_ = std::min(**next, items.size());
+      if (item_ < items.size()) commanded_deg_ = items[item_ - 1].commanded_deg;
+    }
+    if (*next) return std::nullopt;
+    if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) return asked();
+    receive_meanwhile();
+    if (devices_.clock.now_s() < next_poll_s_) continue;
+    if (const MaybeEvent event = read_table()) return event;
+    schedule_poll(devices_.clock.now_s());
+  }
 }
 
 StationRun::MaybeEvent StationRun::issue_move() {

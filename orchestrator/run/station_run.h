@@ -89,6 +89,10 @@ struct StationHooks {
   const std::atomic<int>* end_requests = nullptr;    // those of stop_requests that the operator did not make
   // Of the contents of the recordings, by unit, when nothing more comes: what the journal keeps before they are sealed.
   std::function<Result<std::vector<std::string>>()> content_hashes = nullptr;
+  // Asked after every completed dwell, again and again until it answers: which item comes next. next_item is the one that the plan
+  // has there; a later one leaves out what lies between, items.size() ends the run. Samples are read
+  // and the table is watched between two calls.
+  std::function<Result<std::optional<std::size_t>>(std::size_t next_item)> go_on_with = nullptr;
 };
 
 struct RunOutcome {
@@ -153,6 +157,7 @@ class StationRun {
   MaybeEvent begin_rest();
   MaybeEvent settle_again(bool in_place);
   MaybeEvent select_next();
+  MaybeEvent leave_out();  // what need not be done any more
   MaybeEvent issue_move();
   MaybeEvent close_move();
   MaybeEvent begin_dwell();
@@ -213,9 +218,10 @@ class StationRun {
   bool enabled_ = false;
   int stops_seen_ = 0;
 
-  std::size_t item_ = 0;       // the next item of the plan, or the one going on
-  std::size_t step_ = 0;       // index into sequence.steps
-  bool item_running_ = false;  // plan.items[item_] is going on (not: a move back to where the table should stand)
+  std::size_t item_ = 0;           // the next item of the plan, or the one going on
+  std::size_t step_ = 0;           // index into sequence.steps
+  std::size_t asked_of_item_ = 0;  // whether it, or a later one, comes next
+  bool item_running_ = false;      // plan.items[item_] is going on (not: a move back to where the table should stand)
   std::optional<Move> pending_move_;
   AxisTriple commanded_deg_;
   AxisTriple held_deg_;  // where the axes stood when the present move, rest or settling began

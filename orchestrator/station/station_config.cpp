@@ -255,6 +255,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   read_dwell(keys, station.dwell);
   keys.number("resume.rest_s", station.resume_rest_s, {0.0, 86400.0});
   station.limits = read_limits(file);
+  station.stop_sigma = read_stop_sigmas(file);
   station.diagnosis = read_diagnosis_policy(file);
   keys.text("hook.done", station.hooks.done);
   keys.text("hook.fail", station.hooks.fail);

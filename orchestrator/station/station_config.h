@@ -14,6 +14,7 @@
 #include "calib/types/status.h"
 #include "imu_io/units/serial_imu_config.h"
 #include "orchestrator/station/hooks.h"
+#include "orchestrator/station/needed_sigma.h"
 #include "orchestrator/station/verdict.h"
 #include "sequences/plan.h"
 #include "turntable_drivers/ascii/dialect.h"
@@ -91,6 +92,7 @@ struct StationConfig {
   double resume_rest_s = 600.0;  // after an interruption, before the first dwell: unit and table come to temperature
   HookCommands hooks;
   VerdictLimits limits;
+  StopSigmas stop_sigma{};  // when a run that may end early knows enough
   DiagnosisPolicy diagnosis;
   bool verify_run = false;  // every calibration is followed by a north seeking (docs/verification.md)
   Parties parties;

@@ -130,6 +130,12 @@ void LiveStatus::add(std::span<const ImuSample> samples) {
   }
 }
 
+void LiveStatus::show_known(const std::string& text, std::vector<Known> known) {
+  const std::lock_guard lock(mutex_);
+  known_text_ = text;
+  known_ = std::move(known);
+}
+
 void LiveStatus::end(const std::string& how, Tone tone) {
   const std::lock_guard lock(mutex_);
   ended_ = how;
@@ -203,6 +209,16 @@ std::string LiveStatus::json() const {
   o.text("last_error", last_error_);
   o.text("pause", pause_);
   o.text("ended", ended_);
+  o.text("known_text", known_text_);
+  std::string known;
+  for (const Known& one : known_) {
+    Object bar;
+    bar.text("key", one.key);
+    bar.number("sigma", one.sigma);
+    bar.number("needed", one.needed);
+    known += (known.empty() ? "" : ",") + bar.end();
+  }
+  o.raw("known", "[" + known + "]");
   o.texts("transitions", transitions_);
   o.texts("results", run_.results);
   o.raw("pulse", "[" + json_number(pulse_[0]) + "," + json_number(pulse_[1]) + "]");

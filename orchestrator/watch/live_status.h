@@ -35,6 +35,12 @@ class LiveStatus : public RunObserver {
   void begin(const RecordingInfo& info);
   void begin_segment(SegmentKind kind);
   void add(std::span<const ImuSample> samples);
+  // How well the unit is known against how well it has to be; replaces what was shown.
+  struct Known {
+    std::string key;
+    double sigma = 0.0, needed = 0.0;
+  };
+  void show_known(const std::string& text, std::vector<Known> known);
   void end(const std::string& how, Tone tone);  // after the run: "Done: pass", "Paused: ...", or the error
 
   // The page polls this. Numbers in degrees, deg/s, m/s^2, seconds.
@@ -56,7 +62,8 @@ class LiveStatus : public RunObserver {
   std::function<double()> wall_s_;
   double heartbeat_s_ = 0.0;
   RunSnapshot snapshot_;
-  std::string last_error_, pause_, ended_;
+  std::string last_error_, pause_, ended_, known_text_;
+  std::vector<Known> known_;
   Tone ended_as_ = Tone::bad;
   std::vector<std::string> transitions_;  // the newest last
   std::array<double, 6> per_count_{};     // of a sum over one second

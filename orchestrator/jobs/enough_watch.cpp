@@ -1,0 +1,167 @@
+#include "orchestrator/jobs/enough_watch.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "calib/prediction/predict.h"
+#include "imu_io/base/format_number.h"
+#include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/sequence_coverage.h"
+#include "orchestrator/records/recording_sink.h"
+#include "orchestrator/watch/progress.h"
+
+namespace turncal {
+
+namespace {
+
+std::string ratio_text(const NeededSigma& sigma) {
+  return std::string(parameter_keys[sigma.parameter]) + ", " + significant(sigma.sigma, 3) + " where " +
+         significant(sigma.needed, 3) + " is enough";
+}
+
+std::size_t first_item_of(const Plan& plan, int step) {
+  const auto found = std::find_if(plan.items.begin(), plan.items.end(),
+                                  [&](const PlannedItem& item) { return step > 0 && item.step >= step; });
+  return static_cast<std::size_t>(found - plan.items.begin());
+}
+
+// Of which least is known. REQUIRES one.
+const KnownSoFar& least_known(const std::vector<KnownSoFar>& units) {
+  const auto rank = [](const KnownSoFar& unit) {
+    const NeededSigma* const worst = unit.worst();
+    return worst ? worst->ratio() : std::numeric_limits<double>::infinity();
+  };
+  return *std::max_element(units.begin(), units.end(), [&](const KnownSoFar& a, const KnownSoFar& b) {
+    if (a.why_not.empty() != b.why_not.empty()) return b.why_not.empty() < a.why_not.empty();
+    return rank(a) < rank(b);
+  });
+}
+
+}  // namespace
+
+const NeededSigma* KnownSoFar::worst() const {
+  const auto found = std::max_element(sigmas.begin(), sigmas.end(),
+                                      [](const NeededSigma& a, const NeededSigma& b) { return a.ratio() < b.ratio(); });
+  return found == sigmas.end() ? nullptr : &*found;
+}
+
+EnoughWatch::EnoughWatch(const PreparedRun& run, const Plan& plan, const std::vector<UnitRun>& units,
+                         JournalFile& journal, Tell tell)
+    : run_(run),
+      plan_(plan),
+      units_(units),
+      journal_(journal),
+      tell_(std::move(tell)),
+      end_item_(first_item_of(plan, run.verify_from)) {}
+
+Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item) {
+  if (next_item >= end_item_) return std::optional(next_item);  // nothing is left to be left out
+  if (!running_.valid()) running_ = std::async(std::launch::async, [this, next_item] { return estimate(next_item); });
+  if (running_.wait_for(std::chrono::milliseconds(2)) != std::future_status::ready) return std::optional<std::size_t>();
+  const std::vector<KnownSoFar> units = running_.get();
+  const bool enough = !units.empty() && std::all_of(units.begin(), units.end(),
+                                                    [](const KnownSoFar& unit) { return unit.why_not.empty(); });
+  if (Status status = note(units, next_item, enough); !status) return status.error();
+  return std::optional(enough ? end_item_ : next_item);
+}
+
+std::vector<KnownSoFar> EnoughWatch::estimate(std::size_t done_items) {
+  std::vector<KnownSoFar> known;
+  for (const UnitRun& unit : units_)
+    if (!unit.dropped) known.push_back(estimate(unit, done_items));
+  return known;
+}
+
+KnownSoFar EnoughWatch::estimate(const UnitRun& unit, std::size_t done_items) {
+  KnownSoFar known;
+  known.unit = unit.run.unit();
+  const Result<LoadedRecording> loaded =
+      load_recording(unit.folder + "/" + partial_recording_name, {}, {}, run_.verify_from);
+  if (!loaded) {
+    known.why_not = loaded.error().message;
+    return known;
+  }
+  const Result<CalibrationOutput> output = calibrate_recording(*loaded, {});
+  if (!output) {
+    known.why_not = output.error().message;
+    if (known.why_not.starts_with(loaded->path + ": ")) known.why_not.erase(0, loaded->path.size() + 2);
+    return known;
+  }
+  known.sigmas = needed_sigmas(output->file, run_.station.stop_sigma, run_.station.limits);
+  const NeededSigma* const worst = known.worst();
+  if (worst && worst->needed == 0.0)
+    known.why_not = std::string(parameter_keys[worst->parameter]) + " is beyond its limit";
+  else if (worst && worst->ratio() > 1.0)
+    known.why_not = ratio_text(*worst);
+  else if (!is_trusted(output->file))
+    known.why_not = output->distrust.empty() ? "too little to test the fit by" : output->distrust;
+  if (!known.why_not.empty() && worst && worst->needed > 0.0)
+    known.end = expected_end(known.sigmas, done_items, *output->fit);
+  return known;
+}
+
+const ParameterVector& EnoughWatch::planned_sigmas(std::size_t items, const JointResult& fit) {
+  const auto known = planned_.find(items);
+  if (known != planned_.end()) return known->second;
+  PlannedMotion motion = planned_motion(run_.sequence, plan_);
+  motion.items.resize(items);
+  PredictOptions options;
+  options.noise = fit.noise;
+  options.unit = fit.parameters;
+  return planned_[items] = predict(planned_info(run_), motion, options).sigma;
+}
+
+std::optional<std::size_t> EnoughWatch::expected_end(const std::vector<NeededSigma>& sigmas, std::size_t done_items,
+                                                     const JointResult& fit) {
+  std::vector<std::size_t> ends;  // items done when the run may end
+  for (std::size_t i = done_items; i < end_item_; ++i)
+    if (plan_.items[i].kind == SequenceItem::Kind::dwell) ends.push_back(i + 1);
+  const ParameterVector now = planned_sigmas(done_items, fit);
+  const auto enough_at = [&](std::size_t items) {
+    const ParameterVector& then = planned_sigmas(items, fit);
+    return std::all_of(sigmas.begin(), sigmas.end(), [&](const NeededSigma& one) {
+      const auto k = static_cast<Eigen::Index>(one.parameter);
+      return now(k) > 0.0 && one.sigma * then(k) / now(k) <= one.needed;
+    });
+  };
+  const auto found =
+      std::partition_point(ends.begin(), ends.end(), [&](std::size_t items) { return !enough_at(items); });
+  if (found == ends.end()) return std::nullopt;
+  return *found - 1;
+}
+
+Status EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough) {
+  if (units.empty()) return {};
+  const KnownSoFar& least = least_known(units);
+  const NeededSigma* const worst = least.worst();
+  const auto left_s = [&](std::size_t from, std::size_t to) {
+    double sum_s = 0.0;
+    for (std::size_t i = from; i < to; ++i) sum_s += plan_.items[i].duration_s;
+    return sum_s;
+  };
+  const std::string after =
+      "after item " + std::to_string(next_item) + " of " + std::to_string(plan_.items.size()) + ": ";
+  std::string line;
+  if (enough) {
+    line = after + "enough is known; " + format_duration(left_s(next_item, end_item_)) + " of the plan is left out";
+  } else {
+    line = after + "not yet enough" + (units.size() > 1 ? " of unit " + least.unit : "") + ": " + least.why_not;
+    if (least.end)
+      line += "; expected after item " + std::to_string(*least.end + 1) + ", in " +
+              format_duration(left_s(next_item, *least.end + 1));
+    else if (worst)
+      line += "; the run goes to its planned end";
+  }
+  tell_(line, least);
+  return journal_.append(JournalType::estimate, {{"item", std::to_string(next_item - 1)},
+                                                 {"enough", enough ? "true" : "false"},
+                                                 {"unit", units.size() > 1 ? least.unit : ""},
+                                                 {"worst", worst ? std::string(parameter_keys[worst->parameter]) : ""},
+                                                 {"sigma", worst ? format_number(worst->sigma) : ""},
+                                                 {"needed", worst ? format_number(worst->needed) : ""},
+                                                 {"reason", least.why_not}});
+}
+
+}  // namespace turncal

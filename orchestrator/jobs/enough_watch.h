@@ -1,0 +1,65 @@
+// When does a run know enough? After every completed dwell the units are calibrated from what is recorded so far, by the same function
+// and from the same samples as at the end, and the run ends (or goes on to its north seeking) when for every unit
+//   every parameter that the station names is known as well as it has to be (orchestrator/station/needed_sigma.h), and
+//   the fit passes its lack-of-fit tests: data that disagree with the model are no reason to trust its sigmas sooner.
+// Otherwise it goes on, to its planned end at the latest. Where the end will be is predicted: the sigmas scale from now as those of the
+// plan do (calib/prediction/predict.h).
+//
+// The estimate runs beside the capture in a thread of its own and is waited for, so that the answer depends on the samples alone
+// and a run that was interrupted ends where it would have ended.
+#pragma once
+
+#include <functional>
+#include <future>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/types/status.h"
+#include "orchestrator/jobs/unit_run.h"
+#include "orchestrator/station/needed_sigma.h"
+#include "sequences/plan.h"
+
+namespace turncal {
+
+// What is known of a unit so far.
+struct KnownSoFar {
+  std::string unit;
+  std::vector<NeededSigma> sigmas;   // empty: not determined yet
+  std::string why_not;               // to end; empty: enough is known
+  std::optional<std::size_t> end;    // index of the item after which it is expected to be; empty: not by this plan
+  const NeededSigma* worst() const;  // null: there is none
+};
+
+class EnoughWatch {
+ public:
+  // tell: a line for the log and the operator, and what is known of the unit of which least is known.
+  using Tell = std::function<void(const std::string& line, const KnownSoFar& unit)>;
+  // Both outlive it. units: as they are when they are looked at (dropped).
+  EnoughWatch(const PreparedRun& run, const Plan& plan, const std::vector<UnitRun>& units, JournalFile& journal,
+              Tell tell);
+
+  // For StationHooks::go_on_with. Waits a few milliseconds at most.
+  Result<std::optional<std::size_t>> go_on_with(std::size_t next_item);
+
+ private:
+  std::vector<KnownSoFar> estimate(std::size_t done_items);  // in the thread
+  KnownSoFar estimate(const UnitRun& unit, std::size_t done_items);
+  // How the sigmas shrink with the plan: those of the items before each, for an ideal unit with this noise.
+  const ParameterVector& planned_sigmas(std::size_t items, const JointResult& fit);
+  std::optional<std::size_t> expected_end(const std::vector<NeededSigma>& sigmas, std::size_t done_items,
+                                          const JointResult& fit);
+  Status note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough);
+
+  const PreparedRun& run_;
+  const Plan& plan_;
+  const std::vector<UnitRun>& units_;
+  JournalFile& journal_;
+  Tell tell_;
+  std::size_t end_item_;  // of what is calibrated from
+  std::future<std::vector<KnownSoFar>> running_;
+  std::map<std::size_t, ParameterVector> planned_;
+};
+
+}  // namespace turncal

@@ -1,0 +1,161 @@
+// A run that ends when it knows enough: when, with what, and the same after every kill.
+#include "orchestrator/station/needed_sigma.h"
+
+#include <cmath>
+
+#include "orchestrator/records/journal_file.h"
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+namespace {
+
+ParameterFile file_with(std::size_t parameter, double value, double sigma) {
+  ParameterFile file;
+  file.parameters(static_cast<Eigen::Index>(parameter)) = value;
+  file.sigma[parameter] = sigma;
+  return file;
+}
+
+TEST(NeededSigma, IsTheLeastOfWhatIsAskedAndOfWhereTheGuardBandEnds) {
+  VerdictLimits limits;
+  StopSigmas stop{};
+  EXPECT_FALSE(says_when(stop, limits));
+  EXPECT_TRUE(needed_sigmas(file_with(0, 0.5, 0.1), stop, limits).empty());
+  limits.parameter[0] = {-1.0, 1.0};
+  EXPECT_TRUE(says_when(stop, limits));
+  const auto needed = [&](double value) { return needed_sigmas(file_with(0, value, 0.1), stop, limits).at(0).needed; };
+  EXPECT_DOUBLE_EQ(needed(0.5), 0.25) << "U = 2 sigma is as wide as the margin";
+  EXPECT_DOUBLE_EQ(needed(-0.8), 0.1);
+  EXPECT_EQ(judge_value(-0.8, 0.0999, limits.parameter[0], 1.0), UnitVerdict::pass);
+  EXPECT_EQ(judge_value(-0.8, 0.1001, limits.parameter[0], 1.0), UnitVerdict::conditional_pass);
+  limits.sigma_max[0] = 0.2;
+  EXPECT_DOUBLE_EQ(needed(0.5), 0.2);
+  stop[0] = 0.05;
+  EXPECT_DOUBLE_EQ(needed(0.5), 0.05);
+  EXPECT_TRUE(std::isinf(needed_sigmas(file_with(0, 1.5, 0.1), stop, limits).at(0).ratio())) << "no sigma is enough";
+  limits.guard_factor = 0.0;
+  stop[0].reset();
+  limits.sigma_max[0].reset();
+  EXPECT_TRUE(needed_sigmas(file_with(0, 0.999, 0.1), stop, limits).empty());
+}
+
+const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
+const char* const station_text =
+    "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
+    "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\nstop.sigma.n11 = 3e-6\nstop.sigma.n22 "
+    "= 3e-6\n";
+
+class UntilSigma : public Program {
+ protected:
+  static std::vector<std::string> begin(const std::string& out, const std::string& station) {
+    return {"run",        "--dry-run", "--unit",    "SN1",   "--out",        out,
+            "--sequence", demo,        "--station", station, "--until-sigma"};
+  }
+  // Of the records of the journal, those of one type.
+  std::vector<std::string> records(const std::string& folder, const std::string& type) const {
+    std::istringstream lines(run({"journal", folder}).out);
+    std::vector<std::string> found;
+    for (std::string line; std::getline(lines, line);)
+      if (line.find(" " + type + " ") != std::string::npos) found.push_back(line);
+    return found;
+  }
+};
+
+TEST_F(UntilSigma, EndsAfterTheDwellAtWhichAllIsKnownAndNoSooner) {
+  const ProgramResult early = run(begin("early", write("mock.station", station_text)));
+  ASSERT_EQ(early.code, 0) << early.err;
+  EXPECT_NE(early.out.find("enough is known; 0:"), std::string::npos) << early.out;
+  const std::vector<std::string> estimates = records("early", "estimate");
+  const std::vector<std::string> dwells = records("early", "dwell");
+  ASSERT_EQ(estimates.size(), dwells.size()) << "after each of them";
+  for (std::size_t i = 0; i < estimates.size(); ++i)
+    EXPECT_EQ(estimates[i].find("enough = true") != std::string::npos, i + 1 == estimates.size()) << estimates[i];
+  EXPECT_LT(dwells.size(), 40u) << "of 51 that the sequence has";
+
+  // What it stopped with is what comes of the recording, by the same numbers.
+  ASSERT_EQ(run({"calibrate", "early/recording.tcr", "--out", "again"}).code, 0);
+  const auto lines_of = [&](const std::string& file, const std::string& key) {
+    std::istringstream lines(file_text(folder_ / file));
+    std::string found;
+    for (std::string line; std::getline(lines, line);)
+      if (line.starts_with(key)) found += line + "\n";
+    return found;
+  };
+  for (const char* key : {"N0", "A0", "n", "a1", "a2", "a3", "sigma."})
+    EXPECT_EQ(lines_of("early/parameters.conf", key), lines_of("again/parameters.conf", key));
+  const Result<ParameterFile> file = read_parameter_file(path("early/parameters.conf"));
+  ASSERT_TRUE(file.ok());
+  for (const std::size_t parameter : {6u, 10u}) {
+    ASSERT_TRUE(parameter_keys[parameter] == "n11" || parameter_keys[parameter] == "n22");
+    EXPECT_LE(*file->sigma[parameter], 3e-6);
+  }
+  ASSERT_NE(find_further(*file, "record.ended_after_s"), nullptr);
+}
+
+TEST_F(UntilSigma, GoesToThePlannedEndWhereItIsNeverEnough) {
+  const std::string station = write("mock.station", std::string(station_text) + "stop.sigma.N01 = 1e-6\n");
+  const ProgramResult whole = run(begin("whole", station));
+  ASSERT_EQ(whole.code, 0) << whole.err;
+  EXPECT_EQ(whole.out.find("enough is known"), std::string::npos);
+  EXPECT_NE(whole.out.find("where 1.00e-06 is enough; the run goes to its planned end"), std::string::npos)
+      << whole.out;
+  EXPECT_EQ(records("whole", "dwell").size(), 51u);
+}
+
+TEST_F(UntilSigma, TwoUnitsEndWhenBothAreKnown) {
+  std::vector<std::string> both = begin("both", write("mock.station", station_text));
+  both.insert(both.end(), {"--unit", "SN2"});
+  const ProgramResult result = run(both);
+  ASSERT_EQ(result.code, 0) << result.err;
+  ASSERT_NE(result.out.find("enough is known"), std::string::npos);
+  for (const char* unit : {"SN1", "SN2"}) {
+    const Result<ParameterFile> file = read_parameter_file(path(std::string("both/") + unit + "/parameters.conf"));
+    ASSERT_TRUE(file.ok()) << file.error().message;
+    EXPECT_LE(*file->sigma[6], 3e-6);
+    EXPECT_LE(*file->sigma[10], 3e-6);
+  }
+}
+
+TEST_F(UntilSigma, IsRefusedWhereNothingSaysWhatIsEnough) {
+  const std::string silent = write("silent.station",
+                                   "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\n"
+                                   "table.driver = mock\nimu.driver = rig\nlimit.residual_max = 2\n");
+  expect_refused(begin("out", silent), "does not say what is enough: expected stop.sigma.<key> or limit.<key>.*");
+  const std::string station = write("mock.station", station_text);
+  std::vector<std::string> captured = begin("out", station);
+  captured.push_back("--capture-only");
+  expect_refused(captured, "--until-sigma: expected neither --capture-only nor --partial");
+  expect_refused(begin("out", write("bad.station", std::string(station_text) + "stop.sigma.a21 = 1\n")),
+                 "'stop.sigma.a21' is unknown");
+  expect_refused(begin("out", write("worse.station", std::string(station_text) + "stop.sigma.n33 = 0\n")),
+                 "stop.sigma.n33");
+}
+
+TEST_F(UntilSigma, EndsTheSameAfterAKillAtAnyTime) {
+  const std::string reference = write("reference/mock.station", station_text);
+  ASSERT_EQ(run(begin("reference/out", reference)).code, 0);
+  const std::string parameters = file_text(folder_ / "reference/out/parameters.conf");
+  const std::string recording = file_text(folder_ / "reference/out/recording.tcr");
+  const std::string station = write("count/mock.station", station_text);
+  ASSERT_EQ(run_struck(begin("count/out", station), 0, "kill").code, 0);
+  long points = 0;
+  std::istringstream(file_text(folder_.string() + ".count")) >> points;
+  std::filesystem::remove(folder_.string() + ".count");
+  ASSERT_GT(points, 100);
+  // Some on the way, and more of the last, when it is decided that nothing more comes.
+  std::vector<long> struck;
+  for (long point = 40; point < points - 40; point += points / 3) struck.push_back(point);
+  for (long point = points - 40; point <= points; point += 8) struck.push_back(point);
+  for (const long point : struck) {
+    SCOPED_TRACE(point);
+    const std::string killed = write("killed/mock.station", station_text);
+    ASSERT_EQ(run_struck(begin("killed/out", killed), point, "kill").code, -1000 - SIGKILL);
+    ASSERT_EQ(run({"resume", "killed/out"}).code, 0);
+    ASSERT_EQ(file_text(folder_ / "killed/out/parameters.conf"), parameters);
+    ASSERT_EQ(file_text(folder_ / "killed/out/recording.tcr"), recording);
+    std::filesystem::remove_all(folder_ / "killed");
+  }
+}
+
+}  // namespace
+}  // namespace turncal
