@@ -79,7 +79,7 @@ void name_aliases(const DiagnosisModel& m, const Scores& s, const EffectColumn& 
     const EffectColumn& column = m.catalogue[static_cast<std::size_t>(k)];
     if (column.key() == chosen.key() && column.tau_s == chosen.tau_s) chosen_index = k;
   }
-  std::vector<std::string>& names = d.aliases[name];
+  d.aliases[name];
   for (const EffectEntry& entry : effect_catalogue()) {
     if (&entry == chosen.entry) continue;
     int best = -1;
@@ -103,12 +103,16 @@ void name_aliases(const DiagnosisModel& m, const Scores& s, const EffectColumn& 
       stage.rival_columns.push_back(m.catalogue[static_cast<std::size_t>(best)]);
     }
     if ((as_good || imitates) && best >= 0) stage.alias_columns.push_back(m.catalogue[static_cast<std::size_t>(best)]);
-    if ((as_good || imitates) && std::find(names.begin(), names.end(), entry.name) == names.end()) {
-      names.emplace_back(entry.name);
-      std::string& how = d.separate_by[name];
-      how += (how.empty() ? "" : "; ") + std::string(entry.name) + ": " + std::string(entry.seen_by);
-    }
+    if (as_good || imitates) add_alias(name, entry, d);
   }
+}
+
+void add_alias(const std::string& name, const EffectEntry& other, Diagnosis& d) {
+  std::vector<std::string>& names = d.aliases[name];
+  if (std::find(names.begin(), names.end(), other.name) != names.end()) return;
+  names.emplace_back(other.name);
+  std::string& how = d.separate_by[name];
+  how += (how.empty() ? "" : "; ") + std::string(other.name) + ": " + std::string(other.seen_by);
 }
 
 }  // namespace turncal

@@ -14,4 +14,7 @@ void list_candidates(const DiagnosisModel& m, const Scores& scores, Diagnosis& d
 void name_aliases(const DiagnosisModel& m, const Scores& scores, const EffectColumn& chosen, double z_square,
                   SelectionStage& stage, Diagnosis& d);
 
+// Beside the effect `name`: the recording cannot tell it from `other`. Once.
+void add_alias(const std::string& name, const EffectEntry& other, Diagnosis& d);
+
 }  // namespace turncal

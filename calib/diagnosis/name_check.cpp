@@ -1,10 +1,8 @@
 #include "calib/diagnosis/name_check.h"
 
-#include <algorithm>
-#include <iterator>
-#include <string_view>
 #include <utility>
 
+#include "calib/diagnosis/candidate_list.h"
 #include "calib/diagnosis/fit_pass.h"
 #include "calib/diagnosis/nameless_families.h"
 
@@ -18,40 +16,47 @@ struct FamilyFits {
   std::vector<FamilyFit> fits;
 };
 
-FamilyFits families_at(const DiagnosisModel& m, const JointResult& at) {
-  const FitPass pass = run_fit_pass(m.recording, at, at.setup);
-  const SegmentScores scores(pass.recording, pass.filter, pass.columns, at.reference_temperature_c,
-                             m.options.limits.fit);
-  FamilyFits all{pass.columns, nameless_families(scores.pieces()), {}};
-  all.fits = fit_families(scores, all.families);
-  return all;
+struct ScoredFit {
+  FitPass pass;
+  SegmentScores scores;
+  std::vector<Family> families;
+};
+
+ScoredFit scored(const DiagnosisModel& m, const JointResult& at) {
+  FitPass pass = run_fit_pass(m.recording, at, at.setup);
+  SegmentScores scores(pass.recording, pass.filter, pass.columns, at.reference_temperature_c, m.options.limits.fit);
+  std::vector<Family> families = nameless_families(scores.pieces());
+  return {std::move(pass), std::move(scores), std::move(families)};
 }
 
-// What the effects of temperature are of; rate and lag of a temperature have names that begin alike.
-constexpr std::pair<std::string_view, DisturbedSensor> with_temperature[] = {
-    {"gyro_bias_temperature", DisturbedSensor::gyro_bias},
-    {"gyro_scale_temperature", DisturbedSensor::gyro_scale},
-    {"accel_bias_temperature", DisturbedSensor::accel_bias},
-    {"accel_scale_temperature", DisturbedSensor::accel_scale}};
+FamilyFits families_at(const DiagnosisModel& m, const JointResult& at) {
+  ScoredFit s = scored(m, at);
+  std::vector<FamilyFit> fits = fit_families(s.scores, s.families);
+  return {std::move(s.pass.columns), std::move(s.families), std::move(fits)};
+}
 
-// A temperature coefficient is one of the curves with temperature of the same sensor. Where the effect is one, or cannot be told from one,
-// that family is the same answer in another shape: as a rival it must be better, not as good.
-bool holds(const Family& family, const DiagnosisModel& m, const Diagnosis& d, const std::string& name) {
-  if (family.kind != "temperature curve") return false;
-  std::vector<std::string> alike = {name};
-  if (const auto aliases = d.aliases.find(name); aliases != d.aliases.end())
-    alike.insert(alike.end(), aliases->second.begin(), aliases->second.end());
-  for (const std::string& one : alike) {
-    const bool same_sensor =
-        std::any_of(std::begin(with_temperature), std::end(with_temperature),
-                    [&](const auto& row) { return row.second == family.sensor && one.starts_with(row.first); });
-    // A component's name begins with the axis of its sensor.
-    for (const EffectColumn& c : m.chosen)
-      if (same_sensor && c.entry->name == name &&
-          c.entry->components[static_cast<std::size_t>(c.component)][0] == "xyz"[family.axis])
-        return true;
+// For each effect of the model the families that hold it: what goes with a temperature or a rate by a curve, of which the effect is one as far
+// as this recording shows. A coefficient of temperature is, and so is a drift where the temperature changes with time.
+using Holding = std::vector<std::vector<bool>>;  // [effect][family]
+Holding holding(const DiagnosisModel& m) {
+  const ScoredFit s = scored(m, m.current);
+  const std::size_t effects = m.current.effects.size();
+  Holding holds(effects, std::vector<bool>(s.families.size(), false));
+  for (std::size_t f = 0; f < s.families.size(); ++f) {
+    if (!s.families[f].by_a_curve()) continue;
+    const SegmentScores::Test test = s.scores.tests({s.families[f].weights}).front();
+    for (std::size_t e = 0; e < effects; ++e)
+      holds[e][f] =
+          s.scores.correlation(test, static_cast<Eigen::Index>(s.pass.columns.size() - effects + e),
+                               m.options.limits.fit.rank_floor) > m.options.limits.selection.alias_correlation;
   }
-  return false;
+  return holds;
+}
+
+const EffectEntry& temperature_effect(DisturbedSensor sensor) {
+  static constexpr const char* names[] = {"gyro_bias_temperature", "gyro_scale_temperature", "accel_bias_temperature",
+                                          "accel_scale_temperature"};
+  return *find_effect(names[static_cast<int>(sensor)]);
 }
 
 }  // namespace
@@ -69,7 +74,9 @@ std::string looks_like(const DiagnosisModel& m, const JointResult& fit) {
 }
 
 void check_names(DiagnosisModel& m, Diagnosis& d) {
+  if (m.chosen.empty()) return;
   const SelectionLimits& limits = m.options.limits.selection;
+  const Holding holds = holding(m);
   for (const std::string& name : names_of(m.chosen)) {
     std::vector<EffectColumn> without;
     for (const EffectColumn& c : m.chosen)
@@ -81,13 +88,18 @@ void check_names(DiagnosisModel& m, Diagnosis& d) {
     bool rivalled = false;
     for (std::size_t f = 0; f < all.fits.size(); ++f) {
       const FamilyFit& fit = all.fits[f];
+      const Family& family = all.families[f];
       if (fit.gain > check.family_gain) {
-        check.family = all.families[f].what;
+        check.family = family.what;
         check.family_gain = fit.gain;
       }
-      const double margin = holds(all.families[f], m, d, name) ? 0.0 : limits.family_margin;
-      rivalled = rivalled || fit.gain > gain - margin;
-      if (fit.gain < gain - limits.bic_margin || fit.shift.size() == 0) continue;
+      bool held = false;
+      for (std::size_t e = 0; e < holds.size(); ++e)
+        held = held || (holds[e][f] && m.current.effects[e].column.entry->name == name);
+      rivalled = rivalled || fit.gain > gain - (held ? 0.0 : limits.family_margin);
+      if ((fit.gain < gain - limits.bic_margin && !held) || fit.shift.size() == 0) continue;
+      if (family.kind == temperature_curve && name != temperature_effect(family.sensor).name)
+        add_alias(name, temperature_effect(family.sensor), d);
       ParameterVector beside = to_vector(reduced.parameters);
       for (std::size_t k = 0; k < all.columns.size(); ++k)
         if (all.columns[k] < parameter_count) beside[all.columns[k]] += fit.shift[static_cast<Eigen::Index>(k)];

@@ -15,11 +15,14 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
+constexpr const char* axes[] = {"x", "y", "z"};
+
 // Where a function is asked for its value: a piece of rest, or a turn.
 struct Place {
   Vector3d table_rad;
   double temperature_c;
   int turn;
+  Vector3d rate_radps = Vector3d::Zero();
 };
 
 struct Function {
@@ -31,6 +34,8 @@ struct Function {
 constexpr int harmonics = 4;
 constexpr int temperature_waves = 4;
 constexpr double least_range_c = 0.2;
+constexpr int rate_waves = 2;
+constexpr double least_rate_radps = 0.01;
 
 std::vector<Function> functions_of(const std::vector<Piece>& pieces) {
   std::vector<Function> all;
@@ -54,15 +59,26 @@ std::vector<Function> functions_of(const std::vector<Piece>& pieces) {
     warmest = std::max(warmest, piece.temperature_c);
   }
   if (warmest - coldest > least_range_c)
-    all.push_back({"temperature curve", "with temperature", temperature_waves,
+    all.push_back({temperature_curve, "with temperature", temperature_waves,
                    [coldest, warmest](const Place& p, Eigen::Ref<VectorXd> v) {
                      const double phase = pi * (p.temperature_c - coldest) / (warmest - coldest);
                      for (int k = 1; k <= temperature_waves; ++k) v[k - 1] = std::cos(k * phase) / k;
                    }});
+  Vector3d fastest = Vector3d::Zero();
+  for (const Piece& piece : pieces)
+    for (const Turn& turn : piece.turns) fastest = fastest.cwiseMax(turn.rate_radps().cwiseAbs());
+  for (int axis = 0; axis < 3; ++axis)
+    if (fastest[axis] > least_rate_radps)
+      all.push_back({"rate", std::string("with the rate about ") + axes[axis], 2 * rate_waves,
+                     [axis, most = fastest[axis]](const Place& p, Eigen::Ref<VectorXd> v) {
+                       const double phase = 0.5 * pi * p.rate_radps[axis] / most;
+                       for (int k = 1; k <= rate_waves; ++k) {
+                         v[2 * k - 2] = std::sin(k * phase) / k;
+                         v[2 * k - 1] = (1.0 - std::cos(k * phase)) / k;
+                       }
+                     }});
   return all;
 }
-
-constexpr const char* axes[] = {"x", "y", "z"};
 
 using Sensor = DisturbedSensor;
 constexpr const char* sensors[] = {"bias of gyro ", "scale factor of gyro ", "bias of accelerometer ",
@@ -84,7 +100,7 @@ MatrixXd weights_on(const std::vector<Piece>& pieces, Sensor sensor, int axis, c
     }
     for (const Turn& turn : piece.turns) {
       value.setZero();
-      f.at({turn.table_rad, turn.temperature_c, turn.turn}, value);
+      f.at({turn.table_rad, turn.temperature_c, turn.turn, turn.rate_radps()}, value);
       const bool scale = sensor == Sensor::gyro_scale || sensor == Sensor::accel_scale;
       const Matrix3d& psi = scale ? turn.turned : turn.pushed;
       const Matrix3d& v =

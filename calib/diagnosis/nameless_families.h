@@ -5,6 +5,7 @@
 //   scatter                                          another value for every turn and the rest after it
 //   walk                                             steps of one size at every turn
 //   temperature                                      four cosines over its range
+//   the rate about a body axis                       two waves, odd and even, up to the fastest turn; nothing at rest
 // Its coefficients are drawn from one normal distribution of unknown variance v, so a family is one parameter richer than the model,
 // as an effect is, and the two are compared by likelihood. With weights B (a column a function, segment_scores.h), s = B' score and
 // Q = B' information B, the model's parameters eliminated,
@@ -21,14 +22,17 @@
 
 namespace turncal {
 
+inline constexpr const char* temperature_curve = "temperature curve";
+
 enum class DisturbedSensor { gyro_bias, gyro_scale, accel_bias, accel_scale };
 
 struct Family {
-  std::string kind;                                     // "angle", "scatter", "walk", "temperature curve"
+  std::string kind;                                     // "angle", "scatter", "walk", "temperature curve", "rate"
   std::string what;                                     // "scale factor of gyro x from turn to turn"
   Eigen::MatrixXd weights;                              // rows of SegmentScores x functions
   DisturbedSensor sensor = DisturbedSensor::gyro_bias;  // of nameless_families()
   int axis = 0;
+  bool by_a_curve() const { return kind == temperature_curve || kind == "rate"; }
 };
 std::vector<Eigen::MatrixXd> weights_of(const std::vector<Family>& families);
 std::vector<Family> nameless_families(const std::vector<Piece>& pieces);

@@ -49,6 +49,8 @@ std::vector<Piece> pieces_of(const CompressedRecording& recording, const std::ve
       for (Turn& earlier : turns)
         if (&earlier != &turns.back()) earlier.go_on(steps[k].F, block.duration_s, Matrix3d::Zero(), Matrix3d::Zero());
       turns.back().go_on(steps[k].F, block.duration_s, C * steps[k].rotation.asDiagonal(), C * block.duration_s);
+      turns.back().length_s += block.duration_s;
+      turns.back().rotation += steps[k].rotation;
       turns.back().lifted += C * Vector3d(C.row(1).transpose() * block.duration_s).asDiagonal();
       if (!std::isnan(block.temperature_c)) turns.back().temperature_c = block.temperature_c - reference_temperature_c;
       continue;
@@ -258,6 +260,15 @@ std::vector<SegmentScores::Test> SegmentScores::tests(const std::vector<MatrixXd
     at += n;
   }
   return results;
+}
+
+// With the other columns eliminated: q = 1 / (A^-1)_ee of the column e, -q shift_e between it and the test's, Q + q shift_e' shift_e of those.
+double SegmentScores::correlation(const Test& test, Eigen::Index column, double floor) const {
+  const double q = 1.0 / A_inverse_(column, column);
+  const Eigen::RowVectorXd shift = test.shift.row(column);
+  Test free = test;
+  free.Q += q * shift.transpose() * shift;
+  return std::sqrt(q) * (ranked_chi_square(free, floor).whiten * shift.transpose()).norm();
 }
 
 SegmentScores::Test SegmentScores::test(std::size_t piece, const std::vector<int>& dims) const {

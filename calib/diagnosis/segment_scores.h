@@ -30,11 +30,14 @@ struct Turn {                                           // between two pieces, a
   int turn = 0;                                         // its number, from 1
   Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded heading, pitch, roll half way
   double temperature_c = 0.0;                           // minus the reference
+  double length_s = 0.0;
+  Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // body axes, rad: over length_s it is the rate
   // Column i: C_nb e_i w_i, C_nb e_i, C_nb e_i f_i / g integrated over it: what a scale factor of gyro i turns, what a bias turns or
   // pushes, what a scale factor of accelerometer i pushes.
   Eigen::Matrix3d turned = Eigen::Matrix3d::Zero(), pushed = Eigen::Matrix3d::Zero(), lifted = Eigen::Matrix3d::Zero();
   // What has been turned too far by a scale factor, or by a bias, tilts gravity until the turn ends: the velocity of that, -F psi integrated.
   Eigen::Matrix3d fallen_turned = Eigen::Matrix3d::Zero(), fallen_pushed = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d rate_radps() const { return length_s > 0.0 ? Eigen::Vector3d(rotation / length_s) : rotation; }
   // The unit turns on: over t more seconds by so much.
   void go_on(const Eigen::Matrix3d& F, double t, const Eigen::Matrix3d& more_turned,
              const Eigen::Matrix3d& more_pushed);
@@ -72,6 +75,8 @@ class SegmentScores {
   };
   // Of columns given by their weights (rows() x any), each matrix by itself.
   std::vector<Test> tests(const std::vector<Eigen::MatrixXd>& weights) const;
+  // Multiple correlation of a column of the model with such a test's, the others eliminated: at 1 they imitate it.
+  double correlation(const Test& test, Eigen::Index column, double floor) const;
   // Of some of the piece_dims of one piece.
   Test test(std::size_t piece, const std::vector<int>& dims) const;
   // Covariance of the scores of all pieces with each other, of some of the piece_dims: (pieces dims)^2.

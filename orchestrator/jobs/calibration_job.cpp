@@ -64,16 +64,21 @@ void note_joint(const JointResult& result, double sample_period_s, std::vector<s
 }
 
 // The diagnosis finds the same as the effect earth_rate.
-std::string wrong_latitude(const RecordingInfo& info, const JointResult& result) {
-  constexpr double sigmas = 5.0, least_deg = 0.03;
-  const std::optional<FeltLatitude> felt = felt_latitude(info, result);
-  const double stated_deg = info.latitude_deg;
-  if (!felt || std::abs(felt->latitude_deg - stated_deg) < std::max(sigmas * felt->sigma_deg, least_deg)) return "";
+std::string wrong_latitude(const CompressedRecording& recording, const JointResult& result) {
+  const std::optional<FeltLatitude> felt = felt_latitude(recording, result);
+  const double stated_deg = recording.info.latitude_deg;
+  if (!felt || !felt->speaks_against(stated_deg)) return "";
   char text[200];
   std::snprintf(text, sizeof text,
                 "the gyros feel the earth turn as at a latitude of %.3f +- %.3f deg, the recording says %.10g",
                 felt->latitude_deg, felt->sigma_deg, stated_deg);
   return text;
+}
+
+// Of a recording that leaves parameters open.
+std::string expected_instead(const CompressedRecording& recording, const JointResult& result) {
+  const std::string wrong = wrong_latitude(recording, result);
+  return wrong.empty() ? "the steps that do" : "the site's latitude, " + wrong;
 }
 
 // What speaks against its sigmas; empty: nothing does, be it that there is too little to judge by.
@@ -82,7 +87,7 @@ std::string distrust_of(const CompressedRecording& recording, const JointResult&
   // Quieter than the noise model, correlated or not: its sigmas are too large, if anything.
   if (!result.whiteness.white && result.whiteness.level > 1.0) return result.whiteness.message;
   if (!test_fit) return "";
-  if (const std::string wrong = wrong_latitude(recording.info, result); !wrong.empty()) return wrong;
+  if (const std::string wrong = wrong_latitude(recording, result); !wrong.empty()) return wrong;
   const LackOfFit fit = test_lack_of_fit(recording, result, nullptr, LackOfFitLimits{});
   if (fit.passed) return "";
   char text[200];
@@ -98,7 +103,8 @@ Status joint(const CompressedRecording& recording, const CalibrationRequest& req
   if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result.message};
   const std::string open = undetermined_parameters(result);
   if (!open.empty() && !request.partial)
-    return not_determined("this recording does not determine " + open + ": expected the steps that do");
+    return not_determined("this recording does not determine " + open + ": expected " +
+                          expected_instead(recording, result));
   describe_estimate(result, recording, false, output.file);
   output.distrust = distrust_of(recording, result, request.test_fit);
   describe_trust(result.whiteness.level > 0.0 && output.distrust.empty(), output.file);

@@ -190,6 +190,35 @@ TEST(DiagnosisFaults, BiasWithATableAngleGetsNoName) {
 }
 
 // Its column was once made from the measured rate, whose noise it shared with what it was to explain.
+// The scale factor goes with the temperature by the curve that makes it a straight line of time: the temperature rises as
+// 1 - exp(-t / 2400 s) does. A drift is named, and that it may be the temperature.
+TEST(DiagnosisFaults, WhatMayGoWithTemperatureHasItInItsClass) {
+  const Made& made = clean();
+  double coldest = 1e9;
+  for (const Block& block : made.recording.blocks) coldest = std::min<double>(coldest, block.temperature_c);
+  const Diagnosis d = diagnose_with(made, [coldest](const DisturbedMoment& m) {
+    AddedReading added;
+    const double risen = std::clamp((m.temperature_c - coldest) / 6.0, 0.0, 0.99);
+    added.accel_mps2[0] = -60.0 * ug * std::log(1.0 - risen) * m.force_g[0];
+    return added;
+  });
+  EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
+  EXPECT_FALSE(d.effect_names.empty());
+  EXPECT_TRUE(in_class(d, "accel_scale_temperature")) << told(d);
+}
+
+// It is more in one sense of rotation than in the other; a size effect, which goes with products of two rates, is the same in both.
+TEST(DiagnosisFaults, BiasWithTheRateAboutOneAxisIsNoSizeEffect) {
+  const Made& made = clean();
+  const Diagnosis d = diagnose_with(made, [](const DisturbedMoment& m) {
+    AddedReading added;
+    added.accel_mps2[2] = 25.0 * ug * (std::sin(9.0 * m.rate_radps.y() + 1.2) - std::sin(1.2));
+    return added;
+  });
+  EXPECT_TRUE(d.effect_names.empty()) << told(d);
+  EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
+}
+
 TEST(DiagnosisFaults, CleanUnitsHaveNoLockIn) {
   static const Sequence sequence = must_read_sequence("fourteen_step.seq");
   DiagnosisOptions scores_only;

@@ -24,7 +24,7 @@ TEST(FeltLatitude, IsTheTrueOneWhateverIsTold) {
       recording.info.latitude_deg = config.site.latitude_deg + (wrong ? 0.3 : 0.0);
       JointOptions options;
       options.candidates = latitude_columns();
-      const std::optional<FeltLatitude> felt = felt_latitude(recording.info, joint_estimate(recording, options));
+      const std::optional<FeltLatitude> felt = felt_latitude(recording, joint_estimate(recording, options));
       ASSERT_TRUE(felt.has_value());
       const double off = (felt->latitude_deg - config.site.latitude_deg) / felt->sigma_deg;
       chi_square[wrong ? 1 : 0] += off * off;
@@ -39,6 +39,24 @@ TEST(FeltLatitude, IsTheTrueOneWhateverIsTold) {
   }
   EXPECT_LT(chi_square[0], 26.1);
   EXPECT_LT(chi_square[1], 26.1);
+}
+
+// So far off that the gyros' biases stay open: the reason is felt all the same.
+TEST(FeltLatitude, IsTheTrueOneWhereBiasesStayOpen) {
+  RigConfig config = default_rig_config();
+  CompressedRecording recording = record_on_rig(must_read_sequence("fourteen_step.seq"), config).recording;
+  JointOptions options;
+  options.candidates = latitude_columns();
+  for (const double off_deg : {-15.0, 15.0}) {
+    recording.info.latitude_deg = config.site.latitude_deg + off_deg;
+    const JointResult fit = joint_estimate(recording, options);
+    const std::optional<FeltLatitude> felt = felt_latitude(recording, fit);
+    ASSERT_TRUE(felt.has_value()) << off_deg << ": " << fit.undetermined.size() << " open";
+    EXPECT_NEAR(felt->latitude_deg, config.site.latitude_deg, 4.0 * felt->sigma_deg) << off_deg;
+    EXPECT_LT(felt->sigma_deg, 0.1) << off_deg;
+    EXPECT_TRUE(felt->speaks_against(recording.info.latitude_deg));
+    EXPECT_FALSE(fit.undetermined.empty()) << off_deg;
+  }
 }
 
 }  // namespace

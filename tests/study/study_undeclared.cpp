@@ -1,14 +1,15 @@
 // Effects drawn at random, that nobody declared (docs/diagnosis-study.md): what does the diagnosis say of them?
 //
-//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--clean] [--tests] [--fit] [--real-pulses]
-// --only: effects whose description (column 3) holds the word, "gyro_scale" or "scatter".
+//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--keep WORD] [--clean] [--tests] [--fit] [--real-pulses]
+// --only: effects are drawn until their description (column 3) holds the word, "gyro_scale" or "scatter".
+// --keep: of the effects drawn, those that hold the word are diagnosed: a part of a study, again.
 // Every seed is a unit on a table, with noise, temperature history and (three in ten) bias instability and random walk of its own; on
 // its recording and holdout N effects are laid one after another. --clean: none is; --fit: the base model is fitted and
 // tested, and no effect looked for. An effect is a random smooth function of one of
 // time, a table angle, a component of force or rate, or temperature; a product of two; steps in time; a number for every turn or every dwell
 // - on a bias or a scale factor of one sensor. Its size is drawn from invisible to gross. What of it a bias or the sensor's row of the
 // matrix would take up is taken off first (least squares over the recording), so that the truth of the 24 parameters stands.
-// One line a run: seed draw effect size verdict trusted names candidates worst_parameter_sigmas parameter log10_p family
+// One line a run: seed draw effect size verdict trusted names(aliases) candidates worst_parameter_sigmas parameter log10_p family
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -151,6 +152,18 @@ std::string join(const std::vector<std::string>& names) {
   return text.empty() ? "-" : text;
 }
 
+// Each name with its alias class: "gyro_bias_drift(gyro_bias_temperature)".
+std::vector<std::string> classes(const Diagnosis& d) {
+  std::vector<std::string> all;
+  for (const std::string& name : d.effect_names) {
+    std::string others;
+    if (const auto found = d.aliases.find(name); found != d.aliases.end())
+      for (const std::string& other : found->second) others += (others.empty() ? "" : ",") + other;
+    all.push_back(others.empty() ? name : name + "(" + others + ")");
+  }
+  return all;
+}
+
 void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d, const CompressedRecording& recording,
             const Parameters& truth, bool tests) {
   Eigen::Index at = 0;
@@ -159,7 +172,7 @@ void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d
   std::string family = d.lack_of_fit.worst.family.empty() ? "-" : d.lack_of_fit.worst.family;
   std::replace(family.begin(), family.end(), ' ', '_');
   std::printf("%llu %d %s %.3g %s %d %s %s %.2f %s %.2f %s\n", static_cast<unsigned long long>(seed), draw,
-              drawn.what.c_str(), drawn.size, to_string(d.verdict), d.trusted, join(d.effect_names).c_str(),
+              drawn.what.c_str(), drawn.size, to_string(d.verdict), d.trusted, join(classes(d)).c_str(),
               join(d.candidate_names).c_str(), worst, std::string(parameter).c_str(), d.lack_of_fit.worst.log10_p,
               family.c_str());
   if (tests) {
@@ -192,20 +205,21 @@ void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d
 int main(int argc, char** argv) {
   using namespace turncal;
   if (argc < 3) {
-    std::fprintf(
-        stderr,
-        "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--clean] [--tests] "
-        "[--fit] [--real-pulses]\n");
+    std::fprintf(stderr,
+                 "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--keep WORD] "
+                 "[--clean] [--tests] "
+                 "[--fit] [--real-pulses]\n");
     return 1;
   }
   int draws = 4;
   double largest = 30.0;
-  std::string only;
+  std::string only, keep;
   bool clean = false, tests = false, fit_only = false, real_pulses = false;
   for (int k = 3; k < argc; ++k) {
     if (std::strcmp(argv[k], "--draws") == 0 && k + 1 < argc) draws = std::atoi(argv[k + 1]);
     if (std::strcmp(argv[k], "--largest") == 0 && k + 1 < argc) largest = std::atof(argv[k + 1]);
     if (std::strcmp(argv[k], "--only") == 0 && k + 1 < argc) only = argv[k + 1];
+    if (std::strcmp(argv[k], "--keep") == 0 && k + 1 < argc) keep = argv[k + 1];
     clean = clean || std::strcmp(argv[k], "--clean") == 0;
     tests = tests || std::strcmp(argv[k], "--tests") == 0;
     real_pulses = real_pulses || std::strcmp(argv[k], "--real-pulses") == 0;
@@ -238,15 +252,22 @@ int main(int argc, char** argv) {
                   config.noise.gyro_rate_random_walk_degph_per_rt_h,
                   config.noise.accel_acceleration_random_walk_ug_per_rt_h);
     if (real_pulses) config.quantisation = RigQuantisation::off;
+    std::vector<Drawn> effects(1, Drawn{"none", 0.0, 0, 0, {}});
+    if (!clean) {
+      effects.clear();
+      for (int k = 0; k < draws; ++k) effects.push_back(draw(r, largest, only));
+    }
+    const auto kept = [&](const Drawn& d) { return d.what.find(keep) != std::string::npos; };
+    if (std::none_of(effects.begin(), effects.end(), kept)) continue;
     const RigRecording made = record_on_rig(sequence, config);
     RigConfig again = config;
     again.noise_seed = 600000 + seed;
     const RigRecording held = record_on_rig(second, again);
-    for (int k = 0; k < (clean ? 1 : draws); ++k) {
-      Drawn drawn{"none", 0.0, 0, 0, {}};
+    for (int k = 0; k < static_cast<int>(effects.size()); ++k) {
+      const Drawn& drawn = effects[static_cast<std::size_t>(k)];
+      if (!kept(drawn)) continue;
       CompressedRecording recording = made.recording, holdout = held.recording;
       if (!clean) {
-        drawn = draw(r, largest, only);
         const Disturbance rest = without_parameters(drawn.disturbance, made.recording, made.truth);
         disturb(recording, made.truth, rest);
         disturb(holdout, made.truth, rest);
