@@ -46,18 +46,6 @@ void as_chi_square(double first, double second, double third, LackOfFitTest& tes
   test.chi_square = test.degrees + (test.chi_square - first) * std::sqrt(test.degrees / second);
 }
 
-// Of a symmetric matrix. A cumulant to six digits is plenty, and in single precision the product costs half.
-double trace_of_cube(const MatrixXd& C) {
-  const Eigen::MatrixXf c = C.cast<float>();
-  Eigen::MatrixXf square = Eigen::MatrixXf::Zero(c.rows(), c.rows());
-  square.selfadjointView<Eigen::Lower>().rankUpdate(c);
-  const Eigen::MatrixXf both = c.cwiseProduct(square);
-  double sum = 0.0;
-  for (Eigen::Index k = 0; k < c.rows(); ++k)
-    sum += static_cast<double>(both(k, k)) + 2.0 * static_cast<double>(both.col(k).tail(c.rows() - k - 1).sum());
-  return sum;
-}
-
 class Tester {
  public:
   Tester(const CompressedRecording& recording, double accel_pulse_mps, const LackOfFitLimits& limits, LackOfFit& result)
@@ -91,9 +79,7 @@ void Tester::sum_and_worst(const std::string& family, const std::string& what, c
   LackOfFitTest sum, worst;
   double least = 1.0;
   int tries = 0;
-  const Eigen::Index d = static_cast<Eigen::Index>(dims.size());
-  MatrixXd C = scores.covariance(dims);  // then of the whitened scores
-  std::vector<Eigen::Index> kept;
+  std::vector<SegmentScores::Whitened> whitened;
   for (std::size_t k = 0; k < scores.pieces().size(); ++k) {
     const Piece& piece = scores.pieces()[k];
     if (turns_only && !piece.after_turn) continue;
@@ -102,10 +88,7 @@ void Tester::sum_and_worst(const std::string& family, const std::string& what, c
     if (ranked.rank == 0) continue;
     ++tries;
     sum.chi_square += ranked.chi_square;
-    const Eigen::Index at = static_cast<Eigen::Index>(k) * d;
-    C.middleRows(at, ranked.rank) = (ranked.whiten * C.middleRows(at, d)).eval();
-    C.middleCols(at, ranked.rank) = (C.middleCols(at, d) * ranked.whiten.transpose()).eval();
-    for (Eigen::Index i = 0; i < ranked.rank; ++i) kept.push_back(at + i);
+    whitened.push_back({k, ranked.whiten});
     const double p = log10_chi_square_tail(ranked.chi_square, ranked.rank);
     if (p >= least) continue;
     least = p;
@@ -121,8 +104,8 @@ void Tester::sum_and_worst(const std::string& family, const std::string& what, c
   sum.family = family + ", all";
   sum.what = what + ", all together";
   // Pieces share the heading and the parameters, so the sum spreads more than chi2 does and its tail is longer.
-  const MatrixXd whitened = C(kept, kept);
-  as_chi_square(whitened.trace(), whitened.squaredNorm(), trace_of_cube(whitened), sum);
+  const auto [first, second, third] = scores.traces(dims, whitened);
+  as_chi_square(first, second, third, sum);
   worst.family = family + ", worst";
   worst.tries = tries;
   add(std::move(sum));
@@ -167,38 +150,44 @@ void Tester::contrasts(const SegmentScores& scores) {
                                        v << p.temperature_c, p.temperature_c * p.temperature_c;
                                        return v;
                                      }}};
-  std::vector<Family> contrasts;
+  std::vector<LackOfFitTest> contrasts;
+  std::vector<Weights> weights;
+  const auto contrast = [&](const std::string& family, const std::string& what, int count, auto write) {
+    contrasts.emplace_back();
+    contrasts.back().family = family;
+    contrasts.back().what = what;
+    weights.push_back({count, [=](const Piece& p) {
+                         Weights::Part part;
+                         part.of.setZero(piece_dims, count);
+                         write(p, part.of);
+                         return part;
+                       }});
+  };
+  using Of = Eigen::Matrix<double, piece_dims, Eigen::Dynamic>;
   for (const Basis& basis : bases)
-    for (int channel = 0; channel < 6; ++channel) {
-      MatrixXd weights = MatrixXd::Zero(scores.rows(), basis.count);
-      for (std::size_t k = 0; k < pieces.size(); ++k)
-        weights.row(piece_dims * static_cast<Eigen::Index>(k) + channel) = basis.at(pieces[k]).transpose();
-      contrasts.push_back({basis.what, std::string("bias of ") + channels[channel] + " with " + basis.what, weights});
-    }
+    for (int channel = 0; channel < 6; ++channel)
+      contrast(basis.what, std::string("bias of ") + channels[channel] + " with " + basis.what, basis.count,
+               [=](const Piece& p, Of& of) { of.row(channel) = basis.at(p).transpose(); });
+  constexpr int waves = 6;
   for (int axis = 0; axis < 3; ++axis) {
-    MatrixXd accel = MatrixXd::Zero(scores.rows(), 6), gyro = MatrixXd::Zero(scores.rows(), 6);
-    for (std::size_t k = 0; k < pieces.size(); ++k) {
-      const Piece& p = pieces[k];
-      const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(k);
-      const double phase = pi * 0.5 * (p.begin_s + p.end_s) / length;
-      for (int order = 0; order < 6; ++order) {
-        accel(row + 3 + axis, order) = up_of(p)[axis] * std::cos((order + 1) * phase);
-        const double wave = std::cos(pi * (order + 1) * p.begin_s / length);
-        gyro.block<3, 1>(row + 6, order) = p.turned().col(axis) * wave;
-        gyro.block<3, 1>(row + 9, order) = p.fallen().col(axis) * wave;
+    const std::string of = "scale factor of ";
+    contrast("scale with time", of + channels[3 + axis] + " with time", waves, [=](const Piece& p, Of& part) {
+      for (int k = 0; k < waves; ++k)
+        part(3 + axis, k) = up_of(p)[axis] * std::cos((k + 1) * pi * 0.5 * (p.begin_s + p.end_s) / length);
+    });
+    contrast("scale with time", of + channels[axis] + " with time", waves, [=](const Piece& p, Of& part) {
+      for (int k = 0; k < waves; ++k) {
+        const double wave = std::cos(pi * (k + 1) * p.begin_s / length);
+        part.block<3, 1>(6, k) = p.turned().col(axis) * wave;
+        part.block<3, 1>(9, k) = p.fallen().col(axis) * wave;
       }
-    }
-    contrasts.push_back(
-        {"scale with time", std::string("scale factor of ") + channels[3 + axis] + " with time", accel});
-    contrasts.push_back({"scale with time", std::string("scale factor of ") + channels[axis] + " with time", gyro});
+    });
   }
-  std::vector<SegmentScores::Test> tests = scores.tests(weights_of(contrasts));
+  const std::vector<SegmentScores::Test> tests = scores.tests(weights);
   for (std::size_t k = 0; k < contrasts.size(); ++k) {
     const RankedChiSquare ranked = ranked_chi_square(tests[k], limits_.rank_floor);
     if (ranked.rank == 0 || !std::isfinite(ranked.chi_square)) continue;
-    LackOfFitTest t;
-    t.family = contrasts[k].kind;
-    t.what = contrasts[k].what;
+    LackOfFitTest& t = contrasts[k];
     t.chi_square = ranked.chi_square;
     t.degrees = ranked.rank;
     t.shift = tests[k].shift * ranked.estimate;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <memory>
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/linear_algebra.h"
@@ -28,7 +29,9 @@ struct Place {
 struct Function {
   std::string kind, what;
   int count = 0;
-  std::function<void(const Place&, Eigen::Ref<VectorXd>)> at;
+  std::function<void(const Place&, Eigen::Ref<VectorXd>)>
+      at;               // null: one function for every turn and the rest after it
+  bool summed = false;  // Weights
 };
 
 constexpr int harmonics = 4;
@@ -49,10 +52,8 @@ std::vector<Function> functions_of(const std::vector<Piece>& pieces) {
                      }
                    }});
   const int turns = pieces.empty() ? 0 : pieces.back().turn;
-  all.push_back(
-      {"scatter", "from turn to turn", turns + 1, [](const Place& p, Eigen::Ref<VectorXd> v) { v[p.turn] = 1.0; }});
-  all.push_back({"walk", "wandering from turn to turn", turns,
-                 [](const Place& p, Eigen::Ref<VectorXd> v) { v.head(p.turn).setOnes(); }});
+  all.push_back({"scatter", "from turn to turn", turns + 1, nullptr});
+  if (turns > 0) all.push_back({"walk", "wandering from turn to turn", turns + 1, nullptr, true});
   double coldest = 1e300, warmest = -1e300;
   for (const Piece& piece : pieces) {
     coldest = std::min(coldest, piece.temperature_c);
@@ -84,49 +85,55 @@ using Sensor = DisturbedSensor;
 constexpr const char* sensors[] = {"bias of gyro ", "scale factor of gyro ", "bias of accelerometer ",
                                    "scale factor of accelerometer "};
 
-MatrixXd weights_on(const std::vector<Piece>& pieces, Sensor sensor, int axis, const Function& f) {
-  MatrixXd weights = MatrixXd::Zero(piece_dims * static_cast<Eigen::Index>(pieces.size()), f.count);
-  VectorXd value(f.count);
-  const bool gyro = sensor == Sensor::gyro_bias || sensor == Sensor::gyro_scale;
-  for (std::size_t k = 0; k < pieces.size(); ++k) {
-    const Piece& piece = pieces[k];
-    const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(k);
-    // At rest a gyro's scale factor acts on the earth's rate only.
-    if (sensor != Sensor::gyro_scale) {
-      value.setZero();
-      f.at({piece.table_rad, piece.temperature_c, piece.turn}, value);
-      if (sensor == Sensor::accel_scale) value *= piece.C_nb(1, axis);
-      weights.row(row + (gyro ? 0 : 3) + axis) = value.transpose();
-    }
-    for (const Turn& turn : piece.turns) {
-      value.setZero();
-      f.at({turn.table_rad, turn.temperature_c, turn.turn, turn.rate_radps()}, value);
-      const bool scale = sensor == Sensor::gyro_scale || sensor == Sensor::accel_scale;
-      const Matrix3d& psi = scale ? turn.turned : turn.pushed;
-      const Matrix3d& v =
-          gyro ? (scale ? turn.fallen_turned : turn.fallen_pushed) : (scale ? turn.lifted : turn.pushed);
-      if (gyro) weights.middleRows<3>(row + 6) += psi.col(axis) * value.transpose();
-      weights.middleRows<3>(row + 9) += v.col(axis) * value.transpose();
-    }
+Weights::Part weights_on(const Piece& piece, Sensor sensor, int axis, const Function& f) {
+  Weights::Part part;
+  Eigen::Index count = f.count;
+  if (!f.at) {
+    part.first = piece.turns.empty() ? piece.turn : std::min(piece.turns.front().turn, piece.turn);
+    count = piece.turn - part.first + 1;
   }
-  return weights;
+  part.of.setZero(piece_dims, count);
+  VectorXd value(count);
+  const auto evaluate = [&](const Place& place) {
+    value.setZero();
+    if (f.at)
+      f.at(place, value);
+    else
+      value[place.turn - part.first] = 1.0;
+  };
+  const bool gyro = sensor == Sensor::gyro_bias || sensor == Sensor::gyro_scale;
+  const bool scale = sensor == Sensor::gyro_scale || sensor == Sensor::accel_scale;
+  // At rest a gyro's scale factor acts on the earth's rate only.
+  if (sensor != Sensor::gyro_scale) {
+    evaluate({piece.table_rad, piece.temperature_c, piece.turn});
+    if (sensor == Sensor::accel_scale) value *= piece.C_nb(1, axis);
+    part.of.row((gyro ? 0 : 3) + axis) = value.transpose();
+  }
+  for (const Turn& turn : piece.turns) {
+    evaluate({turn.table_rad, turn.temperature_c, turn.turn, turn.rate_radps()});
+    const Matrix3d& psi = scale ? turn.turned : turn.pushed;
+    const Matrix3d& v = gyro ? (scale ? turn.fallen_turned : turn.fallen_pushed) : (scale ? turn.lifted : turn.pushed);
+    if (gyro) part.of.middleRows<3>(6) += psi.col(axis) * value.transpose();
+    part.of.middleRows<3>(9) += v.col(axis) * value.transpose();
+  }
+  return part;
 }
 
 }  // namespace
 
-std::vector<MatrixXd> weights_of(const std::vector<Family>& families) {
-  std::vector<MatrixXd> weights;
-  for (const Family& family : families) weights.push_back(family.weights);
-  return weights;
-}
-
 std::vector<Family> nameless_families(const std::vector<Piece>& pieces) {
   std::vector<Family> families;
-  for (const Function& f : functions_of(pieces))
+  for (const Function& function : functions_of(pieces)) {
+    const auto f = std::make_shared<const Function>(function);
     for (const Sensor sensor : {Sensor::gyro_bias, Sensor::gyro_scale, Sensor::accel_bias, Sensor::accel_scale})
-      for (int axis = 0; axis < 3 && f.count > 0; ++axis)
-        families.push_back({f.kind, sensors[static_cast<int>(sensor)] + std::string(axes[axis]) + " " + f.what,
-                            weights_on(pieces, sensor, axis, f), sensor, axis});
+      for (int axis = 0; axis < 3; ++axis)
+        families.push_back(
+            {f->kind,
+             sensors[static_cast<int>(sensor)] + std::string(axes[axis]) + " " + f->what,
+             {f->count, [=](const Piece& piece) { return weights_on(piece, sensor, axis, *f); }, f->summed},
+             sensor,
+             axis});
+  }
   return families;
 }
 
@@ -163,13 +170,17 @@ FamilyFit fit_family(const SegmentScores::Test& test) {
 }  // namespace
 
 std::vector<FamilyFit> fit_families(const SegmentScores& scores, const std::vector<Family>& families) {
-  constexpr std::size_t at_once = 12;  // one kind: all of them side by side are gigabytes in a day
+  constexpr Eigen::Index at_once = 400;  // columns: every family of a two-hour run by kinds, fewer in a day
   std::vector<FamilyFit> fits;
-  for (std::size_t begin = 0; begin < families.size(); begin += at_once) {
-    std::vector<MatrixXd> weights;
-    for (std::size_t k = begin; k < std::min(begin + at_once, families.size()); ++k)
-      weights.push_back(families[k].weights);
+  std::vector<Weights> weights;
+  Eigen::Index columns = 0;
+  for (const Family& family : families) {
+    weights.push_back(family.weights);
+    columns += family.weights.columns;
+    if (columns < at_once && &family != &families.back()) continue;
     for (const SegmentScores::Test& test : scores.tests(weights)) fits.push_back(fit_family(test));
+    weights.clear();
+    columns = 0;
   }
   return fits;
 }

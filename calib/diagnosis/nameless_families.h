@@ -29,12 +29,11 @@ enum class DisturbedSensor { gyro_bias, gyro_scale, accel_bias, accel_scale };
 struct Family {
   std::string kind;                                     // "angle", "scatter", "walk", "temperature curve", "rate"
   std::string what;                                     // "scale factor of gyro x from turn to turn"
-  Eigen::MatrixXd weights;                              // rows of SegmentScores x functions
+  Weights weights;                                      // a column a function
   DisturbedSensor sensor = DisturbedSensor::gyro_bias;  // of nameless_families()
   int axis = 0;
   bool by_a_curve() const { return kind == temperature_curve || kind == "rate"; }
 };
-std::vector<Eigen::MatrixXd> weights_of(const std::vector<Family>& families);
 std::vector<Family> nameless_families(const std::vector<Piece>& pieces);
 
 struct FamilyFit {

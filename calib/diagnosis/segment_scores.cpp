@@ -208,56 +208,73 @@ void SegmentScores::run(int states, const FilterResult& pass, const CompressedRe
   }
 }
 
-std::vector<SegmentScores::Test> SegmentScores::tests(const std::vector<MatrixXd>& weights) const {
+namespace {
+
+// Columns k < n - 1 become the sum of those after k; the last one goes.
+void sum_later(MatrixXd& M) {
+  for (Eigen::Index k = M.cols() - 1; k > 1; --k) M.col(k - 1) += M.col(k);
+  M = M.rightCols(std::max<Eigen::Index>(M.cols() - 1, 0)).eval();
+}
+
+}  // namespace
+
+std::vector<SegmentScores::Test> SegmentScores::tests(const std::vector<Weights>& weights) const {
   Eigen::Index all = 0;
-  for (const MatrixXd& w : weights) all += w.cols();
-  std::vector<Test> results(weights.size());
-  MatrixXd together(rows(), all);  // side by side: products of many columns cost little more than those of one
-  std::vector<MatrixXd> with_later(weights.size()), with_itself(weights.size());
-  Eigen::Index at = 0;
-  for (std::size_t k = 0; k < weights.size(); ++k) {
-    const Eigen::Index n = weights[k].cols();
-    together.middleCols(at, n) = weights[k];
-    with_later[k] = with_itself[k] = MatrixXd::Zero(n, n);
-    at += n;
-  }
-  // All transposed: a row a weight.
+  for (const Weights& w : weights) all += w.columns;
+  std::vector<MatrixXd> Q(weights.size());  // with itself, and half of what it has with later pieces
+  for (std::size_t k = 0; k < weights.size(); ++k) Q[k].setZero(weights[k].columns, weights[k].columns);
+  MatrixXd cross = MatrixXd::Zero(R_.cols(), all);
+  VectorXd s = VectorXd::Zero(all);
+  // Side by side, products of many columns cost little more than those of one. Transposed: a row a weight.
   MatrixXd later;  // information of the state where the next piece begins with the weighted pieces from there on
-  MatrixXd w(all, piece_dims), itself(all, piece_dims), next, from_later;
+  MatrixXd next, from_later, W, WI;
   for (std::size_t a = pieces_.size(); a-- > 0;) {
     const Link& link = links_[a];
-    w = together.middleRows<piece_dims>(piece_dims * static_cast<Eigen::Index>(a)).transpose();
-    itself.noalias() = w * link.I;
-    if (later.size() > 0) from_later.noalias() = later * link.E;
-    at = 0;
-    for (std::size_t k = 0; k < weights.size(); ++k) {
-      const Eigen::Index n = weights[k].cols();
+    const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(a);
+    const bool last = later.size() == 0;
+    if (!last) from_later.noalias() = later * link.E;
+    if (last)
+      next.setZero(all, link.M.rows());
+    else
+      next.noalias() = later * link.M;
+    Eigen::Index at = 0;
+    for (std::size_t k = 0; k < weights.size(); at += weights[k].columns, ++k) {
+      const Weights::Part part = weights[k].at(pieces_[a]);
+      const Eigen::Index n = weights[k].columns, m = part.of.cols();
+      if (m == 0) continue;
+      W = part.of.transpose();
+      WI.noalias() = W * link.I;
+      auto mine = Q[k].middleRows(part.first, m);
       for (int d = 0; d < piece_dims; ++d) {
-        const auto mine = w.col(d).segment(at, n);
-        if ((mine.array() == 0.0).all()) continue;  // one sensor's weights are of few dimensions
-        with_itself[k].noalias() += mine * itself.col(d).segment(at, n).transpose();
-        if (later.size() > 0) with_later[k].noalias() += mine * from_later.col(d).segment(at, n).transpose();
+        if ((W.col(d).array() == 0.0).all()) continue;  // one sensor's weights are of few dimensions
+        mine.middleCols(part.first, m).noalias() += W.col(d) * (0.5 * WI.col(d)).transpose();
+        if (!last) mine.noalias() += W.col(d) * from_later.col(d).segment(at, n).transpose();
       }
-      at += n;
+      next.middleRows(at + part.first, m).noalias() += W * link.G.transpose();
+      cross.middleCols(at + part.first, m).noalias() += R_.middleRows<piece_dims>(row).transpose() * part.of;
+      s.segment(at + part.first, m).noalias() += W * s_.segment<piece_dims>(row);
     }
-    next.noalias() = w * link.G.transpose();
-    if (later.size() > 0) next.noalias() += later * link.M;
     later.swap(next);
   }
-  const MatrixXd cross = R_.transpose() * together;
-  const MatrixXd shift = -A_inverse_ * cross;
-  const VectorXd s = together.transpose() * s_;
-  at = 0;
-  for (std::size_t k = 0; k < weights.size(); ++k) {
-    const Eigen::Index n = weights[k].cols();
+  std::vector<Test> results(weights.size());
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < weights.size(); at += weights[k].columns, ++k) {
     Test& result = results[k];
-    result.s = s.segment(at, n);
-    result.shift = shift.middleCols(at, n);
-    result.Q = with_itself[k] + with_later[k] + with_later[k].transpose();
+    result.Q = Q[k] + Q[k].transpose();
+    MatrixXd with_model(R_.cols() + 1, weights[k].columns);
+    with_model << cross.middleCols(at, weights[k].columns), s.segment(at, weights[k].columns).transpose();
+    if (weights[k].summed) {
+      sum_later(with_model);
+      sum_later(result.Q);
+      result.Q.transposeInPlace();
+      sum_later(result.Q);
+    }
+    const MatrixXd by_model = with_model.topRows(R_.cols());
+    result.s = with_model.bottomRows<1>().transpose();
+    result.shift = -A_inverse_ * by_model;
     result.before = result.Q.diagonal();
-    result.Q.noalias() += cross.middleCols(at, n).transpose() * result.shift;
+    result.Q.noalias() += by_model.transpose() * result.shift;
     result.Q = (0.5 * (result.Q + result.Q.transpose())).eval();
-    at += n;
   }
   return results;
 }
@@ -284,27 +301,70 @@ SegmentScores::Test SegmentScores::test(std::size_t piece, const std::vector<int
   return result;
 }
 
-MatrixXd SegmentScores::covariance(const std::vector<int>& dims) const {
-  const Eigen::Index d = static_cast<Eigen::Index>(dims.size()), n = static_cast<Eigen::Index>(pieces_.size());
-  MatrixXd Q = MatrixXd::Zero(n * d, n * d);
-  MatrixXd R(n * d, R_.cols());
-  MatrixXd later;  // information of the state where the next piece begins with the pieces from there on
+// C x, with C_ab = W_a (E_a' M_(a+1)' ... M_(b-1)' G_b - R_a A^-1 R_b') W_b' for a < b.
+MatrixXd SegmentScores::covariance_times(const std::vector<int>& dims, const std::vector<Whitened>& scores,
+                                         const MatrixXd& columns) const {
+  const Eigen::Index n = static_cast<Eigen::Index>(links_.size()), k = columns.cols();
+  const Eigen::Index d = static_cast<Eigen::Index>(dims.size());
+  const Eigen::Index states = n > 0 ? links_.front().M.rows() : 0;
+  MatrixXd x = MatrixXd::Zero(n * d, k), y = MatrixXd::Zero(n * d, k), result(columns.rows(), k);
+  MatrixXd by_model = MatrixXd::Zero(R_.cols(), k);
+  const auto model_of = [&](std::size_t piece) -> MatrixXd {
+    MatrixXd rows(d, R_.cols());
+    for (Eigen::Index i = 0; i < d; ++i)
+      rows.row(i) = R_.row(piece_dims * static_cast<Eigen::Index>(piece) + dims[static_cast<std::size_t>(i)]);
+    return rows;
+  };
+  Eigen::Index at = 0;
+  for (const Whitened& w : scores) {
+    auto of_piece = x.middleRows(d * static_cast<Eigen::Index>(w.piece), d);
+    of_piece.noalias() = w.whiten.transpose() * columns.middleRows(at, w.whiten.rows());
+    by_model.noalias() += model_of(w.piece).transpose() * of_piece;
+    at += w.whiten.rows();
+  }
+  MatrixXd later = MatrixXd::Zero(states, k), earlier = later, next(states, k);
   for (Eigen::Index a = n; a-- > 0;) {
     const Link& link = links_[static_cast<std::size_t>(a)];
-    const Eigen::Index after = (n - a - 1) * d;
-    MatrixXd here(link.M.rows(), after + d);
-    here.leftCols(d) = link.G(Eigen::all, dims);
-    if (after > 0) {
-      Q.block(a * d, (a + 1) * d, d, after).noalias() = link.E(Eigen::all, dims).transpose() * later;
-      here.rightCols(after).noalias() = link.M.transpose() * later;
-    }
-    Q.block(a * d, a * d, d, d) = link.I(dims, dims);
-    for (Eigen::Index k = 0; k < d; ++k) R.row(a * d + k) = R_.row(piece_dims * a + dims[static_cast<std::size_t>(k)]);
-    later = std::move(here);
+    const MatrixXd E = link.E(Eigen::all, dims), G = link.G(Eigen::all, dims), I = link.I(dims, dims);
+    y.middleRows(a * d, d).noalias() = I * x.middleRows(a * d, d);
+    y.middleRows(a * d, d).noalias() += E.transpose() * later;
+    next.noalias() = link.M.transpose() * later;
+    next.noalias() += G * x.middleRows(a * d, d);
+    later.swap(next);
   }
-  Q.triangularView<Eigen::StrictlyLower>() = Q.transpose();
-  Q.noalias() -= R * (A_inverse_ * R.transpose());
-  return Q;
+  for (Eigen::Index a = 0; a < n; ++a) {
+    const Link& link = links_[static_cast<std::size_t>(a)];
+    const MatrixXd E = link.E(Eigen::all, dims), G = link.G(Eigen::all, dims);
+    y.middleRows(a * d, d).noalias() += G.transpose() * earlier;
+    next.noalias() = link.M * earlier;
+    next.noalias() += E * x.middleRows(a * d, d);
+    earlier.swap(next);
+  }
+  const MatrixXd eliminated = A_inverse_ * by_model;
+  at = 0;
+  for (const Whitened& w : scores) {
+    const MatrixXd of_piece = y.middleRows(d * static_cast<Eigen::Index>(w.piece), d) - model_of(w.piece) * eliminated;
+    result.middleRows(at, w.whiten.rows()).noalias() = w.whiten * of_piece;
+    at += w.whiten.rows();
+  }
+  return result;
+}
+
+std::array<double, 3> SegmentScores::traces(const std::vector<int>& dims, const std::vector<Whitened>& scores) const {
+  constexpr Eigen::Index at_once = 120;
+  Eigen::Index rows = 0;
+  for (const Whitened& w : scores) rows += w.whiten.rows();
+  std::array<double, 3> traces = {};
+  for (Eigen::Index begin = 0; begin < rows; begin += at_once) {
+    const Eigen::Index k = std::min(at_once, rows - begin);
+    MatrixXd unit = MatrixXd::Zero(rows, k);
+    unit.middleRows(begin, k).setIdentity();
+    const MatrixXd C = covariance_times(dims, scores, unit);
+    traces[0] += C.middleRows(begin, k).trace();
+    traces[1] += C.squaredNorm();
+    traces[2] += C.cwiseProduct(covariance_times(dims, scores, C)).sum();
+  }
+  return traces;
 }
 
 RankedChiSquare ranked_chi_square(const SegmentScores::Test& test, double floor) {

@@ -15,6 +15,8 @@
 // A dwell is cut into pieces where it is long, and after its first seconds, so that what comes with a turn and fades shows.
 #pragma once
 
+#include <array>
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -57,6 +59,17 @@ struct Piece {
   Eigen::Matrix3d turned() const, fallen() const;       // of all of them: turned, fallen_turned
 };
 
+// Nuisance columns by what they weigh in each piece. Of hundreds, one for every turn, a piece has a few: they are made where they are used.
+struct Weights {
+  struct Part {  // of a piece: columns first, first + 1, ...
+    Eigen::Index first = 0;
+    Eigen::Matrix<double, piece_dims, Eigen::Dynamic> of;
+  };
+  Eigen::Index columns = 0;
+  std::function<Part(const Piece&)> at;
+  bool summed = false;  // column k is the sum of all after k, and the last one goes: steps where these are values
+};
+
 class SegmentScores {
  public:
   // `pass`: run with keep_steps; its information is of the same columns as the steps' N. `columns`: those of the model.
@@ -65,7 +78,6 @@ class SegmentScores {
                 double reference_temperature_c, const LackOfFitLimits& limits, const Eigen::MatrixXd& prior = {});
 
   const std::vector<Piece>& pieces() const { return pieces_; }
-  Eigen::Index rows() const { return s_.size(); }  // piece_dims a piece
   // Score and information of nuisance columns, the model's columns eliminated.
   struct Test {
     Eigen::VectorXd s;
@@ -73,16 +85,23 @@ class SegmentScores {
     Eigen::VectorXd before;  // diagonal of Q before the elimination
     Eigen::MatrixXd shift;   // change of the model's columns for one unit of each
   };
-  // Of columns given by their weights (rows() x any), each matrix by itself.
-  std::vector<Test> tests(const std::vector<Eigen::MatrixXd>& weights) const;
+  // Each by itself, side by side.
+  std::vector<Test> tests(const std::vector<Weights>& weights) const;
   // Multiple correlation of a column of the model with such a test's, the others eliminated: at 1 they imitate it.
   double correlation(const Test& test, Eigen::Index column, double floor) const;
   // Of some of the piece_dims of one piece.
   Test test(std::size_t piece, const std::vector<int>& dims) const;
-  // Covariance of the scores of all pieces with each other, of some of the piece_dims: (pieces dims)^2.
-  Eigen::MatrixXd covariance(const std::vector<int>& dims) const;
+  // Of the scores of some pieces in some of the piece_dims, `whiten` (rank x dims) of each: traces of their covariance C, C^2 and C^3.
+  // C is never whole: its columns come a few pieces at a time, and what it does to a column goes along the pieces as the information does.
+  struct Whitened {
+    std::size_t piece;
+    Eigen::MatrixXd whiten;
+  };
+  std::array<double, 3> traces(const std::vector<int>& dims, const std::vector<Whitened>& scores) const;
 
  private:
+  Eigen::MatrixXd covariance_times(const std::vector<int>& dims, const std::vector<Whitened>& scores,
+                                   const Eigen::MatrixXd& columns) const;
   // `states`: 6 (psi, v) or 12 (with the biases).
   void run(int states, const FilterResult& pass, const CompressedRecording& recording, const std::vector<int>& columns);
 
