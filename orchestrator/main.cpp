@@ -8,6 +8,7 @@
 
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/watch/tone.h"
 
 namespace {
 
@@ -30,6 +31,8 @@ int main(int argc, char** argv) {
   if (!open_closed_descriptors()) return turncal::exit_code(turncal::ErrorKind::internal);
   std::signal(SIGPIPE, SIG_IGN);              // a reader that goes away ends the printing, not what is being made
   ::umask(::umask(0) | (S_IWGRP | S_IWOTH));  // results are for all to read and for their owner to write
+  turncal::allow_colour(std::cout, STDOUT_FILENO);
+  turncal::allow_colour(std::cerr, STDERR_FILENO);
   turncal::CommandContext context{.out = std::cout,
                                   .err = std::cerr,
                                   .out_is_terminal = isatty(STDOUT_FILENO) == 1,
@@ -44,7 +47,7 @@ int main(int argc, char** argv) {
           turncal::add_calibrate_command,   turncal::add_diagnose_command, turncal::add_apply_command,
           turncal::add_navigate_command,    turncal::add_verify_command,   turncal::add_convert_command,
           turncal::add_batch_command,       turncal::add_queue_command,    turncal::add_history_command,
-          turncal::add_certificate_command, turncal::add_restore_command,
+          turncal::add_certificate_command, turncal::add_restore_command,  turncal::add_prune_command,
       },
       context);
 }

@@ -4,6 +4,7 @@
 #include <cctype>
 #include <cmath>
 
+#include "imu_io/base/closest_word.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
@@ -106,13 +107,15 @@ Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file
 
 const KeyValueFile::Entry* KeyValueFile::find(std::string_view key) const {
   const auto place = index_.find(std::string(key));
-  return place == index_.end() ? nullptr : &entries_[place->second];
+  if (place != index_.end()) return &entries_[place->second];
+  not_there_.emplace_back(key);
+  return nullptr;
 }
 
 KeyValueFile::Entry* KeyValueFile::use(std::string_view key) {
-  const auto place = index_.find(std::string(key));
-  if (place == index_.end()) return nullptr;
-  Entry& entry = entries_[place->second];
+  const Entry* found = find(key);
+  if (found == nullptr) return nullptr;
+  Entry& entry = entries_[static_cast<std::size_t>(found - entries_.data())];
   entry.used = true;
   return &entry;
 }
@@ -120,6 +123,7 @@ KeyValueFile::Entry* KeyValueFile::use(std::string_view key) {
 KeyValueFile::Entry* KeyValueFile::require(std::string_view key, std::string_view expected) {
   Entry* entry = use(key);
   if (entry == nullptr) {
+    if (!first_defect_) missing_ = key;
     remember(
         input_error(file_name_ + ": key '" + std::string(key) + "' is missing: expected " + std::string(expected)));
   }
@@ -160,13 +164,15 @@ Status KeyValueFile::status() const {
 }
 
 Status KeyValueFile::check_all_used() const {
-  if (first_defect_) return *first_defect_;
+  if (first_defect_ && missing_.empty()) return *first_defect_;
   for (const Entry& entry : entries_) {
-    if (!entry.used) {
-      return input_error(file_name_ + ":" + std::to_string(entry.line) + ": key " + quoted(entry.key) + " is unknown");
-    }
+    if (entry.used) continue;
+    const std::string meant = did_you_mean(entry.key, first_defect_ ? std::vector<std::string>{missing_} : not_there_);
+    if (first_defect_ && meant.empty()) continue;
+    return input_error(file_name_ + ":" + std::to_string(entry.line) + ": key " + quoted(entry.key) + " is unknown" +
+                       meant);
   }
-  return {};
+  return status();
 }
 
 // ---- values ----

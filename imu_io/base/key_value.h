@@ -83,7 +83,7 @@ class KeyValueFile {
   int line_of(std::string_view key) const;  // 0: no such key
 
   Status status() const;          // the first defect so far
-  Status check_all_used() const;  // the same, else the first unknown key
+  Status check_all_used() const;  // the same, else the first unknown key; a misspelt one before the missing one
 
  private:
   struct Entry {
@@ -107,6 +107,8 @@ class KeyValueFile {
   std::vector<Entry> entries_;
   std::unordered_map<std::string, std::size_t> index_;
   std::optional<Error> first_defect_;
+  std::string missing_;                         // the key whose absence is that defect, if it is one
+  mutable std::vector<std::string> not_there_;  // every key that was asked for in vain
 };
 
 // "a number > 0", "a number between -90 and 90": what messages say after "expected".

@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "imu_io/base/deadline.h"
+#include "imu_io/lines/access_advice.h"
 
 namespace turncal {
 
@@ -57,7 +58,8 @@ Result<SerialPort> SerialPort::open(const SerialSettings& settings) {
   } while (port.fd_ < 0 && errno == EINTR);
   if (port.fd_ < 0) {
     if (errno == EBUSY) return device_error(settings.device + ": in use by another program");
-    return port.failure("cannot open", errno);
+    const int number = errno;
+    return device_error(port.failure("cannot open", number).message + access_advice(settings.device, number));
   }
   if (::flock(port.fd_, LOCK_EX | LOCK_NB) != 0) {
     const int number = errno;

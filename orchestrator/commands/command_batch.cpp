@@ -138,6 +138,7 @@ Status run_turn(const BatchOptions& options, const PreparedRun& asked, const Tur
   RunRequest resumed;
   resumed.listen = request.listen;
   resumed.pace = request.pace;
+  resumed.verbose = request.verbose;
   const bool begun = path_exists(turn.folder + "/" + journal_name);
   if (const std::string other = begun ? another_sequence(asked, turn.folder) : ""; !other.empty())
     for (const std::string& unit : turn.units) context.out << tag << "unit " << unit << ": " << other << std::endl;
@@ -176,7 +177,8 @@ Status run_turn(const BatchOptions& options, const PreparedRun& asked, const Tur
 Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn,
                          const std::string& tag, CommandContext& context) {
   for (const std::string& unit : turn.units) {
-    const Result<Mounted> mounted = mount_unit(station, unit, turn.folder, STDIN_FILENO, context.out, tag);
+    const Result<Mounted> mounted =
+        mount_unit(station, unit, turn.folder, context.quiet ? -1 : STDIN_FILENO, context.out, tag);
     if (!mounted) return mounted.error();
     if (!mounted->skipped) continue;
     if (Status status = record_outcome(options.queue, {unit, "skipped", now_utc(), *mounted->skipped}); !status)

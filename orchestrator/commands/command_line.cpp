@@ -12,6 +12,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "imu_io/base/closest_word.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/station/version.h"
 
@@ -44,6 +45,29 @@ CLI::Validator number_in(double low, double high, const std::string& kind) {
 // An empty word is a variable of a script that was not set: without it the option would count as not given.
 CLI::Validator some_text() {
   return CLI::Validator([](std::string& text) { return text.empty() ? "expected a text that is not empty" : ""; }, "");
+}
+
+// Where --quiet sends what a command prints.
+class Nowhere : public std::streambuf {
+  int_type overflow(int_type c) override { return traits_type::not_eof(c); }
+  std::streamsize xsputn(const char*, std::streamsize n) override { return n; }
+};
+
+// A word that is not understood is said before what is missing because of it.
+Error misunderstood(const CLI::App& app, const std::string& why) {
+  const std::vector<CLI::App*> chosen = app.get_subcommands();
+  const CLI::App& command = chosen.empty() ? app : *chosen.front();
+  const std::string help = std::string(" (see turncal ") + (chosen.empty() ? "" : command.get_name() + " ") + "--help)";
+  const std::vector<std::string> unknown = app.remaining(true);
+  if (unknown.empty()) return input_error(why + help);
+  const std::string typed = unknown.front().substr(0, unknown.front().find('='));
+  std::vector<std::string> known;
+  if (typed.starts_with("-"))
+    for (const CLI::Option* option : command.get_options()) known.push_back(option->get_name());
+  else if (chosen.empty())
+    for (const CLI::App* other : app.get_subcommands([](const CLI::App*) { return true; }))
+      known.push_back(other->get_name());
+  return input_error("'" + unknown.front() + "' is not understood" + did_you_mean(typed, known) + help);
 }
 
 }  // namespace
@@ -90,37 +114,40 @@ void Command::flag(const std::string& name, bool& value, const std::string& help
 
 void Command::runs(CommandContext& context, std::function<Status()> job) const {
   app_->callback([&context, job = std::move(job)] {
+    static Nowhere nowhere;
+    if (context.quiet) context.out.rdbuf(&nowhere);
     if (Status status = job(); !status) context.fail(status.error());
   });
 }
 
 Command CommandLine::command(const std::string& name, const std::string& help) {
-  return Command(app_.add_subcommand(name, help));
+  const Command command(app_.add_subcommand(name, help));
+  command.flag("--quiet", context_.quiet, "print nothing but errors");
+  return command;
 }
 
 int run_command_line(int argc, const char* const* argv, const std::vector<AddCommand>& commands,
                      CommandContext& context) {
+  std::streambuf* const out = context.out.rdbuf();
   try {
     CLI::App app("Calibrates a strapdown laser-gyro IMU on a three-axis turntable.", "turncal");
     app.set_version_flag("--version", std::string("turncal ") + software_version());
     app.require_subcommand(1);
-    CommandLine line(app);
+    CommandLine line(app, context);
     for (const AddCommand add : commands) add(line, context);
     try {
       app.parse(argc, argv);
     } catch (const CLI::Success& success) {  // --help, --version
       app.exit(success, context.out, context.err);
     } catch (const CLI::ParseError& error) {
-      // A word that is not understood is said before what is missing because of it.
-      const std::vector<std::string> unknown = app.remaining(true);
-      const std::string what = unknown.empty() ? error.what() : "'" + unknown.front() + "' is not understood";
-      context.fail(input_error(what + " (see turncal --help)"));
+      context.fail(misunderstood(app, error.what()));
     }
   } catch (const std::exception& error) {
     context.fail({ErrorKind::internal, std::string("internal error: ") + error.what()});
   } catch (...) {  // so that everything on the way out is unwound: a table is stopped by that
     context.fail({ErrorKind::internal, "internal error"});
   }
+  if (context.quiet) context.out.rdbuf(out);
   context.out.flush();
   if (!context.out && context.exit_code == 0 && !reader_has_left())
     context.fail(device_error("standard output: not all could be written"));

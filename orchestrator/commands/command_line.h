@@ -55,11 +55,12 @@ class Command {
 
 class CommandLine {
  public:
-  explicit CommandLine(CLI::App& app) : app_(app) {}
+  CommandLine(CLI::App& app, CommandContext& context) : app_(app), context_(context) {}
   Command command(const std::string& name, const std::string& help);
 
  private:
   CLI::App& app_;
+  CommandContext& context_;
 };
 
 // Adds one command, which leaves its result in the context.

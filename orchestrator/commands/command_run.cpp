@@ -48,6 +48,7 @@ void add_watch_options(const Command& command, RunRequest& request) {
   command.option("--listen", request.listen,
                  "serve a read-only status page there (127.0.0.1:8080; port 0: any free one)");
   command.option("--pace", request.pace, "of a dry run: at most this many times as fast as the wall clock").positive();
+  command.flag("--verbose", request.verbose, "print every transition, as run.log has it");
 }
 
 void add_run_command(CommandLine& line, CommandContext& context) {

@@ -28,5 +28,6 @@ void add_batch_command(CommandLine& line, CommandContext& context);
 void add_queue_command(CommandLine& line, CommandContext& context);
 void add_history_command(CommandLine& line, CommandContext& context);
 void add_restore_command(CommandLine& line, CommandContext& context);
+void add_prune_command(CommandLine& line, CommandContext& context);
 
 }  // namespace turncal

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/watch/tone.h"
 
 namespace turncal {
 
@@ -17,7 +18,7 @@ std::string one_line(std::string text) {
 }  // namespace
 
 void CommandContext::fail(const Error& error) {
-  err << tag << "turncal: " << one_line(error.message) << std::endl;
+  err << tag << in_tone(err, Tone::bad, "turncal:") << ' ' << one_line(error.message) << std::endl;
   exit_code = turncal::exit_code(error.kind);
 }
 

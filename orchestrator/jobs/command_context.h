@@ -13,6 +13,7 @@ struct CommandContext {
   std::ostream& err;
   bool out_is_terminal = false;
   int terminal_columns = 80;  // meaningful when out is a terminal
+  bool quiet = false;         // nothing is to be printed but errors
   std::string tag = {};       // of errors: "[dry run] ", "[simulated] " or nothing
   int exit_code = 0;          // what the command that ran has to say
 

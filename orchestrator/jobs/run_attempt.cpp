@@ -21,6 +21,7 @@
 #include "orchestrator/watch/clock_watch.h"
 #include "orchestrator/watch/live_status.h"
 #include "orchestrator/watch/progress.h"
+#include "orchestrator/watch/service_watch.h"
 #include "orchestrator/watch/status_page.h"
 
 namespace turncal {
@@ -91,8 +92,7 @@ Tone tone_of(const RunOutcome& outcome, const std::vector<UnitRun>& units) {
   for (const UnitRun& unit : units) {
     const UnitVerdict verdict = unit.results.verdict.verdict;
     const bool failed = !unit.dropped && (!unit.status || !is_accepted(verdict));
-    const bool plain = !unit.dropped && verdict != UnitVerdict::conditional_pass;
-    worst = std::max(worst, failed ? Tone::bad : plain ? Tone::good : Tone::attention);
+    worst = std::max(worst, failed ? Tone::bad : unit.dropped ? Tone::attention : tone_of(verdict));
   }
   return worst;
 }
@@ -130,6 +130,8 @@ void note_outcome(const RunOutcome& outcome, double sample_period_s, std::vector
 
 Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context) {
   RunDevices run_devices;
+  if (context.quiet && (run.request.rehearsal() || run.station.table.driver == TableDriver::manual))
+    return input_error("--quiet: a table that is turned by hand needs an operator who is told what to do");
   if (run.request.rehearsal()) {
     run_devices.rehearsal =
         std::make_unique<RehearsalDevices>(run.rig, run.station, run.sequence, STDIN_FILENO, context.out);
@@ -155,7 +157,8 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
   // A line redrawn in place would run over the operator's answers.
   const bool in_place = context.out_is_terminal && !run_devices.prompts;
   const int columns = context.terminal_columns - static_cast<int>(tag_of(a.run).size());
-  ProgressPrinter progress(context.out, in_place ? columns : 0, steady_wall_s, stdout_takes_more);
+  const bool transitions = a.run.request.verbose || (!in_place && !a.run.request.dry_run);
+  ProgressPrinter progress(context.out, in_place ? columns : 0, transitions, steady_wall_s, stdout_takes_more);
   LiveStatus live({.unit = join(a.run.request.units),
                    .station = a.run.station.name,
                    .sequence = a.run.sequence.name,
@@ -180,7 +183,8 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
     // A journal that cannot be written refuses the next record, too, and that stops the run.
     if (Status kept = a.journal.clock_set(by_s, at); !kept) a.log.line(kept.error().message);
   });
-  std::vector<RunObserver*> all{&a.log, &progress, &live, &pace, &clock};
+  ServiceWatch service;
+  std::vector<RunObserver*> all{&a.log, &progress, &live, &pace, &clock, &service};
   if (run_devices.prompts) all.push_back(run_devices.prompts);
   Fanout observers(all);
   std::deque<RecordingSink> recordings;

@@ -132,17 +132,6 @@ void mark_dropped(const JournalContents& contents, bool late, std::vector<UnitRu
   }
 }
 
-// Of one unit, the only one of its run or not; null: none yet.
-const JournalFields* verdict_of(const JournalContents& contents, const std::string& unit) {
-  const bool alone = contents.units().size() == 1;
-  const std::pair<std::string, std::string> mark("unit", unit);
-  const JournalFields* last = nullptr;
-  for (const JournalFields& verdict : contents.verdicts) {
-    if (alone || std::find(verdict.begin(), verdict.end(), mark) != verdict.end()) last = &verdict;
-  }
-  return last;
-}
-
 VerdictReport report_of(const JournalFields& record) {
   VerdictReport report;
   for (const auto& [key, value] : record) {
@@ -159,7 +148,7 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
   mark_dropped(contents, true, units);
   for (UnitRun& unit : units) {
     if (unit.dropped) continue;
-    const JournalFields& verdict = *verdict_of(contents, unit.run.unit());
+    const JournalFields& verdict = *contents.verdict_of(unit.run.unit());
     const std::string& result = verdict.front().second;
     out << "The run of unit " << unit.run.unit() << " is complete, verdict " << result << ": nothing to resume."
         << std::endl;
@@ -190,6 +179,7 @@ Result<RunRequest> request_again(const JournalContents& contents, const RunReque
   request.no_diagnosis = request.no_diagnosis || now.no_diagnosis;
   request.listen = now.listen;
   request.pace = now.pace;
+  request.verbose = now.verbose;
   return request;
 }
 
@@ -201,7 +191,7 @@ bool is_over(const JournalContents& journal) {
   for (std::size_t i = 0; i < units.size(); ++i) {
     const bool dropped =
         std::any_of(journal.dropped.begin(), journal.dropped.end(), [i](const auto& gone) { return gone.unit == i; });
-    if (!dropped && !verdict_of(journal, units[i])) return false;
+    if (!dropped && !journal.verdict_of(units[i])) return false;
   }
   return true;
 }

@@ -38,6 +38,7 @@ struct RunRequest {
   // clock a dry run may go (0: as it can).
   std::string listen;
   double pace = 0.0;
+  bool verbose = false;  // every transition on the terminal
   bool rehearsal() const { return dry_run && manual; }
 };
 

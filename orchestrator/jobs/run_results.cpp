@@ -256,8 +256,10 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
     const VerdictReport& verdict = results.verdict;
     for (const std::string& line : describe(verdict)) out << line << '\n';
     const std::string why = reason_of(run, verdict);
-    out << "verdict     " << to_string(verdict.verdict) << (why.empty() ? "" : ": ") << why
-        << (verdict.rule.empty() ? "" : "  (" + verdict.rule + ")") << '\n';
+    const std::string word(to_string(verdict.verdict));
+    const bool judged = verdict.verdict != UnitVerdict::not_judged;
+    out << "verdict     " << (judged ? in_tone(printed, tone_of(verdict.verdict), word) : word)
+        << (why.empty() ? "" : ": ") << why << (verdict.rule.empty() ? "" : "  (" + verdict.rule + ")") << '\n';
     out << "parameters  " << path(parameters_name) << '\n';
     if (results.diagnosis) out << "report      " << path(diagnosis_folder) << '/' << report_name << '\n';
   }

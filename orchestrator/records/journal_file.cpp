@@ -280,6 +280,16 @@ const std::string& JournalContents::begin_value(std::string_view key) const {
   return found == begin.end() ? nothing : found->second;
 }
 
+const JournalFields* JournalContents::verdict_of(const std::string& unit) const {
+  const bool alone = units().size() == 1;
+  const std::pair<std::string, std::string> mark("unit", unit);
+  const JournalFields* last = nullptr;
+  for (const JournalFields& verdict : verdicts) {
+    if (alone || std::find(verdict.begin(), verdict.end(), mark) != verdict.end()) last = &verdict;
+  }
+  return last;
+}
+
 std::vector<std::string> JournalContents::units() const {
   std::vector<std::string> units = {begin_value("unit")};
   for (std::string serial; !(serial = begin_value("unit." + std::to_string(units.size() + 1))).empty();)

@@ -87,7 +87,8 @@ struct JournalContents {
   };
   std::vector<DroppedUnit> dropped;
 
-  std::vector<std::string> units() const;  // their serial numbers
+  std::vector<std::string> units() const;                          // their serial numbers
+  const JournalFields* verdict_of(const std::string& unit) const;  // the newest; null: none yet
 
   const std::string& begin_value(std::string_view key) const;  // "" when missing
 };

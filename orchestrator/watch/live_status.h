@@ -11,6 +11,7 @@
 
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/run/run_sink.h"
+#include "orchestrator/watch/tone.h"
 
 namespace turncal {
 
@@ -21,8 +22,6 @@ struct LiveRun {
   bool by_hand = false;                   // a person turns the table
   std::vector<std::string> results = {};  // of earlier runs, shown as they are
 };
-
-enum class Tone { good, attention, bad };  // green, amber, red
 
 class LiveStatus : public RunObserver {
  public:

@@ -74,18 +74,18 @@ bool stdout_takes_more() {
   return ::poll(&out, 1, 0) != 0;  // a reader that is gone is an error at once, and no wait
 }
 
-ProgressPrinter::ProgressPrinter(std::ostream& out, int columns, std::function<double()> wall_s,
+ProgressPrinter::ProgressPrinter(std::ostream& out, int columns, bool transitions, std::function<double()> wall_s,
                                  std::function<bool()> takes_more)
-    : out_(out), columns_(columns), wall_s_(std::move(wall_s)), takes_more_(std::move(takes_more)) {}
+    : out_(out),
+      columns_(columns),
+      transitions_(transitions),
+      wall_s_(std::move(wall_s)),
+      takes_more_(std::move(takes_more)) {}
 
 void ProgressPrinter::on_transition(const TransitionRecord& record) {
-  if (!takes_more_()) return;
-  if (columns_ == 0) {
-    out_ << format_transition(record) << std::endl;
-  } else if (record.event == RunEvent::pause_wanted) {
-    clear();
-    out_ << record.detail << std::endl;
-  }
+  if (!takes_more_() || !(transitions_ || record.event == RunEvent::pause_wanted)) return;
+  clear();
+  out_ << (transitions_ ? format_transition(record) : record.detail) << std::endl;
 }
 
 void ProgressPrinter::on_dropout(const Dropout& dropout) {

@@ -2,7 +2,8 @@
 //
 // On a terminal: one line, redrawn in place at most ten times a second of wall time,
 //   step 3/14  moving  pitch 123.45 -> 360.00 deg  34%  run  11%  ETA 1:23:45
-// and what a pause that was asked for waits for. Elsewhere: one timestamped line a transition (run_log.h), no animation. ETA is station time that the plan says is left.
+// where ETA is station time that the plan says is left. Elsewhere, and where they are asked for: one timestamped line a transition
+// (run_log.h). Without those: what a pause that was asked for waits for.
 #pragma once
 
 #include <functional>
@@ -16,10 +17,11 @@ namespace turncal {
 class ProgressPrinter : public RunObserver {
  public:
   // columns: width of the terminal, 0 when it is none.
+  // transitions: whether each is printed, too.
   // wall_s: seconds on any steady clock; only used to limit redrawing.
   // takes_more: false while the stream would block; what is shown then is left out, since the run may not wait for it.
   ProgressPrinter(
-      std::ostream& out, int columns, std::function<double()> wall_s,
+      std::ostream& out, int columns, bool transitions, std::function<double()> wall_s,
       std::function<bool()> takes_more = [] { return true; });
   ~ProgressPrinter() override { clear(); }
   void on_transition(const TransitionRecord& record) override;
@@ -30,6 +32,7 @@ class ProgressPrinter : public RunObserver {
  private:
   std::ostream& out_;
   int columns_;
+  bool transitions_;
   bool line_shown_ = false;
   std::function<double()> wall_s_;
   std::function<bool()> takes_more_;

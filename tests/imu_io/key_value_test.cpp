@@ -128,6 +128,20 @@ TEST(KeyValue, UnknownKeyIsAnErrorAlsoAfterLookingAtIt) {
   EXPECT_ERROR(file.check_all_used(), "a.conf:2: key 'table.rat' is unknown");
 }
 
+TEST(KeyValue, AMisspeltKeyIsNamedWithTheOneThatWasMeant) {
+  auto optional = parsed("a = 1\nhook.doen = x\n");
+  optional.number("a");
+  optional.text_or("hook.done", "");
+  EXPECT_ERROR(optional.check_all_used(), "a.conf:2: key 'hook.doen' is unknown; did you mean 'hook.done'?");
+  auto required = parsed("other = 1\nsite.latitude_dge = 2\n");
+  required.number("site.latitude_deg");
+  EXPECT_ERROR(required.check_all_used(),
+               "a.conf:2: key 'site.latitude_dge' is unknown; did you mean 'site.latitude_deg'?");
+  auto there = parsed("a.kind = x\na.kinds = y\n");
+  there.text("a.kind");
+  EXPECT_ERROR(there.check_all_used(), "a.conf:2: key 'a.kinds' is unknown");
+}
+
 TEST(KeyValue, DefectsOfTheTextItself) {
   const auto parse = [](const std::string& text) { return KeyValueFile::parse(text, "a.conf"); };
   EXPECT_ERROR(parse("a = 1\n\na = 2\n"), "a.conf:3: key 'a' again: it is already in line 1");

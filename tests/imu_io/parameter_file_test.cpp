@@ -184,7 +184,8 @@ TEST(ParameterFile, Refusals) {
   EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", "n23 = 0\nn23 = 0\n"))),
                "p.conf:14: key 'n23' again: it is already in line 13");
   EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", "n23 = 0\nn24 = 0\n"))), "p.conf:14: key 'n24' is unknown");
-  EXPECT_ERROR(parse(resealed(replaced(text, "sigma.N01", "sigma.N09"))), "p.conf:26: key 'sigma.N09' is unknown");
+  EXPECT_ERROR(parse(resealed(replaced(text, "sigma.N01", "sigma.N09"))),
+               "p.conf:26: key 'sigma.N09' is unknown; did you mean 'sigma.N01'?");
   EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", "n23 = nan\n"))),
                "p.conf:13: key 'n23' = 'nan': expected a number");
   EXPECT_ERROR(parse(resealed(replaced(text, "sigma.N01 = 1e-07", "sigma.N01 = -1"))),
@@ -193,7 +194,8 @@ TEST(ParameterFile, Refusals) {
                "p.conf:50: key 'effect.gyro_warm_up' = '600': expected a key effect.<name>.<component>");
   EXPECT_ERROR(
       parse(resealed(replaced(text, "sigma.effect.accel_size_effect.x_rx", "sigma.effect.accel_size_effect.x_ry"))),
-      "p.conf:49: key 'sigma.effect.accel_size_effect.x_ry' is unknown");
+      "p.conf:49: key 'sigma.effect.accel_size_effect.x_ry' is unknown; did you mean "
+      "'sigma.effect.accel_size_effect.x_rx'?");
 }
 
 TEST(ParameterFile, WhatCannotBeWrittenIsRefusedBeforeTheFileIsTouched) {

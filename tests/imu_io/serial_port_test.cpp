@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "imu_io/base/deadline.h"
+#include "imu_io/lines/access_advice.h"
 #include "imu_io/lines/pty.h"
 #include "tests/imu_io/temporary_folder.h"
 
@@ -29,6 +30,20 @@ std::string read_text(SerialPort& port, double timeout_s = 0.5) {
   const auto n = port.read(bytes, timeout_s);
   EXPECT_TRUE(n.ok()) << n.error().message;
   return n ? std::string(reinterpret_cast<const char*>(bytes.data()), *n) : "";
+}
+
+TEST(SerialPort, WhoMayNotOpenItIsToldWhichGroupMay) {
+  const TemporaryFolder folder;
+  const std::string device = folder / "tty";
+  std::ofstream(device) << "";
+  std::filesystem::permissions(device, std::filesystem::perms(0660));
+  const std::string advice = access_advice(device, EACCES);
+  EXPECT_TRUE(advice.starts_with("; its group may: sudo adduser \"$USER\" ")) << advice;
+  EXPECT_TRUE(advice.ends_with(", then log in again")) << advice;
+  EXPECT_EQ(access_advice(device, ENOENT), "");
+  std::filesystem::permissions(device, std::filesystem::perms(0600));
+  EXPECT_EQ(access_advice(device, EACCES), "") << "a group that may not either";
+  EXPECT_EQ(access_advice(device + "none", EACCES), "");
 }
 
 TEST(SerialPort, CarriesEveryByteUnchanged) {

@@ -143,7 +143,7 @@ TEST_F(TextTest, ConfDefects) {
   EXPECT_EQ(conf_defect("gravity_mps2 = 9.7914\n", ""),
             conf_path + ": key 'gravity_mps2' is missing: expected a number between 9 and 11");
   EXPECT_EQ(conf_defect("accel_pulse_mps", "accel_puls_mps"),
-            conf_path + ": key 'accel_pulse_mps' is missing: expected a number > 0");
+            conf_path + ":8: key 'accel_puls_mps' is unknown; did you mean 'accel_pulse_mps'?");
   EXPECT_EQ(conf_defect("format", "colour = red\nformat"), conf_path + ":1: key 'colour' is unknown");
   EXPECT_EQ(conf_defect("format", "simulated = maybe\nformat"),
             conf_path + ":1: key 'simulated' = 'maybe': expected true or false");

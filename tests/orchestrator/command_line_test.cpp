@@ -59,6 +59,46 @@ TEST_F(CommandLine, UsageErrors) {
   expect_refused({"apply", "missing", "--parameters", "nowhere.conf", "--out", "out.csv"}, "nowhere.conf");
 }
 
+TEST_F(CommandLine, WhatWasMeantIsSaid) {
+  expect_refused({"rnu", "--dry-run"}, "'rnu' is not understood; did you mean 'run'? (see turncal --help)");
+  expect_refused({"run", "--statoin", "x"},
+                 "'--statoin' is not understood; did you mean '--station'? (see turncal run --help)");
+  expect_refused({"run", "--sequnce=x", "--unit", "A", "--out", "o"}, "did you mean '--sequence'?");
+  expect_refused({"--verison"}, "did you mean '--version'?");
+  expect_refused({"run", "--nonsense"}, "'--nonsense' is not understood (see turncal run --help)");
+  write("s.station", "format = 1\nsite.latitude_dge = 1\n");
+  expect_refused({"run", "--dry-run", "--unit", "A", "--out", "o", "--station", "s.station"},
+                 "s.station:2: key 'site.latitude_dge' is unknown; did you mean 'site.latitude_deg'?");
+}
+
+TEST_F(CommandLine, QuietPrintsNothingButErrors) {
+  const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
+  const ProgramResult good = run({"run", "--quiet", "--dry-run", "--unit", "SN1", "--out", "o", "--sequence", demo});
+  EXPECT_EQ(good.code, 0);
+  EXPECT_EQ(good.out, "");
+  EXPECT_EQ(good.err, "");
+  EXPECT_NE(file_text(folder_ / "o/run.log").find("moving -> settling"), std::string::npos);
+  const ProgramResult bad = run({"run", "--quiet", "--dry-run", "--unit", "SN1", "--out", "o", "--sequence", demo});
+  EXPECT_EQ(bad.code, 1);
+  EXPECT_EQ(bad.out, "");
+  EXPECT_EQ(bad.err_lines(), 1) << bad.err;
+  expect_refused({"run", "--quiet", "--manual", "--dry-run", "--unit", "SN1", "--out", "by_hand"}, "--quiet: a table");
+}
+
+TEST_F(CommandLine, ADryRunPrintsItsTransitionsWhereAskedFor) {
+  const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
+  for (const bool verbose : {false, true}) {
+    std::vector<std::string> arguments = {"run",   "--dry-run",         "--unit",     "SN1",
+                                          "--out", verbose ? "v" : "p", "--sequence", demo};
+    if (verbose) arguments.push_back("--verbose");
+    const ProgramResult result = run(arguments);
+    EXPECT_EQ(result.code, 0) << result.err;
+    EXPECT_EQ(result.out.find("moving -> settling") != std::string::npos, verbose);
+    EXPECT_NE(result.out.find("verdict     not_judged"), std::string::npos);
+    EXPECT_EQ(result.out.find('\x1b'), std::string::npos);
+  }
+}
+
 TEST_F(CommandLine, ImportThenExportGivesTheSameRows) {
   const std::string text = text_recording("text");
   ASSERT_EQ(run({"import", text, "--out", "binary"}).code, 0);

@@ -126,7 +126,7 @@ TEST_F(Run, SignalsAreExit75AndStopTheTable) {
     EXPECT_NE(result.err.find(signal == SIGINT ? ": paused; go on with: turncal resume " : ": told to end"),
               std::string::npos)
         << result.err;
-    EXPECT_NE(result.out.find("stopped_verified"), std::string::npos);
+    EXPECT_NE(file_text(folder_ / out / "run.log").find("stopped_verified"), std::string::npos);
     EXPECT_FALSE(std::filesystem::exists(folder_ / out / "parameters.conf"));
   }
 }

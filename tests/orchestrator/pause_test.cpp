@@ -224,6 +224,7 @@ class PausedRun : public testing::Test {
     CommandContext context{.out = out, .err = err_};
     std::vector<const char*> argv = {"turncal"};
     for (const std::string& argument : arguments) argv.push_back(argument.c_str());
+    argv.push_back("--verbose");  // the console waits for transitions
     return run_command_line(static_cast<int>(argv.size()), argv.data(),
                             {add_run_command, add_resume_command, add_batch_command}, context);
   }

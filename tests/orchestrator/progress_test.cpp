@@ -1,13 +1,23 @@
 // What the operator sees: the live line's content and rate, and plain lines where there is no terminal.
 #include "orchestrator/watch/progress.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdlib>
 #include <sstream>
 
 #include "imu_io/base/line_prefix.h"
+#include "imu_io/lines/pty.h"
 #include "orchestrator/watch/run_log.h"
+#include "orchestrator/watch/service_watch.h"
+#include "orchestrator/watch/tone.h"
 
 namespace turncal {
 namespace {
@@ -47,7 +57,7 @@ TEST(Progress, DwellSaysItsKindAndRepeat) {
 TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
   std::ostringstream out;
   double wall_s = 50.0;
-  ProgressPrinter progress(out, 41, [&] { return wall_s; });
+  ProgressPrinter progress(out, 41, false, [&] { return wall_s; });
   TransitionRecord record;
   record.at = moving();
   int calls = 0;
@@ -68,7 +78,7 @@ TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
 TEST(Progress, TerminalSaysAtOnceWhatAPauseWaitsFor) {
   std::ostringstream out;
   const LinePrefix marked(out, "[dry run] ");
-  ProgressPrinter progress(out, 80, [] { return 0.0; });
+  ProgressPrinter progress(out, 80, false, [] { return 0.0; });
   progress.on_progress(moving());
   out.str("");
   TransitionRecord record;
@@ -88,7 +98,7 @@ TEST(Progress, TerminalSaysAtOnceWhatAPauseWaitsFor) {
 TEST(Progress, ElsewhereOnePlainLineATransition) {
   std::ostringstream out;
   const LinePrefix marked(out, "[dry run] ");
-  ProgressPrinter progress(out, 0, [] { return 0.0; });
+  ProgressPrinter progress(out, 0, true, [] { return 0.0; });
   TransitionRecord record;
   record.at = moving();
   record.from = RunState::moving;
@@ -99,6 +109,93 @@ TEST(Progress, ElsewhereOnePlainLineATransition) {
   EXPECT_EQ(
       out.str(),
       "[dry run] 2026-01-01T00:12:34Z     754.500 s  step 2/14  moving -> settling  arrived: roll at 123.4567 deg\n");
+}
+
+TEST(Progress, TransitionsAreAddedOnATerminalWhereAskedFor) {
+  for (const bool verbose : {false, true}) {
+    std::ostringstream out;
+    ProgressPrinter progress(out, 80, verbose, [] { return 0.0; });
+    TransitionRecord record;
+    record.at = moving();
+    record.from = record.to = RunState::moving;
+    record.event = RunEvent::arrived;
+    progress.on_progress(moving());
+    progress.on_transition(record);
+    EXPECT_EQ(out.str().find("\x1b[2K\r2026-01-01T00:12:34Z     754.500 s  ") != std::string::npos, verbose);
+  }
+}
+
+TEST(Progress, ColoursAreForTerminalsOfThoseWhoWantThem) {
+  Result<Pty> pty = Pty::create();
+  ASSERT_TRUE(pty.ok());
+  const int terminal = ::open(pty->device().c_str(), O_RDWR | O_NOCTTY);
+  const int file = ::open("/dev/null", O_RDWR);
+  ::setenv("TERM", "xterm", 1);
+  ::unsetenv("NO_COLOR");
+  const auto shown = [](int descriptor) {
+    std::ostringstream out;
+    allow_colour(out, descriptor);
+    return in_tone(out, Tone::bad, "fail");
+  };
+  EXPECT_EQ(shown(terminal), "\x1b[31mfail\x1b[0m");
+  EXPECT_EQ(shown(file), "fail");
+  ::setenv("TERM", "dumb", 1);
+  EXPECT_EQ(shown(terminal), "fail");
+  ::setenv("TERM", "xterm", 1);
+  ::setenv("NO_COLOR", "1", 1);
+  EXPECT_EQ(shown(terminal), "fail");
+  ::unsetenv("NO_COLOR");
+  ::close(terminal);
+  ::close(file);
+}
+
+TEST(Progress, SystemdWatchesWhileTheTableMayMove) {
+  const int socket = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  const std::string name = "@turncal-test-" + std::to_string(::getpid());
+  name.copy(address.sun_path, name.size());
+  address.sun_path[0] = '\0';
+  ASSERT_EQ(::bind(socket, reinterpret_cast<const sockaddr*>(&address),
+                   static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + name.size())),
+            0);
+  const auto heard = [socket] {
+    std::array<char, 512> text{};
+    const ssize_t got = ::recv(socket, text.data(), text.size(), 0);
+    return std::string(text.data(), got > 0 ? static_cast<std::size_t>(got) : 0);
+  };
+  ::setenv("NOTIFY_SOCKET", name.c_str(), 1);
+  {
+    ServiceWatch service;
+    EXPECT_EQ(heard(), "") << "nothing moves yet";
+    service.on_progress(moving());
+    service.on_progress(moving());
+    EXPECT_EQ(heard(), "WATCHDOG_USEC=30000000");
+    EXPECT_EQ(heard(), "WATCHDOG=1\nSTATUS=" + format_progress(moving()));
+    EXPECT_EQ(heard(), "") << "once a second at most";
+    TransitionRecord record;
+    record.to = RunState::calibrating;
+    service.on_transition(record);
+    EXPECT_EQ(heard(), "WATCHDOG_USEC=0");
+    EXPECT_EQ(heard(), "STATUS=calibrating");
+    RunSnapshot calibrating = moving();
+    calibrating.state = RunState::calibrating;
+    service.on_progress(calibrating);
+    EXPECT_EQ(heard(), "") << "an estimate takes as long as it takes";
+  }
+  EXPECT_EQ(heard(), "");
+  {
+    ServiceWatch service;
+    service.on_progress(moving());
+    heard();
+    heard();
+  }
+  EXPECT_EQ(heard(), "WATCHDOG_USEC=0") << "a run that ended by an exception";
+  ::unsetenv("NOTIFY_SOCKET");
+  ServiceWatch nobody;
+  nobody.on_progress(moving());
+  EXPECT_EQ(heard(), "");
+  ::close(socket);
 }
 
 TEST(Progress, Durations) {

@@ -10,6 +10,7 @@
 #include <random>
 
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/base/lock_file.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/records/journal_file.h"
@@ -142,6 +143,66 @@ TEST(StorageError, IsADeviceErrorUnlessTheNameIsWrong) {
     EXPECT_EQ(storage_error("x", "cannot create", number).kind, ErrorKind::input) << number;
   EXPECT_EQ(rename_durably("/proc/version", "/tmp/turncal_version").error().kind, ErrorKind::device);
   EXPECT_EQ(check_folder_writable("/proc/version/x").error().kind, ErrorKind::input);
+}
+
+// Runs of a unit on the first three days of 2026, one of another unit, and a unit on hold that was measured again.
+TEST_F(Storage, OnlyOldRecordingsOfFinishedUnitsAreRemovedAndNeverTheLast) {
+  const auto measure = [&](const std::string& out, const std::string& unit, int day, const std::string& limits = "",
+                           const std::string& effect = "") {
+    const std::string rig =
+        write(out + ".rig", "start_utc_s = " + std::to_string(1767225600LL + 86400LL * day) + "\n" + effect);
+    const int code = run({"run", "--dry-run", "--unit", unit, "--out", "all/" + out, "--sequence", demo, "--rig", rig,
+                          "--station", station(out + ".station", limits)})
+                         .code;
+    EXPECT_EQ(code, limits.empty() && effect.empty() ? 0 : 20) << out;
+  };
+  measure("first", "SN1", 0);
+  measure("failed", "SN1", 1, "limit.N01.max = -1\nlimit.N01.min = -2\n");
+  measure("last", "SN1", 2);
+  measure("other", "SN2", 0);
+  measure("held", "SN3", 0, "", "effect.accel_second_order.x = 30\n");
+  measure("again", "SN3", 1);
+  const auto recordings = [this] {
+    std::set<std::string> there;
+    for (const std::string& name : everything())
+      if (name.ends_with(".tcr")) there.insert(name.substr(4, name.rfind('/') - 4));
+    return there;
+  };
+  const auto prune = [this](const std::string& days) { return run({"prune", "all", "--older-than", days}); };
+  const std::set<std::string> all = {"first", "failed", "last", "other", "held", "again"};
+  ASSERT_EQ(recordings(), all);
+  expect_refused({"prune", "all"}, "--older-than");
+  expect_refused({"prune", "all", "--older-than", "0"}, "from 1 to 36500");
+  expect_refused({"prune", "nowhere", "--older-than", "1"}, "nowhere: cannot be read");
+  EXPECT_EQ(prune("36500").out, "0 of 6 recordings removed, 0.0 MB\n");
+  const ProgramResult listed = run({"prune", "all", "--older-than", "1", "--list"});
+  EXPECT_NE(listed.out.find("\n2 of 6 recordings would be removed, "), std::string::npos) << listed.out;
+  EXPECT_EQ(recordings(), all);
+
+  // Somebody works in one folder, and the journal of the other cannot be read.
+  const std::string journal = file_text(folder_ / "all/first/journal.tcj");
+  {
+    const Result<LockFile> held = LockFile::acquire(path("all/failed/.lock"));
+    ASSERT_TRUE(held.ok());
+    write("all/first/journal.tcj", journal.substr(0, 100));
+    const ProgramResult busy = prune("1");
+    EXPECT_NE(busy.code, 0);
+    EXPECT_EQ(busy.err_lines(), 1) << busy.err;
+    EXPECT_EQ(recordings(), all) << busy.out;
+  }
+  // The other has no verdict: power was lost while that was written.
+  write("all/first/journal.tcj", journal.substr(0, journal.rfind("result = ")));
+  EXPECT_EQ(prune("1").code, 0);
+  EXPECT_EQ(recordings(), (std::set<std::string>{"first", "last", "other", "held", "again"}));
+
+  write("all/first/journal.tcj", journal);
+  EXPECT_EQ(prune("1").code, 0);
+  EXPECT_EQ(recordings(), (std::set<std::string>{"last", "other", "held", "again"}));
+  EXPECT_NE(file_text(folder_ / "all/first/run.log").find("recording.tcr is removed by turncal prune\n"),
+            std::string::npos);
+  EXPECT_TRUE(fs::exists(folder_ / "all/first/parameters.conf"));
+  EXPECT_NE(run({"resume", "all/first"}).out.find("nothing to resume"), std::string::npos);
+  EXPECT_EQ(prune("1").out, "0 of 4 recordings removed, 0.0 MB\n");
 }
 
 }  // namespace

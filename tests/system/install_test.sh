@@ -8,8 +8,9 @@ failed=0
 need() { [ -e "$prefix/$1" ] || { echo "not installed: $1"; failed=1; }; }
 data=share/turncal
 need bin/turncal
+need share/bash-completion/completions/turncal
 need share/doc/turncal/README.md
-need share/doc/turncal/tables.md
+need share/doc/turncal/docs/tables.md
 root=$(cd "$(dirname "$0")/../.." && pwd)
 # Every file that describes something is there, at its place in the tree.
 while read -r file; do need "$data/$file"; done < <(cd "$root" && find orchestrator/stations sequences imu_io/frames turntable_drivers docs/maps \

@@ -71,7 +71,7 @@ awk -v work="$work" -v with_program="${program:+1}" '
     }
     sub(/[.,-]+$/, "", token)
     if (token ~ /[<>{},]/ || token ~ /^[\/]/ || token ~ /^build\//) return
-    if (token ~ /^(calib|imu_io|turntable_drivers|sequences|orchestrator|tests|docs|scripts|[.]ci)\/./) {
+    if (token ~ /^(calib|imu_io|turntable_drivers|sequences|orchestrator|tests|docs|scripts|packaging|[.]ci)\/./) {
       if (!there(token) && !there(joined(folder, token))) bad("no " token)
     } else if (token ~ /\/.*[.](h|cpp|md|sh|seq|station|map|dialect|frame)$/) {
       if (token ~ /^[.][.]\// && joined(folder, token) == "") return

@@ -14,6 +14,7 @@
 #include <cstring>
 
 #include "imu_io/base/deadline.h"
+#include "imu_io/lines/access_advice.h"
 #include "imu_io/lines/tcp_connection.h"
 
 namespace turncal {
@@ -103,7 +104,8 @@ Status ModbusLink::open() {
   modbus_set_error_recovery(context_, MODBUS_ERROR_RECOVERY_NONE);
   modbus_set_slave(context_, 1);
   if (!settings_.tcp && modbus_connect(context_) != 0) {
-    const std::string why = modbus_strerror(errno);
+    const int number = errno;
+    const std::string why = modbus_strerror(number) + access_advice(address, number);
     close();
     return failure("cannot open: " + why);
   }
