@@ -1,56 +1,20 @@
 #include "calib/joint/joint_estimate.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
 
-#include "calib/joint/coarser_recording.h"
 #include "calib/joint/joint_faults.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/joint/joint_run.h"
+#include "calib/joint/noise_pull.h"
+#include "calib/joint/start_noise.h"
 
 namespace turncal {
 namespace {
 
-// Far from the solution it is enough to come within some sigma of it. Beside it, the middle of a dwell says little second by
-// second: the sigmas are 0.1 to 0.5 % larger than from every second.
-constexpr Coarseness far_off = {20.0, 0.05};
-constexpr Coarseness close_by = {8.0, 0.025};
-constexpr Coarseness for_noise = {8.0, 0.0};
-constexpr Coarseness for_noise_of_trials = {20.0, 0.0};
 // What a unit can be off goes with its noise, not with how long it was recorded: the ranges are those of this time at rest.
 constexpr double fourteen_steps_s = 5400.0;
 // A step of so many sigma is taken from the last pass, and its effect on that pass is linear.
 constexpr double last_step_sigma = 1.0;
-
-// The noise to begin with: read off the static dwells, never below what a tenth of a pulse in a second would make.
-NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& allan, const Parameters& from) {
-  NoiseModel noise;
-  const SensorModel model = sensor_model(from, recording.info);
-  const bool gyro_pulses = recording.info.gyro_increment == IncrementKind::pulses;
-  const bool accel_pulses = recording.info.accel_increment == IncrementKind::pulses;
-  if (gyro_pulses) noise.gyro_pulse_rad = model.gyro_scale(0, 0);
-  if (accel_pulses) noise.accel_pulse_mps = recording.info.accel_pulse_mps;
-  // Of the axes of a triad the noisiest stands for all three: in dwells of 100 s an axis that counts close to a whole number
-  // of pulses a sample can look three times too quiet, and what follows would be taken for faults.
-  double gyro = gyro_pulses ? 0.02 * noise.gyro_pulse_rad : 1e-9;
-  double accel = accel_pulses ? 0.02 * noise.accel_pulse_mps : 1e-8;
-  // Where no dwell is long enough for the fit, what neighbouring seconds differ by, quantisation included.
-  constexpr double shortest_dwell_s = 3.0;
-  const bool fitted = allan.total_s > 0.0;
-  const AllanResult brief = fitted ? allan : allan_deviation(recording, from, shortest_dwell_s);
-  const auto random_walk = [&](const AllanAxis& axis) {
-    if (fitted || axis.points.empty()) return axis.fit.random_walk;
-    return axis.points.front().deviation * std::sqrt(axis.points.front().tau_s);
-  };
-  for (std::size_t k = 0; k < 3; ++k) {
-    gyro = std::max(gyro, random_walk(brief.axes[k]));
-    accel = std::max(accel, random_walk(brief.axes[k + 3]));
-  }
-  noise.angle_random_walk.setConstant(gyro);
-  noise.velocity_random_walk.setConstant(accel);
-  return noise;
-}
 
 Eigen::VectorXd all_ranges(const ParameterVector& base, const std::vector<EffectColumn>& effects) {
   Eigen::VectorXd ranges(parameter_count + static_cast<Eigen::Index>(effects.size()));
@@ -60,56 +24,7 @@ Eigen::VectorXd all_ranges(const ParameterVector& base, const std::vector<Effect
   return ranges;
 }
 
-class JointRun {
- public:
-  JointRun(const CompressedRecording& recording, const JointOptions& options)
-      : recording_(recording),
-        options_(options),
-        reference_temperature_c_(options.reference_temperature_c.value_or(
-            std::isnan(recording.mean_temperature_c) ? 0.0 : recording.mean_temperature_c)) {
-    effects_ = make_effect_model(options.effects, {recording.info.latitude_deg}, reference_temperature_c_);
-    if (options.free_parameters) subset_ = *options.free_parameters;
-    for (int k = 0; k < parameter_count && !options.free_parameters; ++k)
-      if (parameter_is_free[static_cast<std::size_t>(k)]) subset_.push_back(k);
-    if (options.start_effects.size() == effects_.columns) effects_.values = options.start_effects;
-    for (int k = 0; k < effects_.columns && !options.fixed_effects; ++k) subset_.push_back(parameter_count + k);
-  }
-
-  JointResult run();
-
- private:
-  bool settle();
-  bool settle_from_here();
-  bool iterate(double tolerance, int max_iterations, const Coarseness& coarseness);
-  double improve(const FilterResult& pass);
-  void move(const Eigen::VectorXd& step);
-  double out_of_range();
-  double& value_of(int column, ParameterVector& parameters) {
-    return column < parameter_count ? parameters[column] : effects_.values[column - parameter_count];
-  }
-  void step_within_ranges(const FilterResult& pass, Eigen::VectorXd& step, Eigen::VectorXd& sigma);
-  double correct_headings(const FilterResult& pass);
-  void look_for_faults();
-  bool is_open() const { return solution_.undetermined.cols() > 0; }
-  Eigen::VectorXd pull_of_noise();
-  bool last_passes();
-  void widen();
-  void report();
-
-  const CompressedRecording& recording_;
-  const JointOptions& options_;
-  Eigen::VectorXd ranges_;
-  const double reference_temperature_c_;
-  EffectModel effects_;
-  std::vector<int> subset_;
-  Eigen::VectorXd start_;  // where the parameters of the subset began
-  SubsetSolution solution_;
-  Eigen::VectorXd step_;  // of the subset, the last one taken
-  double looseness_ =
-      1.0;               // of the noise, as long as the misfit is larger: else residuals push what hardly shows in them
-  double misfit_ = 0.0;  // chi-square an observation before the last step of iterate()
-  JointResult result_;
-};
+}  // namespace
 
 JointResult JointRun::run() {
   JointResult& r = result_;
@@ -191,157 +106,6 @@ JointResult JointRun::run() {
   return r;
 }
 
-// Gauss-Newton at the noise that is measured before the fit. Dwells of a few seconds hardly show it, and an optimum too narrow for the
-// start is missed: then it is tried again from wider ones, and what is found there is kept if it fits and, where it can be compared, fits better.
-bool JointRun::settle() {
-  constexpr double suspicious = 100.0;  // of chi-square an observation: ten times the noise
-  JointResult& r = result_;
-  const Parameters start = r.parameters;
-  const Eigen::VectorXd start_values = effects_.values;
-  const NoiseModel noise = r.setup.noise;
-  const bool settled = settle_from_here();
-  if (settled && misfit_ < suspicious) return true;
-  const Parameters first = r.parameters;
-  const Eigen::VectorXd first_values = effects_.values;
-  const double first_misfit = settled ? misfit_ : std::numeric_limits<double>::infinity();
-  for (const double louder : {5.0, 25.0}) {
-    r.parameters = start;
-    effects_.values = start_values;
-    NoiseModel wide = noise;
-    wide.angle_random_walk *= louder;
-    wide.velocity_random_walk *= louder;
-    const auto settles_with = [&](const NoiseModel& with) {
-      r.setup.noise = with;
-      return settle_from_here();
-    };
-    const bool near = settles_with(wide) && misfit_ < suspicious;
-    const Parameters found = r.parameters;
-    const Eigen::VectorXd found_values = effects_.values;
-    const bool stands = near && settles_with(noise);
-    if (stands && misfit_ < 0.5 * first_misfit) return true;
-    r.setup.noise = noise;
-    if (!near || stands || settled || options_.noise) continue;
-    // Even there it is too narrow: the noise is fitted from the wider one.
-    r.setup.noise = wide;
-    r.parameters = found;
-    effects_.values = found_values;
-    return true;
-  }
-  r.parameters = first;
-  effects_.values = first_values;
-  return settled;
-}
-
-bool JointRun::settle_from_here() {
-  const Parameters start = result_.parameters;
-  const Eigen::VectorXd start_values = effects_.values;
-  if (!options_.start && !iterate(1.0, 6, far_off)) {
-    result_.parameters = start;
-    effects_.values = start_values;
-  }
-  return iterate(0.3, options_.max_iterations, close_by);
-}
-
-// Gauss-Newton until the largest step is below `tolerance` sigma. Where directions are open, a step of their ranges is far from
-// linear and its sigma says little: a step that made things worse is taken back to a part of it, and it ends when nothing is
-// gained any more.
-bool JointRun::iterate(double tolerance, int max_iterations, const Coarseness& coarseness) {
-  constexpr double part = 0.3;
-  constexpr double nothing_gained = 0.1;  // of chi-square
-  FilterSetup setup = result_.setup;
-  const CompressedRecording fewer = coarser(recording_, coarseness, setup);
-  const auto pass_here = [&] {
-    setup.headings_rad = result_.setup.headings_rad;
-    return run_filter(fewer, result_.parameters, effects_, setup);
-  };
-  bool open = false;
-  double before = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < max_iterations; ++k) {
-    FilterResult pass = pass_here();
-    double from_start = out_of_range();
-    for (int less = 0; less < 8 && open && pass.chi_square + looseness_ * from_start > before; ++less) {
-      move(-(1.0 - part) * step_);
-      step_ *= part;
-      pass = pass_here();
-      from_start = out_of_range();
-    }
-    if (open && before - (pass.chi_square + looseness_ * from_start) < nothing_gained * looseness_) return true;
-    const double largest = improve(pass);
-    if (std::isnan(largest)) return false;
-    open = is_open();
-    if (!open && largest < tolerance) return true;
-    before = pass.chi_square + looseness_ * from_start;
-  }
-  return false;
-}
-
-void JointRun::move(const Eigen::VectorXd& step) {
-  ParameterVector values = to_vector(result_.parameters);
-  for (std::size_t i = 0; i < subset_.size(); ++i) value_of(subset_[i], values) += step[static_cast<Eigen::Index>(i)];
-  result_.parameters = from_vector(values);
-}
-
-// How far the parameters are from where they began, in ranges, squared.
-double JointRun::out_of_range() {
-  ParameterVector values = to_vector(result_.parameters);
-  double sum = 0.0;
-  for (std::size_t i = 0; i < subset_.size(); ++i)
-    sum += std::pow((value_of(subset_[i], values) - start_[static_cast<Eigen::Index>(i)]) / ranges_[subset_[i]], 2);
-  return sum;
-}
-
-// The step that a pass suggests. Returns the largest one in sigma; NaN where there is none.
-double JointRun::improve(const FilterResult& pass) {
-  ++result_.iterations;
-  solution_ = solve_subset(pass.information, pass.gradient, subset_, ranges_);
-  misfit_ = pass.chi_square / static_cast<double>(std::max<std::int64_t>(pass.observations, 1));
-  looseness_ = std::max(misfit_, 1.0);
-  if (!solution_.step.allFinite()) return std::numeric_limits<double>::quiet_NaN();
-  step_ = solution_.step;
-  Eigen::VectorXd sigma = solution_.covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
-  if (is_open()) step_within_ranges(pass, step_, sigma);
-  move(step_);
-  const double largest = step_.size() > 0 ? step_.cwiseQuotient(sigma).cwiseAbs().maxCoeff() : 0.0;
-  return std::max(largest, correct_headings(pass));
-}
-
-// Every chain is linearised about the heading that the pass before found for it, the step included. Returns the largest correction in sigma.
-double JointRun::correct_headings(const FilterResult& pass) {
-  if (!(result_.start.heading_sigma_rad < 1.0)) return 0.0;  // not seen: nothing to correct it by
-  std::vector<double>& headings = result_.setup.headings_rad;
-  const double first = headings.front();
-  double largest = 0.0;
-  for (std::size_t k = 0; k < pass.heading_error_rad.size(); ++k) {
-    if (k >= headings.size()) headings.push_back(first);
-    const Eigen::VectorXd by_parameter = pass.heading_by_parameter[k](subset_);
-    const double correction = pass.heading_error_rad[k] + by_parameter.dot(step_);
-    headings[k] += correction;
-    largest = std::max(largest, std::abs(correction) / pass.heading_sigma_rad[k]);
-  }
-  return largest;
-}
-
-// Gauss-Newton in the determined directions alone would creep, since which ones those are turns with every linearisation.
-// So where some are open, the plausible ranges about the start are taken for observations; what is determined does not
-// notice them.
-void JointRun::step_within_ranges(const FilterResult& pass, Eigen::VectorXd& step, Eigen::VectorXd& sigma) {
-  const Eigen::VectorXd weight = looseness_ * Eigen::VectorXd(ranges_(subset_)).cwiseAbs2().cwiseInverse();
-  ParameterVector values = to_vector(result_.parameters);
-  Eigen::VectorXd gradient = pass.gradient(subset_);
-  for (std::size_t i = 0; i < subset_.size(); ++i) {
-    const Eigen::Index row = static_cast<Eigen::Index>(i);
-    gradient[row] += weight[row] * (value_of(subset_[i], values) - start_[row]);
-  }
-  Eigen::MatrixXd information = pass.information(subset_, subset_);
-  information.diagonal() += weight;
-  const Eigen::VectorXd balance = information.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd unit = balance.asDiagonal() * information * balance.asDiagonal();
-  const Eigen::MatrixXd covariance =
-      balance.asDiagonal() * solve_symmetric(unit, Eigen::MatrixXd(balance.asDiagonal()));
-  step = -covariance * gradient;
-  sigma = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
-}
-
 // One at a time, the worst first: a fault that is not cut out spoils the seconds around it.
 void JointRun::look_for_faults() {
   for (int round = 0; round < 12; ++round) {
@@ -354,39 +118,6 @@ void JointRun::look_for_faults() {
   }
 }
 
-// The noise of the counts goes into the derivatives, too: those by a scale factor n hold nu_i / n, nu_i what sensor i's noise makes of
-// the innovations, and E sum N' S^-1 nu = sum tr(S^-1 cov nu_i) / n = (d log det S / d log s_i) / n with s_i its variance, not 0:
-// scale factors come out too small, by a sigma at 3 deg/sqrt(h) (errors in variables). This is what is to be taken off the gradient.
-Eigen::VectorXd JointRun::pull_of_noise() {
-  constexpr double step = 0.01;        // of a variance
-  constexpr double negligible = 0.01;  // of a sigma
-  constexpr std::array<int, 6> scales = {6, 10, 14, 15, 19, 23};
-  const ParameterVector values = to_vector(result_.parameters);
-  const double all = static_cast<double>(
-      std::count_if(recording_.blocks.begin(), recording_.blocks.end(), [](const Block& b) { return b.whole_second; }));
-  Eigen::VectorXd pull = Eigen::VectorXd::Zero(parameter_count);
-  std::optional<double> log_determinant;
-  const auto pass = [&](const NoiseModel& noise) {
-    FilterSetup setup = result_.setup;
-    setup.with_columns = false;
-    setup.noise = noise;
-    return run_filter(recording_, result_.parameters, effects_, setup).log_determinant;
-  };
-  for (std::size_t k = 0; k < scales.size(); ++k) {
-    const auto at = std::find(subset_.begin(), subset_.end(), scales[k]);
-    if (at == subset_.end()) continue;
-    const double sigma = std::sqrt(solution_.covariance(at - subset_.begin(), at - subset_.begin()));
-    const double value = values[scales[k]];
-    if (3.0 * all * sigma < negligible * std::abs(value)) continue;  // were all of S this one's
-    if (!log_determinant) log_determinant = pass(result_.setup.noise);
-    NoiseModel louder = result_.setup.noise;
-    (k < 3 ? louder.angle_random_walk : louder.velocity_random_walk)[static_cast<Eigen::Index>(k % 3)] *=
-        std::sqrt(1.0 + step);
-    pull[scales[k]] = (pass(louder) - *log_determinant) / step / value;
-  }
-  return pull;
-}
-
 // Every second, and the candidates.
 bool JointRun::last_passes() {
   JointResult& r = result_;
@@ -397,7 +128,8 @@ bool JointRun::last_passes() {
   setup.keep_innovations = true;
   // A trial beside a finished fit takes it over: it is a part of a sigma, and hardly another one.
   const bool known = options_.faults_of && options_.faults_of->noise_pull.size() == parameter_count;
-  r.noise_pull = known ? options_.faults_of->noise_pull : pull_of_noise();
+  r.noise_pull = known ? options_.faults_of->noise_pull
+                       : pull_of_noise(recording_, r.parameters, effects_, r.setup, subset_, solution_.covariance);
   for (int k = 0; k < 5; ++k) {
     with_candidates.values.head(effects_.columns) = effects_.values;
     setup.headings_rad = r.setup.headings_rad;
@@ -471,8 +203,6 @@ void JointRun::report() {
     }
   }
 }
-
-}  // namespace
 
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options) {
   return JointRun(recording, options).run();
