@@ -157,7 +157,8 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
   // A line redrawn in place would run over the operator's answers.
   const bool in_place = context.out_is_terminal && !run_devices.prompts;
   const int columns = context.terminal_columns - static_cast<int>(tag_of(a.run).size());
-  const bool transitions = a.run.request.verbose || (!in_place && !a.run.request.dry_run);
+  const bool all_by_itself = a.run.request.dry_run && !run_devices.prompts;  // and over in seconds
+  const bool transitions = a.run.request.verbose || (!in_place && !all_by_itself);
   ProgressPrinter progress(context.out, in_place ? columns : 0, transitions, steady_wall_s, stdout_takes_more);
   LiveStatus live({.unit = join(a.run.request.units),
                    .station = a.run.station.name,
