@@ -94,8 +94,8 @@ class Trial {
   Status stop() {
     return leave_off(devices_.table, {.now_s = [this] { return devices_.clock.now_s(); },
                                       .wait = devices_.wait,
-                                      .brake_s = station_.motion.deadline_margin_s,
-                                      .deadline_s = 2.0 * station_.motion.deadline_margin_s,
+                                      .brake_s = station_.motion.stall_s,
+                                      .deadline_s = station_.motion.stall_s + station_.motion.deadline_margin_s,
                                       .poll_s = station_.motion.poll_moving_s,
                                       .standing_rate_degps = station_.motion.settle_rate_degps});
   }

@@ -119,7 +119,7 @@ void StationRun::handle(RunEvent event) {
         first_error_ = Error{raised_kind_, place() + ": " + record.detail};
         stop_cause_ = StopCause::by_operator;
       } else if (transition.to == RunState::failed && now == RunEvent::deadline) {
-        first_error_->message += "; THE STOP COULD NOT BE VERIFIED, the table may still move";
+        first_error_->message += std::string("; ") + stop_not_verified;
         first_error_->kind = ErrorKind::device;
       }
     }

@@ -10,6 +10,7 @@
 
 #include "imu_io/recordings/recording_source.h"
 #include "tests/orchestrator/rig_station.h"
+#include "turntable_drivers/table/limited_turntable.h"
 
 namespace turncal {
 namespace {
@@ -462,6 +463,35 @@ TEST(StationRun, StopThatCannotBeVerifiedIsSaid) {
   EXPECT_FALSE(s.watcher.saw(RunEvent::stopped_verified));
   EXPECT_NE(outcome.error.message.find("COULD NOT BE VERIFIED"), std::string::npos) << outcome.error.message;
   EXPECT_EQ(outcome.error.message.find('\n'), std::string::npos);
+}
+
+// A table that acknowledges the braking stop and turns on gets the fastest one, long before it is given up.
+class UnbrakedTable : public LimitedTurntable {
+ public:
+  explicit UnbrakedTable(Turntable& table) : LimitedTurntable(table, {}) {}
+  Status stop_all() override { return {}; }
+};
+
+TEST(StationRun, ATableThatDoesNotBrakeGetsTheFastestStop) {
+  RigStation s(two_steps_text);
+  const StationDevices devices = s.devices.devices();
+  UnbrakedTable table(devices.table);
+  s.devices.imu.describe(s.info);
+  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
+  double asked_s = 0.0;
+  s.watcher.on_tick = [&](const RunSnapshot& at) {
+    if (asked_s > 0.0 || at.state != RunState::moving) return;
+    asked_s = at.time_s;
+    ++s.stop_requests;
+  };
+  StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
+                 {&s.watcher, &s.stop_requests, {}, nullptr});
+  const RunOutcome outcome = run.run();
+  EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
+  EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
+  EXPECT_TRUE(s.at_rest());
+  EXPECT_LT(s.clock.now_s() - asked_s, 2.0 * 10.0 / 20.0 + s.station.motion.stall_s + 1.0)
+      << "twice the ramp, and a little";
 }
 
 // --- The unit, the disk, the operator.

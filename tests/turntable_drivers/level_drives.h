@@ -29,11 +29,13 @@ struct LevelDrive {
   std::uint16_t control = 0;
   bool homed = false;
   double position = 0.0, target = 0.0, rate = 0.0, commanded_rate = 0.0, at_s = monotonic_s();
+  double creep = 0.0;                // counts/s that its status and its rate do not tell, whatever it is told
   std::vector<std::uint16_t> words;  // every control word that came
 
   void pass() {
     const double now_s = monotonic_s();
     const double left = target - position, step = std::abs(rate) * (now_s - at_s);
+    position += creep * (now_s - at_s);
     at_s = now_s;
     if ((control & 1) == 0 || (control & 2) != 0) rate = 0.0;
     if (rate == 0.0) return;

@@ -140,6 +140,24 @@ TEST_F(LastWord, ADriveThatStaysOnIsSaid) {
   drives.refuses_off = 0;
 }
 
+// Its status says at rest, its rate says 0, its position goes on: that is no rest, and no verified stop.
+TEST_F(LastWord, ADriveThatCreepsIsNotAtRest) {
+  const auto table = device();
+  make_ready(table->table());
+  {
+    const std::lock_guard lock(drives.mutex);
+    drives.drives[3].creep = 2000.0;
+  }
+  const Status left =
+      leave_off(table->table(), {.now_s = monotonic_s,
+                                 .wait = [](double seconds) { ::usleep(static_cast<unsigned>(1e6 * seconds)); },
+                                 .brake_s = 0.2,
+                                 .deadline_s = 1.0});
+  ASSERT_FALSE(left.ok());
+  EXPECT_NE(left.error().message.find("does not come to rest"), std::string::npos) << left.error().message;
+  EXPECT_TRUE(drives.all_off()) << "it was told";
+}
+
 TEST_F(LastWord, AMapThatCannotSwitchOffSaysSo) {
   const RegisterMap map = drives.map("switch_off = false\n");
   EXPECT_NE(caution_of(map).find("switch_off = false"), std::string::npos);

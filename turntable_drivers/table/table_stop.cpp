@@ -7,6 +7,7 @@ namespace turncal {
 namespace {
 
 constexpr double longest_reconnect_wait_s = 5.0;
+constexpr double same_place_deg = 0.01;  // an encoder's last digits do not stand still
 
 bool drives_on(const TableStatus& axes) {
   return std::any_of(axes.begin(), axes.end(), [](const AxisStatus& axis) { return axis.drive_on; });
@@ -16,6 +17,7 @@ bool drives_on(const TableStatus& axes) {
 
 void TableStop::begin() {
   abort_taken_ = false;
+  before_.reset();
   repeat_at_s_ = reconnect_at_s_ = 0.0;
   reconnect_wait_s_ = repeat_s;
 }
@@ -32,16 +34,23 @@ Status TableStop::abort(double now_s) {
   return aborted;
 }
 
-bool TableStop::standing(const TableStatus& axes) const {
-  return std::all_of(axes.begin(), axes.end(), [this](const AxisStatus& axis) {
-    return !axis.moving && std::abs(axis.rate_degps) <= standing_rate_degps_;
-  });
+TableStop::Rest TableStop::rest(const TableStatus& axes) const {
+  for (std::size_t i = 0; i < axes.size(); ++i) {
+    if (axes[i].moving || !(std::abs(axes[i].rate_degps) <= standing_rate_degps_)) return Rest::moves;
+    if (!before_) continue;
+    const AxisStatus& before = (*before_)[i];
+    const double may_deg = standing_rate_degps_ * (axes[i].time_s - before.time_s);
+    if (!(std::abs(axes[i].position_deg - before.position_deg) <= std::max(same_place_deg, may_deg)))
+      return Rest::moves;
+  }
+  return before_ ? Rest::stands : Rest::not_seen;
 }
 
 bool TableStop::look(const TableStatus* axes, double now_s) {
-  if (axes != nullptr && standing(*axes)) {
-    const bool on = drives_on(*axes);
-    if (!on || (abort_taken_ && !table_.can_switch_off())) return true;
+  const bool stands = axes != nullptr && rest(*axes) == Rest::stands;
+  before_ = axes != nullptr ? std::optional(*axes) : std::nullopt;
+  if (stands) {
+    if (!drives_on(*axes) || (abort_taken_ && !table_.can_switch_off())) return true;
   } else if (axes != nullptr && !abort_taken_) {
     return false;  // it brakes
   }
@@ -64,39 +73,41 @@ Status leave_off(Turntable& table, const StopTime& time) {
   if (table.needs_operator() || !table.was_connected()) return {};
   TableStop stop(table, time.standing_rate_degps);
   const double began_s = time.now_s();
-  bool stop_sent = false, abort_sent = false;
-  Error why = device_error("the drives do not go off");
+  bool stop_sent = false, abort_sent = false, moves = false;
+  std::optional<Error> unread;  // why nothing can be read, the first reason
   for (;;) {
     TableStatus axes{};
-    bool readable = true;
+    bool readable = true, given_up = false;
     for (const Axis axis : all_axes) {
       Result<AxisStatus> now = table.status(axis);
       if (!now) {
         readable = false;
-        why = now.error();
+        // A driver that gives a reading up for a stop that was asked for reads again once a stop went out.
+        given_up = now.error().kind == ErrorKind::aborted || now.error().kind == ErrorKind::interrupted;
+        if (!given_up && !unread) unread = now.error();
         break;
       }
       axes[static_cast<std::size_t>(axis)] = std::move(*now);
     }
     const double now_s = time.now_s();
-    const bool moves = std::any_of(axes.begin(), axes.end(), [&](const AxisStatus& axis) {
-      return axis.moving || !(std::abs(axis.rate_degps) <= time.standing_rate_degps);
-    });
-    // A driver that gives a reading up for a stop that was asked for reads again once a stop went out.
-    const bool given_up = !readable && (why.kind == ErrorKind::aborted || why.kind == ErrorKind::interrupted);
-    if (!stop_sent && (given_up || (readable && moves))) {
+    if (readable) unread.reset();
+    moves = readable && stop.rest(axes) == TableStop::Rest::moves;
+    if (!stop_sent && (given_up || moves)) {
       stop_sent = true;
       static_cast<void>(stop.stop(now_s).ok());
     } else if (stop.look(readable ? &axes : nullptr, now_s)) {
       return {};
-    } else if (readable && moves && !abort_sent && now_s - began_s > time.brake_s) {
+    } else if (moves && !abort_sent && now_s - began_s > time.brake_s) {
       abort_sent = true;
       static_cast<void>(stop.abort(now_s).ok());
     }
     if (now_s - began_s > time.deadline_s) break;
     time.wait(time.poll_s);
   }
-  return device_error("THE STOP COULD NOT BE VERIFIED, the table may still move, its drives may be on: " + why.message);
+  const std::string why = unread  ? unread->message
+                          : moves ? "the table does not come to rest"
+                                  : "the drives do not go off";
+  return device_error(stop_not_verified + (": " + why));
 }
 
 }  // namespace turncal

@@ -5,12 +5,15 @@
 //   off       once every axis reads at rest: the fastest stop, drives off
 //   verified  every axis reads at rest, and its drive off by the drive's own word (not where the device cannot switch it off)
 //
+// At rest: an axis does not say that it moves or turns, and reads where it read a look before. A drive's own word alone is not believed.
+//
 // What cannot be read is not waited for: the fastest stop goes out to every axis at once and again every repeat_s, with attempts to open
 // the link anew in between, for as long as the caller goes on. It is repeated likewise while a drive that was told reads on.
 // A motion is never taken up again.
 #pragma once
 
 #include <functional>
+#include <optional>
 
 #include "turntable_drivers/table/turntable.h"
 
@@ -18,7 +21,7 @@ namespace turncal {
 
 class TableStop {
  public:
-  // The table must outlive this. At rest: no axis says that it moves, or turns faster than that.
+  // The table must outlive this. Faster than that is no rest.
   TableStop(Turntable& table, double standing_rate_degps) : table_(table), standing_rate_degps_(standing_rate_degps) {}
 
   void begin();                // of another stop: what was sent before does not count
@@ -26,20 +29,25 @@ class TableStop {
   Status abort(double now_s);  // likewise
   // What was read just now; null: some axis could not be. True: verified.
   bool look(const TableStatus* axes, double now_s);
+  enum class Rest { not_seen, moves, stands };
+  Rest rest(const TableStatus& axes) const;  // compared with the last look
 
   static constexpr double repeat_s = 0.5;
 
  private:
-  bool standing(const TableStatus& axes) const;
   void reconnect(double now_s);
 
   Turntable& table_;
   double standing_rate_degps_;
-  bool abort_taken_ = false;  // by every axis
+  bool abort_taken_ = false;           // by every axis
+  std::optional<TableStatus> before_;  // the last look
   double repeat_at_s_ = 0.0;
   double reconnect_at_s_ = 0.0;
   double reconnect_wait_s_ = repeat_s;
 };
+
+inline constexpr const char* stop_not_verified =
+    "THE STOP COULD NOT BE VERIFIED, the table may still move, its drives may be on";
 
 // The time that a stop may take, on the caller's clock, and how that passes.
 struct StopTime {
