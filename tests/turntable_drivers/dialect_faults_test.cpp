@@ -96,6 +96,28 @@ TEST_P(DialectLineFaults, NoWrongPositionIsBelieved) {
 INSTANTIATE_TEST_SUITE_P(All, DialectLineFaults, testing::ValuesIn(text_faults()),
                          [](const auto& which) { return std::string(which.param.name); });
 
+// A drive that somebody switched off in mid-run: the others are told to stop, it is told to stay off.
+TEST(DialectFaults, AStopDoesNotSwitchOnADriveThatReadsOff) {
+  TextTable s("acutronic_acl", true);
+  std::vector<std::string> sent;
+  s.station.disturb([&](const std::string& body, AnswerPlan& plan) {
+    if (body.find('?') == std::string::npos) sent.push_back(body);
+    if (body == ":STAT:AXIS? 3") set_text(plan.pieces[0], "130\n");  // all but the lowest bit, which is the drive's
+  });
+  ASSERT_TRUE(s.driver.enable().ok());
+  for (const Axis axis : all_axes) {
+    const Result<AxisStatus> status = s.driver.status(axis);
+    ASSERT_TRUE(status.ok()) << status.error().message;
+    EXPECT_EQ(status->drive_on, axis != Axis::roll);
+  }
+  ASSERT_TRUE(s.driver.stop_all().ok());
+  ASSERT_TRUE(s.driver.status(Axis::heading).ok()) << "an answer: all before it was heard";
+  s.station.disturb({});
+  ASSERT_GE(sent.size(), 3u);
+  EXPECT_EQ(std::vector<std::string>(sent.end() - 3, sent.end()),
+            (std::vector<std::string>{":MODE:OFF 1", ":MODE:OFF 2", ":INT:OPEN 3"}));
+}
+
 TEST(DialectFaults, BadChecksumIsAnError) {
   TextTable s("three_axis_dollar");
   s.station.disturb([](const std::string&, AnswerPlan& plan) {

@@ -273,27 +273,36 @@ Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
   way_ = {};
   const bool all_off =
       std::all_of(memory_.begin(), memory_.end(), [](const AxisMemory& memory) { return memory.drive_on == false; });
-  if (commanded_off_ || all_off) operation = DialectOperation::abort;
+  // A drive that is off must not be switched on by a stop.
+  const auto operation_of = [&](Axis axis) {
+    const bool one = dialect_.of(operation).each_axis && dialect_.of(DialectOperation::abort).each_axis;
+    const bool off = commanded_off_ || (one ? memory_[index(axis)].drive_on == false : all_off);
+    return off ? DialectOperation::abort : operation;
+  };
   stop_.handled();
   if (!line_.is_open()) {
     enable_called_ = false;
     if (Status status = line_.open(); !status) return status;
     lost_ = false;
   }
-  const DialectSteps& steps = dialect_.of(operation);
   // Sentence by sentence, each to every axis: what follows the first of one axis must not keep it from the next.
   std::array<bool, 3> taken{true, true, true};
-  for (const Exchange& exchange : steps.exchanges) {
+  for (std::size_t i = 0, more = 1; more != 0; ++i) {
+    more = 0;
     for (const Axis axis : all_axes) {
+      const DialectSteps& steps = dialect_.of(operation_of(axis));
+      if (i >= steps.exchanges.size() || (!steps.each_axis && axis != Axis::heading)) continue;
+      more += i + 1 < steps.exchanges.size() ? 1 : 0;
+      const Exchange& exchange = steps.exchanges[i];
       if (!line_.send_at_once(filled(exchange.send, axis, commands_), exchange.expect, stop_ack_s))
         taken[index(axis)] = false;
-      if (!steps.each_axis) break;
     }
   }
   Status first_failure;
   for (const Axis axis : all_axes) {
     if (taken[index(axis)]) continue;
-    if (Status status = carry_out(operation, axis, commands_); !status && first_failure.ok()) first_failure = status;
+    if (Status status = carry_out(operation_of(axis), axis, commands_); !status && first_failure.ok())
+      first_failure = status;
   }
   targets_void_ = true;
   return first_failure;
