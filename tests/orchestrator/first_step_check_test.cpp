@@ -7,8 +7,13 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <random>
 
+#include <Eigen/Geometry>
+
+#include "calib/model/parameters.h"
+#include "orchestrator/devices/earth_rate_check.h"
 #include "tests/orchestrator/rig_station.h"
 
 namespace turncal {
@@ -160,6 +165,25 @@ TEST(FirstStep, BiasesAreNotTakenForALatitude) {
     });
     EXPECT_EQ(found.state, RunState::done) << found.why;
   }
+}
+
+// A rest that contradicts those before it: axes or signs are wrong, and what a latitude would be of them is not said.
+TEST(FirstStep, ARestThatContradictsEndsTheLookAtTheLatitude) {
+  const Eigen::Vector3d earth = earth_rate_radps * Eigen::Vector3d(std::cos(0.9), std::sin(0.9), 0.0);  // 51.6 deg
+  const auto says = [&](bool contradicting) {
+    EarthRateCheck check(40.0);
+    std::string wrong;
+    for (const int quarter : {0, 1, 2, 3, 0, 1}) {
+      const double angle = quarter * std::numbers::pi / 2.0;
+      const Eigen::Matrix3d C_nb = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+      Eigen::Vector3d rate = C_nb.transpose() * earth;
+      if (contradicting && quarter == 1) rate = -20.0 * rate;
+      wrong += check.add_rest(rate, 1e-9, C_nb, C_nb.transpose() * Eigen::Vector3d::UnitY());
+    }
+    return wrong;
+  };
+  EXPECT_NE(says(false).find("as at a latitude of 51.6"), std::string::npos) << says(false);
+  EXPECT_EQ(says(true), "");
 }
 
 TEST(FirstStep, UpThatLeansAndNumbersThatAreNothing) {

@@ -84,6 +84,18 @@ TEST(FrozenWatch, TellsWhatGoesOnAfterHalfAMinute) {
             std::string::npos);
 }
 
+// A dwell that is repeated is not told what was found in the one before; what is frozen again is found again.
+TEST(FrozenWatch, EveryDwellBeginsAnew) {
+  std::mt19937_64 random(11);
+  for (const std::int64_t to : {5000, 20000}) {  // over in the dwell; not over when it was told
+    FrozenWatch watch(period_s);
+    ASSERT_EQ(found(watch, dwell(random, 0, 4000)), "");
+    ASSERT_NE(found(watch, dwell(random, 0, 20000, 3000, to)), "");
+    EXPECT_EQ(found(watch, dwell(random, 0, 20000)), "") << to;
+    EXPECT_NE(found(watch, dwell(random, 0, 20000, 9000, 10000)), "") << to;
+  }
+}
+
 TEST(FrozenWatch, AUnitThatIsUsedToItIsNotFrozen) {
   std::mt19937_64 random(9);
   // Coarse: nothing but a flicker of one channel, a few seconds apart.
