@@ -12,6 +12,7 @@
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/effect_terms.h"
+#include "orchestrator/records/output_folder.h"
 
 namespace turncal {
 
@@ -51,10 +52,13 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
   if (std::filesystem::is_directory(options.out, error)) {
     return input_error(options.out + ": expected a file name, found a folder");
   }
-  for (const std::string& given : {options.recording, options.recording + "/" + binary_recording_name,
-                                   options.recording + "/imu.csv", options.parameters}) {
-    if (std::filesystem::equivalent(options.out, given, error))
-      return input_error("--out " + options.out + ": expected another file than the source, " + given);
+  if (Status status = check_apart({{"the source", options.recording},
+                                   {"the source", options.recording + "/" + binary_recording_name},
+                                   {"the source", options.recording + "/imu.csv"},
+                                   {"the source", options.parameters},
+                                   {"--out", options.out}});
+      !status) {
+    return status;
   }
   std::string text = "sample,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps,dv_y_mps,dv_z_mps\n";
   if (Status status = check_replaceable(options.out, text); !status) return status;

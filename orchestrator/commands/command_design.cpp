@@ -155,10 +155,7 @@ class Designer {
     print_undetermined(columns_, context_.out);
     if (task_.predict.effects) print_effects(columns_, context_.out);
     context_.out << "sequence    " << options_.out << std::endl;
-    std::vector<std::string> open;
-    for (int k = 0; k < parameter_count; ++k)
-      if (task_.aim[k] > 0.0 && !columns_.back().prediction.determined[static_cast<std::size_t>(k)])
-        open.emplace_back(parameter_keys[static_cast<std::size_t>(k)]);
+    const std::vector<std::string> open = open_parameters(columns_.back().prediction, task_.aim);
     if (open.empty()) return {};
     return Error{ErrorKind::unit_failed, options_.out + ": " + coverage_text(open)};
   }

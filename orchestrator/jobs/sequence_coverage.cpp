@@ -1,8 +1,5 @@
 #include "orchestrator/jobs/sequence_coverage.h"
 
-#include "calib/model/parameters.h"
-#include "calib/prediction/predict.h"
-
 namespace turncal {
 
 namespace {
@@ -33,19 +30,21 @@ PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan) {
 }
 
 std::vector<std::string> undetermined_by(const Sequence& sequence, const Plan& plan, const RecordingInfo& info) {
+  if (plan.items.size() > most_predicted) return {};
   PredictOptions options;
   options.noise.angle_random_walk.setConstant(good_arw_deg_per_rt_h * radprs_per_degprh);
   options.noise.velocity_random_walk.setConstant(good_vrw_ug_per_rt_hz * mpsprs_per_ugprHz);
-  PlannedMotion motion = planned_motion(sequence, plan);
-  const bool whole = motion.items.size() <= most_predicted;
-  if (!whole) motion.items.resize(most_predicted);
-  const Prediction prediction = predict(info, motion, options);
+  ParameterVector asked;
+  for (int k = 0; k < parameter_count; ++k) asked[k] = parameter_is_free[static_cast<std::size_t>(k)] ? 1.0 : 0.0;
+  return open_parameters(predict(info, planned_motion(sequence, plan), options), asked);
+}
+
+std::vector<std::string> open_parameters(const Prediction& prediction, const ParameterVector& asked) {
   std::vector<std::string> keys;
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
-    const bool determined = prediction.valid && prediction.determined[i];
-    if (parameter_is_free[i] && !determined) keys.emplace_back(parameter_keys[i]);
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
+    const bool determined = prediction.valid && prediction.determined[k];
+    if (asked[static_cast<Eigen::Index>(k)] > 0.0 && !determined) keys.emplace_back(parameter_keys[k]);
   }
-  if (!whole) keys.clear();  // what comes after may determine them
   return keys;
 }
 

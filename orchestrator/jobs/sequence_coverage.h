@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "calib/model/parameters.h"
 #include "calib/prediction/planned_motion.h"
+#include "calib/prediction/predict.h"
 #include "calib/types/recording_types.h"
 #include "sequences/plan.h"
 
@@ -16,8 +18,11 @@ PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan);
 
 // Keys of the free parameters, in their order; empty: all are determined. info: period, site and increments of the unit. The noise is
 // that of a good laser-gyro unit (0.002 deg/sqrt(h), 8 ug/sqrt(Hz)); what no rotation shows stays undetermined at any noise.
-// Only the first 20 000 items are looked at, so that nobody waits for long: of a plan that goes on after them nothing is said.
+// Of a plan of more than 20 000 items nothing is said, so that nobody waits for long.
 std::vector<std::string> undetermined_by(const Sequence& sequence, const Plan& plan, const RecordingInfo& info);
+
+// Keys of the parameters with a number above 0 in `asked` that the prediction leaves undetermined.
+std::vector<std::string> open_parameters(const Prediction& prediction, const ParameterVector& asked);
 
 // "does not determine n11 n12: expected ...": to follow the name of the sequence.
 std::string coverage_text(const std::vector<std::string>& keys);

@@ -109,15 +109,16 @@ Status check_not_source(const std::string& out, const std::string& source) {
 }
 
 Status check_apart(const std::vector<std::pair<std::string, std::string>>& files) {
-  const auto place = [](const std::string& name) {
+  const auto same = [](const std::string& a, const std::string& b) {
     std::error_code error;
-    return fs::weakly_canonical(fs::absolute(name, error), error);
+    const auto place = [&](const std::string& name) { return fs::weakly_canonical(fs::absolute(name, error), error); };
+    return fs::equivalent(a, b, error) || place(a) == place(b);
   };
   for (std::size_t i = 0; i < files.size(); ++i)
     for (std::size_t k = i + 1; k < files.size(); ++k) {
       const auto& [one, first] = files[i];
       const auto& [other, second] = files[k];
-      if (!first.empty() && !second.empty() && place(first) == place(second))
+      if (!first.empty() && !second.empty() && same(first, second))
         return input_error(other + " " + second + ": expected another file than " + one + ", " + first);
     }
   return {};
