@@ -264,6 +264,41 @@ TEST(StopStates, ConnectingToASilentDriveIsGivenUp) {
   });
 }
 
+// Somebody else talks on the line, and never pauses for quiet_s. Given up after twice that, so that the stop can go out.
+AnswerPlan chatter(const std::string& word) {
+  AnswerPlan plan;
+  for (int i = 0; i < 50; ++i) plan.pieces.push_back({{word.begin(), word.end()}, i > 0 ? 0.05 : 0.0});
+  return plan;
+}
+
+template <class Table>
+double lost_after_s(Table& s) {
+  const double began_s = monotonic_s();
+  Result<AxisStatus> status = s.driver.status(Axis::heading);
+  while (status.ok() || status.error().message.find("link lost") == std::string::npos)
+    status = s.driver.status(Axis::heading);
+  EXPECT_NE(status.error().message.find("does not fall silent"), std::string::npos) << status.error().message;
+  return monotonic_s() - began_s;
+}
+
+TEST(StopStates, ChatterIsALostLinkSoon) {
+  for (const bool tcp : {true, false}) {
+    FaultStation s(tcp, "link.quiet_s = 0.2\n");
+    s.make_ready();
+    s.station.disturb([](const ModbusRequest&, AnswerPlan& plan) { plan = chatter("UUU"); });
+    EXPECT_LT(lost_after_s(s), 1.5) << tcp;
+    s.station.disturb(nullptr);
+  }
+  Dialect dialect = shipped_dialect("pi_gcs2");
+  dialect.link.reply_timeout_s = 0.15;
+  dialect.link.quiet_s = 0.2;
+  TextTable s(dialect);
+  s.make_ready();
+  s.station.disturb([](const std::string&, AnswerPlan& plan) { plan = chatter("*"); });
+  EXPECT_LT(lost_after_s(s), 1.5);
+  s.station.disturb(nullptr);
+}
+
 // The adapter was pulled: a stop cannot go out, and says so at once.
 TEST(StopStates, PulledAdapterIsSaidAtOnce) {
   expect_in_time([&] {

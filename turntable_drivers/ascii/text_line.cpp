@@ -11,6 +11,7 @@
 
 #include "imu_io/base/deadline.h"
 #include "imu_io/lines/tcp_connection.h"
+#include "turntable_drivers/table/drive_rules.h"
 
 namespace turncal {
 namespace {
@@ -18,7 +19,7 @@ namespace {
 constexpr double slice_s = 1e-3 * StopSignal::longest_look_away_ms;
 constexpr double write_timeout_s = 0.01;  // the kernel takes a sentence at once; a line that does not is dead
 constexpr std::size_t longest_answer = 4096;
-constexpr double longest_drain = 10.0;  // times quiet_s
+constexpr double longest_drain = 2.0;  // times quiet_s, after the time of a late answer: then nobody can be understood
 
 }  // namespace
 
@@ -86,11 +87,11 @@ Status TextLine::receive_some(double wait_s, bool& any) {
 }
 
 Status TextLine::drain() {
-  const Deadline limit(longest_drain * link_.quiet_s);
+  const Deadline limit(link_.reply_timeout_s + longest_drain * link_.quiet_s);
   double quiet_since_s = monotonic_s();
   while (monotonic_s() - quiet_since_s < link_.quiet_s) {
     if (stop_.pending()) return given_up();
-    if (limit.passed()) return failure("the line does not fall silent");
+    if (limit.passed()) return hang_up("the line does not fall silent");
     stop_.look_away();
     bool any = false;
     if (Status status = receive_some(slice_s, any); !status) return status;
@@ -116,8 +117,7 @@ Status TextLine::write(const std::string& body) {
   return {};
 }
 
-Result<std::string> TextLine::read_until(const std::string& end, double timeout_s, bool at_once) {
-  const Deadline deadline(timeout_s);
+Result<std::string> TextLine::read_until(const std::string& end, const Deadline& deadline, bool at_once) {
   for (;;) {
     if (const std::size_t place = buffer_.find(end); place != std::string::npos) {
       std::string text = buffer_.substr(0, place);
@@ -135,7 +135,8 @@ Result<std::string> TextLine::read_until(const std::string& end, double timeout_
     if (deadline.passed()) {
       stale_ = true;
       const std::string so_far = buffer_.empty() ? "" : ", only '" + visible(buffer_) + "'";
-      return failure("no answer within " + std::to_string(static_cast<int>(1e3 * timeout_s)) + " ms" + so_far);
+      const double awaited_s = at_once ? stop_ack_s : link_.reply_timeout_s;
+      return failure("no answer within " + std::to_string(static_cast<int>(1e3 * awaited_s)) + " ms" + so_far);
     }
     if (!at_once) stop_.look_away();
     bool any = false;
@@ -189,8 +190,9 @@ Result<std::string> TextLine::exchange(const std::string& body, int lines) {
   buffer_.clear();
   if (!stop_.pause(last_sent_s_ + link_.gap_s - monotonic_s())) return given_up();
   if (Status status = write(body); !status) return status.error();
+  const Deadline deadline(link_.reply_timeout_s);  // for all that comes
   if (link_.echo) {
-    const Result<std::string> echo = read_until(link_.echo_terminator, link_.reply_timeout_s, false);
+    const Result<std::string> echo = read_until(link_.echo_terminator, deadline, false);
     if (!echo) return echo.error();
     if (!echo->ends_with(frame_of(body))) {
       stale_ = true;
@@ -200,13 +202,13 @@ Result<std::string> TextLine::exchange(const std::string& body, int lines) {
   Result<std::string> result = std::string();
   std::string said;
   if (!link_.prompt.empty()) {
-    const Result<std::string> frames = read_until(link_.prompt, link_.reply_timeout_s, false);
+    const Result<std::string> frames = read_until(link_.prompt, deadline, false);
     if (!frames) return frames.error();
     said = *frames;
     result = bodies_of(*frames, lines);
   } else {
     for (int i = 0; i < lines && result; ++i) {
-      const Result<std::string> frame = read_until(link_.terminator_in, link_.reply_timeout_s, false);
+      const Result<std::string> frame = read_until(link_.terminator_in, deadline, false);
       if (!frame) return frame.error();
       said += *frame;
       const Result<std::string> line = body_of(*frame);
@@ -236,7 +238,7 @@ Status TextLine::send_at_once(const std::string& body, const std::optional<Sente
   Error last = failure("no answer");
   stale_ = true;
   do {
-    Result<std::string> frame = read_until(end, deadline.left_s(), true);
+    Result<std::string> frame = read_until(end, deadline, true);
     if (!frame) return frame.error();
     const Result<std::string> text = body_of(*frame);
     if (text && expect->match(*text)) return {};

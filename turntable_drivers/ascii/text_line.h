@@ -3,7 +3,8 @@
 // - Frame: prefix + body + (check_mark + two check digits) + terminator. An answer with a wrong prefix, a wrong or missing check, or
 //   more characters after it than there should be is an error.
 // - What has arrived before a sentence is sent is thrown away, so that no old answer is taken for a new one; after trouble the
-//   line is read empty until it has been quiet for quiet_s.
+//   line is read empty until it has been quiet for quiet_s; one that talks on is closed (longest_drain).
+// - An answer, echo and all its lines, must be there within reply_timeout_s, whatever comes in.
 // - A pending stop ends every wait at once (kind aborted); send_at_once() is for the stop itself.
 // One thread.
 #pragma once
@@ -12,6 +13,7 @@
 #include <string>
 
 #include "calib/types/status.h"
+#include "imu_io/base/deadline.h"
 #include "imu_io/lines/serial_port.h"
 #include "turntable_drivers/ascii/dialect.h"
 #include "turntable_drivers/table/stop_signal.h"
@@ -36,8 +38,8 @@ class TextLine {
  private:
   std::string frame_of(const std::string& body) const;  // without the terminator
   Status write(const std::string& body);
-  Result<std::string> read_until(const std::string& end, double timeout_s, bool at_once);  // without the end
-  Result<std::string> bodies_of(const std::string& frames, int lines);                     // that stood before a prompt
+  Result<std::string> read_until(const std::string& end, const Deadline& deadline, bool at_once);  // without the end
+  Result<std::string> bodies_of(const std::string& frames, int lines);  // that stood before a prompt
   Result<std::string> body_of(std::string frame) const;
   Status receive_some(double wait_s, bool& any);  // into buffer_
   Status drain();

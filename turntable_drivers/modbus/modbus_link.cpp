@@ -23,7 +23,7 @@ namespace {
 constexpr int byte_poll_ms = 1;               // while the rest of a frame comes in
 constexpr double busy_pause_s = 0.05;         // before a busy drive is asked again
 constexpr std::uint32_t read_out_us = 20000;  // libmodbus is called when the frame is there; this only bounds a mistake
-constexpr double longest_drain = 10.0;        // times quiet_s
+constexpr double longest_drain = 2.0;  // times quiet_s, after the time of a late answer: then nobody can be understood
 
 const char* exception_text(int exception) {
   switch (exception) {
@@ -143,11 +143,11 @@ bool ModbusLink::discard_pending() {
 }
 
 ModbusLink::Reply ModbusLink::drain() {
-  const Deadline limit(longest_drain * settings_.quiet_s);
+  const Deadline limit(settings_.response_timeout_s + longest_drain * settings_.quiet_s);
   double quiet_since_s = monotonic_s();
   while (monotonic_s() - quiet_since_s < settings_.quiet_s) {
     if (stop_.pending()) return {Failure::interrupted, 0, "", {}};
-    if (limit.passed()) return {Failure::garbled, 0, "the line does not fall silent", {}};
+    if (limit.passed()) return hang_up("the line does not fall silent");
     stop_.look_away();
     pollfd which{descriptor_, POLLIN, 0};
     const int n = ::poll(&which, 1, StopSignal::longest_look_away_ms);

@@ -4,7 +4,8 @@
 // accepts a late answer to another request as good, and does not let a stop interrupt a wait:
 // - A reply must come from the unit, be of the function, and have exactly the length or the address asked for; over TCP it must
 //   carry the request's transaction number too (frames of earlier ones are skipped). Bytes after it are trouble.
-// - After trouble (timeout, CRC, wrong reply) the line is read empty until it has been quiet for quiet_s.
+// - After trouble (timeout, CRC, wrong reply) the line is read empty until it has been quiet for quiet_s; one that talks on is lost
+//   (longest_drain).
 // - Reads are repeated read_retries times, writes never. Exceptions 5 and 6 (busy) and 10 and 11 (gateway) count as failures;
 //   1 to 3 are mistakes of the map (kind input), 4 is a fault of the drive.
 // - A pending stop ends every wait at once with an error of kind aborted. write_at_once() is for the stop itself: it does not
