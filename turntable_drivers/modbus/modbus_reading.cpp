@@ -150,7 +150,9 @@ Result<AxisStatus> ModbusTurntable::status(Axis axis) {
 }
 
 Status ModbusTurntable::commission(const AxisTriple& known_deg, double tolerance_deg) {
-  if (Status status = connected(); !status) return status;
+  if (!connected_) {
+    if (Status status = open_drives(false); !status) return status;
+  }
   for (const Axis axis : all_axes) {
     const Result<std::vector<std::uint16_t>> block = read_block(axis);
     if (!block) return block.error();

@@ -50,12 +50,13 @@ class ModbusTurntable : public Turntable {
   bool can_switch_off() const override { return map_.can_switch_off; }
 
   // Reads every axis, which the user has put at known angles, and says which word order and sign fit. Success: those of the map
-  // do, and no other would.
+  // do, and no other would. Needs no connect(), which believes no position that is not plausible.
   Status commission(const AxisTriple& known_deg, double tolerance_deg);
 
  private:
   Error axis_error(Axis axis, const std::string& what) const;
   Status connected() const;
+  Status open_drives(bool judge_positions);
   Status commissioned() const;
   Status beat();  // to every drive whose heartbeat is due
   Result<std::vector<std::uint16_t>> read_block(Axis axis);
