@@ -79,6 +79,29 @@ TEST(RegisterMap, DefectsAreNamed) {
 class ShippedMap : public testing::TestWithParam<const char*> {};
 
 // Opening, stopping or the heartbeat must not be what enables a drive, homes or moves it.
+TEST(RegisterMap, AStopThatCannotStopIsRefused) {
+  const std::string stop = "write.stop = 0x202 u16 1, 0x202 u16 0", abort = "write.abort = 0x203 u16 1",
+                    enable = "write.enable = 0x200 u16 1", home = "write.home = 0x201 u16 1, 0x201 u16 0";
+  for (const std::string& line : {stop, abort, enable, home}) {
+    const std::string key = line.substr(0, line.find(' '));
+    for (const char* const nothing : {" =", " = wait 0.01"}) {
+      const std::string said = error_of(line, key + nothing);
+      EXPECT_NE(said.find("at least one write of a register"), std::string::npos) << key << nothing << ": " << said;
+      EXPECT_EQ(said.find('\n'), std::string::npos) << said;
+    }
+  }
+  // Off, and on again with the word that only holds a drive.
+  const std::string word = "write.enable = 0x200 u16 0xF";
+  std::string text = plain_map_text("tcp");
+  text.replace(text.find(enable), enable.size(), word);
+  text.replace(text.find(abort), abort.size(), "write.abort = 0x200 u16 0, wait 0.05, 0x200 u16 0x10F");
+  const Result<RegisterMap> again = parse_register_map(text, "my.map");
+  ASSERT_FALSE(again.ok());
+  EXPECT_NE(again.error().message.find("write.abort"), std::string::npos) << again.error().message;
+  EXPECT_NE(again.error().message.find("switch on again"), std::string::npos) << again.error().message;
+  EXPECT_TRUE(parse_register_map(text + "switch_off = false\n", "my.map").ok());
+}
+
 TEST(RegisterMap, WritesThatWouldMoveUnderAnotherNameAreRefused) {
   EXPECT_EQ(
       error_of("", "write.setup = 0x200 u16 1\n"),

@@ -32,6 +32,19 @@ std::string error_of(const std::string& more) {
   return dialect ? "accepted" : dialect.error().message;
 }
 
+TEST(SentenceClash, AStopThatCannotStopIsRefused) {
+  EXPECT_NE(error_of("abort.2 = HALT {axis}").find("'abort.2'"), std::string::npos)
+      << error_of("abort.2 = HALT {axis}");
+  EXPECT_EQ(error_of("abort.2 = ERR?\nstop.2 = ERR?"), "accepted") << "a question commands nothing";
+  for (const char* const line : {"home.1 = HOME", "stop.1 = HALT", "abort.1 = OFF"}) {
+    const std::string operation = std::string(line).substr(0, std::string(line).find('.'));
+    const std::string said = error_of(line);
+    EXPECT_NE(said.find("expected {axis} in a sentence, or " + operation + ".scope = table"), std::string::npos)
+        << said;
+    EXPECT_EQ(error_of(std::string(line) + "\n" + operation + ".scope = table"), "accepted") << line;
+  }
+}
+
 TEST(SentenceClash, WhatWouldMoveUnderAnotherNameIsRefused) {
   EXPECT_EQ(error_of(""), "accepted") << "a reset and a question are in several lists";
   EXPECT_EQ(error_of("prepare.2 = SERVO {axis} 1"),

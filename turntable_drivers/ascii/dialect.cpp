@@ -1,5 +1,6 @@
 #include "turntable_drivers/ascii/dialect.h"
 
+#include <algorithm>
 #include <charconv>
 
 #include "imu_io/base/format_number.h"
@@ -104,6 +105,14 @@ void read_link(KeyValueFile& file, DialectLink& link) {
   keys.whole("link.read_retries", link.read_retries, 0, 10);
 }
 
+bool names_axis(const DialectSteps& steps) {
+  return std::any_of(steps.exchanges.begin(), steps.exchanges.end(), [](const Exchange& exchange) {
+    const auto names = exchange.send.names();
+    return std::any_of(names.begin(), names.end(),
+                       [](const std::string& name) { return name == "axis" || name.ends_with(".heading"); });
+  });
+}
+
 void read_steps(KeyValueFile& file, Dialect& dialect) {
   for (int i = 0; i < dialect_operation_count; ++i) {
     const auto operation = static_cast<DialectOperation>(i);
@@ -128,6 +137,11 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
       }
     }
     if (needed && steps.exchanges.empty()) file.text(name + ".1");  // the defect: it is missing
+    const bool commands_axis = operation == DialectOperation::enable || operation == DialectOperation::home ||
+                               operation == DialectOperation::move || is_stop;
+    if (commands_axis && steps.each_axis && !steps.exchanges.empty() && !names_axis(steps)) {
+      file.reject(name + ".1", "{axis} in a sentence, or " + name + ".scope = table");
+    }
   }
   const auto asks_for = [&](const std::string& quantity) {
     for (const Exchange& exchange : dialect.of(DialectOperation::move).exchanges) {
@@ -222,14 +236,17 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
   keys.flag("number.plus", dialect.plus);
   read_steps(file, dialect);
   keys.flag("switch_off", dialect.can_switch_off);
-  const auto sentences = [&](DialectOperation operation) {
-    std::string all;
-    for (const Exchange& exchange : dialect.of(operation).exchanges) all += exchange.send.text() + "\n";
-    return all;
+  // Questions aside, which command nothing.
+  const auto last_command = [&](DialectOperation operation) -> std::pair<std::string, std::size_t> {
+    const std::vector<Exchange>& all = dialect.of(operation).exchanges;
+    for (std::size_t i = all.size(); i-- > 0;)
+      if (all[i].send.text().find('?') == std::string::npos) return {all[i].send.text(), i + 1};
+    return {};
   };
-  if (dialect.can_switch_off && !sentences(DialectOperation::stop).empty() &&
-      sentences(DialectOperation::stop) == sentences(DialectOperation::abort)) {
-    file.reject("abort.1", "sentences that switch the drives off, unlike stop; or switch_off = false where none does");
+  const auto [abort, number] = last_command(DialectOperation::abort);
+  if (dialect.can_switch_off && number > 0 && abort == last_command(DialectOperation::stop).first) {
+    file.reject("abort." + std::to_string(number),
+                "a sentence that switches the drives off, unlike that of stop; or switch_off = false where none does");
   }
   if (file.has("error.texts")) dialect.errors = file.list("error.texts");
   read_status(file, dialect.status);

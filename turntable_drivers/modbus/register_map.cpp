@@ -187,6 +187,10 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
                           operation == DriveOperation::enable ||
                           (operation == DriveOperation::home && map.home_by_encoder);
     if (!optional && !file.has(key)) file.text(key);  // the defect: it is missing
+    const WriteList& list = map.list(operation);
+    if (file.has(key) && std::all_of(list.begin(), list.end(), [](const WriteStep& s) { return s.operands.empty(); })) {
+      file.reject(key, "at least one write of a register");
+    }
     for (const WriteStep& step : map.list(operation)) {
       for (const WriteOperand& operand : step.operands) {
         const bool of_move = operand.kind != WriteOperand::Kind::constant && operand.kind != WriteOperand::Kind::axis;
@@ -310,7 +314,8 @@ Result<RegisterMap> parse_register_map(const std::string& text, const std::strin
 }
 
 std::string caution_of(const RegisterMap& map) {
-  return map.can_switch_off ? "" : "switch_off = false: its drives stay on after every run, with nobody to watch them";
+  if (!map.can_switch_off) return "switch_off = false: its drives stay on after every run, with nobody to watch them";
+  return stop_holds_enable(map) ? "write.stop holds the bits of write.enable: it switches a drive on that was off" : "";
 }
 
 double counts_of(const MapAxis& axis, double angle_deg) {

@@ -73,6 +73,32 @@ std::vector<Written> triggers_of(const std::vector<Written>& list, DriveOperatio
   return found;
 }
 
+bool holds_bits(const Written& written, const Written& trigger) {
+  if (written.place != trigger.place || written.words.empty() || trigger.value.value_or(0.0) == 0.0) return false;
+  return (written.words[0] & trigger.words[0]) == trigger.words[0];
+}
+
+// What a list leaves in the register that enables; null: it does not write there.
+const Written* left_in(const std::vector<Written>& list, const Written& trigger) {
+  const auto last =
+      std::find_if(list.rbegin(), list.rend(), [&](const Written& w) { return w.place == trigger.place; });
+  return last == list.rend() ? nullptr : &*last;
+}
+
+// An abort that takes the enabling bits away, and gives them back.
+std::optional<WriteClash> on_again(const RegisterMap& map, Axis axis) {
+  const std::vector<Written> abort = written_by(map, DriveOperation::abort, axis);
+  for (const Written& trigger : triggers_of(written_by(map, DriveOperation::enable, axis), DriveOperation::enable)) {
+    const Written* const left = left_in(abort, trigger);
+    const bool taken_away = std::any_of(abort.begin(), abort.end(), [&](const Written& written) {
+      return written.place == trigger.place && !holds_bits(written, trigger);
+    });
+    if (!map.can_switch_off || left == nullptr || !taken_away || !holds_bits(*left, trigger)) continue;
+    return WriteClash{"write.abort", "that it does not end with the bits of write.enable, which switch on again"};
+  }
+  return std::nullopt;
+}
+
 // Another register that both write with different values before: another command.
 bool differ(const std::vector<Written>& one, const std::vector<Written>& other, const Register& trigger) {
   for (const Written& a : one) {
@@ -179,6 +205,7 @@ std::optional<WriteClash> same_axis(const RegisterMap& map, Axis one, Axis other
 
 std::optional<WriteClash> write_clash(const RegisterMap& map) {
   for (const Axis one : all_axes) {
+    if (auto clash = on_again(map, one)) return clash;
     for (const Axis other : all_axes) {
       if (index(one) < index(other)) {
         if (auto clash = same_axis(map, one, other)) return clash;
@@ -188,6 +215,15 @@ std::optional<WriteClash> write_clash(const RegisterMap& map) {
     }
   }
   return std::nullopt;
+}
+
+bool stop_holds_enable(const RegisterMap& map) {
+  const std::vector<Written> stop = written_by(map, DriveOperation::stop, Axis::heading);
+  const auto triggers = triggers_of(written_by(map, DriveOperation::enable, Axis::heading), DriveOperation::enable);
+  return std::any_of(triggers.begin(), triggers.end(), [&](const Written& trigger) {
+    const Written* const left = left_in(stop, trigger);
+    return left != nullptr && holds_bits(*left, trigger);
+  });
 }
 
 }  // namespace turncal

@@ -4,7 +4,7 @@
 // What starts something is the register that its list writes last: for `enable` the value that it ends with (those before are steps of
 // the drive's own state machine), for `home` and `move` every value written there. A 0 that follows another value in a register is a
 // release, and starts nothing. The register of a move's position or distance is written by no other list, whatever the value: a drive that
-// is on may follow it. All of it register by register: a number of 32 bits writes two. A register that both lists write with different values first, as a command block does, tells them apart.
+// is on may follow it. An `abort` that takes the bits of the enabling value away must not end with them. All of it register by register: a number of 32 bits writes two. A register that both lists write with different values first, as a command block does, tells them apart.
 #pragma once
 
 #include <optional>
@@ -19,5 +19,8 @@ struct WriteClash {
   std::string expected;
 };
 std::optional<WriteClash> write_clash(const RegisterMap& map);
+
+// Whether the word that a stop leaves in the register of `enable` holds all bits of the value that enables.
+bool stop_holds_enable(const RegisterMap& map);
 
 }  // namespace turncal
