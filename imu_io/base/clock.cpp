@@ -15,4 +15,12 @@ std::string format_utc(double utc_s) {
   return text;
 }
 
+std::optional<double> parse_utc(const std::string& text) {
+  std::tm parts{};
+  const char* const end = ::strptime(text.c_str(), "%Y-%m-%dT%H:%M:%SZ", &parts);
+  if (!end || *end != '\0') return std::nullopt;
+  const auto utc_s = static_cast<double>(timegm(&parts));
+  return format_utc(utc_s) == text ? std::optional(utc_s) : std::nullopt;
+}
+
 }  // namespace turncal

@@ -1,6 +1,7 @@
 // Time, injected. In a live run it is the machine's; in a dry run it is the rig's, which makes runs reproducible.
 #pragma once
 
+#include <optional>
 #include <string>
 
 namespace turncal {
@@ -16,5 +17,7 @@ class Clock {
 
 // "2026-01-31T12:00:00Z"
 std::string format_utc(double utc_s);
+// And back; empty for any other text.
+std::optional<double> parse_utc(const std::string& text);
 
 }  // namespace turncal

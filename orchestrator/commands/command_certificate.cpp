@@ -5,6 +5,7 @@
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/certificate_job.h"
 #include "orchestrator/records/output_folder.h"
+#include "orchestrator/report/report_page.h"
 
 namespace turncal {
 

@@ -6,12 +6,12 @@
 #include <set>
 
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/base/format_number.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/records/parameter_history.h"
+#include "orchestrator/line/parameter_history.h"
+#include "orchestrator/line_report/history_csv.h"
+#include "orchestrator/line_report/history_page.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/report/history_page.h"
 
 namespace turncal {
 
@@ -20,9 +20,10 @@ namespace {
 using Calibrations = std::vector<StoredCalibration>;
 
 struct HistoryOptions {
-  std::string database, unit, parameter, csv, report;
+  std::string database, parameter, csv, report;
+  RecordFilter filter;
   std::vector<std::int64_t> compare;
-  bool control = false, simulated = false, together = false;
+  bool attempts = false, control = false, simulated = false, together = false;
 };
 
 // A control chart is of one unit, unless the spread between units is asked for.
@@ -86,6 +87,10 @@ std::string number(std::optional<double> value, const char* format = "%.8g") {
   return text;
 }
 
+std::optional<double> value_of(const std::optional<Capability>& index) {
+  return index ? std::optional(index->value) : std::nullopt;
+}
+
 void print_control(const Calibrations& all, std::ostream& out) {
   print(out, "%-5s %5s %15s %15s %15s %8s %8s", "", "n", "mean", "lower", "upper", "outside", "Cpk");
   for (const std::string_view key : free_parameter_keys()) {
@@ -93,7 +98,7 @@ void print_control(const Calibrations& all, std::ostream& out) {
     const ControlChart& chart = history.chart;
     print(out, "%-5s %5zu %15.8g %15s %15s %8zu %8s", std::string(key).c_str(), chart.count, chart.mean,
           number(chart.lower).c_str(), number(chart.upper).c_str(), chart.outside.size(),
-          number(chart.cpk, "%.2f").c_str());
+          number(value_of(chart.cpk), "%.2f").c_str());
   }
 }
 
@@ -111,35 +116,8 @@ Status print_parameter(const Calibrations& all, const std::string& key, std::ost
   }
   print(out, "%s: n %zu, mean %.8g, control limits %s .. %s, limits %s .. %s, Cpk %s", key.c_str(), chart.count,
         chart.mean, number(chart.lower).c_str(), number(chart.upper).c_str(), number(history.limit.min).c_str(),
-        number(history.limit.max).c_str(), number(chart.cpk, "%.2f").c_str());
+        number(history.limit.max).c_str(), number(value_of(chart.cpk), "%.2f").c_str());
   return {};
-}
-
-// RFC 4180: quoted where a text could be mistaken. One that a spreadsheet would take for a formula gets an apostrophe in front.
-std::string csv_text(std::string text) {
-  if (text.find_first_of("=+-@\t\r") == 0) text.insert(0, "'");
-  if (text.find_first_of(",\"\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
-}
-
-std::string as_csv(const Calibrations& all) {
-  std::string text = "id,unit,time_utc,verdict,station,operator,simulated,sessions,recording_hash,folder";
-  for (const std::string_view key : parameter_keys) text += "," + std::string(key) + ",sigma." + std::string(key);
-  text += "\n";
-  for (const StoredCalibration& c : all) {
-    text += std::to_string(c.id);
-    for (const std::string* field : {&c.unit, &c.time_utc, &c.verdict, &c.station, &c.operator_name})
-      text += "," + csv_text(*field);
-    text += std::string(c.simulated ? ",true," : ",false,") + std::to_string(c.sessions) + "," + c.recording_hash +
-            "," + csv_text(c.folder);
-    for (const StoredValue& value : c.values) {
-      text += "," + format_number(value.value) + "," + (value.sigma ? format_number(*value.sigma) : "");
-    }
-    text += "\n";
-  }
-  return text;
 }
 
 // The first 40 bytes tell the table, and the page, from every other file.
@@ -155,14 +133,14 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
     if (Status status = check_one_unit(options, all); !status) return status;
   }
   if (!options.csv.empty()) {
-    if (Status status = write_named(options.csv, as_csv(all)); !status) return status;
+    if (Status status = write_named(options.csv, calibrations_csv(all)); !status) return status;
     out << all.size() << " calibrations in " << options.csv << '\n';
     return {};
   }
   if (!options.compare.empty()) return print_comparison(all, options.compare, out);
   if (!options.report.empty()) {
     const std::string source =
-        options.database + (options.unit.empty() ? ", all units together" : ", unit " + options.unit);
+        options.database + (options.filter.unit.empty() ? ", all units together" : ", unit " + options.filter.unit);
     if (Status status = write_named(options.report, history_page(all, source)); !status) return status;
     out << "control charts of " << all.size() << " calibrations in " << options.report << '\n';
     return {};
@@ -172,10 +150,32 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
   return {};
 }
 
+Status show_attempts(const HistoryOptions& options, const ResultsDatabase& database, std::ostream& out) {
+  const Result<std::vector<AttemptRecord>> all = database.attempts(options.filter);
+  if (!all) return all.error();
+  if (!options.csv.empty()) {
+    if (Status status = write_named(options.csv, attempts_csv(*all)); !status) return status;
+    out << all->size() << " attempts in " << options.csv << '\n';
+    return {};
+  }
+  print(out, "%5s  %-20s  %-20s  %-16s  %-12s  %-14s  %8s  %s", "id", "unit", "time", "outcome", "station",
+        "temperature, C", "residual", "reason");
+  for (const AttemptRecord& a : *all) {
+    const std::string temperature =
+        a.temperature_min_c ? number(a.temperature_min_c, "%.1f") + " .. " + number(a.temperature_max_c, "%.1f") : "-";
+    print(out, "%5lld  %-20s  %-20s  %-16s  %-12s  %-14s  %8s  %.200s%s", static_cast<long long>(a.id), a.unit.c_str(),
+          a.time_utc.c_str(), a.outcome.c_str(), a.station.c_str(), temperature.c_str(),
+          number(a.residual, "%.3f").c_str(), a.reason.c_str(), a.simulated ? "  [simulated]" : "");
+  }
+  return {};
+}
+
 Status show_history(const HistoryOptions& options, std::ostream& out) {
+  if (Status status = check(options.filter); !status) return status;
   const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(options.database);
   if (!database) return database.error();
-  Result<Calibrations> all = database->list(options.unit, "");
+  if (options.attempts) return show_attempts(options, *database, out);
+  Result<Calibrations> all = database->list(options.filter, "");
   if (!all) return all.error();
   std::string damaged;
   int more = -1;
@@ -222,11 +222,21 @@ Status restore(const RestoreOptions& options, std::ostream& out) {
 
 }  // namespace
 
+void add_filter_options(const Command& command, RecordFilter& filter) {
+  command.option("--station", filter.station, "of this station only");
+  command.option("--part", filter.part, "of this part only");
+  command.option("--from", filter.from, "from this time on, UTC: 2026-01-31 or 2026-01-31T06:00:00Z");
+  command.option("--to", filter.to, "up to this time; a date: to its end");
+}
+
 void add_history_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<HistoryOptions>();
   const Command command = line.command("history", "list, compare and export what is in the results database");
   command.option("database", options->database, "the station's record.database").required();
-  command.option("--unit", options->unit, "calibrations of this unit only");
+  add_filter_options(command, options->filter);
+  command.option("--unit", options->filter.unit, "of this unit only");
+  command.option("--verdict", options->filter.verdict, "with this verdict or outcome only: pass, hold, dropped, ...");
+  command.flag("--attempts", options->attempts, "every attempt, also those that were refused, aborted, or failed");
   command.option("--compare", options->compare, "two ids: the differences of one unit's parameters").words(2);
   command.flag("--control", options->control, "every parameter over all calibrations: control limits and Cpk");
   command.option("--parameter", options->parameter, "one parameter, calibration by calibration");

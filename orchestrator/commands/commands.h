@@ -5,6 +5,10 @@
 
 namespace turncal {
 
+struct RecordFilter;
+// Which rows of the results database: --station, --part, --from, --to.
+void add_filter_options(const Command& command, RecordFilter& filter);
+
 void add_run_command(CommandLine& line, CommandContext& context);
 void add_resume_command(CommandLine& line, CommandContext& context);
 void add_journal_command(CommandLine& line, CommandContext& context);
@@ -27,6 +31,8 @@ void add_convert_command(CommandLine& line, CommandContext& context);
 void add_batch_command(CommandLine& line, CommandContext& context);
 void add_queue_command(CommandLine& line, CommandContext& context);
 void add_history_command(CommandLine& line, CommandContext& context);
+void add_shift_command(CommandLine& line, CommandContext& context);
+void add_database_command(CommandLine& line, CommandContext& context);
 void add_restore_command(CommandLine& line, CommandContext& context);
 void add_prune_command(CommandLine& line, CommandContext& context);
 

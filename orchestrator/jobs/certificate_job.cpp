@@ -7,7 +7,6 @@
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_source.h"
-#include "orchestrator/figures/piped_program.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/report/certificate.h"
 #include "orchestrator/watch/progress.h"
@@ -93,16 +92,6 @@ Result<std::string> make_certificate(const CertificateRequest& request) {
       !status)
     return status.error();
   return certificate_page(certificate);
-}
-
-Status write_pdf(const std::string& html, const std::string& path) {
-  const Result<PipedOutput> pdf = pipe_through({.name = "weasyprint",
-                                                .arguments = {"--encoding", "utf-8", "-", "-"},
-                                                .package = "weasyprint",
-                                                .deadline_s = 120.0},
-                                               html);
-  if (!pdf) return device_error(path + ": " + pdf.error().message);
-  return write_file_atomically(path, pdf->output);
 }
 
 }  // namespace turncal

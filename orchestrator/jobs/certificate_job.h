@@ -19,7 +19,4 @@ struct CertificateRequest {
 // trusted, unless a specimen is asked for.
 Result<std::string> make_certificate(const CertificateRequest& request);
 
-// The page as PDF, by weasyprint within two minutes (piped_program.h).
-Status write_pdf(const std::string& html, const std::string& path);
-
 }  // namespace turncal

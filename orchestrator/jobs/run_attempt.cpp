@@ -69,11 +69,13 @@ std::vector<std::string> last_results(const PreparedRun& run) {
   std::vector<std::string> lines;
   if (run.station.database.empty() || !path_exists(run.station.database)) return lines;
   const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(run.station.database);
-  const auto all = database ? database->list("", "N01") : Result<std::vector<StoredCalibration>>(database.error());
+  Result<std::vector<AttemptRecord>> all =
+      database ? database->attempts({}) : Result<std::vector<AttemptRecord>>(database.error());
   if (!all) return {all.error().message};
+  std::erase_if(*all, [](const AttemptRecord& attempt) { return attempt.outcome == outcome_running; });
   for (std::size_t i = all->size() - std::min(all->size(), shown); i < all->size(); ++i) {
-    const StoredCalibration& c = (*all)[i];
-    lines.push_back(c.time_utc + "  " + c.unit + "  " + c.verdict + (c.simulated ? "  [simulated]" : ""));
+    const AttemptRecord& a = (*all)[i];
+    lines.push_back(a.time_utc + "  " + a.unit + "  " + a.outcome + (a.simulated ? "  [simulated]" : ""));
   }
   return lines;
 }
@@ -242,6 +244,7 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
   }
   progress.clear();
   note_outcome(outcome, a.sample_period_s, a.units);
+  for (UnitRun& unit : a.units) unit.counts.ended_utc_s = devices.clock.utc_s();
   const bool done = outcome.state == RunState::done;
   live.end(done                                     ? "Done: " + outcomes_of(a.units)
            : outcome.state == RunState::interrupted ? "Paused: " + outcome.error.message

@@ -13,6 +13,7 @@
 #include "orchestrator/jobs/verification_job.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/recording_sink.h"
+#include "orchestrator/records/results_database.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
 #include "orchestrator/watch/clock_watch.h"
@@ -85,10 +86,65 @@ std::string first_line(const PreparedRun& run) {
                               : "");
 }
 
-// What the station wants told of every unit; the run's outcome is not changed by it.
-RunEnd call_hooks(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
+// In one word, whatever became of a unit.
+std::string attempt_outcome(const UnitRun& unit) {
+  const std::string outcome = outcome_of(unit);
+  if (!outcome.empty()) return outcome;
+  const ErrorKind kind = unit.status.error().kind;
+  return kind == ErrorKind::aborted ? "aborted" : kind == ErrorKind::interrupted ? "interrupted" : "failed";
+}
+
+Status note_attempt(const UnitRun& unit, const std::string& outcome, const Status& why, double utc_s) {
+  if (unit.run.station.database.empty()) return {};
+  Result<ResultsDatabase> database = ResultsDatabase::open(unit.run.station.database);
+  if (!database) return database.error();
+  AttemptRecord attempt = attempt_record(unit.run, unit.folder, unit.counts, unit.results);
+  attempt.outcome = outcome;
+  attempt.time_utc = format_utc(utc_s);
+  if (attempt.began_utc.empty()) attempt.began_utc = attempt.time_utc;
+  if (!why) attempt.reason = why.error().message;
+  return stored(database->note(attempt));
+}
+
+Status note_running(const std::vector<UnitRun>& units, double utc_s) {
+  for (const UnitRun& unit : units) {
+    if (unit.dropped) continue;
+    if (Status status = note_attempt(unit, outcome_running, {}, utc_s); !status) return status;
+  }
+  return {};
+}
+
+// Before there was a run. A refusal makes no database, and why it was refused is said whether it can be noted or not.
+Error refused(const PreparedRun& run, const Error& why) {
+  const double utc_s = run.request.dry_run ? run.rig.start_utc_s : wall_utc_s();
+  for (UnitRun& unit : units_of(run, "")) {
+    if (!path_exists(run.station.database)) break;
+    if (!note_attempt(unit, "refused", why, utc_s)) break;
+  }
+  return why;
+}
+
+// What became of units that have no calibration: the others were noted with theirs.
+Status note_outcomes(const std::vector<UnitRun>& units) {
+  for (const UnitRun& unit : units) {
+    if (unit.counts.ended_utc_s <= 0.0 || (unit.results.output && !outcome_of(unit).empty())) continue;
+    if (Status status = note_attempt(unit, attempt_outcome(unit), unit.status, unit.counts.ended_utc_s); !status)
+      return status;
+  }
+  return {};
+}
+
+// What the station wants kept and told of every unit; what became of them is not changed by it.
+RunEnd conclude(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
   for (UnitRun& unit : units) {
     if (!end.to_the_end && unit.status) unit.status = end.status;
+  }
+  if (Status status = note_outcomes(units); !status) {
+    if (log) log->line(status.error().message);
+    if (end.status) end.status = status;
+    end.to_the_end = false;
+  }
+  for (UnitRun& unit : units) {
     HookCall call = call_for(unit.status);
     call.unit = unit.run.unit();
     call.folder = unit.folder;
@@ -109,6 +165,7 @@ RunEnd finish_sealed(std::vector<UnitRun>& units, const std::string& folder, con
                      JournalFile& journal, CommandContext& context) {
   const double began_s = steady_wall_s();
   if (Status status = verify_recordings(units, contents); !status) return status;
+  for (UnitRun& unit : units) unit.counts.ended_utc_s = *contents.seal_utc_s;
   if (Status status = calibrate_units(units, *contents.seal_utc_s, journal); !status) return status;
   conclude_units(units, steady_wall_s() - began_s, folder + "/" + log_name, context.out);
   RunEnd end(status_of(units));
@@ -207,16 +264,18 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   const double period_s = prepared->sample_period_s();
   const Plan plan = plan_of(*prepared, period_s);
   if (Status status = check_sequence(*prepared, plan, ", --partial to estimate the others, or --capture-only"); !status)
-    return status;
+    return refused(*prepared, status.error());
   Result<RunDevices> devices = make_devices(*prepared, context);
-  if (!devices) return devices.error();
-  if (Status status = look_ahead(*prepared, plan, folder_path, devices->devices().clock.utc_s()); !status)
-    return status;
+  if (!devices) return refused(*prepared, devices.error());
+  const double utc_s = devices->devices().clock.utc_s();
+  if (Status status = look_ahead(*prepared, plan, folder_path, utc_s); !status)
+    return refused(*prepared, status.error());
 
   Result<OutputFolder> folder = OutputFolder::prepare(
       folder_path,
       {binary_recording_name, partial_recording_name, parameters_name, truth_name, log_name, journal_name});
-  if (!folder) return folder.error();
+  if (!folder) return refused(*prepared, folder.error());
+  prepared->began_utc = format_utc(utc_s);
   std::vector<UnitRun> units = units_of(*prepared, folder->path());
   std::vector<OutputFolder> unit_folders;
   for (std::size_t i = 0; units.size() > 1 && i < units.size(); ++i) {
@@ -230,6 +289,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   Result<RunLog> log = RunLog::create(folder->file(log_name), std::string(tag_of(*prepared)));
   if (!log) return log.error();
   log->line(first_line(*prepared));
+  if (Status status = note_running(units, utc_s); !status) return status;
 
   RunEnd end =
       attempt({*prepared, plan, period_s, units, folder->path(), *journal, *log, std::nullopt, 1}, *devices, context);
@@ -240,7 +300,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
     folder->keep();
     if (!unit_folders.empty()) unit_folders[i].keep();
   }
-  return call_hooks(std::move(end), units, &*log);
+  return conclude(std::move(end), units, &*log);
 }
 
 RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
@@ -261,12 +321,13 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   if (!prepared) return prepared.error();
   context.tag = tag_of(*prepared);
   if (Status status = check_unchanged(*prepared, *contents); !status) return status;
+  prepared->began_utc = contents->begin_value("began_utc");
 
   std::vector<UnitRun> units = units_of(*prepared, folder);
   mark_dropped(*contents, true, units);
   const Result<bool> sealed = sealed_recordings(units);
   if (!sealed) return sealed.error();
-  if (*sealed) return call_hooks(finish_sealed(units, folder, *contents, *journal, context), units, nullptr);
+  if (*sealed) return conclude(finish_sealed(units, folder, *contents, *journal, context), units, nullptr);
 
   mark_dropped(*contents, false, units);
   const double period_s = prepared->sample_period_s();
@@ -311,8 +372,12 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   Result<RunLog> log = RunLog::append(folder + "/" + log_name, std::string(tag_of(*prepared)));
   if (!log) return log.error();
   log->line("resumed by turncal " + std::string(software_version()) + ": " + what);
+  if (prepared->began_utc.empty())  // a journal of an older turncal
+    for (UnitRun& unit : units) unit.run.began_utc = format_utc(utc_s);
+  for (UnitRun& unit : units) unit.counts.sessions = contents->sessions + 1;
+  if (Status status = note_running(units, utc_s); !status) return status;
   const Attempt again{*prepared, plan, period_s, units, folder, *journal, *log, resume, contents->sessions + 1};
-  return call_hooks(attempt(again, *devices, context), units, &*log);
+  return conclude(attempt(again, *devices, context), units, &*log);
 }
 
 }  // namespace turncal

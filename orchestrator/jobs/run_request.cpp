@@ -227,6 +227,7 @@ JournalFields begin_fields(const PreparedRun& run) {
                           {"software_version", software_version()},
                           {"simulated", run.simulated() ? "true" : "false"},
                           {"live", request.dry_run ? "" : "true"},
+                          {"began_utc", run.began_utc},
                           {"manual", request.manual ? "true" : ""},
                           {"capture_only", request.capture_only ? "true" : "false"},
                           {"partial", request.partial ? "true" : ""},

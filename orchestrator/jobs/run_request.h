@@ -50,6 +50,7 @@ struct PreparedRun {
   int verify_from = 0;  // number of the step where the north seeking begins; 0: none
   std::optional<ParameterFile> verified;
   std::string station_hash, rig_hash, sequence_hash, verified_hash;  // rig_hash: of a dry run
+  std::string began_utc;  // set when the run begins, and kept when it goes on
   const std::string& unit() const { return request.units.front(); }  // of a run of one
   // The step where what is calibrated from ends; 0: with the recording.
   int calibration_ends_before() const { return request.capture_only ? 0 : verify_from; }

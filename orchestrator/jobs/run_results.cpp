@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <sstream>
 
 #include "imu_io/base/atomic_file.h"
@@ -47,12 +48,6 @@ void add_record(const PreparedRun& run, const RunCounts& counts, ParameterFile& 
   for (const auto& [key, value] : fields) {
     if (!value.empty()) file.add_further(key, value);
   }
-}
-
-// A failure to keep something is never the unit's, nor a mistake of the operator's.
-Status stored(Status status) {
-  if (status || status.error().kind != ErrorKind::input) return status;
-  return device_error(status.error().message);
 }
 
 // "accel_second_order (31 sigma), gyro_bias_drift (7 sigma)"; what is wrong where no effect was added.
@@ -162,7 +157,11 @@ Status keep_results(const PreparedRun& run, const std::string& folder, const Run
   if (!run.station.database.empty()) {
     Result<ResultsDatabase> database = ResultsDatabase::open(run.station.database);
     if (!database) return database.error();
-    if (Status status = database->add(file, results.verdict, folder, counts.sessions); !status) return status;
+    AttemptRecord attempt = attempt_record(run, folder, counts, results);
+    attempt.time_utc = file.time_utc;
+    attempt.outcome = to_string(results.verdict.verdict);
+    attempt.reason = results.verdict.reason;
+    if (Status status = database->add(file, results.verdict, attempt); !status) return status;
   }
   if (!run.station.store.empty() && !run.request.partial && is_accepted(results.verdict.verdict)) {
     if (Status status = put_in_use(run.station.store, file); !status) return status;
@@ -171,6 +170,11 @@ Status keep_results(const PreparedRun& run, const std::string& folder, const Run
 }
 
 }  // namespace
+
+Status stored(Status status) {
+  if (status || status.error().kind != ErrorKind::input) return status;
+  return device_error(status.error().message);
+}
 
 std::string_view tag_of(const PreparedRun& run) {
   if (run.request.dry_run) return dry_run_tag;
@@ -218,6 +222,35 @@ Status write_results(const PreparedRun& run, const std::string& folder, const Lo
                                                       {"verification", verdict.verification},
                                                       {"reason", verdict.reason}},
                                                      mark));
+}
+
+AttemptRecord attempt_record(const PreparedRun& run, const std::string& folder, const RunCounts& counts,
+                             const RunResults& results) {
+  AttemptRecord attempt;
+  if (!folder.empty()) attempt.folder = std::filesystem::absolute(folder).lexically_normal().string();
+  const RunRequest& request = run.request;
+  // A run of several units has a folder for each.
+  if (!run.began_utc.empty()) attempt.run = run.began_utc + " " + attempt.folder;
+  attempt.unit = run.unit();
+  attempt.began_utc = run.began_utc;
+  attempt.simulated = run.simulated();
+  attempt.station = run.station.name;
+  attempt.operator_name = request.operator_name;
+  attempt.part = request.part;
+  attempt.revision = request.revision;
+  attempt.ambient = request.ambient;
+  if (results.output) {
+    attempt.temperature_min_c = results.output->min_temperature_c;
+    attempt.temperature_max_c = results.output->max_temperature_c;
+    if (const std::string* const residual = find_further(results.output->file, "quality.normalised_rms"))
+      attempt.residual = parse_number(*residual);
+  }
+  attempt.diagnosis = results.verdict.diagnosis;
+  if (counts.recorded_s > 0.0) attempt.recorded_s = counts.recorded_s;
+  attempt.sessions = counts.sessions;
+  attempt.repeated_dwells = counts.repeated_dwells;
+  attempt.lost_samples = static_cast<std::int64_t>(counts.lost_samples);
+  return attempt;
 }
 
 std::string reason_of(const PreparedRun& run, const VerdictReport& verdict) {

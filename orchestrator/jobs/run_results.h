@@ -14,6 +14,7 @@
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/jobs/run_request.h"
+#include "orchestrator/records/attempt_record.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/verification_report.h"
 #include "orchestrator/station/verdict.h"
@@ -35,6 +36,7 @@ struct RunCounts {
   std::uint64_t lost_samples = 0;
   int sessions = 1;                     // how often the run was begun or taken up again
   std::optional<UnitClock> clock = {};  // empty: not measured, as in a dry run
+  double ended_utc_s = 0.0;             // 0: it did not begin
 };
 
 struct RunResults {
@@ -47,6 +49,13 @@ struct RunResults {
 // utc_s: when the recording was sealed. mark: goes after the other fields of the journal's records.
 Status write_results(const PreparedRun& run, const std::string& folder, const LoadedRecording& recording, double utc_s,
                      const RunCounts& counts, JournalFile& journal, const JournalFields& mark, RunResults& results);
+
+// A failure to keep something is never the unit's, nor a mistake of the operator's: of kind device.
+Status stored(Status status);
+
+// The attempt as the database has it; the caller says what became of it, and when.
+AttemptRecord attempt_record(const PreparedRun& run, const std::string& folder, const RunCounts& counts,
+                             const RunResults& results);
 
 // A recording of less says too little about what the 24 parameters lack: no diagnosis at the end of the run.
 inline constexpr double least_diagnosed_s = 1800.0;

@@ -6,25 +6,14 @@
 #include <filesystem>
 
 #include "imu_io/base/posix_file.h"
+#include "orchestrator/records/database_schema.h"
+#include "orchestrator/records/sqlite_statement.h"
 
 namespace turncal {
 
 namespace {
 
-// The columns after folder come from the parameter file's record.* keys of the same name.
-constexpr const char* schema = R"(
-CREATE TABLE IF NOT EXISTS calibration(
-  id INTEGER PRIMARY KEY, unit TEXT NOT NULL, time_utc TEXT NOT NULL, method TEXT NOT NULL, recording_hash TEXT NOT NULL,
-  software_version TEXT, simulated INTEGER NOT NULL, verdict TEXT NOT NULL, rule TEXT, sessions INTEGER, folder TEXT,
-  station TEXT, operator TEXT, part TEXT, revision TEXT, ambient TEXT, configuration_hash TEXT, sequence TEXT,
-  sequence_hash TEXT, table_id TEXT, table_calibration_due TEXT, overdue_reason TEXT, repeated_dwells TEXT,
-  lost_samples TEXT, parameter_file TEXT NOT NULL, model TEXT, diagnosis TEXT, reason TEXT,
-  verification TEXT,
-  UNIQUE(unit, recording_hash, method));
-CREATE TABLE IF NOT EXISTS value(
-  calibration INTEGER NOT NULL REFERENCES calibration(id) ON DELETE CASCADE, key TEXT NOT NULL, value REAL NOT NULL,
-  sigma REAL, limit_min REAL, limit_max REAL, verdict TEXT, PRIMARY KEY(calibration, key));
-)";
+// Columns that come from the parameter file's record.* keys of the same name.
 constexpr const char* record_columns[] = {"station",        "operator",
                                           "part",           "revision",
                                           "ambient",        "configuration_hash",
@@ -32,52 +21,6 @@ constexpr const char* record_columns[] = {"station",        "operator",
                                           "table_id",       "table_calibration_due",
                                           "overdue_reason", "repeated_dwells",
                                           "lost_samples"};
-
-class Statement {
- public:
-  Statement(sqlite3* database, const std::string& sql) {
-    sqlite3_prepare_v2(database, sql.c_str(), -1, &statement_, nullptr);
-  }
-  ~Statement() { sqlite3_finalize(statement_); }
-  Statement(const Statement&) = delete;
-  Statement& operator=(const Statement&) = delete;
-  explicit operator bool() const { return statement_ != nullptr; }
-
-  Statement& bind(const std::string& text) {
-    sqlite3_bind_text(statement_, ++bound_, text.c_str(), -1, SQLITE_TRANSIENT);
-    return *this;
-  }
-  Statement& bind(double value) {
-    sqlite3_bind_double(statement_, ++bound_, value);
-    return *this;
-  }
-  Statement& bind(std::int64_t value) {
-    sqlite3_bind_int64(statement_, ++bound_, value);
-    return *this;
-  }
-  Statement& bind(const std::optional<double>& value) {
-    if (value) return bind(*value);
-    sqlite3_bind_null(statement_, ++bound_);
-    return *this;
-  }
-  bool row() { return (last_ = sqlite3_step(statement_)) == SQLITE_ROW; }
-  bool done() { return (last_ = sqlite3_step(statement_)) == SQLITE_DONE; }
-  bool ended_well() const { return last_ == SQLITE_DONE; }
-  std::string text(int column) const {
-    const unsigned char* value = sqlite3_column_text(statement_, column);
-    return value ? reinterpret_cast<const char*>(value) : "";
-  }
-  std::int64_t integer(int column) const { return sqlite3_column_int64(statement_, column); }
-  std::optional<double> number(int column) const {
-    if (sqlite3_column_type(statement_, column) == SQLITE_NULL) return std::nullopt;
-    return sqlite3_column_double(statement_, column);
-  }
-
- private:
-  sqlite3_stmt* statement_ = nullptr;
-  int bound_ = 0;
-  int last_ = SQLITE_ERROR;
-};
 
 std::string record_value(const ParameterFile& file, const std::string& column) {
   const std::string key = "record." + column;
@@ -134,21 +77,42 @@ Status ResultsDatabase::execute(const char* sql) const {
   return failure("cannot write");
 }
 
-Result<ResultsDatabase> ResultsDatabase::open(const std::string& path) {
-  if (Status status = make_folder(folder_of(path)); !status) return status.error();
+Status ResultsDatabase::check_version() const {
+  const int version = version_of(handle_.get());
+  if (version < 0) return failure("cannot read");
+  if (version <= database_version) return {};
+  return input_error(path_ + ": results database: its schema has version " + std::to_string(version) +
+                     ", expected at most " + std::to_string(database_version) + ": a newer turncal made it");
+}
+
+// An older one becomes the newest, whole or not at all; of stations that do so at once the second finds it done.
+Status ResultsDatabase::bring_up_to_date(bool keep) const {
+  if (Status status = check_version(); !status) return status;
+  if (keep && version_of(handle_.get()) == database_version) return {};
+  if (Status status = execute("BEGIN IMMEDIATE"); !status) return status;
+  Status status = migrate(handle_.get()) ? Status{} : failure("cannot write");
+  if (status) status = execute(keep ? "COMMIT" : "ROLLBACK");
+  if (!status) sqlite3_exec(handle_.get(), "ROLLBACK", nullptr, nullptr, nullptr);
+  return status;
+}
+
+Result<ResultsDatabase> ResultsDatabase::connect(const std::string& path, int flags, int patience_ms) {
   sqlite3* handle = nullptr;
-  const int code = sqlite3_open_v2(path.c_str(), &handle, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, nullptr);
+  const int code = sqlite3_open_v2(path.c_str(), &handle, flags, nullptr);
   ResultsDatabase database(handle, path);
   if (code != SQLITE_OK) return database.failure("cannot open");
-  sqlite3_busy_timeout(handle, 10'000);  // another station may write
-  for (const char* sql : {"PRAGMA synchronous = EXTRA", "PRAGMA foreign_keys = ON", schema}) {
-    if (Status status = database.execute(sql); !status) return status.error();
+  sqlite3_busy_timeout(handle, patience_ms);  // another station may write
+  return database;
+}
+
+Result<ResultsDatabase> ResultsDatabase::open(const std::string& path) {
+  if (Status status = make_folder(folder_of(path)); !status) return status.error();
+  Result<ResultsDatabase> database = connect(path, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, 10'000);
+  if (!database) return database;
+  for (const char* sql : {"PRAGMA synchronous = EXTRA", "PRAGMA foreign_keys = ON"}) {
+    if (Status status = database->execute(sql); !status) return status.error();
   }
-  for (const std::string column : {"model", "diagnosis", "reason", "verification"}) {
-    if (Statement(handle, "SELECT " + column + " FROM calibration")) continue;  // made before this column was
-    const std::string sql = "ALTER TABLE calibration ADD COLUMN " + column + " TEXT";
-    if (Status status = database.execute(sql.c_str()); !status) return status.error();
-  }
+  if (Status status = database->bring_up_to_date(true); !status) return status.error();
   return database;
 }
 
@@ -156,30 +120,30 @@ Status ResultsDatabase::check_writable(const std::string& path) {
   // The folder too when the file is there: its journal is made beside it.
   if (Status status = check_folder_writable(folder_of(path)); !status || !path_exists(path)) return status;
   if (Status status = check_regular_file(path); !status) return status;
-  sqlite3* handle = nullptr;
-  const int code = sqlite3_open_v2(path.c_str(), &handle, SQLITE_OPEN_READWRITE, nullptr);
-  const ResultsDatabase database(handle, path);
-  if (code != SQLITE_OK) return database.failure("cannot open");
-  sqlite3_busy_timeout(handle, 2'000);
-  for (const char* sql : {"BEGIN IMMEDIATE", schema, "ROLLBACK"}) {
-    if (Status status = database.execute(sql); !status) return status;
-  }
-  return {};
+  const Result<ResultsDatabase> database = connect(path, SQLITE_OPEN_READWRITE, 2'000);
+  if (!database) return database.error();
+  return database->bring_up_to_date(false);
 }
 
 Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& path) {
   if (!path_exists(path)) return input_error(path + ": there is no such results database");
   if (Status status = check_regular_file(path); !status) return status.error();
-  sqlite3* handle = nullptr;
-  const int code = sqlite3_open_v2(path.c_str(), &handle, SQLITE_OPEN_READONLY, nullptr);
-  ResultsDatabase database(handle, path);
-  if (code != SQLITE_OK) return database.failure("cannot open");
-  sqlite3_busy_timeout(handle, 10'000);
-  return database;
+  Result<ResultsDatabase> database = connect(path, SQLITE_OPEN_READONLY, 10'000);
+  if (!database) return database;
+  if (Status status = database->check_version(); !status) return status.error();
+  database->stored_version_ = version_of(database->handle_.get());
+  if (database->stored_version_ == database_version) return database;
+  // Reading changes nothing: an older one is brought up to date in memory.
+  const Result<std::string> image = database->image();
+  if (!image) return image.error();
+  Result<ResultsDatabase> copy = of_image(*image, path);
+  if (!copy) return copy;
+  copy->stored_version_ = database->stored_version_;
+  if (Status status = copy->bring_up_to_date(true); !status) return status.error();
+  return copy;
 }
 
-Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verdict, const std::string& folder,
-                            int sessions) {
+Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verdict, AttemptRecord attempt) {
   const Result<std::string> text = format_parameter_file(file);
   if (!text) return text.error();
   if (Status status = execute("BEGIN IMMEDIATE"); !status) return status;
@@ -187,15 +151,20 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
     sqlite3_exec(handle_.get(), "ROLLBACK", nullptr, nullptr, nullptr);
     return status;
   };
-  std::string sql =
-      "INSERT OR REPLACE INTO calibration(unit, time_utc, method, recording_hash, software_version, simulated, "
-      "verdict, rule, sessions, folder, parameter_file, model, diagnosis, reason, verification";
-  std::string places = "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?";
-  for (const char* column : record_columns) {
-    sql += std::string(", ") + column;
-    places += ", ?";
+  std::vector<std::string> columns = {"unit",           "time_utc", "method",    "recording_hash", "software_version",
+                                      "simulated",      "verdict",  "rule",      "sessions",       "folder",
+                                      "parameter_file", "model",    "diagnosis", "reason",         "verification"};
+  columns.insert(columns.end(), std::begin(record_columns), std::end(record_columns));
+  std::string names, places, changes;
+  for (const std::string& column : columns) {
+    const std::string_view comma = names.empty() ? "" : ", ";
+    names.append(comma).append(column);
+    places.append(comma).append("?");
+    changes.append(comma).append(column + " = excluded." + column);
   }
-  Statement insert(handle_.get(), sql + ") VALUES(" + places + ")");
+  Statement insert(handle_.get(), "INSERT INTO calibration(" + names + ") VALUES(" + places +
+                                      ") ON CONFLICT(unit, recording_hash, method) DO UPDATE SET " + changes +
+                                      " RETURNING id");
   if (!insert) return undo(failure("cannot write"));
   insert.bind(file.unit_serial)
       .bind(file.time_utc)
@@ -203,11 +172,13 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
       .bind(file.recording_hash)
       .bind(file.software_version);
   insert.bind(std::int64_t{file.simulated}).bind(std::string(to_string(verdict.verdict))).bind(verdict.rule);
-  insert.bind(std::int64_t{sessions}).bind(std::filesystem::absolute(folder).lexically_normal().string()).bind(*text);
+  insert.bind(std::int64_t{attempt.sessions}).bind(attempt.folder).bind(*text);
   insert.bind(file.model).bind(verdict.diagnosis).bind(verdict.reason).bind(verdict.verification);
   for (const char* column : record_columns) insert.bind(record_value(file, column));
-  if (!insert.done()) return undo(failure("cannot write"));
-  const std::int64_t id = sqlite3_last_insert_rowid(handle_.get());
+  if (!insert.row()) return undo(failure("cannot write"));
+  const std::int64_t id = insert.integer(0);
+  Statement former(handle_.get(), "DELETE FROM value WHERE calibration = ?");
+  if (!insert.done() || !former || !former.bind(id).done()) return undo(failure("cannot write"));
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     const std::string key(parameter_keys[i]);
     const auto judged = std::find_if(verdict.values.begin(), verdict.values.end(),
@@ -220,16 +191,31 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
     value.bind(is_judged ? std::string(to_string(judged->verdict)) : "");
     if (!value.done()) return undo(failure("cannot write"));
   }
+  attempt.calibration = id;
+  if (Status status = note(attempt); !status) return undo(status);
   if (Status status = execute("COMMIT"); !status) return undo(status);
   return {};
 }
 
-Result<std::vector<StoredCalibration>> ResultsDatabase::list(const std::string& unit, const std::string& key) const {
+// The rows that a filter lets through; the column of their verdict is called `verdict`.
+std::string ResultsDatabase::where(const std::string& verdict) {
+  return "(?1 = '' OR unit = ?1) AND (?2 = '' OR station = ?2) AND (?3 = '' OR part = ?3) AND (?4 = '' OR " + verdict +
+         " = ?4) AND time_utc >= ?5 AND (?6 = '' OR substr(time_utc, 1, length(?6)) <= ?6)";
+}
+
+void ResultsDatabase::bind_where(const RecordFilter& filter, Statement& statement) {
+  for (const std::string* text :
+       {&filter.unit, &filter.station, &filter.part, &filter.verdict, &filter.from, &filter.to})
+    statement.bind(*text);
+}
+
+Result<std::vector<StoredCalibration>> ResultsDatabase::list(const RecordFilter& filter, const std::string& key) const {
   Statement rows(handle_.get(),
                  "SELECT id, unit, time_utc, station, operator, verdict, folder, recording_hash, simulated, sessions, "
-                 "parameter_file FROM calibration WHERE ?1 = '' OR unit = ?1 ORDER BY time_utc, id");
+                 "parameter_file FROM calibration WHERE " +
+                     where("verdict") + " ORDER BY time_utc, id");
   if (!rows) return failure("cannot read");
-  rows.bind(unit);
+  bind_where(filter, rows);
   std::vector<StoredCalibration> found;
   while (rows.row()) {
     StoredCalibration c;

@@ -1,10 +1,10 @@
-#include "orchestrator/report/history_page.h"
+#include "orchestrator/line_report/history_page.h"
 
 #include <gtest/gtest.h>
 
 #include <string>
 
-#include "orchestrator/records/parameter_history.h"
+#include "orchestrator/line/parameter_history.h"
 
 namespace turncal {
 namespace {
@@ -44,7 +44,7 @@ TEST(ParameterHistory, HasValuesSigmasAndTheChart) {
   EXPECT_DOUBLE_EQ(history.chart.mean, 0.005);
   EXPECT_DOUBLE_EQ(*history.sigmas[3], 0.002);
   EXPECT_EQ(history.of[4]->id, 5);
-  EXPECT_NEAR(*history.chart.cpk, 0.095 / (3.0 * 0.01 / 1.128), 1e-12);
+  EXPECT_NEAR(history.chart.cpk->value, 0.095 / (3.0 * 0.01 / 1.128), 1e-12);
   EXPECT_EQ(free_parameter_keys().size(), 21u);
   EXPECT_TRUE(parameter_history(all, "N99").values.empty());
 }

@@ -74,7 +74,7 @@ TEST_F(Found, AUnitWithAMissingEffectIsHeldEverywhere) {
   EXPECT_EQ(journal->verdicts.at(0).at(0).second, "hold");
   const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("results.db"));
   ASSERT_TRUE(database.ok());
-  EXPECT_EQ(database->list("SN1", "N01")->at(0).verdict, "hold");
+  EXPECT_EQ(database->list({.unit = "SN1"}, "N01")->at(0).verdict, "hold");
   // It is said again, not made anew.
   const ProgramResult again = run({"resume", "units/SN1"});
   EXPECT_EQ(again.code, 20);

@@ -87,7 +87,7 @@ class Resume : public Program {
     ASSERT_TRUE(std::equal(before.begin(), before.end(), after.begin()));
     const Result<ResultsDatabase> database = ResultsDatabase::open_to_read((folder_ / folder / "results.db").string());
     ASSERT_TRUE(database.ok()) << database.error().message;
-    ASSERT_EQ(database->list("SN1", "N01")->size(), 1u);
+    ASSERT_EQ(database->list({.unit = "SN1"}, "N01")->size(), 1u);
     ASSERT_EQ(file_text(folder_ / folder / "store/simulated/SN1/parameters.conf"), reference_.at("parameters.conf"));
     ASSERT_TRUE(fs::exists(folder_ / folder / "store/simulated/SN1/versions/0001.conf"));
     ASSERT_FALSE(fs::exists(folder_ / folder / "store/simulated/SN1/versions/0002.conf"));

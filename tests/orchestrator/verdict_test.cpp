@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "orchestrator/records/control_chart.h"
+#include "orchestrator/line/control_chart.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
 #include "tests/orchestrator/program.h"
@@ -75,7 +75,7 @@ TEST(ControlChart, LimitsFromTheMovingRange) {
   EXPECT_DOUBLE_EQ(*chart.sigma, 5.0 / 3.0 / 1.128);
   EXPECT_DOUBLE_EQ(*chart.upper, 11.5 + 3.0 * 5.0 / 3.0 / 1.128);
   EXPECT_TRUE(chart.outside.empty());
-  EXPECT_DOUBLE_EQ(*chart.cpk, 3.5 / (3.0 * 5.0 / 3.0 / 1.128));
+  EXPECT_DOUBLE_EQ(chart.cpk->value, 3.5 / (3.0 * 5.0 / 3.0 / 1.128));
   std::vector<double> jump(20, 1.0);
   for (std::size_t i = 0; i < jump.size(); i += 2) jump[i] = 1.01;
   jump.push_back(2.0);

@@ -1,4 +1,4 @@
-#include "orchestrator/records/parameter_history.h"
+#include "orchestrator/line/parameter_history.h"
 
 #include "calib/model/parameters.h"
 
@@ -11,6 +11,8 @@ ParameterHistory parameter_history(const std::vector<StoredCalibration>& all, st
     for (const StoredValue& value : c.values) {
       if (value.key != key) continue;
       history.of.push_back(&c);
+      history.units.push_back(c.unit);
+      history.times.push_back(c.time_utc);
       history.values.push_back(value.value);
       history.sigmas.push_back(value.sigma);
       if (value.limit.min || value.limit.max) history.limit = value.limit;

@@ -5,18 +5,22 @@
 #include <string_view>
 #include <vector>
 
-#include "orchestrator/records/control_chart.h"
+#include "orchestrator/line/control_chart.h"
 #include "orchestrator/records/results_database.h"
 
 namespace turncal {
 
-struct ParameterHistory {
+struct ChartedQuantity {
   std::string key;
-  std::vector<const StoredCalibration*> of;  // those that have the parameter; point into the list given
+  std::vector<std::string> units, times;  // of whom and when
   std::vector<double> values;
   std::vector<std::optional<double>> sigmas;
   Limit limit;  // of the newest calibration that was judged by one
   ControlChart chart;
+};
+
+struct ParameterHistory : ChartedQuantity {
+  std::vector<const StoredCalibration*> of;  // those that have the parameter; point into the list given
 };
 
 ParameterHistory parameter_history(const std::vector<StoredCalibration>& all, std::string_view key);

@@ -1,0 +1,69 @@
+// `turncal shift DB`: yield, reasons, hours, control charts, stations and repeatability of a shift, a week or a month.
+#include <memory>
+
+#include "imu_io/base/atomic_file.h"
+#include "orchestrator/commands/commands.h"
+#include "orchestrator/line_report/history_csv.h"
+#include "orchestrator/line_report/shift_page.h"
+#include "orchestrator/records/output_folder.h"
+#include "orchestrator/report/report_page.h"
+
+namespace turncal {
+
+namespace {
+
+struct ShiftOptions {
+  std::string database, out;
+  RecordFilter filter;
+  bool simulated = false, pdf = false;
+};
+
+// An earlier report in the folder is replaced, and nothing else.
+Status write_shift(const ShiftOptions& options, const ShiftReport& report, std::ostream& out) {
+  if (Status status = make_folder(options.out); !status) return status;
+  const Result<LockFile> held = hold_folder(options.out);
+  if (!held) return held.error();
+  const std::string page = shift_page(report);
+  const std::vector<NamedText> files = {{options.out + "/shift.html", page},
+                                        {options.out + "/shift.csv", shift_csv(report)},
+                                        {options.out + "/signals.csv", signals_csv(report)},
+                                        {options.out + "/attempts.csv", attempts_csv(report.attempts)}};
+  constexpr std::size_t alike = 30;
+  for (const NamedText& file : files) {
+    if (Status s = check_replaceable(file.path, std::string_view(file.content).substr(0, alike)); !s) return s;
+  }
+  const std::string pdf = options.out + "/shift.pdf";
+  if (options.pdf) {
+    if (Status s = check_replaceable(pdf, "%PDF-"); !s) return s;
+    if (Status s = write_pdf(page, pdf); !s) return s;
+  }
+  if (Status s = write_files_atomically(files); !s) return s;
+  out << "\nreport   " << files.front().path << (options.pdf ? "\npdf      " + pdf : "") << '\n';
+  return {};
+}
+
+Status run_shift(const ShiftOptions& options, std::ostream& out) {
+  if (options.pdf && options.out.empty()) return input_error("--pdf: expected --out DIR, where it is to go");
+  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(options.database);
+  if (!database) return database.error();
+  const Result<ShiftReport> report = shift_report(*database, options.database, options.filter, options.simulated);
+  if (!report) return report.error();
+  print_shift(*report, out);
+  return options.out.empty() ? Status{} : write_shift(options, *report, out);
+}
+
+}  // namespace
+
+void add_shift_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<ShiftOptions>();
+  const Command command =
+      line.command("shift", "the report of a shift: yield, reasons, hours, control charts, stations");
+  command.option("database", options->database, "the station's record.database").required();
+  add_filter_options(command, options->filter);
+  command.flag("--simulated", options->simulated, "of the dry runs, which are in no report with real units");
+  command.option("--out", options->out, "folder for the report: shift.html and its tables as CSV");
+  command.flag("--pdf", options->pdf, "with --out: shift.pdf too, by weasyprint");
+  command.runs(context, [options, &context] { return run_shift(*options, context.out); });
+}
+
+}  // namespace turncal

@@ -1,0 +1,210 @@
+// The results database: every attempt has its row, older schemas are brought up to date, newer ones and damage are refused.
+#include "orchestrator/records/results_database.h"
+
+#include <sqlite3.h>
+
+#include "orchestrator/records/database_schema.h"
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Database : public Program {
+ protected:
+  std::string station(const std::string& more = "") const {
+    return write("line.station",
+                 "format = 1\nstation.name = east\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\n"
+                 "table.driver = mock\nimu.driver = rig\nmotion.settle_s = 0.5\nrecord.database = results.db\n" +
+                     more);
+  }
+  ProgramResult dry_run(const std::string& unit, std::vector<std::string> more = {},
+                        const std::string& out = "") const {
+    std::vector<std::string> words = {"run",        "--dry-run",
+                                      "--unit",     unit,
+                                      "--out",      out.empty() ? unit : out,
+                                      "--sequence", std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq",
+                                      "--station",  path("line.station")};
+    words.insert(words.end(), more.begin(), more.end());
+    return run(words);
+  }
+  std::vector<AttemptRecord> attempts(const RecordFilter& filter = {}) const {
+    const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("results.db"));
+    EXPECT_TRUE(database.ok()) << database.error().message;
+    return database.ok() ? *database->attempts(filter) : std::vector<AttemptRecord>();
+  }
+  void sql(const std::string& name, const std::string& text) const {
+    sqlite3* handle = nullptr;
+    ASSERT_EQ(sqlite3_open(path(name).c_str(), &handle), SQLITE_OK);
+    EXPECT_EQ(sqlite3_exec(handle, text.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(handle);
+    sqlite3_close(handle);
+  }
+  // As turncal made it before versions were kept.
+  void make_version_1() const {
+    station("limit.residual_max = 2\n");
+    ASSERT_EQ(dry_run("SN1").code, 0);
+    sql("results.db",
+        "DROP TABLE attempt; DROP TABLE schema_version; ALTER TABLE calibration DROP COLUMN verification;"
+        "ALTER TABLE calibration DROP COLUMN reason");
+  }
+};
+
+TEST_F(Database, EveryAttemptHasARow) {
+  station("limit.residual_max = 2\n");
+  ASSERT_EQ(dry_run("SN1", {"--part", "RLG", "--operator", "A. Turner", "--revision", "C"}).code, 0);
+  station("limit.residual_max = 0.1\n");
+  ASSERT_EQ(dry_run("SN2").code, 20);
+  write("gone.rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 200\n");
+  ASSERT_EQ(dry_run("SN3", {"--rig", path("gone.rig")}).code, 50);
+  station("table.calibration_due = 2020-01-01\n");
+  ASSERT_EQ(dry_run("SN4").code, 1);
+  station();
+  ASSERT_EQ(dry_run("SN5", {"--capture-only"}).code, 0);
+
+  const std::vector<AttemptRecord> all = attempts();
+  ASSERT_EQ(all.size(), 5u);
+  const auto of = [&all](const std::string& unit) {
+    return *std::find_if(all.begin(), all.end(), [&](const AttemptRecord& a) { return a.unit == unit; });
+  };
+  EXPECT_EQ(of("SN1").outcome, "pass");
+  EXPECT_EQ(of("SN1").part + of("SN1").operator_name + of("SN1").revision + of("SN1").station, "RLGA. TurnerCeast");
+  EXPECT_GT(of("SN1").residual.value_or(0.0), 0.5);
+  EXPECT_GT(of("SN1").temperature_max_c.value_or(0.0), of("SN1").temperature_min_c.value_or(100.0));
+  EXPECT_LT(of("SN1").began_utc, of("SN1").time_utc);
+  EXPECT_TRUE(of("SN1").simulated && of("SN1").calibration);
+  EXPECT_EQ(of("SN2").outcome, "fail");
+  EXPECT_NE(of("SN2").reason.find("residual = "), std::string::npos) << of("SN2").reason;
+  EXPECT_EQ(of("SN3").outcome, "failed");
+  EXPECT_NE(of("SN3").reason, "");
+  EXPECT_FALSE(of("SN3").calibration);
+  EXPECT_EQ(of("SN4").outcome, "refused");
+  EXPECT_NE(of("SN4").reason.find("2020-01-01"), std::string::npos) << of("SN4").reason;
+  EXPECT_EQ(of("SN5").outcome, "captured");
+
+  EXPECT_EQ(attempts({.part = "RLG"}).size(), 1u);
+  EXPECT_EQ(attempts({.station = "west"}).size(), 0u);
+  EXPECT_EQ(attempts({.verdict = "fail"}).size(), 1u);
+  EXPECT_EQ(attempts({.to = "2026-01-01T00:00:00Z"}).size(), 1u) << "the one that was refused at once";
+  EXPECT_EQ(attempts({.from = "2026-01-01", .to = "2026-01-01"}).size(), 5u) << "a date is the whole day";
+  EXPECT_EQ(attempts({.from = "2026-01-02"}).size(), 0u);
+  const ProgramResult listed = run({"history", "results.db", "--attempts", "--verdict", "refused"});
+  EXPECT_NE(listed.out.find("SN4"), std::string::npos) << listed.out;
+  EXPECT_EQ(listed.out.find("SN1"), std::string::npos) << listed.out;
+  expect_refused({"history", "results.db", "--from", "yesterday"}, "--from 'yesterday': expected a date or a time");
+}
+
+TEST_F(Database, ARunThatGoesOnIsTheSameAttempt) {
+  station();
+  const ProgramResult whole = dry_run("SN1");
+  ASSERT_EQ(whole.code, 0);
+  const pid_t pid =
+      start({"run", "--dry-run", "--unit", "SN2", "--out", "SN2", "--pace", "300", "--station", path("line.station")});
+  const auto begun = [this] {
+    const std::vector<AttemptRecord> all = attempts({.unit = "SN2"});
+    return all.size() == 1 && fs::exists(folder_ / "SN2/recording.partial.tcr");
+  };
+  for (int i = 0; i < 200 && !begun(); ++i) ::usleep(50'000);
+  ::usleep(500'000);
+  ASSERT_EQ(attempts({.unit = "SN2"}).size(), 1u);
+  EXPECT_EQ(attempts({.unit = "SN2"}).front().outcome, outcome_running);
+  ::kill(pid, SIGTERM);
+  ASSERT_EQ(finish(pid).code, 75);
+  EXPECT_EQ(attempts({.unit = "SN2"}).front().outcome, "interrupted");
+  ASSERT_EQ(run({"resume", "SN2"}).code, 0);
+  const std::vector<AttemptRecord> after = attempts({.unit = "SN2"});
+  ASSERT_EQ(after.size(), 1u);
+  EXPECT_EQ(after.front().outcome, "not_judged");
+  EXPECT_EQ(after.front().sessions, 2);
+  EXPECT_LT(after.front().began_utc, "2026-01-01T00:01:00Z");
+}
+
+TEST_F(Database, TheSameRecordingIsTheSameRow) {
+  station();
+  ASSERT_EQ(dry_run("SN1").code, 0);
+  ASSERT_EQ(dry_run("SN1", {}, "again").code, 0);
+  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("results.db"));
+  ASSERT_TRUE(database.ok());
+  ASSERT_EQ(database->list({}, "")->size(), 1u);
+  EXPECT_EQ(database->list({}, "")->front().values.size(), 24u);
+  const std::vector<AttemptRecord> all = attempts();
+  ASSERT_EQ(all.size(), 2u);
+  EXPECT_EQ(all[0].calibration, all[1].calibration);
+  EXPECT_TRUE(database->check().ok());
+}
+
+TEST_F(Database, AnOlderOneIsReadAsItIsAndBroughtUpToDateWhenWritten) {
+  make_version_1();
+  const std::string before = file_text(folder_ / "results.db");
+  const ProgramResult said = run({"database", "check", "results.db"});
+  EXPECT_EQ(said.code, 0) << said.err;
+  EXPECT_NE(said.out.find("1 attempts, 1 calibrations, schema 1 (the next run makes 2 of it)"), std::string::npos)
+      << said.out;
+  const std::vector<AttemptRecord> of_old = attempts();
+  ASSERT_EQ(of_old.size(), 1u);
+  EXPECT_EQ(of_old.front().outcome, "pass");
+  EXPECT_EQ(of_old.front().station, "east");
+  EXPECT_NEAR(of_old.front().residual.value_or(0.0), 1.0, 0.1) << "it stands in the parameter file";
+  EXPECT_EQ(file_text(folder_ / "results.db"), before) << "who reads changes nothing";
+
+  ASSERT_EQ(dry_run("SN2").code, 0);
+  ASSERT_EQ(attempts().size(), 2u);
+  EXPECT_EQ(attempts({.unit = "SN1"}).front().calibration, 1);
+  EXPECT_NE(run({"database", "check", "results.db"}).out.find("2 attempts, 2 calibrations, schema 2\n"),
+            std::string::npos);
+}
+
+TEST_F(Database, ANewerOneIsRefusedInOneLine) {
+  station();
+  ASSERT_EQ(dry_run("SN1").code, 0);
+  sql("results.db", "UPDATE schema_version SET version = 3");
+  const std::string why = "results.db: results database: its schema has version 3, expected at most 2";
+  expect_refused({"history", "results.db"}, why);
+  expect_refused({"database", "check", "results.db"}, why);
+  expect_refused({"run", "--dry-run", "--unit", "SN2", "--out", "SN2", "--station", path("line.station")}, why);
+}
+
+TEST_F(Database, ABackupIsWholeWhileOthersWrite) {
+  station();
+  ASSERT_EQ(dry_run("SN1").code, 0);
+  const pid_t writer = start({"run", "--dry-run", "--unit", "SN2", "--out", "SN2", "--station", path("line.station")});
+  const ProgramResult made = [this] {  // start() and finish() are of one program at a time
+    Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("results.db"));
+    Result<std::string> image = database ? database->image() : Result<std::string>(database.error());
+    if (image) std::ofstream(folder_ / "live.db", std::ios::binary) << *image;
+    return ProgramResult{.code = image ? 0 : 1, .out = "", .err = ""};
+  }();
+  EXPECT_EQ(made.code, 0);
+  ASSERT_EQ(finish(writer).code, 0);
+  EXPECT_EQ(run({"database", "check", "live.db"}).code, 0);
+
+  ASSERT_EQ(run({"database", "backup", "results.db", "--out", "copy.db"}).code, 0);
+  EXPECT_NE(run({"database", "check", "copy.db"}).out.find("2 attempts"), std::string::npos);
+  ASSERT_EQ(run({"database", "backup", "results.db", "--out", "copy.db"}).code, 0) << "an older backup is replaced";
+  write("letter.txt", "Dear customer,\n");
+  expect_refused({"database", "backup", "results.db", "--out", "letter.txt"}, "letter.txt");
+  expect_refused({"database", "backup", "results.db", "--out", "results.db"}, "results.db");
+  expect_refused({"database", "backup", "results.db"}, "expected --out FILE");
+}
+
+TEST_F(Database, DamageIsFound) {
+  station();
+  ASSERT_EQ(dry_run("SN1").code, 0);
+  fs::copy_file(path("results.db"), path("changed.db"));
+  sql("changed.db", "UPDATE value SET value = value + 1 WHERE key = 'N02'");
+  expect_refused({"database", "check", "changed.db"}, "row 1: N02 is not that of the parameter file");
+  expect_refused({"database", "backup", "changed.db", "--out", "copy.db"}, "row 1: N02");
+  fs::copy_file(path("results.db"), path("loose.db"));
+  sql("loose.db", "UPDATE attempt SET calibration = 77");
+  expect_refused({"database", "check", "loose.db"}, "row 1 of attempt names a row of calibration that is not there");
+  std::string torn = file_text(folder_ / "results.db");
+  for (std::size_t i = 4096; i < 4096 + 200; ++i) torn[i] = '\x55';
+  write("torn.db", torn);
+  expect_refused({"database", "check", "torn.db"}, "torn.db: results database: ");
+  write("none.db", "a letter, not a database, long enough to be looked at as one, 0123456789 0123456789 0123456789");
+  expect_refused({"database", "check", "none.db"}, "none.db: results database: ");
+  expect_refused({"database", "check", "missing.db"}, "missing.db: there is no such results database");
+}
+
+}  // namespace
+}  // namespace turncal
