@@ -17,6 +17,10 @@ std::string format_truth(const Rig& rig, std::optional<double> reference_c) {
   for (const auto& [name, value] : rig.truth_effects()) line("effect." + name, value);
   if (reference_c) line("reference_temperature_c", *reference_c);
   for (const auto& [name, value] : rig.table_errors()) line("table." + name, value);
+  if (const RigLot& lot = rig.config().lot; lot.seed) {
+    text += std::string("lot.fault = ") + to_string(lot.fault) + "\n";
+    text += std::string("lot.fault_shows = ") + (lot.fault_shows ? "true" : "false") + "\n";
+  }
   return text;
 }
 

@@ -15,7 +15,7 @@ class Rig;
 // reference_c: the temperature to which the estimate is referred (mean of the recording); nothing when none is measured.
 std::string format_truth(const Rig& rig, std::optional<double> reference_c);
 
-// The 24 keys of a truth file; further keys of the forms effect.*, outside.* and table.* are allowed and skipped.
+// The 24 keys of a truth file; further keys of the forms effect.*, outside.*, table.* and lot.* are allowed and skipped.
 Result<ParameterVector> read_truth(const std::string& path);
 
 }  // namespace turncal

@@ -321,7 +321,6 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   if (!prepared) return prepared.error();
   context.tag = tag_of(*prepared);
   if (Status status = check_unchanged(*prepared, *contents); !status) return status;
-  prepared->began_utc = contents->begin_value("began_utc");
 
   std::vector<UnitRun> units = units_of(*prepared, folder);
   mark_dropped(*contents, true, units);

@@ -1,16 +1,19 @@
 #include "orchestrator/jobs/run_request.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <tuple>
 #include <utility>
 
 #include "calib/navigation/alignment.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/devices/station_rig.h"
+#include "orchestrator/records/results_database.h"
 #include "orchestrator/station/builtin_sequence.h"
 #include "orchestrator/station/version.h"
 
@@ -115,6 +118,36 @@ Status check_until_sigma(const PreparedRun& run) {
                      " does not say what is enough: expected stop.sigma.<key> or limit.<key>.* in its file");
 }
 
+// After the last attempt at the station, with time to change the unit.
+Result<double> next_beginning(const StationConfig& station, const RigConfig& rig) {
+  double next_s = rig.start_utc_s;
+  if (station.database.empty() || !path_exists(station.database)) return next_s;
+  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(station.database);
+  if (!database) return database.error();
+  const Result<std::vector<AttemptRecord>> attempts = database->attempts({.station = station.name});
+  if (!attempts) return attempts.error();
+  for (const AttemptRecord& attempt : *attempts) {
+    const std::optional<double> ended_s = parse_utc(attempt.time_utc);
+    if (attempt.simulated && !attempt.run.empty() && ended_s)
+      next_s = std::max(next_s, *ended_s + std::floor(3600.0 * rig.lot.between_h));
+  }
+  return next_s;
+}
+
+// A unit of a lot follows from its serial number, and the clock goes on from run to run.
+Status turn_on_of_lot(PreparedRun& run) {
+  if (!run.rig.lot.seed) return {};
+  if (run.request.units.size() > 1)
+    return input_error(run.request.rig + ": lot.seed: expected one unit at a time, found " +
+                       std::to_string(run.request.units.size()));
+  const std::optional<double> began_s = parse_utc(run.began_utc);
+  const Result<double> start_s = began_s ? Result<double>(*began_s) : next_beginning(run.station, run.rig);
+  if (!start_s) return start_s.error();
+  run.rig.start_utc_s = *start_s;
+  run.rig = rig_of_lot(run.rig, run.unit());
+  return {};
+}
+
 Status prepare_rig(PreparedRun& run) {
   RunRequest& wanted = run.request;
   const std::string rig_given = wanted.rig.empty() ? run.station.rig_file : wanted.rig;
@@ -129,7 +162,7 @@ Status prepare_rig(PreparedRun& run) {
     run.station.latitude_deg = run.rig.site.latitude_deg;
     run.station.gravity_mps2 = run.rig.site.gravity_mps2;
   }
-  return {};
+  return turn_on_of_lot(run);
 }
 
 }  // namespace
@@ -180,6 +213,7 @@ Result<int> append_north_seeking(const StationConfig& station, Sequence& sequenc
 Result<PreparedRun> prepare(const RunRequest& request) {
   PreparedRun run;
   run.request = request;
+  run.began_utc = request.began_utc;
   RunRequest& wanted = run.request;
   if (Status status = check_words(wanted); !status) return status.error();
 
@@ -265,6 +299,7 @@ RunRequest request_of(const JournalContents& journal) {
   request.until_sigma = journal.begin_value("until_sigma") == "true";
   request.verified = journal.begin_value("verified");
   request.units = journal.units();
+  request.began_utc = journal.begin_value("began_utc");
   request.station = journal.begin_value("station");
   request.rig = journal.begin_value("rig");
   request.sequence = journal.begin_value("sequence");

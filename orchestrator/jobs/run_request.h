@@ -24,6 +24,7 @@ struct RunRequest {
   bool until_sigma = false;  // end after the dwell at which enough is known (needed_sigma.h)
   std::string verified;      // the parameter file that is verified; empty: what the run estimates
   std::vector<std::string> units;  // serial numbers, by place on the table
+  std::string began_utc;           // of the journal of a run that goes on
   std::string rig;                 // files, made absolute by prepare(); empty: the built-in one
   std::string sequence;
   std::string station;
@@ -50,7 +51,7 @@ struct PreparedRun {
   int verify_from = 0;  // number of the step where the north seeking begins; 0: none
   std::optional<ParameterFile> verified;
   std::string station_hash, rig_hash, sequence_hash, verified_hash;  // rig_hash: of a dry run
-  std::string began_utc;  // set when the run begins, and kept when it goes on
+  std::string began_utc;                                             // set when the run begins, or that of the journal
   const std::string& unit() const { return request.units.front(); }  // of a run of one
   // The step where what is calibrated from ends; 0: with the recording.
   int calibration_ends_before() const { return request.capture_only ? 0 : verify_from; }

@@ -15,6 +15,7 @@
 #include "calib/types/status.h"
 #include "turntable_drivers/rig/rig_effects.h"
 #include "turntable_drivers/rig/rig_faults.h"
+#include "turntable_drivers/rig/rig_lot.h"
 
 namespace turncal {
 
@@ -118,6 +119,7 @@ struct RigConfig {
   RigEffects effects;
   RigOutsideEffects outside;
   std::vector<RigFault> faults;
+  RigLot lot;
 };
 
 // Names of Table 1 in its order, for truth[].

@@ -203,6 +203,17 @@ void read_fault(KeyValueFile& file, const std::string& prefix, RigFault& fault) 
   }
 }
 
+void read_lot(KeyTable& keys, RigLot& lot) {
+  if (KeyValueFile* const file = keys.file(); file && file->has("lot.seed"))
+    lot.seed = static_cast<std::uint64_t>(file->integer("lot.seed", 0));
+  keys.number("lot.faulty", lot.faulty, between(0.0, 1.0));
+  keys.number("lot.between_h", lot.between_h, between(0.0, 1000.0));
+  keys.number("lot.turn_on_gyro_degph", lot.turn_on_gyro_degph, zero_or_more);
+  keys.number("lot.turn_on_accel_ug", lot.turn_on_accel_ug, zero_or_more);
+  keys.number("lot.month_gyro_degph", lot.month_gyro_degph, zero_or_more);
+  keys.number("lot.month_accel_ug", lot.month_accel_ug, zero_or_more);
+}
+
 void read_faults(KeyValueFile& file, std::vector<RigFault>& faults) {
   for (int number = 1; !file.keys_with_prefix("fault." + std::to_string(number) + ".").empty(); ++number) {
     RigFault next;
@@ -217,6 +228,7 @@ void read(KeyTable& keys, RigConfig& config) {
   read_table(keys, config.table);
   read_effects(keys, config.effects);
   read_outside(keys, config.outside);
+  read_lot(keys, config.lot);
   if (keys.file()) read_faults(*keys.file(), config.faults);
 }
 
