@@ -1,5 +1,7 @@
 #include "orchestrator/figures/gnuplot.h"
 
+#include <charconv>
+
 #include "orchestrator/figures/piped_program.h"
 #include "orchestrator/figures/report_format.h"
 
@@ -36,6 +38,27 @@ void remove_all(std::string& text, std::string_view begin, std::string_view end)
   }
 }
 
+// gnuplot says a colour once and refers to it as currentColor, which not every program that makes a PDF understands. Its symbols with an
+// even number from 4 on are filled.
+void name_colours(std::string& text) {
+  const std::string_view mark = " color=", symbol = "gpPt";
+  for (std::size_t at = text.find(mark); at != std::string::npos; at = text.find(mark, at)) {
+    const std::size_t value = at + mark.size() + 1, end = text.find(text[value - 1], value);
+    if (end == std::string::npos) return;
+    const std::string colour = "\"" + text.substr(value, end - value) + "\"";
+    const std::size_t tag = text.rfind('<', at), number = text.find(symbol, tag);
+    int n = 0;
+    if (number < at) std::from_chars(text.data() + number + symbol.size(), text.data() + at, n);
+    const bool filled = n >= 4 && n % 2 == 0;
+    const std::string named = " stroke=" + colour + (filled ? " fill=" + colour : "");
+    text.replace(at, end + 1 - at, named);
+    at += named.size();
+  }
+  for (const char* reference :
+       {" stroke=\"currentColor\"", " stroke='currentColor'", " fill=\"currentColor\"", " fill='currentColor'"})
+    replace_all(text, reference, "");
+}
+
 }  // namespace
 
 Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_t drawings,
@@ -58,6 +81,7 @@ std::string embeddable_svg(std::string_view svg, std::string_view id, std::strin
   remove_all(text, "<title>", "</title>");
   remove_all(text, "<desc>", "</desc>");
   remove_all(text, " font-family=\"", "\"");
+  name_colours(text);
   const std::string prefix(id);
   replace_all(text, "id='", "id='" + prefix);
   replace_all(text, "href='#", "href='#" + prefix);

@@ -164,8 +164,8 @@ RunEnd conclude(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
 RunEnd finish_sealed(std::vector<UnitRun>& units, const std::string& folder, const JournalContents& contents,
                      JournalFile& journal, CommandContext& context) {
   const double began_s = steady_wall_s();
+  for (UnitRun& unit : units) unit.counts.ended_utc_s = contents.seal_utc_s.value_or(0.0);
   if (Status status = verify_recordings(units, contents); !status) return status;
-  for (UnitRun& unit : units) unit.counts.ended_utc_s = *contents.seal_utc_s;
   if (Status status = calibrate_units(units, *contents.seal_utc_s, journal); !status) return status;
   conclude_units(units, steady_wall_s() - began_s, folder + "/" + log_name, context.out);
   RunEnd end(status_of(units));

@@ -31,7 +31,10 @@ ControlChart control_chart(std::span<const double> values, const Limit& limit) {
   for (std::size_t i = 1; i < values.size(); ++i) ranges += std::abs(values[i] - values[i - 1]);
   for (const double value : values) squares += (value - chart.mean) * (value - chart.mean);
   constexpr double d2 = 1.128, efficiency = 0.62;  // of the moving range, against the variance
-  const double sigma = ranges / (count - 1.0) / d2, overall = std::sqrt(squares / (count - 1.0));
+  constexpr double rounding = 1e-12;               // of values that are all the same
+  const bool spread = ranges > rounding * count * std::abs(chart.mean);
+  const double sigma = spread ? ranges / (count - 1.0) / d2 : 0.0;
+  const double overall = spread ? std::sqrt(squares / (count - 1.0)) : 0.0;
   chart.sigma = sigma;
   chart.overall = overall;
   chart.lower = chart.mean - 3.0 * sigma;

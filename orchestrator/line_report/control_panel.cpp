@@ -93,29 +93,31 @@ html::Cell figure_cell(std::optional<double> value, int digits) {
 
 html::Cell index_cell(const std::optional<Capability>& index) {
   if (!index) return html::number("-");
-  return html::number(significant(index->value, 3) + " (" + significant(index->low, 3) + " .. " +
-                      significant(index->high, 3) + ")");
+  return html::number(significant(index->value, 3) + " (" + significant(index->low, 2) + " .. " +
+                      significant(index->high, 2) + ")");
 }
 
 }  // namespace
 
 std::string control_table(const std::vector<ChartedQuantity>& quantities) {
   std::vector<html::Cell> head = {html::text("")};
-  for (const char* name : {"n", "mean", "s", "lower control limit", "upper", "outside", "lower limit in force", "upper",
-                           "Cpk (95 %)", "Ppk (95 %)"})
+  for (const char* name : {"n", "mean", "s", "lower", "upper", "outside", "min", "max", "Cpk (95 %)", "Ppk (95 %)"})
     head.push_back(html::number(name));
   html::HtmlTable table(head);
   for (const ChartedQuantity& q : quantities) {
     const ControlChart& chart = q.chart;
     if (chart.count == 0) continue;
     const bool hit = !chart.outside.empty() || (chart.cpk && chart.cpk->value < 1.0);
-    table.row({html::name(q.key), html::number(std::to_string(chart.count)), figure_cell(chart.mean, 7),
-               figure_cell(chart.sigma, 3), figure_cell(chart.lower, 7), figure_cell(chart.upper, 7),
-               html::number(std::to_string(chart.outside.size())), figure_cell(q.limit.min, 7),
-               figure_cell(q.limit.max, 7), index_cell(chart.cpk), index_cell(chart.ppk)},
+    table.row({html::name(q.key), html::number(std::to_string(chart.count)), figure_cell(chart.mean, 5),
+               figure_cell(chart.sigma, 3), figure_cell(chart.lower, 5), figure_cell(chart.upper, 5),
+               html::number(std::to_string(chart.outside.size())), figure_cell(q.limit.min, 5),
+               figure_cell(q.limit.max, 5), index_cell(chart.cpk), index_cell(chart.ppk)},
               hit ? "hit" : "");
   }
-  return table.finish() + html::paragraph("Bold: a calibration outside the control limits, or Cpk below 1.", "soft");
+  return table.finish() + html::paragraph(
+                              "lower, upper: control limits; min, max: limits in force. Bold: a calibration outside "
+                              "the control limits, or Cpk below 1.",
+                              "soft");
 }
 
 std::vector<Figure> control_figures(const std::vector<ChartedQuantity>& quantities) {
@@ -130,7 +132,8 @@ std::vector<Figure> control_figures(const std::vector<ChartedQuantity>& quantiti
                   .panels = {}};
     for (const ChartedQuantity& quantity : quantities) {
       const bool here = std::find(group.keys.begin(), group.keys.end(), quantity.key) != group.keys.end();
-      if (here && !quantity.values.empty()) figure.panels.push_back(control_panel(quantity));
+      const bool same = quantity.chart.sigma == 0.0;  // nothing to see
+      if (here && !same && !quantity.values.empty()) figure.panels.push_back(control_panel(quantity));
     }
     if (!figure.panels.empty()) figures.push_back(std::move(figure));
   }

@@ -14,6 +14,7 @@
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/records/journal_file.h"
+#include "orchestrator/records/results_database.h"
 
 namespace turncal {
 namespace {
@@ -83,7 +84,10 @@ TEST_F(Storage, NothingIsMadeOfASealedRecordingThatWasChanged) {
     EXPECT_EQ(result.err.find("wrong segments, signs or units"), std::string::npos) << result.err;
     EXPECT_FALSE(fs::exists(folder_ / "run/out/parameters.conf")) << i;
     EXPECT_FALSE(fs::exists(folder_ / "run/store")) << i;
-    EXPECT_FALSE(fs::exists(folder_ / "run/results.db")) << i;
+    const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("run/results.db"));
+    ASSERT_TRUE(database.ok());
+    EXPECT_TRUE(database->list({}, "N01")->empty()) << i;
+    EXPECT_EQ(database->attempts({})->front().outcome, "failed") << i;
   }
   std::ofstream(folder_ / "run/out/recording.tcr", std::ios::binary) << whole;
   EXPECT_EQ(run({"resume", "run/out"}).code, 0);

@@ -32,7 +32,7 @@ void lay_on(LotFault fault, std::size_t axis, double when_s, RigConfig& config) 
     case LotFault::none: break;
     case LotFault::gyro_bias: *config.truth[axis] += 0.6; break;
     case LotFault::accel_nonlinear: config.effects.accel_second_order[axis] = 80.0; break;
-    case LotFault::g_sensitive: config.effects.gyro_g_sensitivity[4 * axis] = 0.08; break;
+    case LotFault::g_sensitive: config.effects.gyro_g_sensitivity[3 * axis + (axis + 1) % 3] = 0.08; break;
     case LotFault::noisy: config.noise.gyro_random_walk_deg_per_rt_h *= 6.0; break;
     case LotFault::unsettled:
       config.outside.accel_bias_step.axis = static_cast<int>(axis);

@@ -17,7 +17,7 @@ enum class LotFault {
   none,
   gyro_bias,        // one N0 is off by 0.6 deg/h
   accel_nonlinear,  // accel_second_order of one axis, 80 ug/g^2
-  g_sensitive,      // gyro_g_sensitivity of one gyro, 0.08 deg/h/g
+  g_sensitive,      // gyro_g_sensitivity of one gyro to a force across it, 0.08 deg/h/g
   noisy,            // six times the random walk of the gyros
   unsettled         // at about every second turn-on an accelerometer jumps by 500 ug in mid-run
 };
