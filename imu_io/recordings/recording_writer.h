@@ -55,6 +55,7 @@ class RecordingWriter {
   // Checks that the segments lie inside the samples, writes the end mark, syncs, closes.
   Status finish();
 
+  bool is_at(const std::string& path) const;  // false: the file has another name now, or none
   const RecordingInfo& info() const;
   const Segments& segments() const;  // ended ones
   std::optional<Segment> open_segment() const;

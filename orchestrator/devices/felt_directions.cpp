@@ -111,6 +111,9 @@ Status judge_felt(const Eigen::Vector3d& sum, const AxisTriple& from_deg, const 
   const std::string turned =
       std::string("the turn of ") + to_string(turn->first) + " by " + format_number(turn->second) + " deg ";
   if (sum.norm() == 0.0) return device_error(turned + "was not felt by any gyro");
+  if (sum.norm() < 0.5 * std::abs(turn->second))
+    return device_error(turned + "was hardly felt (" + triple_text(sum) + " deg about x, y, z): expected " +
+                        triple_text(expected) + ": a dead gyro, or a unit that does not ride on the table");
   return device_error(turned + "was felt about " + nearest_axis(sum) + " (" + triple_text(sum) + "): expected about " +
                       nearest_axis(expected) +
                       ": mounted another way, signs of the table's axis, or axes and signs of the unit's frame");

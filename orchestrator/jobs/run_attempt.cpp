@@ -262,12 +262,21 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
       else
         unit.status = outcome.error;
     }
+    RunEnd end(outcome.error);
+    end.moved = outcome.moved;
+    // Of no use to whoever resumes: a folder that was taken away, a unit of which all is recorded.
+    const bool sealed = outcome.error.kind == ErrorKind::unit_failed && a.units.front().recording.has_value();
+    if (!path_exists(a.folder + "/" + journal_name) || sealed) {
+      end.status = whole;
+      return end;
+    }
     if (outcome.state == RunState::interrupted) {
       whole.message += "; go on with: turncal resume " + a.folder;
     } else if (recorded) {
       context.out << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
     }
-    return whole;
+    end.status = whole;
+    return end;
   }
   if (!a.log.status()) return a.log.status();
   for (const UnitRun& unit : a.units) {

@@ -296,7 +296,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   const bool interrupted =
       !end.status && end.status.error().kind == ErrorKind::interrupted;  // there is something to go on with
   for (std::size_t i = 0; i < units.size(); ++i) {
-    if (units[i].counts.recorded_s <= 0.0 && !interrupted) continue;
+    if (units[i].counts.recorded_s <= 0.0 && !interrupted && !end.moved) continue;
     folder->keep();
     if (!unit_folders.empty()) unit_folders[i].keep();
   }

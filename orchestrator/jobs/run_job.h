@@ -1,8 +1,8 @@
 // A run from beginning to end: `begin_run` in a new folder, `resume_run` where one was interrupted.
 //
 // The folder holds journal.tcj and run.log; there, or below it for each of several units (unit_run.h), are recording.partial.tcr
-// (recording.tcr once sealed), parameters.conf, and after a dry run truth.conf. A run that failed before its first sample leaves
-// nothing; one that failed later can be taken up.
+// (recording.tcr once sealed), parameters.conf, and after a dry run truth.conf. A run that failed before it moved the table leaves
+// nothing; one that failed later leaves its log and journal, and can be taken up.
 #pragma once
 
 #include <string>
@@ -22,6 +22,7 @@ struct RunEnd {
     Status status;
   };
   std::vector<Unit> units;  // none: refused before anything was made
+  bool moved = false;       // the table was homed or sent somewhere: there is something to tell
   bool to_the_end = false;  // whatever became of single units, the table and the run are in order
 
   RunEnd(Status how) : status(std::move(how)) {}

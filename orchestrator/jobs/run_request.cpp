@@ -211,6 +211,9 @@ Result<int> append_north_seeking(const StationConfig& station, Sequence& sequenc
 }
 
 Result<PreparedRun> prepare(const RunRequest& request) {
+  if (request.capture_only && request.partial)
+    return input_error(
+        "--capture-only and --partial: expected one of them: what is only captured is not estimated in part either");
   PreparedRun run;
   run.request = request;
   run.began_utc = request.began_utc;

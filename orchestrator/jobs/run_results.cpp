@@ -203,7 +203,12 @@ Status write_results(const PreparedRun& run, const std::string& folder, const Lo
                          output.error().message};
   }
   if (Status status = write_truth(run, folder, results); !status) return status;
-  if (!calibrated) return calibrated;
+  if (!calibrated) {  // all of it is recorded: nothing that is done again would help
+    const Status kept = journal.append(
+        JournalType::verdict,
+        marked({{"result", std::string(to_string(UnitVerdict::fail))}, {"reason", calibrated.error().message}}, mark));
+    return kept ? calibrated : stored(kept);
+  }
   if (results.output) {
     const Result<Finding> finding = diagnose_unit(run, folder, recording, results);
     if (!finding) return stored(finding.error());

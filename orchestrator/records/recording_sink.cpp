@@ -56,6 +56,14 @@ std::optional<std::uint32_t> RecordingSink::written() const {
   return writer_->hash();
 }
 
+Status RecordingSink::sync() {
+  const std::string path = folder_ + "/" + partial_recording_name;
+  if (!writer_->is_at(path))
+    return device_error(path +
+                        ": is no longer there, somebody moved or removed it: expected the folder of a run to stay");
+  return writer_->sync();
+}
+
 Status RecordingSink::finish() {
   if (Status status = writer_->finish(); !status) return status;
   writer_.reset();

@@ -22,7 +22,7 @@ class RecordingSink : public RunSink {
   Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
     return writer_->end_segment(kind, end_sample, angles_deg);
   }
-  Status sync() override { return writer_->sync(); }
+  Status sync() override;  // an error, too, where the folder is no longer there
   std::optional<std::uint32_t> written() const override;
   Status finish() override;
 

@@ -86,7 +86,8 @@ StationRun::MaybeEvent StationRun::pump() {
     }
     const double silent_s = devices_.clock.now_s() - lane.last_sample_s();
     if (!lane.is_open() || state_ == RunState::stopping || silent_s <= job_.station.imu_timeout_s) continue;
-    const Error silent = device_error("no sample from the IMU for " + std::to_string(std::lround(silent_s)) + " s");
+    const Error silent = device_error("no sample from the IMU for " + std::to_string(std::lround(silent_s)) + " s" +
+                                      lane.came_instead());
     if (const MaybeEvent event = fail(lane, RunEvent::imu_lost, silent)) return event;
   }
   return record_all();

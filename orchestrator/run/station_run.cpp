@@ -81,6 +81,7 @@ RunOutcome StationRun::outcome() const {
   if (first_error_) outcome.error = *first_error_;
   outcome.repeated_dwells = repeated_dwells_;
   outcome.repeated_moves = repeated_moves_;
+  outcome.moved = told_to_move_;
   for (const UnitLane& lane : lanes_) {
     const RecordingPoint at = lane.point();
     outcome.units.push_back({at.next_sample, at.lost_samples, at.duplicate_samples, lane.failure()});

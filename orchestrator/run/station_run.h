@@ -100,6 +100,7 @@ struct RunOutcome {
   Error error{ErrorKind::internal, "the run did not end"};  // meaningful unless done
   int repeated_dwells = 0;
   int repeated_moves = 0;  // of this session
+  bool moved = false;      // the table was homed or sent somewhere
   struct Unit {
     std::int64_t recorded_samples = 0;    // periods, lost ones included
     std::uint64_t lost_samples = 0;       // by the unit's counter, from the first recorded sample on

@@ -164,7 +164,7 @@ StationRun::MaybeEvent StationRun::judge_dwell() {
   for (UnitLane& lane : lanes_) {
     // A table that answers late holds up the count, not the unit.
     if (!lane.alive() || lane.dwell_received()) continue;
-    const Error slow = device_error("the IMU's samples come too slowly for its period");
+    const Error slow = device_error("the IMU's samples come too slowly for its period" + lane.came_instead());
     if (const MaybeEvent event = fail(lane, RunEvent::deadline, slow)) return event;
   }
   return std::nullopt;

@@ -85,6 +85,17 @@ Result<std::size_t> UnitLane::receive(std::size_t count, double timeout_s) {
   return got;
 }
 
+std::string UnitLane::came_instead() const {
+  const ImuLinkCounters came = unit_.imu.counters();
+  std::string text;
+  if (came.bad_frames + came.resyncs > came.samples)
+    text += "; " + std::to_string(std::max(came.bad_frames, came.resyncs)) +
+            " bad frames came: baud rate, or another frame than the one described";
+  const std::uint64_t again = came.duplicates + duplicate_samples_;
+  if (again > 0) text += "; " + std::to_string(again) + " samples repeated a counter that had come before";
+  return text;
+}
+
 void UnitLane::receive_meanwhile(double now_s) {
   constexpr std::size_t at_a_time = 128, at_most = 16;
   for (std::size_t i = 0; i < at_most && alive() && is_open(); ++i) {

@@ -84,6 +84,8 @@ class UnitLane {
   std::int64_t dwell_remaining() const { return dwell_->remaining(); }
   // With what waits to be taken: it came while the table's answer was awaited.
   bool dwell_received() const { return static_cast<std::int64_t>(waiting_.size()) >= dwell_remaining(); }
+  // "; 812 bad frames came: ...": why no sample may have come of what did; empty: nothing did.
+  std::string came_instead() const;
   Status sync() { return unit_.sink.sync(); }
   Status finish() { return unit_.sink.finish(); }
   Status fits() const { return unit_.sink.unit_fits(); }

@@ -67,6 +67,28 @@ TEST_F(Batch, ABadUnitDoesNotStopTheNext) {
   EXPECT_EQ(outcomes(), "SN1=refused SN2=not_judged SN3=refused SN4=fail SN5=fail ");
 }
 
+TEST_F(Batch, AUnitThatFailsOnTheWayDoesNotStopTheNext) {
+  write("queue", "SN1\nSN2\n");
+  const std::string flagged =
+      write("flagged.rig", "fault.1.kind = invalid_sample\nfault.1.sample = 1000\nfault.1.count = 100000000\n");
+  const ProgramResult bad = run(batch({"--rig", flagged}));
+  EXPECT_EQ(bad.code, 20) << bad.err;
+  EXPECT_EQ(outcomes(), "SN1=fail SN2=fail ");
+  // One of which nothing can be estimated, though all of it is recorded: samples are lost that its counter does not show.
+  std::string lost;
+  for (int k = 1; k <= 40; ++k) {
+    const std::string fault = "fault." + std::to_string(k);
+    lost += fault + ".kind = lost_sample\n" + fault + ".sample = " + std::to_string(3000 + 2500 * k) + "\n" + fault +
+            ".count = 300\n" + fault + ".hidden = true\n";
+  }
+  write("queue", "SN3\nSN4\n");
+  EXPECT_EQ(run(batch({"--rig", write("lost.rig", lost)})).code, 20);
+  EXPECT_EQ(outcomes(), "SN1=fail SN2=fail SN3=fail SN4=fail ");
+  const ProgramResult again = run({"resume", "units/SN3"});
+  EXPECT_EQ(again.code, 20);
+  EXPECT_NE(again.out.find("The run of unit SN3 is complete, verdict fail: nothing to resume."), std::string::npos);
+}
+
 TEST_F(Batch, ADeviceFaultStopsItAndItGoesOn) {
   write("queue", "SN1\nSN2\n");
   const std::string rig = write("fault.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 60\n");

@@ -209,5 +209,24 @@ TEST_F(Storage, OnlyOldRecordingsOfFinishedUnitsAreRemovedAndNeverTheLast) {
   EXPECT_EQ(prune("1").out, "0 of 4 recordings removed, 0.0 MB\n");
 }
 
+TEST_F(Storage, AFolderThatIsTakenAwayStopsTheRunAtTheNextDwell) {
+  const pid_t pid = start({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--pace", "20", "--sequence",
+                           std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq"});
+  for (int i = 0; i < 1000 && !fs::exists(folder_ / "out/recording.partial.tcr"); ++i) ::usleep(10'000);
+  fs::rename(folder_ / "out", folder_ / "away");
+  const ProgramResult result = finish(pid);
+  EXPECT_EQ(result.code, 50) << result.err;
+  EXPECT_NE(result.err.find("is no longer there"), std::string::npos) << result.err;
+  EXPECT_EQ(result.out.find("go on with"), std::string::npos) << "there is nothing to go on with";
+  EXPECT_EQ(result.out.find("step 14/14"), std::string::npos) << "not after the whole run";
+}
+
+TEST_F(Storage, WhatFailedAfterTheTableMovedLeavesItsLog) {
+  const std::string rig = write("fault.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 1\n");
+  EXPECT_EQ(run({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--rig", rig}).code, 50);
+  EXPECT_NE(file_text(folder_ / "out/run.log").find("fault of axis pitch"), std::string::npos);
+  EXPECT_EQ(run({"journal", "out"}).code, 0);
+}
+
 }  // namespace
 }  // namespace turncal
