@@ -43,6 +43,7 @@ as_turncal mkdir -m 2775 /var/lib/turncal/main
 as_turncal turncal queue /var/lib/turncal/main/queue --add TWIN > said
 turncal twin --station /etc/turncal/main.station --table tcp:0 > twin.log 2>&1 &
 twin=$!
+trap 'kill "$twin" 2> /dev/null || true' EXIT
 for _ in $(seq 300); do grep -q ready twin.log && break; sleep 0.1; done
 table=$(sed -n 's/.* ready: table modbus at \([0-9.:]*\),.*/\1/p' twin.log)
 [ -n "$table" ] || { cat twin.log; fail "the twin is not ready"; }
