@@ -134,6 +134,7 @@ void leave_unexplained(DiagnosisModel& m, Diagnosis& d) {
   d.moved = moved_by(d.base, shifts);
   m.current = d.base;
   m.chosen.clear();
+  d.fitted_covariance = m.current.covariance;
   widen(m.current, shifts, factor);
   d.holdout_after = d.holdout_before;
   d.aliases.clear();
@@ -210,6 +211,7 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
     return;
   }
   d.trusted = true;
+  d.fitted_covariance = m.current.covariance;
   widen(m.current, what_may_be(m, d), 1.0);
   if (m.chosen.empty()) {
     d.verdict = Verdict::clean;

@@ -127,6 +127,7 @@ struct Diagnosis {
   std::string reason = "not run";
   JointResult base;                       // before
   JointResult extended;                   // after: base with the effects (a copy of base when there are none)
+  Eigen::MatrixXd fitted_covariance;      // of extended, before its sigmas were widened
   std::vector<std::string> effect_names;  // added, strongest first
   std::map<std::string, std::vector<std::string>> aliases;  // of each added effect
   std::map<std::string, std::string> separate_by;           // what would tell the class apart

@@ -10,6 +10,8 @@
 // the same gains (Schmidt's consider form): a gyro bias that alignment hides as heading error shows as what is left of it.
 //   covariance = P(noise) + S cov(parameters) S'
 //
+// n samples that were filled in add n q / sqrt(12) of counting in pulses q to attitude and velocity, so that many single ones show.
+//
 // Units: parameters in file units (parameters.h), the rest SI. Not modelled: effects beyond the 24, rate random walk, gravity,
 // lever arms.
 #pragma once

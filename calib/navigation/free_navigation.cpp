@@ -44,8 +44,23 @@ Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, 
     return input_error(
         "alignment: the stretch has " + std::to_string(std::lround(static_cast<double>(stretch.size()) * interval_s)) +
         " s, expected more than the " + std::to_string(std::lround(setup.align_s)) + " s of the alignment");
-  Result<Alignment> alignment = align(stretch.first(align_intervals), setup.site, drift_of(setup));
+  // Where it should be, so many intervals after the alignment.
+  const auto truth_at = [&](std::size_t intervals) {
+    if (setup.reference == nullptr) return ReferencePoint{.latitude_rad = setup.site.latitude_rad};
+    return setup.reference->at(setup.start_s + static_cast<double>(align_intervals + intervals) * interval_s);
+  };
+  const ReferencePoint begin = truth_at(0);
+  DriftCovariance::Site site{begin.latitude_rad, setup.site.gravity_mps2};
+  if (setup.reference != nullptr) {
+    const ReferencePoint first = setup.reference->at(setup.reference->begins_s());
+    site.gravity_mps2 += normal_gravity_mps2(begin.latitude_rad, begin.height_m) -
+                         normal_gravity_mps2(first.latitude_rad, first.height_m);
+  }
+  Result<Alignment> alignment =
+      align(stretch.first(align_intervals), site, DriftCovariance(site, setup.noise, setup.counts));
   if (!alignment) return alignment.error();
+  alignment->state.longitude_rad = begin.longitude_rad;
+  alignment->state.height_m = begin.height_m;
 
   FreeNavigation result;
   result.align_rest_s = alignment->rest_s;
@@ -57,20 +72,24 @@ Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, 
   const std::span<const MotionInterval> free = stretch.subspan(align_intervals);
   const auto every = std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(track_step_s / interval_s)));
   result.track.reserve(free.size() / every + 2);
-  Navigator navigator(alignment->state, setup.site.gravity_mps2, true);
+  Navigator navigator(alignment->state, site.gravity_mps2, true);
   RadialErrorRate rate;
   double squares = 0.0;
   const auto note = [&](std::size_t intervals) {
     const NavigationState& state = navigator.state();
     const double t = static_cast<double>(intervals) * interval_s;
-    const Eigen::Vector2d moved = displacement_m(state, setup.site.latitude_rad, 0.0);
-    result.track.push_back({t, state, moved});
+    const ReferencePoint truth = truth_at(intervals);
+    const Eigen::Vector2d moved = displacement_m(state, truth.latitude_rad, truth.longitude_rad);
+    const Eigen::Vector2d velocity(state.velocity_n_mps[0], state.velocity_n_mps[2]);
+    result.track.push_back({t, state, moved, velocity - truth.velocity_mps});
     rate.add(t, moved.norm());
-    squares += state.velocity_n_mps.squaredNorm();
+    squares += (velocity - truth.velocity_mps).squaredNorm();
   };
   note(0);
   for (std::size_t k = 0; k < free.size(); ++k) {
     const Eigen::Quaterniond before = navigator.state().q_nb;
+    if (setup.reference != nullptr)
+      navigator.set_climb((truth_at(k + 1).height_m - navigator.state().height_m) / interval_s);
     navigator.advance(free[k]);
     if (setup.expected) {
       // Half way: the mean of two quaternions that are close, to second order of the angle between them.

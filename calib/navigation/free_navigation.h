@@ -1,7 +1,8 @@
-// One branch: aligned on the first minutes of a stretch of a recording, then free, at a point that does not move.
+// One branch: aligned on the first minutes of a stretch of a recording, then free, at a point that does not move or beside a reference.
 //
 // Whatever the unit does about that point, position and velocity should not change: what they become is error. The distance of
-// the unit from the centre of rotation is neglected.
+// the unit from the centre of rotation is neglected. With a reference the unit may go where it likes after the alignment: error
+// is what is off from there, and the height is the reference's.
 #pragma once
 
 #include <optional>
@@ -11,6 +12,7 @@
 #include "calib/navigation/alignment.h"
 #include "calib/navigation/drift.h"
 #include "calib/navigation/mechanisation.h"
+#include "calib/navigation/reference_track.h"
 #include "calib/types/status.h"
 
 namespace turncal {
@@ -18,7 +20,8 @@ namespace turncal {
 struct TrackPoint {
   double time_s = 0.0;  // since the navigation began
   NavigationState state;
-  Eigen::Vector2d moved_m = Eigen::Vector2d::Zero();  // north, east
+  Eigen::Vector2d moved_m = Eigen::Vector2d::Zero();  // north, east: off from where it should be
+  Eigen::Vector2d velocity_error_mps = Eigen::Vector2d::Zero();
 };
 
 struct FreeNavigation {
@@ -29,7 +32,7 @@ struct FreeNavigation {
   double free_s = 0.0;
   std::vector<TrackPoint> track;  // at the start, then each second, and at the end
   double nm_per_h = 0.0;          // radial error rate (navigation_error.h), over the track
-  double velocity_rms_mps = 0.0;  // of the horizontal velocity's size, over the track
+  double velocity_rms_mps = 0.0;  // of the horizontal velocity error's size, over the track
   // Expected at the end: covariance of north and east, m^2.
   Eigen::Matrix2d end_covariance_m2 = Eigen::Matrix2d::Zero();
 };
@@ -40,7 +43,9 @@ struct FreeNavigationSetup {
   std::optional<CountsModel> counts;  // with parameter_covariance: how the expected error is found
   ParameterCovariance parameter_covariance = ParameterCovariance::Zero();
   double align_s = 300.0;
-  bool expected = true;  // false: the expected error is not followed after the alignment
+  bool expected = true;                       // false: the expected error is not followed after the alignment
+  const ReferenceTrack* reference = nullptr;  // the site is where it begins, and not where the branch does
+  double start_s = 0.0;                       // of the stretch, in the time of the reference
 };
 
 // Errors: those of align(), and a stretch that is not longer than the alignment.

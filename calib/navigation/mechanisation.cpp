@@ -26,14 +26,14 @@ void Navigator::advance(const MotionInterval& interval) {
   Eigen::Vector3d velocity =
       s.velocity_n_mps + 0.5 * (push_n - 0.5 * T * (rates_.earth + rates_.transport).cross(push_n) +
                                 T * (gravity_n - (2.0 * rates_.earth + rates_.transport).cross(s.velocity_n_mps)));
-  if (hold_height_) velocity[1] = 0.0;
+  if (hold_height_) velocity[1] = climb_mps_;
   rates_ = frame_rates(latitude, height, velocity);
   const Eigen::Vector3d turn_of_n = T * (rates_.earth + rates_.transport);
 
   const Eigen::Vector3d before = s.velocity_n_mps;
   s.velocity_n_mps += push_n - 0.5 * turn_of_n.cross(push_n) +
                       T * (gravity_n - (2.0 * rates_.earth + rates_.transport).cross(velocity));
-  if (hold_height_) s.velocity_n_mps[1] = 0.0;
+  if (hold_height_) s.velocity_n_mps[1] = climb_mps_;
   s.q_nb = quaternion_of(-turn_of_n) * s.q_nb * interval.turn;
   s.q_nb.normalize();
   const Eigen::Vector3d mean = 0.5 * (before + s.velocity_n_mps);
@@ -68,7 +68,7 @@ AttitudeAngles angles_of(const Eigen::Quaterniond& q_nb) {
 Eigen::Vector2d displacement_m(const NavigationState& state, double latitude_rad, double longitude_rad) {
   const RadiiOfCurvature radii = radii_of_curvature(latitude_rad);
   return {(state.latitude_rad - latitude_rad) * radii.north_m,
-          (state.longitude_rad - longitude_rad) * radii.east_m * std::cos(latitude_rad)};
+          std::remainder(state.longitude_rad - longitude_rad, 2.0 * pi) * radii.east_m * std::cos(latitude_rad)};
 }
 
 }  // namespace turncal

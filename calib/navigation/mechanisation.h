@@ -10,7 +10,7 @@
 //
 // Gravity is the site's where navigation begins and follows WGS-84 from there (the calibration knows the accelerometers in
 // units of the site's gravity, so that nothing else would be consistent).
-// The vertical channel of pure inertial navigation runs away within minutes; with hold_height it is shut: v_U = 0.
+// The vertical channel of pure inertial navigation runs away within minutes; with hold_height it is shut: v_U = 0, or as given.
 #pragma once
 
 #include <Eigen/Core>
@@ -37,6 +37,9 @@ class Navigator {
   void advance(const MotionInterval& interval);
   const NavigationState& state() const { return state_; }
 
+  // With hold_height: how fast it rises from here on.
+  void set_climb(double up_mps) { climb_mps_ = up_mps; }
+
   // Estimated errors taken off: C_true = Exp(phi) C, v_true = v - dv (phi, dv as in drift.h).
   void correct(const Eigen::Vector3d& phi_rad, const Eigen::Vector3d& dv_mps);
   // Back to a place known, with the velocity left as it is.
@@ -46,6 +49,7 @@ class Navigator {
   NavigationState state_;
   double gravity_offset_mps2_;  // of the site over WGS-84
   bool hold_height_;
+  double climb_mps_ = 0.0;
   FrameRates rates_;  // of the interval before
 };
 

@@ -116,6 +116,17 @@ double false_fail_probability(const NorthSeeking& found, double heading_limit_de
   return 1.0 - passes;
 }
 
+double longer_alignment(const NorthSeeking& found, double heading_limit_deg, double chance) {
+  constexpr double step = 1.02, most = 1e4, no_limit = 1e9;
+  NorthSeeking scaled = found;
+  double factor = 1.0;
+  while (factor < most && false_fail_probability(scaled, heading_limit_deg, no_limit) > chance) {
+    factor *= step;
+    for (NorthPosition& position : scaled.positions) position.noise_sigma_deg[0] /= std::sqrt(step);
+  }
+  return factor;
+}
+
 ReferenceComparison compare_references(std::span<const ReferenceRow> rows) {
   ReferenceComparison result;
   for (const ReferenceRow& row : rows) {

@@ -51,6 +51,10 @@ struct NorthSeeking {
 // variance (Satterthwaite (1946)); the figures as independent.
 double false_fail_probability(const NorthSeeking& found, double heading_limit_deg, double level_limit_deg);
 
+// By what factor the alignments would have to last longer for that chance, of the headings, to be at most `chance`: noise goes with one
+// over the root of the time. At least 1; no more than 1e4.
+double longer_alignment(const NorthSeeking& found, double heading_limit_deg, double chance);
+
 // Mean and sample standard deviation.
 struct Spread {
   double mean = 0.0;

@@ -159,6 +159,10 @@ Result<NumberTable> read_mat(const std::string& file_name, const std::vector<Wan
     const auto refuse = [&](const std::string& what) {
       return input_error(file_name + ": column " + quoted(column.name) + ": " + what);
     };
+    if (!variable && column.may_be_missing) {
+      table.columns.emplace_back();
+      continue;
+    }
     if (!variable || variable->data == nullptr)
       return refuse("no variable " + quoted(name) + " of numbers: expected name or name:column");
     MatrixView view;
@@ -186,7 +190,7 @@ Result<NumberTable> read_mat(const std::string& file_name, const std::vector<Wan
     }
     if (!index || *index < 1 || static_cast<std::size_t>(*index) > view.columns)
       return refuse("expected a column from 1 to " + std::to_string(view.columns));
-    if (!table.columns.empty() && view.rows != rows)
+    if (rows > 0 && view.rows != rows)
       return refuse("has " + std::to_string(view.rows) + " rows: expected " + std::to_string(rows) +
                     ", as the columns before");
     rows = view.rows;

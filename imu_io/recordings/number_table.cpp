@@ -33,6 +33,7 @@ class CsvTable {
   std::int64_t line_ = 0;
   std::vector<std::string_view> cells_;
   std::size_t header_cells_ = 0;
+  static constexpr std::size_t missing = static_cast<std::size_t>(-1);
   std::vector<std::size_t> index_;  // of each wanted column
   std::vector<double> row_;
   NumberTable table_;
@@ -63,6 +64,8 @@ Status CsvTable::find_columns(const std::vector<std::string>& header) {
       index_.push_back(static_cast<std::size_t>(at - header.begin()));
     } else if (const auto index = parse_integer<std::int64_t>(column.name); index && *index >= 1 && *index <= 10000) {
       index_.push_back(static_cast<std::size_t>(*index - 1));
+    } else if (column.may_be_missing) {
+      index_.push_back(missing);
     } else {
       return defect(
           "no column " + quoted(column.name) + "; the header has " + std::to_string(header.size()) + " names" +
@@ -93,6 +96,7 @@ Status CsvTable::read_row(std::string_view text) {
     return defect("the row has " + std::to_string(cells_.size()) + " columns: expected " +
                   std::to_string(header_cells_));
   for (std::size_t k = 0; k < wanted_.size(); ++k) {
+    if (index_[k] == missing) continue;
     Result<double> value = number(k);
     if (!value) return value.error();
     row_[k] = *value;
@@ -133,7 +137,8 @@ Result<NumberTable> CsvTable::read() {
     } else {
       table_.position.push_back(position);
       table_.line.push_back(line_);
-      for (std::size_t k = 0; k < row_.size(); ++k) table_.columns[k].push_back(row_[k]);
+      for (std::size_t k = 0; k < row_.size(); ++k)
+        if (index_[k] != missing) table_.columns[k].push_back(row_[k]);
     }
     ++position;
   }

@@ -24,7 +24,8 @@ struct TableFormat {
 
 struct WantedColumn {
   std::string name;
-  bool may_be_blank = false;  // an empty cell, nan or NaN is then NaN and no defect
+  bool may_be_blank = false;    // an empty cell, nan or NaN is then NaN and no defect
+  bool may_be_missing = false;  // no such column: it has no values then
 };
 
 struct NumberTable {

@@ -14,6 +14,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/types/axis.h"
@@ -25,6 +26,8 @@ namespace turncal {
 
 // The usual name inside a recording's folder.
 inline constexpr const char* binary_recording_name = "recording.tcr";
+// How the file begins.
+inline constexpr std::string_view recording_beginning = "\x89TCR";
 
 class RecordingWriter {
  public:

@@ -1,17 +1,17 @@
-// `turncal apply RECORDING --parameters FILE --out CSV`: calibrated increments of every sample,
-//   dtheta = n counts_gyro - N0 dt  [rad],   dv = a counts_accel - A0 dt  [m/s],   dt the sample period.
+// `turncal apply RECORDING --parameters FILE --out FILE`: calibrated increments of every sample (calibrated_source.h), as CSV, .npy, .mat or
+// a recording (.tcr), by the name of the file.
 // Refused: a wrong checksum, a missing key, parameters of another unit, simulated parameters on a real unit's recording.
-// Effects beyond the 24 parameters are taken off as the estimate modelled them (effect_terms.h).
 #include <filesystem>
 #include <memory>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/recordings/matrix_writer.h"
 #include "imu_io/recordings/parameter_file.h"
-#include "imu_io/recordings/recording_source.h"
+#include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/jobs/effect_terms.h"
+#include "orchestrator/jobs/navigation/calibrated_source.h"
 #include "orchestrator/records/output_folder.h"
 
 namespace turncal {
@@ -24,19 +24,39 @@ struct ApplyOptions {
   std::string out;
 };
 
-void append_row(const ImuSample& sample, const SensorModel& model, const EffectTerms::Term& effects, double period_s,
-                std::string& text) {
-  const Eigen::Vector3d dtheta = model.gyro_scale * Eigen::Vector3d(sample.gyro[0], sample.gyro[1], sample.gyro[2]) -
-                                 (model.gyro_bias_radps + effects.rate_radps) * period_s;
-  const Eigen::Vector3d dv = model.accel_scale * Eigen::Vector3d(sample.accel[0], sample.accel[1], sample.accel[2]) -
-                             (model.accel_bias_mps2 + effects.force_mps2) * period_s;
+void append_row(const ImuSample& sample, std::string& text) {
   NumberBuffer buffer;
   text += format_number(sample.counter, buffer);
-  for (const double value : {dtheta[0], dtheta[1], dtheta[2], dv[0], dv[1], dv[2]}) {
-    text += ',';
-    text += format_number(value, buffer);
-  }
+  for (const auto& increments : {sample.gyro, sample.accel})
+    for (const double value : increments) {
+      text += ',';
+      text += format_number(value, buffer);
+    }
   text += '\n';
+}
+
+Status write_csv(RecordingSource& source, const std::string& path) {
+  std::string text = "sample,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps,dv_y_mps,dv_z_mps\n";
+  if (Status status = check_replaceable(path, text); !status) return status;
+  Result<AtomicFile> file = AtomicFile::create(path);
+  if (!file) return file.error();
+  Status status = source.read([&](std::span<const ImuSample> block) {
+    for (const ImuSample& sample : block) append_row(sample, text);
+    Status written = file->write(text);
+    text.clear();
+    return written;
+  });
+  if (!status) return status;
+  if (status = file->write(text); !status) return status;
+  return file->commit();
+}
+
+// By the name of the file: a recording, .npy or .mat, or CSV.
+Status write_calibrated(RecordingSource& source, const std::string& path) {
+  if (names_matrix(path)) return write_recording_columns(source, path);
+  if (!path.ends_with(".tcr")) return write_csv(source, path);
+  if (Status status = check_replaceable(path, recording_beginning); !status) return status;
+  return import_binary(source, path);
 }
 
 Status apply(const ApplyOptions& options, CommandContext& context) {
@@ -44,10 +64,9 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
   if (!parameters) return parameters.error();
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(options.recording);
   if (!source) return source.error();
-  const RecordingInfo& info = (*source)->info();
-  if (Status status = check_applicable(*parameters, options.parameters, info); !status) return status;
-  Result<EffectTerms> effects = EffectTerms::of(*parameters, options.parameters, **source);
-  if (!effects) return effects.error();
+  Result<std::unique_ptr<CalibratedSource>> calibrated =
+      CalibratedSource::of(*parameters, options.parameters, **source);
+  if (!calibrated) return calibrated.error();
   std::error_code error;
   if (std::filesystem::is_directory(options.out, error)) {
     return input_error(options.out + ": expected a file name, found a folder");
@@ -60,24 +79,8 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
       !status) {
     return status;
   }
-  std::string text = "sample,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps,dv_y_mps,dv_z_mps\n";
-  if (Status status = check_replaceable(options.out, text); !status) return status;
-  Result<AtomicFile> file = AtomicFile::create(options.out);
-  if (!file) return file.error();
-  const SensorModel model = sensor_model(from_vector(parameters->parameters), info);
-  std::int64_t samples = 0;
-  Status status = (*source)->read([&](std::span<const ImuSample> block) {
-    for (const ImuSample& sample : block)
-      append_row(sample, model, effects->at(sample.counter), info.sample_period_s, text);
-    samples += static_cast<std::int64_t>(block.size());
-    Status written = file->write(text);
-    text.clear();
-    return written;
-  });
-  if (!status) return status;
-  if (status = file->write(text); !status) return status;
-  if (status = file->commit(); !status) return status;
-  context.out << "calibrated increments of " << samples << " samples  " << options.out << std::endl;
+  if (Status status = write_calibrated(**calibrated, options.out); !status) return status;
+  context.out << "calibrated increments  " << options.out << std::endl;
   return {};
 }
 
@@ -88,7 +91,10 @@ void add_apply_command(CommandLine& line, CommandContext& context) {
   const Command command = line.command("apply", "write calibrated increments of a recording");
   command.option("recording", options->recording, "a folder (binary or text form) or a .tcr file").required();
   command.option("--parameters", options->parameters, "parameter file").required();
-  command.option("--out", options->out, "CSV file to write; an existing one is replaced, whole").required();
+  command
+      .option("--out", options->out,
+              "file to write: .csv, .npy, .mat or .tcr (a recording); an existing one is replaced, whole")
+      .required();
   command.runs(context, [options, &context] { return apply(*options, context); });
 }
 

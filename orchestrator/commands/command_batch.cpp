@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/command_run.h"
@@ -236,7 +237,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
 }
 
 struct QueueOptions {
-  std::string queue;
+  std::string queue, format;
   QueueChange change;
 };
 
@@ -249,6 +250,19 @@ Status show_queue(const QueueOptions& options, std::ostream& out) {
   if (!queue) return queue.error();
   const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(options.queue);
   if (!outcomes) return outcomes.error();
+  if (!options.format.empty()) {
+    DataTable table({"unit", "outcome", "time_utc", "reason"});
+    for (const std::string& unit : *queue) {
+      const UnitOutcome* outcome = find_outcome(*outcomes, unit);
+      table.begin_row();
+      table.text(unit);
+      table.text(outcome ? outcome->outcome : "waits");
+      outcome ? table.text(outcome->time_utc) : table.nothing();
+      outcome ? table.text(outcome->reason) : table.nothing();
+    }
+    out << table.as(options.format) << std::flush;
+    return {};
+  }
   for (const std::string& unit : *queue) {
     const UnitOutcome* outcome = find_outcome(*outcomes, unit);
     out << unit << "  " << (outcome ? outcome->outcome + " " + outcome->time_utc : "waits")
@@ -286,6 +300,7 @@ void add_queue_command(CommandLine& line, CommandContext& context) {
   command.option("--remove", options->change.remove, "serial numbers to remove");
   command.option("--again", options->change.again,
                  "serial numbers whose outcome is forgotten: they are calibrated again");
+  command.option("--format", options->format, "print the queue in this form").one_of(data_formats);
   command.runs(context, [options, &context] { return show_queue(*options, context.out); });
 }
 

@@ -124,7 +124,7 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   const PlanLimits limits = plan_limits(*station, info->sample_period_s);
   Plan plan = make_plan(*sequence, limits);
   const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
-  if (station->verify_run && keys.empty()) {  // as a run does, but with --partial
+  if ((station->verify_run || options.verify) && keys.empty()) {  // as a run does, but with --partial
     if (const Result<int> from = append_north_seeking(*station, *sequence); !from) {
       err << from.error().message << "\n";
       return exit_code(from.error().kind);
@@ -160,6 +160,7 @@ void add_check_command(CommandLine& line, CommandContext& context) {
   const Command command = line.command("check", "validate station and sequence, print the plan; nothing moves");
   command.option("--station", options->station, "station configuration; default: the built-in rig station");
   command.option("--sequence", options->sequence, "sequence file").required();
+  command.flag("--verify", options->verify, "with the north seeking behind it, as run --verify");
   command.option("--override-due", options->overdue_reason, "accept a table whose calibration is overdue, as run does");
   command.option("--out", options->out, "folder that a run is to write to: can it, and is there room?");
   command.option("--unit", options->units, "serial number of a unit to be run").one_word_each();

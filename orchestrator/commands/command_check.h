@@ -18,6 +18,7 @@ struct CheckOptions {
   std::string overdue_reason = {};
   std::string out = {};  // folder of a run; empty: not looked at
   std::vector<std::string> units = {};
+  bool verify = false;
 };
 
 int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err);

@@ -6,11 +6,14 @@
 #include <optional>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/data_text.h"
+#include "imu_io/base/text_pieces.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/records/output_folder.h"
+#include "orchestrator/report/residual_table.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -20,6 +23,7 @@ struct DiagnoseOptions {
   std::string recording;
   std::string holdout;
   std::string out;
+  std::string residuals, format;
   std::optional<double> arw_deg_per_rt_h;
   std::optional<double> vrw_ug_per_rt_hz;
   double gyro_bias_instability_degph = 0.0;
@@ -29,10 +33,13 @@ struct DiagnoseOptions {
 // What is going on, for work that takes longer than a blink: on a terminal one line that is redrawn, elsewhere one line a phase.
 class Phases {
  public:
-  explicit Phases(const CommandContext& context) : out_(context.out), terminal_(context.out_is_terminal) {}
+  // `silent`: what is printed is for a program.
+  Phases(const CommandContext& context, bool silent)
+      : out_(context.out), terminal_(context.out_is_terminal), silent_(silent) {}
   ~Phases() { clear(); }
   void begin(const std::string& what) {
     what_ = what;
+    if (silent_) return;
     if (terminal_)
       show("");
     else
@@ -40,7 +47,7 @@ class Phases {
   }
   void samples(std::int64_t count) {
     const double now_s = steady_wall_s();
-    if (!terminal_ || now_s - drawn_s_ < 0.1) return;
+    if (!terminal_ || silent_ || now_s - drawn_s_ < 0.1) return;
     drawn_s_ = now_s;
     show("  " + significant(1e-6 * static_cast<double>(count), 3) + " million samples");
   }
@@ -55,7 +62,7 @@ class Phases {
     shown_ = true;
   }
   std::ostream& out_;
-  bool terminal_;
+  bool terminal_, silent_;
   bool shown_ = false;
   std::string what_;
   double drawn_s_ = -1e9;
@@ -88,13 +95,27 @@ Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, co
   return std::optional(noise);
 }
 
+DataTable diagnosis_table(const std::string& conf) {
+  DataTable table({"key", "value"});
+  std::string_view left = conf;
+  while (!left.empty()) {
+    const std::string_view line = next_line(left);
+    const std::size_t equals = line.find('=');
+    if (line.starts_with('#') || equals == std::string_view::npos) continue;
+    table.begin_row();
+    table.text(trimmed(line.substr(0, equals)));
+    table.word(trimmed(line.substr(equals + 1)));
+  }
+  return table;
+}
+
 Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context) {
   const double began_s = steady_wall_s();
   for (const std::string& source : {options.recording, options.holdout}) {
     if (source.empty()) continue;
     if (Status status = check_not_source(options.out, source); !status) return status.error();
   }
-  Phases phases(context);
+  Phases phases(context, !options.format.empty());
   const Result<LoadedRecording> fitted = load(options.recording, phases);
   if (!fitted) return fitted.error();
   std::optional<LoadedRecording> holdout;
@@ -109,6 +130,7 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
   request.time_utc = format_utc(wall_utc_s());
   request.holdout = holdout ? &*holdout : nullptr;
   request.noise = *noise;
+  request.samples = holdout ? options.holdout : options.recording;
   request.phase = [&phases](const std::string& what) { phases.begin(what); };
   Result<OutputFolder> folder = OutputFolder::prepare_results(options.out, fitted->data.info.unit_serial);
   if (!folder) return folder.error();
@@ -117,6 +139,15 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
   if (Status status = write_diagnosis(folder->path(), output->files); !status) return status.error();
   folder->keep();
   phases.clear();
+  if (!options.residuals.empty()) {
+    const std::vector<NumberColumn> columns = residual_columns(output->diagnosis);
+    if (Status status = write_columns(options.residuals, columns); !status) return status.error();
+  }
+  if (!options.format.empty()) {
+    const DataTable table = diagnosis_table(output->files.conf);
+    context.out << (options.format == "json" ? table.json_object() : table.csv()) << std::flush;
+    return output->diagnosis.verdict;
+  }
   context.out << '\n';
   for (const std::string& line : output->table) context.out << line << '\n';
   context.out << '\n';
@@ -140,6 +171,9 @@ void add_diagnose_command(CommandLine& line, CommandContext& context) {
   command.option("--holdout", options->holdout,
                  "another recording of the unit, not used in the fit; default: dwells left out in turn");
   command.option("--out", options->out, "folder for parameters.conf, diagnosis.conf and report.html").required();
+  command.option("--residuals", options->residuals, "writes the residuals to this file, too: .csv, .npy or .mat");
+  command.option("--format", options->format, "print diagnosis.conf in this form instead of words")
+      .one_of(data_formats);
   command.option("--arw", options->arw_deg_per_rt_h, "angle random walk, deg/sqrt(h): noise given, not measured")
       .positive();
   command.option("--vrw", options->vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").positive();

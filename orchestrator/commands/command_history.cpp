@@ -8,8 +8,8 @@
 #include "imu_io/base/atomic_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/line/parameter_history.h"
-#include "orchestrator/line_report/history_csv.h"
 #include "orchestrator/line_report/history_page.h"
+#include "orchestrator/line_report/history_table.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
 
@@ -20,7 +20,7 @@ namespace {
 using Calibrations = std::vector<StoredCalibration>;
 
 struct HistoryOptions {
-  std::string database, parameter, csv, report;
+  std::string database, parameter, csv, report, format;
   RecordFilter filter;
   std::vector<std::int64_t> compare;
   bool attempts = false, control = false, simulated = false, together = false;
@@ -132,8 +132,12 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
     std::erase_if(all, [&](const StoredCalibration& c) { return c.simulated != options.simulated; });
     if (Status status = check_one_unit(options, all); !status) return status;
   }
+  if (!options.format.empty()) {
+    out << calibrations_table(all).as(options.format) << std::flush;
+    return {};
+  }
   if (!options.csv.empty()) {
-    if (Status status = write_named(options.csv, calibrations_csv(all)); !status) return status;
+    if (Status status = write_named(options.csv, calibrations_table(all).csv()); !status) return status;
     out << all.size() << " calibrations in " << options.csv << '\n';
     return {};
   }
@@ -153,8 +157,12 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
 Status show_attempts(const HistoryOptions& options, const ResultsDatabase& database, std::ostream& out) {
   const Result<std::vector<AttemptRecord>> all = database.attempts(options.filter);
   if (!all) return all.error();
+  if (!options.format.empty()) {
+    out << attempts_table(*all).as(options.format) << std::flush;
+    return {};
+  }
   if (!options.csv.empty()) {
-    if (Status status = write_named(options.csv, attempts_csv(*all)); !status) return status;
+    if (Status status = write_named(options.csv, attempts_table(*all).csv()); !status) return status;
     out << all->size() << " attempts in " << options.csv << '\n';
     return {};
   }
@@ -171,6 +179,9 @@ Status show_attempts(const HistoryOptions& options, const ResultsDatabase& datab
 }
 
 Status show_history(const HistoryOptions& options, std::ostream& out) {
+  if (!options.format.empty() && (!options.csv.empty() || !options.compare.empty() || !options.report.empty() ||
+                                  !options.parameter.empty() || options.control))
+    return input_error("--format: is of the list: expected no --csv, --compare, --report, --parameter or --control");
   if (Status status = check(options.filter); !status) return status;
   const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(options.database);
   if (!database) return database.error();
@@ -185,8 +196,8 @@ Status show_history(const HistoryOptions& options, std::ostream& out) {
     ++more;
   }
   // A row that is not what its parameter file says is shown in the list, and used for nothing.
-  const bool listed = options.csv.empty() && options.compare.empty() && options.report.empty() &&
-                      options.parameter.empty() && !options.control;
+  const bool listed = options.csv.empty() && options.format.empty() && options.compare.empty() &&
+                      options.report.empty() && options.parameter.empty() && !options.control;
   if (!listed) std::erase_if(*all, [](const StoredCalibration& c) { return !c.defect.empty(); });
   if (Status status = print_history(options, std::move(*all), out); !status) return status;
   if (damaged.empty()) return {};
@@ -244,6 +255,8 @@ void add_history_command(CommandLine& line, CommandContext& context) {
   command.flag("--simulated", options->simulated, "of the dry runs, for --control, --parameter and --report");
   command.flag("--together", options->together, "charts of all units in one: the spread between them");
   command.option("--csv", options->csv, "writes the calibrations with all values to this file");
+  command.option("--format", options->format, "print the calibrations with all values in this form")
+      .one_of(data_formats);
   command.runs(context, [options, &context] { return show_history(*options, context.out); });
 }
 

@@ -1,7 +1,9 @@
 // `turncal import TEXTDIR --out DIR` and `turncal export RECORDING --out DIR`: between the text form of a recording and the
-// binary one. Nothing is overwritten, and a failure leaves nothing behind.
+// binary one; `--out FILE.npy` or `.mat` of export: its samples as a matrix. Nothing is overwritten, and a failure leaves nothing behind.
+#include <filesystem>
 #include <memory>
 
+#include "imu_io/recordings/matrix_writer.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/command_segment.h"
@@ -21,14 +23,18 @@ struct TextOptions {
   bool skip_bad_rows = false;
 };
 
-Status finish(RecordingSource& source, OutputFolder& folder, const char* what, CommandContext& context) {
+Status say(RecordingSource& source, const char* what, const std::string& out, CommandContext& context) {
   const Result<std::string> hash = source.content_hash();
   if (!hash) return hash.error();
-  folder.keep();
   if (const std::string damage = describe(source.damage()); !damage.empty()) context.out << damage << '\n';
-  context.out << what << ' ' << folder.path() << ": " << source.segments().size() << " segments, content " << *hash
-              << std::endl;
+  context.out << what << ' ' << out << ": " << source.segments().size() << " segments, content " << *hash << std::endl;
   return {};
+}
+
+Status finish(RecordingSource& source, OutputFolder& folder, const char* what, CommandContext& context) {
+  if (const Result<std::string> hash = source.content_hash(); !hash) return hash.error();
+  folder.keep();
+  return say(source, what, folder.path(), context);
 }
 
 Status import_text(const TextOptions& options, CommandContext& context) {
@@ -49,6 +55,13 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(options.source);
   if (!source) return source.error();
   if (Status status = check_not_source(options.out, options.source); !status) return status;
+  if (names_matrix(options.out)) {
+    std::error_code none;
+    if (std::filesystem::is_directory(options.out, none))
+      return input_error(options.out + ": expected a file name, found a folder");
+    if (Status status = write_recording_columns(**source, options.out); !status) return status;
+    return say(**source, "exported to", options.out, context);
+  }
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {"recording.conf", "imu.csv", "segments.csv"});
   if (!folder) return folder.error();
   if (Status status = export_text(**source, folder->path()); !status) return status;
@@ -57,10 +70,11 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
 
 // What both commands take.
 Command add(CommandLine& line, CommandContext& context, const char* name, const char* help, const char* source_help,
-            const std::shared_ptr<TextOptions>& options, Status (*job)(const TextOptions&, CommandContext&)) {
+            const char* help_out, const std::shared_ptr<TextOptions>& options,
+            Status (*job)(const TextOptions&, CommandContext&)) {
   const Command command = line.command(name, help);
   command.option("source", options->source, source_help).required();
-  command.option("--out", options->out, "folder to write to; must not hold a recording yet").required();
+  command.option("--out", options->out, help_out).required();
   command.runs(context, [options, job, &context] { return job(*options, context); });
   return command;
 }
@@ -69,16 +83,18 @@ Command add(CommandLine& line, CommandContext& context, const char* name, const 
 
 void add_import_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<TextOptions>();
-  const Command command = add(
-      line, context, "import", "read the text form of a recording or any table of numbers, write the binary one",
-      "folder with recording.conf, imu.csv, segments.csv; with --map a CSV, .npy or .mat file", options, import_text);
+  const Command command =
+      add(line, context, "import", "read the text form of a recording or any table of numbers, write the binary one",
+          "folder with recording.conf, imu.csv, segments.csv; with --map a CSV, .npy or .mat file",
+          "folder to write to; must not hold a recording yet", options, import_text);
   const Option map = command.option("--map", options->map, "file on the columns of the table, docs/hand-data.md");
   command.option("--accel", options->accel, "the accelerometers' file, where they have one of their own").needs(map);
   command.flag("--skip-bad-rows", options->skip_bad_rows, "leave out rows with a defect, and count them");
 }
 
 void add_export_command(CommandLine& line, CommandContext& context) {
-  add(line, context, "export", "write a recording in text form", "recording: a folder or a .tcr file",
+  add(line, context, "export", "write a recording in text form, or its samples as .npy or .mat",
+      "recording: a folder or a .tcr file", "folder to write to, must not hold a recording yet; or a .npy or .mat file",
       std::make_shared<TextOptions>(), export_recording);
 }
 

@@ -6,7 +6,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/jobs/navigation_job.h"
+#include "orchestrator/jobs/navigation/navigation_job.h"
 #include "orchestrator/records/output_folder.h"
 
 namespace turncal {
@@ -58,6 +58,8 @@ void add_navigate_command(CommandLine& line, CommandContext& context) {
   command.option("recording", request.recording, "a folder (binary or text form) or a .tcr file").required();
   command.option("--parameters", request.parameters, "parameter file").required();
   command.option("--against", request.against, "another parameter file, navigated beside it");
+  command.option("--reference", request.reference,
+                 "where the unit truly was: a table of time_s, latitude_deg, longitude_deg (docs/navigation.md)");
   command.option("--out", options->out, "folder for navigation.conf, track.csv, navigation.svg").required();
   command.option("--align", request.align_s, "length of the alignment, s").range(20.0, 86400.0).default_in_help();
   command.option("--from", request.from_s, "where to begin, s from the first sample")

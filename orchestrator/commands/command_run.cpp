@@ -96,13 +96,24 @@ void add_resume_command(CommandLine& line, CommandContext& context) {
 }
 
 void add_journal_command(CommandLine& line, CommandContext& context) {
-  const auto folder = std::make_shared<std::string>();
+  struct JournalOptions {
+    std::string folder, format;
+  };
+  const auto options = std::make_shared<JournalOptions>();
   const Command command = line.command("journal", "print the journal of a run, one line a record");
-  command.option("folder", *folder, "the run's folder").required();
-  command.runs(context, [folder, &context]() -> Status {
-    const Result<std::string> text = journal_as_text(*folder + "/" + journal_name);
+  command.option("folder", options->folder, "the run's folder").required();
+  command.option("--format", options->format, "print every field of every record in this form").one_of(data_formats);
+  command.runs(context, [options, &context]() -> Status {
+    const std::string path = options->folder + "/" + journal_name;
+    if (!options->format.empty()) {
+      const Result<DataTable> table = journal_as_table(path);
+      if (!table) return table.error();
+      context.out << table->as(options->format) << std::flush;
+      return {};
+    }
+    const Result<std::string> text = journal_as_text(path);
     if (!text) return text.error();
-    const Result<JournalContents> contents = read_journal(*folder + "/" + journal_name);
+    const Result<JournalContents> contents = read_journal(path);
     const LinePrefix marked(context.out, std::string(contents ? tag_of(*contents) : ""));
     context.out << *text << std::flush;
     return {};

@@ -3,7 +3,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/line_report/history_csv.h"
+#include "orchestrator/line_report/history_table.h"
 #include "orchestrator/line_report/shift_page.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/report_page.h"
@@ -27,7 +27,7 @@ Status write_shift(const ShiftOptions& options, const ShiftReport& report, std::
   const std::vector<NamedText> files = {{options.out + "/shift.html", page},
                                         {options.out + "/shift.csv", shift_csv(report)},
                                         {options.out + "/signals.csv", signals_csv(report)},
-                                        {options.out + "/attempts.csv", attempts_csv(report.attempts)}};
+                                        {options.out + "/attempts.csv", attempts_table(report.attempts).csv()}};
   constexpr std::size_t alike = 30;
   for (const NamedText& file : files) {
     if (Status s = check_replaceable(file.path, std::string_view(file.content).substr(0, alike)); !s) return s;

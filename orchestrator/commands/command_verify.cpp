@@ -8,9 +8,9 @@
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/commands/command_run.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/jobs/run_job.h"
 #include "orchestrator/jobs/run_results.h"
-#include "orchestrator/jobs/verification_job.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/station/builtin_sequence.h"
 

@@ -5,7 +5,9 @@
 #include "calib/diagnosis/rest_diagnosis.h"
 #include "calib/rests/single_pose.h"
 #include "imu_io/base/format_number.h"
+#include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/navigation/effect_worth.h"
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/pose_report.h"
 #include "orchestrator/report/rest_as_diagnosis.h"
@@ -39,6 +41,24 @@ Status check_holdout(const LoadedRecording& other, const LoadedRecording& record
   return check_data(other);
 }
 
+// What the effects are worth in miles; a note where it cannot be had.
+void navigate_effects(const LoadedRecording& recording, const Diagnosis& diagnosis, const DiagnosisRequest& request,
+                      DiagnosisContext& context) {
+  request.phase("navigating with and without what was added");
+  const LoadedRecording& navigated = request.holdout ? *request.holdout : recording;
+  const RecordingInfo& info = navigated.data.info;
+  const Segments& segments = navigated.data.segments;
+  const double to_s =
+      static_cast<double>(segments.back().end_sample - segments.front().start_sample) * info.sample_period_s;
+  Result<NavigationWorth> worth = worth_of_effects(diagnosis, context, request.samples, to_s);
+  if (!worth) {
+    context.notes.push_back("not navigated: " + worth.error().message);
+    return;
+  }
+  context.worth = std::move(*worth);
+  context.worth->source = request.holdout ? "second recording" : "fitted recording";
+}
+
 Result<DiagnosisOutput> of_table(const LoadedRecording& recording, const DiagnosisRequest& request,
                                  DiagnosisContext& context) {
   DiagnosisOptions settings;
@@ -51,6 +71,7 @@ Result<DiagnosisOutput> of_table(const LoadedRecording& recording, const Diagnos
     return Error{ErrorKind::unit_failed, recording.path + ": " + diagnosis.reason};
   context.false_alarm = settings.false_alarm;
   context.noise_given = request.noise.has_value();
+  if (has_after(diagnosis) && !request.samples.empty()) navigate_effects(recording, diagnosis, request, context);
   request.phase("writing the report");
   DiagnosisFiles files = diagnosis_files(diagnosis, context);
   std::vector<std::string> table = terminal_table(diagnosis, context);

@@ -18,7 +18,8 @@ struct DiagnosisRequest {
   const LoadedRecording* holdout = nullptr;
   std::optional<NoiseModel> noise;    // given, not measured
   const JointResult* base = nullptr;  // the joint estimate of this recording, where there is one already
-  bool of_run = false;                // the verdict on the unit is the run's to say
+  std::string samples;  // path of what is navigated for it, of the holdout where there is one; empty: nothing is
+  bool of_run = false;  // the verdict on the unit is the run's to say
   std::function<void(const std::string&)> phase = [](const std::string&) {};  // told what is going on
 };
 

@@ -87,6 +87,14 @@ std::string outcomes_of(const std::vector<UnitRun>& units) {
   return text;
 }
 
+std::vector<std::string> verifications_of(const std::vector<UnitRun>& units) {
+  std::vector<std::string> lines;
+  for (const UnitRun& unit : units)
+    if (const std::string& found = unit.results.verdict.verification; !found.empty())
+      lines.push_back((units.size() > 1 ? "unit " + unit.run.unit() + ": " : "") + found);
+  return lines;
+}
+
 Tone tone_of(const RunOutcome& outcome, const std::vector<UnitRun>& units) {
   if (outcome.state == RunState::interrupted) return Tone::attention;
   if (outcome.state != RunState::done) return Tone::bad;
@@ -249,7 +257,7 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
   live.end(done                                     ? "Done: " + outcomes_of(a.units)
            : outcome.state == RunState::interrupted ? "Paused: " + outcome.error.message
                                                     : "The run is over: " + outcome.error.message,
-           tone_of(outcome, a.units));
+           tone_of(outcome, a.units), verifications_of(a.units));
   if (page) page->say_goodbye();
   if (!done) {
     a.log.line(outcome.error.message);

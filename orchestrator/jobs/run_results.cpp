@@ -13,7 +13,7 @@
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/devices/truth.h"
 #include "orchestrator/figures/report_format.h"
-#include "orchestrator/jobs/verification_job.h"
+#include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
@@ -64,6 +64,11 @@ std::string finding_of(const Diagnosis& d) {
   return join(parts);
 }
 
+// Where the samples are: what is not sealed yet still has its name of the run.
+std::string samples_of(const std::string& folder, const LoadedRecording& recording) {
+  return path_exists(recording.path) ? recording.path : folder + "/" + partial_recording_name;
+}
+
 struct Finding {
   std::string diagnosis = "not_made", text;
 };
@@ -73,19 +78,17 @@ bool is_diagnosed(const PreparedRun& run, const LoadedRecording& recording) {
   return !run.request.no_diagnosis && !run.request.partial && recorded_s >= least_diagnosed_s;
 }
 
-// Beyond the 24 parameters; its files into FOLDER/diagnosis.
-Result<Finding> diagnose_unit(const PreparedRun& run, const std::string& folder, const LoadedRecording& recording,
-                              RunResults& results) {
+// Beyond the 24 parameters.
+Finding diagnose_unit(const PreparedRun& run, const std::string& folder, const LoadedRecording& recording,
+                      RunResults& results) {
   if (!is_diagnosed(run, recording)) return Finding{};
   DiagnosisRequest request;
   request.time_utc = results.output->file.time_utc;
   request.base = results.output->fit ? &*results.output->fit : nullptr;
   request.of_run = true;
+  request.samples = samples_of(folder, recording);
   Result<DiagnosisOutput> output = diagnose_recording(recording, request);
   if (!output) return Finding{"failed", output.error().message};
-  const std::string own = folder + "/" + diagnosis_folder;
-  if (Status status = make_folder(own); !status) return status.error();
-  if (Status status = write_diagnosis(own, output->files); !status) return status.error();
   results.diagnosis = std::move(*output);
   const Diagnosis& diagnosis = results.diagnosis->diagnosis;
   return Finding{to_string(diagnosis.verdict), finding_of(diagnosis)};
@@ -96,13 +99,11 @@ Status verify_unit(const PreparedRun& run, const std::string& folder, const Load
                    RunResults& results) {
   if (!run.request.verify) return {};
   const bool own = results.output.has_value();
-  const bool sealed = path_exists(recording.path);
-  Result<VerificationReport> report =
-      verify_recording({.recording = sealed ? recording.path : folder + "/" + partial_recording_name,
-                        .parameters = own ? parameters_name : run.request.verified,
-                        .file = own ? results.output->file : *run.verified,
-                        .limits = run.station.limits,
-                        .first_step = run.verify_from});
+  Result<VerificationReport> report = verify_recording({.recording = samples_of(folder, recording),
+                                                        .parameters = own ? parameters_name : run.request.verified,
+                                                        .file = own ? results.output->file : *run.verified,
+                                                        .limits = run.station.limits,
+                                                        .first_step = run.verify_from});
   if (!report && !own) return Error{ErrorKind::unit_failed, report.error().message};
   if (!report) {                                                            // what was calibrated is kept
     const bool not_judged = report.error().kind == ErrorKind::unit_failed;  // too much of it was lost
@@ -114,11 +115,31 @@ Status verify_unit(const PreparedRun& run, const std::string& folder, const Load
   return stored(write_file_atomically(folder + "/" + verification_name, format_verification(*results.verification)));
 }
 
+// Into FOLDER/diagnosis, with how the verification ended.
+Status write_diagnosis_of(const std::string& folder, RunResults& results) {
+  if (!results.diagnosis) return {};
+  const std::string own = folder + "/" + diagnosis_folder;
+  if (Status status = make_folder(own); !status) return status;
+  DiagnosisFiles& files = results.diagnosis->files;
+  if (!results.verdict.verification.empty()) say_verification(results.verdict.verification, files.report.html);
+  return write_diagnosis(own, files);
+}
+
+// A clean diagnosis, too, knows what came near to being claimed.
+void widen_by_alias(const Diagnosis& diagnosis, ParameterFile& file) {
+  describe_alias(diagnosis, file);
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k)
+    if (find_further(file, alias_key_prefix + std::string(parameter_keys[k])))
+      file.sigma[k] = diagnosis.extended.sigma[static_cast<Eigen::Index>(k)];
+}
+
 // The file the unit is to load, judged.
 void choose_file(const PreparedRun& run, const RunCounts& counts, const Finding& finding, RunResults& results) {
   CalibrationOutput& output = *results.output;
   if (finding.diagnosis == to_string(Verdict::extended) && run.station.diagnosis.load_extended)
     output.file = *results.diagnosis->files.parameters;
+  else if (finding.diagnosis == to_string(Verdict::clean))
+    widen_by_alias(results.diagnosis->diagnosis, output.file);
   else if (finding.diagnosis != "clean" &&
            finding.diagnosis != "not_made")  // the base model alone is not the whole truth
     for (auto& [key, value] : output.file.further)
@@ -210,10 +231,9 @@ Status write_results(const PreparedRun& run, const std::string& folder, const Lo
     return kept ? calibrated : stored(kept);
   }
   if (results.output) {
-    const Result<Finding> finding = diagnose_unit(run, folder, recording, results);
-    if (!finding) return stored(finding.error());
-    choose_file(run, counts, *finding, results);
+    choose_file(run, counts, diagnose_unit(run, folder, recording, results), results);
     if (Status status = verify_unit(run, folder, recording, results); !status) return status;
+    if (Status status = write_diagnosis_of(folder, results); !status) return stored(status);
     add_verdict(results.verdict, results.output->file);
     if (Status status = keep_results(run, folder, counts, journal, mark, results); !status) return stored(status);
   }

@@ -1,8 +1,7 @@
 // A shift report on the terminal, and its tables as CSV.
 #include <cstdio>
 
-#include "imu_io/base/format_number.h"
-#include "orchestrator/line_report/history_csv.h"
+#include "imu_io/base/data_text.h"
 #include "orchestrator/line_report/shift_page.h"
 #include "orchestrator/line_report/shift_words.h"
 
@@ -72,9 +71,12 @@ void print_shift(const ShiftReport& report, std::ostream& out) {
 }
 
 std::string shift_csv(const ShiftReport& report) {
-  std::string text = csv_row({"table", "item", "quantity", "value"});
+  DataTable text({"table", "item", "quantity", "value"});
   const auto add = [&text](const char* table, const std::string& item, const char* quantity, double value) {
-    text += csv_row({table, item, quantity, format_number(value)});
+    text.begin_row();
+    for (const std::string_view word : {std::string_view(table), std::string_view(item), std::string_view(quantity)})
+      text.text(word);
+    text.number(value);
   };
   const auto yield = [&add](const std::string& station, const LineYield& y) {
     add("yield", station, "attempts", static_cast<double>(y.attempts));
@@ -110,18 +112,21 @@ std::string shift_csv(const ShiftReport& report) {
     add("stations", item, "difference", d.difference);
     add("stations", item, "sigma", d.sigma);
   }
-  return text;
+  return text.csv();
 }
 
 std::string signals_csv(const ShiftReport& report) {
-  std::string text = csv_row({"time_utc", "unit", "chart", "point", "value", "rule", "words"});
+  DataTable text({"time_utc", "unit", "chart", "point", "value", "rule", "words"});
   for (const ChartSignal& s : signals_of(report.charts)) {
     const std::size_t i = s.signal.point;
-    text +=
-        csv_row({s.chart->times[i], s.chart->units[i], s.chart->key, std::to_string(i + 1),
-                 format_number(s.chart->values[i]), std::to_string(s.signal.rule), run_rules[s.signal.rule - 1].words});
+    text.begin_row();
+    for (const std::string* word : {&s.chart->times[i], &s.chart->units[i], &s.chart->key}) text.text(*word);
+    text.count(static_cast<std::int64_t>(i) + 1);
+    text.number(s.chart->values[i]);
+    text.count(s.signal.rule);
+    text.text(run_rules[s.signal.rule - 1].words);
   }
-  return text;
+  return text.csv();
 }
 
 }  // namespace turncal

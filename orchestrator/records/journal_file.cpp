@@ -11,6 +11,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/record_log.h"
+#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 
@@ -355,14 +356,24 @@ Result<JournalContents> read_journal(const std::string& path) {
   return contents;
 }
 
-Result<std::string> journal_as_text(const std::string& path) {
+namespace {
+
+// Bytes at the end that are no record.
+Result<std::uint64_t> scan_journal(const std::string& path, const std::function<Status(const Record&)>& take) {
   Result<PosixFile> file = PosixFile::open_to_read(path);
   if (!file) return file.error();
   const Result<std::uint64_t> size = file->size();
   if (!size) return size.error();
   RecordScanner scanner(*file, *size, journal_magic);
+  if (Status status = scan(*file, scanner, take); !status) return status.error();
+  return scanner.tail_bytes();
+}
+
+}  // namespace
+
+Result<std::string> journal_as_text(const std::string& path) {
   std::string text;
-  const auto take = [&text](const Record& record) -> Status {
+  const Result<std::uint64_t> torn = scan_journal(path, [&text](const Record& record) -> Status {
     char head[40];
     const std::string name(to_string(static_cast<JournalType>(record.type)));
     std::snprintf(head, sizeof head, "%5u %-10s", record.number, name.c_str());
@@ -370,10 +381,30 @@ Result<std::string> journal_as_text(const std::string& path) {
     for (std::size_t i = 0; (i = fields.find('\n', i)) != std::string::npos; i += 2) fields.replace(i, 1, "; ");
     text += head + (" " + fields.substr(0, fields.size() - std::min<std::size_t>(fields.size(), 2))) + "\n";
     return {};
-  };
-  if (Status status = scan(*file, scanner, take); !status) return status.error();
-  if (scanner.tail_bytes() > 0) text += "      torn at the end: " + std::to_string(scanner.tail_bytes()) + " bytes\n";
+  });
+  if (!torn) return torn.error();
+  if (*torn > 0) text += "      torn at the end: " + std::to_string(*torn) + " bytes\n";
   return text;
+}
+
+Result<DataTable> journal_as_table(const std::string& path) {
+  DataTable table({"record", "type", "key", "value"});
+  const auto take = [&table](const Record& record) -> Status {
+    std::string_view fields = text_of(record);
+    while (!fields.empty()) {
+      const std::string_view line = next_line(fields);
+      const std::size_t equals = std::min(line.find('='), line.size());
+      table.begin_row();
+      table.count(record.number);
+      table.text(to_string(static_cast<JournalType>(record.type)));
+      table.text(trimmed(line.substr(0, equals)));
+      table.text(unescaped(trimmed(line.substr(std::min(equals + 1, line.size())))));
+    }
+    return {};
+  };
+  const Result<std::uint64_t> torn = scan_journal(path, take);
+  if (!torn) return torn.error();
+  return table;
 }
 
 }  // namespace turncal

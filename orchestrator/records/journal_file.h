@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/run/run_journal.h"
 #include "orchestrator/station/verdict.h"
@@ -96,5 +97,7 @@ struct JournalContents {
 Result<JournalContents> read_journal(const std::string& path);
 // One line a record, for people: "  12 move       time_s = 7  axis = pitch ...".
 Result<std::string> journal_as_text(const std::string& path);
+// A row for each field of each record: record, type, key, value.
+Result<DataTable> journal_as_table(const std::string& path);
 
 }  // namespace turncal

@@ -4,7 +4,9 @@
 #include <cmath>
 
 #include "calib/navigation/north_seeking.h"
+#include "imu_io/base/format_number.h"
 #include "imu_io/recordings/recording_source.h"
+#include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/html_table.h"
 
 namespace turncal {
@@ -18,7 +20,8 @@ h1 { font-size: 18pt; margin: 0; } h2 { font-size: 11pt; margin: 4mm 0 1mm; bord
 table { border-collapse: collapse; width: 100%; font-size: 8pt; } th, td { padding: .5mm 1.2mm; text-align: left; border-bottom: .1mm solid #ccc; }
 th.n, td.n { text-align: right; } td.n { font-variant-numeric: tabular-nums; white-space: nowrap; } th { font-weight: 600; }
 section { overflow-x: auto; } table:not(.facts) td:nth-child(2), table:not(.facts) th { white-space: nowrap; } tr { break-inside: avoid; } h2 { break-after: avoid; } p { margin: 1mm 0; }
-.small, .hash { font-size: 8pt; color: #444; } .sign { display: flex; justify-content: space-between; margin-top: 14mm; break-inside: avoid; }
+.not { border: .6mm solid #b00; color: #b00; font-weight: 600; padding: 1.5mm 2mm; }
+.small, .hash { font-size: 8pt; color: #444; } .sign { display: flex; flex-wrap: wrap; gap: 0 8mm; justify-content: space-between; margin-top: 14mm; break-inside: avoid; }
 .sign p:last-child { border-top: .3mm solid #111; min-width: 70mm; padding-top: 1mm; }
 .mark { position: fixed; top: 40%; left: 0; right: 0; text-align: center; font-size: 80pt; color: rgba(200, 0, 0, .18); transform: rotate(-30deg); z-index: 9; pointer-events: none; }
 @page { size: A4; margin: 15mm 12mm 16mm; @bottom-right { content: "page " counter(page) " of " counter(pages); font-size: 8pt; } }
@@ -64,10 +67,22 @@ std::string effects_found(const ParameterFile& file) {
   return words + ".";
 }
 
+// At the top of the page; empty for a unit that keeps its limits, or has none.
+std::string not_conforming(UnitVerdict verdict) {
+  switch (verdict) {
+    case UnitVerdict::fail: return "NOT CONFORMING: the unit does not keep its limits (see Conformity)";
+    case UnitVerdict::conditional_fail:
+      return "NOT CONFORMING: outside the limits by less than the uncertainty (see Conformity)";
+    case UnitVerdict::hold:
+      return "NO STATEMENT OF CONFORMITY: the unit is held until somebody decides (see Conformity)";
+    default: return "";
+  }
+}
+
 std::string result_table(const Certificate& c) {
   html::HtmlTable table({html::text("parameter"), html::text("unit"), html::number("value"), html::number("U (k = 2)"),
-                         html::number("estimate"), html::number("gravity"), html::number("latitude"),
-                         html::number("repeatability"), html::text("limits")});
+                         html::number("estimate"), html::number("alias"), html::number("gravity"),
+                         html::number("latitude"), html::number("repeatability"), html::text("limits")});
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     if (!parameter_is_free[i]) continue;
     const std::string key(parameter_keys[i]);
@@ -77,7 +92,8 @@ std::string result_table(const Certificate& c) {
                                      [&key](const JudgedValue& one) { return one.key == key; });
     table.row({html::name(key), html::text(certificate_unit(i, c.file)),
                html::number(value_with_sigma(c.file.parameters[static_cast<Eigen::Index>(i)], expanded, html::typo)),
-               html::number(expanded, 2), html::number(u.estimate, 2), html::number(u.gravity, 2),
+               html::number(expanded, 2), html::number(u.estimate, 2),
+               u.alias ? html::number(*u.alias, 2) : html::number("-"), html::number(u.gravity, 2),
                html::number(u.latitude, 2), u.repeatability ? html::number(*u.repeatability, 2) : html::number("-"),
                html::text(judged == c.conformity.values.end()
                               ? "-"
@@ -119,7 +135,8 @@ std::string north_table(const Certificate& c) {
 }  // namespace
 
 double UncertaintyBudget::expanded() const {
-  return 2.0 * std::hypot(std::hypot(estimate, gravity), std::hypot(latitude, repeatability.value_or(0.0)));
+  const double of_fit = std::hypot(estimate, alias.value_or(0.0));
+  return 2.0 * std::hypot(std::hypot(of_fit, gravity), std::hypot(latitude, repeatability.value_or(0.0)));
 }
 
 UncertaintyBudget budget_of(const std::vector<ParameterFile>& runs, std::size_t parameter, const Parties& parties) {
@@ -127,7 +144,12 @@ UncertaintyBudget budget_of(const std::vector<ParameterFile>& runs, std::size_t 
   const auto at = static_cast<Eigen::Index>(parameter);
   const double value = file.parameters[at];
   UncertaintyBudget budget;
-  budget.estimate = file.sigma[parameter].value_or(0.0);
+  const double sigma = file.sigma[parameter].value_or(0.0);
+  const std::string diagnosis = of_record(file, "verdict.diagnosis", "");
+  const std::string* const alias = find_further(file, alias_key_prefix + std::string(parameter_keys[parameter]));
+  if (diagnosis == "clean" || diagnosis == "extended" || alias)
+    budget.alias = std::min(sigma, alias ? parse_number<double>(*alias).value_or(0.0) : 0.0);
+  budget.estimate = std::sqrt(sigma * sigma - std::pow(budget.alias.value_or(0.0), 2));
   const bool of_accelerometer = (parameter >= 3 && parameter < 6) || parameter >= 15;
   if (of_accelerometer) budget.gravity = std::abs(value) * parties.gravity_uncertainty_mps2 / file.gravity_mps2;
   if (parameter < 3)
@@ -146,6 +168,8 @@ std::string certificate_page(const Certificate& c) {
   std::string body = c.specimen ? "<div class=\"mark\">SPECIMEN</div>\n" : "";
   body +=
       "<h1>Calibration certificate</h1>\n<p class=\"no\">No. " + serial + " / " + html_escape(f.time_utc) + "</p>\n";
+  if (const std::string words = not_conforming(c.conformity.verdict); !words.empty())
+    body += "<p class=\"not\">" + words + "</p>\n";
   body += "<div class=\"two\">" +
           fact_table("Laboratory", {{"name", or_dash(c.parties.laboratory_name)},
                                     {"address", or_dash(c.parties.laboratory_address)},
@@ -182,8 +206,10 @@ std::string certificate_page(const Certificate& c) {
   body += "<section><h2>Results</h2>\n" + result_table(c);
   body += html::paragraph(
       "Expanded uncertainty U = 2 u; u combines the columns to its right (standard uncertainties). The table's angles "
-      "are not taken as truth and add nothing; the given heading enters in second order. Effects that this sequence "
-      "cannot tell from a parameter (its alias class) are not in U: " +
+      "are not taken as truth and add nothing; the given heading enters in second order. Alias: the spread over "
+      "effects "
+      "that the recording cannot tell from a parameter, or from one another, and over those that came near to being "
+      "found; - where nobody looked. Effects beyond the parameters: " +
       effects_found(f));
   body += "</section>\n";
   if (!c.verification.empty()) body += north_table(c);

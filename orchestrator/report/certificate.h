@@ -13,7 +13,10 @@ namespace turncal {
 
 // Standard uncertainties (k = 1) of one parameter, in its unit.
 struct UncertaintyBudget {
-  double estimate = 0.0;  // noise and all that is estimated along: sigma of the parameter file
+  double estimate = 0.0;  // noise and all that is estimated along: the fit's own covariance
+  // What the sigma of the parameter file holds beyond it: the spread over effects that the recording cannot tell apart, and what came near
+  // to being claimed (quality.alias.<parameter>). Empty: nobody looked.
+  std::optional<double> alias;
   double gravity = 0.0;   // of the site's gravity: specific force is measured in units of it
   double latitude = 0.0;  // bound: Earth's rate times the error of latitude, whatever the attitudes average
   std::optional<double> repeatability;  // sample standard deviation over the runs; empty: a single run

@@ -60,7 +60,7 @@ std::vector<std::string> by_strength(const JointResult& result) {
 
 }  // namespace
 
-std::string format_diagnosis(const Diagnosis& d) {
+std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationWorth>& worth) {
   Lines lines;
   lines.comment("turncal diagnosis: which effect the 24 parameters lack, and the error before and after it was added");
   if (!d.reason.empty()) lines.comment("reason: " + d.reason);
@@ -99,6 +99,14 @@ std::string format_diagnosis(const Diagnosis& d) {
   lines.number("holdout.velocity_rms_before_mps", holdout_value(d.holdout_before, d.holdout_before.velocity_rms_mps));
   lines.number("holdout.velocity_rms_after_mps", holdout_value(d.holdout_after, d.holdout_after.velocity_rms_mps));
   lines.value("holdout.source", d.holdout_source);
+  if (worth) {
+    lines.value("navigation.source", worth->source);
+    lines.number("navigation.free_s", worth->free_s);
+    lines.number("navigation.before_nm_per_h", worth->before);
+    lines.number("navigation.after_nm_per_h", worth->after);
+    lines.number("navigation.noise_nm_per_h", worth->noise);
+    for (const auto& [name, rate] : worth->effects) lines.number("navigation." + name + "_nm_per_h", rate);
+  }
   return lines.take();
 }
 
@@ -198,10 +206,22 @@ void describe_estimate(const JointResult& result, const CompressedRecording& rec
     file.add_further("quality.undetermined_directions", static_cast<double>(result.undetermined.size()));
 }
 
+void describe_alias(const Diagnosis& d, ParameterFile& file) {
+  if (!d.trusted || d.fitted_covariance.rows() != d.extended.covariance.rows()) return;
+  for (std::size_t i = 0; i < d.extended.free.size(); ++i) {
+    const int key = d.extended.free[i];
+    const auto at = static_cast<Eigen::Index>(i);
+    const double all = d.extended.covariance(at, at), spread = all - d.fitted_covariance(at, at);
+    if (key >= parameter_count || !(spread > 1e-9 * all)) continue;
+    file.add_further(alias_key_prefix + std::string(parameter_keys[static_cast<std::size_t>(key)]), std::sqrt(spread));
+  }
+}
+
 ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   ParameterFile file;
   describe_recording(context.recording.info, file);
   describe_estimate(diagnosis.extended, context.recording, context.noise_given, file);
+  describe_alias(diagnosis, file);
   complete_parameters(diagnosis, context, file);
   return file;
 }
@@ -217,7 +237,7 @@ void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& con
 
 DiagnosisFiles diagnosis_files(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   const std::string simulated = context.recording.info.simulated ? "# Simulated data: a dry run, or a twin.\n" : "";
-  return {make_report(diagnosis, context), simulated + format_diagnosis(diagnosis),
+  return {make_report(diagnosis, context), simulated + format_diagnosis(diagnosis, context.worth),
           diagnosis_parameters(diagnosis, context)};
 }
 

@@ -19,7 +19,7 @@ namespace turncal {
 inline constexpr const char* diagnosis_name = "diagnosis.conf";
 inline constexpr const char* report_name = "report.html";
 
-std::string format_diagnosis(const Diagnosis& diagnosis);
+std::string format_diagnosis(const Diagnosis& diagnosis, const std::optional<NavigationWorth>& worth = {});
 
 // Parameters, sigmas, effects (strongest first, with tau_s where an effect has a time constant), noise and quality of a joint
 // estimate, in every parameter file with the same keys. What belongs to the recording (describe_recording, hash) and method, time and version is the caller's.
@@ -35,6 +35,11 @@ void describe_trust(bool trusted, ParameterFile& file);
 std::string undetermined_parameters(const JointResult& result);
 // What belongs to the work: hash, method, version, time, verdict.
 void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context, ParameterFile& file);
+
+// What the sigmas of a trusted model hold beyond the fit's own, the spread over its alias class and what came near to being claimed: keys
+// quality.alias.<parameter>, where there is any.
+inline constexpr const char* alias_key_prefix = "quality.alias.";
+void describe_alias(const Diagnosis& diagnosis, ParameterFile& file);
 
 ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context);
 

@@ -293,7 +293,7 @@ double excess_energy(const HoldoutError& error) {
   return std::max(0.0, error.chi_square / static_cast<double>(error.observations) - 1.0);
 }
 
-std::vector<ErrorRow> error_rows(const Diagnosis& d) {
+std::vector<ErrorRow> error_rows(const Diagnosis& d, const DiagnosisContext& context) {
   std::vector<ErrorRow> rows;
   rows.push_back({"fitted recording: normalised residual rms", d.error_before, d.error_after, "", true});
   rows.push_back({"fitted recording: velocity rms, first 20 s of dwells", 1e3 * velocity_rms_mps(d, false),
@@ -307,7 +307,20 @@ std::vector<ErrorRow> error_rows(const Diagnosis& d) {
     rows.push_back({"held-out data: energy beyond noise", 100.0 * excess_energy(d.holdout_before),
                     100.0 * excess_energy(after), "% of the noise's", false});
   }
+  if (context.worth)
+    rows.push_back({(context.holdout_path.empty() ? "fitted recording" : "held-out data") +
+                        std::string(": free navigation, rms of ") + std::to_string(context.worth->branches) +
+                        (context.worth->branches == 1 ? " start" : " starts"),
+                    context.worth->before, context.worth->after, "nm/h", false});
   return rows;
+}
+
+std::string worth_sentence(const DiagnosisContext& context) {
+  if (!context.worth) return "";
+  std::vector<std::string> parts;
+  for (const auto& [name, rate] : context.worth->effects) parts.push_back(name + " " + significant(rate, 2));
+  return join(parts) + " nm/h of free navigation for " + significant(context.worth->free_s, 4) +
+         " s; noise alone lets expect " + significant(context.worth->noise, 2);
 }
 
 std::string error_text(const ErrorRow& row, double value) {
@@ -326,9 +339,9 @@ ParameterVector changes_in_sigma(const Diagnosis& d) {
 }
 
 std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisContext& context) {
-  return terminal_table(
-      d, context,
-      {verdict_sentence(d, context, Alphabet::plain), error_rows(d), noise_line(d.extended, context.noise_given)});
+  return terminal_table(d, context,
+                        {verdict_sentence(d, context, Alphabet::plain), error_rows(d, context),
+                         noise_line(d.extended, context.noise_given)});
 }
 
 std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisContext& context,
@@ -337,6 +350,7 @@ std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisConte
   table.row(context.of_run ? "diagnosis" : "verdict", words.sentence, 7);
   add_errors(d, words.errors, table);
   add_effects(d, table);
+  if (context.worth) table.row("worth", worth_sentence(context), 2);
   if (strongest_candidate(d) != nullptr)
     table.row("scores", strongest_scores(d, family_threshold_z(d, context.false_alarm)), 2);
   if (has_after(d)) table.row("moved most", largest_changes(d));

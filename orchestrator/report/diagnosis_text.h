@@ -24,7 +24,9 @@ struct ErrorRow {
   std::string unit;  // plain alphabet; of the normalised ones what 1 is
   bool normalised = false;
 };
-std::vector<ErrorRow> error_rows(const Diagnosis& diagnosis);
+std::vector<ErrorRow> error_rows(const Diagnosis& diagnosis, const DiagnosisContext& context);
+// What each effect is worth in free navigation, as a sentence; empty: not known.
+std::string worth_sentence(const DiagnosisContext& context);
 std::string error_text(const ErrorRow& row, double value);
 // Share of the energy beyond noise: (chi-square - observations) / observations, not below 0.
 double excess_energy(const HoldoutError& error);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/figures/score_chart.h"
@@ -31,18 +32,44 @@ std::string probability(double p) { return p < 1e-300 ? "< 1×10⁻³⁰⁰" : s
 
 }  // namespace
 
-std::string html_added_effects(const Diagnosis& diagnosis) {
-  HtmlTable table({text("effect"), text("component"), number("value"), number("σ"), text("unit"), number("z"),
-                   text("added to the reading"), text("term")});
-  for (const std::string& wanted : diagnosis.effect_names)
+std::string html_added_effects(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  std::vector<Cell> head = {text("effect"),
+                            text("component"),
+                            number("value"),
+                            number("σ"),
+                            text("unit"),
+                            number("z"),
+                            text("added to the reading"),
+                            text("term")};
+  if (context.worth) head.insert(head.begin() + 6, number("nm/h"));
+  HtmlTable table(head);
+  for (const std::string& wanted : diagnosis.effect_names) {
+    std::string worth;  // of the whole effect, in its first row
+    if (context.worth)
+      for (const auto& [effect, rate] : context.worth->effects)
+        if (effect == wanted) worth = significant(rate, 2);
     for (const EstimatedEffect& e : diagnosis.extended.effects) {
       if (e.column.entry == nullptr || e.column.entry->name != wanted) continue;
-      table.row({name(wanted), name(component_text(e.column)), number(value_with_sigma(e.value, e.sigma, typo)),
-                 number(value_with_sigma(e.sigma, e.sigma, typo)), text(unit_text(e.column.entry->unit, typo)),
-                 number(e.sigma > 0.0 ? std::abs(e.value) / e.sigma : 0.0), text(e.column.entry->formula),
-                 long_text(e.column.entry->term)});
+      std::vector<Cell> cells = {name(wanted),
+                                 name(component_text(e.column)),
+                                 number(value_with_sigma(e.value, e.sigma, typo)),
+                                 number(value_with_sigma(e.sigma, e.sigma, typo)),
+                                 text(unit_text(e.column.entry->unit, typo)),
+                                 number(e.sigma > 0.0 ? std::abs(e.value) / e.sigma : 0.0),
+                                 text(e.column.entry->formula),
+                                 long_text(e.column.entry->term)};
+      if (context.worth) cells.insert(cells.begin() + 6, number(std::exchange(worth, "")));
+      table.row(cells);
     }
-  return table.finish();
+  }
+  std::string html = table.finish();
+  if (context.worth)
+    html += paragraph(
+        "nm/h: what leaving out the whole effect moves the track of free inertial navigation by, the "
+        "other parameters estimated without it. Noise is the same in both tracks; alone it lets expect " +
+            significant(context.worth->noise, 2) + " nm/h after " + significant(context.worth->free_s, 4) + " s.",
+        "soft");
+  return html;
 }
 
 std::string html_scores(const Diagnosis& diagnosis, double threshold_z) {

@@ -31,8 +31,8 @@ void describe_branch(const std::string& prefix, const NavigatedBranch& branch, s
   line(prefix + "free_s", n.free_s, text);
   line(prefix + "north_m", end.moved_m[0], text);
   line(prefix + "east_m", end.moved_m[1], text);
-  line(prefix + "velocity_north_mps", end.state.velocity_n_mps[0], text);
-  line(prefix + "velocity_east_mps", end.state.velocity_n_mps[2], text);
+  line(prefix + "velocity_north_mps", end.velocity_error_mps[0], text);
+  line(prefix + "velocity_east_mps", end.velocity_error_mps[1], text);
   line(prefix + "velocity_rms_mps", n.velocity_rms_mps, text);
   line(prefix + "nm_per_h", n.nm_per_h, text);
 }
@@ -55,8 +55,8 @@ Series series_of(const std::string& label, Colour colour, const FreeNavigation& 
   return series;
 }
 
-double north_mps(const TrackPoint& p) { return p.state.velocity_n_mps[0]; }
-double east_mps(const TrackPoint& p) { return p.state.velocity_n_mps[2]; }
+double north_mps(const TrackPoint& p) { return p.velocity_error_mps[0]; }
+double east_mps(const TrackPoint& p) { return p.velocity_error_mps[1]; }
 double radial_nm(const TrackPoint& p) { return p.moved_m.norm() / metres_per_nautical_mile; }
 
 Panel panel(const std::string& title, const std::string& y_label) {
@@ -76,7 +76,9 @@ std::string format_navigation(const NavigationReport& report) {
   line("simulated", std::string(report.info.simulated ? "true" : "false"), text);
   line("latitude_deg", report.info.latitude_deg, text);
   line("gravity_mps2", report.info.gravity_mps2, text);
+  if (!report.reference.empty()) line("reference", report.reference, text);
   line("align_s", report.align_s, text);
+  if (!report.damage.empty()) line("damage", report.damage, text);
   line("filled_samples", static_cast<double>(report.filled_samples), text);
   line("filled_in_motion", static_cast<double>(report.filled_in_motion), text);
   for (std::size_t k = 0; k < report.lost.size(); ++k) line("lost." + std::to_string(k + 1), report.lost[k], text);
@@ -88,8 +90,10 @@ std::string format_navigation(const NavigationReport& report) {
     line(file.prefix + "felt_latitude_sigma_deg", file.felt.sigma_rad / rad_per_deg, text);
     describe_drift(file.prefix + "drift.", file.drift, text);
     line(file.prefix + "velocity_rms_mps", file.velocity_rms_mps, text);
-    line(file.prefix + "expected.from", file.covariance_source, text);
-    describe_drift(file.prefix + "expected.", file.expected, text);
+    if (file.expected) {
+      line(file.prefix + "expected.from", file.covariance_source, text);
+      describe_drift(file.prefix + "expected.", *file.expected, text);
+    }
     line(file.prefix + "branches", static_cast<double>(file.branches.size()), text);
     for (std::size_t k = 0; k < file.branches.size(); ++k)
       describe_branch(file.prefix + "branch." + std::to_string(k + 1) + ".", file.branches[k], text);
@@ -122,9 +126,10 @@ std::string format_track(const NavigationReport& report, const NavigatedFile& fi
 }
 
 Result<std::string> draw_navigation(const NavigationReport& report, const GnuplotOptions& options) {
-  Panel north = panel("Velocity north", "m/s");
-  Panel east = panel("Velocity east", "m/s");
-  Panel distance = panel("Distance from where it stands", "nautical miles");
+  const bool moves = !report.reference.empty();
+  Panel north = panel(moves ? "Velocity error north" : "Velocity north", "m/s");
+  Panel east = panel(moves ? "Velocity error east" : "Velocity east", "m/s");
+  Panel distance = panel(moves ? "Distance from the reference" : "Distance from where it stands", "nautical miles");
   distance.x_label = "minutes of free navigation (a Schuler period is 84.4)";
   for (auto file = report.files.rbegin(); file != report.files.rend(); ++file) {
     const bool against = !file->prefix.empty();
@@ -154,7 +159,8 @@ Result<std::string> draw_navigation(const NavigationReport& report, const Gnuplo
 
 void print_navigation(const NavigationReport& report, std::ostream& out) {
   char text[240];
-  if (report.without_segments) out << "no segments: everything counts as rest\n";
+  if (report.without_segments && report.reference.empty()) out << "no segments: everything counts as rest\n";
+  if (!report.damage.empty()) out << report.damage << '\n';
   if (report.filled_samples > 0)
     out << report.filled_samples << " samples lost or bad; " << report.filled_in_motion << " of them in a turn\n";
   for (const std::string& branch : report.lost) out << branch << '\n';
@@ -173,13 +179,15 @@ void print_navigation(const NavigationReport& report, std::ostream& out) {
     std::snprintf(text, sizeof text, "  drift     rms %.3f, CEP %.3f, R95 %.3f nm/h; velocity rms %.3f m/s\n",
                   file.drift.rms_nm_per_h, file.drift.cep_nm_per_h, file.drift.r95_nm_per_h, file.velocity_rms_mps);
     out << text;
-    std::snprintf(text, sizeof text,
-                  "  expected  rms %.3f, CEP %.3f, R95 %.3f nm/h at the end of the first branch, from noise%s\n",
-                  file.expected.rms_nm_per_h, file.expected.cep_nm_per_h, file.expected.r95_nm_per_h,
-                  file.covariance_source == "none"      ? " alone"
-                  : file.covariance_source == "effects" ? " alone (the file has effects)"
-                                                        : " and parameters");
-    out << text;
+    if (file.expected) {
+      std::snprintf(text, sizeof text,
+                    "  expected  rms %.3f, CEP %.3f, R95 %.3f nm/h at the end of the first branch, from noise%s\n",
+                    file.expected->rms_nm_per_h, file.expected->cep_nm_per_h, file.expected->r95_nm_per_h,
+                    file.covariance_source == "none"      ? " alone"
+                    : file.covariance_source == "effects" ? " alone (the file has effects)"
+                                                          : " and parameters");
+      out << text;
+    }
     if (file.felt.speaks_against(report.info.latitude_deg * rad_per_deg))
       out << "  LATITUDE  " << latitude_words(file.felt, report.info.latitude_deg)
           << ": one of the two, or the calibration, is wrong\n";

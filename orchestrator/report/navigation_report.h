@@ -1,6 +1,7 @@
 // What free navigation with a parameter file comes to: as a file, as a track, as drawings, and for the terminal.
 #pragma once
 
+#include <optional>
 #include <ostream>
 #include <string>
 #include <vector>
@@ -26,18 +27,20 @@ struct NavigatedFile {  // one parameter file
   RestLatitude felt;
   std::vector<NavigatedBranch> branches;
   DriftOverRuns drift;
-  DriftOverRuns expected;  // of the end of the first branch
+  std::optional<DriftOverRuns> expected;  // of the end of the first branch; not of a unit that moves
   double velocity_rms_mps = 0.0;
 };
 
 struct NavigationReport {
   std::string recording;
   std::string recording_hash;
+  std::string reference;  // the file; empty: it stands where it stands
   RecordingInfo info;
   double align_s = 0.0;
   std::int64_t filled_samples = 0;    // lost or bad, as their neighbours
   std::int64_t filled_in_motion = 0;  // of them while the unit turned
   std::vector<std::string> lost;      // branches that lost samples ended or left out
+  std::string damage;                 // of the recording; empty: none
   bool without_segments = false;      // everything counted as rest
   std::vector<NavigatedFile> files;   // the one asked for, then that of --against
 };

@@ -25,11 +25,17 @@ constexpr std::size_t most_effect_figures = 4;
 
 }  // namespace
 
+void say_verification(const std::string& words, std::string& html) {
+  if (const std::size_t at = html.find(verification_place); at != std::string::npos)
+    html.replace(at, verification_place.size(),
+                 "<p><b>Verification (north seeking):</b> " + html_escape(words) + ".</p>\n");
+}
+
 Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   ReportParts parts;
   parts.sentence = verdict_sentence(diagnosis, context, Alphabet::typographic);
   parts.reason = diagnosis.verdict == Verdict::extended ? "" : diagnosis.reason;
-  parts.errors = error_rows(diagnosis);
+  parts.errors = error_rows(diagnosis, context);
   parts.time_title = "Residual velocity against time";
   parts.no_time = "There are no static seconds after a rotation to show.";
   if (!diagnosis.residuals.empty()) parts.time = time_figure(diagnosis);
@@ -85,11 +91,12 @@ Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context, 
   };
   page.raw(html_identity(context));
   page.raw(html_verdict(diagnosis, parts.sentence, parts.reason));
+  page.raw(std::string(verification_place));
   page.section("error", has_after(diagnosis) ? "Error before and after" : "Error");
   page.raw(html_errors(diagnosis, parts.errors));
   if (has_after(diagnosis)) {
     page.subsection("What was added");
-    page.raw(html_added_effects(diagnosis));
+    page.raw(html_added_effects(diagnosis, context));
   }
   page.section("time", parts.time_title);
   show(time, parts.no_time);

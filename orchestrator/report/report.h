@@ -6,6 +6,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/diagnosis/diagnosis.h"
@@ -15,6 +16,10 @@
 #include "orchestrator/report/diagnosis_text.h"
 
 namespace turncal {
+
+// Where a run that verifies its result says how that ended.
+inline constexpr std::string_view verification_place = "<div id=\"verification\"></div>\n";
+void say_verification(const std::string& words, std::string& html);
 
 struct Report {
   std::string html;

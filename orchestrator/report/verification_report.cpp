@@ -38,6 +38,15 @@ std::string latitude_words(const RestLatitude& felt, double of_recording_deg) {
   return text;
 }
 
+std::string undecided_words(const VerificationReport& report) {
+  if (report.would_do_s <= 0.0) return "";
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "undecided: no more than noise; these gyros cannot keep %g deg in %.0f s, %.0f s would do",
+                report.heading_limit_deg, report.align_s, report.would_do_s);
+  return text;
+}
+
 std::string format_verification(const VerificationReport& report) {
   std::string text = report.info.simulated ? "# Simulated data: a dry run, or a twin.\n" : "";
   add_key("format", 1.0, text);
@@ -47,6 +56,7 @@ std::string format_verification(const VerificationReport& report) {
   add_key("parameters", report.parameters, text);
   add_key("trusted", report.trusted ? "true" : "false", text);
   add_key("align_s", report.align_s, text);
+  if (!report.damage.empty()) add_key("damage", report.damage, text);
   add_key("filled_samples", static_cast<double>(report.filled_samples), text);
   for (std::size_t k = 0; k < report.left_out.size(); ++k)
     add_key("left_out." + std::to_string(k + 1), report.left_out[k], text);
@@ -76,6 +86,7 @@ std::string format_verification(const VerificationReport& report) {
   add_key("limit.level_deg", report.level_limit_deg, text);
   add_key("limit.guard_factor", report.guard_factor, text);
   add_key("false_fail", report.false_fail, text);
+  if (report.would_do_s > 0.0) add_key("would_do.align_s", report.would_do_s, text);
   add_key("verdict.heading", std::string(to_string(report.heading)), text);
   add_key("verdict.level", std::string(to_string(report.level)), text);
   add_key("verdict.latitude", std::string(to_string(report.latitude)), text);
@@ -89,6 +100,7 @@ std::string verification_words(const VerificationReport& report) {
                 report.found.deviation[0].value_deg, report.found.mean_heading.value_deg, report.heading_limit_deg,
                 report.found.deviation[1].value_deg, report.found.deviation[2].value_deg, report.level_limit_deg);
   std::string words = text;
+  if (const std::string undecided = undecided_words(report); !undecided.empty()) words += "; " + undecided;
   if (report.latitude == UnitVerdict::fail)
     words += "; latitude " + latitude_words(report.felt, report.info.latitude_deg);
   if (!report.trusted) words += "; parameters not trusted";
@@ -96,6 +108,7 @@ std::string verification_words(const VerificationReport& report) {
 }
 
 void print_verification(const VerificationReport& report, std::ostream& out) {
+  if (!report.damage.empty()) out << report.damage << '\n';
   if (report.filled_samples > 0)
     out << report.filled_samples << " samples lost or bad, filled in from their neighbours\n";
   for (const std::string& alignment : report.left_out) out << "left out: " << alignment << '\n';
@@ -125,6 +138,8 @@ void print_verification(const VerificationReport& report, std::ostream& out) {
       << "\n";
   print_text(out, "         a unit with nothing but this noise is above a limit in %.1f of 100 verifications\n",
              100.0 * report.false_fail);
+  if (const std::string undecided = undecided_words(report); !undecided.empty())
+    out << "heading  " << undecided << "\n";
   if (!report.trusted) out << not_trusted_words << "\n";
   out << "verdict  " << to_string(report.verdict) << "\n";
 }

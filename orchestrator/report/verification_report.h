@@ -23,6 +23,9 @@ struct VerificationReport {
   NorthSeeking found;
   RestLatitude felt;
   double false_fail = 0.0;  // chance that a good unit fails
+  double would_do_s =
+      0.0;             // undecided, noise explains what was found: how long an alignment would have to be; 0: decided
+  std::string damage;  // of the recording; empty: none
   double heading_limit_deg = 0.0, level_limit_deg = 0.0, guard_factor = 1.0;
   UnitVerdict heading = UnitVerdict::not_judged, level = UnitVerdict::not_judged;
   UnitVerdict latitude = UnitVerdict::not_judged;
@@ -33,6 +36,8 @@ struct VerificationReport {
 std::string format_verification(const VerificationReport& report);
 // The figures and their limits, for a verdict's reason.
 std::string verification_words(const VerificationReport& report);
+// Why it is undecided; empty where it is not.
+std::string undecided_words(const VerificationReport& report);
 std::string latitude_words(const RestLatitude& felt, double of_recording_deg);
 inline constexpr const char* not_trusted_words =
     "NOT TRUSTED: the parameter file says that its sigmas cannot be believed";

@@ -6,7 +6,7 @@
 
 #include "calib/model/parameters.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/data_text.h"
 #include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/run_log.h"
 
@@ -17,45 +17,10 @@ namespace {
 constexpr std::size_t transitions_kept = 12;
 constexpr std::size_t seconds_shown = 600;  // of a long dwell the newest
 
-std::string quoted_json(std::string_view text) {
-  std::string result = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      result += std::string("\\") + c;
-    } else if (static_cast<unsigned char>(c) < 0x20 || c == '<') {  // '<': also safe inside a script of the page
-      char code[8];
-      std::snprintf(code, sizeof code, "\\u%04x", static_cast<unsigned>(c));
-      result += code;
-    } else {
-      result += c;
-    }
-  }
-  return result + "\"";
+std::string in_brackets(const AxisTriple& value) {
+  return "[" + json_number(value[Axis::heading]) + "," + json_number(value[Axis::pitch]) + "," +
+         json_number(value[Axis::roll]) + "]";
 }
-
-std::string json_number(double value) { return std::isfinite(value) ? format_number(value) : "null"; }
-
-class Object {
- public:
-  void raw(const char* key, const std::string& json) {
-    text_ += (text_.size() > 1 ? "," : "") + quoted_json(key) + ":" + json;
-  }
-  void text(const char* key, std::string_view value) { raw(key, quoted_json(value)); }
-  void number(const char* key, double value) { raw(key, json_number(value)); }
-  void texts(const char* key, const std::vector<std::string>& values) {
-    std::string list;
-    for (const std::string& value : values) list += (list.empty() ? "" : ",") + quoted_json(value);
-    raw(key, "[" + list + "]");
-  }
-  void triple(const char* key, const AxisTriple& value) {
-    raw(key, "[" + json_number(value[Axis::heading]) + "," + json_number(value[Axis::pitch]) + "," +
-                 json_number(value[Axis::roll]) + "]");
-  }
-  std::string end() { return text_ + "}"; }
-
- private:
-  std::string text_ = "{";
-};
 
 }  // namespace
 
@@ -136,9 +101,10 @@ void LiveStatus::show_known(const std::string& text, std::vector<Known> known) {
   known_ = std::move(known);
 }
 
-void LiveStatus::end(const std::string& how, Tone tone) {
+void LiveStatus::end(const std::string& how, Tone tone, const std::vector<std::string>& verification) {
   const std::lock_guard lock(mutex_);
   ended_ = how;
+  verification_ = verification;
   ended_as_ = tone;
   heartbeat_s_ = wall_s_();
 }
@@ -170,7 +136,7 @@ std::string LiveStatus::json() const {
   const RunSnapshot& s = snapshot_;
   constexpr const char* tones[] = {"good", "attention", "bad"};
   const Headline head = headline();
-  Object o;
+  JsonObject o;
   o.text("headline", head.text);
   o.text("tone", tones[static_cast<std::size_t>(head.tone)]);
   o.text("unit", run_.unit);
@@ -185,8 +151,8 @@ std::string LiveStatus::json() const {
   o.number("phase_fraction", s.phase_fraction);
   o.number("run_fraction", s.run_fraction);
   o.text("table", to_string(s.table));
-  o.triple("position_deg", s.position_deg);
-  o.triple("rate_degps", s.rate_degps);
+  o.raw("position_deg", in_brackets(s.position_deg));
+  o.raw("rate_degps", in_brackets(s.rate_degps));
   o.number("eta_s", s.eta_s);
   // What a person takes for a turn is in no plan.
   o.text("eta_utc", s.end_utc_s > 0.0 && !run_.by_hand ? format_utc(s.end_utc_s) : "");
@@ -196,7 +162,7 @@ std::string LiveStatus::json() const {
   o.number("lost_samples", static_cast<double>(s.lost_samples));
   std::string units;
   for (const UnitSnapshot& unit : s.units) {
-    Object one;
+    JsonObject one;
     one.text("serial", unit.serial);
     one.number("samples", static_cast<double>(unit.recorded_samples));
     one.number("lost_samples", static_cast<double>(unit.lost_samples));
@@ -212,13 +178,14 @@ std::string LiveStatus::json() const {
   o.text("known_text", known_text_);
   std::string known;
   for (const Known& one : known_) {
-    Object bar;
+    JsonObject bar;
     bar.text("key", one.key);
     bar.number("sigma", one.sigma);
     bar.number("needed", one.needed);
     known += (known.empty() ? "" : ",") + bar.end();
   }
   o.raw("known", "[" + known + "]");
+  o.texts("verification", verification_);
   o.texts("transitions", transitions_);
   o.texts("results", run_.results);
   o.raw("pulse", "[" + json_number(pulse_[0]) + "," + json_number(pulse_[1]) + "]");

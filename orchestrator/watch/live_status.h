@@ -40,7 +40,8 @@ class LiveStatus : public RunObserver {
     double sigma = 0.0, needed = 0.0;
   };
   void show_known(const std::string& text, std::vector<Known> known);
-  void end(const std::string& how, Tone tone);  // after the run: "Done: pass", "Paused: ...", or the error
+  // After the run: "Done: pass", "Paused: ...", or the error. `verification`: of each unit that was verified, its outcome.
+  void end(const std::string& how, Tone tone, const std::vector<std::string>& verification = {});
 
   // The page polls this. Numbers in degrees, deg/s, m/s^2, seconds.
   std::string json() const;
@@ -64,6 +65,7 @@ class LiveStatus : public RunObserver {
   std::string last_error_, pause_, ended_, known_text_;
   std::vector<Known> known_;
   Tone ended_as_ = Tone::bad;
+  std::vector<std::string> verification_;
   std::vector<std::string> transitions_;  // the newest last
   std::array<double, 6> per_count_{};     // of a sum over one second
   std::array<double, 2> pulse_{};         // of gyro [arcsec] and accelerometer [mm/s]; 0: the increments are no pulses

@@ -220,6 +220,30 @@ TEST(NavigationDrift, NoiseCovarianceIsConsistent) {
 }
 
 // Without data: the same covariance as that of a unit that stands there.
+// Two samples filled in, in one interval: 2 q / sqrt(12); singles add in squares.
+TEST(NavigationDrift, SamplesThatWereFilledInShow) {
+  NoiseModel noise;
+  noise.gyro_pulse_rad = 0.93 * rad_per_arcsec;
+  noise.accel_pulse_mps = 0.0005;
+  const auto grown = [&](int singles, int doubles) {
+    DriftCovariance drift({30.0 * rad_per_deg, 9.79}, noise, std::nullopt);
+    drift.begin(0.0, 0.0);
+    MotionInterval interval;
+    interval.duration_s = 0.1;
+    for (int k = 0; k < 200; ++k) {
+      interval.missing = k < singles ? 1 : k < singles + doubles ? 2 : 0;
+      drift.advance(Eigen::Matrix3d::Identity(), interval);
+    }
+    drift.begin_navigation();
+    return drift.noise_covariance();
+  };
+  const DriftMatrix none = grown(0, 0);
+  const double angle = std::pow(noise.gyro_pulse_rad, 2) / 12.0;
+  EXPECT_NEAR(grown(0, 1)(1, 1) - none(1, 1), 4.0 * angle, 0.01 * angle);
+  EXPECT_NEAR(grown(100, 0)(1, 1) - none(1, 1), 100.0 * angle, 1.0 * angle);
+  EXPECT_GT(grown(1, 0)(3, 3) - none(3, 3), 0.9 * std::pow(noise.accel_pulse_mps, 2) / 12.0);
+}
+
 TEST(NavigationDrift, ExpectedAtRestIsThatOfARecordingAtRest) {
   FreeNavigationSetup setup;
   setup.site = site;

@@ -46,6 +46,9 @@ TEST_F(Batch, DoesTheWholeQueue) {
   EXPECT_NE(run(batch()).out.find("queue done: 0 passed, 3 without a verdict, 0 not passed"), std::string::npos)
       << "of the queue, not of this command";
   // Once more on demand, in a folder of its own.
+  EXPECT_TRUE(run({"queue", "queue", "--format", "json"}).out.starts_with("[\n{\"unit\":\"SN1\",\"outcome\":\""));
+  EXPECT_TRUE(run({"queue", "queue", "--format", "csv"}).out.starts_with("unit,outcome,time_utc,reason\nSN1,"));
+  EXPECT_EQ(run({"queue", "queue", "--format", "xml"}).code, 1);
   ASSERT_EQ(run({"queue", "queue", "--again", "SN2"}).code, 0);
   ASSERT_EQ(run(batch()).code, 0);
   EXPECT_TRUE(fs::exists(folder_ / "units/SN2.2/parameters.conf"));

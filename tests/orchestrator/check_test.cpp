@@ -144,6 +144,11 @@ TEST_F(Check, PlansTheNorthSeekingBehindTheCalibration) {
   EXPECT_NE(outcome.problems[0].find("heading goes to 270 deg, soft travel is -190 to 190 deg"), std::string::npos);
   const std::string verifying = file("wide.station", station_text + "verify.run = true\n");
   EXPECT_NE(check(verifying, sequence).out.find("two searches"), std::string::npos);
+  std::ostringstream asked_for, err;
+  EXPECT_EQ(
+      run_check({.station = file("not.station", station_text), .sequence = sequence, .verify = true}, asked_for, err),
+      0);
+  EXPECT_NE(asked_for.str().find("two searches"), std::string::npos) << asked_for.str();
   EXPECT_EQ(check(verifying, file("my.seq", sequence_text)).out.find("two searches"), std::string::npos);
 }
 

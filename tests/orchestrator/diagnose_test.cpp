@@ -56,6 +56,12 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   EXPECT_EQ(conf.at("holdout.source"), "dwells left out in turn");
   EXPECT_LT(std::stod(conf.at("holdout.after")), std::stod(conf.at("holdout.before")));
   EXPECT_LT(std::stod(conf.at("error.after")), std::stod(conf.at("error.before")));
+  // In miles: with one effect, leaving it out is the base model.
+  EXPECT_EQ(conf.at("navigation.source"), "fitted recording");
+  const double worth = std::stod(conf.at("navigation.accel_delay_nm_per_h"));
+  EXPECT_GT(worth, 0.01);
+  EXPECT_LT(worth, std::stod(conf.at("navigation.before_nm_per_h")) + std::stod(conf.at("navigation.after_nm_per_h")));
+  EXPECT_NE(result.out.find("fitted recording: free navigation, rms of 8 starts, nm/h"), std::string::npos);
   // The effect is in the parameter file, to the digit, which is marked as simulated.
   const auto parameters = read_parameter_file(path("out/parameters.conf"));
   ASSERT_TRUE(parameters.ok()) << parameters.error().message;
@@ -75,6 +81,17 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
       << result.out;
   EXPECT_NE(result.out.find("out/report.html"), std::string::npos);
   EXPECT_LE(std::count(result.out.begin(), result.out.end(), '\n'), 30 + 10);
+
+  // For programs: the file as one object, and the residuals as numbers.
+  const ProgramResult json =
+      run({"diagnose", "rec", "--out", "out", "--format", "json", "--residuals", path("residuals.csv")});
+  EXPECT_EQ(json.code, 20);
+  EXPECT_TRUE(json.out.starts_with("{\n\"verdict\":\"extended\",\n\"quality.trusted\":true,\n")) << json.out;
+  EXPECT_NE(json.out.find("\n\"effect.accel_delay.tau\":" + conf.at("effect.accel_delay.tau") + ",\n"),
+            std::string::npos);
+  const std::string residuals = file_text(path("residuals.csv"));
+  EXPECT_TRUE(residuals.starts_with("time_s,segment,since_rotation_s,temperature_c,force_x_mps2,"));
+  EXPECT_GT(std::count(residuals.begin(), residuals.end(), '\n'), 4000);
 
   // Again, without gnuplot: another report, the same answer, the same exit code.
   const char* const old_path = std::getenv("PATH");

@@ -17,6 +17,7 @@
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/report.h"
+#include "orchestrator/report/report_tables.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/sample_diagnosis.h"
 
@@ -67,6 +68,23 @@ TEST(DiagnosisFile, HoldsTheContractForAnAddedEffect) {
             "holdout.velocity_rms_before_mps = 0.0071\n"
             "holdout.velocity_rms_after_mps = 0.0014\n"
             "holdout.source = second recording\n");
+}
+
+NavigationWorth sample_worth() {
+  return {"second recording", 8, 3600.0, 0.75, 0.25, 0.5, {{"accel_second_order", 0.625}}};
+}
+
+TEST(DiagnosisFile, SaysWhatTheEffectsAreWorth) {
+  const std::string text = format_diagnosis(extended_sample().diagnosis, sample_worth());
+  EXPECT_TRUE(
+      text.ends_with("\nholdout.source = second recording\n"
+                     "navigation.source = second recording\n"
+                     "navigation.free_s = 3600\n"
+                     "navigation.before_nm_per_h = 0.75\n"
+                     "navigation.after_nm_per_h = 0.25\n"
+                     "navigation.noise_nm_per_h = 0.5\n"
+                     "navigation.accel_second_order_nm_per_h = 0.625\n"))
+      << text;
 }
 
 TEST(DiagnosisFile, KeepsEveryKeyWhenThereIsNothingToSay) {
@@ -258,6 +276,23 @@ TEST(TerminalTable, ShowsErrorsEffectsScoresAndLimits) {
         "\nmoved most A01 +12.0 sigma\n", "measured: ARW 0.00200 deg/sqrt(h), VRW 8.00 ug/sqrt(Hz)",
         "\nnot told apart accel_second_order | accel_scale_asymmetry; separated by", "\nnot visible accel_size_effect"})
     EXPECT_NE(all.find(wanted), std::string::npos) << wanted << "\nin\n" << all;
+}
+
+TEST(TerminalTable, ShowsWhatTheEffectsAreWorth) {
+  const Sample sample = extended_sample();
+  DiagnosisContext context = sample_context(sample);
+  context.worth = sample_worth();
+  const std::vector<std::string> lines = terminal_table(sample.diagnosis, context);
+  expect_fits(lines);
+  std::string all;
+  for (const std::string& line : lines) all += std::regex_replace(line, std::regex(" +"), " ") + "\n";
+  EXPECT_NE(all.find(": free navigation, rms of 8 starts, nm/h 0.750 0.250 -67 %\n"), std::string::npos) << all;
+  EXPECT_NE(all.find("\nworth accel_second_order 0.62 nm/h"), std::string::npos) << all;
+  // In the table of the page a column more, filled in the effect's first row.
+  const std::string html = html_added_effects(sample.diagnosis, context);
+  EXPECT_EQ(count_of(html, "0.62"), 1u) << html;
+  EXPECT_EQ(count_of(html, "nm/h</th>"), 1u) << html;
+  EXPECT_EQ(count_of(html_added_effects(sample.diagnosis, sample_context(sample)), "nm/h"), 0u);
 }
 
 // --- figures

@@ -290,8 +290,10 @@ TEST(LiveStatus, HeadlineIsTheStateAsItIs) {
   status.on_progress(at);
   EXPECT_TRUE(says(status, "Waits for the operator: step 3/14, turn pitch to 90.00 deg", "attention")) << status.json();
   EXPECT_NE(status.json().find("\"eta_utc\":\"\""), std::string::npos) << "nobody knows how long a person takes";
-  status.end("Paused: step 3; go on with: turncal resume out", Tone::attention);
+  EXPECT_NE(status.json().find("\"verification\":[]"), std::string::npos) << status.json();
+  status.end("Paused: step 3; go on with: turncal resume out", Tone::attention, {"pass: heading 0.0054 deg"});
   EXPECT_TRUE(says(status, "Paused: step 3; go on with: turncal resume out", "attention")) << status.json();
+  EXPECT_NE(status.json().find("\"verification\":[\"pass: heading 0.0054 deg\"]"), std::string::npos) << status.json();
 }
 
 TEST(LiveStatus, SaysWhatAPauseWaitsFor) {

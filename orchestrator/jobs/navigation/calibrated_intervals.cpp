@@ -1,4 +1,4 @@
-#include "orchestrator/jobs/calibrated_intervals.h"
+#include "orchestrator/jobs/navigation/calibrated_intervals.h"
 
 #include <algorithm>
 #include <cmath>
@@ -52,7 +52,8 @@ Result<CalibratedIntervals> calibrated_intervals(const std::string& path, Record
 }
 
 Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Stretch& stretch,
-                                              std::vector<CalibratedIntervals>& files) {
+                                              std::vector<CalibratedIntervals>& files,
+                                              const ReferenceTrack* reference) {
   const double period_s = source.info().sample_period_s;
   RestOf rest(source.segments());
   std::optional<std::int64_t> first;
@@ -79,7 +80,9 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
         gap = {expected, sample.counter - expected, rest.moving_in(expected, sample.counter)};
       if (gap.samples > 0) found.gaps.push_back(gap);
       last = std::max(last.value_or(sample.counter), sample.counter);
-      const bool at_rest = rest.at(sample.counter), gap_at_rest = gap.is_short() && gap.in_motion == 0;
+      const double time_s = static_cast<double>(sample.counter - *first) * period_s;
+      const bool at_rest = rest.at(sample.counter) && (reference == nullptr || reference->stands_at(time_s)),
+                 gap_at_rest = gap.is_short() && gap.in_motion == 0;
       for (CalibratedIntervals& file : files) {
         const EffectTerms::Term& effects = file.effects.at(sample.counter);
         file.integrator.add(

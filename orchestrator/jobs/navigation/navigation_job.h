@@ -9,6 +9,7 @@
 #include <string>
 
 #include "calib/types/status.h"
+#include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/report/navigation_report.h"
 
 namespace turncal {
@@ -16,7 +17,8 @@ namespace turncal {
 struct NavigationRequest {
   std::string recording;
   std::string parameters;
-  std::string against;  // empty: none
+  std::string against;    // empty: none
+  std::string reference;  // where it truly was (reference_file.h); empty: where it stands
   double align_s = 300.0;
   double from_s = 0.0;           // of the recording, from its first sample
   std::optional<double> to_s;    // default: its end
@@ -26,5 +28,8 @@ struct NavigationRequest {
 
 // Errors: kind input for files that cannot be used, and for a recording that is too short or does not rest.
 Result<NavigationReport> navigate_recording(const NavigationRequest& request);
+// The same with files that are at hand, of that recording; the report has one for each. The paths of the request are not read.
+Result<NavigationReport> navigate_recording(const NavigationRequest& request, RecordingSource& source,
+                                            std::vector<CalibratedIntervals> files);
 
 }  // namespace turncal

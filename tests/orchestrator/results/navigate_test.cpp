@@ -1,7 +1,7 @@
 // `turncal navigate` as a program: what it writes, and what it refuses.
 #include <gtest/gtest.h>
 
-#include "tests/orchestrator/rig_unit.h"
+#include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
 namespace {

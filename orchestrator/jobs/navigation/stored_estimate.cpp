@@ -1,4 +1,4 @@
-#include "orchestrator/jobs/stored_estimate.h"
+#include "orchestrator/jobs/navigation/stored_estimate.h"
 
 #include <algorithm>
 #include <cmath>

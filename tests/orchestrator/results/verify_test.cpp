@@ -3,7 +3,7 @@
 
 #include "imu_io/base/lock_file.h"
 #include "tests/orchestrator/operator_session.h"
-#include "tests/orchestrator/rig_unit.h"
+#include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
 namespace {
@@ -199,6 +199,23 @@ TEST_F(Verify, LeavesOutWhatLostSamples) {
   EXPECT_NE(zero.err.find("no search for the zero"), std::string::npos) << zero.err;
 }
 
+// The first record with samples is destroyed: what is left is judged, and it is said what is missing.
+TEST_F(Verify, SaysThatTheRecordingIsDamaged) {
+  write_parameters("true.conf");
+  record("v", good_rig, "step 1\n  initial H 0 P 0 R 0\n  align 6000\n  align 6000\n  dwell 6000\n  dwell 6000\n");
+  std::string bytes = file_text(folder_ / "v/recording.tcr");
+  bytes[5000] = static_cast<char>(~bytes[5000]);
+  std::filesystem::create_directory(folder_ / "damaged");
+  write("damaged/recording.tcr", bytes);
+  const ProgramResult judged =
+      run({"verify", "--recording", "damaged", "--parameters", path("true.conf"), "--out", "judged"});
+  EXPECT_NE(judged.out.find("1 damaged record"), std::string::npos) << judged.out << judged.err;
+  EXPECT_NE(result("judged/verification.conf").text("damage").find("1 damaged record"), std::string::npos);
+  const ProgramResult navigated = run({"navigate", "damaged", "--parameters", path("true.conf"), "--out", "nav",
+                                       "--align", "20", "--for", "20", "--branches", "1"});
+  EXPECT_NE(navigated.out.find("1 damaged record"), std::string::npos) << navigated.out << navigated.err;
+}
+
 // Killed anywhere and taken up again: the same outcome, exit code and file.
 TEST_F(Verify, GoesOnWithItsOutcome) {
   write_parameters("wrong.conf", 0, 0.1);
@@ -259,14 +276,31 @@ TEST_F(Verify, BehindTheCalibration) {
   EXPECT_EQ(run({"resume", "killed"}).code, 0);
   EXPECT_EQ(file_text(folder_ / "killed/parameters.conf"), text);
   EXPECT_EQ(file_text(folder_ / "killed/verification.conf"), file_text(folder_ / "v/verification.conf"));
-  // A limit that the unit does not keep: its verdict, though all its parameters are good. Also in a batch.
+  // Gyros that cannot keep the limit in this time: nothing is decided, and the unit waits. Also in a batch.
   write("queue", "SN7\n");
   const ProgramResult batch = run({"batch", "queue", "--dry-run", "--verify", "--out", "batch"});
   EXPECT_EQ(batch.code, 20) << batch.out;
-  EXPECT_NE(file_text(folder_ / "batch/SN7/parameters.conf").find("verdict.result = conditional_fail\n"),
-            std::string::npos);
-  EXPECT_NE(batch.out.find("unit SN7: conditional_fail: verification conditional_fail: heading 0.0"), std::string::npos)
+  EXPECT_NE(file_text(folder_ / "batch/SN7/parameters.conf").find("verdict.result = hold\n"), std::string::npos);
+  EXPECT_NE(batch.out.find("unit SN7: hold: verification hold: heading 0.0"), std::string::npos) << batch.out;
+  KeyValueFile undecided = result("batch/SN7/verification.conf");
+  EXPECT_EQ(undecided.text("verdict.heading"), "hold");
+  // Deviations of four: 0.03 deg of noise where 0.012 are allowed, 1 of 20 turned down: 16 times the time and more.
+  EXPECT_GT(undecided.number("would_do.align_s"), 300.0 * 16);
+  EXPECT_LT(undecided.number("would_do.align_s"), 300.0 * 50);
+  EXPECT_NE(batch.out.find("undecided: no more than noise; these gyros cannot keep 0.012 deg in 300 s"),
+            std::string::npos)
       << batch.out;
+  // A limit that the unit does not keep: its verdict, though all its parameters are within theirs, and its file is not put in use.
+  write("strict.station", station + "limit.level_deg = 0.000001\nlimit.A01.max = 1\nrecord.store = store\n");
+  const ProgramResult failed =
+      run({"run", "--dry-run", "--verify", "--unit", "SN7", "--station", path("strict.station"), "--out", "strict"});
+  EXPECT_EQ(failed.code, 20) << failed.out;
+  const ParameterFile held = *read_parameter_file(path("strict/parameters.conf"));
+  EXPECT_TRUE(find_further(held, "verdict.A01")->starts_with("pass")) << *find_further(held, "verdict.A01");
+  EXPECT_TRUE(find_further(held, "verdict.result")->ends_with("fail")) << *find_further(held, "verdict.result");
+  EXPECT_NE(file_text(folder_ / "strict/diagnosis/report.html").find("Verification (north seeking):</b> "),
+            std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "store"));
   expect_refused({"run", "--dry-run", "--unit", "SN7", "--out", "x", "--verify", "--capture-only"},
                  "--verify: expected neither --capture-only nor --partial");
 }

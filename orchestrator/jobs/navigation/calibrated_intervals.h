@@ -6,11 +6,12 @@
 #include <vector>
 
 #include "calib/navigation/increments.h"
+#include "calib/navigation/reference_track.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/jobs/effect_terms.h"
-#include "orchestrator/jobs/sample_gap.h"
+#include "orchestrator/jobs/navigation/sample_gap.h"
 
 namespace turncal {
 
@@ -37,8 +38,10 @@ struct IntegratedSamples {
   std::int64_t first_sample = 0;  // counter of the first, where the first interval begins
   std::vector<SampleGap> gaps;
 };
-// Samples marked as bad count as lost; an interval with a part of a long gap is not at rest. Without segments everything is at rest.
+// Samples marked as bad count as lost; an interval with a part of a long gap is not at rest. Without segments everything is at rest,
+// but for what the reference says.
 Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Stretch& stretch,
-                                              std::vector<CalibratedIntervals>& files);
+                                              std::vector<CalibratedIntervals>& files,
+                                              const ReferenceTrack* reference = nullptr);
 
 }  // namespace turncal

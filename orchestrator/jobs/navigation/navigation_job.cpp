@@ -1,10 +1,12 @@
-#include "orchestrator/jobs/navigation_job.h"
+#include "orchestrator/jobs/navigation/navigation_job.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "orchestrator/jobs/calibrated_intervals.h"
-#include "orchestrator/jobs/stored_estimate.h"
+#include "imu_io/base/format_number.h"
+#include "orchestrator/jobs/navigation/calibrated_intervals.h"
+#include "orchestrator/jobs/navigation/reference_file.h"
+#include "orchestrator/jobs/navigation/stored_estimate.h"
 
 namespace turncal {
 namespace {
@@ -15,23 +17,37 @@ struct Branch {  // intervals
   std::size_t start = 0, length = 0;
 };
 
-// First intervals of the branches.
-std::vector<std::size_t> starts_of(const std::vector<MotionInterval>& intervals, std::size_t length, int branches) {
+// First intervals of the branches: each where the unit next rests, for so many intervals.
+std::vector<std::size_t> starts_of(const std::vector<MotionInterval>& intervals, std::size_t length, int branches,
+                                   std::size_t rest) {
   std::vector<std::size_t> starts;
   if (intervals.size() < length) return starts;
   const std::size_t last = intervals.size() - length;
+  std::vector<std::size_t> rests_for(intervals.size() + 1, 0);
+  for (std::size_t k = intervals.size(); k-- > 0;) rests_for[k] = intervals[k].at_rest ? rests_for[k + 1] + 1 : 0;
   for (int k = 0; k < branches; ++k) {
     std::size_t at = branches > 1 ? last * static_cast<std::size_t>(k) / static_cast<std::size_t>(branches - 1) : 0;
-    while (at < last && !intervals[at].at_rest) ++at;
-    if (starts.empty() || at > starts.back()) starts.push_back(at);
+    while (at < last && rests_for[at] < rest) ++at;
+    const bool rests = rests_for[at] >= rest || rest == 1;  // a single rest is the alignment's to judge
+    if (rests && (starts.empty() || at > starts.back())) starts.push_back(at);
   }
   return starts;
+}
+
+// The recording's latitude and gravity hold where the reference begins.
+Status check_reference(const ReferenceTrack& reference, const std::string& path, const RecordingInfo& info) {
+  constexpr double near_deg = 0.1;
+  const double latitude_deg = reference.at(reference.begins_s()).latitude_rad / rad_per_deg;
+  if (std::abs(latitude_deg - info.latitude_deg) <= near_deg) return {};
+  return input_error(path + ": begins at latitude " + format_number(latitude_deg) + " deg: expected the recording's, " +
+                     format_number(info.latitude_deg) + " deg, within " + format_number(near_deg));
 }
 
 std::string seconds(double s) { return std::to_string(std::llround(s)) + " s"; }
 
 Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const RecordingInfo& info, double align_s,
-                                    const std::vector<Branch>& branches, double from_s, const std::string& prefix) {
+                                    const std::vector<Branch>& branches, double from_s, const std::string& prefix,
+                                    const ReferenceTrack* reference) {
   const Result<NoiseModel> noise = stored_noise(calibrated.file, calibrated.path);
   if (!noise) return noise.error();
   const Result<StoredCovariance> covariance = stored_covariance(calibrated.file, calibrated.path);
@@ -42,6 +58,7 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
   setup.counts = counts_model(from_vector(calibrated.file.parameters), info);
   setup.parameter_covariance = covariance->covariance;
   setup.align_s = align_s;
+  setup.reference = reference;
 
   NavigatedFile result;
   result.prefix = prefix;
@@ -54,9 +71,10 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
   std::vector<double> rates;
   double squares = 0.0;
   for (const auto& [start, length] : branches) {
-    setup.expected = start == branches.front().start;
+    setup.expected = reference == nullptr && start == branches.front().start;
     NavigatedBranch branch;
     branch.start_s = from_s + static_cast<double>(start) * intervals.front().duration_s;
+    setup.start_s = branch.start_s;
     Result<FreeNavigation> navigation = navigate_freely(std::span(intervals).subspan(start, length), setup);
     if (!navigation)
       return Error{navigation.error().kind, "branch at " + seconds(branch.start_s) + ": " + navigation.error().message};
@@ -77,20 +95,35 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
 }  // namespace
 
 Result<NavigationReport> navigate_recording(const NavigationRequest& request) {
-  if (request.to_s && *request.to_s <= request.from_s)
-    return input_error("--to " + seconds(*request.to_s) + ": expected more than --from, " + seconds(request.from_s));
   Result<std::unique_ptr<RecordingSource>> opened = RecordingSource::open(request.recording);
   if (!opened) return opened.error();
-  RecordingSource& source = **opened;
-  const RecordingInfo info = source.info();
   std::vector<CalibratedIntervals> files;
   for (const std::string& path : {request.parameters, request.against}) {
     if (path.empty()) continue;
-    Result<CalibratedIntervals> file = calibrated_intervals(path, source);
+    Result<CalibratedIntervals> file = calibrated_intervals(path, **opened);
     if (!file) return file.error();
     files.push_back(std::move(*file));
   }
-  const Result<IntegratedSamples> integrated = integrate_recording(source, {request.from_s, request.to_s}, files);
+  return navigate_recording(request, **opened, std::move(files));
+}
+
+Result<NavigationReport> navigate_recording(const NavigationRequest& request, RecordingSource& source,
+                                            std::vector<CalibratedIntervals> files) {
+  if (request.to_s && *request.to_s <= request.from_s)
+    return input_error("--to " + seconds(*request.to_s) + ": expected more than --from, " + seconds(request.from_s));
+  const RecordingInfo info = source.info();
+  std::optional<ReferenceTrack> reference;
+  if (!request.reference.empty()) {
+    Result<ReferenceTrack> read = read_reference(request.reference);
+    if (!read) return read.error();
+    reference = std::move(*read);
+    if (Status status = check_reference(*reference, request.reference, info); !status) return status.error();
+  }
+  const Stretch stretch = reference ? Stretch{std::max(request.from_s, reference->begins_s()),
+                                              std::min(request.to_s.value_or(reference->ends_s()), reference->ends_s())}
+                                    : Stretch{request.from_s, request.to_s};
+  const ReferenceTrack* const beside = reference ? &*reference : nullptr;
+  const Result<IntegratedSamples> integrated = integrate_recording(source, stretch, files, beside);
   if (!integrated) return integrated.error();
   const std::vector<MotionInterval>& intervals = files.front().integrator.intervals();
   const double interval = info.sample_period_s * std::max(1.0, std::round(motion_interval_s / info.sample_period_s));
@@ -103,8 +136,10 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request) {
 
   NavigationReport report;
   report.recording = request.recording;
+  report.reference = request.reference;
   report.info = info;
   report.align_s = request.align_s;
+  if (source.damage().lost_data()) report.damage = describe(source.damage());
   report.without_segments = source.segments().empty();
   const Result<std::string> hash = source.content_hash();
   if (!hash) return hash.error();
@@ -118,25 +153,29 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request) {
     return integrated->first_sample + samples_each * static_cast<std::int64_t>(index);
   };
   std::vector<Branch> branches;
-  for (const std::size_t start : starts_of(intervals, length, request.branches)) {
+  const std::size_t rest = reference ? static_cast<std::size_t>(std::lround(request.align_s / interval)) : 1;
+  for (const std::size_t start : starts_of(intervals, length, request.branches, rest)) {
     Branch branch{start, length};
     if (const SampleGap* gap = long_gap_in(integrated->gaps, counter_of(start), counter_of(start + length))) {
       const std::int64_t before = std::max(std::int64_t{0}, gap->first - counter_of(start)) / samples_each;
       branch.length = static_cast<std::size_t>(before);
       const bool kept = static_cast<double>(before) * interval >= request.align_s + 0.5 * wanted_s;
-      report.lost.push_back("branch from " + seconds(request.from_s + static_cast<double>(start) * interval) +
+      report.lost.push_back("branch from " + seconds(stretch.from_s + static_cast<double>(start) * interval) +
                             (kept ? " ends early: " : " left out: ") + gap_words(*gap));
       if (!kept) continue;
     }
     branches.push_back(branch);
   }
   if (branches.empty())
-    return input_error(request.recording + ": " + (report.lost.empty() ? "no branch" : report.lost.front()) +
+    return input_error(request.recording + ": " +
+                       (!report.lost.empty() ? report.lost.front()
+                        : reference          ? "the reference stands nowhere for " + seconds(request.align_s)
+                                             : "no branch") +
                        "; expected a branch that does not go over more than " + std::to_string(most_filled_samples) +
                        " lost samples");
   for (std::size_t k = 0; k < files.size(); ++k) {
     Result<NavigatedFile> file =
-        navigate_file(files[k], info, request.align_s, branches, request.from_s, k == 0 ? "" : "against.");
+        navigate_file(files[k], info, request.align_s, branches, stretch.from_s, k == 0 ? "" : "against.", beside);
     if (!file) return Error{file.error().kind, request.recording + ": " + file.error().message};
     report.files.push_back(std::move(*file));
   }

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "orchestrator/report/certificate.h"
-#include "tests/orchestrator/rig_unit.h"
+#include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
 namespace {
@@ -75,7 +75,7 @@ TEST_F(CertificateTest, SaysWhatIsKnownOfEffects) {
     EXPECT_EQ(made.code, 0) << made.err;
     return file_text(folder_ / "c.html");
   };
-  const std::string about = "(its alias class) are not in U: ";
+  const std::string about = "Effects beyond the parameters: ";
   EXPECT_NE(page_of("", true, false).find(about + "not examined.<"), std::string::npos);
   EXPECT_NE(page_of("not_made", false, false).find(about + "not examined, and the standard deviations are not trusted"),
             std::string::npos);
@@ -165,6 +165,41 @@ TEST_F(CertificateTest, BudgetByHand) {
   EXPECT_NEAR(of_bias.latitude, 15.041 * 0.001 / 57.29578, 1e-7);  // deg/h
   EXPECT_EQ(of_bias.gravity, 0.0);
   EXPECT_FALSE(of_bias.repeatability);
+}
+
+// The sigma of the file holds what the fit's own covariance does not: the spread over an alias class.
+TEST_F(CertificateTest, TheAliasClassHasItsNumber) {
+  ParameterFile file = result_file();
+  file.sigma[3] = 5e-6;
+  file.add_further("verdict.diagnosis", std::string("clean"));
+  file.add_further("quality.alias.A01", std::string("4e-06"));
+  const UncertaintyBudget budget = budget_of({file}, 3, {});
+  EXPECT_NEAR(budget.estimate, 3e-6, 1e-15);
+  ASSERT_TRUE(budget.alias);
+  EXPECT_NEAR(*budget.alias, 4e-6, 1e-15);
+  EXPECT_NEAR(budget.expanded(), 10e-6, 1e-15);
+  EXPECT_EQ(*budget_of({file}, 4, {}).alias, 0.0);
+  EXPECT_FALSE(budget_of({result_file()}, 3, {}).alias);
+}
+
+TEST_F(CertificateTest, AUnitThatDoesNotConformIsSaidToBeSuchAtTheTop) {
+  for (const auto& [verdict, words] :
+       {std::pair{"fail", "NOT CONFORMING: the unit does not keep its limits"},
+        std::pair{"conditional_fail", "NOT CONFORMING: outside the limits by less than the uncertainty"},
+        std::pair{"hold", "NO STATEMENT OF CONFORMITY"}, std::pair{"pass", ""}, std::pair{"conditional_pass", ""}}) {
+    ParameterFile file = result_file();
+    for (auto& [key, value] : file.further)
+      if (key == "verdict.result") value = verdict;
+    keep_run(file, "a");
+    ASSERT_EQ(run(certify({"a"})).code, 0);
+    const std::string page = file_text(folder_ / "c.html");
+    const std::size_t at = page.find("class=\"not\"");
+    EXPECT_EQ(at == std::string::npos, *words == '\0') << verdict;
+    if (*words != '\0') {
+      EXPECT_EQ(page.find(words), at + std::string("class=\"not\">").size()) << verdict;
+      EXPECT_LT(at, page.find("Laboratory"));
+    }
+  }
 }
 
 TEST_F(CertificateTest, NoneForWhatIsNoResult) {

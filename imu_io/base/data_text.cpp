@@ -1,0 +1,127 @@
+#include "imu_io/base/data_text.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "imu_io/base/format_number.h"
+
+namespace turncal {
+namespace {
+
+// Length of the UTF-8 character at the start of `text`; 0: it is none.
+std::size_t utf8_length(std::string_view text) {
+  const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(text[k]); };
+  const unsigned char first = byte(0);
+  const std::size_t length = first < 0x80   ? 1
+                             : first < 0xc2 ? 0
+                             : first < 0xe0 ? 2
+                             : first < 0xf0 ? 3
+                             : first < 0xf5 ? 4
+                                            : 0;
+  if (length > text.size()) return 0;
+  for (std::size_t k = 1; k < length; ++k)
+    if ((byte(k) & 0xc0) != 0x80) return 0;
+  if (length < 3) return length;
+  const bool too_long = (first == 0xe0 && byte(1) < 0xa0) || (first == 0xf0 && byte(1) < 0x90);
+  const bool surrogate = first == 0xed && byte(1) >= 0xa0, too_high = first == 0xf4 && byte(1) >= 0x90;
+  return too_long || surrogate || too_high ? 0 : length;
+}
+
+// Quoted where a text could be mistaken. One that a spreadsheet would take for a formula gets an apostrophe in front.
+std::string csv_text(std::string text) {
+  if (text.find_first_of("=+-@\t\r") == 0) text.insert(0, "'");
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+}  // namespace
+
+std::string quoted_json(std::string_view text) {
+  std::string result = "\"";
+  while (!text.empty()) {
+    const char c = text.front();
+    const std::size_t length = utf8_length(text);
+    if (length == 0) {
+      result += "\\ufffd";
+    } else if (c == '"' || c == '\\') {
+      result += std::string("\\") + c;
+    } else if (static_cast<unsigned char>(c) < 0x20 || c == '<') {  // '<': also safe inside a script of a page
+      char code[8];
+      std::snprintf(code, sizeof code, "\\u%04x", static_cast<unsigned>(c));
+      result += code;
+    } else {
+      result += text.substr(0, length);
+    }
+    text.remove_prefix(std::max<std::size_t>(1, length));
+  }
+  return result + "\"";
+}
+
+std::string json_number(double value) { return std::isfinite(value) ? format_number(value) : "null"; }
+
+void JsonObject::raw(std::string_view key, std::string_view json) {
+  text_ += (text_.size() > 1 ? "," : "") + quoted_json(key) + ":";
+  text_ += json;
+}
+
+void JsonObject::texts(std::string_view key, const std::vector<std::string>& values) {
+  std::string list;
+  for (const std::string& value : values) list += (list.empty() ? "" : ",") + quoted_json(value);
+  raw(key, "[" + list + "]");
+}
+
+void DataTable::text(std::string_view value) {
+  rows_.back().push_back({csv_text(std::string(value)), quoted_json(value)});
+}
+void DataTable::number(double value) {
+  if (!std::isfinite(value)) return nothing();
+  rows_.back().push_back({format_number(value), format_number(value)});
+}
+void DataTable::count(std::int64_t value) { rows_.back().push_back({format_number(value), format_number(value)}); }
+void DataTable::flag(bool value) { rows_.back().push_back({value ? "true" : "false", value ? "true" : "false"}); }
+void DataTable::nothing() { rows_.back().push_back({"", "null"}); }
+void DataTable::word(std::string_view value) {
+  if (value.empty()) return nothing();
+  if (value == "true" || value == "false") return flag(value == "true");
+  // As it stands, so that no digit is lost; JSON has no number that begins with a point or with more than one zero.
+  const std::size_t digit = value.starts_with('-') ? 1 : 0;
+  const bool plain = value.size() > digit && value[digit] >= '0' && value[digit] <= '9' && value.back() != '.' &&
+                     (value[digit] != '0' || value.size() == digit + 1 || value.find_first_of(".eE") == digit + 1);
+  if (plain && parse_number<double>(value)) {
+    rows_.back().push_back({std::string(value), std::string(value)});
+    return;
+  }
+  text(value);
+}
+
+std::string DataTable::csv() const {
+  std::string text;
+  for (std::size_t k = 0; k < columns_.size(); ++k) text += (k > 0 ? "," : "") + columns_[k];
+  text += "\n";
+  for (const std::vector<Cell>& row : rows_) {
+    for (std::size_t k = 0; k < row.size(); ++k) text += (k > 0 ? "," : "") + row[k].csv;
+    text += "\n";
+  }
+  return text;
+}
+
+std::string DataTable::json() const {
+  std::string text = "[";
+  for (const std::vector<Cell>& row : rows_) {
+    JsonObject object;
+    for (std::size_t k = 0; k < row.size(); ++k) object.raw(columns_[k], row[k].json);
+    text += (text.size() > 1 ? ",\n" : "\n") + object.end();
+  }
+  return text + "\n]\n";
+}
+
+std::string DataTable::json_object() const {
+  std::string text = "{";
+  for (const std::vector<Cell>& row : rows_) text += (text.size() > 1 ? ",\n" : "\n") + row[0].json + ":" + row[1].json;
+  return text + "\n}\n";
+}
+
+}  // namespace turncal

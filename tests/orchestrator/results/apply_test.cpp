@@ -1,0 +1,112 @@
+// `turncal apply` with effects beyond the 24 parameters.
+#include <gtest/gtest.h>
+
+#include <numeric>
+#include <sstream>
+#include <vector>
+
+#include "tests/orchestrator/results/rig_unit.h"
+
+namespace turncal {
+namespace {
+
+class Apply : public RigUnit {};
+
+// With the effect in the file, what is left in the calibrated increments is the effect-free unit: the x accelerometer up and
+// down reads g both ways. Without it the two differ by twice the square term.
+TEST_F(Apply, TakesEffectsOff) {
+  record("k2", std::string(without_noise) + "effect.accel_second_order.x = 200\n",
+         "step 1\n  initial H 0 P 90 R 0\n  align 4000\n  rotate P -180\n  dwell 4000\n");
+  ParameterFile file = truth_of("k2");
+  // Mean of x over the last seconds of both dwells: (up + down) / 2 g, in ug.
+  const auto asymmetry_ug = [&](const std::string& name) {
+    keep(file, name + ".conf");
+    const ProgramResult applied = run({"apply", "k2", "--parameters", path(name + ".conf"), "--out", name + ".csv"});
+    EXPECT_EQ(applied.code, 0) << applied.err;
+    std::istringstream csv(file_text(folder_ / (name + ".csv")));
+    std::string line;
+    std::getline(csv, line);
+    std::vector<double> x;
+    while (std::getline(csv, line)) {
+      std::istringstream cells(line);
+      std::string cell;
+      for (int k = 0; k < 5; ++k) std::getline(cells, cell, ',');
+      x.push_back(std::stod(cell));
+    }
+    const auto mean = [&](std::size_t first) {
+      return std::accumulate(x.begin() + static_cast<std::ptrdiff_t>(first),
+                             x.begin() + static_cast<std::ptrdiff_t>(first + 3000), 0.0) /
+             3000.0;
+    };
+    return 0.5 * (mean(500) + mean(x.size() - 3500)) / 0.005 / 9.80665e-6;
+  };
+  const double without = asymmetry_ug("without");
+  file.effects.push_back({"accel_second_order", "x", 200.0, 1.0});
+  file.model = "extended";
+  const double with = asymmetry_ug("with");
+  EXPECT_NEAR(without, 200.0, 5.0);  // (9.7914 / 9.80665)^2 of 200, and half a pulse in 15 s
+  EXPECT_NEAR(with, 0.0, 4.0);
+}
+
+// The same increments, whatever the form; as a recording they are one that can be navigated.
+TEST_F(Apply, WritesARecordingOrAMatrix) {
+  record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 10000\n  dwell 10000\n");
+  keep(truth_of("rec"), "true.conf");
+  for (const char* out : {"a.csv", "a.tcr", "a.npy", "a.mat"}) {
+    const ProgramResult applied = run({"apply", "rec", "--parameters", path("true.conf"), "--out", out});
+    ASSERT_EQ(applied.code, 0) << applied.err;
+    write(std::string("not_") + out, "something else");
+    expect_refused({"apply", "rec", "--parameters", path("true.conf"), "--out", std::string("not_") + out}, out);
+  }
+  std::istringstream csv(file_text(folder_ / "a.csv"));
+  std::string line;
+  std::getline(csv, line);
+  const auto source = RecordingSource::open(path("a.tcr"));
+  ASSERT_TRUE(source.ok()) << source.error().message;
+  EXPECT_EQ((*source)->info().gyro_increment, IncrementKind::physical);
+  EXPECT_EQ((*source)->info().accel_increment, IncrementKind::physical);
+  EXPECT_TRUE((*source)->info().simulated);
+  EXPECT_EQ((*source)->segments().size(), segments_of("rec").size());
+  std::size_t rows = 0;
+  ASSERT_TRUE((*source)
+                  ->read([&](std::span<const ImuSample> block) {
+                    for (const ImuSample& sample : block) {
+                      EXPECT_TRUE(std::getline(csv, line));
+                      std::istringstream cells(line);
+                      std::string cell;
+                      std::getline(cells, cell, ',');
+                      EXPECT_EQ(std::stoll(cell), sample.counter);
+                      for (const double value : {sample.gyro[0], sample.gyro[1], sample.gyro[2], sample.accel[0],
+                                                 sample.accel[1], sample.accel[2]}) {
+                        std::getline(cells, cell, ',');
+                        EXPECT_EQ(std::stod(cell), value);
+                      }
+                      ++rows;
+                    }
+                    return Status{};
+                  })
+                  .ok());
+  EXPECT_GE(rows, 20000u);
+  EXPECT_FALSE(std::getline(csv, line));
+}
+
+TEST_F(Apply, ExportWritesAMatrix) {
+  record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 1000\n  dwell 1000\n");
+  ASSERT_EQ(run({"export", "rec", "--out", "e.npy"}).code, 0);
+  ASSERT_TRUE(std::filesystem::is_regular_file(folder_ / "e.npy"));
+  ASSERT_EQ(run({"export", "rec", "--out", "e.mat"}).code, 0);
+  std::filesystem::create_directory(folder_ / "folder.npy");
+  expect_refused({"export", "rec", "--out", "folder.npy"}, "folder.npy: expected a file name, found a folder");
+  if (std::system("python3 -c 'import numpy' 2> /dev/null") != 0) GTEST_SKIP() << "numpy is not here";
+  ASSERT_EQ(run({"export", "rec", "--out", "text"}).code, 0);
+  write("compare.py",
+        "import numpy\na = numpy.load('e.npy')\nb = numpy.loadtxt('text/imu.csv', delimiter=',', skiprows=1)\n"
+        "assert a.dtype == numpy.float64 and a.shape == (b.shape[0], b.shape[1] + 1)\n"
+        "assert (a[:, 0] == b[:, 0]).all() and (a[:, 2:8] == b[:, 1:7]).all()\n"
+        "assert numpy.allclose(a[:, 8], b[:, 7], atol=1e-3)\n"
+        "assert set(a[:, 1]) == set(range(1, int(a[:, 1].max()) + 1))\n");
+  EXPECT_EQ(std::system(("cd " + folder_.string() + " && python3 compare.py").c_str()), 0);
+}
+
+}  // namespace
+}  // namespace turncal
