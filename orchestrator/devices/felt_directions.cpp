@@ -102,20 +102,20 @@ Status judge_force(const Eigen::Vector3d& force_mps2, const AxisTriple& angles_d
                       "; scale of the accelerometers (accel.pulse_mps, accel.scale of the frame) or a dead one");
 }
 
-Status judge_felt(const Eigen::Vector3d& sum, const AxisTriple& from_deg, const AxisTriple& to_deg,
+Status judge_felt(const Eigen::Vector3d& sum_deg, const AxisTriple& from_deg, const AxisTriple& to_deg,
                   const DirectionLimits& limits) {
   const auto turn = turn_between(from_deg, to_deg);
   if (!turn || std::abs(turn->second) < limits.smallest_turn_deg) return {};
   const Eigen::Vector3d expected = body_axis_of(turn->first, from_deg) * turn->second;
-  if (points_along(sum, expected, limits.direction_deg)) return {};
+  if (points_along(sum_deg, expected, limits.direction_deg)) return {};
   const std::string turned =
       std::string("the turn of ") + to_string(turn->first) + " by " + format_number(turn->second) + " deg ";
-  if (sum.norm() == 0.0) return device_error(turned + "was not felt by any gyro");
-  if (sum.norm() < 0.5 * std::abs(turn->second))
-    return device_error(turned + "was hardly felt (" + triple_text(sum) + " deg about x, y, z): expected " +
+  if (sum_deg.norm() == 0.0) return device_error(turned + "was not felt by any gyro");
+  if (sum_deg.norm() < 0.5 * std::abs(turn->second))
+    return device_error(turned + "was hardly felt (" + triple_text(sum_deg) + " deg about x, y, z): expected " +
                         triple_text(expected) + ": a dead gyro, or a unit that does not ride on the table");
-  return device_error(turned + "was felt about " + nearest_axis(sum) + " (" + triple_text(sum) + "): expected about " +
-                      nearest_axis(expected) +
+  return device_error(turned + "was felt about " + nearest_axis(sum_deg) + " (" + triple_text(sum_deg) +
+                      "): expected about " + nearest_axis(expected) +
                       ": mounted another way, signs of the table's axis, or axes and signs of the unit's frame");
 }
 

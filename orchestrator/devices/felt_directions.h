@@ -26,8 +26,8 @@ std::optional<std::pair<Axis, double>> turn_between(const AxisTriple& from_deg, 
 // Means over a rest: m/s^2.
 Status judge_force(const Eigen::Vector3d& force_mps2, const AxisTriple& angles_deg, double gravity_mps2,
                    const DirectionLimits& limits);
-// The gyros' sum over a turn from `from` to `to`, which differ in one axis; any unit.
-Status judge_felt(const Eigen::Vector3d& sum, const AxisTriple& from_deg, const AxisTriple& to_deg,
+// The gyros' sum over a turn from `from` to `to`, which differ in one axis: degrees, by nominal scale factors.
+Status judge_felt(const Eigen::Vector3d& sum_deg, const AxisTriple& from_deg, const AxisTriple& to_deg,
                   const DirectionLimits& limits);
 
 }  // namespace turncal

@@ -120,7 +120,7 @@ Status FirstStepCheck::judge_segment(SegmentKind kind, std::int64_t end_sample, 
   if (Status status = judge_units(ratio); !status) return status;
   const bool moved = turn && scale * way_ > 0.5 * std::abs(turn->second) * rad_per_deg;
   if (moved && way_ > limits_.detour * sum.norm()) return {};
-  if (Status status = judge_felt(sum, *before_deg_, angles_deg, limits_); !status) return status;
+  if (Status status = judge_felt(scale * sum / rad_per_deg, *before_deg_, angles_deg, limits_); !status) return status;
   return judge_pulses(ratio);
 }
 

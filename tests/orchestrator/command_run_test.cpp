@@ -98,9 +98,13 @@ TEST_F(Run, DeviceFaultIsExit50WithReasonAndPlace) {
   expect_refused(dry_run("out"), "already holds recording.partial.tcr");
 }
 
-TEST_F(Run, FaultBeforeTheFirstSampleLeavesNothing) {
+TEST_F(Run, FaultBeforeTheFirstSampleLeavesNothingUnlessTheTableMoved) {
+  const std::string gone = write("gone.rig", "fault.1.kind = link_lost\nfault.1.time_s = 0\n");
+  expect_refused(dry_run("out", {"--rig", gone}), "link lost", 50);
   const std::string rig = write("estop.rig", "fault.1.kind = emergency_stop\nfault.1.time_s = 1\n");
-  expect_refused(dry_run("out", {"--rig", rig}), "emergency stop", 50);
+  EXPECT_EQ(run(dry_run("out", {"--rig", rig})).code, 50);
+  EXPECT_NE(file_text(folder_ / "out/run.log").find("emergency stop"), std::string::npos);
+  std::filesystem::remove_all(folder_ / "out");
   expect_refused(dry_run("out", {"--rig", write("unit.rig", "unit_serial = SN2\n")}), "'SN2'");
 }
 

@@ -101,6 +101,7 @@ TEST_F(Storage, ALockedDatabaseStopsTheBatchAndTheUnitIsNotRefused) {
                                           "--sequence", demo,    "--station", where};
   sqlite3* lock = nullptr;
   ASSERT_EQ(sqlite3_open(path("results.db").c_str(), &lock), SQLITE_OK);
+  sqlite3_busy_timeout(lock, 10'000);  // the run begins by a row of its own
   ASSERT_EQ(sqlite3_exec(lock, "CREATE TABLE other(x); BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
   const ProgramResult before = run(batch);
   EXPECT_EQ(before.code, 50) << before.err;
