@@ -39,13 +39,17 @@ std::string yield_text(const LineYield& yield) {
 
 std::string signals_text(const ShiftReport& report, std::size_t signals) {
   double expected = 0.0;
+  std::size_t points = 0;  // with a signal, rule by rule: what is expected counts these, not stretches of them
   for (const ChartedQuantity& chart : report.charts) {
+    if (chart.chart.sigma.value_or(0.0) <= 0.0) continue;
+    points += chart.chart.signals.size();
     for (const RunRule& rule : run_rules)
       if (chart.chart.count >= rule.stretch)
         expected += rule.false_alarm * static_cast<double>(chart.chart.count - rule.stretch + 1);
   }
-  return std::to_string(signals) + " signals. With nothing wrong at all, about " + decimals(expected, 0) +
-         " points of these charts would give one: look for several charts, or several rules, at one time.";
+  return std::to_string(signals) + " signals, of " + std::to_string(points) +
+         " points. With nothing wrong at all about " + decimals(expected, 0) +
+         " points would give one: look for several charts, or several rules, at one time.";
 }
 
 std::string compared_text(const StationDifference& d) {
