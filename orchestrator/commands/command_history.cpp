@@ -7,6 +7,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/figures/print_line.h"
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/line_report/history_page.h"
 #include "orchestrator/line_report/history_table.h"
@@ -36,18 +37,11 @@ Status check_one_unit(const HistoryOptions& options, const Calibrations& all) {
                      "--together for all of them on purpose");
 }
 
-template <class... Values>
-void print(std::ostream& out, const char* format, Values... values) {
-  char text[400];
-  std::snprintf(text, sizeof text, format, values...);
-  out << text << '\n';
-}
-
 void print_list(const Calibrations& all, std::ostream& out) {
-  print(out, "%5s  %-20s  %-20s  %-16s  %s", "id", "unit", "time", "verdict", "folder");
+  print_line(out, "%5s  %-20s  %-20s  %-16s  %s", "id", "unit", "time", "verdict", "folder");
   for (const StoredCalibration& c : all) {
-    print(out, "%5lld  %-20s  %-20s  %-16s  %s%s", static_cast<long long>(c.id), c.unit.c_str(), c.time_utc.c_str(),
-          c.verdict.c_str(), c.folder.c_str(), c.simulated ? "  [simulated]" : "");
+    print_line(out, "%5lld  %-20s  %-20s  %-16s  %s%s", static_cast<long long>(c.id), c.unit.c_str(),
+               c.time_utc.c_str(), c.verdict.c_str(), c.folder.c_str(), c.simulated ? "  [simulated]" : "");
   }
 }
 
@@ -67,7 +61,7 @@ Status print_comparison(const Calibrations& all, const std::vector<std::int64_t>
   }
   out << "unit " << a->unit << ": " << a->time_utc << " (" << a->verdict << ") and " << b->time_utc << " ("
       << b->verdict << ")\n";
-  print(out, "%-5s %18s %18s %12s %12s", "", "first", "second", "difference", "/ sigma");
+  print_line(out, "%-5s %18s %18s %12s %12s", "", "first", "second", "difference", "/ sigma");
   for (const StoredValue& value : a->values) {
     const auto other =
         std::find_if(b->values.begin(), b->values.end(), [&](const auto& v) { return v.key == value.key; });
@@ -76,7 +70,8 @@ Status print_comparison(const Calibrations& all, const std::vector<std::int64_t>
     const double sigma = std::hypot(value.sigma.value_or(0.0), other->sigma.value_or(0.0));
     char ratio[40] = "-";
     if (sigma > 0.0) std::snprintf(ratio, sizeof ratio, "%.2f", difference / sigma);
-    print(out, "%-5s %18.10g %18.10g %12.3e %12s", value.key.c_str(), value.value, other->value, difference, ratio);
+    print_line(out, "%-5s %18.10g %18.10g %12.3e %12s", value.key.c_str(), value.value, other->value, difference,
+               ratio);
   }
   return {};
 }
@@ -92,13 +87,13 @@ std::optional<double> value_of(const std::optional<Capability>& index) {
 }
 
 void print_control(const Calibrations& all, std::ostream& out) {
-  print(out, "%-5s %5s %15s %15s %15s %8s %8s", "", "n", "mean", "lower", "upper", "outside", "Cpk");
+  print_line(out, "%-5s %5s %15s %15s %15s %8s %8s", "", "n", "mean", "lower", "upper", "outside", "Cpk");
   for (const std::string_view key : free_parameter_keys()) {
     const ParameterHistory history = parameter_history(all, key);
     const ControlChart& chart = history.chart;
-    print(out, "%-5s %5zu %15.8g %15s %15s %8zu %8s", std::string(key).c_str(), chart.count, chart.mean,
-          number(chart.lower).c_str(), number(chart.upper).c_str(), chart.outside.size(),
-          number(value_of(chart.cpk), "%.2f").c_str());
+    print_line(out, "%-5s %5zu %15.8g %15s %15s %8zu %8s", std::string(key).c_str(), chart.count, chart.mean,
+               number(chart.lower).c_str(), number(chart.upper).c_str(), chart.outside.size(),
+               number(value_of(chart.cpk), "%.2f").c_str());
   }
 }
 
@@ -110,13 +105,13 @@ Status print_parameter(const Calibrations& all, const std::string& key, std::ost
   const ControlChart& chart = history.chart;
   for (std::size_t i = 0; i < history.values.size(); ++i) {
     const bool outside = std::find(chart.outside.begin(), chart.outside.end(), i) != chart.outside.end();
-    print(out, "%5lld  %-20s  %-20s  %15.8g  %10s%s", static_cast<long long>(history.of[i]->id),
-          history.of[i]->unit.c_str(), history.of[i]->time_utc.c_str(), history.values[i],
-          number(history.sigmas[i], "%.2e").c_str(), outside ? "  outside the control limits" : "");
+    print_line(out, "%5lld  %-20s  %-20s  %15.8g  %10s%s", static_cast<long long>(history.of[i]->id),
+               history.of[i]->unit.c_str(), history.of[i]->time_utc.c_str(), history.values[i],
+               number(history.sigmas[i], "%.2e").c_str(), outside ? "  outside the control limits" : "");
   }
-  print(out, "%s: n %zu, mean %.8g, control limits %s .. %s, limits %s .. %s, Cpk %s", key.c_str(), chart.count,
-        chart.mean, number(chart.lower).c_str(), number(chart.upper).c_str(), number(history.limit.min).c_str(),
-        number(history.limit.max).c_str(), number(value_of(chart.cpk), "%.2f").c_str());
+  print_line(out, "%s: n %zu, mean %.8g, control limits %s .. %s, limits %s .. %s, Cpk %s", key.c_str(), chart.count,
+             chart.mean, number(chart.lower).c_str(), number(chart.upper).c_str(), number(history.limit.min).c_str(),
+             number(history.limit.max).c_str(), number(value_of(chart.cpk), "%.2f").c_str());
   return {};
 }
 
@@ -166,14 +161,14 @@ Status show_attempts(const HistoryOptions& options, const ResultsDatabase& datab
     out << all->size() << " attempts in " << options.csv << '\n';
     return {};
   }
-  print(out, "%5s  %-20s  %-20s  %-16s  %-12s  %-14s  %8s  %s", "id", "unit", "time", "outcome", "station",
-        "temperature, C", "residual", "reason");
+  print_line(out, "%5s  %-20s  %-20s  %-16s  %-12s  %-14s  %8s  %s", "id", "unit", "time", "outcome", "station",
+             "temperature, C", "residual", "reason");
   for (const AttemptRecord& a : *all) {
     const std::string temperature =
         a.temperature_min_c ? number(a.temperature_min_c, "%.1f") + " .. " + number(a.temperature_max_c, "%.1f") : "-";
-    print(out, "%5lld  %-20s  %-20s  %-16s  %-12s  %-14s  %8s  %.200s%s", static_cast<long long>(a.id), a.unit.c_str(),
-          a.time_utc.c_str(), a.outcome.c_str(), a.station.c_str(), temperature.c_str(),
-          number(a.residual, "%.3f").c_str(), a.reason.c_str(), a.simulated ? "  [simulated]" : "");
+    print_line(out, "%5lld  %-20s  %-20s  %-16s  %-12s  %-14s  %8s  %.200s%s", static_cast<long long>(a.id),
+               a.unit.c_str(), a.time_utc.c_str(), a.outcome.c_str(), a.station.c_str(), temperature.c_str(),
+               number(a.residual, "%.3f").c_str(), a.reason.c_str(), a.simulated ? "  [simulated]" : "");
   }
   return {};
 }
@@ -220,13 +215,13 @@ Status restore(const RestoreOptions& options, std::ostream& out) {
   Status damaged;
   for (const StoredVersion& version : *versions) {
     if (!version.status) {
-      print(out, "%4d  damaged", version.number);
+      print_line(out, "%4d  damaged", version.number);
       if (damaged) damaged = version.status;
       continue;
     }
-    print(out, "%4d  %-20s  recording %s%s%s", version.number, version.file.time_utc.c_str(),
-          version.file.recording_hash.c_str(), version.file.simulated ? "  [simulated]" : "",
-          version.in_use ? "  in use" : "");
+    print_line(out, "%4d  %-20s  recording %s%s%s", version.number, version.file.time_utc.c_str(),
+               version.file.recording_hash.c_str(), version.file.simulated ? "  [simulated]" : "",
+               version.in_use ? "  in use" : "");
   }
   return damaged;
 }

@@ -2,6 +2,7 @@
 #include <cstdio>
 
 #include "imu_io/base/data_text.h"
+#include "orchestrator/figures/print_line.h"
 #include "orchestrator/line_report/shift_page.h"
 #include "orchestrator/line_report/shift_words.h"
 
@@ -9,34 +10,28 @@ namespace turncal {
 
 namespace {
 
-template <class... Values>
-void print(std::ostream& out, const char* format, Values... values) {
-  char text[400];
-  std::snprintf(text, sizeof text, format, values...);
-  out << text << '\n';
-}
-
 void print_stations(const ShiftReport& report, std::ostream& out) {
-  print(out, "\n%-16s %8s  %-38s %-26s %8s %6s", "station", "attempts", "first pass", "in the end", "hours", "lost");
+  print_line(out, "\n%-16s %8s  %-38s %-26s %8s %6s", "station", "attempts", "first pass", "in the end", "hours",
+             "lost");
   for (const StationFigures& s : report.stations)
-    print(out, "%-16s %8zu  %-38s %-26s %8.1f %6.1f", s.station.c_str(), s.yield.attempts,
-          share_text(s.yield.first_pass, true).c_str(), share_text(s.yield.final_pass, false).c_str(), s.yield.hours,
-          s.yield.hours_lost);
+    print_line(out, "%-16s %8zu  %-38s %-26s %8.1f %6.1f", s.station.c_str(), s.yield.attempts,
+               share_text(s.yield.first_pass, true).c_str(), share_text(s.yield.final_pass, false).c_str(),
+               s.yield.hours, s.yield.hours_lost);
 }
 
 void print_reasons(const LineYield& yield, std::ostream& out) {
-  print(out, "\n%-60s %8s %10s %6s  %s", "reason", "attempts", "cumulated", "hours", "last unit");
+  print_line(out, "\n%-60s %8s %10s %6s  %s", "reason", "attempts", "cumulated", "hours", "last unit");
   for (const LossReason& r : yield.reasons)
-    print(out, "%-60.60s %8zu %10s %6.1f  %s", r.reason.c_str(), r.attempts, percent(r.cumulated).c_str(), r.hours,
-          r.last_unit.c_str());
+    print_line(out, "%-60.60s %8zu %10s %6.1f  %s", r.reason.c_str(), r.attempts, percent(r.cumulated).c_str(), r.hours,
+               r.last_unit.c_str());
 }
 
 void print_repeatability(const char* title, const std::vector<Repeatability>& all, std::ostream& out) {
   for (const Repeatability& r : all) {
-    if (&r == &all.front()) print(out, "\n%-16s %6s %10s %22s %12s", title, "pairs", "s", "95 %", "calibration");
+    if (&r == &all.front()) print_line(out, "\n%-16s %6s %10s %22s %12s", title, "pairs", "s", "95 %", "calibration");
     char text[60];
     std::snprintf(text, sizeof text, "%.3g .. %.3g", r.low, r.high);
-    print(out, "%-16s %6zu %10.3g %22s %12.3g", r.key.c_str(), r.pairs, r.spread, text, r.calibration_sigma);
+    print_line(out, "%-16s %6zu %10.3g %22s %12.3g", r.key.c_str(), r.pairs, r.spread, text, r.calibration_sigma);
   }
 }
 
@@ -52,19 +47,19 @@ void print_shift(const ShiftReport& report, std::ostream& out) {
   for (const ChartSignal& s : signals) {
     if (s.signal.rule != 1) continue;  // the others: page and CSV
     const std::size_t i = s.signal.point;
-    print(out, "%s  %-16s %-12s %14.7g  rule 1: %s", s.chart->times[i].c_str(), s.chart->units[i].c_str(),
-          s.chart->key.c_str(), s.chart->values[i], run_rules[0].words);
+    print_line(out, "%s  %-16s %-12s %14.7g  rule 1: %s", s.chart->times[i].c_str(), s.chart->units[i].c_str(),
+               s.chart->key.c_str(), s.chart->values[i], run_rules[0].words);
   }
   for (const ChartedQuantity& q : report.charts) {
     const auto& [cpk, ppk] = std::pair(q.chart.cpk, q.chart.ppk);
     if (cpk && ppk)
-      print(out, "%-12s n %zu, Cpk %.2f (%.2f .. %.2f), Ppk %.2f (%.2f .. %.2f)", q.key.c_str(), q.chart.count,
-            cpk->value, cpk->low, cpk->high, ppk->value, ppk->low, ppk->high);
+      print_line(out, "%-12s n %zu, Cpk %.2f (%.2f .. %.2f), Ppk %.2f (%.2f .. %.2f)", q.key.c_str(), q.chart.count,
+                 cpk->value, cpk->low, cpk->high, ppk->value, ppk->low, ppk->high);
   }
   for (const StationDifference& d : report.differences) {
     if (!d.stands_out() && !d.drifts()) continue;
-    print(out, "%s - %s: %s differs by %.3g, sigma %.2g (%s)", d.b.c_str(), d.a.c_str(), d.key.c_str(), d.difference,
-          d.sigma, compared_text(d).c_str());
+    print_line(out, "%s - %s: %s differs by %.3g, sigma %.2g (%s)", d.b.c_str(), d.a.c_str(), d.key.c_str(),
+               d.difference, d.sigma, compared_text(d).c_str());
   }
   print_repeatability("turn-on", report.turn_on, out);
   print_repeatability("month to month", report.month, out);

@@ -34,6 +34,12 @@ struct LastWord : testing::Test {
     }
     EXPECT_FALSE(drives.all_off());
   }
+  static StopTime within(double brake_s, double deadline_s) {
+    return {.now_s = monotonic_s,
+            .wait = [](double seconds) { ::usleep(static_cast<unsigned>(1e6 * seconds)); },
+            .brake_s = brake_s,
+            .deadline_s = deadline_s};
+  }
   void begin_move(Turntable& table) {
     const Status moved = table.move_absolute(Axis::pitch, 90.0, 10.0, 10.0);
     ASSERT_TRUE(moved.ok()) << moved.error().message;
@@ -130,11 +136,7 @@ TEST_F(LastWord, ADriveThatStaysOnIsSaid) {
   const auto table = device();
   make_ready(table->table());
   drives.refuses_off = 1000000;
-  const Status left =
-      leave_off(table->table(), {.now_s = monotonic_s,
-                                 .wait = [](double seconds) { ::usleep(static_cast<unsigned>(1e6 * seconds)); },
-                                 .brake_s = 0.2,
-                                 .deadline_s = 1.0});
+  const Status left = leave_off(table->table(), within(0.2, 1.0));
   ASSERT_FALSE(left.ok());
   EXPECT_NE(left.error().message.find("its drives may be on"), std::string::npos) << left.error().message;
   drives.refuses_off = 0;
@@ -148,11 +150,7 @@ TEST_F(LastWord, ADriveThatCreepsIsNotAtRest) {
     const std::lock_guard lock(drives.mutex);
     drives.drives[3].creep = 2000.0;
   }
-  const Status left =
-      leave_off(table->table(), {.now_s = monotonic_s,
-                                 .wait = [](double seconds) { ::usleep(static_cast<unsigned>(1e6 * seconds)); },
-                                 .brake_s = 0.2,
-                                 .deadline_s = 1.0});
+  const Status left = leave_off(table->table(), within(0.2, 1.0));
   ASSERT_FALSE(left.ok());
   EXPECT_NE(left.error().message.find("does not come to rest"), std::string::npos) << left.error().message;
   EXPECT_TRUE(drives.all_off()) << "it was told";
@@ -180,11 +178,7 @@ TEST_F(LastWord, FastestStopGoesOutWhenNothingCanBeRead) {
   begin_move(table->table());
   drives.reads_answered = false;
   const double began_s = monotonic_s();
-  const Status left =
-      leave_off(table->table(), {.now_s = monotonic_s,
-                                 .wait = [](double seconds) { ::usleep(static_cast<unsigned>(1e6 * seconds)); },
-                                 .brake_s = 1.0,
-                                 .deadline_s = 4.0});
+  const Status left = leave_off(table->table(), within(1.0, 4.0));
   EXPECT_FALSE(left.ok()) << "it cannot be verified";
   EXPECT_GE(monotonic_s() - began_s, 4.0) << "to the deadline";
   EXPECT_TRUE(drives.all_off());
