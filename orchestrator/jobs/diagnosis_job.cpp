@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "calib/diagnosis/rest_diagnosis.h"
+#include "calib/rest_diagnosis/rest_diagnosis.h"
 #include "calib/rests/single_pose.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/diagnosis_figures.h"

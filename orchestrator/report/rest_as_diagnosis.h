@@ -1,11 +1,11 @@
-// A diagnosis of hand-turned data (calib/diagnosis/rest_diagnosis.h) in the form that files, tables and figures know, and what is said
+// A diagnosis of hand-turned data (calib/rest_diagnosis/rest_diagnosis.h) in the form that files, tables and figures know, and what is said
 // differently there: the errors are those of gravity's norm and direction and of the gyros at rest, not velocities.
 #pragma once
 
 #include <vector>
 
 #include "calib/diagnosis/diagnosis.h"
-#include "calib/diagnosis/rest_diagnosis.h"
+#include "calib/rest_diagnosis/rest_diagnosis.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/figures/report_dwells.h"

@@ -2,7 +2,7 @@
 // can show (docs/hand-data.md), and the three files of it.
 #pragma once
 
-#include "calib/diagnosis/rest_diagnosis.h"
+#include "calib/rest_diagnosis/rest_diagnosis.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/report.h"
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "calib/diagnosis/rest_diagnosis.h"
+#include "calib/rest_diagnosis/rest_diagnosis.h"
 #include "calib/rests/rest_units.h"
 #include "calib/rests/single_pose.h"
 #include "calib/statistics/clipping.h"

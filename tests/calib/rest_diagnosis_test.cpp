@@ -1,8 +1,8 @@
-#include "calib/diagnosis/rest_diagnosis.h"
+#include "calib/rest_diagnosis/rest_diagnosis.h"
 
 #include <gtest/gtest.h>
 
-#include "calib/diagnosis/rest_selection.h"
+#include "calib/rest_diagnosis/rest_selection.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/segmentation.h"
 #include "tests/calib/hand_rotations.h"

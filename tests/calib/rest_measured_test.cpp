@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <set>
 
-#include "calib/diagnosis/rest_diagnosis.h"
+#include "calib/rest_diagnosis/rest_diagnosis.h"
 #include "calib/statistics/segmentation.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"

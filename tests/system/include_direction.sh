@@ -4,8 +4,17 @@
 # Within a folder the rooms are one-way, too: a room sees those of lower rank only (the table `rank` below).
 # Also: our own headers are named from the top folder ("calib/types/axis.h"); calib uses no files, clocks or threads; the rig
 # shares no model code with the estimator: of calib it sees plain data only; and only twins, dry runs and what starts them see the rig.
+# A room, of tests too, has at most 40 files of C++: a fuller one is two.
 set -euo pipefail
 root=$1
+
+crowded=$(find "$root"/calib "$root"/imu_io "$root"/turntable_drivers "$root"/sequences "$root"/orchestrator "$root"/tests \
+  -name '*.h' -printf '%h\n' -o -name '*.cpp' -printf '%h\n' | sort | uniq -c |
+  awk -v root="$root/" '$1 > 40 { print substr($2, length(root) + 1) ": " $1 " files: a room has at most 40" }')
+if [ -n "$crowded" ]; then
+  echo "$crowded"
+  exit 1
+fi
 
 grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*#[[:space:]]*include' \
   "$root"/calib "$root"/imu_io "$root"/turntable_drivers "$root"/sequences "$root"/orchestrator |
@@ -16,7 +25,7 @@ grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*#[[:s
       allowed["turntable_drivers"] = "calib imu_io turntable_drivers"
       allowed["sequences"] = "calib imu_io sequences"
       allowed["orchestrator"] = "calib imu_io turntable_drivers sequences orchestrator"
-      ranks("calib", "types; model; statistics; closed_form joint rests navigation; diagnosis; prediction")
+      ranks("calib", "types; model; statistics; closed_form joint rests navigation; diagnosis; rest_diagnosis prediction")
       ranks("imu_io", "base; recordings lines; frames; units")
       ranks("turntable_drivers", "table; modbus ascii manual rig; twins")
       ranks("orchestrator", "station; run; watch records; line; devices; figures; report; line_report; jobs; commands; .")

@@ -11,7 +11,7 @@ failures=0
 # expect RESULT FILE INCLUDE: a tree with this one line must (fail) or must not (pass) be refused.
 expect() {
   rm -rf "$work/tree"
-  mkdir -p "$work"/tree/{calib/types,imu_io,turntable_drivers,sequences,orchestrator} "$(dirname "$work/tree/$2")"
+  mkdir -p "$work"/tree/{calib/types,imu_io,turntable_drivers,sequences,orchestrator,tests} "$(dirname "$work/tree/$2")"
   echo '#include <vector>' > "$work/tree/calib/types/fine.h"
   printf '%s\n' "$3" > "$work/tree/$2"
   local result=pass
@@ -70,4 +70,13 @@ expect fail imu_io/base/a.cpp '#include "clock.h"'
 expect fail calib/types/a.cpp '#include <fstream>'
 expect fail calib/types/a.cpp '#include <chrono>'
 expect fail calib/types/a.cpp '#include <thread>'
+# A room of 40 files is full.
+expect pass calib/types/a.h '#include <vector>'
+for k in $(seq 38); do touch "$work/tree/calib/types/$k.cpp"; done
+bash "$check" "$work/tree" || failures=$((failures + 1))
+touch "$work/tree/calib/types/39.cpp"
+if bash "$check" "$work/tree" > "$work/said" || [ "$(cat "$work/said")" != 'calib/types: 41 files: a room has at most 40' ]; then
+  echo "a room of 41 files passed, or was not named: $(cat "$work/said")"
+  failures=$((failures + 1))
+fi
 [ "$failures" -eq 0 ]

@@ -13,7 +13,7 @@
 #include "imu_io/units/serial_imu.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/turntable_drivers/dialect_station.h"
-#include "tests/turntable_drivers/modbus_run.h"
+#include "tests/turntable_drivers/modbus/modbus_run.h"
 
 namespace turncal {
 namespace {

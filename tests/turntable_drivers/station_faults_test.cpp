@@ -5,7 +5,7 @@
 #include "orchestrator/jobs/exit_code.h"
 
 #include "tests/imu_io/temporary_folder.h"
-#include "tests/turntable_drivers/modbus_run.h"
+#include "tests/turntable_drivers/modbus/modbus_run.h"
 
 namespace turncal {
 namespace {

@@ -11,7 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/dialect_station.h"
-#include "tests/turntable_drivers/modbus_fault_station.h"
+#include "tests/turntable_drivers/modbus/modbus_fault_station.h"
 #include "tests/turntable_drivers/stop_request.h"
 
 namespace turncal {

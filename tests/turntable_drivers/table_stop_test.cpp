@@ -7,7 +7,7 @@
 
 #include "orchestrator/devices/table_device.h"
 #include "tests/turntable_drivers/level_drives.h"
-#include "tests/turntable_drivers/modbus_run.h"
+#include "tests/turntable_drivers/modbus/modbus_run.h"
 
 namespace turncal {
 namespace {

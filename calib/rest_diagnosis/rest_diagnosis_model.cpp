@@ -1,4 +1,4 @@
-#include "calib/diagnosis/rest_diagnosis_model.h"
+#include "calib/rest_diagnosis/rest_diagnosis_model.h"
 
 #include <algorithm>
 

@@ -1,7 +1,7 @@
 // Which effects a recording of rests can show at all, and what the scores say of each.
 #pragma once
 
-#include "calib/diagnosis/rest_diagnosis_model.h"
+#include "calib/rest_diagnosis/rest_diagnosis_model.h"
 
 namespace turncal {
 

@@ -1,4 +1,4 @@
-#include "calib/diagnosis/rest_candidates.h"
+#include "calib/rest_diagnosis/rest_candidates.h"
 
 #include <algorithm>
 #include <cmath>

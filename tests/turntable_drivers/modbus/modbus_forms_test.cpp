@@ -1,5 +1,5 @@
 // Modbus tables that are one controller: the contract of every table with each map, and what is special about them.
-#include "tests/turntable_drivers/modbus_forms.h"
+#include "tests/turntable_drivers/modbus/modbus_forms.h"
 
 #include <gtest/gtest.h>
 

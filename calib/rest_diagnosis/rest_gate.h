@@ -1,7 +1,7 @@
 // An effect stays only when it lowers the error on rests and rotations left out in turn, and on a second recording where there is one.
 #pragma once
 
-#include "calib/diagnosis/rest_diagnosis_model.h"
+#include "calib/rest_diagnosis/rest_diagnosis_model.h"
 
 namespace turncal {
 

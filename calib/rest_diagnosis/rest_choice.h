@@ -1,7 +1,7 @@
 // Which component is added next, and which others the data hardly tell from it.
 #pragma once
 
-#include "calib/diagnosis/rest_diagnosis_model.h"
+#include "calib/rest_diagnosis/rest_diagnosis_model.h"
 
 namespace turncal {
 

@@ -182,7 +182,7 @@ void run_a_sequence_on(RegisterMap map) {
   EXPECT_EQ(dwells, 1);
 }
 
-const std::string script = std::string(TURNCAL_SOURCE_DIR) + "/tests/turntable_drivers/pymodbus_drive.py";
+const std::string script = std::string(TURNCAL_SOURCE_DIR) + "/tests/turntable_drivers/modbus/pymodbus_drive.py";
 
 TEST(ModbusPeers, PymodbusServesATableOverTcp) {
   const int port = free_port();

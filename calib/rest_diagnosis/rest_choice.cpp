@@ -1,4 +1,4 @@
-#include "calib/diagnosis/rest_choice.h"
+#include "calib/rest_diagnosis/rest_choice.h"
 
 #include <algorithm>
 #include <cmath>

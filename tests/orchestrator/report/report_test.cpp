@@ -19,7 +19,7 @@
 #include "orchestrator/report/report.h"
 #include "orchestrator/report/report_tables.h"
 #include "tests/imu_io/temporary_folder.h"
-#include "tests/orchestrator/sample_diagnosis.h"
+#include "tests/orchestrator/report/sample_diagnosis.h"
 
 namespace turncal {
 namespace {

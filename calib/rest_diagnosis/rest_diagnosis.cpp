@@ -1,13 +1,13 @@
-#include "calib/diagnosis/rest_diagnosis.h"
+#include "calib/rest_diagnosis/rest_diagnosis.h"
 
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
-#include "calib/diagnosis/rest_candidates.h"
-#include "calib/diagnosis/rest_choice.h"
-#include "calib/diagnosis/rest_diagnosis_model.h"
-#include "calib/diagnosis/rest_gate.h"
+#include "calib/rest_diagnosis/rest_candidates.h"
+#include "calib/rest_diagnosis/rest_choice.h"
+#include "calib/rest_diagnosis/rest_diagnosis_model.h"
+#include "calib/rest_diagnosis/rest_gate.h"
 #include "calib/rests/rest_units.h"
 
 namespace turncal {

@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/diagnosis/rest_diagnosis.h"
-#include "calib/diagnosis/rest_selection.h"
+#include "calib/rest_diagnosis/rest_diagnosis.h"
+#include "calib/rest_diagnosis/rest_selection.h"
 
 namespace turncal {
 

@@ -1,4 +1,4 @@
-#include "calib/diagnosis/rest_gate.h"
+#include "calib/rest_diagnosis/rest_gate.h"
 
 #include <array>
 #include <cmath>

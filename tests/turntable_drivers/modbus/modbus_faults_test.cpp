@@ -10,7 +10,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/turntable_drivers/modbus_fault_station.h"
+#include "tests/turntable_drivers/modbus/modbus_fault_station.h"
 
 namespace turncal {
 namespace {

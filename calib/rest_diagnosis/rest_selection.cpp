@@ -1,4 +1,4 @@
-#include "calib/diagnosis/rest_selection.h"
+#include "calib/rest_diagnosis/rest_selection.h"
 
 #include <algorithm>
 #include <cmath>
