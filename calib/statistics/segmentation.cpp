@@ -293,31 +293,4 @@ bool without_table_angles(const Segments& segments) {
                      [](const Segment& s) { return s.heading_deg == 0.0 && s.pitch_deg == 0.0 && s.roll_deg == 0.0; });
 }
 
-Agreement compare_rests(const Segments& a, const Segments& b, double sample_period_s) {
-  Agreement result;
-  double total_a = 0.0;
-  double total_b = 0.0;
-  for (const Segment& y : b)
-    if (y.kind != SegmentKind::rotate) {
-      ++result.rests_b;
-      total_b += static_cast<double>(y.end_sample - y.start_sample) * sample_period_s;
-    }
-  for (const Segment& x : a) {
-    if (x.kind == SegmentKind::rotate) continue;
-    ++result.rests_a;
-    total_a += static_cast<double>(x.end_sample - x.start_sample) * sample_period_s;
-    double common = 0.0;
-    for (const Segment& y : b)
-      if (y.kind != SegmentKind::rotate)
-        common += static_cast<double>(std::max<std::int64_t>(
-                      0, std::min(x.end_sample, y.end_sample) - std::max(x.start_sample, y.start_sample))) *
-                  sample_period_s;
-    result.matched += common > 0.0 ? 1 : 0;
-    result.common_s += common;
-  }
-  result.only_a_s = total_a - result.common_s;
-  result.only_b_s = total_b - result.common_s;
-  return result;
-}
-
 }  // namespace turncal

@@ -109,15 +109,4 @@ Segmentation find_rests(const RecordingInfo& info, std::span<const ImuSample> sa
 // No segment has a commanded angle: nothing is known of the attitudes but what the sensors say (rest_model.h).
 bool without_table_angles(const Segments& segments);
 
-// How far two lists of segments agree on what is at rest.
-struct Agreement {
-  int rests_a = 0;
-  int rests_b = 0;
-  int matched = 0;        // rests of a that overlap one of b
-  double common_s = 0.0;  // at rest in both
-  double only_a_s = 0.0;
-  double only_b_s = 0.0;
-};
-Agreement compare_rests(const Segments& a, const Segments& b, double sample_period_s);
-
 }  // namespace turncal

@@ -16,7 +16,7 @@
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/run_attempt.h"
 #include "orchestrator/jobs/run_results.h"
-#include "orchestrator/records/journal_file.h"
+#include "orchestrator/records/journal_contents.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/watch/progress.h"

@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "orchestrator/records/journal_file.h"
+#include "orchestrator/records/journal_contents.h"
 #include "orchestrator/run/station_run.h"
 #include "turntable_drivers/rig/rig_group.h"
 

@@ -10,7 +10,7 @@
 
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/jobs/run_request.h"
-#include "orchestrator/records/journal_file.h"
+#include "orchestrator/records/journal_contents.h"
 
 namespace turncal {
 

@@ -8,7 +8,7 @@
 
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
-#include "orchestrator/records/journal_file.h"
+#include "orchestrator/records/journal_contents.h"
 #include "orchestrator/station/station_config.h"
 #include "sequences/sequence.h"
 #include "turntable_drivers/rig/rig_config.h"

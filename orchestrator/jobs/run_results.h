@@ -15,6 +15,7 @@
 #include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/records/attempt_record.h"
+#include "orchestrator/records/journal_file.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/verification_report.h"
 #include "orchestrator/station/verdict.h"

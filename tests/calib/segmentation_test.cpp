@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/calib/hand_rotations.h"
+#include "tests/calib/rest_agreement.h"
 
 namespace turncal {
 namespace {

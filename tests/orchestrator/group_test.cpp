@@ -7,7 +7,6 @@
 
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/devices/truth.h"
-#include "orchestrator/records/journal_file.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/unit_queue.h"
 

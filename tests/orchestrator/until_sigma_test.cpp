@@ -3,7 +3,6 @@
 
 #include <cmath>
 
-#include "orchestrator/records/journal_file.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {

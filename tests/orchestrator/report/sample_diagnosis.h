@@ -9,6 +9,7 @@
 #include "calib/diagnosis/diagnosis.h"
 #include "calib/model/attitude.h"
 #include "orchestrator/figures/diagnosis_context.h"
+#include "orchestrator/figures/drawing.h"
 
 namespace turncal {
 
@@ -220,6 +221,19 @@ inline DiagnosisContext sample_context(const Sample& sample) {
   context.holdout_path = "runs/unit-7-again";
   context.time_utc = "2026-01-02T03:04:05Z";
   return context;
+}
+
+// How often `what` stands in `text`.
+inline std::size_t count_of(const std::string& text, const std::string& what) {
+  std::size_t count = 0;
+  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + what.size())) ++count;
+  return count;
+}
+
+inline bool have_gnuplot() { return run_gnuplot("set terminal svg\nplot x\n", 1).ok(); }
+
+inline NavigationWorth sample_worth() {
+  return {"second recording", 8, 3600.0, 0.75, 0.25, 0.5, {{"accel_second_order", 0.625}}};
 }
 
 }  // namespace turncal

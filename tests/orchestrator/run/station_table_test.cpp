@@ -1,0 +1,128 @@
+// Faults of the table in a run: it is stopped, and the stop is verified.
+#include <gtest/gtest.h>
+
+#include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/run/station_run.h"
+#include "tests/orchestrator/run/rig_faults.h"
+#include "turntable_drivers/table/limited_turntable.h"
+
+namespace turncal {
+namespace {
+
+TEST(StationRun, StuckAxisIsAStall) {
+  RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::stuck_axis, 9.0)}));
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(exit_code(outcome.error.kind), 50);
+  EXPECT_TRUE(s.watcher.saw(RunEvent::stall));
+  // 7 s: command; stuck at 9 s; 2 s without progress, seen at the next poll.
+  EXPECT_LT(s.clock.now_s(), 11.5);
+  EXPECT_NE(outcome.error.message.find("pitch at 1"), std::string::npos) << outcome.error.message;
+  EXPECT_NE(outcome.error.message.find("no progress for 2 s"), std::string::npos) << outcome.error.message;
+}
+
+TEST(StationRun, NeverInPositionRunsIntoTheDeadline) {
+  RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::never_in_position, 8.0)}));
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(exit_code(outcome.error.kind), 50);
+  EXPECT_TRUE(s.watcher.saw(RunEvent::deadline));
+  EXPECT_FALSE(s.watcher.saw(RunEvent::arrived));
+  // 90/10 + 2 * 10/20 + 10 = 20 s after the command at 7 s.
+  EXPECT_NEAR(s.clock.now_s(), 27.0, 0.5);
+}
+
+TEST(StationRun, LyingInPositionFlagsDoNotFoolIt) {
+  for (const InPositionFlag flag : {InPositionFlag::servo_on, InPositionFlag::after_stop, InPositionFlag::stale,
+                                    InPositionFlag::late, InPositionFlag::flicker}) {
+    RigConfig config = default_rig_config();
+    config.table.in_position = flag;
+    RigStation s(two_steps_text, config);
+    const RunOutcome outcome = s.run();
+    ASSERT_EQ(outcome.state, RunState::done) << static_cast<int>(flag) << ": " << outcome.error.message;
+    for (const Segment& segment : s.sink.segments) {
+      if (segment.kind != SegmentKind::rotate) continue;
+      const std::int64_t length = segment.end_sample - segment.start_sample;
+      EXPECT_GE(length, 2000) << "flag " << static_cast<int>(flag) << ": arrival was believed too early";
+      EXPECT_LE(length, 2000 + 500) << static_cast<int>(flag);
+    }
+  }
+}
+
+TEST(StationRun, AxisFaultStops) {
+  RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::axis_fault, 9.0)}));
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(exit_code(outcome.error.kind), 50);
+  EXPECT_TRUE(s.watcher.saw(RunEvent::table_fault));
+  EXPECT_TRUE(s.at_rest());
+  EXPECT_LT(s.clock.now_s(), 11.0);
+}
+
+TEST(StationRun, EmergencyStopEndsTheRun) {
+  for (const double time_s : {1.0, 9.0, 16.8, 20.0}) {  // homing, moving, settling, dwelling
+    RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::emergency_stop, time_s)}));
+    const RunOutcome outcome = s.run();
+    EXPECT_EQ(outcome.state, RunState::failed) << time_s;
+    EXPECT_EQ(exit_code(outcome.error.kind), 50);
+    EXPECT_TRUE(s.watcher.saw(RunEvent::e_stop)) << time_s;
+    EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified)) << time_s;
+    EXPECT_TRUE(s.at_rest());
+    EXPECT_LT(s.clock.now_s(), time_s + 1.5);
+  }
+}
+
+TEST(StationRun, LostTableLinkIsTriedAgainForTheStopOnly) {
+  RigFault lost = table_fault(RigFaultKind::link_lost, 9.0);
+  lost.duration_s = 2.0;
+  RigStation s(two_steps_text, rig_with({lost}));
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(exit_code(outcome.error.kind), 50);
+  EXPECT_TRUE(s.watcher.saw(RunEvent::link_lost));
+  EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
+  EXPECT_TRUE(s.at_rest());
+  EXPECT_LT(s.rig.axis(Axis::pitch).position_deg, 80.0) << "stopped before the target: the stop was sent again";
+}
+
+TEST(StationRun, StopThatCannotBeVerifiedIsSaid) {
+  RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::link_lost, 9.0)}));
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(exit_code(outcome.error.kind), 50);
+  EXPECT_FALSE(s.watcher.saw(RunEvent::stopped_verified));
+  EXPECT_NE(outcome.error.message.find("COULD NOT BE VERIFIED"), std::string::npos) << outcome.error.message;
+  EXPECT_EQ(outcome.error.message.find('\n'), std::string::npos);
+}
+
+// A table that acknowledges the braking stop and turns on gets the fastest one, long before it is given up.
+class UnbrakedTable : public LimitedTurntable {
+ public:
+  explicit UnbrakedTable(Turntable& table) : LimitedTurntable(table, {}) {}
+  Status stop_all() override { return {}; }
+};
+
+TEST(StationRun, ATableThatDoesNotBrakeGetsTheFastestStop) {
+  RigStation s(two_steps_text);
+  const StationDevices devices = s.devices.devices();
+  UnbrakedTable table(devices.table);
+  s.devices.imu.describe(s.info);
+  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
+  double asked_s = 0.0;
+  s.watcher.on_tick = [&](const RunSnapshot& at) {
+    if (asked_s > 0.0 || at.state != RunState::moving) return;
+    asked_s = at.time_s;
+    ++s.stop_requests;
+  };
+  StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
+                 {&s.watcher, &s.stop_requests, {}, nullptr});
+  const RunOutcome outcome = run.run();
+  EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
+  EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
+  EXPECT_TRUE(s.at_rest());
+  EXPECT_LT(s.clock.now_s() - asked_s, 2.0 * 10.0 / 20.0 + s.station.motion.stall_s + 1.0)
+      << "twice the ramp, and a little";
+}
+
+}  // namespace
+}  // namespace turncal
