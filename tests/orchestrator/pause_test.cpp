@@ -46,7 +46,7 @@ TEST(Pause, WaitsForTheItemGoingOn) {
     EXPECT_TRUE(s.drives_off());
     EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
     EXPECT_EQ(s.kept.dwells.size(), c.dwells);
-    EXPECT_NEAR(s.clock.now_s(), c.safe_s, 0.7) << "a poll or two of stopping and switching off";
+    EXPECT_NEAR(s.clock.now_s(), c.safe_s, 0.3 + TableStop::stand_s) << "a poll or two of stopping and switching off";
     EXPECT_EQ(s.watcher.count(RunEvent::pause_wanted), 2) << "told at once, and done at the safe point";
     EXPECT_FALSE(s.watcher.saw(RunEvent::operator_stop));
     const TransitionRecord& told =

@@ -29,6 +29,7 @@ struct LevelDrive {
   std::uint16_t control = 0;
   bool homed = false;
   double position = 0.0, target = 0.0, rate = 0.0, commanded_rate = 0.0, at_s = monotonic_s();
+  double told = 0.0, told_s = -1e9;  // the position that is read, and since when
   double creep = 0.0;                // counts/s that its status and its rate do not tell, whatever it is told
   std::vector<std::uint16_t> words;  // every control word that came
 
@@ -111,6 +112,11 @@ write.abort = 0 u16 0
   std::size_t words() { return drive(1).words.size() + drive(2).words.size() + drive(3).words.size(); }
 
   std::atomic<bool> reads_answered{true};
+  std::atomic<bool> rate_reads_zero{false};    // nor does the status say that it moves
+  std::atomic<bool> moving_never_said{false};  // but the rate is told
+  std::atomic<bool> words_swapped{false};      // of what is read
+  std::atomic<int> exception{0};               // in place of a reading
+  std::atomic<double> read_anew_s{0.0};        // so old may a position be
   std::atomic<int> refuses_off{0};  // so many words that would switch a drive off are answered and do nothing
   std::map<int, LevelDrive> drives{{1, {}}, {2, {}}, {3, {}}};
 
@@ -124,15 +130,21 @@ write.abort = 0 u16 0
     AnswerPlan plan;
     if (request->function == 3) {
       if (!reads_answered) return plan;
-      const auto position = static_cast<std::uint32_t>(static_cast<std::int32_t>(drive.position));
-      const auto rate = static_cast<std::uint32_t>(static_cast<std::int32_t>(drive.rate));
-      const bool on = (drive.control & 1) != 0, moves = drive.rate != 0.0;
+      if (drive.at_s - drive.told_s >= read_anew_s) {
+        drive.told_s = drive.at_s;
+        drive.told = drive.position;
+      }
+      const auto position = static_cast<std::uint32_t>(static_cast<std::int32_t>(drive.told));
+      const auto rate = static_cast<std::uint32_t>(static_cast<std::int32_t>(rate_reads_zero ? 0.0 : drive.rate));
+      const bool on = (drive.control & 1) != 0, moves = drive.rate != 0.0 && !rate_reads_zero && !moving_never_said;
       const std::uint16_t status = static_cast<std::uint16_t>((on ? 1 : 0) | (moves ? 8 : 2) | (drive.homed ? 16 : 0));
       std::vector<std::uint16_t> block = {static_cast<std::uint16_t>(position >> 16),
                                           static_cast<std::uint16_t>(position), static_cast<std::uint16_t>(rate >> 16),
                                           static_cast<std::uint16_t>(rate), status};
+      if (words_swapped) std::swap(block[0], block[1]);
       block.resize(static_cast<std::size_t>(request->count));
-      plan.pieces.push_back({read_reply(*request, block, true), 0.0});
+      plan.pieces.push_back(
+          {exception != 0 ? exception_reply(*request, exception, true) : read_reply(*request, block, true), 0.0});
       return plan;
     }
     if (request->address == 0) {

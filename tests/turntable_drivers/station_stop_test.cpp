@@ -69,6 +69,7 @@ class StubTable : public Turntable {
     now.moving = homing && stop_s == 0.0;
     now.enabled = abort_s == 0.0;
     now.remote = true;
+    now.time_s = monotonic_s();
     return now;
   }
   static Status lost() { return device_error("link lost"); }

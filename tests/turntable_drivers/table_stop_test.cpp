@@ -156,6 +156,20 @@ TEST_F(LastWord, ADriveThatCreepsIsNotAtRest) {
   EXPECT_TRUE(drives.all_off()) << "it was told";
 }
 
+// Nor is it one when the device finds a new position more seldom than it is asked for it.
+TEST_F(LastWord, APositionThatIsReadTwiceIsNoRest) {
+  const auto table = device();
+  make_ready(table->table());
+  drives.read_anew_s = 0.3;
+  {
+    const std::lock_guard lock(drives.mutex);
+    drives.drives[3].creep = 2000.0;
+  }
+  const Status left = leave_off(table->table(), within(0.2, 1.0));
+  ASSERT_FALSE(left.ok());
+  EXPECT_NE(left.error().message.find("does not come to rest"), std::string::npos) << left.error().message;
+}
+
 TEST_F(LastWord, AMapThatCannotSwitchOffSaysSo) {
   const RegisterMap map = drives.map("switch_off = false\n");
   EXPECT_NE(caution_of(map).find("switch_off = false"), std::string::npos);

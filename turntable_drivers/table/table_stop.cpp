@@ -17,7 +17,7 @@ bool drives_on(const TableStatus& axes) {
 
 void TableStop::begin() {
   abort_taken_ = false;
-  before_.reset();
+  stands_.reset();
   repeat_at_s_ = reconnect_at_s_ = 0.0;
   reconnect_wait_s_ = repeat_s;
 }
@@ -35,21 +35,26 @@ Status TableStop::abort(double now_s) {
 }
 
 TableStop::Rest TableStop::rest(const TableStatus& axes) const {
+  bool long_enough = stands_.has_value();
   for (std::size_t i = 0; i < axes.size(); ++i) {
     if (axes[i].moving || !(std::abs(axes[i].rate_degps) <= standing_rate_degps_)) return Rest::moves;
-    if (!before_) continue;
-    const AxisStatus& before = (*before_)[i];
-    const double may_deg = standing_rate_degps_ * (axes[i].time_s - before.time_s);
-    if (!(std::abs(axes[i].position_deg - before.position_deg) <= std::max(same_place_deg, may_deg)))
-      return Rest::moves;
+    if (!stands_) continue;
+    const AxisStatus& since = (*stands_)[i];
+    const double stood_s = axes[i].time_s - since.time_s, may_deg = standing_rate_degps_ * stood_s;
+    if (!(std::abs(axes[i].position_deg - since.position_deg) <= std::max(same_place_deg, may_deg))) return Rest::moves;
+    long_enough = long_enough && stood_s >= stand_s;
   }
-  return before_ ? Rest::stands : Rest::not_seen;
+  return long_enough ? Rest::stands : Rest::not_seen;
 }
 
 bool TableStop::look(const TableStatus* axes, double now_s) {
-  const bool stands = axes != nullptr && rest(*axes) == Rest::stands;
-  before_ = axes != nullptr ? std::optional(*axes) : std::nullopt;
-  if (stands) {
+  const Rest seen = axes != nullptr ? rest(*axes) : Rest::moves;
+  if (axes == nullptr) {
+    stands_.reset();
+  } else if (seen == Rest::moves || !stands_) {
+    stands_ = *axes;
+  }
+  if (seen == Rest::stands) {
     if (!drives_on(*axes) || (abort_taken_ && !table_.can_switch_off())) return true;
   } else if (axes != nullptr && !abort_taken_) {
     return false;  // it brakes
@@ -73,7 +78,8 @@ Status leave_off(Turntable& table, const StopTime& time) {
   if (table.needs_operator() || !table.was_connected()) return {};
   TableStop stop(table, time.standing_rate_degps);
   const double began_s = time.now_s();
-  bool stop_sent = false, abort_sent = false, moves = false;
+  bool stop_sent = false, abort_sent = false;
+  auto rest = TableStop::Rest::not_seen;
   std::optional<Error> unread;  // why nothing can be read, the first reason
   for (;;) {
     TableStatus axes{};
@@ -91,7 +97,8 @@ Status leave_off(Turntable& table, const StopTime& time) {
     }
     const double now_s = time.now_s();
     if (readable) unread.reset();
-    moves = readable && stop.rest(axes) == TableStop::Rest::moves;
+    rest = readable ? stop.rest(axes) : TableStop::Rest::not_seen;
+    const bool moves = rest == TableStop::Rest::moves;
     if (!stop_sent && (given_up || moves)) {
       stop_sent = true;
       static_cast<void>(stop.stop(now_s).ok());
@@ -104,9 +111,9 @@ Status leave_off(Turntable& table, const StopTime& time) {
     if (now_s - began_s > time.deadline_s) break;
     time.wait(time.poll_s);
   }
-  const std::string why = unread  ? unread->message
-                          : moves ? "the table does not come to rest"
-                                  : "the drives do not go off";
+  const std::string why = unread                            ? unread->message
+                          : rest != TableStop::Rest::stands ? "the table does not come to rest"
+                                                            : "the drives do not go off";
   return device_error(stop_not_verified + (": " + why));
 }
 

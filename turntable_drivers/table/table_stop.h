@@ -5,7 +5,8 @@
 //   off       once every axis reads at rest: the fastest stop, drives off
 //   verified  every axis reads at rest, and its drive off by the drive's own word (not where the device cannot switch it off)
 //
-// At rest: an axis does not say that it moves or turns, and reads where it read a look before. A drive's own word alone is not believed.
+// At rest: no axis says that it moves or turns, and every one has read the same place for stand_s. A drive's own word alone is not believed,
+// nor a position that is read anew faster than the device finds a new one.
 //
 // What cannot be read is not waited for: the fastest stop goes out to every axis at once and again every repeat_s, with attempts to open
 // the link anew in between, for as long as the caller goes on. It is repeated likewise while a drive that was told reads on.
@@ -30,9 +31,10 @@ class TableStop {
   // What was read just now; null: some axis could not be. True: verified.
   bool look(const TableStatus* axes, double now_s);
   enum class Rest { not_seen, moves, stands };
-  Rest rest(const TableStatus& axes) const;  // compared with the last look
+  Rest rest(const TableStatus& axes) const;  // compared with the looks before
 
   static constexpr double repeat_s = 0.5;
+  static constexpr double stand_s = 0.5;
 
  private:
   void reconnect(double now_s);
@@ -40,7 +42,7 @@ class TableStop {
   Turntable& table_;
   double standing_rate_degps_;
   bool abort_taken_ = false;           // by every axis
-  std::optional<TableStatus> before_;  // the last look
+  std::optional<TableStatus> stands_;  // since then
   double repeat_at_s_ = 0.0;
   double reconnect_at_s_ = 0.0;
   double reconnect_wait_s_ = repeat_s;

@@ -15,8 +15,8 @@ TEST(StationRun, StuckAxisIsAStall) {
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_TRUE(s.watcher.saw(RunEvent::stall));
-  // 7 s: command; stuck at 9 s; 2 s without progress, seen at the next poll.
-  EXPECT_LT(s.clock.now_s(), 11.5);
+  // 7 s: command; stuck at 9 s; 2 s without progress, seen at the next poll; the stop is seen to stand for 0.5 s, two polls more.
+  EXPECT_LT(s.clock.now_s(), 11.5 + TableStop::stand_s);
   EXPECT_NE(outcome.error.message.find("pitch at 1"), std::string::npos) << outcome.error.message;
   EXPECT_NE(outcome.error.message.find("no progress for 2 s"), std::string::npos) << outcome.error.message;
 }
@@ -28,8 +28,8 @@ TEST(StationRun, NeverInPositionRunsIntoTheDeadline) {
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_TRUE(s.watcher.saw(RunEvent::deadline));
   EXPECT_FALSE(s.watcher.saw(RunEvent::arrived));
-  // 90/10 + 2 * 10/20 + 10 = 20 s after the command at 7 s.
-  EXPECT_NEAR(s.clock.now_s(), 27.0, 0.5);
+  // 90/10 + 2 * 10/20 + 10 = 20 s after the command at 7 s, and the stop.
+  EXPECT_NEAR(s.clock.now_s(), 27.0 + TableStop::stand_s, 0.5);
 }
 
 TEST(StationRun, LyingInPositionFlagsDoNotFoolIt) {
