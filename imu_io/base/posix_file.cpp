@@ -168,7 +168,7 @@ Status PosixFile::sync() {
 
 Status PosixFile::lock_exclusive() {
   if (repeat_interrupted([&] { return ::flock(fd_, LOCK_EX | LOCK_NB); }) == 0) return {};
-  if (errno == EWOULDBLOCK) return input_error(path_ + ": in use by another process" + holder_of_lock(fd_));
+  if (errno == EWOULDBLOCK) return device_error(path_ + ": in use by another process" + holder_of_lock(fd_));
   return failure("cannot lock");
 }
 

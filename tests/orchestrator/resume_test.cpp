@@ -210,7 +210,7 @@ TEST_F(Resume, RefusesADamagedJournalAndARunThatGoesOn) {
     // The lock of a run that goes on.
     Result<JournalFile> held = JournalFile::reopen(path.string());
     ASSERT_TRUE(held.ok());
-    expect_refused({"resume", "part/out"}, "in use by another process");
+    expect_refused({"resume", "part/out"}, "in use by another process", 50);
   }
   std::string bad = good;
   bad[bad.size() / 2] ^= 0x40;

@@ -136,8 +136,8 @@ TEST_F(Verify, RefusesWhatItCannotUse) {
   std::filesystem::create_directory(folder_ / "busy");
   const Result<LockFile> lock = LockFile::acquire(path("busy/.lock"));
   ASSERT_TRUE(lock.ok());
-  expect_refused({"verify", "--recording", "one", "--parameters", path("true.conf"), "--out", "busy"}, "in use by");
-  expect_refused({"navigate", "one", "--parameters", path("true.conf"), "--out", "busy"}, "in use by");
+  expect_refused({"verify", "--recording", "one", "--parameters", path("true.conf"), "--out", "busy"}, "in use by", 50);
+  expect_refused({"navigate", "one", "--parameters", path("true.conf"), "--out", "busy"}, "in use by", 50);
 }
 
 TEST_F(Verify, SaysWhatSpeaksAgainstTheFile) {
