@@ -150,18 +150,12 @@ Status run_turn(const BatchOptions& options, const PreparedRun& asked, const Tur
     const bool refused =
         !begun && !end.units.empty() && end.status.error().kind == ErrorKind::input &&
         std::all_of(end.units.begin(), end.units.end(), [](const auto& unit) { return unit.outcome == "refused"; });
-    // What failed is the unit: it is told so, and the next one may be good.
-    const bool unit_failed =
-        !end.units.empty() && end.status.error().kind == ErrorKind::unit_failed &&
-        std::all_of(end.units.begin(), end.units.end(), [](const auto& unit) { return !unit.outcome.empty(); });
-    if (!refused && !unit_failed) {
+    if (!refused) {
       if (end.units.empty()) tell_operator(asked.station.hooks, end.status, turn, request.dry_run, context.out);
       return Error{end.status.error().kind, name + ": " + end.status.error().message};
     }
-    if (refused) {
-      end.units.clear();
-      for (const std::string& unit : turn.units) end.units.push_back({unit, turn.folder, "refused", end.status});
-    }
+    end.units.clear();
+    for (const std::string& unit : turn.units) end.units.push_back({unit, turn.folder, "refused", end.status});
   }
   Status stops;
   for (const RunEnd::Unit& unit : end.units) {

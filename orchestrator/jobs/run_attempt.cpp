@@ -272,6 +272,7 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
     }
     RunEnd end(outcome.error);
     end.moved = outcome.moved;
+    end.to_the_end = outcome.error.kind == ErrorKind::unit_failed;  // what failed is the unit
     // Of no use to whoever resumes: a folder that was taken away, a unit of which all is recorded.
     const bool sealed = outcome.error.kind == ErrorKind::unit_failed && a.units.front().recording.has_value();
     if (!path_exists(a.folder + "/" + journal_name) || sealed) {

@@ -141,7 +141,7 @@ RunEnd conclude(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
   }
   if (Status status = note_outcomes(units); !status) {
     if (log) log->line(status.error().message);
-    if (end.status) end.status = status;
+    if (end.status || end.to_the_end) end.status = status;
     end.to_the_end = false;
   }
   for (UnitRun& unit : units) {
