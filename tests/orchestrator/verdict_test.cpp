@@ -7,6 +7,7 @@
 #include "orchestrator/line/control_chart.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/watch/tone.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {
@@ -39,6 +40,17 @@ TEST(Verdict, GuardBandsOfOneValue) {
     EXPECT_EQ(judge_value(0.0, std::nan(""), any, 1.0), UnitVerdict::fail);
   }
   EXPECT_EQ(judge_value(-std::numeric_limits<double>::infinity(), 0.1, {std::nullopt, 1.0}, 1.0), UnitVerdict::fail);
+}
+
+// On page and terminal: a pass that is only one by less than its uncertainty is not shown as one that is.
+TEST(Tone, AConditionalPassIsAmber) {
+  EXPECT_EQ(tone_of(UnitVerdict::pass), Tone::good);
+  EXPECT_EQ(tone_of(UnitVerdict::conditional_pass), Tone::attention);
+  for (const UnitVerdict bad : {UnitVerdict::conditional_fail, UnitVerdict::fail, UnitVerdict::hold}) {
+    EXPECT_EQ(tone_of(bad), Tone::bad) << to_string(bad);
+  }
+  std::ostringstream file;
+  EXPECT_EQ(in_tone(file, Tone::attention, "conditional_pass"), "conditional_pass") << "no colours in a file";
 }
 
 TEST(Verdict, TheWorstValueDecides) {

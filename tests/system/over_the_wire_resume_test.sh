@@ -48,13 +48,15 @@ start() {  # a command of the program, with a status page
 # Until the status page shows a rate of this axis (heading, pitch, roll: 1, 2, 3) beyond what noise makes.
 await_turning() {
   await 'status page' "$work/$name.out"
-  local port rate
+  local port status rate
   port=$(sed -n 's|.*status page http://127.0.0.1:\([0-9]*\)/.*|\1|p' "$work/$name.out")
   for _ in $(seq 500); do
     exec 3<> "/dev/tcp/127.0.0.1/$port"
     printf 'GET /status.json HTTP/1.0\r\nHost: 127.0.0.1:%s\r\n\r\n' "$port" >&3
-    rate=$(sed -n 's/.*"rate_degps":\[\([^]]*\)\].*/\1/p' <&3 | cut -d, -f"$1")
+    status=$(cat <&3)
     exec 3<&-
+    [[ $status == *'"simulated":true'* ]] || fail "the page takes a twin for a real station: $status"
+    rate=$(sed -n 's/.*"rate_degps":\[\([^]]*\)\].*/\1/p' <<< "$status" | cut -d, -f"$1")
     awk -v r="${rate:-0}" 'BEGIN { exit (r > 1 || r < -1) ? 0 : 1 }' && return
     sleep 0.02
   done
