@@ -98,6 +98,10 @@ void print_plan(const Sequence& sequence, const StationConfig& station, const Pl
   print_totals(station, plan, out);
 }
 
+std::string caution_of(const TableConfig& table) {
+  return table.map ? caution_of(*table.map) : table.dialect ? caution_of(*table.dialect) : "";
+}
+
 int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err) {
   const Result<StationConfig> station =
       options.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(options.station);
@@ -117,10 +121,9 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
     err << check_real_devices(*station).error().message << "\n";
     return exit_code(ErrorKind::input);
   }
-  const std::string caution = station->table.map       ? caution_of(*station->table.map)
-                              : station->table.dialect ? caution_of(*station->table.dialect)
-                                                       : "";
-  if (!caution.empty()) err << "warning: table: " << caution << "\n";
+  if (const std::string caution = caution_of(station->table); !caution.empty()) {
+    err << "warning: table: " << caution << "\n";
+  }
   const PlanLimits limits = plan_limits(*station, info->sample_period_s);
   Plan plan = make_plan(*sequence, limits);
   const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);

@@ -26,4 +26,7 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
 // The table that run_check prints.
 void print_plan(const Sequence& sequence, const StationConfig& station, const Plan& plan, std::ostream& out);
 
+// What check and commission warn of in the table's map or dialect; else empty.
+std::string caution_of(const TableConfig& table);
+
 }  // namespace turncal

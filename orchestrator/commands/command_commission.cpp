@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "imu_io/base/line_prefix.h"
+#include "orchestrator/commands/command_check.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/commissioning.h"
 #include "orchestrator/devices/live_devices.h"
@@ -24,17 +25,25 @@ bool is_commissioned(const StationConfig& station) {
   return station.table.map ? station.table.map->commissioned : station.table.dialect->commissioned;
 }
 
-// switched_on: whether the drives were, so that try_axes has left the table.
+// switched_on: whether the drives were. said_last: what is said once the table was left.
 Status commission(const Options& options, const StationConfig& station, LiveDevices& live, std::ostream& out,
-                  bool& switched_on) {
+                  bool& switched_on, std::string& said_last) {
   const StationDevices devices = live.devices();
-  if (Status status = devices.table.connect(); !status) return status;
-  const Result<TableIdentity> table = devices.table.identify();
-  if (!table) return table.error();
-  out << table->description << std::endl;
+  const Status connected = devices.table.connect();
+  // With the wrong word order no position may be plausible: commission_table says which fits.
+  if (!connected && !(options.heading && station.table.map)) return connected;
+  if (connected) {
+    const Result<TableIdentity> table = devices.table.identify();
+    if (!table) return table.error();
+    out << table->description << std::endl;
+    if (const std::string caution = caution_of(station.table); !caution.empty()) {
+      out << "warning: table: " << caution << std::endl;
+    }
+  }
   if (options.heading) {
     const AxisTriple known{*options.heading, *options.pitch, *options.roll};
     if (Status status = live.commission_table(known, options.tolerance_deg); !status) return status;
+    if (!connected) return connected;
     out << "every axis reads where it stands; no other word order, sign or scale would" << std::endl;
   } else if (!is_commissioned(station)) {
     return input_error(
@@ -42,21 +51,15 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
         "stand");
   }
   if (!is_commissioned(station)) {
-    out << "nothing was moved: write commissioned = true into your copy of the table's file, then call this again "
-           "without angles"
-        << std::endl;
+    said_last =
+        "nothing was moved: write commissioned = true into your copy of the table's file, then call this again without "
+        "angles";
     return {};
   }
   if (Status status = devices.imu.open(); !status) return status;
   switched_on = true;
-  if (Status status = try_axes(devices, station, options.settings, StopSignals::requests(), StopSignals::ends(), out);
-      !status) {
-    return status;
-  }
-  out << "every axis turns the unit as it should, and gravity is felt where it should be; the table rests, its drives "
-         "are off"
-      << std::endl;
-  return {};
+  said_last = "every axis turns the unit as it should, and gravity is felt where it should be";
+  return try_axes(devices, station, options.settings, StopSignals::requests(), out);
 }
 
 Status run_commission(const Options& options, CommandContext& context) {
@@ -69,16 +72,21 @@ Status run_commission(const Options& options, CommandContext& context) {
   const StopSignals signals;
   Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
   if (!live) return live.error();
-  const LinePrefix marked(context.out, station->simulated() ? std::string(simulated_tag) : "");
+  if (station->simulated()) context.tag = simulated_tag;
+  const LinePrefix marked(context.out, context.tag);
   bool switched_on = false;
-  Status status = commission(options, *station, **live, context.out, switched_on);
+  std::string said;
+  Status status = commission(options, *station, **live, context.out, switched_on, said);
+  // A driver that gives a wait up for a stop has words of its own.
   const bool given_up =
       !status && (status.error().kind == ErrorKind::aborted || status.error().kind == ErrorKind::interrupted);
-  if (!given_up || switched_on) return status;
-  // Before anything was switched on; what the table was found in is left off all the same.
-  const Error why = asked_to_stop(StopSignals::ends() > 0);
-  if (Status left = (*live)->leave_table(); !left) return device_error(why.message + "; " + left.error().message);
-  return Error{why.kind, why.message + "; nothing was moved"};
+  if (given_up) status = asked_to_stop(StopSignals::ends() > 0);
+  const std::string how_left = switched_on ? "; the table rests, its drives are off"
+                               : given_up  ? "; nothing was moved"
+                                           : "";
+  status = (*live)->leave_table(status, how_left);
+  if (status) context.out << said << how_left << std::endl;
+  return status;
 }
 
 }  // namespace

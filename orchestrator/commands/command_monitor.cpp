@@ -71,7 +71,7 @@ std::string table_text(Turntable& table) {
                     status->position_deg, status->rate_degps, state_text(*status).c_str());
       text += part;
     } else {
-      text += std::string(to_string(axis)) + ' ' + to_string(TableState::link_lost) + "; ";
+      text += std::string(to_string(axis)) + ' ' + to_string(state_unread(table)) + "; ";
     }
   }
   return text;
@@ -121,7 +121,9 @@ Status watch(LiveDevices& live, double seconds, std::ostream& out) {
     char time[32];
     std::snprintf(time, sizeof time, "%8.1f s  ", now_s - began_s);
     const std::uint64_t bad_frames = devices.imu.counters().bad_frames;
-    out << time << table_text(devices.table) << unit_text(second, info, now_s - line_s);
+    const std::string table_now = table_text(devices.table);
+    if (StopSignals::requests() != 0) break;  // its readings were given up
+    out << time << table_now << unit_text(second, info, now_s - line_s);
     if (bad_frames > bad_frames_before) out << ", " << bad_frames - bad_frames_before << " bad frames";
     out << std::endl;
     bad_frames_before = bad_frames;
@@ -138,12 +140,10 @@ Status run_monitor(const MonitorOptions& options, CommandContext& context) {
   const StopSignals signals;
   Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
   if (!live) return live.error();
-  const LinePrefix marked(context.out, station->simulated() ? std::string(simulated_tag) : "");
-  const Status watched = watch(**live, options.seconds, context.out);
+  if (station->simulated()) context.tag = simulated_tag;
+  const LinePrefix marked(context.out, context.tag);
   // A drive that somebody else had switched on, too.
-  const Status left = (*live)->leave_table();
-  if (left) return watched;
-  return device_error(watched ? left.error().message : watched.error().message + "; " + left.error().message);
+  return (*live)->leave_table(watch(**live, options.seconds, context.out));
 }
 
 }  // namespace

@@ -12,8 +12,8 @@
 
 #include "calib/model/parameters.h"
 #include "orchestrator/devices/felt_directions.h"
+#include "orchestrator/devices/rate_check.h"
 #include "orchestrator/run/stray_axis.h"
-#include "turntable_drivers/table/table_stop.h"
 
 namespace turncal {
 
@@ -90,15 +90,6 @@ class Trial {
     return mean;
   }
   const AxisLimits& limits_of(Axis axis) const { return station_.axis[static_cast<std::size_t>(axis)]; }
-  // Stops every axis, drives off, and sees that it is so.
-  Status stop() {
-    return leave_off(devices_.table, {.now_s = [this] { return devices_.clock.now_s(); },
-                                      .wait = devices_.wait,
-                                      .brake_s = station_.motion.stall_s,
-                                      .deadline_s = station_.motion.stall_s + station_.motion.deadline_margin_s,
-                                      .poll_s = station_.motion.poll_moving_s,
-                                      .standing_rate_degps = station_.motion.settle_rate_degps});
-  }
 
  private:
   template <class Condition>
@@ -196,10 +187,15 @@ class Trial {
     }
     const double seconds = std::abs(to_deg - from_deg) / rate_degps + 2.0 * rate_degps / acceleration_degps2 +
                            station_.motion.deadline_margin_s;
-    return wait_until(seconds, std::string(to_string(axis)) + " did not arrive in time", [&](const TableStatus& axes) {
-      const AxisStatus& a = axes[static_cast<std::size_t>(axis)];
-      return !a.moving && a.in_position && std::abs(a.position_deg - to_deg) <= station_.motion.position_tolerance_deg;
-    });
+    RateCheck rate((*before)[static_cast<std::size_t>(axis)]);
+    const Status arrived =
+        wait_until(seconds, std::string(to_string(axis)) + " did not arrive in time", [&](const TableStatus& axes) {
+          const AxisStatus& a = axes[static_cast<std::size_t>(axis)];
+          rate.add(a);
+          return !a.moving && a.in_position &&
+                 std::abs(a.position_deg - to_deg) <= station_.motion.position_tolerance_deg;
+        });
+    return arrived ? rate.judge(axis, settings_.rate_tolerance) : arrived;
   }
 
   const StationDevices& devices_;
@@ -304,21 +300,13 @@ Status try_poses(Trial& trial, const RecordingInfo& info, double gravity_mps2, c
 }  // namespace
 
 Status try_axes(const StationDevices& devices, const StationConfig& station, const CommissioningSettings& settings,
-                const std::atomic<int>& stop_requests, const std::atomic<int>& end_requests, std::ostream& out) {
+                const std::atomic<int>& stop_requests, std::ostream& out) {
   RecordingInfo info;
   devices.imu.describe(info);
   Trial trial(devices, station, settings, stop_requests);
   Status tried = trial.home();
   if (tried) tried = try_turns(trial, settings, info.gyro_increment, out);
-  if (tried) tried = try_poses(trial, info, station.gravity_mps2, settings, out);
-  // A driver that gives a wait up for a stop has words of its own.
-  const bool given_up =
-      !tried && (tried.error().kind == ErrorKind::aborted || tried.error().kind == ErrorKind::interrupted);
-  if (given_up) tried = asked_to_stop(end_requests.load() > 0);
-  const Status stopped = trial.stop();
-  if (!stopped) return tried ? stopped : Status(device_error(tried.error().message + "; " + stopped.error().message));
-  if (given_up) return Error{tried.error().kind, tried.error().message + "; the table rests, its drives are off"};
-  return tried;
+  return tried ? try_poses(trial, info, station.gravity_mps2, settings, out) : tried;
 }
 
 }  // namespace turncal

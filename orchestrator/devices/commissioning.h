@@ -11,8 +11,10 @@
 // sign and scale. Coarse for the accelerometers, whose pulse weight and biases a calibration finds; the gyros' 0.5 % is what an encoder of
 // some arc minutes and a turn of 5 degrees allow.
 //
+// While an axis turns it must say so, and its rate must be what its position says (rate_check.h).
+//
 // Every wait has a deadline and ends at the operator's stop, and at the first poll in which an axis turns that nothing sent
-// (orchestrator/run/stray_axis.h); whatever happens every axis is stopped, and seen at rest.
+// (orchestrator/run/stray_axis.h). The caller sees that the table is left at rest, whatever happens.
 #pragma once
 
 #include <atomic>
@@ -35,12 +37,12 @@ struct CommissioningSettings {
   double pose_deg = 90.0;          // at most
   double pose_rate_degps = 10.0;   // at most
   double gyro_pulse_arcsec = 0.0;  // nominal; 0: not known
+  double rate_tolerance = 0.3;     // of 1, of the axis's own rate
 };
 
-// REQUIRES: table connected, unit open. Prints one line an axis. end_requests: those of the stop requests that came from outside. The
-// error of a trial that was given up says whether the table was seen at rest with its drives off.
+// REQUIRES: table connected, unit open. Prints one line an axis.
 Status try_axes(const StationDevices& devices, const StationConfig& station, const CommissioningSettings& settings,
-                const std::atomic<int>& stop_requests, const std::atomic<int>& end_requests, std::ostream& out);
+                const std::atomic<int>& stop_requests, std::ostream& out);
 
 // What the sum of the gyros says about a turn of `axis` by turned_deg; the error names axis, expected and found.
 Status judge_turn(Axis axis, double turned_deg, const std::array<double, 3>& sum, IncrementKind kind,

@@ -63,6 +63,12 @@ void LiveDevices::wait_a_little(double wall_s) {
   ::nanosleep(&pause, nullptr);
 }
 
+Status LiveDevices::leave_table(const Status& done, const std::string& how_left) {
+  const Status left = table_->leave();
+  if (!left) return device_error(done ? left.error().message : done.error().message + "; " + left.error().message);
+  return done ? done : Status(Error{done.error().kind, done.error().message + how_left});
+}
+
 RunObserver* LiveDevices::prompts(const Sequence& sequence) {
   ManualTurntable* manual = table_->manual();
   if (!manual) return nullptr;

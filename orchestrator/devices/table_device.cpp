@@ -15,7 +15,7 @@ Status TableDevice::leave() {
   if (left_) return {};
   left_ = true;
   const auto wait = [](double seconds) { ::poll(nullptr, 0, static_cast<int>(1e3 * seconds)); };
-  return leave_off(limited_, {.now_s = monotonic_s, .wait = wait});
+  return leave_off(limited_, {.now_s = monotonic_s, .wait = wait, .standing_rate_degps = standing_rate_degps_});
 }
 
 TableDevice::~TableDevice() {
@@ -59,7 +59,7 @@ Result<std::unique_ptr<TableDevice>> make_table(const StationConfig& station, co
                                                  *context.operator_output, context.gravity);
       break;
   }
-  return std::make_unique<TableDevice>(std::move(driver), motion_limits(station));
+  return std::make_unique<TableDevice>(std::move(driver), motion_limits(station), station.motion.settle_rate_degps);
 }
 
 }  // namespace turncal

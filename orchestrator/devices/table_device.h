@@ -18,8 +18,9 @@ namespace turncal {
 
 class TableDevice {
  public:
-  TableDevice(std::unique_ptr<Turntable> driver, const std::array<MotionLimits, 3>& limits)
-      : driver_(std::move(driver)), limited_(*driver_, limits) {}
+  // Slower than that an axis stands.
+  TableDevice(std::unique_ptr<Turntable> driver, const std::array<MotionLimits, 3>& limits, double standing_rate_degps)
+      : driver_(std::move(driver)), limited_(*driver_, limits), standing_rate_degps_(standing_rate_degps) {}
   ~TableDevice();
   TableDevice(const TableDevice&) = delete;
   TableDevice& operator=(const TableDevice&) = delete;
@@ -34,6 +35,7 @@ class TableDevice {
  private:
   std::unique_ptr<Turntable> driver_;
   LimitedTurntable limited_;
+  double standing_rate_degps_;
   bool left_ = false;
 };
 

@@ -242,7 +242,7 @@ class StationRun {
   double next_poll_s_ = 0.0;
   double phase_deadline_s_ = 0.0;
   double rest_until_s_ = 0.0;
-  bool link_down_ = false;
+  bool unread_ = false;
 };
 
 }  // namespace turncal

@@ -36,8 +36,8 @@ RunSnapshot StationRun::snapshot() const {
     s.step = job_.sequence.steps[step_].number;
     s.step_place = step_ + 1;
   }
-  s.table = link_down_ ? TableState::link_lost
-                       : state_of(status_, state_ == RunState::stopping || state_ == RunState::parking);
+  s.table = unread_ ? state_unread(devices_.table)
+                    : state_of(status_, state_ == RunState::stopping || state_ == RunState::parking);
   for (Axis axis : all_axes) {
     s.position_deg[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
     s.rate_degps[axis] = status_[static_cast<std::size_t>(axis)].rate_degps;

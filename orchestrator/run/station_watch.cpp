@@ -96,12 +96,14 @@ StationRun::MaybeEvent StationRun::read_table() {
     }
     if (!answered && by_operator(error)) return raise_table(RunEvent::link_lost, error);
     if (!answered) {
-      link_down_ = true;
-      return raise(RunEvent::link_lost, ErrorKind::device,
-                   std::string("the table does not answer for axis ") + to_string(axis) + ": " + error.message);
+      unread_ = true;
+      const bool answers = devices_.table.answers();
+      return raise(answers ? RunEvent::table_fault : RunEvent::link_lost, ErrorKind::device,
+                   std::string(answers ? "no reading of axis " : "the table does not answer for axis ") +
+                       to_string(axis) + ": " + error.message);
     }
   }
-  link_down_ = false;
+  unread_ = false;
   if (!live_states.contains(state_)) return std::nullopt;
   for (Axis axis : all_axes) {
     const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
@@ -171,7 +173,7 @@ StationRun::MaybeEvent StationRun::judge_dwell() {
 }
 
 StationRun::MaybeEvent StationRun::judge_stop(double now_s) {
-  if (stop_.look(link_down_ ? nullptr : &status_, now_s)) return RunEvent::stopped_verified;
+  if (stop_.look(unread_ ? nullptr : &status_, now_s)) return RunEvent::stopped_verified;
   if (now_s > phase_deadline_s_) {
     if (state_ == RunState::parking)
       return raise(RunEvent::deadline, ErrorKind::device, "the drives did not switch off");

@@ -117,5 +117,73 @@ TEST_F(TableProgram, MonitorSaysThatItCouldNotReadTheTableAtLast) {
   EXPECT_NE(result.err.find("THE STOP COULD NOT BE VERIFIED"), std::string::npos) << result.err;
 }
 
+// A signal cuts the reading of the moment short: that is no fault of the line, and nothing is said of it.
+TEST_F(TableProgram, MonitorThatIsToldToEndDoesNotCallTheLineLost) {
+  for (int i = 0; i < 10; ++i) {
+    const pid_t pid = start({"monitor", "--station", "level.station"});
+    ::usleep(1'300'000 + 70'000 * i);
+    ::kill(pid, SIGTERM);
+    const ProgramResult result = finish(pid);
+    EXPECT_EQ(result.code, 0) << result.err;
+    EXPECT_NE(result.out.find("not ready"), std::string::npos) << result.out;
+    EXPECT_EQ(result.out.find("link lost"), std::string::npos) << result.out;
+  }
+}
+
+// A drive that answers with a failure is there.
+TEST_F(TableProgram, MonitorSaysFaultOfADriveThatAnswersWithAnException) {
+  const pid_t pid = start({"monitor", "--station", "level.station", "--seconds", "2"});
+  ::usleep(600'000);
+  drives.exception = 4;
+  const ProgramResult result = finish(pid);
+  drives.exception = 0;
+  EXPECT_NE(result.out.find("heading FAULT; pitch FAULT; roll FAULT; "), std::string::npos) << result.out;
+  EXPECT_EQ(result.out.find("link lost"), std::string::npos) << result.out;
+  EXPECT_EQ(result.code, 50);
+  EXPECT_NE(result.err.find("exception 4"), std::string::npos) << result.err;
+}
+
+// No position is plausible in the wrong word order, so that connecting fails: what would fit is said all the same.
+TEST_F(TableProgram, CommissionSaysWhichWordOrderFitsWhereNoPositionIsPlausible) {
+  {
+    const std::lock_guard lock(drives.mutex);
+    drives.drives[1].position = 30'000.0;
+    drives.drives[2].position = 20'000.0;
+    drives.drives[3].position = -10'000.0;
+  }
+  drives.words_swapped = true;
+  const ProgramResult result =
+      run({"commission", "--station", "level.station", "--heading", "30", "--pitch", "20", "--roll", "-10"});
+  EXPECT_EQ(result.code, 1);
+  EXPECT_EQ(result.err_lines(), 1) << result.err;
+  EXPECT_NE(result.err.find("expected words.order = low_first"), std::string::npos) << result.err;
+  EXPECT_EQ(drives.words(), 0u) << "nothing was written";
+}
+
+// Whatever ended it, the error says how the table was left; and of a twin that it was one.
+TEST_F(TableProgram, CommissionThatFailsSaysHowTheTableWasLeft) {
+  const ProgramResult rests = commission([this](pid_t) {
+    drives.exception = 4;
+    ::usleep(300'000);
+    drives.exception = 0;
+  });
+  EXPECT_EQ(rests.code, 50);
+  EXPECT_NE(rests.err.find("exception 4"), std::string::npos) << rests.err;
+  EXPECT_NE(rests.err.find("the table rests, its drives are off"), std::string::npos) << rests.err;
+  EXPECT_TRUE(rests.err.starts_with("turncal: ")) << rests.err;
+  EXPECT_TRUE(drives.all_off());
+}
+
+// Bounded by what docs/tables.md says of a program that leaves a table.
+TEST_F(TableProgram, CommissionThatCannotVerifyItsStopEndsAfterTenSeconds) {
+  drives.refuses_off = 1'000'000;
+  const double began_s = monotonic_s();
+  const ProgramResult result = commission([](pid_t pid) { ::kill(pid, SIGTERM); });
+  EXPECT_EQ(result.code, 50);
+  EXPECT_NE(result.err.find("told to end"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("THE STOP COULD NOT BE VERIFIED"), std::string::npos) << result.err;
+  EXPECT_LT(monotonic_s() - began_s, 15.0);
+}
+
 }  // namespace
 }  // namespace turncal

@@ -103,7 +103,7 @@ std::vector<DriveFault> drive_faults() {
       {"zero_lost", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0xFFEF; }), RunEvent::table_fault,
        "lost its zero"},
       {"words_swapped", plain, from_moment(in_mid_move_s, [](auto& words) { std::swap(words[0], words[1]); }),
-       RunEvent::link_lost, "not believed"},
+       RunEvent::table_fault, "not believed"},
       {"overshoot_that_stays", plain,
        from_moment(6.0, [](auto& words) { words[1] = static_cast<std::uint16_t>(words[1] - 500); }), RunEvent::stall,
        "no progress"},
@@ -121,7 +121,7 @@ std::vector<DriveFault> drive_faults() {
              plan.pieces[0].bytes = exception_reply(request, 6, true);
          });
        },
-       RunEvent::link_lost, "exception 6"},
+       RunEvent::table_fault, "exception 6"},
       {"move_refused", plain,
        [](ModbusRun& s) {
          s.station.disturb([](const ModbusRequest& request, AnswerPlan& plan) {
@@ -143,7 +143,15 @@ std::vector<DriveFault> drive_faults() {
              plan.pieces[0].bytes = exception_reply(request, 3, true);
          });
        },
-       RunEvent::link_lost, "exception 3"},
+       RunEvent::table_fault, "exception 3"},
+      {"reading_refused_as_a_failure", plain,
+       [](ModbusRun& s) {
+         s.station.disturb([&s](const ModbusRequest& request, AnswerPlan& plan) {
+           if (request.function == 3 && s.rig_time_s() > in_mid_move_s)
+             plan.pieces[0].bytes = exception_reply(request, 4, true);
+         });
+       },
+       RunEvent::table_fault, "exception 4"},
   };
 }
 

@@ -46,6 +46,7 @@ class SerialTurntable : public Turntable {
   Result<AxisStatus> status(Axis axis) override;
   void set_meanwhile(std::function<void()> meanwhile) override { stop_.set_meanwhile(std::move(meanwhile)); }
   bool was_connected() const override { return was_connected_; }
+  bool answers() const override { return connected_ && line_.is_open() && !lost_; }
   bool can_switch_off() const override { return dialect_.can_switch_off; }
 
   // Reads every axis, which the user has put at known angles: sign and scale fit, or what would.

@@ -47,6 +47,7 @@ class ModbusTurntable : public Turntable {
   Result<AxisStatus> status(Axis axis) override;
   void set_meanwhile(std::function<void()> meanwhile) override { stop_.set_meanwhile(std::move(meanwhile)); }
   bool was_connected() const override { return was_connected_; }
+  bool answers() const override { return connected_ && link_.is_open() && !link_.lost(); }
   bool can_switch_off() const override { return map_.can_switch_off; }
 
   // Reads every axis, which the user has put at known angles, and says which word order and sign fit. Success: those of the map

@@ -40,6 +40,7 @@ class LimitedTurntable : public Turntable {
   bool needs_operator() const override { return table_.needs_operator(); }
   void set_meanwhile(std::function<void()> meanwhile) override { table_.set_meanwhile(std::move(meanwhile)); }
   bool was_connected() const override { return table_.was_connected(); }
+  bool answers() const override { return table_.answers(); }
   bool can_switch_off() const override { return table_.can_switch_off(); }
 
  private:

@@ -30,6 +30,11 @@ constexpr TableState state_of(std::span<const AxisStatus> axes, bool stopping = 
   return worst;
 }
 
+// Of a table whose status() failed just now.
+inline TableState state_unread(const Turntable& table) {
+  return table.answers() ? TableState::fault : TableState::link_lost;
+}
+
 constexpr const char* to_string(TableState state) {
   switch (state) {
     case TableState::idle: return "idle";

@@ -67,6 +67,8 @@ class Turntable {
   virtual void set_meanwhile(std::function<void()> meanwhile) { static_cast<void>(meanwhile); }
   // False until connect() has succeeded once: until then the drives were told nothing but their setup.
   virtual bool was_connected() const { return true; }
+  // After a status() that failed: whether the device is there all the same, so that the fault is its own and not the link's.
+  virtual bool answers() const { return false; }
   // False: abort_all() leaves the drives on, since the device has no word for it.
   virtual bool can_switch_off() const { return true; }
 };
