@@ -120,6 +120,38 @@ TEST_F(Storage, ALockedDatabaseStopsTheBatchAndTheUnitIsNotRefused) {
   EXPECT_EQ(outcomes_text(path("queue")), "SN1=not_judged SN2=not_judged ");
 }
 
+// Nor is the database forgotten over a unit that failed on the way.
+TEST_F(Storage, ALockedDatabaseStopsTheBatchWhoseUnitFails) {
+  write("queue", "SN1\nSN2\n");
+  const std::vector<std::string> batch = {
+      "batch",
+      "queue",
+      "--dry-run",
+      "--out",
+      "units",
+      "--sequence",
+      demo,
+      "--station",
+      station("s.station"),
+      "--rig",
+      write("flagged.rig", "fault.1.kind = invalid_sample\nfault.1.sample = 4000\nfault.1.count = 100000000\n"),
+      "--pace",
+      "20"};
+  const pid_t pid = start(batch);
+  while (!fs::exists(folder_ / "units/SN1/recording.partial.tcr")) ::usleep(1000);
+  sqlite3* lock = nullptr;
+  ASSERT_EQ(sqlite3_open(path("results.db").c_str(), &lock), SQLITE_OK);
+  sqlite3_busy_timeout(lock, 10'000);
+  ASSERT_EQ(sqlite3_exec(lock, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
+  const ProgramResult during = finish(pid);
+  EXPECT_EQ(during.code, 50) << during.err;
+  EXPECT_NE(during.err.find("results database: "), std::string::npos) << during.err;
+  EXPECT_EQ(outcomes_text(path("queue")), "");
+  sqlite3_close(lock);
+  ASSERT_EQ(run(batch).code, 20);
+  EXPECT_EQ(outcomes_text(path("queue")), "SN1=fail SN2=fail ");
+}
+
 TEST_F(Storage, WhatWouldStopARunIsSaidBeforeItBegins) {
   expect_refused(begin("r", station("a.station", "hook.done = no_such_program_of_ours --now\n")),
                  "there is no command 'no_such_program_of_ours'");
