@@ -34,11 +34,12 @@ void widen(JointResult& r, const std::vector<Eigen::VectorXd>& shifts, double fa
 // How far the free parameters go when another of its alias class stands in the place of a chosen effect. One pass, then linear.
 std::vector<Eigen::VectorXd> alias_shifts(const DiagnosisModel& m, const Diagnosis& d) {
   std::vector<Eigen::VectorXd> shifts;
-  std::vector<EffectColumn> columns = m.chosen, others;
-  std::vector<int> instead_of;  // index into m.chosen
-  for (std::size_t k = 0; k < m.chosen.size(); ++k)
+  std::vector<EffectColumn> columns, others;
+  std::vector<int> instead_of;  // index into m.current.effects
+  for (const EstimatedEffect& e : m.current.effects) columns.push_back(e.column);
+  for (std::size_t k = 0; k < m.current.effects.size(); ++k)
     for (const SelectionStage& stage : d.stages) {
-      if (!stage.accepted || stage.chosen.key() != m.chosen[k].key()) continue;
+      if (!stage.accepted || stage.chosen.key() != columns[k].key()) continue;
       for (const EffectColumn& other : stage.alias_columns) {
         others.push_back(other);
         instead_of.push_back(static_cast<int>(k));
@@ -58,7 +59,7 @@ std::vector<Eigen::VectorXd> alias_shifts(const DiagnosisModel& m, const Diagnos
     ranges[parameter_count + static_cast<Eigen::Index>(k)] = absurd_magnitude(*columns[k].entry);
   for (std::size_t i = 0; i < others.size(); ++i) {
     const int out = parameter_count + instead_of[i];
-    const int in = parameter_count + static_cast<int>(m.chosen.size() + i);
+    const int in = parameter_count + static_cast<int>(m.current.effects.size() + i);
     std::vector<int> subset = m.current.free;
     std::replace(subset.begin(), subset.end(), out, in);
     const double value = model.values[out - parameter_count];
@@ -157,7 +158,7 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
   char text[320];
   const bool noise_given = m.options.estimate.noise.has_value();
   d.trusted = false;
-  d.lack_of_fit = test_lack_of_fit(m.recording, m.current, m.options.holdout, m.options.limits.fit);
+  d.lack_of_fit = test_lack_of_fit(m.recording, m.current, m.options.holdouts, m.options.limits.fit);
   // Where even the noise does not fit, neither names nor patterns mean anything.
   const std::string noise_misfit = misfit_of_noise(m, d.lack_of_fit);
   if (!noise_misfit.empty()) {
@@ -258,7 +259,9 @@ void collect_residuals(const DiagnosisModel& m, Diagnosis& d) {
   }
 }
 
-std::vector<std::string> strongest_first(std::vector<EstimatedEffect> effects) {
+std::vector<std::string> strongest_first(const JointResult& fit) {
+  std::vector<EstimatedEffect> effects = fit.effects;
+  std::erase_if(effects, [](const EstimatedEffect& e) { return is_turn_on(e.column); });
   std::sort(effects.begin(), effects.end(), [](const EstimatedEffect& a, const EstimatedEffect& b) {
     return std::abs(a.value) * b.sigma > std::abs(b.value) * a.sigma;
   });
@@ -282,9 +285,13 @@ const char* to_string(Verdict verdict) {
 }
 
 Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions& options) {
-  DiagnosisModel m(recording, options);
+  return diagnose(join_recordings({&recording}), options);
+}
+
+Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& options) {
+  DiagnosisModel m(recordings, options);
   Diagnosis d;
-  d.base = options.base ? *options.base : joint_estimate(recording, m.estimate_options({}, nullptr));
+  d.base = options.base ? *options.base : joint_estimate(m.recording, m.estimate_options({}, nullptr));
   m.current = d.base;
   const bool nothing = std::none_of(d.base.determined.begin(), d.base.determined.end(), [](bool b) { return b; });
   if (!d.base.converged || nothing) {
@@ -294,8 +301,8 @@ Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions&
     d.extended = d.base;
     return d;
   }
-  if (options.holdout != nullptr) {
-    if (const std::string wrong = wrong_table_units(*options.holdout); !wrong.empty()) {
+  for (const CompressedRecording* holdout : options.holdouts) {
+    if (const std::string wrong = wrong_table_units(*holdout); !wrong.empty()) {
       d.verdict = Verdict::not_tested;
       d.reason = "the holdout: " + wrong;
       d.extended = d.base;
@@ -304,13 +311,17 @@ Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions&
   }
   d.verdict = Verdict::clean;
   select_effects(m, d);
-  if (!m.chosen.empty()) m.current = joint_estimate(recording, m.estimate_options(m.chosen, &m.current));
+  if (!m.chosen.empty()) m.current = joint_estimate(m.recording, m.estimate_options(m.chosen, &m.current));
   gate_effects(m, d);
   check_names(m, d);
   judge(m, d);
   collect_residuals(m, d);
-  d.effect_names = strongest_first(m.current.effects);
+  d.effect_names = strongest_first(m.current);
   d.extended = m.current;
+  if (recordings.parts.size() > 1) {
+    leave_what_is_common(d.base, recordings.parts.size());
+    d.each = leave_what_is_common(d.extended, recordings.parts.size(), &d.fitted_covariance);
+  }
   return d;
 }
 

@@ -10,7 +10,8 @@
 //    approach direction). Where such a pattern explains the residual better (one with angle or direction: by more than 10),
 //    no name is given: unexplained.
 // 4. Gate: an effect stays only if it lowers the error of data that was not used to fit it by more than the standard error of
-//    that gain: a holdout recording (with biases of its own), else, or where that cannot decide, dwells left out in turn. Where the chosen member of an alias class does not, the others of the class are tried: held-out data
+//    that gain: holdout recordings (each with biases of its own), of several fitted recordings each left out in turn, else, or where these
+//    cannot decide, dwells left out in turn. Where the chosen member of an alias class does not, the others of the class are tried: held-out data
 //    decide between names that the fitted data cannot tell apart.
 // 5. Names against what has none (name_check.h): an effect must be better than every family of nameless_families.h.
 // 6. Aliases: effects within 10 of the best when it was chosen, or whose columns explain the chosen one's to more than 0.97.
@@ -28,7 +29,7 @@
 #include <vector>
 
 #include "calib/diagnosis/diagnosis_limits.h"
-#include "calib/joint/joint_estimate.h"
+#include "calib/joint/joined_recordings.h"
 
 namespace turncal {
 
@@ -37,9 +38,9 @@ const char* to_string(Verdict verdict);
 
 struct DiagnosisOptions {
   JointOptions estimate;  // start, fixed noise, ... (effects and candidates are set here)
-  // Of the same recording with the same `estimate`, where it has been fitted already: the base model is not fitted again.
+  // Of the same single recording with the same `estimate`, where it has been fitted already: the base model is not fitted again.
   const JointResult* base = nullptr;
-  const CompressedRecording* holdout = nullptr;
+  std::vector<const CompressedRecording*> holdouts = {};
   double false_alarm = 0.005;  // family-wise, a stage
   int max_components = 12;
   DiagnosisLimits limits;
@@ -91,7 +92,7 @@ struct HoldoutError {
   double velocity_rms_mps = 0.0;  // plain velocity error, see ResidualPoint
   double chi_square = 0.0;
   std::int64_t observations = 0;
-  std::vector<Eigen::Vector3d> normalised = {};  // innovations, for the difference of two models
+  std::vector<Eigen::Vector3d> normalised = {};  // innovations, for the difference of two models; NaN: not counted
 };
 
 // One test of lack of fit, see lack_of_fit.h.
@@ -145,10 +146,13 @@ struct Diagnosis {
   std::string unexplained_pattern;               // what the unexplained residual looks like
   double error_before = 0.0, error_after = 0.0;  // rms normalised residual, both with the noise of the final model
   HoldoutError holdout_before, holdout_after;
-  std::string holdout_source;  // "second recording" or "dwells left out in turn"
+  std::string holdout_source;  // HoldoutGate::source()
+  OfEachRecording each;        // of several recordings: what base and extended hold is common to them
   std::vector<ResidualPoint> residuals;
 };
 
+// Of one unit: of one recording, or of several joined ones.
+Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& options = {});
 Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions& options = {});
 
 }  // namespace turncal

@@ -30,9 +30,20 @@ std::vector<std::string> names_of(const std::vector<EffectColumn>& columns) {
   return names;
 }
 
-DiagnosisModel::DiagnosisModel(const CompressedRecording& the_recording, const DiagnosisOptions& the_options)
-    : recording(the_recording), options(the_options), catalogue(catalogue_columns(recording.info)), columns(catalogue) {
-  const std::vector<EffectColumn> patterns = pattern_columns(recording);
+std::vector<EffectColumn> columns_beyond_base(const JointResult& result) {
+  std::vector<EffectColumn> columns;
+  for (const EstimatedEffect& e : result.effects)
+    if (!is_turn_on(e.column)) columns.push_back(e.column);
+  return columns;
+}
+
+DiagnosisModel::DiagnosisModel(const JoinedRecordings& all, const DiagnosisOptions& the_options)
+    : recordings(all),
+      recording(all.data),
+      options(the_options),
+      catalogue(catalogue_columns(recording.info, static_cast<int>(all.parts.size()))),
+      columns(catalogue) {
+  const std::vector<EffectColumn> patterns = pattern_columns(all.parts);
   columns.insert(columns.end(), patterns.begin(), patterns.end());
   const double columns_count = static_cast<double>(columns.size());
   threshold = chi_square_1_limit(options.false_alarm / columns_count);
@@ -41,11 +52,16 @@ DiagnosisModel::DiagnosisModel(const CompressedRecording& the_recording, const D
 
 JointOptions DiagnosisModel::estimate_options(const std::vector<EffectColumn>& effects, const JointResult* from) const {
   JointOptions o = options.estimate;
-  o.effects = effects;
+  o.effects = recordings.turn_ons;
+  o.effects.insert(o.effects.end(), effects.begin(), effects.end());
+  o.begins = recordings.begins;
   o.candidates.clear();
   if (from) {
     o.start = from->parameters;
     o.start_noise = from->noise;
+    o.start_effects.setZero(static_cast<Eigen::Index>(o.effects.size()));
+    for (std::size_t k = 0; k < recordings.turn_ons.size(); ++k)
+      o.start_effects[static_cast<Eigen::Index>(k)] = from->effects[k].value;
   }
   return o;
 }

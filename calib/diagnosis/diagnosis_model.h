@@ -18,10 +18,13 @@ bool visible(const Scores& scores, int column);
 
 // Of the effects, each once.
 std::vector<std::string> names_of(const std::vector<EffectColumn>& columns);
+// Those of a fit beyond the base model: turn-on columns are of the base model.
+std::vector<EffectColumn> columns_beyond_base(const JointResult& result);
 
 struct DiagnosisModel {
-  DiagnosisModel(const CompressedRecording& recording, const DiagnosisOptions& options);
+  DiagnosisModel(const JoinedRecordings& recordings, const DiagnosisOptions& options);
 
+  // Of `effects` beyond the base model, which of several recordings has their turn-on columns, too; those begin at the values of `from`.
   JointOptions estimate_options(const std::vector<EffectColumn>& effects, const JointResult* from) const;
   // A trial beside a finished fit: its faults are known, and its noise is a good start; or `noise` is taken for its own.
   JointResult fit(const std::vector<EffectColumn>& effects, const JointResult& from,
@@ -34,7 +37,8 @@ struct DiagnosisModel {
   std::vector<Scores> scores(const std::vector<EffectColumn>& candidates, const std::vector<NoiseModel>& noises) const;
   NoiseModel bare_noise() const;  // the fitted one without bias instability
 
-  const CompressedRecording& recording;
+  const JoinedRecordings& recordings;
+  const CompressedRecording& recording;  // all of them
   const DiagnosisOptions& options;
   std::vector<EffectColumn> catalogue;
   std::vector<EffectColumn> columns;

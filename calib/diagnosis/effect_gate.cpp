@@ -16,22 +16,31 @@ std::vector<EffectColumn> chosen_without(const DiagnosisModel& m, const std::str
   return without;
 }
 
-// The held-out data, in the order in which they are asked: a holdout recording, then dwells left out of the fitted one.
+// The held-out data, in the order in which they are asked: holdout recordings, fitted ones left out in turn, dwells left out in turn.
 class Gate {
  public:
-  explicit Gate(const DiagnosisModel& m) : m_(m), first_(m.recording, m.options.holdout, refit()) {}
-  const HoldoutGate& first() const { return first_; }
-  HoldoutGain on_holdout(const JointResult& with, const JointResult& without) const {
-    return gain_on(first_, with, without);
+  explicit Gate(const DiagnosisModel& m) : m_(m) {
+    if (!m.options.holdouts.empty()) asked_.push_back(HoldoutGate::holdouts(m.options.holdouts));
+    if (m.recordings.parts.size() > 1) asked_.push_back(HoldoutGate::recordings_in_turn(m.recordings, refit()));
+    if (asked_.empty()) asked_.push_back(dwells());
+  }
+  const HoldoutGate& first() const { return asked_.front(); }
+  HoldoutGain on_first(const JointResult& with, const JointResult& without) const {
+    return gain_on(first(), with, without);
   }
   // Both are measured with the noise of `with`. Of an effect of one run another recording promises nothing that it could contradict.
   bool confirms(const JointResult& with, const JointResult& without, bool of_one_run) {
     const GateLimits& limits = m_.options.limits.gate;
-    HoldoutGain gain = on_holdout(with, without);
-    if (!of_one_run && gain.contradicted(limits.contradiction)) return false;
+    HoldoutGain gain;
+    for (const HoldoutGate& gate : asked_) {
+      const HoldoutGain on_it = gain_on(gate, with, without);
+      if (!of_one_run && on_it.contradicted(limits.contradiction)) return false;
+      gain += on_it;
+    }
     if (gain.confirmed(limits.standard_errors)) return true;
-    if (m_.options.holdout == nullptr || gain.expected >= limits.expected_gain) return false;
-    if (!left_out_) left_out_.emplace(m_.recording, nullptr, refit());
+    const bool other_recordings = !m_.options.holdouts.empty() || m_.recordings.parts.size() > 1;
+    if (!other_recordings || gain.expected >= limits.expected_gain) return false;
+    if (!left_out_) left_out_.emplace(dwells());
     gain += gain_on(*left_out_, with, without);
     return gain.confirmed(limits.standard_errors);
   }
@@ -40,28 +49,28 @@ class Gate {
   static HoldoutGain gain_on(const HoldoutGate& data, const JointResult& with, const JointResult& without) {
     return holdout_gain(data.error(without, with.noise), data.error(with));
   }
+  HoldoutGate dwells() const { return HoldoutGate::dwells_in_turn(m_.recording, refit()); }
   HoldoutGate::Refit refit() const {
-    return
-        [this](const std::vector<EffectColumn>& effects, const JointResult& from, const std::vector<char>& unobserved) {
-          JointOptions o = m_.estimate_options(effects, &from);
-          o.unobserved = unobserved;
-          o.noise = m_.current.noise;
-          o.faults_of = &from;
-          // A quarter of the dwells moves no parameter by more than a few sigma: the problem is linear there.
-          o.one_step = true;
-          return joint_estimate(m_.recording, o);
-        };
+    return [this](const JointResult& from, const std::vector<char>& unobserved) {
+      JointOptions o = m_.estimate_options(columns_beyond_base(from), &from);
+      o.unobserved = unobserved;
+      o.noise = m_.current.noise;
+      o.faults_of = &from;
+      // A quarter of the dwells moves no parameter by more than a few sigma: the problem is linear there.
+      o.one_step = true;
+      return joint_estimate(m_.recording, o);
+    };
   }
 
   const DiagnosisModel& m_;
-  HoldoutGate first_;
+  std::vector<HoldoutGate> asked_;
   std::optional<HoldoutGate> left_out_;
 };
 
 // Was the effect of `name` found by chance? What it gained in the fit and what it loses on a second recording are 2 ln L of independent
 // data: both together must exceed what the fit alone had to.
 bool outweighed(const DiagnosisModel& m, const Diagnosis& d, const std::string& name, const HoldoutGain& held_out) {
-  if (m.options.holdout == nullptr) return false;  // left-out dwells are part of the fit
+  if (m.options.holdouts.empty()) return false;  // left-out dwells are part of the fit
   double beyond = held_out.gain;
   for (const SelectionStage& stage : d.stages)
     if (stage.accepted && stage.chosen.entry->name == name) beyond += stage.gain - stage.threshold;
@@ -116,7 +125,7 @@ void gate_effects(DiagnosisModel& m, Diagnosis& d) {
       if (take_rival(m, d, name, reduced, gate)) break;
       // Claimed or not, what it would do to the parameters goes into their sigmas.
       m.beside.push_back(m.current.parameters);
-      if (!outweighed(m, d, name, gate.on_holdout(m.current, reduced))) d.gated_out.push_back(name);
+      if (!outweighed(m, d, name, gate.on_first(m.current, reduced))) d.gated_out.push_back(name);
       d.aliases.erase(name);
       d.separate_by.erase(name);
       m.chosen = without;

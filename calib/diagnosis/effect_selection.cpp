@@ -93,7 +93,7 @@ std::vector<Trial> nominate(const DiagnosisModel& m, const Scores& fitted, const
 
 // The time of a step or the period of a wave that fits best, on a finer grid.
 EffectColumn refine(const DiagnosisModel& m, const EffectColumn& pattern, bool without_bias_instability) {
-  const std::vector<EffectColumn> finer = refined(pattern, m.recording);
+  const std::vector<EffectColumn> finer = refined(pattern, m.recordings.parts);
   if (finer.empty()) return pattern;
   const Scores s =
       std::move(m.scores(finer, {without_bias_instability ? m.bare_noise() : m.current.setup.noise}).front());
@@ -180,7 +180,8 @@ void stop_unexplained(DiagnosisModel& m, Diagnosis& d, const Trial& pattern) {
   m.beside.push_back(pattern.fit.parameters);
   std::vector<EffectColumn> kept;
   for (const EstimatedEffect& e : pattern.fit.effects)
-    if (!is_pattern(e.column) && e.value * e.value > m.threshold * e.sigma * e.sigma) kept.push_back(e.column);
+    if (!is_pattern(e.column) && !is_turn_on(e.column) && e.value * e.value > m.threshold * e.sigma * e.sigma)
+      kept.push_back(e.column);
   if (kept.size() == m.chosen.size()) return;
   m.chosen = kept;
   m.current = m.fit(m.chosen, d.base);

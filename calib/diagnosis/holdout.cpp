@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <optional>
 
 #include "calib/joint/joint_faults.h"
 
@@ -19,9 +21,16 @@ struct Sums {
   double velocity_square = 0.0;
   double velocity_count = 0.0;
 };
-void add(const CompressedRecording& recording, const std::vector<Innovation>& innovations, Sums& sums) {
+// `says_nothing`: the model is open there, and its innovations are not counted.
+void add(const CompressedRecording& recording, const std::vector<Innovation>& innovations, bool says_nothing,
+         Sums& sums) {
   int second = 0;
   std::size_t previous = 0;
+  if (says_nothing) {
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    sums.error.normalised.insert(sums.error.normalised.end(), innovations.size(), Eigen::Vector3d::Constant(none));
+    return;
+  }
   for (const Innovation& i : innovations) {
     sums.error.chi_square += i.normalised.squaredNorm();
     sums.error.normalised.push_back(i.normalised);
@@ -56,6 +65,14 @@ void take_own_biases(const CompressedRecording& recording, const JointResult& re
   }
 }
 
+// Directions that are open in a fit of the other recordings, and need not be known: what is of this one alone.
+std::size_t open_without(int recording, const JointResult& result) {
+  const auto own = std::count_if(result.effects.begin(), result.effects.end(), [&](const EstimatedEffect& e) {
+    return !is_turn_on(e.column) && e.column.recording == recording;
+  });
+  return 6 + static_cast<std::size_t>(own);
+}
+
 }  // namespace
 
 HoldoutGain& HoldoutGain::operator+=(const HoldoutGain& other) {
@@ -67,9 +84,12 @@ HoldoutGain& HoldoutGain::operator+=(const HoldoutGain& other) {
 
 HoldoutGain holdout_gain(const HoldoutError& without, const HoldoutError& with) {
   HoldoutGain result;
-  result.gain = without.chi_square - with.chi_square;
-  for (std::size_t k = 0; k < std::min(without.normalised.size(), with.normalised.size()); ++k)
-    result.expected += (without.normalised[k] - with.normalised[k]).squaredNorm();
+  for (std::size_t k = 0; k < std::min(without.normalised.size(), with.normalised.size()); ++k) {
+    const Eigen::Vector3d &one = without.normalised[k], &other = with.normalised[k];
+    if (one.hasNaN() || other.hasNaN()) continue;
+    result.gain += one.squaredNorm() - other.squaredNorm();
+    result.expected += (one - other).squaredNorm();
+  }
   result.standard_error = 2.0 * std::sqrt(result.expected);
   return result;
 }
@@ -101,43 +121,66 @@ FilterSetup holdout_setup(const CompressedRecording& holdout, const JointResult&
   return setup;
 }
 
-HoldoutGate::HoldoutGate(const CompressedRecording& recording, const CompressedRecording* holdout, Refit refit)
-    : recording_(recording), holdout_(holdout), refit_(std::move(refit)) {
-  if (holdout_) return;
-  folds_.assign(fold_count, std::vector<char>(recording.blocks.size(), 0));
+HoldoutGate HoldoutGate::holdouts(const std::vector<const CompressedRecording*>& recordings) {
+  HoldoutGate gate;
+  gate.source_ = recordings.size() == 1 ? "second recording" : std::to_string(recordings.size()) + " other recordings";
+  for (const CompressedRecording* recording : recordings) gate.parts_.push_back({recording, {}});
+  return gate;
+}
+
+HoldoutGate HoldoutGate::recordings_in_turn(const JoinedRecordings& recordings, Refit refit) {
+  HoldoutGate gate;
+  gate.source_ = "recordings left out in turn";
+  gate.refit_ = std::move(refit);
+  std::vector<std::size_t> borders = recordings.begins;
+  borders.insert(borders.begin(), 0);
+  borders.push_back(recordings.data.blocks.size());
+  for (std::size_t k = 0; k < recordings.parts.size(); ++k) {
+    std::vector<char> left_out(recordings.data.blocks.size(), 0);
+    std::fill(left_out.begin() + static_cast<std::ptrdiff_t>(borders[k]),
+              left_out.begin() + static_cast<std::ptrdiff_t>(borders[k + 1]), 1);
+    gate.parts_.push_back({recordings.parts[k], std::move(left_out), static_cast<int>(k)});
+  }
+  return gate;
+}
+
+HoldoutGate HoldoutGate::dwells_in_turn(const CompressedRecording& recording, Refit refit) {
+  HoldoutGate gate;
+  gate.source_ = "dwells left out in turn";
+  gate.refit_ = std::move(refit);
+  gate.parts_.assign(fold_count, {&recording, std::vector<char>(recording.blocks.size(), 0)});
   for (std::size_t b = 0; b < recording.blocks.size(); ++b) {
     const int segment = recording.blocks[b].segment;
     // Alignments stay: they carry the chain. Every fourth dwell is left out of one fold.
     if (recording.segments[segment].kind != SegmentKind::still) continue;
     int dwell = 0;
     for (int k = 0; k < segment; ++k) dwell += recording.segments[k].kind == SegmentKind::still;
-    folds_[static_cast<std::size_t>(dwell % fold_count)][b] = 1;
+    gate.parts_[static_cast<std::size_t>(dwell % fold_count)].left_out[b] = 1;
   }
+  return gate;
 }
 
 HoldoutError HoldoutGate::error(const JointResult& result, const NoiseModel& noise) const {
   Sums sums;
-  FilterSetup setup = holdout_ ? holdout_setup(*holdout_, result, noise) : FilterSetup{};
-  setup.noise = noise;
-  setup.with_columns = false;
-  setup.keep_innovations = true;
-  if (holdout_) {
-    EffectModel model = effect_model_of(result, holdout_->info.latitude_deg);
-    ParameterVector parameters = to_vector(result.parameters);
-    take_own_biases(*holdout_, result, setup, parameters, model);
-    add(*holdout_, run_filter(*holdout_, from_vector(parameters), model, setup).innovations, sums);
-  } else {
-    setup.breaks = result.setup.breaks;
-    setup.headings_rad = result.setup.headings_rad;
-    setup.mounting = result.setup.mounting;
-    std::vector<EffectColumn> columns;
-    for (const EstimatedEffect& e : result.effects) columns.push_back(e.column);
-    for (const std::vector<char>& fold : folds_) {
-      const JointResult refitted = refit_(columns, result, fold);
-      setup.unobserved = fold;
-      const EffectModel model = effect_model_of(refitted, recording_.info.latitude_deg);
-      add(recording_, run_filter(recording_, refitted.parameters, model, setup).left_out, sums);
-    }
+  for (const Part& part : parts_) {
+    const CompressedRecording& recording = *part.recording;
+    const bool in_the_fit = !part.left_out.empty() && part.number < 0;
+    const std::optional<JointResult> again =
+        part.left_out.empty() ? std::nullopt : std::optional(refit_(result, part.left_out));
+    const JointResult& model_of = again ? *again : result;
+    const bool says_nothing = part.number >= 0 && model_of.undetermined.size() > open_without(part.number, result);
+    FilterSetup setup = in_the_fit ? result.setup : holdout_setup(recording, model_of, noise);
+    setup.noise = noise;
+    setup.with_columns = false;
+    setup.keep_innovations = true;
+    EffectModel model = effect_model_of(model_of, recording.info.latitude_deg);
+    ParameterVector parameters = to_vector(model_of.parameters);
+    if (in_the_fit)
+      setup.unobserved = part.left_out;
+    else
+      take_own_biases(recording, result, setup, parameters, model);
+    const FilterResult pass = run_filter(recording, from_vector(parameters), model, setup);
+    add(recording, in_the_fit ? pass.left_out : pass.innovations, says_nothing, sums);
   }
   HoldoutError error = sums.error;
   error.normalised_rms =

@@ -1,9 +1,10 @@
 // The error of a model on data that was not used to fit it: the gate of the diagnosis.
 //
-// With a holdout recording: its own start is levelled and its first heading estimated by the filter; its six biases are its own (a
+// A holdout recording: its own start is levelled and its first heading estimated by the filter; its six biases are its own (a
 // unit switched off and on again has others), as are effects of the time since its beginning; the other parameters and effects
 // are taken as they are. The error is the normalised innovation of every static second there.
-// Without one: the dwells of the recording are left out in turn (four folds, every fourth dwell), the model is fitted to the
+// Of several fitted recordings each is left out in turn, and is a holdout for the fit of the others.
+// Else the dwells of the recording are left out in turn (four folds, every fourth dwell), the model is fitted to the
 // rest, and the error is the normalised prediction of the seconds left out.
 #pragma once
 
@@ -38,20 +39,26 @@ HoldoutGain holdout_gain(const HoldoutError& without, const HoldoutError& with);
 
 class HoldoutGate {
  public:
-  // Fits a model with some static seconds left out, starting from another fit.
-  using Refit =
-      std::function<JointResult(const std::vector<EffectColumn>&, const JointResult& from, const std::vector<char>&)>;
-  HoldoutGate(const CompressedRecording& recording, const CompressedRecording* holdout, Refit refit);
-  std::string source() const { return holdout_ ? "second recording" : "dwells left out in turn"; }
+  // A fit again from itself, with some static seconds left out.
+  using Refit = std::function<JointResult(const JointResult& from, const std::vector<char>& unobserved)>;
+  static HoldoutGate holdouts(const std::vector<const CompressedRecording*>& recordings);
+  static HoldoutGate recordings_in_turn(const JoinedRecordings& recordings, Refit refit);
+  static HoldoutGate dwells_in_turn(const CompressedRecording& recording, Refit refit);
+  // "second recording", "3 other recordings", "recordings left out in turn", "dwells left out in turn"
+  const std::string& source() const { return source_; }
   // With the noise of the result, or with a given one so that two models are measured with the same rule.
   HoldoutError error(const JointResult& result) const { return error(result, result.noise); }
   HoldoutError error(const JointResult& result, const NoiseModel& noise) const;
 
  private:
-  const CompressedRecording& recording_;
-  const CompressedRecording* holdout_;
+  struct Part {
+    const CompressedRecording* recording;
+    std::vector<char> left_out;  // marks of blocks left out of the fit; empty: it has no part in it
+    int number = -1;             // of a recording left out of several
+  };
+  std::string source_;
+  std::vector<Part> parts_;
   Refit refit_;
-  std::vector<std::vector<char>> folds_;  // marks of blocks left out
 };
 
 }  // namespace turncal

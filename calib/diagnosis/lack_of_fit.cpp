@@ -272,8 +272,9 @@ void Tester::innovations(const FilterResult& pass) {
 }
 
 // The holdout with the fit as a prior, its six biases free.
-void test_holdout(const CompressedRecording& holdout, const JointResult& fit, const NoiseModel& noise,
-                  const MatrixXd& information, const std::vector<int>& columns, Tester& tester) {
+void test_holdout(const CompressedRecording& holdout, const std::string& name, const JointResult& fit,
+                  const NoiseModel& noise, const MatrixXd& information, const std::vector<int>& columns,
+                  Tester& tester) {
   const FilterSetup setup = holdout_setup(holdout, fit, noise);
   const FitPass pass = run_fit_pass(holdout, fit, setup);
   // Information of the fit on everything but the six biases: they are eliminated from it.
@@ -293,7 +294,7 @@ void test_holdout(const CompressedRecording& holdout, const JointResult& fit, co
   prior(others, others) = kept;
   const SegmentScores scores(pass.recording, pass.filter, pass.columns, fit.reference_temperature_c, tester.limits(),
                              prior);
-  tester.pieces(scores, "holdout, ");
+  tester.pieces(scores, name + ", ");
   // What the holdout says of the parameters that it shares with the fit, against what the fit says. Minimised over the parameters
   // chi2 falls by c' M^-1 c: with M = A alone, and with what the fit knows added, M = A + P; the difference is chi2.
   const MatrixXd A = pass.filter.information(pass.columns, pass.columns);
@@ -313,11 +314,12 @@ void test_holdout(const CompressedRecording& holdout, const JointResult& fit, co
     return sum;
   };
   LackOfFitTest agreement;
-  agreement.family = "holdout, parameters";
-  agreement.what = "parameters of the holdout against those of the fit";
+  agreement.family = name + ", parameters";
+  agreement.what = "parameters of the " + name + " against those of the fit";
   agreement.chi_square = -fall(A + prior);
   agreement.chi_square += fall(A);
-  agreement.degrees = rank - static_cast<int>(biases.size());
+  const auto free = std::count_if(biases.begin(), biases.end(), [&](int k) { return A(k, k) > 0.0; });
+  agreement.degrees = rank - static_cast<int>(free);
   if (agreement.degrees > 0) tester.add(std::move(agreement));
 }
 
@@ -331,7 +333,7 @@ double LackOfFitLimits::inflation_of(const std::string& family) const {
 namespace {
 
 LackOfFit tests_at(const CompressedRecording& recording, const JointResult& fit, const NoiseModel& noise,
-                   const CompressedRecording* holdout, const LackOfFitLimits& limits) {
+                   const std::vector<const CompressedRecording*>& holdouts, const LackOfFitLimits& limits) {
   LackOfFit result;
   FilterSetup setup = fit.setup;
   setup.noise = noise;
@@ -346,16 +348,17 @@ LackOfFit tests_at(const CompressedRecording& recording, const JointResult& fit,
   seconds.with_columns = false;
   seconds.keep_steps = true;
   tester.innovations(run_filter(recording, fit.parameters, effect_model_of(fit, recording.info.latitude_deg), seconds));
-  if (holdout != nullptr)
-    test_holdout(*holdout, fit, noise, pass.filter.information(pass.columns, pass.columns), pass.columns, tester);
+  for (std::size_t k = 0; k < holdouts.size(); ++k)
+    test_holdout(*holdouts[k], holdouts.size() == 1 ? "holdout" : "holdout " + std::to_string(k + 1), fit, noise,
+                 pass.filter.information(pass.columns, pass.columns), pass.columns, tester);
   return result;
 }
 
 }  // namespace
 
 LackOfFit test_lack_of_fit(const CompressedRecording& recording, const JointResult& fit,
-                           const CompressedRecording* holdout, const LackOfFitLimits& limits) {
-  LackOfFit result = tests_at(recording, fit, fit.noise, holdout, limits);
+                           const std::vector<const CompressedRecording*>& holdouts, const LackOfFitLimits& limits) {
+  LackOfFit result = tests_at(recording, fit, fit.noise, holdouts, limits);
   if (result.tests.empty()) return result;
   const double tests = static_cast<double>(result.tests.size());
   const double near = std::log10(SelectionLimits{}.near_family_wise / tests);
@@ -365,7 +368,7 @@ LackOfFit test_lack_of_fit(const CompressedRecording& recording, const JointResu
   if (any_near && fit.noise.has_bias_instability()) {
     NoiseModel slow = fit.noise;
     slow.bias_correlation_s = limits.slow_correlation_s;
-    LackOfFit with_slow = tests_at(recording, fit, slow, holdout, limits);
+    LackOfFit with_slow = tests_at(recording, fit, slow, holdouts, limits);
     for (LackOfFitTest& beside : with_slow.tests) {
       const auto same = std::find_if(result.tests.begin(), result.tests.end(), [&](const LackOfFitTest& t) {
         return t.family == beside.family && (t.tries > 1.0 || t.what == beside.what);

@@ -23,8 +23,8 @@
 
 namespace turncal {
 
-// Of the estimate `fit` (its noise, parameters and effects) on `recording`; `holdout` may be null.
+// Of the estimate `fit` (its noise, parameters and effects) on `recording`.
 LackOfFit test_lack_of_fit(const CompressedRecording& recording, const JointResult& fit,
-                           const CompressedRecording* holdout, const LackOfFitLimits& limits);
+                           const std::vector<const CompressedRecording*>& holdouts, const LackOfFitLimits& limits);
 
 }  // namespace turncal

@@ -153,10 +153,12 @@ void SegmentScores::run(int states, const FilterResult& pass, const CompressedRe
     turn.setIdentity();
     turning = false;
   };
-  const auto forget = [&] {  // psi and v before a chain say nothing about what comes in it
-    carried.leftCols<6>().setZero();
-    I.topRows<6>().setZero();
-    I.leftCols<6>().setZero();
+  // psi and v before a chain say nothing about what comes in it, and biases of one recording nothing about the next.
+  const auto forget = [&](const FilterStep& step) {
+    const int states_lost = step.begins_recording ? NS : 6;
+    carried.leftCols(states_lost).setZero();
+    I.topRows(states_lost).setZero();
+    I.leftCols(states_lost).setZero();
   };
   std::vector<int> mine;  // of a piece: its biases, and a jump of psi and v
   for (int d = 0; d < 6; ++d) mine.push_back(NS + d);
@@ -188,7 +190,7 @@ void SegmentScores::run(int states, const FilterResult& pass, const CompressedRe
       carried.bottomRows(p + 1).noalias() += N * SH;
     }
     if (!in_piece || k != pieces_[piece].first_step) {
-      if (step.begins_chain) forget();
+      if (step.begins_chain) forget(step);
       continue;
     }
     const auto state = Eigen::seqN(0, NS);
@@ -198,7 +200,7 @@ void SegmentScores::run(int states, const FilterResult& pass, const CompressedRe
     Link& link = links_[piece];
     link.I = I(mine, mine);
     link.E = T()(state, mine);
-    if (step.begins_chain) forget();
+    if (step.begins_chain) forget(step);
     link.G = I(state, mine);
     link.M = T()(state, state);
     T().setIdentity();

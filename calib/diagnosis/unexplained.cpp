@@ -86,34 +86,39 @@ double length_s(const CompressedRecording& recording) {
 
 }  // namespace
 
-std::vector<EffectColumn> refined(const EffectColumn& column, const CompressedRecording& recording) {
+std::vector<EffectColumn> refined(const EffectColumn& column, const std::vector<const CompressedRecording*>& parts) {
   std::vector<EffectColumn> columns;
   const bool step = column.entry->name.starts_with("bias step");
   if (!depends_on_time_only(column)) return columns;
-  const double spacing = length_s(recording) / steps_in_run;
+  const double spacing = length_s(*parts[static_cast<std::size_t>(column.recording)]) / steps_in_run;
   for (int k = -5; k <= 5; ++k) {
-    const double tau = step ? column.tau_s + k * spacing / 8.0 : column.tau_s * std::pow(1.06, k);
-    columns.push_back({column.entry, column.component, tau});
+    columns.push_back(column);
+    columns.back().tau_s = step ? column.tau_s + k * spacing / 8.0 : column.tau_s * std::pow(1.06, k);
   }
   return columns;
 }
 
-std::vector<EffectColumn> pattern_columns(const CompressedRecording& recording) {
+std::vector<EffectColumn> pattern_columns(const std::vector<const CompressedRecording*>& parts) {
   std::vector<EffectColumn> columns;
-  if (recording.blocks.empty()) return columns;
-  const double length = length_s(recording);
   for (const EffectEntry& entry : patterns()) {
-    std::vector<double> values;
-    if (entry.name.starts_with("bias step"))
-      for (int k = 1; k < steps_in_run; ++k) values.push_back(length * k / steps_in_run);
-    else if (entry.name.starts_with("periodic"))
-      for (const double cycles : {1.0, 1.7, 3.0, 5.0}) values.push_back(length / cycles);
-    else if (entry.name.starts_with("bias with"))
-      values = {1.0, 2.0};
-    else
-      values = {1.0};
-    for (const double value : values)
-      for (int k = 0; k < static_cast<int>(entry.components.size()); ++k) columns.push_back({&entry, k, value});
+    const auto add = [&](const std::vector<double>& values, int recording) {
+      for (const double value : values)
+        for (int k = 0; k < static_cast<int>(entry.components.size()); ++k)
+          columns.push_back({&entry, k, value, recording});
+    };
+    if (!depends_on_time_only({&entry})) {
+      add(entry.name.starts_with("bias with") ? std::vector{1.0, 2.0} : std::vector{1.0}, -1);
+      continue;
+    }
+    for (std::size_t of = 0; of < parts.size(); ++of) {
+      const double length = length_s(*parts[of]);
+      std::vector<double> values;
+      if (length > 0.0 && entry.name.starts_with("bias step"))
+        for (int k = 1; k < steps_in_run; ++k) values.push_back(length * k / steps_in_run);
+      else if (length > 0.0)
+        for (const double cycles : {1.0, 1.7, 3.0, 5.0}) values.push_back(length / cycles);
+      add(values, static_cast<int>(of));
+    }
   }
   return columns;
 }
@@ -137,7 +142,7 @@ std::string describe_pattern(const EffectColumn& column) {
     std::snprintf(tail, sizeof tail, ", period about %.0f s", column.tau_s);
   else if (column.entry->name.starts_with("bias with"))
     std::snprintf(tail, sizeof tail, ", harmonic %.0f", column.tau_s);
-  return text + tail;
+  return text + tail + (column.recording > 0 ? " of recording " + std::to_string(column.recording + 1) : "");
 }
 
 }  // namespace turncal

@@ -71,6 +71,8 @@ JointResult JointRun::run() {
     r.setup.breaks = options_.faults_of->setup.breaks;
   } else {
     r.faults = faults_from_events(recording_, r.setup.breaks);
+    for (const std::size_t block : options_.begins)
+      add_break(r.setup.breaks, {.block = block, .begins_recording = true});
   }
 
   if (options_.faults_of) {
@@ -82,6 +84,7 @@ JointResult JointRun::run() {
   if (options_.one_step) {
     r.converged = true;
     r.message = "one step";
+    r.undetermined.resize(static_cast<std::size_t>(solution_.undetermined.cols()));
     r.noise = r.setup.noise;
     for (int k = 0; k < effects_.columns; ++k)
       r.effects.push_back({options_.effects[static_cast<std::size_t>(k)], effects_.values[k], 0.0});
@@ -161,7 +164,9 @@ void JointRun::widen() {
     r.unseen_instability = r.noise_fit->unseen_instability;
   } else if (!r.noise.has_bias_instability()) {
     const Eigen::MatrixXd& from = options_.faults_of->unseen_instability;
-    const auto base = std::count_if(subset_.begin(), subset_.end(), [](int k) { return k < parameter_count; });
+    const auto turn_ons = 6 * static_cast<int>(options_.begins.size());
+    const auto base =
+        std::count_if(subset_.begin(), subset_.end(), [&](int k) { return k < parameter_count + turn_ons; });
     const Eigen::Index both = std::min<Eigen::Index>(from.rows(), base);
     r.unseen_instability.topLeftCorner(both, both) = from.topLeftCorner(both, both);
   }

@@ -38,11 +38,13 @@ struct JointOptions {
   std::vector<EffectColumn> candidates;           // columns of the last pass only
   std::optional<double> reference_temperature_c;  // default: the mean of the recording
   std::vector<char> unobserved;                   // blocks left out (hold-out), see FilterSetup
+  std::vector<std::size_t> begins;                // first blocks of further recordings (joined_recordings.h)
   // Which of the 24 are estimated; default: the 21 free ones.
   std::optional<std::vector<int>> free_parameters;
   bool look_for_faults = true;
   const JointResult* faults_of = nullptr;  // given: its faults and breaks are taken over, none are looked for
-  // With faults_of and noise: one Gauss-Newton step from that fit, parameters and effects' values alone (left-out dwells).
+  // With faults_of and noise: one Gauss-Newton step from that fit: parameters, effects' values and how many directions are open alone
+  // (left-out dwells).
   bool one_step = false;
   int max_iterations = 15;
 };

@@ -29,12 +29,6 @@ std::size_t block_of(const CompressedRecording& recording, std::int64_t sample) 
   return after == recording.blocks.begin() ? 0 : static_cast<std::size_t>(after - recording.blocks.begin()) - 1;
 }
 
-void add_break(std::vector<Break>& breaks, const Break& cut) {
-  const auto place = std::lower_bound(breaks.begin(), breaks.end(), cut.block,
-                                      [](const Break& b, std::size_t block) { return b.block < block; });
-  breaks.insert(place, cut);
-}
-
 constexpr double chi_square_3_one_in_1e9 = 44.8;
 // Worse than this an interpolated rotation is not used: everything is found again after it.
 constexpr double worst_fill_rad = 0.003;
@@ -89,6 +83,12 @@ double fill_sigma_rad(const CompressedRecording& recording, std::size_t gap, dou
 }
 
 }  // namespace
+
+void add_break(std::vector<Break>& breaks, const Break& cut) {
+  const auto place = std::lower_bound(breaks.begin(), breaks.end(), cut.block,
+                                      [](const Break& b, std::size_t block) { return b.block < block; });
+  breaks.insert(place, cut);
+}
 
 std::vector<Fault> faults_from_events(const CompressedRecording& recording, std::vector<Break>& breaks) {
   std::vector<Fault> faults;

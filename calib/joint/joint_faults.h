@@ -15,6 +15,9 @@ namespace turncal {
 // Faults the raw data show; adds a break for each that matters, in block order.
 std::vector<Fault> faults_from_events(const CompressedRecording& recording, std::vector<Break>& breaks);
 
+// In block order.
+void add_break(std::vector<Break>& breaks, const Break& cut);
+
 // Finds the worst unexplained second; adds fault and break and returns true, or returns false when there is none.
 bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Innovation>& innovations,
                      std::vector<Fault>& faults, std::vector<Break>& breaks);

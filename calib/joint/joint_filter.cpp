@@ -113,8 +113,12 @@ void Filter<NS>::begin(const LinearInterval& interval) {
     in_chain_ = true;
     x_.template head<6>().setZero();
     X_.leftCols(6).setZero();
+    const bool first = result_.heading_error_rad.empty() || interval.begins_recording;
     if constexpr (NS == 12) {
-      if (result_.heading_error_rad.empty()) {
+      if (first) {
+        x_.template tail<6>().setZero();
+        X_.rightCols(6).setZero();
+        P_.template bottomRightCorner<6, 6>().setZero();
         P_.diagonal().template segment<3>(6).setConstant(std::pow(setup_.noise.gyro_bias_instability_radps, 2));
         P_.diagonal().template segment<3>(9).setConstant(std::pow(setup_.noise.accel_bias_instability_mps2, 2));
       }
@@ -124,7 +128,6 @@ void Filter<NS>::begin(const LinearInterval& interval) {
     P_.template topLeftCorner<6, 6>().setZero();
     const double tilt = std::pow(setup_.initial_tilt_sigma_rad, 2);
     P_.diagonal().template head<3>() << tilt, std::pow(setup_.initial_heading_sigma_rad, 2), tilt;
-    const bool first = result_.heading_error_rad.empty();
     P_.diagonal().template segment<3>(3).setConstant(first ? std::pow(setup_.initial_velocity_sigma_mps, 2)
                                                            : std::max(interval.cut_v, 1.0));
     free_ = x_;

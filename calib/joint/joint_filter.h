@@ -32,6 +32,7 @@ struct Break {
   std::size_t block = 0;
   double attitude_sigma_rad = 1.0;
   double velocity_sigma_mps = 1.0;
+  bool begins_recording = false;  // another recording of the unit: nothing is known, the biases' wander included
   bool nothing_is_known() const { return attitude_sigma_rad > 0.02; }
 };
 
@@ -74,7 +75,8 @@ struct TakenOff {
 struct FilterStep {
   std::size_t block = 0;
   bool observed = false;
-  bool begins_chain = false;                           // nothing before counts for what comes after
+  bool begins_chain = false;                           // nothing of psi, v before counts for what comes after
+  bool begins_recording = false;                       // and nothing of b_g, b_a
   double rho = 1.0;                                    // decay of b_g, b_a over the block
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // of the block, body frame, rad
   Eigen::Matrix3d turn_n, F, C_mid;                    // see linear_motion.h

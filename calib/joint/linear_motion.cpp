@@ -59,8 +59,8 @@ bool LinearMotion::next(LinearInterval& interval) {
   // Before the first rest nothing is known of the attitude, so nothing is navigated.
   for (; chain_ == 0 && index_ < recording_.blocks.size() && !still(index_); ++index_) {
     if (setup_.keep_taken_off) taken_off.emplace_back();
-    for (; cut_at(index_); ++cut_) {
-    }
+    for (; cut_at(index_); ++cut_)
+      if (cut_->begins_recording) begin_recording(cut_->block);
   }
   if (index_ >= recording_.blocks.size()) return false;
   begin(index_, interval);
@@ -76,7 +76,7 @@ void LinearMotion::begin(std::size_t index, LinearInterval& interval) const {
   interval.block = index;
   interval.blocks = 0;
   interval.t = 0.0;
-  interval.begins_chain = false;
+  interval.begins_chain = interval.begins_recording = false;
   interval.cut_psi = interval.cut_v = 0.0;
   interval.jump_psi.setZero();
   interval.jump_v.setZero();
@@ -90,9 +90,18 @@ void LinearMotion::begin(std::size_t index, LinearInterval& interval) const {
 void LinearMotion::take_breaks(std::size_t index, LinearInterval& interval) {
   for (; cut_at(index); ++cut_) {
     if (cut_->nothing_is_known()) chain_due_ = true;
+    if (cut_->begins_recording) begin_recording(cut_->block);
     interval.cut_psi += cut_->attitude_sigma_rad * cut_->attitude_sigma_rad;
     interval.cut_v += cut_->velocity_sigma_mps * cut_->velocity_sigma_mps;
   }
+}
+
+void LinearMotion::begin_recording(std::size_t block) {
+  ++of_recording_;
+  recording_due_ = true;
+  recording_begin_ = block;
+  last_rotation_end_s_ = -1e9;
+  last_up_.setZero();
 }
 
 // What the neighbours did is taken for what happened in a gap; the Break beside it says how far that may be wrong.
@@ -134,7 +143,8 @@ void LinearMotion::effects_on(std::size_t index, Motion& m) {
       after == before || block.whole_second ? Vector3d::Zero().eval() : ((rate(after) - rate(before)) / span).eval();
   s.C_nb = C_nb_ * rotation_exp(0.5 * m.motion.rotation);
   s.duration_s = t;
-  s.time_s = static_cast<double>(block.start_sample - recording_.blocks.front().start_sample) *
+  s.recording = of_recording_;
+  s.time_s = static_cast<double>(block.start_sample - recording_.blocks[recording_begin_].start_sample) *
                  recording_.info.sample_period_s +
              0.5 * t;
   const bool rotating = recording_.segments[block.segment].kind == SegmentKind::rotate;
@@ -218,7 +228,8 @@ void LinearMotion::begin_rest(const Block& block, const BlockMotion& motion, Lin
     linear_C_nb_ = C_nb_;
     v_.setZero();
     interval.begins_chain = true;
-    chain_due_ = false;
+    interval.begins_recording = recording_due_;
+    chain_due_ = recording_due_ = false;
     ++chain_;
   } else {
     const Vector3d up = C_nb_ * f_b / gravity_;
@@ -281,7 +292,10 @@ void LinearMotion::rest(LinearInterval& interval) {
     move_columns(motion, turned.turn_n, t, interval);
   }
   keep_step(interval.block, motion.rotation, turned.turn_n, linear.C_mid, t);
-  if (setup_.keep_steps) steps.back().begins_chain = interval.begins_chain;
+  if (setup_.keep_steps) {
+    steps.back().begins_chain = interval.begins_chain;
+    steps.back().begins_recording = interval.begins_recording;
+  }
   C_nb_ = attitude_step(C_nb_, turned).C_end;
   linear_C_nb_ = linear.C_end;
   v_ += move.dv_n;

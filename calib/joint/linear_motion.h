@@ -42,7 +42,7 @@ struct LinearInterval {
   double time_s = 0.0;  // middle, from the first sample
   double t = 0.0;
   // Before the interval: a chain begins (nothing before counts), or variances are added, and the navigated motion jumps.
-  bool begins_chain = false;
+  bool begins_chain = false, begins_recording = false;
   double cut_psi = 0.0, cut_v = 0.0;  // variances
   Eigen::Vector3d jump_psi, jump_v;
   Eigen::Vector3d v_start;  // of the navigated motion, after the jump
@@ -87,6 +87,7 @@ class LinearMotion {
   bool observed(std::size_t index) const;
   bool cut_at(std::size_t index) const { return cut_ != setup_.breaks.end() && cut_->block <= index; }
   void take_breaks(std::size_t index, LinearInterval& interval);
+  void begin_recording(std::size_t block);
   void begin_rest(const Block& block, const BlockMotion& motion, LinearInterval& interval);
   void rest(LinearInterval& interval);
   void turn(LinearInterval& interval);
@@ -114,6 +115,9 @@ class LinearMotion {
   std::vector<Break>::const_iterator cut_;
   int chain_ = 0;
   bool chain_due_ = true;
+  int of_recording_ = 0;  // of several
+  bool recording_due_ = false;
+  std::size_t recording_begin_ = 0;  // its first block
   bool was_still_ = false;
   Eigen::Matrix3d C_nb_ = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d linear_C_nb_ = Eigen::Matrix3d::Identity();

@@ -96,6 +96,23 @@ JointResult estimate_beside(const CompressedRecording& recording, const Paramete
   return e;
 }
 
+TurnOns turn_ons_of(const Eigen::VectorXd& values, const Eigen::MatrixXd& covariance) {
+  TurnOns result;
+  const Eigen::Index count = values.size() / biases;
+  const double n = static_cast<double>(count);
+  for (Eigen::Index k = 0; k < count; ++k) {
+    result.biases.emplace_back(values.segment<biases>(biases * k));
+    result.sigma.emplace_back(covariance.diagonal().segment<biases>(biases * k).cwiseMax(0.0).cwiseSqrt());
+    result.mean += result.biases.back() / n;
+  }
+  if (count < 2) return result;
+  Biases excess = Biases::Zero();
+  for (std::size_t k = 0; k < result.biases.size(); ++k)
+    excess += (result.biases[k] - result.mean).cwiseAbs2() / (n - 1.0) - result.sigma[k].cwiseAbs2() / n;
+  result.repeatability = excess.cwiseMax(0.0).cwiseSqrt();
+  return result;
+}
+
 SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates) {
   const Whole w = add_up(estimates);
   const SubsetSolution solution = solve_subset(w.information, w.gradient, w.subset, w.ranges);
@@ -126,25 +143,11 @@ SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates) 
       T(column, place(column, k)) = column < biases ? 1.0 / n : 1.0;
   const ParameterVector mean = T * all;
   Eigen::MatrixXd of_unit = T * covariance * T.transpose();
-  for (std::size_t k = 0; k < estimates.size(); ++k) {
-    Biases values, sigma;
-    for (int column = 0; column < biases; ++column) {
-      values[column] = all[place(column, k)];
-      sigma[column] = std::sqrt(std::max(covariance(place(column, k), place(column, k)), 0.0));
-    }
-    result.biases.push_back(values);
-    result.bias_sigma.push_back(sigma);
-  }
-  for (int column = 0; column < biases; ++column) {
-    double scatter = 0.0;
-    double noise = 0.0;
-    for (std::size_t k = 0; k < estimates.size(); ++k) {
-      scatter += std::pow(result.biases[k][column] - mean[column], 2) / (n - 1.0);
-      noise += std::pow(result.bias_sigma[k][column], 2) / n;
-    }
-    result.repeatability[column] = std::sqrt(std::max(scatter - noise, 0.0));
-    of_unit(column, column) += std::max(scatter - noise, 0.0) / n;
-  }
+  std::vector<int> of_each;
+  for (std::size_t k = 0; k < estimates.size(); ++k)
+    for (int column = 0; column < biases; ++column) of_each.push_back(place(column, k));
+  result.turn_ons = turn_ons_of(all(of_each), covariance(of_each, of_each));
+  of_unit.diagonal().head<biases>() += result.turn_ons.repeatability.cwiseAbs2() / n;
 
   JointResult& unit = result.unit = estimates.front();
   unit.parameters = from_vector(mean);

@@ -8,7 +8,8 @@
 // The recordings agree when sum_i c_i' C_i c_i, c_i = I_i (T_i p - p_i) + g_i and C_i the covariance along what recording i determines, is
 // chi-square with sum_i rank - rank degrees of freedom.
 // Turn-on repeatability of a bias: the scatter of its K values, less what their own sigmas explain (IEEE 952, 1293).
-// Not modelled: changes of scale factor or installation from day to day; they show in the agreement. Effects are not combined.
+// Not modelled: changes of scale factor or installation from day to day; they show in the agreement. Effects are not combined: for those
+// the recordings are joined (joined_recordings.h), which needs one noise for all.
 #pragma once
 
 #include <string>
@@ -20,13 +21,21 @@ namespace turncal {
 
 using Biases = Eigen::Matrix<double, 6, 1>;  // N01 N02 N03 (deg/h), A01 A02 A03 (g)
 
+// What is of each switch-on.
+struct TurnOns {
+  std::vector<Biases> biases, sigma;  // of each recording
+  Biases mean = Biases::Zero();
+  Biases repeatability = Biases::Zero();  // one sigma from one switch-on to the next; 0: no more than noise
+};
+// `values`: six biases of the first recording, of the second, ...; `covariance`: of them.
+TurnOns turn_ons_of(const Eigen::VectorXd& values, const Eigen::MatrixXd& covariance);
+
 struct SeveralRecordings {
   // Common parameters; biases: the mean over the recordings, with the scatter of the mean in its sigma. Everything that
   // describes one recording (noise, faults, innovations) is of the first.
   JointResult unit;
-  std::vector<Biases> biases, bias_sigma;  // of each recording
-  Biases repeatability = Biases::Zero();   // one sigma from one switch-on to the next; 0: no more than noise
-  double disagreement = 0.0;               // chi-square
+  TurnOns turn_ons;
+  double disagreement = 0.0;  // chi-square
   int degrees = 0;
   double p_value = 1.0;
   bool agree = true;  // p_value above one in a thousand; where not, sigmas are those that would make them agree

@@ -19,7 +19,8 @@ struct BlockState {
   Eigen::Vector3d w_dot_b;  // angular acceleration, rad/s^2
   Eigen::Matrix3d C_nb;     // attitude in the middle of the block
   double duration_s = 0.0;
-  double time_s = 0.0;                                  // middle of the block, from the first sample
+  int recording = 0;                                    // of several recordings of a unit: which, from 0
+  double time_s = 0.0;                                  // middle of the block, from that recording's first sample
   double since_rotation_s = 0.0;                        // from the end of the last rotation; large before the first
   double temperature_c = 0.0;                           // minus the reference; 0 when not measured
   Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded heading, pitch, roll (half way in a rotation)

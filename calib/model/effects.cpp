@@ -78,34 +78,39 @@ std::span<const std::string_view> unobservable_quantities() {
 }
 
 std::string EffectColumn::key() const {
-  return std::string(entry->name) + "." + std::string(entry->components[static_cast<std::size_t>(component)]);
+  return std::string(entry->name) + "." + std::string(entry->components[static_cast<std::size_t>(component)]) +
+         (recording > 0 ? "_recording_" + std::to_string(recording + 1) : "");
 }
 
-std::vector<EffectColumn> catalogue_columns(const RecordingInfo& info) {
+std::vector<EffectColumn> catalogue_columns(const RecordingInfo& info, int recordings) {
   std::vector<EffectColumn> columns;
   for (const EffectEntry& entry : effect_catalogue()) {
     if (entry.needs_temperature && !info.has_temperature) continue;
     const std::vector<double> taus = entry.taus_s.empty() ? std::vector<double>{0.0} : entry.taus_s;
-    for (const double tau : taus)
-      for (int k = 0; k < static_cast<int>(entry.components.size()); ++k) columns.push_back({&entry, k, tau});
+    for (int of = 0; of < (entry.of_one_run ? recordings : 1); ++of)
+      for (const double tau : taus)
+        for (int k = 0; k < static_cast<int>(entry.components.size()); ++k)
+          columns.push_back({&entry, k, tau, entry.of_one_run ? of : -1});
   }
   return columns;
 }
 
 EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Site& site,
                               double reference_temperature_c) {
-  // Consecutive columns of one entry and one tau are written together; a column picks its component from that.
+  // Consecutive columns of one entry, tau and recording are written together; a column picks its component from that.
   struct Part {
     const EffectEntry* entry;
     double tau_s;
+    int recording;
     std::vector<std::pair<int, int>> pick = {};  // component, column
     History history = {};
   };
   std::vector<Part> parts;
   for (int k = 0; k < static_cast<int>(columns.size()); ++k) {
     const EffectColumn& column = columns[static_cast<std::size_t>(k)];
-    if (parts.empty() || parts.back().entry != column.entry || parts.back().tau_s != column.tau_s)
-      parts.push_back({.entry = column.entry, .tau_s = column.tau_s});
+    if (parts.empty() || parts.back().entry != column.entry || parts.back().tau_s != column.tau_s ||
+        parts.back().recording != column.recording)
+      parts.push_back({.entry = column.entry, .tau_s = column.tau_s, .recording = column.recording});
     parts.back().pick.emplace_back(column.component, k);
   }
   EffectModel model;
@@ -121,7 +126,8 @@ EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Si
       const int count = static_cast<int>(part.entry->components.size());
       gyro.leftCols(count).setZero();
       accel.leftCols(count).setZero();
-      part.entry->write(s, site, part.tau_s, gyro.leftCols(count), accel.leftCols(count));
+      if (part.recording < 0 || part.recording == s.recording)
+        part.entry->write(s, site, part.tau_s, gyro.leftCols(count), accel.leftCols(count));
       for (const auto& [component, column] : part.pick) {
         out.gyro.col(column) = gyro.col(component) * part.entry->si;
         out.accel.col(column) = accel.col(component) * part.entry->si;

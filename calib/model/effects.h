@@ -53,12 +53,13 @@ struct EffectColumn {
   const EffectEntry* entry = nullptr;
   int component = 0;
   double tau_s = 0.0;       // 0: the effect has none
-  std::string key() const;  // "accel_second_order.x"
+  int recording = -1;       // acts in this one of several only; -1: in all
+  std::string key() const;  // "accel_second_order.x"; of a recording after the first "accel_bias_drift.x_recording_2"
 };
 
-// The whole catalogue as columns (with every variant), or a choice of them. Effects that need a temperature are left out
-// when the recording has none.
-std::vector<EffectColumn> catalogue_columns(const RecordingInfo& info);
+// The whole catalogue as columns (with every variant). Effects that need a temperature are left out when the recording has none; those of
+// one run are there once for each of `recordings`.
+std::vector<EffectColumn> catalogue_columns(const RecordingInfo& info, int recordings = 1);
 EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Site& site,
                               double reference_temperature_c);
 

@@ -1,4 +1,4 @@
-// `turncal diagnose RECORDING [--holdout RECORDING] --out DIR`: does the data hold an effect beyond the 24 parameters? Fits, scores
+// `turncal diagnose RECORDING... [--holdout RECORDING]... --out DIR`: do the data hold an effect beyond the 24 parameters? Fits, scores
 // every effect of the catalogue, adds what stands the test on held-out data, and writes DIR/parameters.conf,
 // DIR/diagnosis.conf and DIR/report.html. Exit code 0 when the verdict is clean, 20 when it is not.
 
@@ -20,8 +20,8 @@ namespace turncal {
 namespace {
 
 struct DiagnoseOptions {
-  std::string recording;
-  std::string holdout;
+  std::vector<std::string> recordings;
+  std::vector<std::string> holdouts;
   std::string out;
   std::string residuals, format;
   std::optional<double> arw_deg_per_rt_h;
@@ -68,11 +68,23 @@ class Phases {
   double drawn_s_ = -1e9;
 };
 
-Result<LoadedRecording> load(const std::string& path, Phases& phases) {
-  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path);
-  if (!source) return source.error();
-  if (!(*source)->segments().empty()) phases.begin("reading " + path);
-  return load_recording(**source, [&](std::int64_t count) { phases.samples(count); });
+Result<std::vector<LoadedRecording>> load(const std::vector<std::string>& paths, Phases& phases) {
+  std::vector<LoadedRecording> all;
+  for (const std::string& path : paths) {
+    const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path);
+    if (!source) return source.error();
+    if (!(*source)->segments().empty()) phases.begin("reading " + path);
+    Result<LoadedRecording> loaded = load_recording(**source, [&](std::int64_t count) { phases.samples(count); });
+    if (!loaded) return loaded.error();
+    all.push_back(std::move(*loaded));
+  }
+  return all;
+}
+
+std::vector<const LoadedRecording*> each_of(const std::vector<LoadedRecording>& recordings) {
+  std::vector<const LoadedRecording*> each;
+  for (const LoadedRecording& recording : recordings) each.push_back(&recording);
+  return each;
 }
 
 Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, const RecordingInfo& info) {
@@ -111,30 +123,26 @@ DataTable diagnosis_table(const std::string& conf) {
 
 Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context) {
   const double began_s = steady_wall_s();
-  for (const std::string& source : {options.recording, options.holdout}) {
-    if (source.empty()) continue;
-    if (Status status = check_not_source(options.out, source); !status) return status.error();
-  }
+  for (const std::vector<std::string>& sources : {options.recordings, options.holdouts})
+    for (const std::string& source : sources)
+      if (Status status = check_not_source(options.out, source); !status) return status.error();
   Phases phases(context, !options.format.empty());
-  const Result<LoadedRecording> fitted = load(options.recording, phases);
+  const Result<std::vector<LoadedRecording>> fitted = load(options.recordings, phases);
   if (!fitted) return fitted.error();
-  std::optional<LoadedRecording> holdout;
-  if (!options.holdout.empty()) {
-    Result<LoadedRecording> loaded = load(options.holdout, phases);
-    if (!loaded) return loaded.error();
-    holdout = std::move(*loaded);
-  }
-  Result<std::optional<NoiseModel>> noise = noise_given(options, fitted->data.info);
+  const Result<std::vector<LoadedRecording>> holdouts = load(options.holdouts, phases);
+  if (!holdouts) return holdouts.error();
+  const RecordingInfo& info = fitted->front().data.info;
+  Result<std::optional<NoiseModel>> noise = noise_given(options, info);
   if (!noise) return noise.error();
   DiagnosisRequest request;
   request.time_utc = format_utc(wall_utc_s());
-  request.holdout = holdout ? &*holdout : nullptr;
+  request.holdouts = each_of(*holdouts);
   request.noise = *noise;
-  request.samples = holdout ? options.holdout : options.recording;
+  request.samples = (options.holdouts.empty() ? options.recordings : options.holdouts).front();
   request.phase = [&phases](const std::string& what) { phases.begin(what); };
-  Result<OutputFolder> folder = OutputFolder::prepare_results(options.out, fitted->data.info.unit_serial);
+  Result<OutputFolder> folder = OutputFolder::prepare_results(options.out, info.unit_serial);
   if (!folder) return folder.error();
-  const Result<DiagnosisOutput> output = diagnose_recording(*fitted, request);
+  const Result<DiagnosisOutput> output = diagnose_recordings(each_of(*fitted), request);
   if (!output) return output.error();
   if (Status status = write_diagnosis(folder->path(), output->files); !status) return status.error();
   folder->keep();
@@ -167,9 +175,14 @@ void add_diagnose_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<DiagnoseOptions>();
   const Command command = line.command(
       "diagnose", "find, name and add an effect that the 24 parameters lack; report the error before and after");
-  command.option("recording", options->recording, "a folder (binary or text form) or a .tcr file").required();
-  command.option("--holdout", options->holdout,
-                 "another recording of the unit, not used in the fit; default: dwells left out in turn");
+  command.option("recording", options->recordings, "a folder (binary or text form) or a .tcr file; several of one unit")
+      .required();
+  command
+      .option(
+          "--holdout", options->holdouts,
+          "another recording of the unit, not used in the fit (again for more); default: recordings, or dwells, left "
+          "out in turn")
+      .one_word_each();
   command.option("--out", options->out, "folder for parameters.conf, diagnosis.conf and report.html").required();
   command.option("--residuals", options->residuals, "writes the residuals to this file, too: .csv, .npy or .mat");
   command.option("--format", options->format, "print diagnosis.conf in this form instead of words")

@@ -23,10 +23,11 @@ struct NavigationWorth {
 
 struct DiagnosisContext {
   explicit DiagnosisContext(const CompressedRecording& fitted) : recording(fitted) {}
-  const CompressedRecording& recording;  // the one that was fitted
+  const CompressedRecording& recording;  // the one that was fitted, or several joined
   std::string recording_path;
-  std::string recording_hash;
-  std::string holdout_path;  // empty: none
+  std::string recording_hash;       // of several: of the first
+  std::vector<std::string> hashes;  // of all
+  std::string holdout_path;         // empty: none
   std::string time_utc;
   double false_alarm = 0.005;  // family-wise, as asked of diagnose()
   bool noise_given = false;    // configured, not fitted

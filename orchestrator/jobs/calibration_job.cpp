@@ -88,7 +88,7 @@ std::string distrust_of(const CompressedRecording& recording, const JointResult&
   if (!result.whiteness.white && result.whiteness.level > 1.0) return result.whiteness.message;
   if (!test_fit) return "";
   if (const std::string wrong = wrong_latitude(recording, result); !wrong.empty()) return wrong;
-  const LackOfFit fit = test_lack_of_fit(recording, result, nullptr, LackOfFitLimits{});
+  const LackOfFit fit = test_lack_of_fit(recording, result, {}, LackOfFitLimits{});
   if (fit.passed) return "";
   char text[200];
   std::snprintf(text, sizeof text, "the model does not fit: %s, chi-square %.1f of %.0f", fit.worst.what.c_str(),

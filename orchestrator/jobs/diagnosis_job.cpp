@@ -16,36 +16,38 @@
 namespace turncal {
 namespace {
 
-Status check_holdout(const LoadedRecording& other, const LoadedRecording& recording) {
-  const RecordingInfo& holdout = other.data.info;
-  const RecordingInfo& fitted = recording.data.info;
-  const auto refuse = [&](const std::string& key, const std::string& value, const std::string& expected) -> Status {
-    return input_error(other.path + ": " + key + " = '" + value + "': expected '" + expected +
-                       "', as in the recording to be fitted");
-  };
-  if (holdout.unit_serial != fitted.unit_serial) return refuse("unit_serial", holdout.unit_serial, fitted.unit_serial);
-  const auto kind = [](IncrementKind k) { return std::string(k == IncrementKind::pulses ? "pulses" : "rad or mps"); };
-  if (holdout.gyro_increment != fitted.gyro_increment)
-    return refuse("gyro_increment", kind(holdout.gyro_increment), kind(fitted.gyro_increment));
-  if (holdout.accel_increment != fitted.accel_increment)
-    return refuse("accel_increment", kind(holdout.accel_increment), kind(fitted.accel_increment));
-  if (fitted.accel_increment == IncrementKind::pulses && holdout.accel_pulse_mps != fitted.accel_pulse_mps)
-    return refuse("accel_pulse_mps", format_number(holdout.accel_pulse_mps), format_number(fitted.accel_pulse_mps));
-  if (other.hash == recording.hash) {
-    return input_error(other.path +
-                       ": is the recording to be fitted itself: expected data that is not used in the fit");
+using Recordings = std::vector<const LoadedRecording*>;
+
+// All of one unit, and those to be fitted together of one place and one rate.
+Status check_together(const Recordings& fitted, const Recordings& holdouts) {
+  Recordings all = fitted;
+  all.insert(all.end(), holdouts.begin(), holdouts.end());
+  if (Status status = check_same_unit(all); !status) return status;
+  const LoadedRecording& first = *fitted.front();
+  const bool several = fitted.size() > 1 || holdouts.size() > 1;
+  if (several && first.by_hand)
+    return input_error(first.path + ": " + no_table_angles + ": expected one recording, and one holdout at most");
+  for (const LoadedRecording* one : fitted) {
+    const auto same = [&](const char* key, double RecordingInfo::*value) -> Status {
+      const double is = one->data.info.*value, expected = first.data.info.*value;
+      if (is == expected) return {};
+      return input_error(one->path + ": " + key + " = " + format_number(is) + ": expected " + format_number(expected) +
+                         ", as in " + first.path);
+    };
+    if (Status s = same("sample_period_s", &RecordingInfo::sample_period_s); !s) return s;
+    if (Status s = same("latitude_deg", &RecordingInfo::latitude_deg); !s) return s;
+    if (Status s = same("gravity_mps2", &RecordingInfo::gravity_mps2); !s) return s;
   }
-  if (other.by_hand != recording.by_hand)
-    return input_error(other.path + ": expected a recording " + (recording.by_hand ? "without" : "with") +
-                       " table angles, as the one to be fitted");
-  return check_data(other);
+  for (const LoadedRecording* one : all)
+    if (Status status = check_data(*one); !status) return status;
+  return {};
 }
 
 // What the effects are worth in miles; a note where it cannot be had.
 void navigate_effects(const LoadedRecording& recording, const Diagnosis& diagnosis, const DiagnosisRequest& request,
                       DiagnosisContext& context) {
   request.phase("navigating with and without what was added");
-  const LoadedRecording& navigated = request.holdout ? *request.holdout : recording;
+  const LoadedRecording& navigated = request.holdouts.empty() ? recording : *request.holdouts.front();
   const RecordingInfo& info = navigated.data.info;
   const Segments& segments = navigated.data.segments;
   const double to_s =
@@ -56,19 +58,22 @@ void navigate_effects(const LoadedRecording& recording, const Diagnosis& diagnos
     return;
   }
   context.worth = std::move(*worth);
-  context.worth->source = request.holdout ? "second recording" : "fitted recording";
+  context.worth->source = request.holdouts.empty() ? "fitted recording" : "second recording";
 }
 
-Result<DiagnosisOutput> of_table(const LoadedRecording& recording, const DiagnosisRequest& request,
-                                 DiagnosisContext& context) {
+Result<DiagnosisOutput> of_table(const Recordings& recordings, const JoinedRecordings& joined,
+                                 const DiagnosisRequest& request, DiagnosisContext& context) {
+  const LoadedRecording& recording = *recordings.front();
   DiagnosisOptions settings;
   settings.estimate.noise = request.noise;
   settings.base = request.noise ? nullptr : request.base;
-  if (request.holdout) settings.holdout = &request.holdout->data;
+  for (const LoadedRecording* holdout : request.holdouts) settings.holdouts.push_back(&holdout->data);
   request.phase("diagnosing: fit, scores of the catalogue, selection, held-out data");
-  Diagnosis diagnosis = diagnose(recording.data, settings);
+  Diagnosis diagnosis = diagnose(joined, settings);
   if (diagnosis.verdict == Verdict::not_tested)
     return Error{ErrorKind::unit_failed, recording.path + ": " + diagnosis.reason};
+  if (recordings.size() > 1)
+    for (std::string& line : turn_on_words(diagnosis.each.turn_ons)) context.notes.push_back(std::move(line));
   context.false_alarm = settings.false_alarm;
   context.noise_given = request.noise.has_value();
   if (has_after(diagnosis) && !request.samples.empty()) navigate_effects(recording, diagnosis, request, context);
@@ -100,9 +105,10 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
   if (data.rests.size() == 1) return of_single_pose(recording);
   std::optional<RestData> other;
   RestDiagnosisOptions settings;
-  if (request.holdout) {
-    other = make_rest_data(request.holdout->data);
-    if (other->legs.empty()) return input_error(request.holdout->path + ": holds no rotation between two rests");
+  if (!request.holdouts.empty()) {
+    other = make_rest_data(request.holdouts.front()->data);
+    if (other->legs.empty())
+      return input_error(request.holdouts.front()->path + ": holds no rotation between two rests");
     settings.holdout = &*other;
   }
   request.phase("diagnosing: fit, scores of the catalogue, selection, rests left out");
@@ -123,23 +129,29 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
 
 }  // namespace
 
-Result<DiagnosisOutput> diagnose_recording(const LoadedRecording& recording, const DiagnosisRequest& request) {
-  if (Status status = check_data(recording); !status) return status.error();
-  DiagnosisContext context(recording.data);
-  context.recording_path = recording.path;
-  context.recording_hash = recording.hash;
+Result<DiagnosisOutput> diagnose_recordings(const Recordings& recordings, const DiagnosisRequest& request) {
+  if (Status status = check_together(recordings, request.holdouts); !status) return status.error();
+  const LoadedRecording& first = *recordings.front();
+  std::vector<const CompressedRecording*> parts;
+  for (const LoadedRecording* recording : recordings) parts.push_back(&recording->data);
+  const JoinedRecordings joined = join_recordings(parts);
+  DiagnosisContext context(joined.data);
+  context.recording_hash = first.hash;
   context.time_utc = request.time_utc;
   context.of_run = request.of_run;
-  for (const LoadedRecording* loaded : {&recording, request.holdout}) {
-    if (loaded == nullptr) continue;
-    const std::string damage = describe(loaded->damage);
-    if (!damage.empty()) context.notes.push_back(loaded->path + ": " + damage);
+  for (const LoadedRecording* recording : recordings) {
+    context.recording_path += (context.recording_path.empty() ? "" : ", ") + recording->path;
+    context.hashes.push_back(recording->hash);
   }
-  if (request.holdout) {
-    if (Status status = check_holdout(*request.holdout, recording); !status) return status.error();
-    context.holdout_path = request.holdout->path;
-  }
-  Result<DiagnosisOutput> output = (recording.by_hand ? of_hand_turned : of_table)(recording, request, context);
+  for (const LoadedRecording* holdout : request.holdouts)
+    context.holdout_path += (context.holdout_path.empty() ? "" : ", ") + holdout->path;
+  for (const Recordings& all : {recordings, request.holdouts})
+    for (const LoadedRecording* loaded : all) {
+      const std::string damage = describe(loaded->damage);
+      if (!damage.empty()) context.notes.push_back(loaded->path + ": " + damage);
+    }
+  Result<DiagnosisOutput> output =
+      first.by_hand ? of_hand_turned(first, request, context) : of_table(recordings, joined, request, context);
   if (output) output->table.insert(output->table.begin(), context.notes.begin(), context.notes.end());
   return output;
 }

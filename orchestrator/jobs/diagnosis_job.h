@@ -15,7 +15,7 @@ namespace turncal {
 
 struct DiagnosisRequest {
   std::string time_utc;  // for the record
-  const LoadedRecording* holdout = nullptr;
+  std::vector<const LoadedRecording*> holdouts = {};
   std::optional<NoiseModel> noise;    // given, not measured
   const JointResult* base = nullptr;  // the joint estimate of this recording, where there is one already
   std::string samples;  // path of what is navigated for it, of the holdout where there is one; empty: nothing is
@@ -29,7 +29,12 @@ struct DiagnosisOutput {
   std::vector<std::string> table;  // for the terminal
 };
 
+// Of one recording, or of several of one unit (calib/joint/joined_recordings.h), which are of a table then.
 // Errors: kind input for recordings that cannot be diagnosed (together), unit_failed when the base model does not settle.
-Result<DiagnosisOutput> diagnose_recording(const LoadedRecording& recording, const DiagnosisRequest& request);
+Result<DiagnosisOutput> diagnose_recordings(const std::vector<const LoadedRecording*>& recordings,
+                                            const DiagnosisRequest& request);
+inline Result<DiagnosisOutput> diagnose_recording(const LoadedRecording& recording, const DiagnosisRequest& request) {
+  return diagnose_recordings({&recording}, request);
+}
 
 }  // namespace turncal

@@ -10,6 +10,7 @@
 #include "calib/statistics/clipping.h"
 #include "calib/statistics/segmentation.h"
 #include "calib/statistics/unit_slip.h"
+#include "imu_io/base/format_number.h"
 
 namespace turncal {
 
@@ -109,6 +110,34 @@ Status check_data(const LoadedRecording& loaded) {
   const std::vector<Block>& blocks = loaded.data.blocks;
   if (std::any_of(blocks.begin(), blocks.end(), [](const Block& block) { return block.whole_second; })) return {};
   return input_error(loaded.path + ": not one whole second at rest: expected dwells to calibrate from");
+}
+
+Status check_same_unit(const std::vector<const LoadedRecording*>& recordings) {
+  const LoadedRecording& first = *recordings.front();
+  const auto kind = [](IncrementKind k) { return std::string(k == IncrementKind::pulses ? "pulses" : "rad or mps"); };
+  for (const LoadedRecording* one : recordings) {
+    const RecordingInfo &info = one->data.info, &expected = first.data.info;
+    const auto refuse = [&](const std::string& key, const std::string& value, const std::string& instead) -> Status {
+      return input_error(one->path + ": " + key + " = '" + value + "': expected '" + instead + "', as in " +
+                         first.path);
+    };
+    if (info.unit_serial != expected.unit_serial) return refuse("unit_serial", info.unit_serial, expected.unit_serial);
+    if (info.gyro_increment != expected.gyro_increment)
+      return refuse("gyro_increment", kind(info.gyro_increment), kind(expected.gyro_increment));
+    if (info.accel_increment != expected.accel_increment)
+      return refuse("accel_increment", kind(info.accel_increment), kind(expected.accel_increment));
+    if (expected.accel_increment == IncrementKind::pulses && info.accel_pulse_mps != expected.accel_pulse_mps)
+      return refuse("accel_pulse_mps", format_number(info.accel_pulse_mps), format_number(expected.accel_pulse_mps));
+    if (info.simulated != expected.simulated)
+      return refuse("simulated", info.simulated ? "true" : "false", expected.simulated ? "true" : "false");
+    if (one->by_hand != first.by_hand)
+      return input_error(one->path + ": expected a recording " + (first.by_hand ? "without" : "with") +
+                         " table angles, as " + first.path);
+    const auto same = [&](const LoadedRecording* other) { return other != one && other->hash == one->hash; };
+    if (std::any_of(recordings.begin(), recordings.end(), same))
+      return input_error(one->path + ": is given twice: expected recordings that differ");
+  }
+  return {};
 }
 
 }  // namespace turncal

@@ -5,6 +5,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "calib/statistics/compression.h"
 #include "calib/types/status.h"
@@ -36,5 +37,8 @@ Result<LoadedRecording> load_recording(const std::string& path, const std::funct
 // An error when there is nothing to calibrate from: a channel that does not live, units that are
 // plainly wrong, not one whole second at rest.
 Status check_data(const LoadedRecording& loaded);
+
+// An error when two of them are the same, or they are not of one unit, recorded in one way, and all with table angles or all without.
+Status check_same_unit(const std::vector<const LoadedRecording*>& recordings);
 
 }  // namespace turncal

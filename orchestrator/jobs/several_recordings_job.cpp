@@ -9,47 +9,6 @@
 namespace turncal {
 namespace {
 
-Status check_same_unit(const std::vector<LoadedRecording>& recordings) {
-  const RecordingInfo& first = recordings.front().data.info;
-  for (const LoadedRecording& r : recordings) {
-    const RecordingInfo& info = r.data.info;
-    const auto differs = [&](const std::string& what) {
-      return input_error(r.path + ": " + what + " than " + recordings.front().path +
-                         ": expected recordings of one unit");
-    };
-    if (r.by_hand)
-      return input_error(r.path + ": " + no_table_angles + ": expected several recordings to be from a table");
-    if (info.unit_serial != first.unit_serial)
-      return differs("another serial number, " + info.unit_serial + " where " + first.unit_serial + " was first,");
-    if (info.gyro_increment != first.gyro_increment || info.accel_increment != first.accel_increment ||
-        info.accel_pulse_mps != first.accel_pulse_mps)
-      return differs("other increments");
-    if (info.simulated != first.simulated) return differs("simulated or real, other");
-    const auto same = [&](const LoadedRecording& other) { return &other != &r && other.hash == r.hash; };
-    if (std::any_of(recordings.begin(), recordings.end(), same))
-      return input_error(r.path + ": is given twice: expected recordings that differ");
-  }
-  return {};
-}
-
-void describe(const SeveralRecordings& several, const std::vector<LoadedRecording>& recordings, ParameterFile& file) {
-  file.add_further("record.recordings", static_cast<double>(recordings.size()));
-  for (std::size_t k = 0; k < recordings.size(); ++k) {
-    const std::string begin = "record.recording." + std::to_string(k + 1) + ".";
-    file.add_further(begin + "hash", recordings[k].hash);
-    for (int column = 0; column < 6; ++column) {
-      const std::string key(parameter_keys[static_cast<std::size_t>(column)]);
-      file.add_further(begin + key, several.biases[k][column]);
-      file.add_further(begin + "sigma." + key, several.bias_sigma[k][column]);
-    }
-  }
-  for (int column = 0; column < 6; ++column)
-    file.add_further("quality.turn_on_repeatability." + std::string(parameter_keys[static_cast<std::size_t>(column)]),
-                     several.repeatability[column]);
-  file.add_further("quality.recordings_agree", std::string(several.agree ? "true" : "false"));
-  file.add_further("quality.recordings_p_value", several.p_value);
-}
-
 // What one recording does not determine the others may: one that leaves directions open, or does not settle for it, is looked at beside one that does not.
 Result<std::vector<CalibrationOutput>> calibrate_each(const std::vector<LoadedRecording>& recordings,
                                                       CalibrationRequest request) {
@@ -80,7 +39,15 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   if (recordings.size() == 1) return calibrate_recording(recordings.front(), request);
   if (request.method != calibration_methods[0])
     return input_error("--method " + request.method + ": expected joint where there are several recordings");
-  if (Status status = check_same_unit(recordings); !status) return status.error();
+  std::vector<const LoadedRecording*> all;
+  std::vector<std::string> hashes;
+  for (const LoadedRecording& recording : recordings) {
+    if (recording.by_hand)
+      return input_error(recording.path + ": " + no_table_angles + ": expected several recordings to be from a table");
+    all.push_back(&recording);
+    hashes.push_back(recording.hash);
+  }
+  if (Status status = check_same_unit(all); !status) return status.error();
   CalibrationOutput output;
   Result<std::vector<CalibrationOutput>> each = calibrate_each(recordings, request);
   if (!each) return each.error();
@@ -104,7 +71,9 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   describe_estimate(several.unit, recordings.front().data, false, file);
   if (!several.agree) output.distrust = "the recordings contradict each other";
   describe_trust(judged && output.distrust.empty(), file);
-  describe(several, recordings, file);
+  describe_turn_ons(several.turn_ons, hashes, file);
+  file.add_further("quality.recordings_agree", std::string(several.agree ? "true" : "false"));
+  file.add_further("quality.recordings_p_value", several.p_value);
   output.file = std::move(file);
   char text[240];
   std::snprintf(text, sizeof text,
@@ -112,13 +81,8 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
                 recordings.size(), several.disagreement, several.degrees, several.p_value,
                 several.agree ? "" : ": THEY CONTRADICT EACH OTHER; every sigma is widened until they do not");
   output.notes.push_back(text);
-  for (int column = 0; column < 6; ++column) {
-    const bool gyro = column < 3;
-    std::snprintf(text, sizeof text, "turn-on repeatability of %s: %.3g %s",
-                  std::string(parameter_keys[static_cast<std::size_t>(column)]).c_str(),
-                  gyro ? several.repeatability[column] : 1e6 * several.repeatability[column], gyro ? "deg/h" : "ug");
-    output.notes.push_back(text);
-  }
+  const std::vector<std::string> words = turn_on_words(several.turn_ons);
+  output.notes.insert(output.notes.end(), words.begin(), words.end());
   output.fit = several.unit;
   return output;
 }

@@ -80,6 +80,11 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
       lines.number("effect." + e->column.key(), e->value);
       lines.number("sigma.effect." + e->column.key(), e->sigma);
     }
+    for (const EstimatedEffect& e : d.each.effects) {
+      if (e.column.entry->name != name) continue;
+      lines.number("effect." + e.column.key(), e.value);
+      lines.number("sigma.effect." + e.column.key(), e.sigma);
+    }
     if (!parts.empty() && parts.front()->column.tau_s > 0.0)
       lines.number("effect." + name + "." + std::string(parts.front()->column.entry->variant),
                    parts.front()->column.tau_s);
@@ -99,6 +104,11 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
   lines.number("holdout.velocity_rms_before_mps", holdout_value(d.holdout_before, d.holdout_before.velocity_rms_mps));
   lines.number("holdout.velocity_rms_after_mps", holdout_value(d.holdout_after, d.holdout_after.velocity_rms_mps));
   lines.value("holdout.source", d.holdout_source);
+  for (std::size_t k = 0; k < d.each.turn_ons.biases.size(); ++k)
+    for (int column = 0; column < 6; ++column)
+      lines.number(
+          "recording." + std::to_string(k + 1) + "." + std::string(parameter_keys[static_cast<std::size_t>(column)]),
+          d.each.turn_ons.biases[k][column]);
   if (worth) {
     lines.value("navigation.source", worth->source);
     lines.number("navigation.free_s", worth->free_s);
@@ -206,6 +216,32 @@ void describe_estimate(const JointResult& result, const CompressedRecording& rec
     file.add_further("quality.undetermined_directions", static_cast<double>(result.undetermined.size()));
 }
 
+void describe_turn_ons(const TurnOns& turn_ons, const std::vector<std::string>& hashes, ParameterFile& file) {
+  file.add_further("record.recordings", static_cast<double>(hashes.size()));
+  for (std::size_t k = 0; k < hashes.size(); ++k) {
+    const std::string begin = "record.recording." + std::to_string(k + 1) + ".";
+    file.add_further(begin + "hash", hashes[k]);
+    for (int column = 0; column < 6; ++column) {
+      const std::string key(parameter_keys[static_cast<std::size_t>(column)]);
+      file.add_further(begin + key, turn_ons.biases[k][column]);
+      file.add_further(begin + "sigma." + key, turn_ons.sigma[k][column]);
+    }
+  }
+  for (int column = 0; column < 6; ++column)
+    file.add_further("quality.turn_on_repeatability." + std::string(parameter_keys[static_cast<std::size_t>(column)]),
+                     turn_ons.repeatability[column]);
+}
+
+std::vector<std::string> turn_on_words(const TurnOns& turn_ons) {
+  std::vector<std::string> words;
+  for (int column = 0; column < 6; ++column) {
+    const bool gyro = column < 3;
+    words.push_back("turn-on repeatability of " + std::string(parameter_keys[static_cast<std::size_t>(column)]) + ": " +
+                    significant((gyro ? 1.0 : 1e6) * turn_ons.repeatability[column], 3) + (gyro ? " deg/h" : " ug"));
+  }
+  return words;
+}
+
 void describe_alias(const Diagnosis& d, ParameterFile& file) {
   if (!d.trusted || d.fitted_covariance.rows() != d.extended.covariance.rows()) return;
   for (std::size_t i = 0; i < d.extended.free.size(); ++i) {
@@ -223,6 +259,7 @@ ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisCo
   describe_estimate(diagnosis.extended, context.recording, context.noise_given, file);
   describe_alias(diagnosis, file);
   complete_parameters(diagnosis, context, file);
+  if (!diagnosis.each.turn_ons.biases.empty()) describe_turn_ons(diagnosis.each.turn_ons, context.hashes, file);
   return file;
 }
 

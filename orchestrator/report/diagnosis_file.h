@@ -31,6 +31,9 @@ void describe_random_walk(const NoiseModel& noise, ParameterFile& file);
 void describe_model(const JointResult& result, const CompressedRecording& recording, ParameterFile& file);
 // After the model: no file is trusted whose parameters are not all determined.
 void describe_trust(bool trusted, ParameterFile& file);
+// Of several recordings of one unit: which, the biases of each, and how well they repeat from one switch-on to the next.
+void describe_turn_ons(const TurnOns& turn_ons, const std::vector<std::string>& hashes, ParameterFile& file);
+std::vector<std::string> turn_on_words(const TurnOns& turn_ons);  // the last of it, a line a bias
 // Free parameters that are not determined, with a space between.
 std::string undetermined_parameters(const JointResult& result);
 // What belongs to the work: hash, method, version, time, verdict.

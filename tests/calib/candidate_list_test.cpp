@@ -33,9 +33,10 @@ CompressedRecording nothing_recorded() {
 }
 
 TEST(CandidateList, WhatIsAsGoodIsAnAliasAndARival) {
-  const CompressedRecording recording = nothing_recorded();
+  const CompressedRecording nothing = nothing_recorded();
+  const JoinedRecordings recordings = join_recordings({&nothing});
   const DiagnosisOptions options;
-  const DiagnosisModel m(recording, options);
+  const DiagnosisModel m(recordings, options);
   const int chosen = column_of(m, "accel_second_order.y"), near = column_of(m, "accel_third_order.y"),
             far = column_of(m, "gyro_g_sensitivity.xx");
   ASSERT_GE(chosen, 0);
@@ -53,9 +54,10 @@ TEST(CandidateList, WhatIsAsGoodIsAnAliasAndARival) {
 
 // An effect chosen by the likelihood may have had a score within the margin of nothing at all.
 TEST(CandidateList, WhatCannotBeSeenIsNoRivalOfAWeakScore) {
-  const CompressedRecording recording = nothing_recorded();
+  const CompressedRecording nothing = nothing_recorded();
+  const JoinedRecordings recordings = join_recordings({&nothing});
   const DiagnosisOptions options;
-  const DiagnosisModel m(recording, options);
+  const DiagnosisModel m(recordings, options);
   const int chosen = column_of(m, "accel_second_order.y");
   SelectionStage stage;
   Diagnosis d;
@@ -66,9 +68,10 @@ TEST(CandidateList, WhatCannotBeSeenIsNoRivalOfAWeakScore) {
 }
 
 TEST(CandidateList, ListsEachComponentOnceAndNamesWhatIsNotSeen) {
-  const CompressedRecording recording = nothing_recorded();
+  const CompressedRecording nothing = nothing_recorded();
+  const JoinedRecordings recordings = join_recordings({&nothing});
   const DiagnosisOptions options;
-  const DiagnosisModel m(recording, options);
+  const DiagnosisModel m(recordings, options);
   const int seen = column_of(m, "accel_second_order.y");
   Diagnosis d;
   list_candidates(m, scores_with(m, {{seen, -3.0}}), d);

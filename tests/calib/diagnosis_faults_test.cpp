@@ -51,7 +51,7 @@ Diagnosis diagnose_with(const Made& made, const Disturbance& disturbance) {
     disturb(holdout, made.truth, disturbance);
   }
   DiagnosisOptions options;
-  options.holdout = &holdout;
+  options.holdouts = {&holdout};
   return diagnose(recording, options);
 }
 
@@ -106,7 +106,7 @@ TEST(DiagnosisFaults, DriftThatGoesOnIntoTheHoldoutIsKept) {
   disturb(recording, made.truth, drift(0.0));
   disturb(holdout, made.truth, drift(1.8));
   DiagnosisOptions options;
-  options.holdout = &holdout;
+  options.holdouts = {&holdout};
   const Diagnosis d = diagnose(recording, options);
   EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
   EXPECT_TRUE(in_class(d, "accel_bias_drift")) << told(d);

@@ -36,7 +36,7 @@ RigConfig unit(std::uint64_t seed) {
 
 Diagnosis diagnose_with_holdout(const Made& made, const DiagnosisOptions& given = {}) {
   DiagnosisOptions options = given;
-  options.holdout = &made.holdout;
+  options.holdouts = {&made.holdout};
   return diagnose(made.recording, options);
 }
 
@@ -155,7 +155,7 @@ TEST_P(OtherSimulator, IsDiagnosed) {
   const CompressedRecording recording = read(folder);
   const CompressedRecording holdout = read(folder + "/holdout");
   DiagnosisOptions options;
-  options.holdout = &holdout;
+  options.holdouts = {&holdout};
   const Diagnosis d = diagnose(recording, options);
   EXPECT_EQ(d.verdict, GetParam().verdict) << d.reason;
   EXPECT_EQ(d.effect_names.size(), GetParam().names.size());

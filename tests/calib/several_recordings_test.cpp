@@ -55,8 +55,8 @@ TEST(SeveralRecordings, CommonParametersGainAndBiasesAreOfEach) {
   }
   for (int k = 0; k < 6; ++k) {
     const double step = k < 3 ? gyro_turn_on_degph : accel_turn_on_g;
-    EXPECT_NEAR((r.biases[0][k] - r.biases[1][k]) / (2.0 * step), 1.0, 0.1) << k;
-    EXPECT_NEAR(r.repeatability[k] / step, 1.0, 0.1) << k;  // of +1, -1 and 0
+    EXPECT_NEAR((r.turn_ons.biases[0][k] - r.turn_ons.biases[1][k]) / (2.0 * step), 1.0, 0.1) << k;
+    EXPECT_NEAR(r.turn_ons.repeatability[k] / step, 1.0, 0.1) << k;  // of +1, -1 and 0
     EXPECT_GT(r.unit.sigma[k], 0.9 * step / std::sqrt(3.0)) << k;
   }
 }

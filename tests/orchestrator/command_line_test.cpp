@@ -191,7 +191,7 @@ TEST_F(CommandLine, SeveralRecordingsAreOfOneUnitAndDiffer) {
             0);
   ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN2", "--sequence", sequence, "--capture-only", "--out", "sn2"}).code,
             0);
-  expect_refused({"calibrate", "sn1", "sn2", "--out", "out"}, "another serial number");
+  expect_refused({"calibrate", "sn1", "sn2", "--out", "out"}, "unit_serial = 'SN2': expected 'SN1', as in sn1");
   expect_refused({"calibrate", "sn1", demo, "--method", "closed-form", "--out", "out"}, "expected joint");
 }
 

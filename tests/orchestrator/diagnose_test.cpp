@@ -142,15 +142,39 @@ TEST_F(Diagnose, RefusesInOneLine) {
                  "expected another folder than that of the source, other");
   expect_refused({"diagnose", "rec", "--holdout", "missing", "--out", "out"}, "missing");
   expect_refused({"diagnose", "rec", "--holdout", "rec", "--out", "out"},
-                 "rec/recording.tcr: is the recording to be fitted itself");
+                 "rec/recording.tcr: is given twice: expected recordings that differ");
   expect_refused({"diagnose", "rec", "--holdout", "other", "--out", "out"},
-                 "other/recording.tcr: unit_serial = 'SN2': expected 'SN1', as in the recording to be fitted");
+                 "other/recording.tcr: unit_serial = 'SN2': expected 'SN1', as in rec/recording.tcr");
   expect_refused({"diagnose", "rec", "--out", "file"}, "file");
   expect_refused({"diagnose", "rec", "--out", "out", "--arw", "0.002"}, "--arw and --vrw fix the noise together");
   expect_refused({"diagnose", "rec", "--out", "out", "--vrw", "8"}, "--arw and --vrw fix the noise together");
   expect_refused({"diagnose", "rec", "--out", "out", "--arw", "-1", "--vrw", "8"}, "--arw");
   expect_refused({"diagnose", "rec", "--out", "out", "--gyro-bias-instability", "0.001"},
                  "expected --arw and --vrw with them");
+}
+
+TEST_F(Diagnose, TakesSeveralRecordingsOfOneUnitAndSeveralHoldouts) {
+  rig_recording("one", "seed = 7\nnoise.seed = 1\n");
+  rig_recording("two", "seed = 7\nnoise.seed = 2\n");
+  rig_recording("third", "seed = 7\nnoise.seed = 3\n", "holdout.seq");
+  rig_recording("fourth", "seed = 7\nnoise.seed = 4\n", "holdout.seq");
+  rig_recording("north", "seed = 7\nsite.latitude_deg = 60\n", "short_demo.seq");
+  const ProgramResult result =
+      run({"diagnose", "one", "two", "--holdout", "third", "--holdout", "fourth", "--out", "out"});
+  EXPECT_EQ(result.code, 0) << result.out << result.err;
+  EXPECT_NE(result.out.find("turn-on repeatability of A01: "), std::string::npos) << result.out;
+  const auto conf = entries(file_text(path("out/diagnosis.conf")));
+  EXPECT_EQ(conf.at("verdict"), "clean");
+  EXPECT_EQ(conf.at("holdout.source"), "2 other recordings");
+  EXPECT_NEAR(std::stod(conf.at("recording.2.A01")), std::stod(conf.at("recording.1.A01")), 3e-6);
+  const auto parameters = entries(file_text(path("out/parameters.conf")));
+  EXPECT_EQ(parameters.at("record.recordings"), "2");
+  EXPECT_EQ(parameters.at("record.recording.2.A01"), conf.at("recording.2.A01"));
+  EXPECT_EQ(parameters.count("quality.turn_on_repeatability.N02"), 1u);
+  EXPECT_EQ(parameters.at("quality.trusted"), "true");
+  expect_refused({"diagnose", "one", "one", "--out", "out"}, "is given twice: expected recordings that differ");
+  expect_refused({"diagnose", "one", "two", "--holdout", "two", "--out", "out"}, "is given twice");
+  expect_refused({"diagnose", "one", "north", "--out", "out"}, "latitude_deg = 60: expected 29.53, as in one");
 }
 
 TEST_F(Diagnose, RefusesARecordingWithoutRest) {

@@ -153,7 +153,7 @@ void run_case(const Case& what, std::uint64_t seed, const Sequence& sequence, co
   RigConfig second = config;
   second.noise_seed = 500000 + seed;
   const RigRecording held = record_on_rig(holdout_sequence, second);
-  options.holdout = &held.recording;
+  options.holdouts = {&held.recording};
   const Diagnosis d = diagnose(made.recording, options);
   if (what.stages) print_stages(d);
 

@@ -273,11 +273,11 @@ int main(int argc, char** argv) {
         disturb(holdout, made.truth, rest);
       }
       DiagnosisOptions options;
-      options.holdout = &holdout;
+      options.holdouts = {&holdout};
       if (fit_only) {
         Diagnosis d;
         d.extended = joint_estimate(recording);
-        d.lack_of_fit = test_lack_of_fit(recording, d.extended, &holdout, options.limits.fit);
+        d.lack_of_fit = test_lack_of_fit(recording, d.extended, {&holdout}, options.limits.fit);
         d.trusted = d.lack_of_fit.passed;
         d.verdict = d.trusted ? Verdict::clean : Verdict::unexplained;
         report(seed, k, drawn, d, recording, made.truth, tests);

@@ -78,17 +78,16 @@ Result<NavigationWorth> worth_of_effects(const Diagnosis& diagnosis, const Diagn
     models.push_back(
         file_of(model_without(diagnosis.extended, diagnosis.fitted_covariance, effect), diagnosis.extended, after));
 
-  const std::string& name = context.holdout_path.empty() ? context.recording_path : context.holdout_path;
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(recording);
   if (!source) return source.error();
   std::vector<CalibratedIntervals> files;
   for (ParameterFile& model : models) {
-    Result<CalibratedIntervals> file = calibrated_intervals(std::move(model), name, **source);
+    Result<CalibratedIntervals> file = calibrated_intervals(std::move(model), recording, **source);
     if (!file) return file.error();
     files.push_back(std::move(*file));
   }
   NavigationRequest request;
-  request.recording = name;
+  request.recording = recording;
   request.to_s = to_s;
   const Result<NavigationReport> report = navigate_recording(request, **source, std::move(files));
   if (!report) return report.error();
