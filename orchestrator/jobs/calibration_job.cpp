@@ -100,7 +100,12 @@ Status joint(const CompressedRecording& recording, const CalibrationRequest& req
   JointOptions options;
   options.candidates = latitude_columns();
   JointResult result = request.known ? estimate_beside(recording, *request.known) : joint_estimate(recording, options);
-  if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result.message};
+  if (!result.converged) {
+    const std::string wrong = wrong_latitude(recording, result);
+    return Error{ErrorKind::unit_failed,
+                 "the calibration does not settle: " +
+                     (wrong.empty() ? result.message : "expected the site's latitude, " + wrong)};
+  }
   const std::string open = undetermined_parameters(result);
   if (!open.empty() && !request.partial)
     return not_determined("this recording does not determine " + open + ": expected " +

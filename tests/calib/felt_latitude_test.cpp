@@ -47,7 +47,8 @@ TEST(FeltLatitude, IsTheTrueOneWhereBiasesStayOpen) {
   CompressedRecording recording = record_on_rig(must_read_sequence("fourteen_step.seq"), config).recording;
   JointOptions options;
   options.candidates = latitude_columns();
-  for (const double off_deg : {-15.0, 15.0}) {
+  const double other_hemisphere = -2.0 * config.site.latitude_deg;
+  for (const double off_deg : {-15.0, 15.0, -40.0, 40.0, other_hemisphere}) {
     recording.info.latitude_deg = config.site.latitude_deg + off_deg;
     const JointResult fit = joint_estimate(recording, options);
     const std::optional<FeltLatitude> felt = felt_latitude(recording, fit);
