@@ -1,10 +1,11 @@
 // Monte Carlo of the joint estimate (docs/accuracy.md): seeded rig runs, each with a unit of its own.
 //
 //   study_joint SEED_FIRST SEED_COUNT [--instability G A] [--table ARCMIN] [--sequence NAME] [--walks ARW VRW] [--real]
-//               [--no-instability-fit] [--given]
+//               [--no-instability-fit] [--given] [--correlation S]
 // --walks: of the rig (deg/sqrt(h), ug/sqrt(Hz)); --real: increments are real numbers, not pulses; --instability: bias
 // instability of the gyros (deg/h) and accelerometers (ug); --table: sigma of its random errors
-// (arcmin); --given: the estimator is given the rig's random walks instead of measuring them.
+// (arcmin); --given: the estimator is given the rig's random walks instead of measuring them; --correlation: time of the process that
+// stands for flicker (s).
 // One line a run: seed NEES level ARW VRW sigma_bg sigma_ba iterations faults (estimate - truth) / sigma of the 21 free
 // parameters. The estimate starts from those of Wang (2020), 8 % off in scale. scripts/study-joint makes the table.
 #include <cstdio>
@@ -13,12 +14,14 @@
 #include <string>
 
 #include "calib/joint/joint_estimate.h"
+#include "calib/joint/start_noise.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
 namespace {
 
-void run(std::uint64_t seed, RigConfig config, const Sequence& sequence, JointOptions options, bool given) {
+void run(std::uint64_t seed, RigConfig config, const Sequence& sequence, JointOptions options, bool given,
+         double correlation_s) {
   config.seed = 100 + seed;
   config.noise_seed = 900000 + seed;
   if (given) {
@@ -29,6 +32,11 @@ void run(std::uint64_t seed, RigConfig config, const Sequence& sequence, JointOp
     options.noise = noise;
   }
   const RigRecording made = record_on_rig(sequence, config);
+  if (correlation_s > 0.0) {
+    const Parameters start = options.start.value_or(start_parameters(made.recording.info));
+    options.start_noise = start_noise(made.recording, allan_deviation(made.recording, start), start);
+    options.start_noise->bias_correlation_s = correlation_s;
+  }
   const JointResult r = joint_estimate(made.recording, options);
   Eigen::VectorXd error(static_cast<Eigen::Index>(r.free.size()));
   const ParameterVector difference = to_vector(r.parameters) - to_vector(made.truth);
@@ -56,12 +64,13 @@ int main(int argc, char** argv) {
   if (argc < 3) {
     std::fprintf(stderr,
                  "usage: study_joint SEED_FIRST SEED_COUNT [--instability G A] [--table ARCMIN] [--sequence NAME] "
-                 "[--walks ARW VRW] [--real] [--no-instability-fit] [--given]\n");
+                 "[--walks ARW VRW] [--real] [--no-instability-fit] [--given] [--correlation S]\n");
     return 1;
   }
   RigConfig config = default_rig_config();
   JointOptions options;
   bool given = false;
+  double correlation_s = 0.0;
   std::string sequence = "fourteen_step.seq";
   for (int k = 3; k < argc; ++k) {
     if (std::strcmp(argv[k], "--instability") == 0 && k + 2 < argc) {
@@ -78,6 +87,8 @@ int main(int argc, char** argv) {
       sequence = argv[++k];
     } else if (std::strcmp(argv[k], "--no-instability-fit") == 0) {
       options.fit_bias_instability = false;
+    } else if (std::strcmp(argv[k], "--correlation") == 0 && k + 1 < argc) {
+      correlation_s = std::atof(argv[++k]);
     } else if (std::strcmp(argv[k], "--given") == 0) {
       given = true;
     } else {
@@ -88,5 +99,5 @@ int main(int argc, char** argv) {
   const Sequence plan = must_read_sequence(sequence);
   const std::uint64_t first = std::strtoull(argv[1], nullptr, 10);
   const std::uint64_t count = std::strtoull(argv[2], nullptr, 10);
-  for (std::uint64_t seed = first; seed < first + count; ++seed) run(seed, config, plan, options, given);
+  for (std::uint64_t seed = first; seed < first + count; ++seed) run(seed, config, plan, options, given, correlation_s);
 }
