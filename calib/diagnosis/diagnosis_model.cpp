@@ -8,13 +8,6 @@
 
 namespace turncal {
 
-namespace {
-
-// Hundreds of columns: seconds in the middle of a dwell go together (coarser_recording.h). What is nominated is fitted on every second.
-constexpr Coarseness for_scores = {8.0, 0.05, true};
-
-}  // namespace
-
 double minus_two_log_likelihood(const JointResult& result) {
   return result.last.chi_square + result.last.log_determinant;
 }
@@ -94,7 +87,7 @@ std::vector<Scores> DiagnosisModel::scores(const std::vector<EffectColumn>& cand
   FilterSetup setup = current.setup;
   setup.narrow_columns = static_cast<int>(std::count_if(candidates.begin(), candidates.end(), is_pattern));
   setup.narrow_against = parameter_count + effects;
-  const CompressedRecording fewer = coarser(recording, for_scores, setup);
+  const CompressedRecording fewer = coarser(recording, coarseness_of_scores, setup);
   const std::vector<FilterResult> passes = run_filter(fewer, current.parameters, model, setup, noises);
 
   std::vector<int> base, added;

@@ -20,6 +20,9 @@ struct Coarseness {
   bool steady = false;    // only those at about one rate: what a turn does while it begins and ends is looked at
 };
 
+// For scores of hundreds of columns: seconds in the middle of a dwell go together. What is nominated is fitted on every second.
+inline constexpr Coarseness coarseness_of_scores = {8.0, 0.05, true};
+
 // `setup`: its breaks and unobserved blocks become those of the coarser recording.
 CompressedRecording coarser(const CompressedRecording& recording, const Coarseness& coarseness, FilterSetup& setup);
 

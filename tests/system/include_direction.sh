@@ -25,10 +25,10 @@ grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*#[[:s
       allowed["turntable_drivers"] = "calib imu_io turntable_drivers"
       allowed["sequences"] = "calib imu_io sequences"
       allowed["orchestrator"] = "calib imu_io turntable_drivers sequences orchestrator"
-      ranks("calib", "types; model; statistics; closed_form joint rests navigation; diagnosis; rest_diagnosis prediction")
+      ranks("calib", "types; model; statistics; closed_form joint rests navigation; diagnosis; rest_diagnosis prediction fleet")
       ranks("imu_io", "base; recordings lines; frames; units")
       ranks("turntable_drivers", "table; modbus ascii manual rig; twins")
-      ranks("orchestrator", "station; run; watch records; line; devices; figures; report; line_report; jobs; commands; .")
+      ranks("orchestrator", "station; run; watch records; line; devices; figures; report; line_report; jobs; fleet; commands; .")
       sees_rig = " turntable_drivers/rig turntable_drivers/twins orchestrator/devices orchestrator/jobs orchestrator/commands "
     }
     # Rooms of a folder, lowest first; those between two semicolons do not see each other. "." is the folder itself.

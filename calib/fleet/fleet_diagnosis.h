@@ -1,0 +1,94 @@
+// What a fleet shows that no single unit can: effects common to all, to a station, to a lot, and units that stand out.
+//
+// Every recording left its scores of all effects (unit_statistics.h). For one component, y = s / Q with variance 1 / Q, and what units have of it
+// scatters besides (component_model.h). With N recordings a common effect of 1 / sqrt(N) of what one recording shows is seen.
+//
+// 1. Forward selection over component x (all, each level of each factor): z = beta / sigma of a generalised least squares fit, sigma_b^2 by
+//    restricted likelihood beside all levels of that factor. p by Student's t with the units' degrees of freedom, times the number of tests (Bonferroni).
+//    The best is taken off the scores of those it is common to (s - Q beta), so that its aliases do not follow it, and all is tested again.
+// 2. The same for what began or grew at one level of a factor: a step or a ramp from a day t0 on, with half of the false alarms; a change of shape
+//    must be better than a constant by `shape_margin`. t0 has an interval by likelihood.
+// 3. Units that stand out from what is common by more than a family-wise limit, in units of their own sigma and the robust scatter of all. The
+//    component that explains most is theirs and is taken off their scores; then 1 and 2 again, until nothing changes.
+// 4. Parameters are tested like effects, but against the other levels, since a fleet has no zero of theirs.
+// 5. Lack of fit: what is left at each level along directions whose noise is not shared, as chi-square.
+//
+// What is common to a station is not its units': `cause_at_station` says what of table, site or fixture would look like that.
+// Not modelled: interactions of factors; units that change; effects that are common and multiply another.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/fleet/unit_statistics.h"
+
+namespace turncal {
+
+struct FleetMember {  // one recording
+  std::string unit;
+  std::vector<std::string> level;  // of each factor; empty: not known, a level of its own
+  double day = 0.0;                // of the recording, from any beginning
+  UnitStatistics statistics;
+};
+
+struct FleetOptions {
+  std::vector<std::string> factors = {"station"};
+  double false_alarm = 0.01;  // of a fleet without any effect, all tests of levels together
+  double unit_false_alarm = 0.01;
+  double shape_margin = 10.0;  // of z^2: "very strong" in the scale of Kass and Raftery (diagnosis_limits.h)
+  int max_effects = 20;
+  int max_of_unit = 4;  // effects of a unit that stands out
+};
+
+enum class FleetShape { constant, step, ramp };
+const char* to_string(FleetShape shape);
+
+struct FleetEffect {
+  std::string component;      // column_key(), or "parameter a11"
+  std::string factor, level;  // empty: common to all
+  FleetShape shape = FleetShape::constant;
+  double value = 0.0, sigma = 0.0;  // in the component's unit; of a ramp a day
+  double z = 0.0;
+  double log10_p = 0.0;                                       // times the number of tests
+  double begin_day = 0.0, begin_low = 0.0, begin_high = 0.0;  // of a step or ramp: 95 %
+  std::vector<std::string> rivals;                            // other effects that would do about as well there
+  std::size_t recordings = 0;
+};
+
+struct OutstandingUnit {
+  std::size_t member = 0;
+  std::string component;
+  double value = 0.0, sigma = 0.0, z = 0.0;
+};
+
+struct ComponentLevel {                      // for tables and drawings: a component at a level
+  double value = 0.0, sigma = 0.0, z = 0.0;  // z from zero (of parameters: from the others)
+};
+struct ComponentSummary {
+  std::string component;
+  std::size_t recordings = 0;
+  double mean = 0.0, mean_sigma = 0.0;
+  double one_unit = 0.0;                            // sigma that one recording has, the median
+  double unit_scatter = 0.0;                        // root of sigma_b^2
+  std::vector<double> factor_scatter;               // root of sigma_f^2, of each factor
+  std::vector<std::vector<ComponentLevel>> levels;  // of each factor, in the order of FleetDiagnosis::levels
+};
+
+struct FleetDiagnosis {
+  std::vector<std::vector<std::string>> levels;  // of each factor
+  std::vector<FleetEffect> effects;              // as they were found
+  std::vector<OutstandingUnit> units;
+  std::vector<ComponentSummary> components;
+  std::size_t tests = 0;
+  double lack_of_fit_log10_p = 0.0;  // of what is left, all together
+  std::string lack_of_fit_at;        // component and level that are worst
+  bool explained() const { return lack_of_fit_log10_p > -2.0; }
+};
+
+FleetDiagnosis diagnose_fleet(std::vector<FleetMember> members, const FleetOptions& options);
+
+// What of a table, a site or a fixture gives every unit there this effect; empty: nothing that is known.
+std::string cause_at_station(const std::string& component);
+
+}  // namespace turncal

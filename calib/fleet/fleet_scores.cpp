@@ -1,0 +1,113 @@
+#include "calib/fleet/fleet_scores.h"
+
+#include <algorithm>
+#include <limits>
+#include <map>
+
+namespace turncal {
+namespace {
+
+constexpr double says_nothing = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+FleetScores::FleetScores(std::vector<FleetMember> members, std::size_t factors) : members_(std::move(members)) {
+  std::stable_sort(members_.begin(), members_.end(), [](const auto& a, const auto& b) { return a.unit < b.unit; });
+  std::map<std::string, int> place;
+  std::map<std::vector<std::string>, std::size_t> layouts;
+  for (const FleetMember& m : members_) {
+    for (const std::string& key : m.statistics.columns)
+      if (place.emplace(key, static_cast<int>(components_.size())).second) components_.push_back(key);
+    layout_.push_back(layouts.emplace(m.statistics.columns, layouts.size()).first->second);
+  }
+  effects_ = components_.size();
+  for (int k = 0; k < parameter_count; ++k)
+    if (parameter_is_free[static_cast<std::size_t>(k)])
+      components_.push_back("parameter " + std::string(parameter_keys[static_cast<std::size_t>(k)]));
+  columns_.assign(layouts.size(), std::vector<int>(components_.size(), -1));
+  for (const auto& [keys, layout] : layouts)
+    for (std::size_t k = 0; k < keys.size(); ++k)
+      columns_[layout][static_cast<std::size_t>(place[keys[k]])] = static_cast<int>(k);
+  for (std::vector<int>& columns : columns_)
+    for (int k = 0, at = static_cast<int>(effects_); k < parameter_count; ++k)
+      if (parameter_is_free[static_cast<std::size_t>(k)]) columns[static_cast<std::size_t>(at++)] = k;
+
+  for (std::size_t f = 0; f < factors; ++f) {
+    std::vector<std::string> names;
+    for (const FleetMember& m : members_) names.push_back(m.level[f]);
+    std::sort(names.begin(), names.end());
+    names.erase(std::unique(names.begin(), names.end()), names.end());
+    std::vector<int> of;
+    for (const FleetMember& m : members_)
+      of.push_back(static_cast<int>(std::lower_bound(names.begin(), names.end(), m.level[f]) - names.begin()));
+    levels_.push_back(std::move(names));
+    level_of_.push_back(std::move(of));
+  }
+  for (const FleetMember& m : members_)
+    unit_of_.push_back(unit_of_.empty() ? 0 : unit_of_.back() + (m.unit == (&m - 1)->unit ? 0 : 1));
+  aside_.assign(members_.size(), std::vector<char>(components_.size(), 0));
+}
+
+ComponentData FleetScores::data(std::size_t component) const {
+  const auto count = static_cast<Eigen::Index>(members_.size());
+  ComponentData d{Eigen::VectorXd::Zero(count), Eigen::VectorXd::Constant(count, says_nothing), unit_of_};
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    const int k = column(i, component);
+    if (k < 0 || aside_[i][component]) continue;
+    const UnitStatistics& u = members_[i].statistics;
+    const auto at = static_cast<Eigen::Index>(i);
+    if (is_parameter(component)) {
+      if (!(u.sigma[k] > 0.0)) continue;
+      d.y[at] = u.value[k];
+      d.v[at] = u.sigma[k] * u.sigma[k];
+    } else if (u.Q(k, k) > 0.0F) {
+      d.v[at] = 1.0 / static_cast<double>(u.Q(k, k));
+      d.y[at] = u.s[k] * d.v[at];
+    }
+  }
+  return d;
+}
+
+ComponentData FleetScores::data(const Eigen::VectorXd& weights) const {
+  const auto count = static_cast<Eigen::Index>(members_.size());
+  ComponentData d{Eigen::VectorXd::Zero(count), Eigen::VectorXd::Constant(count, says_nothing), unit_of_};
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    const UnitStatistics& u = members_[i].statistics;
+    Eigen::VectorXd own = Eigen::VectorXd::Zero(u.s.size());
+    for (std::size_t c = 0; c < effects_; ++c)
+      if (const int k = column(i, c); k >= 0) own[k] = weights[static_cast<Eigen::Index>(c)];
+    const double Q = own.dot(u.Q.cast<double>() * own);
+    if (!(Q > 0.0)) continue;
+    d.v[static_cast<Eigen::Index>(i)] = 1.0 / Q;
+    d.y[static_cast<Eigen::Index>(i)] = own.dot(u.s) / Q;
+  }
+  return d;
+}
+
+Eigen::MatrixXd FleetScores::information() const {
+  const auto count = static_cast<Eigen::Index>(effects_);
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(count, count);
+  for (std::size_t i = 0; i < members_.size(); ++i)
+    for (Eigen::Index a = 0; a < count; ++a) {
+      const int k = column(i, static_cast<std::size_t>(a));
+      if (k < 0) continue;
+      for (Eigen::Index b = 0; b < count; ++b)
+        if (const int l = column(i, static_cast<std::size_t>(b)); l >= 0)
+          sum(a, b) += static_cast<double>(members_[i].statistics.Q(k, l));
+    }
+  return sum;
+}
+
+void FleetScores::take_off(std::size_t member, std::size_t component, double value) {
+  const int k = column(member, component);
+  if (k < 0) return;
+  UnitStatistics& u = members_[member].statistics;
+  if (is_parameter(component)) {
+    u.value[k] -= value;
+    return;
+  }
+  u.s -= u.Q.col(k).cast<double>() * value;
+  u.value += u.moves.col(k).cast<double>() * value;
+}
+
+}  // namespace turncal

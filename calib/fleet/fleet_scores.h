@@ -1,0 +1,51 @@
+// The scores of a fleet by component, and what is taken off them. Used by fleet_diagnosis.cpp only.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/fleet/component_model.h"
+#include "calib/fleet/fleet_diagnosis.h"
+
+namespace turncal {
+
+class FleetScores {
+ public:
+  // Recordings of one unit come to stand one after the other.
+  FleetScores(std::vector<FleetMember> members, std::size_t factors);
+
+  std::size_t size() const { return members_.size(); }
+  const FleetMember& member(std::size_t i) const { return members_[i]; }
+  const std::vector<std::string>& components() const { return components_; }
+  bool is_parameter(std::size_t component) const { return component >= effects_; }
+  std::size_t effects() const { return effects_; }
+  const std::vector<std::string>& levels(std::size_t factor) const { return levels_[factor]; }
+  const std::vector<int>& level_of(std::size_t factor) const { return level_of_[factor]; }
+  const std::vector<int>& unit_of() const { return unit_of_; }
+
+  // y and v of every recording; v is infinite where it says nothing, or was set aside.
+  ComponentData data(std::size_t component) const;
+  // The same of the sum of the effects with these weights.
+  ComponentData data(const Eigen::VectorXd& weights) const;
+  // Sums of all Q, in the order of components().
+  Eigen::MatrixXd information() const;
+
+  // `value` units of the component in this recording are explained: off its scores, or, negative, back.
+  void take_off(std::size_t member, std::size_t component, double value);
+  void set_aside(std::size_t member, std::size_t component, bool aside) { aside_[member][component] = aside; }
+
+ private:
+  int column(std::size_t member, std::size_t component) const { return columns_[layout_[member]][component]; }
+
+  std::vector<FleetMember> members_;
+  std::vector<std::string> components_;
+  std::size_t effects_ = 0;
+  std::vector<std::vector<int>> columns_;  // of each layout: the column of each component, or -1
+  std::vector<std::size_t> layout_;        // of each member
+  std::vector<std::vector<std::string>> levels_;
+  std::vector<std::vector<int>> level_of_;
+  std::vector<int> unit_of_;
+  std::vector<std::vector<char>> aside_;
+};
+
+}  // namespace turncal

@@ -1,0 +1,85 @@
+#include "calib/fleet/unit_statistics.h"
+
+#include <cmath>
+#include <cstdio>
+
+#include "calib/diagnosis/diagnosis_limits.h"
+#include "calib/joint/coarser_recording.h"
+#include "calib/joint/score_algebra.h"
+#include "calib/statistics/linear_algebra.h"
+
+namespace turncal {
+
+std::string column_key(const EffectColumn& column) {
+  if (column.tau_s == 0.0) return column.key();
+  char text[40];
+  std::snprintf(text, sizeof text, " %.15g", column.tau_s);
+  return column.key() + " " + std::string(column.entry->variant) + text;
+}
+
+UnitStatistics unit_statistics(const CompressedRecording& recording, const JointResult& estimate) {
+  const std::vector<EffectColumn> columns = catalogue_columns(recording.info);
+  const EffectModel model = make_effect_model(columns, {recording.info.latitude_deg}, estimate.reference_temperature_c);
+  FilterSetup setup = estimate.setup;
+  const CompressedRecording fewer = coarser(recording, coarseness_of_scores, setup);
+  const FilterResult pass = run_filter(fewer, estimate.parameters, model, setup);
+
+  UnitStatistics u;
+  u.value = to_vector(estimate.parameters);
+  u.sigma = estimate.sigma;
+  u.level = estimate.normalised_rms;
+  std::vector<int> base, added;
+  for (int k = 0; k < parameter_count; ++k)
+    if (estimate.determined[static_cast<std::size_t>(k)] && parameter_is_free[static_cast<std::size_t>(k)])
+      base.push_back(k);
+  for (int k = 0; k < static_cast<int>(columns.size()); ++k) added.push_back(parameter_count + k);
+  const Scores scores = eliminate(pass.information, pass.gradient, base, added);
+  const Eigen::MatrixXd moved =
+      -solve_symmetric(Eigen::MatrixXd(pass.information(base, base)), Eigen::MatrixXd(pass.information(base, added)));
+  u.s = scores.s;
+  u.Q = scores.Q.cast<float>();
+  u.moves = Eigen::MatrixXf::Zero(parameter_count, scores.s.size());
+  for (std::size_t row = 0; row < base.size(); ++row)
+    u.moves.row(base[row]) = moved.row(static_cast<Eigen::Index>(row)).cast<float>();
+  for (Eigen::Index k = 0; k < u.s.size(); ++k) {
+    u.columns.push_back(column_key(columns[static_cast<std::size_t>(k)]));
+    if (scores.kept[k] > SelectionLimits{}.visible_part && scores.Q(k, k) > 0.0) continue;
+    u.s[k] = 0.0;
+    u.Q.row(k).setZero();
+    u.Q.col(k).setZero();
+    u.moves.col(k).setZero();
+  }
+  return u;
+}
+
+RefittedEffects refit(const UnitStatistics& u, const std::vector<int>& effects) {
+  const auto count = static_cast<Eigen::Index>(effects.size());
+  RefittedEffects r;
+  r.value = r.sigma = Eigen::VectorXd::Zero(count);
+  r.parameters = u.value;
+  std::vector<int> seen;
+  for (const int k : effects)
+    if (u.Q(k, k) > 0.0F) seen.push_back(k);
+  if (seen.empty()) return r;
+  const Eigen::MatrixXd Q = Eigen::MatrixXf(u.Q(seen, seen)).cast<double>();
+  const Eigen::VectorXd unit = Q.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd covariance = unit.asDiagonal() *
+                                     solve_symmetric(Eigen::MatrixXd(unit.asDiagonal() * Q * unit.asDiagonal()),
+                                                     Eigen::MatrixXd(Eigen::MatrixXd::Identity(Q.rows(), Q.cols()))) *
+                                     unit.asDiagonal();
+  const Eigen::VectorXd s = u.s(seen);
+  const Eigen::VectorXd value = covariance * s;
+  r.gain = s.dot(value);
+  Eigen::Index row = 0;
+  for (std::size_t k = 0; k < effects.size(); ++k) {
+    if (u.Q(effects[k], effects[k]) <= 0.0F) continue;
+    const auto at = static_cast<Eigen::Index>(k);
+    r.value[at] = value[row];
+    r.sigma[at] = std::sqrt(covariance(row, row));
+    r.parameters += u.moves.col(effects[k]).cast<double>() * value[row];
+    ++row;
+  }
+  return r;
+}
+
+}  // namespace turncal

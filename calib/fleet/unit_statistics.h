@@ -1,0 +1,41 @@
+// What a calibration leaves for the fleet: parameters, and what the recording says of every effect that the model lacks.
+//
+// One filter pass at the estimate with all columns of the catalogue (calib/joint/joint_filter.h) gives information A and gradient c of
+// [base b, columns c]. With the base eliminated (score_algebra.h),
+//   Q = A_cc - A_cb A_bb^-1 A_bc,   s = -(c_c - A_cb A_bb^-1 c_b),   m = -A_bb^-1 A_bc
+// any subset S of effects comes to Q_SS^-1 s_S with covariance Q_SS^-1, moves the parameters by m_S times that, and gains s_S' Q_SS^-1 s_S of
+// 2 ln L: the recording itself is not needed any more. Quadratic about the estimate without effects; its noise stays as it was fitted.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/joint/joint_estimate.h"
+
+namespace turncal {
+
+struct UnitStatistics {
+  ParameterVector value = ParameterVector::Zero(),
+                  sigma = ParameterVector::Zero();  // file units; sigma 0: fixed or not determined
+  std::vector<std::string> columns;                 // column_key()
+  Eigen::VectorXd s;                                // of each column
+  Eigen::MatrixXf Q;                                // symmetric; 0 in the rows of what the recording cannot see
+  Eigen::MatrixXf moves;                            // 24 x columns: m
+  double level = 1.0;                               // rms normalised innovation
+};
+
+// "accel_creep.x", and with a time constant "accel_creep.x tau_s 300".
+std::string column_key(const EffectColumn& column);
+
+// REQUIRES: an estimate of this recording without effects.
+UnitStatistics unit_statistics(const CompressedRecording& recording, const JointResult& estimate);
+
+// Some effects, from the sums alone. Not visible ones have value and sigma 0.
+struct RefittedEffects {
+  Eigen::VectorXd value, sigma;
+  double gain = 0.0;  // 2 ln L
+  ParameterVector parameters = ParameterVector::Zero();
+};
+RefittedEffects refit(const UnitStatistics& statistics, const std::vector<int>& effects);
+
+}  // namespace turncal

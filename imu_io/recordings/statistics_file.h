@@ -1,0 +1,31 @@
+// statistics.tcs: what a calibration leaves for the fleet (calib/fleet/unit_statistics.h), with its parameter file. Binary, little-endian, a
+// CRC-32C at the end; format: docs/fleet.md. With the whole catalogue and temperature it is below 100 kB.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/fleet/unit_statistics.h"
+#include "calib/types/status.h"
+#include "imu_io/recordings/parameter_file.h"
+
+namespace turncal {
+
+inline constexpr const char* statistics_name = "statistics.tcs";
+
+struct StatisticsFile {
+  ParameterFile file;  // of the base model, or of what was diagnosed: whose unit, when, where
+  UnitStatistics statistics;
+};
+
+// An error when the parameter file cannot be written (format_parameter_file).
+Result<std::vector<std::byte>> format_statistics(const StatisticsFile& statistics);
+Status write_statistics(const StatisticsFile& statistics, const std::string& path);
+
+// Errors name `file_name`: no such file, another version, cut off, a wrong checksum, a number that is none.
+Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const std::string& file_name);
+Result<StatisticsFile> read_statistics(const std::string& path);
+
+}  // namespace turncal
