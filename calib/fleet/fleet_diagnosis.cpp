@@ -421,9 +421,8 @@ void test_what_is_left(const FleetScores& scores, const FleetOptions& options, F
     sums[f].resize(scores.levels(f).size());
     tries += static_cast<double>(sums[f].size());
   }
-  for (Eigen::Index k = 0; k < eigen.values.size(); ++k) {
-    if (eigen.values[k] < floor) continue;
-    const ComponentData data = scores.data(Eigen::VectorXd(scale.cwiseProduct(eigen.vectors.col(k))));
+  const Eigen::Index directions = (eigen.values.array() > floor).count();
+  for (const ComponentData& data : scores.sums(scale.asDiagonal() * eigen.vectors.rightCols(directions))) {
     for (std::size_t f = 0; f < sums.size(); ++f) {
       const Component direction(data, indicators(scores, static_cast<int>(f)), false);
       const std::vector<Estimate> estimates = direction.test(indicators(scores, static_cast<int>(f)));

@@ -68,20 +68,31 @@ ComponentData FleetScores::data(std::size_t component) const {
   return d;
 }
 
-ComponentData FleetScores::data(const Eigen::VectorXd& weights) const {
+std::vector<ComponentData> FleetScores::sums(const Eigen::MatrixXd& weights) const {
   const auto count = static_cast<Eigen::Index>(members_.size());
-  ComponentData d{Eigen::VectorXd::Zero(count), Eigen::VectorXd::Constant(count, says_nothing), unit_of_};
+  const ComponentData empty{Eigen::VectorXd::Zero(count), Eigen::VectorXd::Constant(count, says_nothing), unit_of_};
+  std::vector<ComponentData> all(static_cast<std::size_t>(weights.cols()), empty);
+  std::vector<Eigen::MatrixXf> own;  // the weights in the order of each layout
+  for (const std::vector<int>& columns : columns_) {
+    const auto rows = std::count_if(columns.begin(), columns.begin() + static_cast<std::ptrdiff_t>(effects_),
+                                    [](int k) { return k >= 0; });
+    own.emplace_back(Eigen::MatrixXf::Zero(rows, weights.cols()));
+    for (std::size_t c = 0; c < effects_; ++c)
+      if (columns[c] >= 0) own.back().row(columns[c]) = weights.row(static_cast<Eigen::Index>(c)).cast<float>();
+  }
   for (std::size_t i = 0; i < members_.size(); ++i) {
     const UnitStatistics& u = members_[i].statistics;
-    Eigen::VectorXd own = Eigen::VectorXd::Zero(u.s.size());
-    for (std::size_t c = 0; c < effects_; ++c)
-      if (const int k = column(i, c); k >= 0) own[k] = weights[static_cast<Eigen::Index>(c)];
-    const double Q = own.dot(u.Q.cast<double>() * own);
-    if (!(Q > 0.0)) continue;
-    d.v[static_cast<Eigen::Index>(i)] = 1.0 / Q;
-    d.y[static_cast<Eigen::Index>(i)] = own.dot(u.s) / Q;
+    const Eigen::MatrixXf& W = own[layout_[i]];
+    const Eigen::MatrixXf QW = u.Q * W;
+    const Eigen::VectorXd Q = W.cwiseProduct(QW).colwise().sum().transpose().cast<double>();
+    const Eigen::VectorXd s = W.cast<double>().transpose() * u.s;
+    for (Eigen::Index k = 0; k < Q.size(); ++k) {
+      if (!(Q[k] > 0.0)) continue;
+      all[static_cast<std::size_t>(k)].v[static_cast<Eigen::Index>(i)] = 1.0 / Q[k];
+      all[static_cast<std::size_t>(k)].y[static_cast<Eigen::Index>(i)] = s[k] / Q[k];
+    }
   }
-  return d;
+  return all;
 }
 
 Eigen::MatrixXd FleetScores::information() const {

@@ -25,8 +25,8 @@ class FleetScores {
 
   // y and v of every recording; v is infinite where it says nothing, or was set aside.
   ComponentData data(std::size_t component) const;
-  // The same of the sum of the effects with these weights.
-  ComponentData data(const Eigen::VectorXd& weights) const;
+  // The same of sums of effects: a column of weights each, of components() that are effects.
+  std::vector<ComponentData> sums(const Eigen::MatrixXd& weights) const;
   // Sums of all Q, in the order of components().
   Eigen::MatrixXd information() const;
 
