@@ -47,8 +47,9 @@ int main(int argc, char** argv) {
           turncal::add_calibrate_command,   turncal::add_diagnose_command, turncal::add_apply_command,
           turncal::add_navigate_command,    turncal::add_verify_command,   turncal::add_convert_command,
           turncal::add_batch_command,       turncal::add_queue_command,    turncal::add_history_command,
-          turncal::add_certificate_command, turncal::add_shift_command,    turncal::add_database_command,
-          turncal::add_restore_command,     turncal::add_prune_command,
+          turncal::add_certificate_command, turncal::add_shift_command,    turncal::add_recalibrate_command,
+          turncal::add_fleet_command,       turncal::add_database_command, turncal::add_restore_command,
+          turncal::add_prune_command,
       },
       context);
 }

@@ -40,7 +40,7 @@ double at(const FleetScores& scores, const Hypothesis& h, std::size_t i) {
   switch (h.shape) {
     case FleetShape::constant: return 1.0;
     case FleetShape::step: return since >= 0.0 ? 1.0 : 0.0;
-    case FleetShape::ramp: return std::max(0.0, since);
+    case FleetShape::ramp: return since > 0.0 ? since : 0.0;
   }
   return 0.0;
 }
@@ -119,7 +119,8 @@ Component component_of(const FleetScores& scores, std::size_t c, int factor) {
 std::vector<double> begins(const FleetScores& scores, std::size_t factor, int level) {
   std::vector<double> days;
   for (std::size_t i = 0; i < scores.size(); ++i)
-    if (scores.level_of(factor)[i] == level) days.push_back(scores.member(i).day);
+    if (scores.level_of(factor)[i] == level && std::isfinite(scores.member(i).day))
+      days.push_back(scores.member(i).day);
   if (days.size() < 2 * least_of_shape) return {};
   std::sort(days.begin(), days.end());
   std::vector<double> result;
@@ -199,7 +200,9 @@ void date_it(const FleetScores& scores, Found& found, FleetEffect& effect) {
   const Component component = component_of(scores, found.component, found.hypothesis.factor);
   double first = std::numeric_limits<double>::infinity(), last = -first;
   for (std::size_t i = 0; i < scores.size(); ++i) {
-    if (scores.level_of(static_cast<std::size_t>(found.hypothesis.factor))[i] != found.hypothesis.level) continue;
+    if (scores.level_of(static_cast<std::size_t>(found.hypothesis.factor))[i] != found.hypothesis.level ||
+        !std::isfinite(scores.member(i).day))
+      continue;
     first = std::min(first, scores.member(i).day);
     last = std::max(last, scores.member(i).day);
   }
@@ -455,8 +458,8 @@ const char* to_string(FleetShape shape) {
   return "?";
 }
 
-FleetDiagnosis diagnose_fleet(std::vector<FleetMember> members, const FleetOptions& options) {
-  FleetScores scores(std::move(members), options.factors.size());
+FleetDiagnosis diagnose_fleet(const std::vector<FleetMember>& members, const FleetOptions& options) {
+  FleetScores scores(members, options.factors.size());
   FleetDiagnosis d;
   for (std::size_t f = 0; f < options.factors.size(); ++f) d.levels.push_back(scores.levels(f));
   // Units that stand out hide what is common, and may pass for it; what is common makes all units of a station stand out. So one is
@@ -484,7 +487,7 @@ FleetDiagnosis diagnose_fleet(std::vector<FleetMember> members, const FleetOptio
     d.effects.push_back(std::move(effect));
   }
   for (const Deviation& w : units)
-    d.units.push_back({w.member, scores.components()[w.component], w.value, w.sigma, w.z});
+    d.units.push_back({scores.given(w.member), scores.components()[w.component], w.value, w.sigma, w.z});
   summarise(scores, options, d);
   test_what_is_left(scores, options, d);
   return d;

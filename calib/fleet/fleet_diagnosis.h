@@ -28,7 +28,7 @@ namespace turncal {
 struct FleetMember {  // one recording
   std::string unit;
   std::vector<std::string> level;  // of each factor; empty: not known, a level of its own
-  double day = 0.0;                // of the recording, from any beginning
+  double day = 0.0;                // of the recording, from any beginning; NaN: not known
   UnitStatistics statistics;
 };
 
@@ -86,7 +86,7 @@ struct FleetDiagnosis {
   bool explained() const { return lack_of_fit_log10_p > -2.0; }
 };
 
-FleetDiagnosis diagnose_fleet(std::vector<FleetMember> members, const FleetOptions& options);
+FleetDiagnosis diagnose_fleet(const std::vector<FleetMember>& members, const FleetOptions& options);
 
 // What of a table, a site or a fixture gives every unit there this effect; empty: nothing that is known.
 std::string cause_at_station(const std::string& component);

@@ -11,14 +11,21 @@ constexpr double says_nothing = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-FleetScores::FleetScores(std::vector<FleetMember> members, std::size_t factors) : members_(std::move(members)) {
-  std::stable_sort(members_.begin(), members_.end(), [](const auto& a, const auto& b) { return a.unit < b.unit; });
+FleetScores::FleetScores(const std::vector<FleetMember>& members, std::size_t factors) {
+  for (std::size_t i = 0; i < members.size(); ++i) given_.push_back(i);
+  std::stable_sort(given_.begin(), given_.end(),
+                   [&](std::size_t a, std::size_t b) { return members[a].unit < members[b].unit; });
+  for (const std::size_t i : given_) {
+    members_.push_back(&members[i]);
+    s_.push_back(members[i].statistics.s);
+    value_.push_back(members[i].statistics.value);
+  }
   std::map<std::string, int> place;
   std::map<std::vector<std::string>, std::size_t> layouts;
-  for (const FleetMember& m : members_) {
-    for (const std::string& key : m.statistics.columns)
+  for (const FleetMember* m : members_) {
+    for (const std::string& key : m->statistics.columns)
       if (place.emplace(key, static_cast<int>(components_.size())).second) components_.push_back(key);
-    layout_.push_back(layouts.emplace(m.statistics.columns, layouts.size()).first->second);
+    layout_.push_back(layouts.emplace(m->statistics.columns, layouts.size()).first->second);
   }
   effects_ = components_.size();
   for (int k = 0; k < parameter_count; ++k)
@@ -34,17 +41,17 @@ FleetScores::FleetScores(std::vector<FleetMember> members, std::size_t factors) 
 
   for (std::size_t f = 0; f < factors; ++f) {
     std::vector<std::string> names;
-    for (const FleetMember& m : members_) names.push_back(m.level[f]);
+    for (const FleetMember* m : members_) names.push_back(m->level[f]);
     std::sort(names.begin(), names.end());
     names.erase(std::unique(names.begin(), names.end()), names.end());
     std::vector<int> of;
-    for (const FleetMember& m : members_)
-      of.push_back(static_cast<int>(std::lower_bound(names.begin(), names.end(), m.level[f]) - names.begin()));
+    for (const FleetMember* m : members_)
+      of.push_back(static_cast<int>(std::lower_bound(names.begin(), names.end(), m->level[f]) - names.begin()));
     levels_.push_back(std::move(names));
     level_of_.push_back(std::move(of));
   }
-  for (const FleetMember& m : members_)
-    unit_of_.push_back(unit_of_.empty() ? 0 : unit_of_.back() + (m.unit == (&m - 1)->unit ? 0 : 1));
+  for (std::size_t i = 0; i < members_.size(); ++i)
+    unit_of_.push_back(i == 0 ? 0 : unit_of_.back() + (members_[i]->unit == members_[i - 1]->unit ? 0 : 1));
   aside_.assign(members_.size(), std::vector<char>(components_.size(), 0));
 }
 
@@ -54,15 +61,15 @@ ComponentData FleetScores::data(std::size_t component) const {
   for (std::size_t i = 0; i < members_.size(); ++i) {
     const int k = column(i, component);
     if (k < 0 || aside_[i][component]) continue;
-    const UnitStatistics& u = members_[i].statistics;
+    const UnitStatistics& u = members_[i]->statistics;
     const auto at = static_cast<Eigen::Index>(i);
     if (is_parameter(component)) {
       if (!(u.sigma[k] > 0.0)) continue;
-      d.y[at] = u.value[k];
+      d.y[at] = value_[i][k];
       d.v[at] = u.sigma[k] * u.sigma[k];
     } else if (u.Q(k, k) > 0.0F) {
       d.v[at] = 1.0 / static_cast<double>(u.Q(k, k));
-      d.y[at] = u.s[k] * d.v[at];
+      d.y[at] = s_[i][k] * d.v[at];
     }
   }
   return d;
@@ -81,11 +88,11 @@ std::vector<ComponentData> FleetScores::sums(const Eigen::MatrixXd& weights) con
       if (columns[c] >= 0) own.back().row(columns[c]) = weights.row(static_cast<Eigen::Index>(c)).cast<float>();
   }
   for (std::size_t i = 0; i < members_.size(); ++i) {
-    const UnitStatistics& u = members_[i].statistics;
+    const UnitStatistics& u = members_[i]->statistics;
     const Eigen::MatrixXf& W = own[layout_[i]];
     const Eigen::MatrixXf QW = u.Q * W;
     const Eigen::VectorXd Q = W.cwiseProduct(QW).colwise().sum().transpose().cast<double>();
-    const Eigen::VectorXd s = W.cast<double>().transpose() * u.s;
+    const Eigen::VectorXd s = W.cast<double>().transpose() * s_[i];
     for (Eigen::Index k = 0; k < Q.size(); ++k) {
       if (!(Q[k] > 0.0)) continue;
       all[static_cast<std::size_t>(k)].v[static_cast<Eigen::Index>(i)] = 1.0 / Q[k];
@@ -104,7 +111,7 @@ Eigen::MatrixXd FleetScores::information() const {
       if (k < 0) continue;
       for (Eigen::Index b = 0; b < count; ++b)
         if (const int l = column(i, static_cast<std::size_t>(b)); l >= 0)
-          sum(a, b) += static_cast<double>(members_[i].statistics.Q(k, l));
+          sum(a, b) += static_cast<double>(members_[i]->statistics.Q(k, l));
     }
   return sum;
 }
@@ -112,13 +119,13 @@ Eigen::MatrixXd FleetScores::information() const {
 void FleetScores::take_off(std::size_t member, std::size_t component, double value) {
   const int k = column(member, component);
   if (k < 0) return;
-  UnitStatistics& u = members_[member].statistics;
   if (is_parameter(component)) {
-    u.value[k] -= value;
+    value_[member][k] -= value;
     return;
   }
-  u.s -= u.Q.col(k).cast<double>() * value;
-  u.value += u.moves.col(k).cast<double>() * value;
+  const UnitStatistics& u = members_[member]->statistics;
+  s_[member] -= u.Q.col(k).cast<double>() * value;
+  value_[member] += u.moves.col(k).cast<double>() * value;
 }
 
 }  // namespace turncal

@@ -11,11 +11,12 @@ namespace turncal {
 
 class FleetScores {
  public:
-  // Recordings of one unit come to stand one after the other.
-  FleetScores(std::vector<FleetMember> members, std::size_t factors);
+  // Recordings of one unit come to stand one after the other. `members` must live as long.
+  FleetScores(const std::vector<FleetMember>& members, std::size_t factors);
 
   std::size_t size() const { return members_.size(); }
-  const FleetMember& member(std::size_t i) const { return members_[i]; }
+  const FleetMember& member(std::size_t i) const { return *members_[i]; }
+  std::size_t given(std::size_t i) const { return given_[i]; }  // its place in the members given
   const std::vector<std::string>& components() const { return components_; }
   bool is_parameter(std::size_t component) const { return component >= effects_; }
   std::size_t effects() const { return effects_; }
@@ -37,7 +38,10 @@ class FleetScores {
  private:
   int column(std::size_t member, std::size_t component) const { return columns_[layout_[member]][component]; }
 
-  std::vector<FleetMember> members_;
+  std::vector<const FleetMember*> members_;
+  std::vector<std::size_t> given_;
+  std::vector<Eigen::VectorXd> s_;      // of each member, less what was taken off
+  std::vector<ParameterVector> value_;  // likewise
   std::vector<std::string> components_;
   std::size_t effects_ = 0;
   std::vector<std::vector<int>> columns_;  // of each layout: the column of each component, or -1

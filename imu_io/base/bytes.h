@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstring>
 #include <span>
+#include <string>
 #include <string_view>
 #include <type_traits>
 #include <vector>
@@ -26,6 +27,12 @@ inline void append_bytes(std::vector<std::byte>& out, std::string_view text) {
   const std::size_t place = out.size();
   out.resize(place + text.size());
   if (!text.empty()) std::memcpy(out.data() + place, text.data(), text.size());
+}
+
+// A text after its length (u32).
+inline void append_text(std::vector<std::byte>& out, std::string_view text) {
+  append_bytes(out, static_cast<std::uint32_t>(text.size()));
+  append_bytes(out, text);
 }
 
 // REQUIRES: sizeof(T) bytes at `from`.
@@ -55,6 +62,11 @@ class ByteReader {
     const auto result = data_.first(static_cast<std::size_t>(count));
     data_ = data_.subspan(static_cast<std::size_t>(count));
     return result;
+  }
+  // As append_text() writes it.
+  std::string get_text() {
+    const auto bytes = get_bytes(get<std::uint32_t>());
+    return bytes.empty() ? std::string() : std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   }
   bool good() const { return good_; }
   bool at_end() const { return good_ && data_.empty(); }

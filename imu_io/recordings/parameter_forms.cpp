@@ -14,46 +14,8 @@ namespace {
 
 constexpr std::string_view block_magic = "TCPB";
 constexpr std::uint32_t block_version = 1;
-constexpr std::size_t longest_text = 4096;
 
 constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
-
-void append_text(std::vector<std::byte>& out, std::string_view text) {
-  append_bytes(out, static_cast<std::uint32_t>(text.size()));
-  append_bytes(out, text);
-}
-
-// Reads from the front; remembers that something was missing.
-class BlockReader {
- public:
-  explicit BlockReader(std::span<const std::byte> bytes) : bytes_(bytes) {}
-  template <class T>
-  T take() {
-    if (bytes_.size() < sizeof(T)) {
-      good_ = false;
-      return T{};
-    }
-    const T value = load_bytes<T>(bytes_.data());
-    bytes_ = bytes_.subspan(sizeof(T));
-    return value;
-  }
-  std::string take_text() {
-    const auto length = static_cast<std::size_t>(take<std::uint32_t>());
-    if (length > longest_text || length > bytes_.size()) {
-      good_ = false;
-      return {};
-    }
-    std::string text(reinterpret_cast<const char*>(bytes_.data()), length);
-    bytes_ = bytes_.subspan(length);
-    return text;
-  }
-  bool good() const { return good_; }
-  bool at_end() const { return bytes_.empty(); }
-
- private:
-  std::span<const std::byte> bytes_;
-  bool good_ = true;
-};
 
 // A double as C and every YAML reader have it: with a point, before an exponent too.
 std::string literal(double value) {
@@ -149,26 +111,25 @@ Result<ParameterBlock> parse_parameter_block(std::span<const std::byte> bytes, c
   const std::span<const std::byte> checked = bytes.first(bytes.size() - 4);
   if (crc32c(checked) != load_bytes<std::uint32_t>(bytes.data() + checked.size()))
     return input_error(file_name + ": wrong checksum: the parameter block is damaged or cut off");
-  BlockReader reader(checked.subspan(block_magic.size()));
-  const auto version = reader.take<std::uint32_t>();
+  ByteReader reader(checked.subspan(block_magic.size()));
+  const auto version = reader.get<std::uint32_t>();
   if (version != block_version)
     return input_error(file_name + ": parameter block of version " + std::to_string(version) + ", expected " +
                        std::to_string(block_version));
   ParameterBlock block;
   for (bool* flag : {&block.gyro_pulses, &block.accel_pulses, &block.simulated, &block.trusted})
-    *flag = reader.take<std::uint8_t>() != 0;
+    *flag = reader.get<std::uint8_t>() != 0;
   for (double* value : {&block.sample_period_s, &block.accel_pulse_mps, &block.latitude_deg, &block.gravity_mps2,
                         &block.reference_temperature_c})
-    *value = reader.take<double>();
-  for (double& value : block.value) value = reader.take<double>();
-  for (double& value : block.sigma) value = reader.take<double>();
-  block.unit_serial = reader.take_text();
-  for (auto left = reader.take<std::uint32_t>(); left > 0 && reader.good(); --left) {
-    std::string name = reader.take_text();
-    block.effects.emplace_back(std::move(name), reader.take<double>());
+    *value = reader.get<double>();
+  for (double& value : block.value) value = reader.get<double>();
+  for (double& value : block.sigma) value = reader.get<double>();
+  block.unit_serial = reader.get_text();
+  for (auto left = reader.get<std::uint32_t>(); left > 0 && reader.good(); --left) {
+    std::string name = reader.get_text();
+    block.effects.emplace_back(std::move(name), reader.get<double>());
   }
-  if (!reader.good() || !reader.at_end())
-    return input_error(file_name + ": a parameter block whose parts do not fit its length");
+  if (!reader.at_end()) return input_error(file_name + ": a parameter block whose parts do not fit its length");
   return block;
 }
 

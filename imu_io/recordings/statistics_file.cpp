@@ -16,16 +16,6 @@ constexpr std::string_view magic = "TCST";
 constexpr std::uint32_t version = 1;
 constexpr std::uint32_t most_columns = 2000;  // of a file that is not damaged: the catalogue has some two hundred
 
-void append_text(std::vector<std::byte>& out, std::string_view text) {
-  append_bytes(out, static_cast<std::uint32_t>(text.size()));
-  append_bytes(out, text);
-}
-
-std::string get_text(ByteReader& reader) {
-  const auto bytes = reader.get_bytes(reader.get<std::uint32_t>());
-  return bytes.empty() ? std::string() : std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-}
-
 }  // namespace
 
 Result<std::vector<std::byte>> format_statistics(const StatisticsFile& s) {
@@ -65,7 +55,7 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
   ByteReader reader(checked.subspan(magic.size()));
   if (const auto found = reader.get<std::uint32_t>(); found != version)
     return input_error(file_name + ": version " + std::to_string(found) + ": expected " + std::to_string(version));
-  const Result<ParameterFile> file = parse_parameter_file(get_text(reader), file_name);
+  const Result<ParameterFile> file = parse_parameter_file(reader.get_text(), file_name);
   if (!file) return file.error();
   StatisticsFile s{*file, {}};
   UnitStatistics& u = s.statistics;
@@ -84,8 +74,10 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
   for (int k = 0; k < parameter_count; ++k) u.sigma[k] = number();
   u.level = number();
   const auto columns = reader.get<std::uint32_t>();
-  if (columns > most_columns) return input_error(file_name + ": " + std::to_string(columns) + " columns: expected at most " + std::to_string(most_columns));
-  for (std::uint32_t k = 0; k < columns && reader.good(); ++k) u.columns.push_back(get_text(reader));
+  if (columns > most_columns)
+    return input_error(file_name + ": " + std::to_string(columns) + " columns: expected at most " +
+                       std::to_string(most_columns));
+  for (std::uint32_t k = 0; k < columns && reader.good(); ++k) u.columns.push_back(reader.get_text());
   u.s.resize(columns);
   for (double& value : u.s) value = number();
   u.Q.resize(columns, columns);

@@ -32,6 +32,8 @@ void add_batch_command(CommandLine& line, CommandContext& context);
 void add_queue_command(CommandLine& line, CommandContext& context);
 void add_history_command(CommandLine& line, CommandContext& context);
 void add_shift_command(CommandLine& line, CommandContext& context);
+void add_recalibrate_command(CommandLine& line, CommandContext& context);
+void add_fleet_command(CommandLine& line, CommandContext& context);
 void add_database_command(CommandLine& line, CommandContext& context);
 void add_restore_command(CommandLine& line, CommandContext& context);
 void add_prune_command(CommandLine& line, CommandContext& context);

@@ -1,0 +1,64 @@
+// `turncal fleet diagnose FOLDER`: what many units show together (calib/fleet/fleet_diagnosis.h). Exit code 20 where something is common to units
+// that no unit shows by itself, or is left unexplained.
+#include <algorithm>
+#include <memory>
+
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/base/data_text.h"
+#include "orchestrator/commands/commands.h"
+#include "orchestrator/fleet/fleet_members.h"
+#include "orchestrator/fleet/fleet_page.h"
+#include "orchestrator/fleet/fleet_text.h"
+
+namespace turncal {
+namespace {
+
+struct FleetCommandOptions {
+  std::string action, folder, format, page;
+  std::vector<std::string> by = {"station"};
+};
+
+Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
+  for (std::size_t k = 0; k < options.by.size(); ++k)
+    if (std::find(options.by.begin(), options.by.begin() + static_cast<std::ptrdiff_t>(k), options.by[k]) !=
+        options.by.begin() + static_cast<std::ptrdiff_t>(k))
+      return input_error("--by " + options.by[k] + ": is given twice");
+  const Result<FleetSource> source = read_fleet(options.folder, options.by);
+  if (!source) return source.error();
+  FleetOptions wanted;
+  wanted.factors = options.by;
+  const FleetDiagnosis diagnosis = diagnose_fleet(source->members, wanted);
+  if (!options.page.empty()) {
+    const std::string html = fleet_page(diagnosis, *source, options.by);
+    if (Status status = check_replaceable(options.page, "<!DOCTYPE html>"); !status) return status;
+    if (Status status = write_file_atomically(options.page, html); !status) return status;
+  }
+  if (!options.format.empty()) {
+    context.out << table_of(diagnosis, *source).as(options.format);
+  } else {
+    for (const std::string& line : describe(diagnosis, *source, options.by)) context.out << line << '\n';
+    if (!options.page.empty()) context.out << "page  " << options.page << '\n';
+  }
+  if (!diagnosis.effects.empty() || !diagnosis.explained())
+    return Error{ErrorKind::unit_failed, options.folder + ": the fleet has what its units do not show by themselves"};
+  return {};
+}
+
+}  // namespace
+
+void add_fleet_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<FleetCommandOptions>();
+  const Command command = line.command("fleet", "what many units show together: common to a station, a lot, a month");
+  command.option("action", options->action, "diagnose").required().one_of({"diagnose"});
+  command.option("folder", options->folder, "a store of `turncal recalibrate`, or a folder with runs below it")
+      .required();
+  command.option("--by", options->by, "what units may have in common; several times")
+      .one_of(fleet_factors)
+      .one_word_each()
+      .default_in_help();
+  command.option("--page", options->page, "write a page (HTML)");
+  command.option("--format", options->format, "print a table for other programs").one_of(data_formats);
+  command.runs(context, [options, &context] { return diagnose(*options, context); });
+}
+
+}  // namespace turncal

@@ -1,0 +1,108 @@
+// `turncal recalibrate ARCHIVE --out STORE`: every recording of an archive again with this version, each once (recalibration.h), and what
+// changed against another version. Exit code 0 though some recordings failed: they are listed.
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <thread>
+
+#include "imu_io/base/clock.h"
+#include "orchestrator/commands/commands.h"
+#include "orchestrator/fleet/recalibration.h"
+#include "orchestrator/fleet/version_changes.h"
+#include "orchestrator/station/version.h"
+#include "orchestrator/watch/progress.h"
+
+namespace turncal {
+namespace {
+
+struct RecalibrateOptions {
+  std::string archive;
+  std::string store;
+  std::string against;
+  std::string version = software_version();
+  std::vector<std::int64_t> chunk;
+  int threads = 0;
+  bool no_diagnosis = false;
+};
+
+// On a terminal one line redrawn, elsewhere a line every tenth.
+class CountPrinter {
+ public:
+  explicit CountPrinter(CommandContext& context) : context_(context), began_s_(steady_wall_s()) {}
+  ~CountPrinter() {
+    if (context_.out_is_terminal && shown_ > 0) context_.out << '\n';
+  }
+  void show(const RecalibrationCounts& c) {
+    const std::size_t step = context_.out_is_terminal ? 1 : std::max<std::size_t>(c.entries / 10, 1);
+    if (c.finished() < c.entries && c.finished() < shown_ + step) return;
+    shown_ = c.finished();
+    const double spent_s = steady_wall_s() - began_s_;
+    const double worked = static_cast<double>(c.done + c.failed + c.unreadable);
+    const double left_s = worked > 0.0 ? spent_s / worked * static_cast<double>(c.entries - c.finished()) : 0.0;
+    char text[160];
+    std::snprintf(text, sizeof text, "%zu of %zu recordings, %zu were there, %zu failed, %s left", c.finished(),
+                  c.entries, c.there, c.failed + c.unreadable, format_duration(left_s).c_str());
+    if (context_.out_is_terminal)
+      context_.out << '\r' << text << "\x1b[K" << std::flush;
+    else
+      context_.out << text << std::endl;
+  }
+
+ private:
+  CommandContext& context_;
+  double began_s_;
+  std::size_t shown_ = 0;
+};
+
+Status recalibrate_archive(const RecalibrateOptions& options, CommandContext& context) {
+  RecalibrationRequest request{.store = options.store,
+                               .version = options.version,
+                               .time_utc = format_utc(wall_utc_s()),
+                               .diagnose = !options.no_diagnosis};
+  if (!options.chunk.empty()) {
+    if (options.chunk[1] < 1 || options.chunk[0] < 0 || options.chunk[0] >= options.chunk[1])
+      return input_error("--chunk " + std::to_string(options.chunk[0]) + " " + std::to_string(options.chunk[1]) +
+                         ": expected K N with K from 0 to N - 1");
+    request.chunk = static_cast<int>(options.chunk[0]);
+    request.chunks = static_cast<int>(options.chunk[1]);
+  }
+  request.threads =
+      options.threads > 0 ? options.threads : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  const Result<std::vector<ArchiveEntry>> archive = read_archive(options.archive);
+  if (!archive) return archive.error();
+  Result<RecalibrationCounts> counts = RecalibrationCounts{};
+  {
+    CountPrinter printer(context);
+    counts = recalibrate(*archive, request, [&](const RecalibrationCounts& c) {
+      printer.show(c);
+      return true;
+    });
+  }
+  if (!counts) return counts.error();
+  context.out << counts->done << " done, " << counts->there << " were there, " << counts->failed
+              << " cannot be calibrated, " << counts->unreadable << " cannot be read: " << options.store << '/'
+              << request.version << std::endl;
+  if (options.against.empty()) return {};
+  const Result<VersionChanges> changes = compare_versions(options.store, options.against, request.version);
+  if (!changes) return changes.error();
+  for (const std::string& line : describe(*changes)) context.out << line << '\n';
+  return {};
+}
+
+}  // namespace
+
+void add_recalibrate_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<RecalibrateOptions>();
+  const Command command =
+      line.command("recalibrate", "calibrate every recording of an archive again with this version");
+  command.option("archive", options->archive, "a folder with recordings below it, or a CSV list").required();
+  command.option("--out", options->store, "store: a folder; what is there already is not done again").required();
+  command.option("--against", options->against, "say what changed against this version of the store");
+  command.option("--as-version", options->version, "name of the version in the store").default_in_help();
+  command.option("--threads", options->threads, "recordings at a time; default: all cores").range(1, 256);
+  command.option("--chunk", options->chunk, "K N: only every N-th recording from the K-th (0 to N - 1)").words(2);
+  command.flag("--no-diagnosis", options->no_diagnosis, "calibrate only");
+  command.runs(context, [options, &context] { return recalibrate_archive(*options, context); });
+}
+
+}  // namespace turncal

@@ -1,0 +1,100 @@
+#include "orchestrator/fleet/archive.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "imu_io/base/clock.h"
+#include "imu_io/base/posix_file.h"
+#include "imu_io/base/text_pieces.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "imu_io/recordings/recording_writer.h"
+#include "orchestrator/records/output_folder.h"
+
+namespace turncal {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* text_form_mark = "imu.csv";
+
+Result<std::vector<ArchiveEntry>> below(const std::string& folder) {
+  std::vector<ArchiveEntry> entries;
+  std::error_code error;
+  for (fs::recursive_directory_iterator at(folder, fs::directory_options::skip_permission_denied, error), end;
+       at != end && !error; at.increment(error)) {
+    const fs::path& path = at->path();
+    if (path.filename().string().starts_with('.')) continue;
+    if (path.filename() == binary_recording_name || path.filename() == text_form_mark)
+      entries.push_back({path.parent_path().string(), {}});
+    else if (path.extension() == ".tcr")
+      entries.push_back({path.string(), {}});
+  }
+  if (error) return input_error(folder + ": cannot read: " + error.message());
+  std::sort(entries.begin(), entries.end(), [](const auto& a, const auto& b) { return a.recording < b.recording; });
+  entries.erase(std::unique(entries.begin(), entries.end(),
+                            [](const auto& a, const auto& b) { return a.recording == b.recording; }),
+                entries.end());
+  return entries;
+}
+
+Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
+  const Result<std::string> text = read_whole_file(path);
+  if (!text) return text.error();
+  std::string_view rest = *text;
+  std::vector<std::string> header;
+  for (const std::string_view column : split(next_line(rest), ',')) header.emplace_back(column);
+  if (header.empty() || header.front() != "recording")
+    return input_error(path + ":1: " + turncal::quoted(header.front()) +
+                       ": expected a list that begins with the column recording");
+  for (std::size_t k = 1; k < header.size(); ++k)
+    if (std::find(archive_columns.begin(), archive_columns.end(), header[k]) == archive_columns.end())
+      return input_error(path + ":1: " + turncal::quoted(header[k]) +
+                         ": expected station, lot, part, revision or measured_utc");
+  std::vector<ArchiveEntry> entries;
+  for (int line = 2; !rest.empty(); ++line) {
+    const std::string_view row = next_line(rest);
+    if (trimmed(row).empty() || row.front() == '#') continue;
+    const std::vector<std::string_view> cells = split(row, ',');
+    const std::string where = path + ":" + std::to_string(line) + ": ";
+    if (cells.size() != header.size())
+      return input_error(where + std::to_string(cells.size()) + " cells: expected " + std::to_string(header.size()));
+    if (cells.front().empty()) return input_error(where + "expected the path of a recording");
+    ArchiveEntry entry{(fs::path(path).parent_path() / fs::path(cells.front())).string(), {}};
+    for (std::size_t k = 1; k < cells.size(); ++k)
+      if (!cells[k].empty()) entry.record[header[k]] = std::string(cells[k]);
+    if (const auto time = entry.record.find("measured_utc"); time != entry.record.end() && !parse_utc(time->second))
+      return input_error(where + "measured_utc = " + turncal::quoted(time->second) +
+                         ": expected a time as 2026-01-31T12:00:00Z");
+    entries.push_back(std::move(entry));
+  }
+  return entries;
+}
+
+// What the run says of itself.
+void take_over(ArchiveEntry& entry) {
+  std::error_code error;
+  const fs::path folder =
+      fs::is_directory(entry.recording, error) ? fs::path(entry.recording) : fs::path(entry.recording).parent_path();
+  const std::string beside = (folder / parameters_name).string();
+  if (!path_exists(beside)) return;
+  const Result<std::string> text = read_whole_file(beside);
+  const Result<ParameterFile> file = text ? parse_parameter_file(*text, beside) : Result<ParameterFile>(text.error());
+  if (!file) return;
+  constexpr std::string_view prefix = "record.";
+  for (const auto& [key, value] : file->further)
+    if (key.starts_with(prefix)) entry.record.emplace(key.substr(prefix.size()), value);
+  entry.record.emplace("measured_utc", file->time_utc);
+}
+
+}  // namespace
+
+Result<std::vector<ArchiveEntry>> read_archive(const std::string& path) {
+  std::error_code error;
+  Result<std::vector<ArchiveEntry>> entries = fs::is_directory(path, error) ? below(path) : listed(path);
+  if (!entries) return entries;
+  if (entries->empty()) return input_error(path + ": expected recordings, found none");
+  for (ArchiveEntry& entry : *entries) take_over(entry);
+  return entries;
+}
+
+}  // namespace turncal

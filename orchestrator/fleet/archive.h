@@ -1,0 +1,27 @@
+// The recordings of an archive: those of a list, or all below a folder.
+//
+// A list is CSV with a header: `recording`, a path (relative ones from the list's folder), and, where they are known, `station`, `lot`, `part`,
+// `revision` and `measured_utc`. Below a folder every recording counts: a .tcr file, or a folder in text form. What a run says of itself
+// in the parameters.conf beside its recording is taken over where the list does not say it.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "calib/types/status.h"
+
+namespace turncal {
+
+struct ArchiveEntry {
+  std::string recording;
+  std::map<std::string, std::string> record;  // "station" -> "line 1", ...: record.* keys of the parameter file
+};
+
+inline const std::vector<std::string> archive_columns = {"station", "lot", "part", "revision", "measured_utc"};
+
+// In the order of the list, or by path. Errors: no such file, a header without `recording`, a column that is not known, a row that is too long
+// or too short, not one recording.
+Result<std::vector<ArchiveEntry>> read_archive(const std::string& path);
+
+}  // namespace turncal

@@ -1,0 +1,87 @@
+#include "orchestrator/fleet/fleet_members.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <map>
+
+#include "imu_io/base/clock.h"
+#include "imu_io/recordings/statistics_file.h"
+
+namespace turncal {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double day_s = 86400.0;
+
+std::string level_of(const ParameterFile& file, const std::string& factor, const std::string& measured) {
+  if (factor == "version") return file.software_version;
+  if (factor == "month") return measured.substr(0, 7);
+  const std::string* const value = find_further(file, "record." + factor);
+  return value && !value->empty() ? *value : "?";
+}
+
+}  // namespace
+
+Result<FleetSource> read_fleet(const std::string& folder, const std::vector<std::string>& factors) {
+  std::vector<std::string> paths;
+  std::error_code error;
+  for (fs::recursive_directory_iterator at(folder, error), end; at != end && !error; at.increment(error))
+    if (at->path().filename() == statistics_name && !at->path().parent_path().filename().string().starts_with('.'))
+      paths.push_back(at->path().string());
+  if (error) return input_error(folder + ": cannot read: " + error.message());
+  std::sort(paths.begin(), paths.end());
+
+  FleetSource source;
+  struct One {
+    std::string path, time_utc;
+    FleetMember member;
+  };
+  std::map<std::string, One> by_recording;
+  bool real = false;
+  for (const std::string& path : paths) {
+    Result<StatisticsFile> statistics = read_statistics(path);
+    if (!statistics) {
+      source.skipped.push_back(statistics.error().message);
+      continue;
+    }
+    const ParameterFile& file = statistics->file;
+    (file.simulated ? source.simulated : real) = true;
+    One one{path, file.time_utc, {}};
+    const std::string* const record = find_further(file, "record.measured_utc");
+    const std::string measured = record ? *record : file.time_utc;
+    one.member.unit = file.unit_serial;
+    for (const std::string& factor : factors) one.member.level.push_back(level_of(file, factor, measured));
+    const std::optional<double> time = parse_utc(measured);
+    one.member.day = time ? *time / day_s : std::numeric_limits<double>::quiet_NaN();
+    one.member.statistics = std::move(statistics->statistics);
+    const auto [place, is_new] = by_recording.try_emplace(file.recording_hash, std::move(one));
+    if (!is_new && place->second.time_utc < one.time_utc) place->second = std::move(one);
+  }
+  if (by_recording.empty())
+    return input_error(
+        folder + ": expected " + std::string(statistics_name) +
+        " of runs or of `turncal recalibrate` below it, found " +
+        (source.skipped.empty() ? std::string("none") : "none that can be read: " + source.skipped.front()));
+  if (source.simulated && real)
+    return input_error(folder + ": simulated and real units together: expected one or the other");
+  double first = std::numeric_limits<double>::infinity();
+  for (const auto& [hash, one] : by_recording)
+    if (one.member.day < first) first = std::floor(one.member.day);
+  source.first_day = std::isfinite(first) ? first : 0.0;
+  std::vector<One> all;
+  for (auto& [hash, one] : by_recording) all.push_back(std::move(one));
+  std::stable_sort(all.begin(), all.end(), [](const One& a, const One& b) { return a.member.unit < b.member.unit; });
+  for (One& one : all) {
+    one.member.day -= source.first_day;
+    source.members.push_back(std::move(one.member));
+    source.paths.push_back(std::move(one.path));
+  }
+  return source;
+}
+
+std::string date_of(double day) { return format_utc(day * day_s).substr(0, 10); }
+
+}  // namespace turncal

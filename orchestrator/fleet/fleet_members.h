@@ -1,0 +1,30 @@
+// The statistics of a store, or of any folder with runs and calibrations below it, as members of a fleet.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/fleet/fleet_diagnosis.h"
+#include "calib/types/status.h"
+
+namespace turncal {
+
+// What members may be grouped by: keys record.station, record.lot, record.part; version: software; month: of the measurement.
+inline const std::vector<std::string> fleet_factors = {"station", "lot", "part", "version", "month"};
+
+struct FleetSource {
+  std::vector<FleetMember> members;
+  std::vector<std::string> paths;    // of each member's statistics
+  double first_day = 0.0;            // since 1970-01-01 UTC; members count from it
+  std::vector<std::string> skipped;  // a line each: what could not be read
+  bool simulated = false;
+};
+
+// Every statistics.tcs below `folder`. The same recording counts once: the newest version of it. Level of what is not known: "?". A member
+// whose time is not known has no day, and does not count where changes in time are looked for. Errors: not one; simulated and real together.
+Result<FleetSource> read_fleet(const std::string& folder, const std::vector<std::string>& factors);
+
+// "2026-01-31" of days since 1970-01-01.
+std::string date_of(double day);
+
+}  // namespace turncal

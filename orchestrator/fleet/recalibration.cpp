@@ -1,0 +1,166 @@
+#include "orchestrator/fleet/recalibration.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/base/data_text.h"
+#include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/statistics_file.h"
+#include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/diagnosis_job.h"
+#include "orchestrator/records/output_folder.h"
+
+namespace turncal {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* unreadable_name = "unreadable.csv";
+
+enum class Outcome { done, there, failed, unreadable };
+
+struct Work {
+  Outcome outcome = Outcome::done;
+  std::string reason;
+  std::optional<Error> storage;  // the store, not the recording
+};
+
+// What becomes of a recording, as files of its folder.
+struct Made {
+  std::vector<NamedText> files;  // names, not paths
+  bool failed = false;
+};
+
+void add_record(const ArchiveEntry& entry, ParameterFile& file) {
+  for (const auto& [key, value] : entry.record)
+    if (!find_further(file, "record." + key)) file.add_further("record." + key, value);
+}
+
+Result<Made> make(const ArchiveEntry& entry, const LoadedRecording& recording, const RecalibrationRequest& request) {
+  CalibrationRequest wanted;
+  wanted.time_utc = request.time_utc;
+  wanted.test_fit = !request.diagnose;
+  Result<CalibrationOutput> output = calibrate_recording(recording, wanted);
+  if (!output) return output.error();
+  Made made;
+  add_record(entry, output->file);
+  if (request.diagnose) {
+    DiagnosisRequest diagnosis;
+    diagnosis.time_utc = request.time_utc;
+    diagnosis.base = output->fit ? &*output->fit : nullptr;
+    const Result<DiagnosisOutput> found = diagnose_recording(recording, diagnosis);
+    if (!found) return found.error();
+    made.files.push_back({diagnosis_name, found->files.conf});
+    for (auto& [key, value] : output->file.further)
+      if (key == "quality.trusted" && !found->diagnosis.trusted) value = "false";
+  }
+  const Result<std::string> parameters = format_parameter_file(output->file);
+  if (!parameters) return parameters.error();
+  made.files.push_back({parameters_name, *parameters});
+  if (output->fit) {
+    const Result<std::vector<std::byte>> bytes =
+        format_statistics({output->file, unit_statistics(recording.data, *output->fit)});
+    if (!bytes) return bytes.error();
+    made.files.push_back({statistics_name, std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size())});
+  }
+  return made;
+}
+
+// The folder appears whole; one that has come to be there in the meantime is as good.
+Status keep(const std::string& folder, const Made& made) {
+  const std::string temporary = temporary_name(folder);
+  std::error_code error;
+  fs::create_directories(temporary, error);
+  if (error) return device_error(temporary + ": cannot make: " + error.message());
+  Status status;
+  for (const NamedText& file : made.files)
+    if (status) status = write_file_atomically(temporary + "/" + file.path, file.content);
+  if (status) {
+    fs::rename(temporary, folder, error);
+    if (error && !path_exists(folder)) status = device_error(folder + ": cannot make: " + error.message());
+  }
+  fs::remove_all(temporary, error);
+  return status;
+}
+
+Work work_on(const ArchiveEntry& entry, const RecalibrationRequest& request) {
+  Work work;
+  const Result<LoadedRecording> recording = load_recording(entry.recording);
+  if (!recording) return {Outcome::unreadable, recording.error().message, {}};
+  const std::string folder = request.store + "/" + request.version + "/" + recording->hash;
+  if (path_exists(folder)) return {path_exists(folder + "/" + failure_name) ? Outcome::failed : Outcome::there, "", {}};
+  Status data = check_data(*recording);
+  Result<Made> made = data ? make(entry, *recording, request) : Result<Made>(data.error());
+  if (!made) {
+    work = {Outcome::failed, made.error().message, {}};
+    made = Made{{{failure_name, entry.recording + "\n" + made.error().message + "\n"}}, true};
+  }
+  if (Status status = keep(folder, *made); !status) work.storage = status.error();
+  return work;
+}
+
+}  // namespace
+
+Result<RecalibrationCounts> recalibrate(const std::vector<ArchiveEntry>& archive, const RecalibrationRequest& request,
+                                        const std::function<bool(const RecalibrationCounts&)>& progress) {
+  const std::string root = request.store + "/" + request.version;
+  std::error_code error;
+  fs::create_directories(root, error);
+  if (error) return device_error(root + ": cannot make: " + error.message());
+  std::vector<const ArchiveEntry*> mine;
+  for (std::size_t k = 0; k < archive.size(); ++k)
+    if (static_cast<int>(k % static_cast<std::size_t>(request.chunks)) == request.chunk) mine.push_back(&archive[k]);
+
+  RecalibrationCounts counts;
+  counts.entries = mine.size();
+  std::map<std::string, std::string> unreadable;
+  std::optional<Error> storage;
+  std::atomic<std::size_t> next = 0;
+  std::atomic<bool> going = true;
+  std::mutex mutex;
+  const auto worker = [&] {
+    for (std::size_t k = next++; k < mine.size() && going; k = next++) {
+      const Work work = work_on(*mine[k], request);
+      const std::lock_guard lock(mutex);
+      if (work.storage) {
+        storage = work.storage;
+        going = false;
+        return;
+      }
+      counts.done += work.outcome == Outcome::done;
+      counts.there += work.outcome == Outcome::there;
+      counts.failed += work.outcome == Outcome::failed;
+      counts.unreadable += work.outcome == Outcome::unreadable;
+      if (work.outcome == Outcome::unreadable) unreadable[mine[k]->recording] = work.reason;
+      if (!progress(counts)) going = false;
+    }
+  };
+  {
+    std::vector<std::jthread> threads;
+    for (int k = 1; k < request.threads; ++k) threads.emplace_back(worker);
+    worker();
+  }
+  if (storage) return *storage;
+  if (!unreadable.empty() || path_exists(root + "/" + unreadable_name)) {
+    DataTable table({"recording", "reason"});
+    for (const auto& [recording, reason] : unreadable) {
+      table.begin_row();
+      table.text(recording);
+      table.text(reason);
+    }
+    const std::string chunk = request.chunks > 1 ? std::to_string(request.chunk) + "-" : "";
+    if (Status status = write_file_atomically(root + "/" + chunk + unreadable_name, table.csv()); !status)
+      return status.error();
+  }
+  return counts;
+}
+
+}  // namespace turncal

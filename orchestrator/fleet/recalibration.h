@@ -1,0 +1,41 @@
+// Every recording of an archive calibrated and diagnosed again with this version, once, into a store:
+//
+//   STORE/<version>/<hash of the recording>/parameters.conf, statistics.tcs, diagnosis.conf
+//   STORE/<version>/<hash of the recording>/failure.txt      what cannot be calibrated, and why
+//   STORE/<version>/unreadable.csv                           what cannot be read, so that it has no hash: tried again each time
+//
+// A folder of a recording is made whole and renamed: whoever is killed, or works on the same recording at the same time, loses and doubles
+// nothing. What is there is not done again. Chunk k of n is every n-th entry from k on: n processes, anywhere, share an archive and a store.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "calib/types/status.h"
+#include "orchestrator/fleet/archive.h"
+
+namespace turncal {
+
+struct RecalibrationRequest {
+  std::string store;
+  std::string version;  // software_version()
+  std::string time_utc;
+  bool diagnose = true;
+  int threads = 1;
+  int chunk = 0, chunks = 1;
+};
+
+struct RecalibrationCounts {
+  std::size_t entries = 0, done = 0, there = 0, failed = 0, unreadable = 0;
+  std::size_t finished() const { return done + there + failed + unreadable; }
+};
+
+// An error of kind device where the store cannot be written. `progress` is told from any thread, one at a time; false: stop after what is
+// being done.
+Result<RecalibrationCounts> recalibrate(const std::vector<ArchiveEntry>& archive, const RecalibrationRequest& request,
+                                        const std::function<bool(const RecalibrationCounts&)>& progress);
+
+inline constexpr const char* failure_name = "failure.txt";
+
+}  // namespace turncal
