@@ -1,5 +1,6 @@
 #include "imu_io/recordings/statistics_file.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -14,12 +15,49 @@ namespace {
 
 constexpr std::string_view magic = "TCST";
 constexpr std::uint32_t version = 1;
-constexpr std::uint32_t most_columns = 2000;  // of a file that is not damaged: the catalogue has some two hundred
+constexpr Eigen::Index most_columns = 2000;  // of a file that is not damaged: the catalogue has some two hundred
+
+// Three bytes, of the four of a float the upper ones: 16 bits of mantissa.
+void append_short(std::vector<std::byte>& out, float value) {
+  std::uint32_t bits = 0;
+  std::memcpy(&bits, &value, sizeof bits);
+  bits = (bits + 0x80) >> 8;
+  for (int k = 0; k < 3; ++k) append_bytes(out, static_cast<std::uint8_t>(bits >> (8 * k)));
+}
+std::uint32_t get_three(ByteReader& reader) {
+  std::uint32_t bits = 0;
+  for (int k = 0; k < 3; ++k) bits |= static_cast<std::uint32_t>(reader.get<std::uint8_t>()) << (8 * k);
+  return bits;
+}
+float get_short(ByteReader& reader) {
+  const std::uint32_t bits = get_three(reader) << 8;
+  float value = 0.0F;
+  std::memcpy(&value, &bits, sizeof value);
+  return value;
+}
+
+// A correlation in three bytes, to 1.2e-7.
+constexpr double correlation_steps = 8388607.0;
+void append_correlation(std::vector<std::byte>& out, double value) {
+  const auto bits = static_cast<std::uint32_t>(
+      static_cast<std::int32_t>(std::lround(std::clamp(value, -1.0, 1.0) * correlation_steps)));
+  for (int k = 0; k < 3; ++k) append_bytes(out, static_cast<std::uint8_t>(bits >> (8 * k)));
+}
+double get_correlation(ByteReader& reader) {
+  const auto bits = static_cast<std::int32_t>(get_three(reader) << 8);
+  return static_cast<double>(bits >> 8) / correlation_steps;
+}
+
+// The covariance stands in parameters.conf, and takes half of its text.
+ParameterFile without_covariance(ParameterFile file) {
+  std::erase_if(file.further, [](const auto& key) { return key.first.starts_with("quality.covariance"); });
+  return file;
+}
 
 }  // namespace
 
 Result<std::vector<std::byte>> format_statistics(const StatisticsFile& s) {
-  const Result<std::string> text = format_parameter_file(s.file);
+  const Result<std::string> text = format_parameter_file(without_covariance(s.file));
   if (!text) return text.error();
   const UnitStatistics& u = s.statistics;
   std::vector<std::byte> out;
@@ -29,13 +67,26 @@ Result<std::vector<std::byte>> format_statistics(const StatisticsFile& s) {
   for (int k = 0; k < parameter_count; ++k) append_bytes(out, u.value[k]);
   for (int k = 0; k < parameter_count; ++k) append_bytes(out, u.sigma[k]);
   append_bytes(out, u.level);
-  append_bytes(out, static_cast<std::uint32_t>(u.columns.size()));
-  for (const std::string& column : u.columns) append_text(out, column);
-  for (const double value : u.s) append_bytes(out, value);
-  for (Eigen::Index column = 0; column < u.Q.cols(); ++column)
-    for (Eigen::Index row = 0; row <= column; ++row) append_bytes(out, u.Q(row, column));
-  for (Eigen::Index column = 0; column < u.moves.cols(); ++column)
-    for (Eigen::Index row = 0; row < parameter_count; ++row) append_bytes(out, u.moves(row, column));
+  // What the recording cannot see is left out.
+  std::vector<Eigen::Index> seen;
+  std::string names;
+  for (Eigen::Index k = 0; k < u.s.size(); ++k) {
+    if (!(u.Q(k, k) > 0.0F)) continue;
+    seen.push_back(k);
+    names += u.columns[static_cast<std::size_t>(k)] + "\n";
+  }
+  append_text(out, names);
+  for (const Eigen::Index k : seen) append_bytes(out, u.s[k]);
+  for (const Eigen::Index k : seen) append_bytes(out, static_cast<double>(u.Q(k, k)));
+  for (std::size_t column = 0; column < seen.size(); ++column)
+    for (std::size_t row = 0; row < column; ++row) {
+      const Eigen::Index a = seen[row], b = seen[column];
+      append_correlation(out, static_cast<double>(u.Q(a, b)) /
+                                  std::sqrt(static_cast<double>(u.Q(a, a)) * static_cast<double>(u.Q(b, b))));
+    }
+  for (const Eigen::Index k : seen)
+    for (Eigen::Index row = 0; row < parameter_count; ++row)
+      if (parameter_is_free[static_cast<std::size_t>(row)]) append_short(out, u.moves(row, k));
   append_bytes(out, crc32c(std::span<const std::byte>(out)));
   return out;
 }
@@ -65,27 +116,31 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
     finite = finite && std::isfinite(value);
     return value;
   };
-  const auto single = [&] {
-    const float value = reader.get<float>();
-    finite = finite && std::isfinite(value);
-    return value;
-  };
   for (int k = 0; k < parameter_count; ++k) u.value[k] = number();
   for (int k = 0; k < parameter_count; ++k) u.sigma[k] = number();
   u.level = number();
-  const auto columns = reader.get<std::uint32_t>();
+  const std::string names = reader.get_text();
+  for (std::string_view rest = names; !rest.empty();) u.columns.emplace_back(next_line(rest));
+  const auto columns = static_cast<Eigen::Index>(u.columns.size());
   if (columns > most_columns)
     return input_error(file_name + ": " + std::to_string(columns) + " columns: expected at most " +
                        std::to_string(most_columns));
-  for (std::uint32_t k = 0; k < columns && reader.good(); ++k) u.columns.push_back(reader.get_text());
   u.s.resize(columns);
   for (double& value : u.s) value = number();
-  u.Q.resize(columns, columns);
-  for (Eigen::Index column = 0; column < u.Q.cols(); ++column)
-    for (Eigen::Index row = 0; row <= column; ++row) u.Q(column, row) = u.Q(row, column) = single();
-  u.moves.resize(parameter_count, columns);
-  for (Eigen::Index column = 0; column < u.moves.cols(); ++column)
-    for (Eigen::Index row = 0; row < parameter_count; ++row) u.moves(row, column) = single();
+  Eigen::VectorXd diagonal(columns);
+  for (double& value : diagonal) value = number();
+  if (finite && columns > 0 && diagonal.minCoeff() <= 0.0)
+    return input_error(file_name + ": information of an effect that is not positive");
+  u.Q = diagonal.cast<float>().asDiagonal();
+  for (Eigen::Index column = 0; column < columns; ++column)
+    for (Eigen::Index row = 0; row < column; ++row)
+      u.Q(column, row) = u.Q(row, column) =
+          static_cast<float>(get_correlation(reader) * std::sqrt(diagonal[row] * diagonal[column]));
+  u.moves = Eigen::MatrixXf::Zero(parameter_count, columns);
+  for (Eigen::Index column = 0; column < columns; ++column)
+    for (Eigen::Index row = 0; row < parameter_count; ++row)
+      if (parameter_is_free[static_cast<std::size_t>(row)]) u.moves(row, column) = get_short(reader);
+  finite = finite && u.moves.allFinite();
   if (!reader.at_end()) return input_error(file_name + ": expected the end after the last number");
   if (!finite) return input_error(file_name + ": a number that is not finite");
   return s;

@@ -11,6 +11,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_source.h"
+#include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/devices/truth.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
@@ -166,13 +167,18 @@ JournalFields marked(JournalFields fields, const JournalFields& mark) {
   return fields;
 }
 
-Status keep_results(const PreparedRun& run, const std::string& folder, const RunCounts& counts, JournalFile& journal,
-                    const JournalFields& mark, const RunResults& results) {
+Status keep_results(const PreparedRun& run, const std::string& folder, const LoadedRecording& recording,
+                    const RunCounts& counts, JournalFile& journal, const JournalFields& mark,
+                    const RunResults& results) {
   const ParameterFile& file = results.output->file;
   const std::string path = folder + "/" + parameters_name;
   const Result<std::string> text = format_parameter_file(file);
   if (!text) return text.error();
   if (Status status = write_file_atomically(path, *text); !status) return status;
+  if (results.output->fit) {  // for the fleet
+    const StatisticsFile statistics{file, unit_statistics(recording.data, *results.output->fit)};
+    if (Status status = write_statistics(statistics, folder + "/" + statistics_name); !status) return status;
+  }
   const JournalFields hash = marked({{"parameters_hash", hash_of_text(*text)}}, mark);
   if (Status status = journal.append(JournalType::results, hash); !status) return status;
   if (!run.station.database.empty()) {
@@ -235,7 +241,8 @@ Status write_results(const PreparedRun& run, const std::string& folder, const Lo
     if (Status status = verify_unit(run, folder, recording, results); !status) return status;
     if (Status status = write_diagnosis_of(folder, results); !status) return stored(status);
     add_verdict(results.verdict, results.output->file);
-    if (Status status = keep_results(run, folder, counts, journal, mark, results); !status) return stored(status);
+    if (Status status = keep_results(run, folder, recording, counts, journal, mark, results); !status)
+      return stored(status);
   }
   if (!results.output) {
     if (Status status = verify_unit(run, folder, recording, results); !status) return status;

@@ -1,0 +1,113 @@
+#include <gtest/gtest.h>
+
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+namespace {
+
+// Two units of a station, a copy of the first, and two files that are no recordings.
+class Archive : public Program {
+ protected:
+  void SetUp() override {
+    Program::SetUp();
+    for (const char* unit : {"SN1", "SN2"}) {
+      const ProgramResult made =
+          run({"run", "--dry-run", "--unit", unit, "--no-diagnosis", "--out", path(std::string("archive/") + unit),
+               "--sequence", TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"});
+      ASSERT_EQ(made.code, 0) << made.err;
+    }
+    std::filesystem::create_directories(path("archive/copy"));
+    std::filesystem::copy_file(path("archive/SN1/recording.tcr"), path("archive/copy/recording.tcr"));
+    write("archive/empty.tcr", "");
+    std::string cut = file_text(path("archive/SN2/recording.tcr"));
+    write("archive/damaged.tcr", cut.substr(0, 40));
+  }
+  ProgramResult recalibrate(std::vector<std::string> more) const {
+    more.insert(more.begin(), {"recalibrate", path("archive"), "--no-diagnosis"});
+    return run(more);
+  }
+  std::set<std::string> below(const std::string& folder) const {
+    std::set<std::string> names;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(path(folder)))
+      names.insert(std::filesystem::relative(entry.path(), path(folder)).string());
+    return names;
+  }
+};
+
+TEST_F(Archive, DoesEachRecordingOnce) {
+  const ProgramResult first = recalibrate({"--out", path("store")});
+  EXPECT_EQ(first.code, 0) << first.err;
+  EXPECT_NE(first.out.find("2 done, 1 were there, 0 cannot be calibrated, 2 cannot be read"), std::string::npos)
+      << first.out;
+  const std::set<std::string> names = below("store");
+  EXPECT_EQ(names.size(), 1U + 2U * 3U + 1U);  // the version, two folders of two files each, unreadable.csv
+  const ProgramResult second = recalibrate({"--out", path("store")});
+  EXPECT_NE(second.out.find("0 done, 3 were there"), std::string::npos) << second.out;
+  EXPECT_EQ(below("store"), names);
+}
+
+TEST_F(Archive, ChunksAndTwoAtOnceMakeTheSame) {
+  ASSERT_EQ(recalibrate({"--out", path("store")}).code, 0);
+  for (const char* k : {"0", "1"}) ASSERT_EQ(recalibrate({"--out", path("chunks"), "--chunk", k, "2"}).code, 0);
+  std::set<std::string> whole = below("store"), chunks = below("chunks");
+  std::erase_if(whole, [](const std::string& name) { return name.ends_with(".csv"); });
+  std::erase_if(chunks, [](const std::string& name) { return name.ends_with(".csv"); });
+  EXPECT_EQ(chunks, whole);
+
+  const std::vector<std::string> command = {"recalibrate", path("archive"), "--no-diagnosis", "--out", path("both")};
+  const pid_t one = start(command), other = start(command);
+  EXPECT_EQ(finish(one).code, 0);
+  int status = 0;
+  ::waitpid(other, &status, 0);
+  EXPECT_EQ(status, 0);
+  std::set<std::string> both = below("both");
+  std::erase_if(both, [](const std::string& name) { return name.ends_with(".csv"); });
+  EXPECT_EQ(both, whole);
+}
+
+TEST_F(Archive, SaysWhatChanged) {
+  ASSERT_EQ(recalibrate({"--out", path("store"), "--as-version", "old"}).code, 0);
+  const ProgramResult result = recalibrate({"--out", path("store"), "--as-version", "new", "--against", "old"});
+  EXPECT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.out.find("from version old to new: 2 recordings in both, 0 only in the first"), std::string::npos)
+      << result.out;
+  EXPECT_NE(result.out.find("N01         0.000    0.000    0.000"), std::string::npos) << result.out;
+}
+
+TEST_F(Archive, RefusesWhatItDoesNotUnderstand) {
+  write("list.csv", "path,station\nSN1,a\n");
+  expect_refused({"recalibrate", path("list.csv"), "--out", path("x")},
+                 "list.csv:1: 'path': expected a list that begins with the column recording");
+  write("list.csv", "recording,colour\nSN1,a\n");
+  expect_refused({"recalibrate", path("list.csv"), "--out", path("x")}, "'colour': expected station, lot");
+  write("list.csv", "recording,station\nSN1\n");
+  expect_refused({"recalibrate", path("list.csv"), "--out", path("x")}, "list.csv:2: 1 cells: expected 2");
+  write("list.csv", "recording,measured_utc\narchive/SN1,yesterday\n");
+  expect_refused({"recalibrate", path("list.csv"), "--out", path("x")}, "measured_utc = 'yesterday'");
+  expect_refused({"recalibrate", path("archive"), "--out", path("x"), "--chunk", "2", "2"},
+                 "--chunk 2 2: expected K N");
+  expect_refused({"recalibrate", path("nowhere"), "--out", path("x")}, "nowhere");
+  expect_refused({"fleet", "diagnose", path("archive/copy")}, "expected statistics.tcs");
+  expect_refused({"fleet", "diagnose", path("archive"), "--by", "station", "--by", "station"},
+                 "--by station: is given twice");
+}
+
+// What the list says stands in the files; the runs' own statistics do as well. (Both rigs have the same noise: together they would not be explained.)
+TEST_F(Archive, IsAFleet) {
+  write("list.csv",
+        "recording,station,lot,measured_utc\narchive/SN1,east,7,2026-01-31T12:00:00Z\narchive/"
+        "SN2,west,8,2026-02-01T12:00:00Z\n");
+  ASSERT_EQ(run({"recalibrate", path("list.csv"), "--out", path("store"), "--no-diagnosis"}).code, 0);
+  const ProgramResult result = run({"fleet", "diagnose", path("store"), "--by", "station", "--by", "lot", "--by",
+                                    "month", "--page", path("fleet.html")});
+  EXPECT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.out.find("2 recordings of 2 units, 2 stations, 2 lots, 2 months; simulated"), std::string::npos)
+      << result.out;
+  EXPECT_NE(file_text(path("fleet.html")).find("station"), std::string::npos);
+  const ProgramResult own = run({"fleet", "diagnose", path("archive/SN1"), "--format", "json"});
+  EXPECT_EQ(own.code, 0) << own.err;
+  EXPECT_EQ(own.out.substr(0, 1), "[");
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,87 @@
+#include "calib/fleet/unit_statistics.h"
+
+#include <gtest/gtest.h>
+
+#include "imu_io/recordings/statistics_file.h"
+#include "tests/fleet/drawn_fleet.h"
+
+namespace turncal {
+namespace {
+
+// An effect refitted from the sums is the one that the whole estimate finds, and moves the parameters as it does.
+TEST(UnitStatistics, RefitsAsTheEstimateDoes) {
+  RigConfig config;
+  *find_effect(config.effects, "accel_second_order.x") = 12.0;
+  const RigRecording made = record_on_rig(must_read_sequence("fourteen_step.seq"), config);
+  const JointResult base = joint_estimate(made.recording);
+  const UnitStatistics u = unit_statistics(made.recording, base);
+  const int k = column_of(u, "accel_second_order.x");
+  ASSERT_GE(k, 0);
+  const RefittedEffects refitted = refit(u, {k});
+
+  JointOptions options;
+  for (const EffectColumn& c : catalogue_columns(made.recording.info))
+    if (c.key() == "accel_second_order.x") options.effects = {c};
+  options.noise = base.noise;
+  const JointResult whole = joint_estimate(made.recording, options);
+  const double sigma = whole.effects.front().sigma;
+  EXPECT_NEAR(refitted.value[0], whole.effects.front().value, 0.1 * sigma);
+  EXPECT_NEAR(refitted.sigma[0], sigma, 0.02 * sigma);
+  EXPECT_GT(refitted.value[0], 5.0 * sigma);
+  const ParameterVector expected = to_vector(whole.parameters);
+  for (int p = 0; p < parameter_count; ++p)
+    if (whole.sigma[p] > 0.0) {
+      EXPECT_NEAR(refitted.parameters[p], expected[p], 0.1 * whole.sigma[p])
+          << parameter_keys[static_cast<std::size_t>(p)];
+    }
+}
+
+StatisticsFile example() {
+  StatisticsFile s;
+  s.file.unit_serial = "SN 1";
+  s.file.recording_hash = std::string(32, 'a');
+  s.file.model = "base";
+  s.file.method = "joint";
+  s.file.software_version = "1.0";
+  s.file.time_utc = "2026-01-31T12:00:00Z";
+  s.file.latitude_deg = 45.0;
+  s.file.gravity_mps2 = 9.8;
+  s.file.sample_period_s = 0.005;
+  s.file.accel_pulse_mps = 1e-3;
+  s.file.add_further("record.station", "line 3");
+  s.file.add_further("quality.covariance.N01", "1");
+  s.statistics = statistics_of_one();
+  return s;
+}
+
+TEST(StatisticsFile, ReadsWhatWasWritten) {
+  const StatisticsFile s = example();
+  const auto bytes = must(format_statistics(s));
+  EXPECT_LE(bytes.size(), 100000U);
+  const StatisticsFile read = must(parse_statistics(bytes, "f"));
+  EXPECT_EQ(read.file.unit_serial, "SN 1");
+  EXPECT_EQ(*find_further(read.file, "record.station"), "line 3");
+  EXPECT_EQ(read.statistics.columns, s.statistics.columns);
+  EXPECT_EQ(read.statistics.s, s.statistics.s);
+  const Eigen::VectorXf scale = s.statistics.Q.diagonal().cwiseSqrt().cwiseInverse();
+  EXPECT_LT((scale.asDiagonal() * (read.statistics.Q - s.statistics.Q) * scale.asDiagonal()).cwiseAbs().maxCoeff(),
+            3e-7F);
+  EXPECT_LT(((read.statistics.moves - s.statistics.moves).array() / s.statistics.moves.array().abs().max(1e-30F))
+                .abs()
+                .maxCoeff(),
+            1.6e-5F);
+}
+
+TEST(StatisticsFile, RefusesWhatIsDamaged) {
+  const auto bytes = must(format_statistics(example()));
+  for (std::size_t at = 0; at < bytes.size(); at += 997) {
+    auto damaged = bytes;
+    damaged[at] ^= std::byte{0x10};
+    EXPECT_FALSE(parse_statistics(damaged, "f").ok()) << at;
+  }
+  for (std::size_t length = 0; length < bytes.size(); length += 1009)
+    EXPECT_FALSE(parse_statistics(std::span(bytes).first(length), "f").ok()) << length;
+}
+
+}  // namespace
+}  // namespace turncal

@@ -1,0 +1,147 @@
+// The acceptance study of the fleet's diagnosis (docs/fleet.md): fleets of rigs, every unit with parameters, table and noise of its own.
+//
+//   study_fleet SEED_FIRST SEED_COUNT [--units N] [--stations K] [--sequence NAME.seq]
+// For each seed the same clean fleet, and three more with something in it, of which only those recordings are made anew that have it:
+//   station   one effect of the rig, drawn at random, at one station: as large as one sigma of one recording (a fifth of what it shows by itself)
+//   units     a tenth of the units has one effect each, drawn at random, 1 to 10 times what one recording shows
+//   drift     an effect at one station grows from day 80 of 182 on, by a sigma in twenty days
+// A line each: seed, scenario, effect and size, found at the right level (1/0), that effect or a rival named (1/0), other levels blamed, units
+// listed, error of the begin (days), inside its interval (1/0).
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <random>
+#include <set>
+
+#include "calib/fleet/fleet_diagnosis.h"
+#include "tests/rig_recorder.h"
+
+namespace turncal {
+namespace {
+
+struct Study {
+  std::size_t units = 200, stations = 4;
+  Sequence sequence;
+};
+
+constexpr double days = 182.0, begin_day = 80.0, sigma_days = 20.0;
+
+FleetMember made(const Study& study, std::uint64_t seed, std::size_t i, const std::string& effect, double value) {
+  RigConfig config = default_rig_config();
+  config.seed = 100000 * seed + i;
+  config.noise_seed = 900000000 + 100000 * seed + i;
+  if (!effect.empty()) *find_effect(config.effects, effect) = value;
+  const RigRecording recorded = record_on_rig(study.sequence, config);
+  FleetMember m;
+  m.unit = "U" + std::to_string(10000 + i);
+  m.level = {"S" + std::to_string(1 + i % study.stations)};
+  m.day = days * static_cast<double>(i) / static_cast<double>(study.units);
+  m.statistics = unit_statistics(recorded.recording, joint_estimate(recorded.recording));
+  return m;
+}
+
+// Components of the rig that one recording can see, with the sigma they have there.
+std::vector<std::pair<std::string, double>> seen(const UnitStatistics& u) {
+  std::vector<std::pair<std::string, double>> all;
+  RigConfig config = default_rig_config();
+  for (std::size_t k = 0; k < u.columns.size(); ++k) {
+    const auto at = static_cast<Eigen::Index>(k);
+    if (u.Q(at, at) > 0.0F && find_effect(config.effects, u.columns[k]))
+      all.emplace_back(u.columns[k], 1.0 / std::sqrt(static_cast<double>(u.Q(at, at))));
+  }
+  return all;
+}
+
+void judge(std::uint64_t seed, const char* scenario, const std::string& key, double value, const FleetDiagnosis& d,
+           const std::string& level) {
+  const std::string name = key.substr(0, key.find('.'));
+  bool here = false, named = false;
+  int blamed = 0;
+  double begin = NAN;
+  bool inside = false;
+  for (const FleetEffect& e : d.effects) {
+    if (e.level != level || level.empty()) {
+      ++blamed;
+      continue;
+    }
+    here = true;
+    named =
+        named || e.component.starts_with(name) || std::find(e.rivals.begin(), e.rivals.end(), name) != e.rivals.end();
+    if (e.shape == FleetShape::constant || std::isfinite(begin)) continue;
+    begin = e.begin_day - begin_day;
+    inside = e.begin_low <= begin_day && begin_day <= e.begin_high;
+  }
+  std::printf("%llu %s %s %.4g %d %d %d %zu %.1f %d\n", static_cast<unsigned long long>(seed), scenario,
+              key.empty() ? "-" : key.c_str(), value, here, named, blamed, d.units.size(), begin, inside);
+  for (const FleetEffect& e : d.effects)
+    std::printf("#   %s %s %s %.3g +- %.2g, z %.1f\n", e.level.empty() ? "all" : e.level.c_str(), e.component.c_str(),
+                to_string(e.shape), e.value, e.sigma, e.z);
+  std::fflush(stdout);
+}
+
+void run(const Study& study, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::vector<FleetMember> clean;
+  for (std::size_t i = 0; i < study.units; ++i) clean.push_back(made(study, seed, i, "", 0.0));
+  judge(seed, "clean", "", 0.0, diagnose_fleet(clean, {}), "");
+
+  const auto effects = seen(clean.front().statistics);
+  const auto draw = [&] { return effects[std::uniform_int_distribution<std::size_t>(0, effects.size() - 1)(random)]; };
+  const auto draw_station = [&] { return std::uniform_int_distribution<std::size_t>(0, study.stations - 1)(random); };
+  {
+    const auto [key, sigma] = draw();
+    const std::size_t station = draw_station();
+    std::vector<FleetMember> fleet = clean;
+    for (std::size_t i = station; i < study.units; i += study.stations) fleet[i] = made(study, seed, i, key, sigma);
+    judge(seed, "station", key, sigma, diagnose_fleet(fleet, {}), "S" + std::to_string(station + 1));
+  }
+  {
+    std::vector<FleetMember> fleet = clean;
+    for (std::size_t i = 0; i < study.units; ++i) {
+      if (std::uniform_real_distribution<>()(random) > 0.1) continue;
+      const auto [key, sigma] = draw();
+      fleet[i] = made(study, seed, i, key,
+                      sigma * 5.0 * std::exp(std::uniform_real_distribution<>(0.0, std::log(10.0))(random)));
+    }
+    judge(seed, "units", "", 0.0, diagnose_fleet(fleet, {}), "");
+  }
+  {
+    const auto [key, sigma] = draw();
+    const std::size_t station = draw_station();
+    std::vector<FleetMember> fleet = clean;
+    for (std::size_t i = station; i < study.units; i += study.stations)
+      if (fleet[i].day > begin_day)
+        fleet[i] = made(study, seed, i, key, sigma * (fleet[i].day - begin_day) / sigma_days);
+    judge(seed, "drift", key, sigma, diagnose_fleet(fleet, {}), "S" + std::to_string(station + 1));
+  }
+}
+
+}  // namespace
+}  // namespace turncal
+
+int main(int argc, char** argv) {
+  using namespace turncal;
+  Study study;
+  std::string name = "forty_minutes.seq";
+  bool good = argc >= 3 && argc % 2 == 1;
+  for (int k = 3; good && k < argc; k += 2) {
+    if (std::strcmp(argv[k], "--units") == 0)
+      study.units = static_cast<std::size_t>(std::atoi(argv[k + 1]));
+    else if (std::strcmp(argv[k], "--stations") == 0)
+      study.stations = static_cast<std::size_t>(std::atoi(argv[k + 1]));
+    else if (std::strcmp(argv[k], "--sequence") == 0)
+      name = argv[k + 1];
+    else
+      good = false;
+  }
+  if (!good) {
+    std::fprintf(stderr, "usage: study_fleet SEED_FIRST SEED_COUNT [--units N] [--stations K] [--sequence NAME.seq]\n");
+    return 1;
+  }
+  study.sequence = must_read_sequence(name);
+  const auto first = static_cast<std::uint64_t>(std::atoll(argv[1]));
+  for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(std::atoll(argv[2])); ++k) run(study, first + k);
+  return 0;
+}
