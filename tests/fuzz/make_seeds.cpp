@@ -11,6 +11,7 @@
 #include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/parameter_forms.h"
+#include "imu_io/recordings/statistics_file.h"
 #include "input.h"
 
 namespace {
@@ -121,6 +122,14 @@ int main(int count, char** arguments) {
   if (!text) std::fprintf(stderr, "%s\n", text.error().message.c_str());
   fuzz::require(text.ok());
   write(folder + "/fuzz_parameter_file/whole", std::string{'\1'} + *text);
+  StatisticsFile statistics{file, {}};
+  statistics.statistics.columns = {"accel_creep.x tau_s 300", "accel_delay.tau"};
+  statistics.statistics.s = Eigen::Vector2d(1.0, -2.0);
+  statistics.statistics.Q = Eigen::Matrix2f{{4.0F, 1.0F}, {1.0F, 9.0F}};
+  statistics.statistics.moves = Eigen::MatrixXf::Ones(parameter_count, 2);
+  const auto bytes = format_statistics(statistics);
+  fuzz::require(bytes.ok());
+  write(folder + "/fuzz_statistics/whole", "\1" + text_of(*bytes));
   const std::vector<std::byte> block = format_parameter_block(block_of(file));
   write(folder + "/fuzz_parameter_block/whole",
         std::string{'\1'} + std::string(reinterpret_cast<const char*>(block.data()), block.size()));
