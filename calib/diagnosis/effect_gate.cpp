@@ -78,7 +78,8 @@ bool outweighed(const DiagnosisModel& m, const Diagnosis& d, const std::string& 
 }
 
 // The effect of `name` did not help on held-out data; does another of its alias class, in its place?
-bool take_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name, const JointResult& without, Gate& gate) {
+bool replaced_by_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name, const JointResult& without,
+                       Gate& gate) {
   for (SelectionStage& stage : d.stages) {
     if (!stage.accepted || stage.chosen.entry->name != name) continue;
     for (const EffectColumn& rival : stage.rival_columns) {
@@ -122,7 +123,7 @@ void gate_effects(DiagnosisModel& m, Diagnosis& d) {
       });
       if (gate.confirms(m.current, reduced, of_one_run)) continue;
       changed = true;
-      if (take_rival(m, d, name, reduced, gate)) break;
+      if (replaced_by_rival(m, d, name, reduced, gate)) break;
       // Claimed or not, what it would do to the parameters goes into their sigmas.
       m.beside.push_back(m.current.parameters);
       if (!outweighed(m, d, name, gate.on_first(m.current, reduced))) d.gated_out.push_back(name);

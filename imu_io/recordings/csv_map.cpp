@@ -5,6 +5,7 @@
 
 #include "calib/model/parameters.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/site_range.h"
 #include "imu_io/recordings/recording_check.h"
 
 namespace turncal {
@@ -90,7 +91,7 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   map.temperature_scale = file.number_or("temperature.scale", 1.0);
   map.temperature_offset = file.number_or("temperature.offset", 0.0);
   map.gravity_mps2 = file.number("gravity_mps2", between(min_gravity_mps2, max_gravity_mps2));
-  map.latitude_deg = file.number_or("latitude_deg", 0.0, between(-90.0, 90.0));
+  map.latitude_deg = file.number_or("latitude_deg", 0.0, site_latitude_deg);
   map.unit_serial = file.text("unit_serial");
   if (Status status = file.check_all_used(); !status) return status.error();
   return map;

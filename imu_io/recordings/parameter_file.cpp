@@ -9,6 +9,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
+#include "imu_io/base/site_range.h"
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_text.h"
 
@@ -197,7 +198,7 @@ Result<ParameterFile> parse_parameter_file(std::string_view text, const std::str
   file.recording_hash = plain_text(input, "recording_hash");
   file.model = plain_text(input, "model");
   file.method = plain_text(input, "method");
-  file.latitude_deg = input.number("latitude_deg", between(-90.0, 90.0));
+  file.latitude_deg = input.number("latitude_deg", site_latitude_deg);
   file.gravity_mps2 = input.number("gravity_mps2", positive);
   file.sample_period_s = input.number("sample_period_s", positive);
   const auto kind = [](const std::string& name) {

@@ -7,6 +7,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
+#include "imu_io/base/site_range.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/imu_csv.h"
 #include "imu_io/recordings/recording_check.h"
@@ -28,7 +29,7 @@ Result<RecordingInfo> read_info(const std::string& path) {
   RecordingInfo info;
   if (file->integer("format") != 1) file->reject("format", "1");
   info.sample_period_s = file->number("sample_period_s", positive);
-  info.latitude_deg = file->number("latitude_deg", between(-90.0, 90.0));
+  info.latitude_deg = file->number("latitude_deg", site_latitude_deg);
   info.gravity_mps2 = file->number("gravity_mps2", between(min_gravity_mps2, max_gravity_mps2));
   info.unit_serial = file->text("unit_serial");
   const auto kind = [](const std::string& name) {

@@ -24,7 +24,7 @@ std::string objection(const ParameterFile& file) {
   return "";
 }
 
-Status take_verification(const std::string& path, const ParameterFile& file, Certificate& certificate) {
+Status read_verification(const std::string& path, const ParameterFile& file, Certificate& certificate) {
   if (!path_exists(path)) return {};
   Result<KeyValueFile> conf = KeyValueFile::read(path);
   if (!conf) return conf.error();
@@ -88,7 +88,7 @@ Result<std::string> make_certificate(const CertificateRequest& request) {
   Result<VerdictReport> conformity = judge_again(certificate.file, sigma);
   if (!conformity) return input_error(request.runs.back() + "/" + parameters_name + ": " + conformity.error().message);
   certificate.conformity = std::move(*conformity);
-  if (Status status = take_verification(request.runs.back() + "/" + verification_name, certificate.file, certificate);
+  if (Status status = read_verification(request.runs.back() + "/" + verification_name, certificate.file, certificate);
       !status)
     return status.error();
   return certificate_page(certificate);

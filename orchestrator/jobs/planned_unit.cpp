@@ -4,6 +4,7 @@
 
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/site_range.h"
 #include "orchestrator/devices/station_rig.h"
 #include "orchestrator/jobs/run_request.h"
 
@@ -37,8 +38,9 @@ Result<double> parse_time_s(const char* option, const std::string& text) {
 
 Status check_site(const PlannedSite& site) {
   for (const Status& status : {
-           check_option("--latitude", site.latitude_deg.value_or(0.0), -90.0, 90.0),
-           check_option("--gravity", site.gravity_mps2.value_or(standard_gravity_mps2), 9.7, 9.9),
+           check_option("--latitude", site.latitude_deg.value_or(0.0), site_latitude_deg.min, site_latitude_deg.max),
+           check_option("--gravity", site.gravity_mps2.value_or(standard_gravity_mps2), site_gravity_mps2.min,
+                        site_gravity_mps2.max),
            check_option("--arw", site.arw_deg_per_rt_h, 0.0, 1000.0, true),
            check_option("--vrw", site.vrw_ug_per_rt_hz, 0.0, 1e6, true),
            check_option("--gyro-bias-instability", site.gyro_bias_instability_degph, 0.0, 1e4),

@@ -7,6 +7,7 @@
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
+#include "imu_io/base/site_range.h"
 
 namespace turncal {
 
@@ -236,8 +237,8 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   station.file = file.file_name();
   file.integer("format", 1, 1);
   station.name = file.has("station.name") ? file.text("station.name") : "unnamed";
-  station.latitude_deg = file.number("site.latitude_deg", between(-90.0, 90.0));
-  station.gravity_mps2 = file.number("site.gravity_mps2", between(9.7, 9.9));  // anywhere on the earth's surface
+  station.latitude_deg = file.number("site.latitude_deg", site_latitude_deg);
+  station.gravity_mps2 = file.number("site.gravity_mps2", site_gravity_mps2);
   if (Status status = read_table(file, station.table); !status) {
     return status.error();
   }

@@ -49,9 +49,9 @@ void ServiceWatch::on_transition(const TransitionRecord& record) {
 
 void ServiceWatch::on_progress(const RunSnapshot& snapshot) {
   const double now_s = steady_wall_s();
-  const bool rests = snapshot.state == RunState::calibrating || is_final(snapshot.state);
-  if (socket_ < 0 || rests || now_s - told_s_ < 1.0) return;
-  told_s_ = now_s;
+  const bool unwatched = snapshot.state == RunState::calibrating || is_final(snapshot.state);
+  if (socket_ < 0 || unwatched || now_s - last_ping_s_ < 1.0) return;
+  last_ping_s_ = now_s;
   if (!armed_) tell("WATCHDOG_USEC=" + std::to_string(watch_s) + "000000");
   armed_ = true;
   tell("WATCHDOG=1\nSTATUS=" + format_progress(snapshot));

@@ -27,7 +27,7 @@ class ServiceWatch : public RunObserver {
   void disarm();
   int socket_ = -1;
   bool armed_ = false;
-  double told_s_ = -1e9;
+  double last_ping_s_ = -1e9;
 };
 
 }  // namespace turncal
