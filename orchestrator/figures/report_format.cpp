@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "calib/model/parameters.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 namespace {
@@ -137,13 +138,7 @@ std::string signed_number(double value, int decimals) {
   return text[0] == '-' ? text : "+" + text;
 }
 
-std::string clock_time(double seconds) {
-  if (!std::isfinite(seconds)) return "-";
-  const long long whole = std::llround(std::max(0.0, seconds));
-  char text[40];
-  std::snprintf(text, sizeof text, "%lld:%02lld:%02lld", whole / 3600, whole / 60 % 60, whole % 60);
-  return text;
-}
+std::string clock_time(double seconds) { return std::isfinite(seconds) ? format_duration(seconds) : "-"; }
 
 std::string unit_text(std::string_view unit, Alphabet alphabet) {
   if (alphabet == Alphabet::plain) return std::string(unit);
