@@ -77,14 +77,14 @@ std::string level_table(const FleetDiagnosis& d, std::size_t factor) {
                                    html::number(significant(c->unit_scatter, 2))};
     for (std::size_t l = 0; l < levels; ++l) {
       const ComponentLevel& level = c->levels[factor][l];
-      row.push_back(html::number(significant(level.value, 2) + " ± " + significant(level.sigma, 2)));
+      row.push_back(html::number(significant(level.value, 2) + " (" + significant(level.z, 2) + ")"));
     }
     table.row(row);
   }
   return table.finish();
 }
 
-// One panel a level, a point a recording, all on one scale.
+// One panel a level, a point a recording.
 Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std::vector<std::string>& factors,
                  const FleetDiagnosis& d, std::size_t number) {
   const auto place = std::find(factors.begin(), factors.end(), effect.factor.empty() ? factors.front() : effect.factor);
@@ -159,6 +159,8 @@ std::string fleet_page(const FleetDiagnosis& d, const FleetSource& source, const
   for (std::size_t f = 0; f < factors.size(); ++f) {
     page.section("by-" + factors[f], "By " + factors[f] + ", what is left");
     page.raw(level_table(d, f));
+    page.raw(
+        html::paragraph("In brackets: in its own sigmas, from nothing; of parameters from the other levels.", "soft"));
   }
   page.section("units", "Units that stand out");
   if (d.units.empty())
