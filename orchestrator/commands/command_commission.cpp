@@ -51,9 +51,7 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
         "stand");
   }
   if (!is_commissioned(station)) {
-    said_last =
-        "nothing was moved: write commissioned = true into your copy of the table's file, then call this again without "
-        "angles";
+    said_last = "write commissioned = true into your copy of the table's file, then call this again without angles";
     return {};
   }
   if (Status status = devices.imu.open(); !status) return status;
@@ -77,13 +75,7 @@ Status run_commission(const Options& options, CommandContext& context) {
   bool switched_on = false;
   std::string said;
   Status status = commission(options, *station, **live, context.out, switched_on, said);
-  // A driver that gives a wait up for a stop has words of its own.
-  const bool given_up =
-      !status && (status.error().kind == ErrorKind::aborted || status.error().kind == ErrorKind::interrupted);
-  if (given_up) status = asked_to_stop(StopSignals::ends() > 0);
-  const std::string how_left = switched_on ? "; the table rests, its drives are off"
-                               : given_up  ? "; nothing was moved"
-                                           : "";
+  const std::string how_left = switched_on ? "; the table rests, its drives are off" : "; nothing was moved";
   status = (*live)->leave_table(status, how_left);
   if (status) context.out << said << how_left << std::endl;
   return status;

@@ -7,6 +7,7 @@
 #include <cassert>
 
 #include "imu_io/base/deadline.h"
+#include "orchestrator/devices/stop_signals.h"
 
 namespace turncal {
 
@@ -63,7 +64,11 @@ void LiveDevices::wait_a_little(double wall_s) {
   ::nanosleep(&pause, nullptr);
 }
 
-Status LiveDevices::leave_table(const Status& done, const std::string& how_left) {
+Status LiveDevices::leave_table(Status done, const std::string& how_left) {
+  // A driver that gives a wait up for a stop has words of its own.
+  if (!done && (done.error().kind == ErrorKind::aborted || done.error().kind == ErrorKind::interrupted)) {
+    done = asked_to_stop(StopSignals::ends() > 0);
+  }
   const Status left = table_->leave();
   if (!left) return device_error(done ? left.error().message : done.error().message + "; " + left.error().message);
   return done ? done : Status(Error{done.error().kind, done.error().message + how_left});

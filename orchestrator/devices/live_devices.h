@@ -54,7 +54,7 @@ class LiveDevices {
 
   // At rest with its drives off, read back; an error: that of what was done, with how it was left, or that it could not be verified.
   // Nobody may use the table afterwards.
-  Status leave_table(const Status& done, const std::string& how_left = "");
+  Status leave_table(Status done, const std::string& how_left = "");
 
   // Of a table turned by hand: what its operator is told; else null. The sequence must outlive the devices.
   RunObserver* prompts(const Sequence& sequence);

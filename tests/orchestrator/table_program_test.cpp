@@ -130,6 +130,24 @@ TEST_F(TableProgram, MonitorThatIsToldToEndDoesNotCallTheLineLost) {
   }
 }
 
+// Nor is it the operator who ends what the system ends.
+TEST_F(TableProgram, MonitorThatIsToldToEndWhileItConnectsSaysSo) {
+  std::string map = drives.map_text();
+  const std::string time = "link.response_timeout_s = 0.1";
+  write("level.map", map.replace(map.find(time), time.size(), "link.response_timeout_s = 5"));
+  drives.reads_answered = false;
+  for (const int signal : {SIGTERM, SIGINT}) {
+    const pid_t pid = start({"monitor", "--station", "level.station"});
+    ::usleep(1'000'000);
+    ::kill(pid, signal);
+    const ProgramResult result = finish(pid);
+    EXPECT_EQ(result.code, signal == SIGTERM ? 75 : 30) << result.err;
+    EXPECT_NE(result.err.find(signal == SIGTERM ? "told to end" : "stopped by the operator"), std::string::npos)
+        << result.err;
+  }
+  drives.reads_answered = true;
+}
+
 // A drive that answers with a failure is there.
 TEST_F(TableProgram, MonitorSaysFaultOfADriveThatAnswersWithAnException) {
   const pid_t pid = start({"monitor", "--station", "level.station", "--seconds", "2"});
@@ -157,6 +175,7 @@ TEST_F(TableProgram, CommissionSaysWhichWordOrderFitsWhereNoPositionIsPlausible)
   EXPECT_EQ(result.code, 1);
   EXPECT_EQ(result.err_lines(), 1) << result.err;
   EXPECT_NE(result.err.find("expected words.order = low_first"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("; nothing was moved"), std::string::npos) << result.err;
   EXPECT_EQ(drives.words(), 0u) << "nothing was written";
 }
 
