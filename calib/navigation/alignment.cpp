@@ -106,38 +106,47 @@ Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovar
 std::array<double, 3> angle_sigmas(const Eigen::Matrix3d& of_phi, const Eigen::Quaterniond& q_nb) {
   const Eigen::Matrix3d C_nb = q_nb.toRotationMatrix();
   const Eigen::Vector3d x = C_nb.col(0);
-  const double level = std::max(x[0] * x[0] + x[2] * x[2], 1e-12);
-  const Eigen::Vector3d of_heading(-x[1] * x[0] / level, 1.0, -x[1] * x[2] / level);
+  constexpr double least_level = 1e-12;  // where x points up or down to rounding, north as good as any direction
+  const double level = std::hypot(x[0], x[2]);
+  const double north = level > least_level ? x[0] / level : 1.0, east = level > least_level ? x[2] / level : 0.0;
+  const double slope = x[1] / std::max(level, least_level);
+  const Eigen::Vector3d of_heading(-slope * north, 1.0, -slope * east);
   const Eigen::Matrix3d of_body = C_nb.transpose() * of_phi * C_nb;
   const double heading = std::sqrt(std::max(0.0, of_heading.dot(of_phi * of_heading)));
   return {std::min(heading, 2.0 * std::numbers::pi / std::sqrt(12.0)), std::sqrt(std::max(0.0, of_body(0, 0))),
           std::sqrt(std::max(0.0, of_body(2, 2)))};
 }
 
-bool RestLatitude::speaks_against(double of_record_rad) const {
+bool FeltSite::weighs_against(double of_record_mps2) const {
+  constexpr double far_mps2 = 0.01;
+  return gravity_mps2 > 0.0 && std::abs(gravity_mps2 - of_record_mps2) > far_mps2;
+}
+
+bool FeltSite::speaks_against(double of_record_rad) const {
   return std::abs(latitude_rad - of_record_rad) > std::max(1.0 * rad_per_deg, 5.0 * sigma_rad);
 }
 
-RestLatitude latitude_of_rests(std::span<const MotionInterval> intervals, const NoiseModel& noise,
-                               const ParameterCovariance& parameters) {
-  double turned_rad = 0.0, seconds = 0.0;
+FeltSite felt_site(std::span<const MotionInterval> intervals, const NoiseModel& noise,
+                   const ParameterCovariance& parameters) {
+  double turned_rad = 0.0, seconds = 0.0, pushed_mps = 0.0;
   Eigen::Vector3d up = Eigen::Vector3d::Zero();  // time integral, in body axes
   double walk = 0.0;
   for (const MotionInterval& interval : intervals) {
     if (!interval.at_rest) continue;
     const Eigen::Vector3d direction = interval.push_mps.normalized();
     turned_rad += direction.dot(interval.gyro_rad);
+    pushed_mps += interval.push_mps.norm();
     up += interval.duration_s * direction;
     walk += interval.duration_s * direction.cwiseProduct(noise.angle_random_walk).squaredNorm();
     seconds += interval.duration_s;
   }
-  if (seconds <= 0.0) return {0.0, std::numeric_limits<double>::infinity()};
+  if (seconds <= 0.0) return {0.0, std::numeric_limits<double>::infinity(), 0.0};
   const double sine = std::clamp(turned_rad / seconds / earth_rate_radps, -1.0, 1.0);
   up /= seconds;
   const Eigen::Matrix3d of_bias = radps_per_degph * radps_per_degph * parameters.topLeftCorner<3, 3>();
   const double variance = walk / (seconds * seconds) + up.dot(of_bias * up);
   const double cosine = std::max(0.05, std::sqrt(1.0 - sine * sine));
-  return {std::asin(sine), std::sqrt(std::max(0.0, variance)) / earth_rate_radps / cosine};
+  return {std::asin(sine), std::sqrt(std::max(0.0, variance)) / earth_rate_radps / cosine, pushed_mps / seconds};
 }
 
 }  // namespace turncal

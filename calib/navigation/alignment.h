@@ -43,19 +43,22 @@ Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovar
                         DriftCovariance drift);
 
 // Standard deviations of heading, roll and pitch, rad, of an attitude error phi in n (its covariance). Heading is where x points: near the
-// vertical phi's level parts go into it with tan(pitch), up to what is known of any heading, 2 pi / sqrt(12).
+// vertical phi's level parts go into it with tan(pitch), up to what is known of any heading, 2 pi / sqrt(12), which is all at the vertical.
 std::array<double, 3> angle_sigmas(const Eigen::Matrix3d& of_phi, const Eigen::Quaterniond& q_nb);
 
 // Where on the Earth the unit turns as it does at rest: the rate about the vertical is W sin L. Says nothing of east or west; what a wrong
-// latitude of the recording, or a wrong gyro bias up, shows in.
+// latitude of the recording, or a wrong gyro bias up, shows in. And what it weighs there: the mean size of the specific force.
 //   sigma: angle random walk over the seconds at rest, and the gyro biases' covariance.
-struct RestLatitude {
+struct FeltSite {
   double latitude_rad = 0.0;
-  double sigma_rad = 0.0;  // infinite where nothing rests
+  double sigma_rad = 0.0;     // infinite where nothing rests
+  double gravity_mps2 = 0.0;  // 0 where nothing rests
   // Further from `latitude_rad` than a degree and five sigma.
   bool speaks_against(double latitude_rad) const;
+  // Further from `gravity_mps2` than 0.01 m/s^2, a milligee: a calibration takes its scale from the site's gravity.
+  bool weighs_against(double gravity_mps2) const;
 };
-RestLatitude latitude_of_rests(std::span<const MotionInterval> intervals, const NoiseModel& noise,
-                               const ParameterCovariance& parameters);
+FeltSite felt_site(std::span<const MotionInterval> intervals, const NoiseModel& noise,
+                   const ParameterCovariance& parameters);
 
 }  // namespace turncal

@@ -16,8 +16,10 @@ for number, rows in enumerate(branches, 1):
     print(f"branch {number}: {hours[-1]:.3f} h, {miles[-1]:.3f} nm from where it stands, {rate:.3f} nm/h")
 
 if len(sys.argv) > 2:
-    import matplotlib
-
+    try:
+        import matplotlib
+    except ImportError:
+        sys.exit("matplotlib is not installed: no plot (Debian: python3-matplotlib)")
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 

@@ -88,6 +88,11 @@ Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file
     }
     line = trimmed(line.substr(0, line.find('#')));
     if (line.empty()) continue;
+    for (std::string_view left = line; !left.empty();) {
+      const std::size_t length = left.front() == '\t' ? 1 : printable_character(left);
+      if (length == 0) return defect(quoted(line) + ": expected printable text in UTF-8");
+      left.remove_prefix(length);
+    }
     const std::size_t equals = line.find('=');
     if (equals == std::string_view::npos) return defect(quoted(line) + ": expected key = value");
     const std::string key(trimmed(line.substr(0, equals)));

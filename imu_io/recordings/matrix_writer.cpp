@@ -4,7 +4,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <functional>
 #include <memory>
+#include <span>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
@@ -48,37 +50,81 @@ Status write_rows(const std::string& path, const std::string& head, std::size_t 
   return file->commit();
 }
 
-Status write_mat(const std::string& path, const std::vector<NumberColumn>& fields) {
+// `column(k)`: the values of the k-th column, which live until the next is asked for.
+using ColumnOf = std::function<Result<std::span<const double>>(std::size_t k)>;
+
+Status write_mat(const std::string& path, const std::vector<std::string>& names, const ColumnOf& column) {
   const std::string temporary = temporary_name(path);
-  const auto failed = [&] {
+  const auto failed = [&](const Error& error) {
     ::unlink(temporary.c_str());
-    return device_error(path + ": cannot write");
+    return error;
   };
+  const Error cannot_write = device_error(path + ": cannot write");
   std::unique_ptr<mat_t, int (*)(mat_t*)> file(Mat_CreateVer(temporary.c_str(), mat_header, MAT_FT_MAT5), Mat_Close);
-  if (!file) return failed();
-  for (const NumberColumn& column : fields) {
-    std::string name = column.name;
+  if (!file) return failed(cannot_write);
+  std::uint64_t bytes = 0;
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    std::string name = names[k];
     std::replace(name.begin(), name.end(), '.', '_');
-    std::size_t size[2] = {column.values.size(), 1};
+    const Result<std::span<const double>> values = column(k);
+    if (!values) return failed(values.error());
+    bytes += values->size_bytes();
+    std::size_t size[2] = {values->size(), 1};
     const std::unique_ptr<matvar_t, void (*)(matvar_t*)> variable(
-        Mat_VarCreate(name.c_str(), MAT_C_DOUBLE, MAT_T_DOUBLE, 2, size, const_cast<double*>(column.values.data()),
+        Mat_VarCreate(name.c_str(), MAT_C_DOUBLE, MAT_T_DOUBLE, 2, size, const_cast<double*>(values->data()),
                       MAT_F_DONT_COPY_DATA),
         Mat_VarFree);
-    if (!variable || Mat_VarWrite(file.get(), variable.get(), MAT_COMPRESSION_NONE) != 0) return failed();
+    if (!variable || Mat_VarWrite(file.get(), variable.get(), MAT_COMPRESSION_NONE) != 0) return failed(cannot_write);
   }
   // libmatio does not say whether all of it went to the disk.
   file.reset();
-  std::uint64_t bytes = 0;
-  for (const NumberColumn& column : fields) bytes += 8 * column.values.size();
   const Result<PosixFile> written = PosixFile::open_to_read(temporary);
-  if (!written) return failed();
+  if (!written) return failed(cannot_write);
   const Result<std::uint64_t> size = written->size();
-  if (!size || *size < bytes) return failed();
-  if (Status status = rename_durably(temporary, path); !status) {
-    ::unlink(temporary.c_str());
-    return status;
-  }
+  if (!size || *size < bytes) return failed(cannot_write);
+  if (Status status = rename_durably(temporary, path); !status) return failed(status.error());
   return {};
+}
+
+void append_double(double value, std::string& text) {
+  text.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+// The columns of a recording, as values of a sample.
+struct SampleColumn {
+  const char* name;
+  double (*value)(const ImuSample& sample, std::size_t segment);
+};
+template <std::size_t channel>
+double channel_value(const ImuSample& sample, std::size_t /*segment*/) {
+  return channel < 3 ? sample.gyro[channel] : sample.accel[channel - 3];
+}
+constexpr SampleColumn sample_columns[] = {
+    {"sample", [](const ImuSample& s, std::size_t) { return static_cast<double>(s.counter); }},
+    {"segment", [](const ImuSample&, std::size_t segment) { return static_cast<double>(segment); }},
+    {"gyro_x", channel_value<0>},
+    {"gyro_y", channel_value<1>},
+    {"gyro_z", channel_value<2>},
+    {"accel_x", channel_value<3>},
+    {"accel_y", channel_value<4>},
+    {"accel_z", channel_value<5>},
+    {"temperature_c", [](const ImuSample& s, std::size_t) { return static_cast<double>(s.temperature_c); }},
+    {"flags", [](const ImuSample& s, std::size_t) { return static_cast<double>(s.flags); }}};
+constexpr std::size_t temperature_column = 8, flags_column = 9;
+
+// Every sample with the number of its segment.
+template <class Visit>
+Status visit_samples(RecordingSource& source, Visit visit) {
+  const Segments& segments = source.segments();
+  std::size_t segment = 0;
+  return source.read([&](std::span<const ImuSample> samples) -> Status {
+    for (const ImuSample& sample : samples) {
+      while (segment < segments.size() && sample.counter >= segments[segment].end_sample) ++segment;
+      const bool inside = segment < segments.size() && sample.counter >= segments[segment].start_sample;
+      if (Status status = visit(sample, inside ? segment + 1 : 0); !status) return status;
+    }
+    return {};
+  });
 }
 
 }  // namespace
@@ -89,15 +135,14 @@ Status write_columns(const std::string& path, const std::vector<NumberColumn>& f
   const std::size_t rows = fields.front().values.size();
   if (path.ends_with(".mat")) {
     if (Status status = check_replaceable(path, mat_header); !status) return status;
-    return write_mat(path, fields);
+    std::vector<std::string> names;
+    for (const NumberColumn& column : fields) names.push_back(column.name);
+    return write_mat(path, names, [&](std::size_t k) { return std::span<const double>(fields[k].values); });
   }
   if (path.ends_with(".npy")) {
     if (Status status = check_replaceable(path, npy_magic); !status) return status;
     return write_rows(path, npy_header(rows, fields.size()), rows, [&](std::size_t row, std::string& text) {
-      for (const NumberColumn& column : fields) {
-        const double value = column.values[row];
-        text.append(reinterpret_cast<const char*>(&value), sizeof value);
-      }
+      for (const NumberColumn& column : fields) append_double(column.values[row], text);
     });
   }
   std::string head;
@@ -114,34 +159,59 @@ Status write_columns(const std::string& path, const std::vector<NumberColumn>& f
   });
 }
 
+Status check_ending(std::string_view path, std::initializer_list<std::string_view> endings) {
+  std::string known;
+  for (const std::string_view ending : endings) {
+    if (path.ends_with(ending)) return {};
+    known += (known.empty() ? "" : ", ") + std::string(ending);
+  }
+  return input_error(std::string(path) + ": expected a name that ends in one of " + known);
+}
+
 Status write_recording_columns(RecordingSource& source, const std::string& path) {
-  std::vector<NumberColumn> fields = {{"sample", {}}, {"segment", {}}, {"gyro_x", {}},  {"gyro_y", {}},
-                                      {"gyro_z", {}}, {"accel_x", {}}, {"accel_y", {}}, {"accel_z", {}}};
-  if (source.info().has_temperature) fields.push_back({"temperature_c", {}});
-  NumberColumn flags{"flags", {}};
+  const bool as_mat = path.ends_with(".mat");
+  if (Status status = check_replaceable(path, as_mat ? std::string_view(mat_header) : npy_magic); !status)
+    return status;
+  std::size_t rows = 0;
   bool flagged = false;
-  std::size_t segment = 0;
-  const Segments& segments = source.segments();
-  const Status status = source.read([&](std::span<const ImuSample> samples) {
-    for (const ImuSample& sample : samples) {
-      while (segment < segments.size() && sample.counter >= segments[segment].end_sample) ++segment;
-      const bool inside = segment < segments.size() && sample.counter >= segments[segment].start_sample;
-      std::size_t at = 0;
-      const auto add = [&](double value) { fields[at++].values.push_back(value); };
-      add(static_cast<double>(sample.counter));
-      add(inside ? static_cast<double>(segment + 1) : 0.0);
-      for (const double value : sample.gyro) add(value);
-      for (const double value : sample.accel) add(value);
-      if (at < fields.size()) add(static_cast<double>(sample.temperature_c));
-      flags.values.push_back(sample.flags);
-      flagged = flagged || sample.flags != 0;
-    }
+  Status status = visit_samples(source, [&](const ImuSample& sample, std::size_t) {
+    ++rows;
+    flagged = flagged || sample.flags != 0;
     return Status{};
   });
   if (!status) return status;
-  if (fields.front().values.empty()) return input_error(source.path() + ": not one sample: expected some to write");
-  if (flagged) fields.push_back(std::move(flags));
-  return write_columns(path, fields);
+  if (rows == 0) return input_error(source.path() + ": not one sample: expected some to write");
+  std::vector<SampleColumn> columns(std::begin(sample_columns), std::begin(sample_columns) + temperature_column);
+  if (source.info().has_temperature) columns.push_back(sample_columns[temperature_column]);
+  if (flagged) columns.push_back(sample_columns[flags_column]);
+
+  if (as_mat) {
+    std::vector<std::string> names;
+    for (const SampleColumn& column : columns) names.emplace_back(column.name);
+    std::vector<double> values;
+    values.reserve(rows);
+    return write_mat(path, names, [&](std::size_t k) -> Result<std::span<const double>> {
+      values.clear();
+      const Status read = visit_samples(source, [&](const ImuSample& sample, std::size_t segment) {
+        values.push_back(columns[k].value(sample, segment));
+        return Status{};
+      });
+      if (!read) return read.error();
+      return std::span<const double>(values);
+    });
+  }
+  Result<AtomicFile> file = AtomicFile::create(path);
+  if (!file) return file.error();
+  std::string text = npy_header(rows, columns.size());
+  status = visit_samples(source, [&](const ImuSample& sample, std::size_t segment) {
+    for (const SampleColumn& column : columns) append_double(column.value(sample, segment), text);
+    if (text.size() < 1 << 16) return Status{};
+    const Status written = file->write(text);
+    text.clear();
+    return written;
+  });
+  if (status) status = file->write(text);
+  return status ? file->commit() : status;
 }
 
 }  // namespace turncal

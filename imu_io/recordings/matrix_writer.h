@@ -4,6 +4,7 @@
 // name, a point in it as an underscore. CSV: a header of the names. The same content gives the same bytes.
 #pragma once
 
+#include <initializer_list>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,11 +22,14 @@ struct NumberColumn {
 // Whether the name ends in .npy or .mat.
 bool names_matrix(std::string_view path);
 
+// An input error for a name that ends in none of `endings` (".npy"), in small letters.
+Status check_ending(std::string_view path, std::initializer_list<std::string_view> endings);
+
 // Whole or not at all. A file that is there is replaced by one of its own kind only.
 Status write_columns(const std::string& path, const std::vector<NumberColumn>& fields);
 
-// A row a sample: sample, segment (its number from 1; 0: none), gyro_x to accel_z, and where they are, temperature_c and flags. In memory as a
-// whole: 64 bytes a sample and more.
+// A row a sample: sample, segment (its number from 1; 0: none), gyro_x to accel_z, and where they are, temperature_c and flags. .npy in two
+// passes, in memory that does not grow; .mat in a pass for each column and one more, with a column in memory.
 Status write_recording_columns(RecordingSource& source, const std::string& path);
 
 }  // namespace turncal

@@ -60,6 +60,8 @@ void CsvTable::split_row(std::string_view row) {
 Status CsvTable::find_columns(const std::vector<std::string>& header) {
   for (const WantedColumn& column : wanted_) {
     const auto at = std::find(header.begin(), header.end(), column.name);
+    if (at != header.end() && std::find(at + 1, header.end(), column.name) != header.end())
+      return defect("column " + quoted(column.name) + " twice: expected one of that name");
     if (at != header.end()) {
       index_.push_back(static_cast<std::size_t>(at - header.begin()));
     } else if (const auto index = parse_integer<std::int64_t>(column.name); index && *index >= 1 && *index <= 10000) {

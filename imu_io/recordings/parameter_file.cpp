@@ -1,16 +1,16 @@
 #include "imu_io/recordings/parameter_file.h"
 
 #include <cmath>
-#include <cstdio>
 #include <unordered_set>
 
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/base/crc32c.h"
+#include "imu_io/base/checksum_line.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/site_range.h"
 #include "imu_io/recordings/recording_check.h"
+#include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_text.h"
 
 namespace turncal {
@@ -18,13 +18,6 @@ namespace {
 
 constexpr std::string_view title = "# turncal parameter file: w = n * counts - N0 (deg/h), f = a * counts - A0 (g)\n";
 constexpr double same_period = 1e-6;  // relative: a text may have rounded it
-constexpr std::string_view checksum_key = "checksum = ";
-
-std::string checksum_of(std::string_view text) {
-  char hex[9];
-  std::snprintf(hex, sizeof hex, "%08x", static_cast<unsigned>(crc32c(text)));
-  return hex;
-}
 
 bool is_name(std::string_view name) {
   if (name.empty()) return false;
@@ -69,7 +62,7 @@ class Lines {
   }
   Result<std::string> finish() const {
     if (!defect_.empty()) return Error{ErrorKind::internal, defect_};
-    return lines_ + std::string(checksum_key) + checksum_of(lines_) + "\n";
+    return with_checksum(lines_);
   }
 
  private:
@@ -169,22 +162,10 @@ std::string plain_text(KeyValueFile& input, std::string_view key) {
 
 Result<ParameterFile> parse_parameter_file(std::string_view text, const std::string& file_name) {
   // The checksum first: nothing in a damaged file is worth a message of its own.
-  const std::size_t place = text.rfind("\n" + std::string(checksum_key));
-  if (place == std::string_view::npos) {
-    return input_error(file_name + ": no checksum: expected 'checksum = ' and 8 hex digits in the last line");
-  }
-  const std::string_view above = text.substr(0, place + 1);
-  const std::string_view last = text.substr(place + 1);
-  const std::string_view after = last.substr(std::min(last.size(), checksum_key.size() + 8));
-  if (after != "\n" && after.find_first_not_of("\r\n") != std::string_view::npos) {
-    return input_error(file_name + ": text after the checksum: expected it to be the last line");
-  }
-  const std::string expected = std::string(checksum_key) + checksum_of(above) + "\n";
-  if (last != expected) {
-    return input_error(file_name + ": wrong checksum: the file was damaged or edited after it was written");
-  }
+  const Result<std::string_view> above = without_checksum(text, file_name);
+  if (!above) return above.error();
 
-  auto parsed = KeyValueFile::parse(above, file_name);
+  auto parsed = KeyValueFile::parse(*above, file_name);
   if (!parsed) return parsed.error();
   KeyValueFile& input = *parsed;
   ParameterFile file;
@@ -227,6 +208,14 @@ Result<ParameterFile> read_parameter_file(const std::string& path) {
   if (const std::string* const keys = find_further(*file, undetermined_key))
     return input_error(path + ": its calibration did not determine " + *keys + ": expected one that did");
   return file;
+}
+
+Result<std::string> calibration_hash(ParameterFile file) {
+  std::erase_if(file.further, [](const auto& entry) { return entry.first.starts_with("verdict."); });
+  const Result<std::string> text = format_parameter_file(file);
+  if (!text) return text.error();
+  const Result<std::string_view> above = without_checksum(*text, "parameter file");
+  return above ? Result<std::string>(hash_of_text(*above)) : above.error();
 }
 
 bool is_trusted(const ParameterFile& file) {

@@ -2,7 +2,7 @@
 // needed to know what they belong to. Format: docs/recording-format.md.
 //
 // Writing what was read gives the same bytes: numbers are written in their shortest round-trip form, in fixed order;
-// the last line is the CRC-32C of all bytes above it. The checksum tells damage and careless editing, not forgery.
+// the last line is a checksum (checksum_line.h).
 #pragma once
 
 #include <array>
@@ -73,6 +73,9 @@ const std::string* find_further(const ParameterFile& file, std::string_view key)
 Result<ParameterFile> parse_parameter_file(std::string_view text, const std::string& file_name);
 // To be used: an error, too, where parameters are not determined.
 Result<ParameterFile> read_parameter_file(const std::string& path);
+
+// What was judged, whatever the verdict then said: the hash (hash_of_text) of the file without its lines `verdict.` and `checksum`.
+Result<std::string> calibration_hash(ParameterFile file);
 
 // False where the file says of itself that its sigmas cannot be believed.
 bool is_trusted(const ParameterFile& file);

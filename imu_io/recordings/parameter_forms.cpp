@@ -8,6 +8,7 @@
 #include "imu_io/base/crc32c.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
+#include "imu_io/recordings/recording_text.h"
 
 namespace turncal {
 namespace {
@@ -57,6 +58,13 @@ std::string matrix_of(const ParameterFile& file, int first) {
 std::string vector_of(const ParameterFile& file, int first) {
   std::string text = "{";
   for (int k = 0; k < 3; ++k) text += (k == 0 ? "" : ", ") + literal(file.parameters[first + k]);
+  return text + "}";
+}
+
+std::string sigmas_of(const ParameterFile& file, std::size_t first, std::size_t count) {
+  std::string text = "{";
+  for (std::size_t k = first; k < first + count; ++k)
+    text += (k == first ? "" : ", ") + literal(file.sigma[k].value_or(-1.0));
   return text + "}";
 }
 
@@ -134,9 +142,20 @@ Result<ParameterBlock> parse_parameter_block(std::span<const std::byte> bytes, c
 }
 
 std::string format_parameter_header(const ParameterFile& file) {
+  const bool gyro_pulses = file.gyro_increment == IncrementKind::pulses;
+  const bool accel_pulses = file.accel_increment == IncrementKind::pulses;
   std::string text =
       "/* Calibration of an inertial measurement unit, made by turncal " + file.software_version +
-      ".\n   w = n counts - N0 (deg/h), f = a counts - A0 (g, 9.80665 m/s^2); body axes: x front, y up, z right. */\n";
+      ".\n   Of a sample that lasts T = turncal_sample_period_s, with " +
+      (gyro_pulses ? "gyro counts c (n in arcsec per count):\n     angle (arcsec)  = n c - N0 T"
+                   : "gyro increments c in rad (n a number):\n     angle (rad)     = n c - N0 T pi/648000") +
+      "  (N0 in deg/h, which is arcsec/s)\n   and with " +
+      (accel_pulses
+           ? "accelerometer counts c of turncal_accel_pulse_mps:\n     velocity (m/s)  = a c turncal_accel_pulse_mps"
+           : "accelerometer increments c in m/s (a a number):\n     velocity (m/s)  = a c") +
+      " - A0 9.80665 T  (A0 in g)\n   Body axes: x front, y up, z right. sigma: one standard deviation in the unit of "
+      "the value, by rows; -1: "
+      "not estimated. */\n";
   if (file.simulated) text += "/* SIMULATED: not of a real unit. */\n";
   if (!is_trusted(file)) text += "/* NOT TRUSTED: the model does not fit the data that it was made from. */\n";
   text += "#ifndef TURNCAL_PARAMETERS_H\n#define TURNCAL_PARAMETERS_H\n\n";
@@ -156,6 +175,14 @@ std::string format_parameter_header(const ParameterFile& file) {
   constant("double", "a[3][3]", matrix_of(file, 15));
   if (file.reference_temperature_c)
     constant("double", "reference_temperature_c", literal(*file.reference_temperature_c));
+  constant("char", "gyro_increment[]", in_c_quotes(gyro_increment_name(file.gyro_increment)));
+  constant("char", "accel_increment[]", in_c_quotes(accel_increment_name(file.accel_increment)));
+  constant("double", "latitude_deg", literal(file.latitude_deg));
+  constant("double", "gravity_mps2", literal(file.gravity_mps2));
+  constant("double", "sigma_N0_degph[3]", sigmas_of(file, 0, 3));
+  constant("double", "sigma_A0_g[3]", sigmas_of(file, 3, 3));
+  constant("double", "sigma_n[9]", sigmas_of(file, 6, 9));
+  constant("double", "sigma_a[9]", sigmas_of(file, 15, 9));
   for (const EffectValue& effect : file.effects)
     constant("double", "effect_" + effect.name + "_" + effect.component, literal(effect.value));
   return text + "\n#endif\n";

@@ -26,6 +26,7 @@ namespace turncal {
 
 // The usual name inside a recording's folder.
 inline constexpr const char* binary_recording_name = "recording.tcr";
+inline constexpr const char* partial_recording_name = "recording.partial.tcr";  // of a run, while it grows
 // How the file begins.
 inline constexpr std::string_view recording_beginning = "\x89TCR";
 

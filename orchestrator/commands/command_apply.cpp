@@ -60,6 +60,7 @@ Status write_calibrated(RecordingSource& source, const std::string& path) {
 }
 
 Status apply(const ApplyOptions& options, CommandContext& context) {
+  if (Status status = check_ending(options.out, {".csv", ".npy", ".mat", ".tcr"}); !status) return status;
   const Result<ParameterFile> parameters = read_parameter_file(options.parameters);
   if (!parameters) return parameters.error();
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(options.recording);

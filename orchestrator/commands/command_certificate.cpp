@@ -1,11 +1,14 @@
-// `turncal certificate RUN... --station FILE --out HTML [--pdf FILE] [--specimen]`: the paper that goes to the customer (docs/certificate.md).
+// `turncal certificate RUN... --station FILE --out HTML [--pdf FILE] [--specimen]`: the paper that goes to the customer (docs/certificate.md);
+// `--check HTML`: whether one is as it was issued.
 #include <memory>
 
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/base/posix_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/certificate_job.h"
 #include "orchestrator/records/output_folder.h"
-#include "orchestrator/report/report_page.h"
+#include "orchestrator/report/certificate.h"
+#include "orchestrator/report/pdf.h"
 
 namespace turncal {
 
@@ -15,9 +18,27 @@ struct CertificateOptions {
   CertificateRequest request;
   std::string html;
   std::string pdf;
+  std::string check;
 };
 
+Status check(const std::string& path, CommandContext& context) {
+  Result<std::string> page = read_whole_file(path);
+  if (!page) return page.error();
+  const Result<std::string> hash = check_certificate(std::move(*page), path);
+  if (!hash) return hash.error();
+  context.out << path << ": as it was issued, hash " << *hash << '\n';
+  return {};
+}
+
 Status certify(const CertificateOptions& options, CommandContext& context) {
+  const CertificateRequest& request = options.request;
+  if (!options.check.empty()) {
+    if (!request.runs.empty() || !request.station.empty() || !options.html.empty() || !options.pdf.empty())
+      return input_error("--check: expected nothing beside it: it reads a certificate that was issued");
+    return check(options.check, context);
+  }
+  if (request.runs.empty() || request.station.empty() || options.html.empty())
+    return input_error("expected the folder of a run, --station and --out; or --check alone");
   if (Status s = check_apart({{"--station", options.request.station}, {"--out", options.html}, {"--pdf", options.pdf}});
       !s)
     return s;
@@ -27,7 +48,9 @@ Status certify(const CertificateOptions& options, CommandContext& context) {
   if (Status s = check_replaceable(options.html, std::string_view(*page).substr(0, alike)); !s) return s;
   if (!options.pdf.empty()) {
     if (Status s = check_replaceable(options.pdf, "%PDF-"); !s) return s;
-    if (Status s = write_pdf(*page, options.pdf); !s) return s;
+    const Result<std::string> warning = write_pdf(*page, options.pdf);
+    if (!warning) return warning.error();
+    if (!warning->empty()) context.out << options.pdf << ": " << *warning << '\n';
   }
   if (Status s = write_file_atomically(options.html, *page); !s) return s;
   context.out << "certificate  " << options.html << '\n';
@@ -41,10 +64,10 @@ void add_certificate_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<CertificateOptions>();
   CertificateRequest& request = options->request;
   const Command command = line.command("certificate", "the calibration certificate of a unit, for its customer");
-  command.option("run", request.runs, "folders of runs of one unit, oldest first; the last one is certified")
-      .required();
-  command.option("--station", request.station, "station configuration, with laboratory.* and customer.*").required();
-  command.option("--out", options->html, "HTML file to write").required();
+  command.option("run", request.runs, "folders of runs of one unit, oldest first; the last one is certified");
+  command.option("--station", request.station, "station configuration, with laboratory.* and customer.*");
+  command.option("--out", options->html, "HTML file to write");
+  command.option("--check", options->check, "HTML file that was issued: whether it is as it was");
   command.option("--pdf", options->pdf, "PDF file to write, by weasyprint");
   command.flag("--specimen", request.specimen, "a specimen with a watermark, also of simulated and untrusted results");
   command.runs(context, [options, &context] { return certify(*options, context); });

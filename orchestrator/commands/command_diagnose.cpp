@@ -8,6 +8,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/text_pieces.h"
+#include "imu_io/recordings/matrix_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/diagnosis_job.h"
@@ -126,6 +127,8 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
   for (const std::vector<std::string>& sources : {options.recordings, options.holdouts})
     for (const std::string& source : sources)
       if (Status status = check_not_source(options.out, source); !status) return status.error();
+  if (!options.residuals.empty())
+    if (Status status = check_ending(options.residuals, {".csv", ".npy", ".mat"}); !status) return status.error();
   Phases phases(context, !options.format.empty());
   const Result<std::vector<LoadedRecording>> fitted = load(options.recordings, phases);
   if (!fitted) return fitted.error();

@@ -55,6 +55,10 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
   Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(options.source);
   if (!source) return source.error();
   if (Status status = check_not_source(options.out, options.source); !status) return status;
+  // A folder has no ending that says "file".
+  if (const std::string ending = std::filesystem::path(options.out).extension().string();
+      ending == ".csv" || ending == ".tcr" || ending == ".NPY" || ending == ".MAT")
+    return input_error(options.out + ": expected a folder (its text form), or a file that ends in .npy or .mat");
   if (names_matrix(options.out)) {
     std::error_code none;
     if (std::filesystem::is_directory(options.out, none))

@@ -140,7 +140,11 @@ int run_command_line(int argc, const char* const* argv, const std::vector<AddCom
     } catch (const CLI::Success& success) {  // --help, --version
       app.exit(success, context.out, context.err);
     } catch (const CLI::ParseError& error) {
-      context.fail(misunderstood(app, error.what()));
+      // CLI11's own words for a text that is no number of the option's kind.
+      constexpr std::string_view no_number = "Could not convert: ";
+      std::string why = error.what();
+      if (why.starts_with(no_number)) why = why.substr(no_number.size()) + ": expected a number of its kind";
+      context.fail(misunderstood(app, why));
     }
   } catch (const std::exception& error) {
     context.fail({ErrorKind::internal, std::string("internal error: ") + error.what()});

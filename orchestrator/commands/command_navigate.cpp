@@ -56,7 +56,7 @@ void add_navigate_command(CommandLine& line, CommandContext& context) {
   NavigationRequest& request = options->request;
   const Command command = line.command("navigate", "free inertial navigation of a recording: what it drifts");
   command.option("recording", request.recording, "a folder (binary or text form) or a .tcr file").required();
-  command.option("--parameters", request.parameters, "parameter file").required();
+  command.option("--parameters", request.parameters, "parameter file; left out where `turncal apply` has been at work");
   command.option("--against", request.against, "another parameter file, navigated beside it");
   command.option("--reference", request.reference,
                  "where the unit truly was: a table of time_s, latitude_deg, longitude_deg (docs/navigation.md)");

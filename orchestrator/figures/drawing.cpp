@@ -132,9 +132,12 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
     if (!has_points(panel.series[s])) continue;
     const std::string name = "$" + id + "s" + std::to_string(s);
     append_data(name, panel.series[s], script);
-    plot += (plot.empty() ? "plot " : ", ") + name + " using 1:2 with " + style_of(panel.series[s]) + " notitle";
+    plot +=
+        (plot.empty() ? "plot " : ", ") + name + " using 1:2 with " + style_of(panel.series[s]) +
+        (panel.legend && !panel.series[s].label.empty() ? " title " + gnuplot_text(panel.series[s].label) : " notitle");
   }
   if (plot.empty()) plot = "plot NaN notitle";
+  script += panel.legend ? "set key top left horizontal\n" : "unset key\n";
   script += panel.title.empty() ? "unset title\n" : "set title " + gnuplot_text(panel.title) + " offset 0,-0.6\n";
   script += panel.x_label.empty() ? "unset xlabel\n" : "set xlabel " + gnuplot_text(panel.x_label) + " offset 0,0.4\n";
   script += "set ylabel " + gnuplot_text(panel.y_label) + " offset 0.5,0\n";

@@ -30,6 +30,7 @@ struct Panel {
   std::string x_label, y_label;  // with unit
   std::vector<Series> series;
   bool logarithmic = false;  // both axes
+  bool legend = false;       // the names of its series stand in it, for a drawing without a page around it
   bool angle = false;        // x in degrees: ticks at 30, 45, 90, ...
   double y_limit = 0.0;      // above 0: the frame ends at +- this
   std::vector<std::pair<double, std::string>>

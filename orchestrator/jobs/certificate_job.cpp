@@ -4,9 +4,9 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_source.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/report/certificate.h"
 #include "orchestrator/watch/progress.h"
@@ -24,13 +24,29 @@ std::string objection(const ParameterFile& file) {
   return "";
 }
 
-Status read_verification(const std::string& path, const ParameterFile& file, Certificate& certificate) {
-  if (!path_exists(path)) return {};
-  Result<KeyValueFile> conf = KeyValueFile::read(path);
-  if (!conf) return conf.error();
-  if (conf->has("recording_hash") && conf->text("recording_hash") != file.recording_hash)
-    return input_error(path + ": is not of the recording that the parameters are of");
-  for (const std::string& key : conf->keys()) certificate.verification.emplace_back(key, conf->text(key));
+// A verification belongs to the certificate when it is of these parameters, on this recording, and the one that the verdict knows of.
+Status take_verification(const std::string& folder, const ParameterFile& file, Certificate& certificate) {
+  const std::string path = folder + "/" + verification_name;
+  const std::string* const in_verdict = find_further(file, "verdict.verification");
+  if (!path_exists(path)) {
+    if (in_verdict == nullptr || in_verdict->find(not_judged_words) != std::string::npos) return {};
+    return input_error(path + ": is not there, though the verdict of " + parameters_name + " has a verification");
+  }
+  Result<VerificationReport> report = read_verification(path);
+  if (!report) return report.error();
+  const auto other = [&](const std::string& what) {
+    return input_error(path + ": is of another " + what + " than " + parameters_name +
+                       ": expected the verification of this result (turncal verify --recording judges it again)");
+  };
+  const Result<std::string> calibration = calibration_hash(file);
+  if (!calibration) return calibration.error();
+  if (report->info.unit_serial != file.unit_serial) return other("unit");
+  if (report->recording_hash != file.recording_hash) return other("recording");
+  if (report->calibration_hash != *calibration) return other("calibration");
+  if (in_verdict != nullptr &&
+      *in_verdict != std::string(to_string(report->verdict)) + ": " + verification_words(*report))
+    return other("judgement");
+  certificate.verification = std::move(*report);
   return {};
 }
 
@@ -80,6 +96,9 @@ Result<std::string> make_certificate(const CertificateRequest& request) {
     runs.push_back(std::move(*file));
   }
   certificate.file = runs.back();
+  if (const std::vector<std::string> keys = missing_keys(certificate.file, certificate.parties);
+      !keys.empty() && !request.specimen)
+    return input_error(request.station + ": no certificate without " + join(keys) + " (--specimen makes a specimen)");
   std::array<double, parameter_count> sigma{};
   for (std::size_t i = 0; i < certificate.budget.size(); ++i) {
     certificate.budget[i] = budget_of(runs, i, certificate.parties);
@@ -88,8 +107,9 @@ Result<std::string> make_certificate(const CertificateRequest& request) {
   Result<VerdictReport> conformity = judge_again(certificate.file, sigma);
   if (!conformity) return input_error(request.runs.back() + "/" + parameters_name + ": " + conformity.error().message);
   certificate.conformity = std::move(*conformity);
-  if (Status status = read_verification(request.runs.back() + "/" + verification_name, certificate.file, certificate);
-      !status)
+  for (const EffectValue& effect : certificate.file.effects)
+    certificate.effect_budget.push_back(budget_of(runs, effect));
+  if (Status status = take_verification(request.runs.back(), certificate.file, certificate); !status)
     return status.error();
   return certificate_page(certificate);
 }

@@ -32,6 +32,7 @@ void add_record(const PreparedRun& run, const RunCounts& counts, ParameterFile& 
   const std::pair<const char*, std::string> fields[] = {
       {"record.part", request.part},
       {"record.revision", request.revision},
+      {"record.began_utc", run.began_utc},
       {"record.station", run.station.name},
       {"record.operator", request.operator_name},
       {"record.ambient", request.ambient},

@@ -10,8 +10,6 @@
 
 namespace turncal {
 
-inline constexpr const char* partial_recording_name = "recording.partial.tcr";
-
 class RecordingSink : public RunSink {
  public:
   explicit RecordingSink(std::string folder) : folder_(std::move(folder)) {}

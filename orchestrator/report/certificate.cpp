@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/model/effects.h"
 #include "calib/navigation/north_seeking.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/recordings/recording_source.h"
@@ -22,6 +23,7 @@ th.n, td.n { text-align: right; } td.n { font-variant-numeric: tabular-nums; whi
 section { overflow-x: auto; } table:not(.facts) td:nth-child(2), table:not(.facts) th { white-space: nowrap; } tr { break-inside: avoid; } h2 { break-after: avoid; } p { margin: 1mm 0; }
 .not { border: .6mm solid #b00; color: #b00; font-weight: 600; padding: 1.5mm 2mm; }
 .small, .hash { font-size: 8pt; color: #444; } .sign { display: flex; flex-wrap: wrap; gap: 0 8mm; justify-content: space-between; margin-top: 14mm; break-inside: avoid; }
+h1, p { overflow-wrap: anywhere; } .sign p { max-width: 100%; }
 .sign p:last-child { border-top: .3mm solid #111; min-width: 70mm; padding-top: 1mm; }
 .mark { position: fixed; top: 40%; left: 0; right: 0; text-align: center; font-size: 80pt; color: rgba(200, 0, 0, .18); transform: rotate(-30deg); z-index: 9; pointer-events: none; }
 @page { size: A4; margin: 15mm 12mm 16mm; @bottom-right { content: "page " counter(page) " of " counter(pages); font-size: 8pt; } }
@@ -51,6 +53,13 @@ std::string fact_table(const std::string& title, const Facts& rows) {
   return html + "</table></section>\n";
 }
 
+std::string effect_names(const ParameterFile& file) {
+  std::vector<std::string> names;
+  for (const EffectValue& effect : file.effects)
+    if (std::find(names.begin(), names.end(), effect.name) == names.end()) names.push_back(effect.name);
+  return join(names);
+}
+
 // Of the effects beyond the parameters, what is known.
 std::string effects_found(const ParameterFile& file) {
   const std::string diagnosis = of_record(file, "verdict.diagnosis", "not_made");
@@ -58,7 +67,7 @@ std::string effects_found(const ParameterFile& file) {
   if (diagnosis == "unexplained")
     words = "a residual is left that no effect explains";
   else if (!file.effects.empty())
-    words = "those found are in the model";
+    words = "those found are in the model: " + effect_names(file);
   else if (diagnosis == "extended")
     words = "those found are not in the model";
   else if (diagnosis == "clean")
@@ -102,35 +111,58 @@ std::string result_table(const Certificate& c) {
   return table.finish();
 }
 
-std::string north_table(const Certificate& c) {
-  const auto value = [&](const std::string& key) -> std::string {
-    for (const auto& [name, text] : c.verification)
-      if (name == key) return text;
-    return "-";
-  };
-  const auto degrees = [&](const std::string& key) {
-    const std::string text = value(key);
-    return html::number(text == "-" ? text : value_with_sigma(std::stod(text), 1e-4, html::typo));
-  };
+// A constant that was given and not estimated (a time constant, a width) has no sigma: its unit is the last part of its name.
+std::string effect_unit(const EffectValue& effect) {
+  if (!effect.sigma) return effect.component.substr(effect.component.rfind('_') + 1);
+  const EffectEntry* const entry = find_effect(effect.name);
+  return entry ? unit_text(entry->unit, html::typo) : "-";
+}
+
+std::string effect_table(const Certificate& c) {
+  if (c.file.effects.empty()) return "";
+  html::HtmlTable table({html::text("effect"), html::text("unit"), html::number("value"), html::number("U (k = 2)"),
+                         html::number("estimate, alias"), html::number("repeatability")});
+  for (std::size_t i = 0; i < c.file.effects.size(); ++i) {
+    const EffectValue& effect = c.file.effects[i];
+    const UncertaintyBudget& u = c.effect_budget[i];
+    const double expanded = u.expanded();
+    table.row({html::name(effect.name + "." + effect.component), html::text(effect_unit(effect)),
+               html::number(value_with_sigma(effect.value, expanded, html::typo)),
+               effect.sigma ? html::number(expanded, 2) : html::number("given"),
+               effect.sigma ? html::number(u.estimate, 2) : html::number("-"),
+               u.repeatability ? html::number(*u.repeatability, 2) : html::number("-")});
+  }
+  return table.finish();
+}
+
+std::string north_table(const VerificationReport& v) {
   std::vector<html::Cell> head = {html::text("table, °")};
   for (const char* angle : north_angle_names)
     for (const char* what : {"mean", "deviation"})
       head.push_back(html::number(std::string(angle) + " " + what + ", °"));
   html::HtmlTable table(head);
-  for (int p = 1; value("position." + std::to_string(p) + ".table_deg") != "-"; ++p) {
-    const std::string prefix = "position." + std::to_string(p) + ".";
-    std::vector<html::Cell> cells = {html::text(value(prefix + "table_deg"))};
-    for (const char* angle : north_angle_names)
-      for (const char* what : {"mean.", "deviation."})
-        cells.push_back(degrees(prefix + what + std::string(angle) + "_deg"));
+  for (const NorthPosition& position : v.found.positions) {
+    std::vector<html::Cell> cells = {html::text(format_number(position.table_deg))};
+    for (std::size_t a = 0; a < north_angle_names.size(); ++a)
+      for (const double value : {position.mean_deg[a], position.deviation_deg[a]})
+        cells.push_back(html::number(value_with_sigma(value, 1e-4, html::typo)));
     table.row(cells);
   }
   return "<section><h2>Verification: north seeking</h2>\n" + table.finish() +
-         html::paragraph("Alignments of " + value("align_s") + " s; limits " + value("limit.heading_deg") +
-                         " ° for the heading's deviation and mean, " + value("limit.level_deg") +
-                         " ° for roll and pitch: " + value("verdict.result") + ".") +
+         html::paragraph(
+             "Alignments of " + format_number(v.align_s) + " s; limits " + format_number(v.heading_limit_deg) +
+             " ° for the heading's deviation and mean, " + format_number(v.level_limit_deg) +
+             " ° for roll and pitch: " + std::string(to_string(v.verdict)) +
+             ". The limit for roll and pitch is of deviations: what turns every reading alike is not in them.") +
          "</section>\n";
 }
+
+std::string without_hash(std::string text, const std::string& hash) {
+  for (std::size_t at = 0; (at = text.find(hash, at)) != std::string::npos;) text.erase(at, hash.size());
+  return text;
+}
+
+constexpr std::string_view before_hash = "<p class=\"hash\">hash ", after_hash = "</p>\n</body></html>\n";
 
 }  // namespace
 
@@ -162,6 +194,32 @@ UncertaintyBudget budget_of(const std::vector<ParameterFile>& runs, std::size_t 
   return budget;
 }
 
+UncertaintyBudget budget_of(const std::vector<ParameterFile>& runs, const EffectValue& effect) {
+  UncertaintyBudget budget;
+  budget.estimate = effect.sigma.value_or(0.0);
+  std::vector<double> values;
+  for (const ParameterFile& run : runs)
+    for (const EffectValue& other : run.effects)
+      if (other.name == effect.name && other.component == effect.component) values.push_back(other.value);
+  if (effect.sigma && runs.size() > 1 && values.size() == runs.size())
+    budget.repeatability = spread_of(values).deviation;
+  return budget;
+}
+
+std::vector<std::string> missing_keys(const ParameterFile& file, const Parties& parties) {
+  std::vector<std::string> keys;
+  for (const auto& [key, value] :
+       {std::pair{"laboratory.name", &parties.laboratory_name},
+        std::pair{"laboratory.address", &parties.laboratory_address},
+        std::pair{"laboratory.signatory", &parties.laboratory_signatory},
+        std::pair{"customer.name", &parties.customer_name}, std::pair{"customer.address", &parties.customer_address}})
+    if (value->empty()) keys.emplace_back(key);
+  for (const auto& [key, of_run] :
+       {std::pair{"record.table_id", "table.id"}, std::pair{"record.table_calibration_due", "table.calibration_due"}})
+    if (find_further(file, key) == nullptr) keys.push_back(std::string(of_run) + " (when it was measured)");
+  return keys;
+}
+
 std::string certificate_page(const Certificate& c) {
   const ParameterFile& f = c.file;
   const std::string serial = html_escape(f.unit_serial);
@@ -184,7 +242,8 @@ std::string certificate_page(const Certificate& c) {
                           {"part, revision", of_record(f, "record.part") + ", " + of_record(f, "record.revision")}});
   body += fact_table(
               "Conditions",
-              {{"calibrated", f.time_utc},
+              {{"measured", of_record(f, "record.began_utc", "not recorded")},
+               {"evaluated", f.time_utc},
                {"operator", of_record(f, "record.operator")},
                {"temperature of the unit",
                 f.reference_temperature_c ? significant(*f.reference_temperature_c, 4) + " °C (mean)" : "not measured"},
@@ -203,7 +262,7 @@ std::string certificate_page(const Certificate& c) {
                       "; w = n counts − N0 (°/h), f = a counts − A0 (g = 9.80665 m/s²)"},
        {"software", "turncal " + f.software_version},
        {"adjustment", "none: the parameters are to be loaded by the customer"}});
-  body += "<section><h2>Results</h2>\n" + result_table(c);
+  body += "<section><h2>Results</h2>\n" + result_table(c) + effect_table(c);
   body += html::paragraph(
       "Expanded uncertainty U = 2 u; u combines the columns to its right (standard uncertainties). The table's angles "
       "are not taken as truth and add nothing; the given heading enters in second order. Alias: the spread over "
@@ -212,15 +271,17 @@ std::string certificate_page(const Certificate& c) {
       "found; - where nobody looked. Effects beyond the parameters: " +
       effects_found(f));
   body += "</section>\n";
-  if (!c.verification.empty()) body += north_table(c);
+  if (c.verification) body += north_table(*c.verification);
   const VerdictReport& conformity = c.conformity;
   const std::string verdict =
       conformity.verdict == UnitVerdict::not_judged ? "not judged" : std::string(to_string(conformity.verdict));
   body += fact_table("Conformity",
                      {{"verdict", verdict + (conformity.reason.empty() ? "" : ": " + conformity.reason)},
-                      {"decision rule", conformity.rule.empty() ? "no limits were agreed"
-                                                                : conformity.rule + "; U: that of the results above"},
-                      {"diagnosis", of_record(f, "verdict.diagnosis", "not made")}});
+                      {"decision rule", !conformity.rule.empty() ? conformity.rule + "; U: that of the results above"
+                                        : c.verification ? "no limits were agreed for the parameters; those of the "
+                                                           "verification stand with it"
+                                                         : "no limits were agreed"},
+                      {"diagnosis", "effects beyond the parameters: " + effects_found(f)}});
   std::string hashes;
   for (const std::string& hash : c.recording_hashes) hashes += (hashes.empty() ? "" : ", ") + hash;
   body += fact_table("Traceability of the record", {{"parameter file", c.parameters_hash}, {"recordings", hashes}});
@@ -228,11 +289,24 @@ std::string certificate_page(const Certificate& c) {
       "<p class=\"small\">The results relate to this item in the state in which it was calibrated. This certificate "
       "may be reproduced in full only.</p>\n<div class=\"sign\"><p>Issued " +
       html_escape(c.issued_utc) + "</p><p>" + html_escape(or_dash(c.parties.laboratory_signatory)) + "</p></div>\n";
-  const std::string hash = hash_of_text(body);
-  return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration certificate " + serial +
-         "</title>\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<style>" +
-         certificate_css + "@page { @bottom-left { content: \"" + hash + "\"; } }\n</style></head>\n<body>\n" + body +
-         "<p class=\"hash\">hash " + hash + "</p>\n</body></html>\n";
+  const auto page = [&](const std::string& hash) {
+    return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration certificate " + serial +
+           "</title>\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<style>" +
+           certificate_css + "@page { @bottom-left { content: \"" + hash + "\"; } }\n</style></head>\n<body>\n" + body +
+           std::string(before_hash) + hash + std::string(after_hash);
+  };
+  return page(hash_of_text(page("")));
+}
+
+Result<std::string> check_certificate(std::string page, const std::string& file_name) {
+  constexpr std::size_t digits = 32;
+  const std::size_t at = page.rfind(before_hash);
+  if (at == std::string::npos || page.size() != at + before_hash.size() + digits + after_hash.size())
+    return input_error(file_name + ": expected a certificate, whole, with its hash in the last line but one");
+  const std::string hash = page.substr(at + before_hash.size(), digits);
+  const std::string found = hash_of_text(without_hash(std::move(page), hash));
+  if (found == hash) return hash;
+  return input_error(file_name + ": changed after it was issued: it says hash " + hash + ", its content has " + found);
 }
 
 }  // namespace turncal

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/report/verification_report.h"
 #include "orchestrator/station/station_config.h"
 
 namespace turncal {
@@ -27,16 +28,24 @@ struct Certificate {
   ParameterFile file;                         // the result that is certified
   std::vector<std::string> recording_hashes;  // of all runs, that of the result last
   std::array<UncertaintyBudget, parameter_count> budget{};
-  VerdictReport conformity;  // by the expanded uncertainties of the budget
+  std::vector<UncertaintyBudget> effect_budget;  // of each of file.effects
+  VerdictReport conformity;                      // by the expanded uncertainties of the budget
   Parties parties;
   std::string parameters_hash;
-  std::vector<std::pair<std::string, std::string>>
-      verification;  // key and value, of verification.conf; empty: not made
+  std::optional<VerificationReport> verification;  // empty: not made
   std::string issued_utc;
   bool specimen = false;
 };
 
 UncertaintyBudget budget_of(const std::vector<ParameterFile>& runs, std::size_t parameter, const Parties& parties);
+// Of an effect of the last of the runs. The spread over an alias class is in its sigma, so in the estimate.
+UncertaintyBudget budget_of(const std::vector<ParameterFile>& runs, const EffectValue& effect);
+// What has to stand on a certificate and is not given, as keys; empty: nothing is missing.
+std::vector<std::string> missing_keys(const ParameterFile& file, const Parties& parties);
+
 std::string certificate_page(const Certificate& certificate);
+// The hash that a page carries is that of the whole file (hash_of_text) with the hash itself taken out wherever it stands. An input error
+// for what is no certificate, and for one that was changed after it was issued.
+Result<std::string> check_certificate(std::string page, const std::string& file_name);
 
 }  // namespace turncal

@@ -59,6 +59,9 @@ double north_mps(const TrackPoint& p) { return p.velocity_error_mps[0]; }
 double east_mps(const TrackPoint& p) { return p.velocity_error_mps[1]; }
 double radial_nm(const TrackPoint& p) { return p.moved_m.norm() / metres_per_nautical_mile; }
 
+// With three decimals: no 360.000.
+double printed_heading_deg(double heading_deg) { return heading_deg < 359.9995 ? heading_deg : 0.0; }
+
 Panel panel(const std::string& title, const std::string& y_label) {
   Panel panel;
   panel.title = title;
@@ -81,6 +84,7 @@ std::string format_navigation(const NavigationReport& report) {
   if (!report.damage.empty()) line("damage", report.damage, text);
   line("filled_samples", static_cast<double>(report.filled_samples), text);
   line("filled_in_motion", static_cast<double>(report.filled_in_motion), text);
+  for (std::size_t k = 0; k < report.faults.size(); ++k) line("fault." + std::to_string(k + 1), report.faults[k], text);
   for (std::size_t k = 0; k < report.lost.size(); ++k) line("lost." + std::to_string(k + 1), report.lost[k], text);
   for (const NavigatedFile& file : report.files) {
     line(file.prefix + "parameters", file.path, text);
@@ -88,6 +92,8 @@ std::string format_navigation(const NavigationReport& report) {
     line(file.prefix + "trusted", std::string(file.trusted ? "true" : "false"), text);
     line(file.prefix + "felt_latitude_deg", file.felt.latitude_rad / rad_per_deg, text);
     line(file.prefix + "felt_latitude_sigma_deg", file.felt.sigma_rad / rad_per_deg, text);
+    line(file.prefix + "felt_gravity_mps2", file.felt.gravity_mps2, text);
+    line(file.prefix + "noise", std::string(file.noise_assumed ? "assumed" : "file"), text);
     describe_drift(file.prefix + "drift.", file.drift, text);
     line(file.prefix + "velocity_rms_mps", file.velocity_rms_mps, text);
     if (file.expected) {
@@ -130,6 +136,7 @@ Result<std::string> draw_navigation(const NavigationReport& report, const Gnuplo
   Panel north = panel(moves ? "Velocity error north" : "Velocity north", "m/s");
   Panel east = panel(moves ? "Velocity error east" : "Velocity east", "m/s");
   Panel distance = panel(moves ? "Distance from the reference" : "Distance from where it stands", "nautical miles");
+  north.legend = report.files.size() > 1;
   distance.x_label = "minutes of free navigation (a Schuler period is 84.4)";
   for (auto file = report.files.rbegin(); file != report.files.rend(); ++file) {
     const bool against = !file->prefix.empty();
@@ -150,6 +157,7 @@ Result<std::string> draw_navigation(const NavigationReport& report, const Gnuplo
   Figure figure;
   figure.id = "navigation";
   figure.label = "Velocity and position error of free inertial navigation against time";
+  figure.panel_width = 480;  // so that a telephone shows it in letters that can be read
   figure.panel_height = 220;
   figure.panels = {north, east, distance};
   Result<std::vector<std::string>> drawn = run_gnuplot(draw(figure).script, 1, options);
@@ -163,6 +171,7 @@ void print_navigation(const NavigationReport& report, std::ostream& out) {
   if (!report.damage.empty()) out << report.damage << '\n';
   if (report.filled_samples > 0)
     out << report.filled_samples << " samples lost or bad; " << report.filled_in_motion << " of them in a turn\n";
+  print_faults(report.faults, out);
   for (const std::string& branch : report.lost) out << branch << '\n';
   for (const NavigatedFile& file : report.files) {
     out << (file.prefix.empty() ? "parameters  " : "against     ") << file.path << "\n";
@@ -172,10 +181,14 @@ void print_navigation(const NavigationReport& report, std::ostream& out) {
       const FreeNavigation& n = branch.navigation;
       const Eigen::Vector2d end = n.track.back().moved_m;
       std::snprintf(text, sizeof text, "  %6zu  %14.1f  %8.3f +- %.3f  %7.0f  %10.0f  %10.0f  %6.3f\n", k + 1,
-                    branch.start_s, angles_of(n.aligned.q_nb).heading_rad / rad_per_deg,
+                    branch.start_s, printed_heading_deg(angles_of(n.aligned.q_nb).heading_rad / rad_per_deg),
                     n.heading_sigma_rad / rad_per_deg, n.free_s, end[0], end[1], n.nm_per_h);
       out << text;
     }
+    if (file.branches.size() + report.lost.size() < static_cast<std::size_t>(report.branches_asked) &&
+        report.branches_asked != default_branches)
+      out << "  starts    " << file.branches.size() << " of the " << report.branches_asked
+          << " asked for: the recording has no more of that length\n";
     std::snprintf(text, sizeof text, "  drift     rms %.3f, CEP %.3f, R95 %.3f nm/h; velocity rms %.3f m/s\n",
                   file.drift.rms_nm_per_h, file.drift.cep_nm_per_h, file.drift.r95_nm_per_h, file.velocity_rms_mps);
     out << text;
@@ -187,7 +200,11 @@ void print_navigation(const NavigationReport& report, std::ostream& out) {
                     : file.covariance_source == "effects" ? " alone (the file has effects)"
                                                           : " and parameters");
       out << text;
+      if (file.noise_assumed) out << "            noise " << assumed_noise_words << "\n";
     }
+    if (file.felt.weighs_against(report.info.gravity_mps2))
+      out << "  GRAVITY   " << gravity_words(file.felt, report.info.gravity_mps2)
+          << ": one of the two, or the calibration, is wrong\n";
     if (file.felt.speaks_against(report.info.latitude_deg * rad_per_deg))
       out << "  LATITUDE  " << latitude_words(file.felt, report.info.latitude_deg)
           << ": one of the two, or the calibration, is wrong\n";

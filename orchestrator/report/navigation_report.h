@@ -13,6 +13,8 @@
 
 namespace turncal {
 
+inline constexpr int default_branches = 8;
+
 struct NavigatedBranch {
   double start_s = 0.0;  // where its alignment begins, from the first sample of the recording
   FreeNavigation navigation;
@@ -23,8 +25,9 @@ struct NavigatedFile {  // one parameter file
   std::string path;
   std::string model;
   std::string covariance_source;
-  bool trusted = true;  // as the file says of itself
-  RestLatitude felt;
+  bool trusted = true;         // as the file says of itself
+  bool noise_assumed = false;  // the file has none
+  FeltSite felt;
   std::vector<NavigatedBranch> branches;
   DriftOverRuns drift;
   std::optional<DriftOverRuns> expected;  // of the end of the first branch; not of a unit that moves
@@ -39,6 +42,8 @@ struct NavigationReport {
   double align_s = 0.0;
   std::int64_t filled_samples = 0;    // lost or bad, as their neighbours
   std::int64_t filled_in_motion = 0;  // of them while the unit turned
+  std::vector<std::string> faults;    // samples that cannot be true, set aside
+  int branches_asked = 0;             // at most
   std::vector<std::string> lost;      // branches that lost samples ended or left out
   std::string damage;                 // of the recording; empty: none
   bool without_segments = false;      // everything counted as rest

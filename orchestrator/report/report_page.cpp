@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "imu_io/base/atomic_file.h"
-#include "orchestrator/figures/piped_program.h"
 #include "orchestrator/figures/report_format.h"
 
 namespace turncal {
@@ -81,16 +79,6 @@ std::string score_legend() {
   };
   return "<p class=\"legend\">" + item("#0072B2", "added to the model") +
          item("#E69F00", "above the threshold, not added") + item("#B8B8B8", "below the threshold") + "</p>\n";
-}
-
-Status write_pdf(const std::string& html, const std::string& path) {
-  const Result<PipedOutput> pdf = pipe_through({.name = "weasyprint",
-                                                .arguments = {"--encoding", "utf-8", "-", "-"},
-                                                .package = "weasyprint",
-                                                .deadline_s = 120.0},
-                                               html);
-  if (!pdf) return device_error(path + ": " + pdf.error().message);
-  return write_file_atomically(path, pdf->output);
 }
 
 }  // namespace turncal

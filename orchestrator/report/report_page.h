@@ -36,7 +36,4 @@ struct Plots {
 
 std::string score_legend();
 
-// A page as PDF, by weasyprint within two minutes (piped_program.h).
-Status write_pdf(const std::string& html, const std::string& path);
-
 }  // namespace turncal

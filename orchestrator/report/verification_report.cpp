@@ -1,11 +1,15 @@
 #include "orchestrator/report/verification_report.h"
 
+#include <algorithm>
 #include <cstdarg>
 #include <cstdio>
 #include <utility>
 
 #include "calib/model/parameters.h"
+#include "imu_io/base/checksum_line.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/key_value.h"
+#include "imu_io/base/posix_file.h"
 
 namespace turncal {
 namespace {
@@ -29,9 +33,32 @@ void add_figure(const std::string& key, const NorthFigure& figure, std::string& 
   out << text;
 }
 
+// A list in a file: key.1, key.2 and so on.
+void add_list(const std::string& key, const std::vector<std::string>& values, std::string& text) {
+  for (std::size_t k = 0; k < values.size(); ++k) add_key(key + "." + std::to_string(k + 1), values[k], text);
+}
+std::vector<std::string> read_list(KeyValueFile& conf, const std::string& key) {
+  std::vector<std::string> values;
+  for (std::string at = key + ".1"; conf.has(at); at = key + "." + std::to_string(values.size() + 1))
+    values.push_back(conf.text(at));
+  return values;
+}
+
 }  // namespace
 
-std::string latitude_words(const RestLatitude& felt, double of_recording_deg) {
+std::string gravity_words(const FeltSite& felt, double of_recording_mps2) {
+  char text[120];
+  std::snprintf(text, sizeof text, "%.5f m/s^2 felt, the recording says %.5f", felt.gravity_mps2, of_recording_mps2);
+  return text;
+}
+
+void print_faults(const std::vector<std::string>& faults, std::ostream& out) {
+  constexpr std::size_t most = 5;
+  for (std::size_t k = 0; k < std::min(faults.size(), most); ++k) out << faults[k] << ": set aside\n";
+  if (faults.size() > most) out << "and " << faults.size() - most << " more like it\n";
+}
+
+std::string latitude_words(const FeltSite& felt, double of_recording_deg) {
   char text[120];
   std::snprintf(text, sizeof text, "%.3f +- %.3f deg felt, the recording says %.4f", felt.latitude_rad / rad_per_deg,
                 felt.sigma_rad / rad_per_deg, of_recording_deg);
@@ -53,13 +80,15 @@ std::string format_verification(const VerificationReport& report) {
   add_key("unit_serial", report.info.unit_serial, text);
   add_key("simulated", report.info.simulated ? "true" : "false", text);
   add_key("recording_hash", report.recording_hash, text);
+  add_key("latitude_deg", report.info.latitude_deg, text);
   add_key("parameters", report.parameters, text);
+  add_key("calibration_hash", report.calibration_hash, text);
   add_key("trusted", report.trusted ? "true" : "false", text);
   add_key("align_s", report.align_s, text);
   if (!report.damage.empty()) add_key("damage", report.damage, text);
   add_key("filled_samples", static_cast<double>(report.filled_samples), text);
-  for (std::size_t k = 0; k < report.left_out.size(); ++k)
-    add_key("left_out." + std::to_string(k + 1), report.left_out[k], text);
+  add_list("fault", report.faults, text);
+  add_list("left_out", report.left_out, text);
   add_key("zero_deg", report.found.zero_deg, text);
   for (std::size_t p = 0; p < report.found.positions.size(); ++p) {
     const NorthPosition& position = report.found.positions[p];
@@ -82,6 +111,9 @@ std::string format_verification(const VerificationReport& report) {
   add_key("worst.heading_error_deg", report.found.worst_heading_error_deg, text);
   add_key("felt_latitude_deg", report.felt.latitude_rad / rad_per_deg, text);
   add_key("felt_latitude_sigma_deg", report.felt.sigma_rad / rad_per_deg, text);
+  add_key("gravity_mps2", report.info.gravity_mps2, text);
+  add_key("felt_gravity_mps2", report.felt.gravity_mps2, text);
+  add_key("noise", report.noise_assumed ? "assumed" : "file", text);
   add_key("limit.heading_deg", report.heading_limit_deg, text);
   add_key("limit.level_deg", report.level_limit_deg, text);
   add_key("limit.guard_factor", report.guard_factor, text);
@@ -90,8 +122,80 @@ std::string format_verification(const VerificationReport& report) {
   add_key("verdict.heading", std::string(to_string(report.heading)), text);
   add_key("verdict.level", std::string(to_string(report.level)), text);
   add_key("verdict.latitude", std::string(to_string(report.latitude)), text);
+  add_key("verdict.gravity", std::string(to_string(report.gravity)), text);
   add_key("verdict.result", std::string(to_string(report.verdict)), text);
-  return text;
+  return with_checksum(std::move(text));
+}
+
+Result<VerificationReport> read_verification(const std::string& path) {
+  const Result<std::string> text = read_whole_file(path);
+  if (!text) return text.error();
+  const Result<std::string_view> above = without_checksum(*text, path);
+  if (!above) return above.error();
+  Result<KeyValueFile> parsed = KeyValueFile::parse(*above, path);
+  if (!parsed) return parsed.error();
+  KeyValueFile& conf = *parsed;
+  VerificationReport report;
+  conf.integer("format", 1, 1);
+  report.info.unit_serial = conf.text("unit_serial");
+  report.info.simulated = conf.boolean_or("simulated", false);
+  report.info.latitude_deg = conf.number("latitude_deg", between(-90.0, 90.0));
+  report.recording_hash = conf.text("recording_hash");
+  report.parameters = conf.text("parameters");
+  report.calibration_hash = conf.text("calibration_hash");
+  report.trusted = conf.boolean_or("trusted", false);
+  report.align_s = conf.number("align_s", positive);
+  report.damage = conf.text_or("damage", "");
+  report.filled_samples = conf.integer("filled_samples", 0);
+  report.faults = read_list(conf, "fault");
+  report.left_out = read_list(conf, "left_out");
+  report.found.zero_deg = conf.number("zero_deg");
+  std::vector<NorthPosition>& positions = report.found.positions;
+  do {
+    const std::string prefix = "position." + std::to_string(positions.size() + 1) + ".";
+    NorthPosition position;
+    position.table_deg = conf.number(prefix + "table_deg");
+    const auto reading = [&] { return prefix + std::to_string(position.readings.size() + 1) + "."; };
+    while (conf.has(reading() + "heading_deg")) {
+      NorthReading one{.table_deg = position.table_deg};
+      for (std::size_t a = 0; a < 3; ++a) one.angle_deg[a] = conf.number(reading() + north_angle_names[a] + "_deg");
+      position.readings.push_back(one);
+    }
+    for (std::size_t a = 0; a < 3; ++a) {
+      const std::string name = std::string(north_angle_names[a]) + "_deg";
+      position.mean_deg[a] = conf.number(prefix + "mean." + name);
+      position.deviation_deg[a] = conf.number(prefix + "deviation." + name, not_negative);
+      position.noise_sigma_deg[a] = conf.number(prefix + "sigma." + name, not_negative);
+    }
+    positions.push_back(std::move(position));
+  } while (conf.has("position." + std::to_string(positions.size() + 1) + ".table_deg"));
+  const auto figure = [&conf](const std::string& key) {
+    return NorthFigure{conf.number(key + "_deg"), conf.number(key + "_sigma_deg", not_negative)};
+  };
+  for (std::size_t a = 0; a < 3; ++a)
+    report.found.deviation[a] = figure(std::string("deviation.") + north_angle_names[a]);
+  report.found.mean_heading = figure("mean.heading");
+  report.found.worst_heading_error_deg = conf.number("worst.heading_error_deg");
+  report.felt = {conf.number("felt_latitude_deg") * rad_per_deg,
+                 conf.number("felt_latitude_sigma_deg", not_negative) * rad_per_deg,
+                 conf.number("felt_gravity_mps2", not_negative)};
+  report.info.gravity_mps2 = conf.number("gravity_mps2", positive);
+  report.noise_assumed = conf.one_of("noise", {"file", "assumed"}) == "assumed";
+  report.heading_limit_deg = conf.number("limit.heading_deg", positive);
+  report.level_limit_deg = conf.number("limit.level_deg", positive);
+  report.guard_factor = conf.number("limit.guard_factor", not_negative);
+  report.false_fail = conf.number("false_fail", between(0.0, 1.0));
+  report.would_do_s = conf.number_or("would_do.align_s", 0.0, not_negative);
+  for (const auto& [key, verdict] :
+       {std::pair{"verdict.heading", &report.heading}, std::pair{"verdict.level", &report.level},
+        std::pair{"verdict.latitude", &report.latitude}, std::pair{"verdict.gravity", &report.gravity},
+        std::pair{"verdict.result", &report.verdict}}) {
+    const std::optional<UnitVerdict> word = verdict_from(conf.text(key));
+    if (!word) conf.reject(key, "a verdict");
+    *verdict = word.value_or(UnitVerdict::fail);
+  }
+  if (Status status = conf.check_all_used(); !status) return status.error();
+  return report;
 }
 
 std::string verification_words(const VerificationReport& report) {
@@ -103,6 +207,7 @@ std::string verification_words(const VerificationReport& report) {
   if (const std::string undecided = undecided_words(report); !undecided.empty()) words += "; " + undecided;
   if (report.latitude == UnitVerdict::fail)
     words += "; latitude " + latitude_words(report.felt, report.info.latitude_deg);
+  if (report.gravity == UnitVerdict::fail) words += "; gravity " + gravity_words(report.felt, report.info.gravity_mps2);
   if (!report.trusted) words += "; parameters not trusted";
   return words;
 }
@@ -111,6 +216,7 @@ void print_verification(const VerificationReport& report, std::ostream& out) {
   if (!report.damage.empty()) out << report.damage << '\n';
   if (report.filled_samples > 0)
     out << report.filled_samples << " samples lost or bad, filled in from their neighbours\n";
+  print_faults(report.faults, out);
   for (const std::string& alignment : report.left_out) out << "left out: " << alignment << '\n';
   print_text(out, "Unit %s, alignments of %.0f s; the table's zero is at a heading of %.4f deg. deg:\n\n",
              report.info.unit_serial.c_str(), report.align_s, report.found.zero_deg);
@@ -134,8 +240,12 @@ void print_verification(const VerificationReport& report, std::ostream& out) {
   print_text(out, "level    largest deviation of roll %.6f, of pitch %.6f deg; limit %g: %s\n",
              found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
              std::string(to_string(report.level)).c_str());
+  out << "         what turns every reading alike, as an accelerometer bias does, it cannot see\n";
   out << "latitude " << latitude_words(report.felt, report.info.latitude_deg) << ": " << to_string(report.latitude)
       << "\n";
+  out << "gravity  " << gravity_words(report.felt, report.info.gravity_mps2) << ": " << to_string(report.gravity)
+      << "\n";
+  if (report.noise_assumed) out << "noise    " << assumed_noise_words << "\n";
   print_text(out, "         a unit with nothing but this noise is above a limit in %.1f of 100 verifications\n",
              100.0 * report.false_fail);
   if (const std::string undecided = undecided_words(report); !undecided.empty())

@@ -16,31 +16,44 @@ struct VerificationReport {
   RecordingInfo info;
   std::string recording_hash;
   std::string parameters;             // file
+  std::string calibration_hash;       // of its contents (parameter_file.h)
   bool trusted = true;                // as the file says of itself
   double align_s = 0.0;               // of the shortest alignment
   std::int64_t filled_samples = 0;    // lost or bad, as their neighbours
+  std::vector<std::string> faults;    // samples that cannot be true, set aside
   std::vector<std::string> left_out;  // alignments in which more samples were lost
   NorthSeeking found;
-  RestLatitude felt;
-  double false_fail = 0.0;  // chance that a good unit fails
+  FeltSite felt;
+  bool noise_assumed = false;  // the parameter file has none
+  double false_fail = 0.0;     // chance that a good unit fails
   double would_do_s =
       0.0;             // undecided, noise explains what was found: how long an alignment would have to be; 0: decided
   std::string damage;  // of the recording; empty: none
   double heading_limit_deg = 0.0, level_limit_deg = 0.0, guard_factor = 1.0;
   UnitVerdict heading = UnitVerdict::not_judged, level = UnitVerdict::not_judged;
-  UnitVerdict latitude = UnitVerdict::not_judged;
+  UnitVerdict latitude = UnitVerdict::not_judged, gravity = UnitVerdict::not_judged;
   // The worst of them; not better than hold for parameters that are not trusted.
   UnitVerdict verdict = UnitVerdict::not_judged;
 };
 
+// verification.conf; the last line is a checksum (checksum_line.h).
 std::string format_verification(const VerificationReport& report);
+// What format_verification wrote, to the bit; every key has to be there and of its kind. Of `info` what stands in it.
+Result<VerificationReport> read_verification(const std::string& path);
 // The figures and their limits, for a verdict's reason.
 std::string verification_words(const VerificationReport& report);
 // Why it is undecided; empty where it is not.
 std::string undecided_words(const VerificationReport& report);
-std::string latitude_words(const RestLatitude& felt, double of_recording_deg);
+std::string latitude_words(const FeltSite& felt, double of_recording_deg);
+std::string gravity_words(const FeltSite& felt, double of_recording_mps2);
+// What was wrong with samples that were set aside, a line each.
+void print_faults(const std::vector<std::string>& faults, std::ostream& out);
+// In the reason of a verification of which too much was lost to judge it; such a one leaves no verification.conf.
+inline constexpr const char* not_judged_words = "verification: not_judged: ";
 inline constexpr const char* not_trusted_words =
     "NOT TRUSTED: the parameter file says that its sigmas cannot be believed";
+inline constexpr const char* assumed_noise_words =
+    "assumed, the parameter file has no noise keys: 0.002 deg/sqrt(h) and 8 ug/sqrt(Hz)";
 void print_verification(const VerificationReport& report, std::ostream& out);
 
 struct ReferenceReport {

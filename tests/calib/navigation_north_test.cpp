@@ -4,6 +4,8 @@
 #include <cmath>
 #include <random>
 
+#include "calib/model/parameters.h"
+#include "calib/navigation/alignment.h"
 #include "calib/navigation/north_seeking.h"
 
 namespace turncal {
@@ -170,6 +172,21 @@ TEST(NavigationNorth, TableThreeOfThePaper) {
   }
   EXPECT_NEAR(compare_references(offset).error_deg[5][0], -0.000016, 1e-10);
   EXPECT_NEAR(compare_references(offset).error_deg[5][2], 0.001139, 1e-10);
+}
+
+// Of what points straight up no heading is known, and near it less and less.
+TEST(AngleSigmas, TheHeadingsSaturatesWhereXIsVertical) {
+  const Eigen::Matrix3d of_phi = Eigen::Vector3d(1e-5, 7e-4, 1e-5).cwiseAbs2().asDiagonal();
+  for (const double sign : {1.0, -1.0}) {
+    double before = 0.0;
+    for (const double pitch_deg : {0.0, 45.0, 89.0, 89.99, 89.9999, 89.9999999, 90.0}) {
+      const Eigen::Quaterniond q(Eigen::AngleAxisd(sign * pitch_deg * rad_per_deg, Eigen::Vector3d::UnitZ()));
+      const double sigma = angle_sigmas(of_phi, q)[0];
+      EXPECT_GE(sigma, before) << pitch_deg;
+      before = sigma;
+    }
+    EXPECT_DOUBLE_EQ(before, 2.0 * pi / std::sqrt(12.0));
+  }
 }
 
 }  // namespace

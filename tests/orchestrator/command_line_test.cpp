@@ -302,7 +302,7 @@ TEST_F(CommandLine, ApplyRefusesWhatDoesNotBelong) {
     return std::vector<std::string>{"apply", demo, "--parameters", file, "--out", "out.csv"};
   };
   expect_refused({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", demo + "/journal.tcj"},
-                 "holds something else than would be written");
+                 "expected a name that ends in one of");
   std::string digit = good;
   digit[digit.find("N01 = ") + 9] ^= 1;
   expect_refused(apply(write("digit.conf", digit)), "checksum");
@@ -321,7 +321,8 @@ TEST_F(CommandLine, ApplyRefusesWhatDoesNotBelong) {
   // Nowhere to write to.
   expect_refused({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", "no/such/folder/out.csv"},
                  "folder");
-  expect_refused({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", demo}, "folder");
+  expect_refused({"apply", demo, "--parameters", demo + "/parameters.conf", "--out", demo},
+                 "expected a name that ends in one of");
 }
 
 TEST_F(CommandLine, CleanRecordingOfAnIndependentRig) {

@@ -2,6 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+
+#include "calib/rests/rest_data.h"
+#include "calib/statistics/compression.h"
+#include "calib/statistics/segmentation.h"
 
 namespace turncal {
 namespace {
@@ -32,6 +37,47 @@ class RestOf {
   std::size_t index_ = 0;
 };
 
+// Which samples a calibration would not believe. A hand and a vehicle jerk: there only what no unit can have felt counts.
+class FaultySamples {
+ public:
+  // What stands out of its neighbours is known when so many samples have come after it.
+  static constexpr std::size_t settled_after = 3;
+
+  FaultySamples(const RecordingInfo& info, const Segments& segments, bool on_table)
+      : segments_(segments.empty() ? Segments{{.kind = SegmentKind::align, .end_sample = std::int64_t{1} << 62}}
+                                   : segments),
+        compressor_(info, on_table ? CompressionOptions{} : rest_compression_options()),
+        feed_(compressor_, segments_) {}
+  void add(std::span<const ImuSample> samples) { feed_.add(samples); }
+  // For samples in counter order, each settled, with its neighbours: the channel that cannot be; nothing: it may be true. What rises and
+  // stays up is the beginning of a turn.
+  std::optional<std::size_t> fault_of(const ImuSample& before, const ImuSample& sample, const ImuSample& after) {
+    const std::int64_t counter = sample.counter;
+    const std::vector<DataEvent>& events = compressor_.recording().events;
+    while (next_ < events.size() && events[next_].sample + static_cast<std::int64_t>(settled_after) < counter) ++next_;
+    for (std::size_t k = next_; k < events.size(); ++k) {
+      const bool gyro = events[k].kind == DataEvent::Kind::gyro_glitch;
+      if (events[k].sample != counter || !(gyro || events[k].kind == DataEvent::Kind::accel_glitch)) continue;
+      const auto channel = static_cast<std::size_t>(events[k].axis + (gyro ? 0 : 3));
+      const double step = channel_of(after, channel) - channel_of(before, channel);
+      if (events[k].left_out || std::abs(step) < std::abs(events[k].size)) return channel;
+    }
+    return std::nullopt;
+  }
+
+ private:
+  Segments segments_;
+  Compressor compressor_;
+  SegmentedFeed feed_;
+  std::size_t next_ = 0;
+};
+
+// What no unit on a table, in a hand or in a vehicle can feel in an interval.
+bool can_be(const MotionInterval& interval) {
+  constexpr double most_mps2 = 1e4;
+  return interval.push_mps.norm() <= most_mps2 * interval.duration_s && interval.turn.coeffs().allFinite();
+}
+
 }  // namespace
 
 Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source) {
@@ -60,19 +106,27 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
   std::int64_t begin = 0, end = 0;
   IntegratedSamples found;
   std::optional<std::int64_t> last;  // taken
-  Status status = source.read([&](std::span<const ImuSample> block) {
-    if (!first) {
-      first = block.front().counter;
-      begin = *first + std::llround(stretch.from_s / period_s);
-      const double most = 1e15;  // of a counter
-      end = stretch.to_s ? *first + std::llround(std::min(*stretch.to_s / period_s, most)) : std::int64_t{1} << 62;
-      const std::int64_t known = source.segments().empty() ? 0 : source.segments().back().end_sample - begin;
-      for (CalibratedIntervals& file : files) file.integrator.reserve(std::clamp<std::int64_t>(known, 0, 100'000'000));
-    }
-    for (const ImuSample& sample : block) {
+  const bool on_table = reference == nullptr && !source.segments().empty() && !without_table_angles(source.segments());
+  FaultySamples faulty(source.info(), source.segments(), on_table);
+  bool gyro_lives = false, accel_lives = false;
+  std::vector<ImuSample> waiting;  // until they are settled
+  ImuSample before{};
+  const auto take = [&](std::size_t count) -> Status {
+    for (std::size_t k = 0; k < count; ++k) {
+      const ImuSample& sample = waiting[k];
+      const ImuSample previous = std::exchange(before, sample), &after = waiting[std::min(k + 1, waiting.size() - 1)];
       if (sample.counter < begin || sample.counter >= end || (sample.flags & sample_flag_invalid) != 0) continue;
       const Eigen::Vector3d gyro(sample.gyro[0], sample.gyro[1], sample.gyro[2]);
       const Eigen::Vector3d accel(sample.accel[0], sample.accel[1], sample.accel[2]);
+      if (!gyro.allFinite() || !accel.allFinite())
+        return input_error(source.path() + ": sample " + std::to_string(sample.counter) + ": expected finite numbers");
+      if (const std::optional<std::size_t> channel = faulty.fault_of(previous, sample, after)) {
+        const std::string words = glitch_of(*channel, channel_of(sample, *channel), sample.counter, period_s);
+        if (found.faults.empty() || found.faults.back() != words) found.faults.push_back(words);
+        continue;
+      }
+      gyro_lives = gyro_lives || !gyro.isZero(0.0);
+      accel_lives = accel_lives || !accel.isZero(0.0);
       if (!last) found.first_sample = sample.counter;
       const std::int64_t expected = last.value_or(sample.counter - 1) + 1;
       SampleGap gap{expected};
@@ -91,9 +145,36 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
             gap_at_rest);
       }
     }
-    return Status{};
+    return {};
+  };
+  Status status = source.read([&](std::span<const ImuSample> block) {
+    if (!first) {
+      first = block.front().counter;
+      begin = *first + std::llround(stretch.from_s / period_s);
+      const double most = 1e15;  // of a counter
+      end = stretch.to_s ? *first + std::llround(std::min(*stretch.to_s / period_s, most)) : std::int64_t{1} << 62;
+      const std::int64_t known = source.segments().empty() ? 0 : source.segments().back().end_sample - begin;
+      for (CalibratedIntervals& file : files) file.integrator.reserve(std::clamp<std::int64_t>(known, 0, 100'000'000));
+    }
+    faulty.add(block);
+    waiting.insert(waiting.end(), block.begin(), block.end());
+    const std::size_t settled = waiting.size() - std::min(waiting.size(), FaultySamples::settled_after);
+    Status taken = take(settled);
+    waiting.erase(waiting.begin(), waiting.begin() + static_cast<std::ptrdiff_t>(settled));
+    return taken;
   });
+  if (status) status = take(waiting.size());
   if (!status) return status.error();
+  if (last && !(gyro_lives && accel_lives))
+    return input_error(source.path() + ": the " + (gyro_lives ? "accelerometers" : "gyros") +
+                       " gave nothing but zeros: expected a unit that feels the Earth turn and weighs something");
+  for (const CalibratedIntervals& file : files) {
+    const std::vector<MotionInterval>& intervals = file.integrator.intervals();
+    const auto wrong = std::find_if_not(intervals.begin(), intervals.end(), can_be);
+    if (wrong == intervals.end()) continue;
+    const std::int64_t at = found.first_sample + (wrong - intervals.begin()) * file.integrator.samples_per_interval();
+    return input_error(source.path() + ": from sample " + std::to_string(at) + " on: more than any unit can feel");
+  }
   return found;
 }
 

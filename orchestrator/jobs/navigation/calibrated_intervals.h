@@ -37,9 +37,12 @@ struct Stretch {  // s from the first sample
 struct IntegratedSamples {
   std::int64_t first_sample = 0;  // counter of the first, where the first interval begins
   std::vector<SampleGap> gaps;
+  std::vector<std::string> faults;  // what cannot be true, a line each
 };
-// Samples marked as bad count as lost; an interval with a part of a long gap is not at rest. Without segments everything is at rest,
-// but for what the reference says.
+// Samples marked as bad count as lost, and so do those that cannot be true, by the same rules as in a calibration (compression.h,
+// implausible.h); an interval with a part of a long gap is not at rest. Without segments everything is at rest, but for what the reference
+// says.
+// Errors: also samples that are not finite, gyros or accelerometers that give nothing but zeros, and motion that nothing can make.
 Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Stretch& stretch,
                                               std::vector<CalibratedIntervals>& files,
                                               const ReferenceTrack* reference = nullptr);

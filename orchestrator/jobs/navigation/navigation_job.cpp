@@ -43,6 +43,17 @@ Status check_reference(const ReferenceTrack& reference, const std::string& path,
                      format_number(info.latitude_deg) + " deg, within " + format_number(near_deg));
 }
 
+// For increments that are calibrated already: parameters that change nothing.
+Result<ParameterFile> as_it_is(const RecordingInfo& info) {
+  if (info.gyro_increment == IncrementKind::pulses || info.accel_increment == IncrementKind::pulses)
+    return input_error("it holds pulses: expected --parameters");
+  ParameterFile file;
+  describe_recording(info, file);
+  file.parameters = to_vector(start_parameters(info));
+  file.model = "none";
+  return file;
+}
+
 std::string seconds(double s) { return std::to_string(std::llround(s)) + " s"; }
 
 Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const RecordingInfo& info, double align_s,
@@ -66,7 +77,8 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
   result.model = calibrated.file.model;
   result.covariance_source = covariance->source;
   result.trusted = is_trusted(calibrated.file);
-  result.felt = latitude_of_rests(calibrated.integrator.intervals(), *noise, covariance->covariance);
+  result.noise_assumed = !has_noise(calibrated.file);
+  result.felt = felt_site(calibrated.integrator.intervals(), *noise, covariance->covariance);
   const std::vector<MotionInterval>& intervals = calibrated.integrator.intervals();
   std::vector<double> rates;
   double squares = 0.0;
@@ -88,6 +100,8 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
     result.branches.push_back(std::move(branch));
   }
   result.drift = drift_over_runs(rates);
+  if (!std::isfinite(result.drift.rms_nm_per_h))
+    return input_error("it drifts beyond all numbers: expected the increments of a unit at rest");
   result.velocity_rms_mps = std::sqrt(squares / static_cast<double>(branches.size()));
   return result;
 }
@@ -98,6 +112,14 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request) {
   Result<std::unique_ptr<RecordingSource>> opened = RecordingSource::open(request.recording);
   if (!opened) return opened.error();
   std::vector<CalibratedIntervals> files;
+  if (request.parameters.empty()) {
+    Result<ParameterFile> identity = as_it_is((*opened)->info());
+    if (!identity) return Error{identity.error().kind, request.recording + ": " + identity.error().message};
+    Result<CalibratedIntervals> file =
+        calibrated_intervals(std::move(*identity), "none, increments as they are", **opened);
+    if (!file) return file.error();
+    files.push_back(std::move(*file));
+  }
   for (const std::string& path : {request.parameters, request.against}) {
     if (path.empty()) continue;
     Result<CalibratedIntervals> file = calibrated_intervals(path, **opened);
@@ -140,6 +162,8 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
   report.info = info;
   report.align_s = request.align_s;
   if (source.damage().lost_data()) report.damage = describe(source.damage());
+  report.faults = integrated->faults;
+  report.branches_asked = request.branches;
   report.without_segments = source.segments().empty();
   const Result<std::string> hash = source.content_hash();
   if (!hash) return hash.error();
@@ -168,11 +192,13 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
   }
   if (branches.empty())
     return input_error(request.recording + ": " +
-                       (!report.lost.empty() ? report.lost.front()
-                        : reference          ? "the reference stands nowhere for " + seconds(request.align_s)
-                                             : "no branch") +
-                       "; expected a branch that does not go over more than " + std::to_string(most_filled_samples) +
-                       " lost samples");
+                       (report.lost.empty()
+                            ? reference
+                                  ? "the reference stands nowhere for " + seconds(request.align_s) +
+                                        ", which the alignment takes: expected a longer stop, or a shorter --align"
+                                  : "no branch"
+                            : report.lost.front() + "; expected a branch that does not go over more than " +
+                                  std::to_string(most_filled_samples) + " lost samples"));
   for (std::size_t k = 0; k < files.size(); ++k) {
     Result<NavigatedFile> file =
         navigate_file(files[k], info, request.align_s, branches, stretch.from_s, k == 0 ? "" : "against.", beside);

@@ -16,14 +16,14 @@ namespace turncal {
 
 struct NavigationRequest {
   std::string recording;
-  std::string parameters;
-  std::string against;    // empty: none
-  std::string reference;  // where it truly was (reference_file.h); empty: where it stands
+  std::string parameters;  // empty: the recording holds calibrated increments, as `turncal apply` writes them
+  std::string against;     // empty: none
+  std::string reference;   // where it truly was (reference_file.h); empty: where it stands
   double align_s = 300.0;
-  double from_s = 0.0;           // of the recording, from its first sample
-  std::optional<double> to_s;    // default: its end
-  std::optional<double> free_s;  // of each branch; default: an hour, or what the recording holds
-  int branches = 8;              // at most; as many as have different starts
+  double from_s = 0.0;              // of the recording, from its first sample
+  std::optional<double> to_s;       // default: its end
+  std::optional<double> free_s;     // of each branch; default: an hour, or what the recording holds
+  int branches = default_branches;  // at most; as many as have different starts
 };
 
 // Errors: kind input for files that cannot be used, and for a recording that is too short or does not rest.

@@ -35,6 +35,10 @@ std::vector<std::string_view> words_of(std::string_view text) {
 
 }  // namespace
 
+bool has_noise(const ParameterFile& file) {
+  return find_further(file, "noise.angle_random_walk.x_deg_per_rt_h") != nullptr;
+}
+
 Result<NoiseModel> stored_noise(const ParameterFile& file, const std::string& file_name) {
   NoiseModel noise;
   const bool counts = file.accel_increment == IncrementKind::pulses;

@@ -7,7 +7,9 @@
 
 namespace turncal {
 
-// The `noise.` keys; what is not there keeps the value of NoiseModel, and the pulses are those of the increments.
+// The `noise.` keys; what is not there keeps the value of NoiseModel, and the pulses are those of the increments. has_noise: whether the
+// random walks are there.
+bool has_noise(const ParameterFile& file);
 Result<NoiseModel> stored_noise(const ParameterFile& file, const std::string& file_name);
 
 // Correlations of the `quality.covariance.` keys with the standard deviations `sigma.` (they can be wider than the covariance, where

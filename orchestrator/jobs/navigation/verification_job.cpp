@@ -66,8 +66,9 @@ void judge_north(const VerdictLimits& limits, VerificationReport& report) {
   }
   const bool elsewhere = report.felt.speaks_against(report.info.latitude_deg * rad_per_deg);
   report.latitude = elsewhere ? UnitVerdict::fail : UnitVerdict::pass;
-  report.verdict =
-      std::max({report.heading, report.level, report.latitude, report.trusted ? UnitVerdict::pass : UnitVerdict::hold});
+  report.gravity = report.felt.weighs_against(report.info.gravity_mps2) ? UnitVerdict::fail : UnitVerdict::pass;
+  report.verdict = std::max({report.heading, report.level, report.latitude, report.gravity,
+                             report.trusted ? UnitVerdict::pass : UnitVerdict::hold});
 }
 
 bool is_north_dwell(const Segment& segment, int first_step) {
@@ -137,6 +138,8 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
   std::vector<std::pair<double, int>> positions;  // heading of the table, readings that are left
   VerificationReport report;
   if (source.damage().lost_data()) report.damage = describe(source.damage());
+  report.faults = integrated->faults;
+  report.noise_assumed = !has_noise(request.file);
   for (const SampleGap& gap : integrated->gaps) report.filled_samples += gap.is_short() ? gap.samples : 0;
   for (const Segment& segment : segments) {
     if (!is_north_dwell(segment, request.first_step)) continue;
@@ -171,7 +174,7 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
   const auto few = std::find_if(positions.begin(), positions.end(), [](const auto& p) { return p.second < 2; });
   if (searches.empty() || few != positions.end())
     return Error{ErrorKind::unit_failed,
-                 request.recording + ": verification: not_judged: " +
+                 request.recording + ": " + not_judged_words +
                      (searches.empty() ? "no search for the zero"
                                        : std::to_string(few->second) + " alignments at heading " +
                                              format_number(few->first) + ", expected two and more") +
@@ -182,10 +185,13 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
   if (!hash) return hash.error();
   report.recording_hash = *hash;
   report.parameters = request.parameters;
+  const Result<std::string> of_calibration = calibration_hash(request.file);
+  if (!of_calibration) return of_calibration.error();
+  report.calibration_hash = *of_calibration;
   report.trusted = is_trusted(request.file);
   report.align_s = shortest_s;
   report.found = seek_north(searches, readings);
-  report.felt = latitude_of_rests(rests, *noise, covariance->covariance);
+  report.felt = felt_site(rests, *noise, covariance->covariance);
   judge_north(request.limits, report);
   return report;
 }

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "imu_io/base/checksum_line.h"
 #include "orchestrator/report/certificate.h"
 #include "tests/orchestrator/results/rig_unit.h"
 
@@ -16,6 +17,7 @@ class CertificateTest : public RigUnit {
     write("lab.station",
           "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
           "laboratory.name = Müller & Söhne <Labor>\nlaboratory.signatory = A. Signer\ncustomer.name = Customer Ltd\n"
+          "laboratory.address = Weg 1\ncustomer.address = Way 2\n"
           "site.gravity_uncertainty_mps2 = 0.0001\nsite.latitude_uncertainty_deg = 0.001\n");
     record("rig", without_noise, "step 1\n  initial H 0 P 0 R 0\n  align 200\n  dwell 200\n");
   }
@@ -28,8 +30,32 @@ class CertificateTest : public RigUnit {
     file.add_further("quality.trusted", std::string("true"));
     file.add_further("verdict.result", std::string("pass"));
     file.add_further("verdict.rule", std::string("ILAC-G8:09/2019 4.2.3"));
+    file.add_further("record.began_utc", std::string("2026-01-31T10:00:00Z"));
+    file.add_further("record.table_id", std::string("TT-1"));
     file.add_further("record.table_calibration_due", std::string("2027-01-31"));
     return file;
+  }
+  // Of that result, as `turncal verify` would have made it.
+  static VerificationReport verification_of(const ParameterFile& file) {
+    VerificationReport report;
+    report.info.unit_serial = file.unit_serial;
+    report.info.latitude_deg = file.latitude_deg;
+    report.info.gravity_mps2 = file.gravity_mps2;
+    report.recording_hash = file.recording_hash;
+    report.parameters = "parameters.conf";
+    report.calibration_hash = *calibration_hash(file);
+    report.align_s = 300.0;
+    NorthPosition position;
+    position.readings.resize(2);
+    position.mean_deg = {0.00312, 0.0, 0.0};
+    report.found.positions = {position, position};
+    report.felt = {file.latitude_deg * rad_per_deg, 1e-4, file.gravity_mps2};
+    report.heading_limit_deg = report.level_limit_deg = 0.012;
+    report.heading = report.level = report.latitude = report.gravity = report.verdict = UnitVerdict::pass;
+    return report;
+  }
+  void keep_verification(const VerificationReport& report, const std::string& folder) {
+    write(folder + "/verification.conf", format_verification(report));
   }
   void keep_run(const ParameterFile& file, const std::string& folder) {
     std::filesystem::create_directories(folder_ / folder);
@@ -48,15 +74,13 @@ class CertificateTest : public RigUnit {
 
 TEST_F(CertificateTest, SaysWhatItHasTo) {
   keep_run(result_file(), "a");
-  write("a/verification.conf", "recording_hash = " + std::string(32, '0') +
-                                   "\nalign_s = 300\nposition.1.table_deg = 0\nposition.1.mean.heading_deg = 0.00312\n"
-                                   "verdict.result = pass\nlimit.heading_deg = 0.012\nlimit.level_deg = 0.012\n");
+  keep_verification(verification_of(result_file()), "a");
   const ProgramResult made = run(certify({"a"}));
   ASSERT_EQ(made.code, 0) << made.err;
   const std::string page = file_text(folder_ / "c.html");
-  for (const char* words :
-       {"Calibration certificate", "Müller &amp; Söhne &lt;Labor&gt;", "Customer Ltd", "SN7", "2027-01-31", "0.0031",
-        "ILAC-G8:09/2019", "A. Signer", "counter(pages)", "U (k = 2)", "00000000000000000000000000000000", "hash "})
+  for (const char* words : {"Calibration certificate", "Müller &amp; Söhne &lt;Labor&gt;", "Customer Ltd", "SN7",
+                            "2027-01-31", "0.0031", "2026-01-31T10:00:00Z", "ILAC-G8:09/2019", "A. Signer",
+                            "counter(pages)", "U (k = 2)", "00000000000000000000000000000000", "hash "})
     EXPECT_NE(page.find(words), std::string::npos) << words;
   EXPECT_EQ(page.find("class=\"mark\""), std::string::npos);
   EXPECT_EQ(run(certify({"a"})).code, 0);  // again, over its own
@@ -83,7 +107,8 @@ TEST_F(CertificateTest, SaysWhatIsKnownOfEffects) {
   EXPECT_NE(page_of("unexplained", false, false).find(about + "a residual is left that no effect explains."),
             std::string::npos);
   EXPECT_NE(page_of("unexplained", false, true).find(about + "a residual is left"), std::string::npos);
-  EXPECT_NE(page_of("extended", true, true).find(about + "those found are in the model.<"), std::string::npos);
+  EXPECT_NE(page_of("extended", true, true).find(about + "those found are in the model: accel_size_effect.<"),
+            std::string::npos);
   EXPECT_NE(page_of("extended", false, false).find(about + "those found are not in the model, and"), std::string::npos);
   EXPECT_NE(page_of("noise_model", false, false).find(about + "not examined, and"), std::string::npos);
 }
@@ -229,8 +254,122 @@ TEST_F(CertificateTest, NoneForWhatIsNoResult) {
   keep_run(file, "older");
   expect_refused(certify({"a", "older"}), "older than the run before it");
   expect_refused(certify({"nothing"}), "nothing");
-  write("a/verification.conf", "recording_hash = 1\n");
-  expect_refused(certify({"a"}), "is not of the recording");
+}
+
+// An extended model has more to certify than 24 numbers.
+TEST_F(CertificateTest, EachEffectWithItsUncertainty) {
+  ParameterFile file = result_file();
+  file.add_further("verdict.diagnosis", std::string("extended"));
+  file.effects = {
+      {"accel_delay", "tau", 0.1197, 0.0029}, {"gyro_warm_up", "x", 0.5, 0.1}, {"gyro_warm_up", "tau_s", 240.0, {}}};
+  keep_run(file, "a");
+  ASSERT_EQ(run(certify({"a"})).code, 0);
+  std::string page = file_text(folder_ / "c.html");
+  for (const char* words :
+       {"accel_delay.tau", "<td>ms</td>", "0.1197", "0.0058", "gyro_warm_up.tau_s", "<td>s</td>", "given",
+        "effects beyond the parameters: those found are in the model: accel_delay, gyro_warm_up."})
+    EXPECT_NE(page.find(words), std::string::npos) << words;
+  ParameterFile later = file;
+  later.recording_hash = std::string(32, '1');
+  later.effects[0].value = 0.1297;
+  const UncertaintyBudget budget = budget_of({file, later}, later.effects[0]);
+  EXPECT_NEAR(*budget.repeatability, 0.01 / std::sqrt(2.0), 1e-12);
+  EXPECT_NEAR(budget.expanded(), 2.0 * std::hypot(0.0029, 0.01 / std::sqrt(2.0)), 1e-12);
+  EXPECT_FALSE(budget_of({file, later}, later.effects[2]).repeatability);
+}
+
+// What stands beside the result has to be of it, whole, and what its verdict was made of.
+TEST_F(CertificateTest, TheVerificationOfThisResult) {
+  ParameterFile file = result_file();
+  VerificationReport report = verification_of(file);
+  file.add_further("verdict.verification", "pass: " + verification_words(report));
+  keep_run(file, "a");
+  EXPECT_EQ(*calibration_hash(file), report.calibration_hash);  // the verdict is not in it
+  keep_verification(report, "a");
+  ASSERT_EQ(run(certify({"a"})).code, 0);
+  std::filesystem::remove(folder_ / "c.html");
+  EXPECT_EQ(format_verification(*read_verification(path("a/verification.conf"))), format_verification(report));
+  const std::string whole = format_verification(report);
+  const auto refused = [&](std::string text, const char* words) {
+    write("a/verification.conf", text);
+    expect_refused(certify({"a"}), words);
+  };
+  std::string edited = whole;
+  edited.replace(edited.find("verdict.result = pass"), 21, "verdict.result = hold");
+  refused(edited, "a/verification.conf: wrong checksum");
+  refused(whole.substr(0, whole.find("checksum")), "a/verification.conf: no checksum");
+  const auto changed = [&](const std::string& line, const std::string& by) {
+    std::string text = whole.substr(0, whole.find("checksum"));
+    const std::size_t at = text.find(line);
+    return with_checksum(text.replace(at, text.find('\n', at) + 1 - at, by));
+  };
+  refused(changed("position.1.mean.heading_deg", "position.1.mean.heading_deg = x\n"), "expected a number");
+  refused(changed("position.1.mean.heading_deg", "position.1.mean.heading_deg = 1e999\n"), "expected a number");
+  refused(changed("position.1.mean.heading_deg", "position.1.mean.heading_deg =\n"), "expected a number");
+  refused(changed("position.1.mean.heading_deg", ""), "position.1.mean.heading_deg");
+  refused(changed("verdict.result", "verdict.result = great\n"), "expected a verdict");
+  refused(changed("format", "format = 2\n"), "'format' = '2'");
+  refused(changed("recording_hash", ""), "recording_hash");
+  refused(changed("position.2.table_deg", ""), "position.2.");
+  const auto refused_report = [&](auto change, const char* words) {
+    VerificationReport other = report;
+    change(other);
+    refused(format_verification(other), words);
+  };
+  refused_report([](VerificationReport& r) { r.info.unit_serial = "ZZ"; }, "is of another unit than parameters.conf");
+  refused_report([](VerificationReport& r) { r.recording_hash = "1"; }, "is of another recording");
+  refused_report([](VerificationReport& r) { r.calibration_hash = "1"; }, "is of another calibration");
+  refused_report([](VerificationReport& r) { r.heading_limit_deg = 1.0; }, "is of another judgement");
+  refused_report([](VerificationReport& r) { r.verdict = UnitVerdict::hold; }, "is of another judgement");
+  std::filesystem::remove(folder_ / "a/verification.conf");
+  expect_refused(certify({"a"}), "a/verification.conf: is not there, though");
+}
+
+TEST_F(CertificateTest, NoneWithoutWhatHasToStandOnIt) {
+  keep_run(result_file(), "a");
+  const std::string station = file_text(folder_ / "lab.station");
+  write("lab.station",
+        "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n");
+  expect_refused(certify({"a"}),
+                 "lab.station: no certificate without laboratory.name, laboratory.address, laboratory.signatory, "
+                 "customer.name, customer.address (--specimen");
+  EXPECT_EQ(run(certify({"a"}, {"--specimen"})).code, 0);
+  std::filesystem::remove(folder_ / "c.html");
+  write("lab.station", station);
+  ParameterFile file = result_file();
+  std::erase_if(file.further, [](const auto& entry) { return entry.first.starts_with("record."); });
+  keep_run(file, "a");
+  expect_refused(certify({"a"}), "no certificate without table.id (when it was measured), table.calibration_due");
+  write("lab.station", station + "customer.order = \xe9\n");
+  expect_refused(certify({"a"}), "expected printable text in UTF-8");
+}
+
+// The hash is that of the whole file without the hash, so anybody can tell.
+TEST_F(CertificateTest, ItsHashCanBeChecked) {
+  keep_run(result_file(), "a");
+  ASSERT_EQ(run(certify({"a"})).code, 0);
+  const ProgramResult checked = run({"certificate", "--check", "c.html"});
+  EXPECT_EQ(checked.code, 0) << checked.err;
+  const std::string page = file_text(folder_ / "c.html"), words = "as it was issued, hash ";
+  ASSERT_NE(checked.out.find(words), std::string::npos) << checked.out;
+  const std::string hash = checked.out.substr(checked.out.find(words) + words.size(), 32);
+  std::string without = page;
+  int times = 0;
+  for (std::size_t at; (at = without.find(hash)) != std::string::npos; ++times) without.erase(at, hash.size());
+  EXPECT_EQ(times, 2);  // at the end, and for each page
+  EXPECT_EQ(hash_of_text(without), hash);
+  for (const char* part : {"Customer Ltd", "font: 10pt", "SN7"}) {
+    std::string other = page;
+    other[other.find(part)] = 'X';
+    write("x.html", other);
+    expect_refused({"certificate", "--check", "x.html"}, "x.html: changed after it was issued");
+  }
+  write("x.html", page + "\n");
+  expect_refused({"certificate", "--check", "x.html"}, "x.html: expected a certificate, whole");
+  write("x.html", "nothing");
+  expect_refused({"certificate", "--check", "x.html"}, "x.html: expected a certificate, whole");
+  expect_refused({"certificate", "a", "--check", "c.html"}, "--check: expected nothing beside it");
+  expect_refused({"certificate", "a"}, "expected the folder of a run, --station and --out");
 }
 
 TEST_F(CertificateTest, AsPdf) {
@@ -239,9 +378,15 @@ TEST_F(CertificateTest, AsPdf) {
   const ProgramResult made = run(certify({"a"}, {"--pdf", "c.pdf"}));
   ASSERT_EQ(made.code, 0) << made.err;
   EXPECT_TRUE(file_text(folder_ / "c.pdf").starts_with("%PDF-"));
+  EXPECT_EQ(made.out.find("font"), std::string::npos) << made.out;
   EXPECT_EQ(everything(), (std::set<std::string>{"a", "a/parameters.conf", "c.html", "c.pdf", "lab.station", "rig",
                                                  "rig.rig", "rig.seq", "rig/journal.tcj", "rig/recording.tcr",
                                                  "rig/run.log", "rig/truth.conf"}));
+  // A character of the private use area, which no font has.
+  write("lab.station", file_text(folder_ / "lab.station") + "customer.order = \xf4\x8f\xbf\xbd\n");
+  const ProgramResult blank = run(certify({"a"}, {"--pdf", "c.pdf"}));
+  EXPECT_EQ(blank.code, 0);
+  EXPECT_NE(blank.out.find("no installed font has \xf4\x8f\xbf\xbd (U+10FFFD)"), std::string::npos) << blank.out;
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // For tests of what is done with a calibration: a unit of the rig, its recordings, and its true parameters as a file.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <sstream>
 #include <string>
@@ -43,18 +44,32 @@ class RigUnit : public Program {
     file.time_utc = "2026-01-31T12:00:00Z";
     return file;
   }
-  // `recording` as text in `out`, without `count` samples from the one numbered `first` on.
-  void lose(const std::string& recording, std::int64_t first, std::int64_t count, const std::string& out) {
+  // `recording` as text in `out`, every sample as `change` leaves it: cells as in imu.csv; without cells it is lost.
+  void retell(const std::string& recording, const std::string& out,
+              const std::function<void(std::int64_t counter, std::vector<std::string>& cells)>& change) {
     std::filesystem::remove_all(folder_ / out);
     ASSERT_EQ(run({"export", recording, "--out", out}).code, 0);
     std::istringstream all(file_text(folder_ / out / "imu.csv"));
-    std::string left, line;
+    std::string text, line;
     while (std::getline(all, line)) {
-      const bool sample = !line.empty() && std::isdigit(static_cast<unsigned char>(line.front())) != 0;
-      const std::int64_t counter = sample ? std::stoll(line) : -1;
-      if (counter < first || counter >= first + count) left += line + '\n';
+      if (line.empty() || std::isdigit(static_cast<unsigned char>(line.front())) == 0) {
+        text += line + '\n';
+        continue;
+      }
+      std::vector<std::string> cells;
+      std::istringstream row(line);
+      for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+      change(std::stoll(cells.front()), cells);
+      for (std::size_t k = 0; k < cells.size(); ++k) text += (k > 0 ? "," : "") + cells[k];
+      if (!cells.empty()) text += '\n';
     }
-    write(out + "/imu.csv", left);
+    write(out + "/imu.csv", text);
+  }
+  // Without `count` samples from the one numbered `first` on.
+  void lose(const std::string& recording, std::int64_t first, std::int64_t count, const std::string& out) {
+    retell(recording, out, [=](std::int64_t counter, std::vector<std::string>& cells) {
+      if (counter >= first && counter < first + count) cells.clear();
+    });
   }
   Segments segments_of(const std::string& recording) { return (*RecordingSource::open(path(recording)))->segments(); }
   void keep(const ParameterFile& file, const std::string& name) {

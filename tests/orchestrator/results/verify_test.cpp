@@ -187,6 +187,14 @@ TEST_F(Verify, LeavesOutWhatLostSamples) {
   EXPECT_NE(judge("one").out.find("1 samples lost or bad"), std::string::npos);
   EXPECT_EQ(result("judged/verification.conf").integer("filled_samples"), 1);
   EXPECT_TRUE(result("judged/verification.conf").has("position.1.3.heading_deg"));
+  // So is one that cannot be, and what it gave is said.
+  retell("v", "hit", [&](std::int64_t counter, std::vector<std::string>& cells) {
+    if (counter == middle[3]) cells[2] = "200000";  // 52 deg
+  });
+  const ProgramResult hit = judge("hit");
+  EXPECT_NE(hit.out.find("glitch: gyro y gave 200000 in sample " + std::to_string(middle[3])), std::string::npos)
+      << hit.out;
+  EXPECT_LT(result("judged/verification.conf").number("deviation.heading_deg"), 0.1);
   // Of two alignments one is left: nobody can say.
   lose("lost", middle[4], 1000, "few");
   const ProgramResult few = judge("few");
@@ -268,6 +276,22 @@ TEST_F(Verify, BehindTheCalibration) {
   EXPECT_NE(text.find("verdict.verification = pass: heading 0.0"), std::string::npos) << text;
   EXPECT_NE(run({"journal", "v"}).out.find("verification = pass: heading 0.0"), std::string::npos);
   EXPECT_NE(file_text(folder_ / "r.db").find("pass: heading 0.0"), std::string::npos);
+  // The certificate takes the verification of this result, and of no other.
+  const std::vector<std::string> certify = {"certificate", "v",     "--station", path("plain.station"),
+                                            "--specimen",  "--out", "c.html"};
+  EXPECT_EQ(run(certify).code, 0);
+  EXPECT_NE(file_text(folder_ / "c.html").find("Verification: north seeking"), std::string::npos);
+  std::filesystem::remove(folder_ / "c.html");
+  ParameterFile other = file;
+  other.parameters[0] += 0.5;
+  keep(other, "other.conf");
+  const std::string judged = file_text(folder_ / "v/verification.conf");
+  for (const auto& [parameters, what] :
+       {std::pair{"other.conf", "calibration"}, std::pair{"v/parameters.conf", "judgement"}}) {
+    run({"verify", "--recording", "v", "--from-step", "15", "--parameters", path(parameters), "--out", "v"});
+    expect_refused(certify, std::string("v/verification.conf: is of another ") + what);
+  }
+  write("v/verification.conf", judged);
   // Interrupted in the north seeking: the same file.
   run_struck(into("count"), 0, "kill");
   const long points = std::stol(file_text(folder_.string() + ".count"));
