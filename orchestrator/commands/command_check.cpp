@@ -13,6 +13,7 @@
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/jobs/sequence_coverage.h"
+#include "orchestrator/records/station_records.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -149,6 +150,8 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
                                               .simulated = station->simulated(),
                                               .overdue_reason = options.overdue_reason});
   for (const Error& error : found) err << error.message << "\n";
+  if (const std::string trouble = server_trouble(*station); !trouble.empty())
+    err << "warning: " << trouble << "; a run would keep its rows in " << station->outbox << " and send them later\n";
   if (found.empty()) out << "\nWhat can be written, the room for it, hooks and due dates are in order.\n";
   const bool good = plan.ok() && found.empty();
   out << (!good ? "\nThe station cannot run this sequence.\n"

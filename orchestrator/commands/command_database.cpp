@@ -1,4 +1,5 @@
-// `turncal database check|backup DB`: whether the results database is whole, and a copy of it while others write.
+// `turncal database check|backup|copy|roles DB`: whether the results database is whole; a copy of it while others write; its rows, once each,
+// in another one; the roles of a server.
 #include <memory>
 
 #include "imu_io/base/atomic_file.h"
@@ -6,13 +7,14 @@
 #include "orchestrator/records/database_schema.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/station/database_name.h"
 
 namespace turncal {
 
 namespace {
 
 struct DatabaseOptions {
-  std::string action, database, out;
+  std::string action, database, other, out;
 };
 
 std::string contents_of(const ResultsDatabase& database) {
@@ -42,9 +44,37 @@ Status backup(const DatabaseOptions& options, std::ostream& out) {
   return {};
 }
 
+Status copy_rows(const DatabaseOptions& options, std::ostream& out) {
+  if (options.other.empty())
+    return input_error("database copy: expected a second database, which the rows are added to");
+  if (Status s = check_apart({{"database", options.database}, {"other", options.other}}); !s) return s;
+  const Result<ResultsDatabase> from = ResultsDatabase::open_to_read(options.database);
+  if (!from) return from.error();
+  Result<ResultsDatabase> to = ResultsDatabase::open(options.other);
+  if (!to) return to.error();
+  const Result<CopiedRows> copied = from->copy_to(*to);
+  if (!copied) return copied.error();
+  out << options.other << ": " << copied->calibrations << " calibrations and " << copied->attempts
+      << " notes of attempts are new\n";
+  return {};
+}
+
+Status make_roles(const DatabaseOptions& options, std::ostream& out) {
+  if (!names_a_server(options.database))
+    return input_error(options.database + ": a file has no roles: expected postgresql://USER@HOST/NAME");
+  Result<ResultsDatabase> database = ResultsDatabase::open(options.database);
+  if (!database) return database.error();
+  if (Status status = database->make_roles(); !status) return status;
+  out << options.database << ": turncal_station adds and reads, turncal_reader reads\n";
+  return {};
+}
+
 Status run_database(const DatabaseOptions& options, std::ostream& out) {
   if (options.action == "backup") return backup(options, out);
   if (!options.out.empty()) return input_error("--out " + options.out + ": expected with backup only");
+  if (options.action == "copy") return copy_rows(options, out);
+  if (!options.other.empty()) return input_error(options.other + ": expected a second database with copy only");
+  if (options.action == "roles") return make_roles(options, out);
   const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(options.database);
   if (!database) return database.error();
   if (Status status = database->check(); !status) return status;
@@ -56,9 +86,14 @@ Status run_database(const DatabaseOptions& options, std::ostream& out) {
 
 void add_database_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<DatabaseOptions>();
-  const Command command = line.command("database", "check a results database, or make a backup of it while runs go on");
-  command.option("action", options->action, "check or backup").required().one_of({"check", "backup"});
-  command.option("database", options->database, "the station's record.database").required();
+  const Command command =
+      line.command("database", "check, back up or copy a results database; make the roles of a server");
+  command.option("action", options->action, "check, backup, copy or roles")
+      .required()
+      .one_of({"check", "backup", "copy", "roles"});
+  command.option("database", options->database, "the station's record.database: a file, or postgresql://USER@HOST/NAME")
+      .required();
+  command.option("other", options->other, "for copy: the database that the rows are added to, each once");
   command.option("--out", options->out, "file for the backup");
   command.runs(context, [options, &context] { return run_database(*options, context.out); });
 }

@@ -11,6 +11,7 @@
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/records/station_records.h"
 #include "orchestrator/station/due_date.h"
 
 namespace turncal {
@@ -107,7 +108,8 @@ std::vector<Error> preflight(const Preflight& run) {
     for (const std::string& unit : run.units)
       add(check_names(run.units.size() > 1 ? run.folder + "/" + name_of_unit(unit) : run.folder));
   }
-  if (!station.database.empty()) add(ResultsDatabase::check_writable(station.database));
+  if (const std::string records = records_file(station); !records.empty())
+    add(ResultsDatabase::check_writable(records));  // a server may be away: then they are kept here
   if (!station.store.empty()) {
     add(check_folder_writable(station.store));
     for (const std::string& unit : run.units) {

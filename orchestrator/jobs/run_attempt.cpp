@@ -16,7 +16,7 @@
 #include "orchestrator/jobs/enough_watch.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/records/recording_sink.h"
-#include "orchestrator/records/results_database.h"
+#include "orchestrator/records/station_records.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/watch/clock_watch.h"
 #include "orchestrator/watch/live_status.h"
@@ -67,16 +67,16 @@ class PaceKeeper : public RunObserver {
 std::vector<std::string> last_results(const PreparedRun& run) {
   constexpr std::size_t shown = 10;
   std::vector<std::string> lines;
-  if (run.station.database.empty() || !path_exists(run.station.database)) return lines;
-  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(run.station.database);
-  Result<std::vector<AttemptRecord>> all =
-      database ? database->attempts({}) : Result<std::vector<AttemptRecord>>(database.error());
+  std::string trouble;
+  constexpr int with_those_that_run = 30;
+  Result<std::vector<AttemptRecord>> all = recorded_attempts(run.station, {.newest = with_those_that_run}, trouble);
   if (!all) return {all.error().message};
   std::erase_if(*all, [](const AttemptRecord& attempt) { return attempt.outcome == outcome_running; });
   for (std::size_t i = all->size() - std::min(all->size(), shown); i < all->size(); ++i) {
     const AttemptRecord& a = (*all)[i];
     lines.push_back(a.time_utc + "  " + a.unit + "  " + a.outcome + (a.simulated ? "  [simulated]" : ""));
   }
+  if (!trouble.empty()) lines.push_back(trouble + "; new results are kept here and sent later");
   return lines;
 }
 

@@ -14,6 +14,7 @@
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/records/station_records.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
 #include "orchestrator/watch/clock_watch.h"
@@ -95,8 +96,9 @@ std::string attempt_outcome(const UnitRun& unit) {
 }
 
 Status note_attempt(const UnitRun& unit, const std::string& outcome, const Status& why, double utc_s) {
-  if (unit.run.station.database.empty()) return {};
-  Result<ResultsDatabase> database = ResultsDatabase::open(unit.run.station.database);
+  const std::string records = records_file(unit.run.station);
+  if (records.empty()) return {};
+  Result<ResultsDatabase> database = ResultsDatabase::open(records);
   if (!database) return database.error();
   AttemptRecord attempt = attempt_record(unit.run, unit.folder, unit.counts, unit.results);
   attempt.outcome = outcome;
@@ -104,6 +106,12 @@ Status note_attempt(const UnitRun& unit, const std::string& outcome, const Statu
   if (attempt.began_utc.empty()) attempt.began_utc = attempt.time_utc;
   if (!why) attempt.reason = why.error().message;
   return stored(database->note(attempt));
+}
+
+// To a server; what cannot be sent is said in the log and does not hold up a run.
+void send_on(const std::vector<UnitRun>& units, RunLog* log) {
+  const std::string trouble = units.empty() ? "" : send_records(units.front().run.station);
+  if (log && !trouble.empty()) log->line(trouble);
 }
 
 Status note_running(const std::vector<UnitRun>& units, double utc_s) {
@@ -117,10 +125,12 @@ Status note_running(const std::vector<UnitRun>& units, double utc_s) {
 // Before there was a run. A refusal makes no database, and why it was refused is said whether it can be noted or not.
 Error refused(const PreparedRun& run, const Error& why) {
   const double utc_s = run.request.dry_run ? run.rig.start_utc_s : wall_utc_s();
-  for (UnitRun& unit : units_of(run, "")) {
-    if (!path_exists(run.station.database)) break;
+  const std::vector<UnitRun> units = units_of(run, "");
+  for (const UnitRun& unit : units) {
+    if (!path_exists(records_file(run.station))) break;
     if (!note_attempt(unit, "refused", why, utc_s)) break;
   }
+  send_on(units, nullptr);
   return why;
 }
 
@@ -144,6 +154,7 @@ RunEnd conclude(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
     if (end.status || end.to_the_end) end.status = status;
     end.to_the_end = false;
   }
+  send_on(units, log);
   for (UnitRun& unit : units) {
     HookCall call = call_for(unit.status);
     call.unit = unit.run.unit();
@@ -290,6 +301,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   if (!log) return log.error();
   log->line(first_line(*prepared));
   if (Status status = note_running(units, utc_s); !status) return status;
+  send_on(units, &*log);
 
   RunEnd end =
       attempt({*prepared, plan, period_s, units, folder->path(), *journal, *log, std::nullopt, 1}, *devices, context);
@@ -375,6 +387,7 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
     for (UnitRun& unit : units) unit.run.began_utc = format_utc(utc_s);
   for (UnitRun& unit : units) unit.counts.sessions = contents->sessions + 1;
   if (Status status = note_running(units, utc_s); !status) return status;
+  send_on(units, &*log);
   const Attempt again{*prepared, plan, period_s, units, folder, *journal, *log, resume, contents->sessions + 1};
   return conclude(attempt(again, *devices, context), units, &*log);
 }

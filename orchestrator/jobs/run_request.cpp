@@ -13,7 +13,7 @@
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/devices/station_rig.h"
-#include "orchestrator/records/results_database.h"
+#include "orchestrator/records/station_records.h"
 #include "orchestrator/station/builtin_sequence.h"
 #include "orchestrator/station/version.h"
 
@@ -121,10 +121,9 @@ Status check_until_sigma(const PreparedRun& run) {
 // After the last attempt at the station, with time to change the unit.
 Result<double> next_beginning(const StationConfig& station, const RigConfig& rig) {
   double next_s = rig.start_utc_s;
-  if (station.database.empty() || !path_exists(station.database)) return next_s;
-  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(station.database);
-  if (!database) return database.error();
-  const Result<std::vector<AttemptRecord>> attempts = database->attempts({.station = station.name});
+  std::string server_away;
+  const Result<std::vector<AttemptRecord>> attempts =
+      recorded_attempts(station, {.station = station.name}, server_away);
   if (!attempts) return attempts.error();
   for (const AttemptRecord& attempt : *attempts) {
     const std::optional<double> ended_s = parse_utc(attempt.time_utc);

@@ -18,6 +18,7 @@
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/records/station_records.h"
 #include "orchestrator/report/result_table.h"
 #include "orchestrator/watch/progress.h"
 #include "turntable_drivers/rig/rig.h"
@@ -182,8 +183,8 @@ Status keep_results(const PreparedRun& run, const std::string& folder, const Loa
   }
   const JournalFields hash = marked({{"parameters_hash", hash_of_text(*text)}}, mark);
   if (Status status = journal.append(JournalType::results, hash); !status) return status;
-  if (!run.station.database.empty()) {
-    Result<ResultsDatabase> database = ResultsDatabase::open(run.station.database);
+  if (const std::string records = records_file(run.station); !records.empty()) {
+    Result<ResultsDatabase> database = ResultsDatabase::open(records);
     if (!database) return database.error();
     AttemptRecord attempt = attempt_record(run, folder, counts, results);
     attempt.time_utc = file.time_utc;

@@ -1,10 +1,15 @@
 #include "orchestrator/records/attempt_record.h"
 
-#include <algorithm>
+#include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
+
+#include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
+#include "imu_io/recordings/recording_source.h"
+#include "orchestrator/records/database_rows.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/records/sqlite_statement.h"
 
 namespace turncal {
 
@@ -20,10 +25,23 @@ bool begins_a_time(std::string_view text) {
                     [](char c, char wanted) { return wanted == 'd' ? c >= '0' && c <= '9' : c == wanted; });
 }
 
-constexpr const char* columns =
-    "run, unit, began_utc, time_utc, outcome, reason, simulated, station, operator, part, revision, ambient, "
-    "temperature_min_c, temperature_max_c, residual, diagnosis, recorded_s, sessions, repeated_dwells, lost_samples, "
-    "folder, calibration";
+// What is the same for the same row, wherever it comes from; a refusal before there was a run has nothing but its moment.
+std::string key_of(const AttemptRecord& a, const SqlRow& row) {
+  const std::string whose = a.unit + "|" + a.station + "|";
+  if (a.run.empty()) {
+    const auto now = std::chrono::system_clock::now().time_since_epoch();
+    return "refused|" + whose + std::to_string(std::chrono::nanoseconds(now).count()) + "|" +
+           std::to_string(::getpid());
+  }
+  std::string all;
+  for (std::size_t i = 0; i + 1 < row.size(); ++i) {  // without its calibration, which has another number elsewhere
+    const std::optional<double> number = as_number(row[i]);
+    all += (number ? format_number(*number) : as_text(row[i])) + '\x1f';
+  }
+  return a.run + "|" + whose + hash_of_text(all);
+}
+
+SqlValue whole_or_null(const std::optional<std::int64_t>& value) { return value ? SqlValue(*value) : SqlValue(); }
 
 }  // namespace
 
@@ -36,53 +54,62 @@ Status check(const RecordFilter& filter) {
 }
 
 Status ResultsDatabase::note(const AttemptRecord& a) {
-  // What is replaced keeps its beginning.
-  Statement insert(handle_.get(), std::string("INSERT INTO attempt(") + columns +
-                                      ") VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
-                                      "ON CONFLICT(run, unit) DO UPDATE SET time_utc = excluded.time_utc, "
-                                      "outcome = excluded.outcome, reason = excluded.reason, "
-                                      "temperature_min_c = excluded.temperature_min_c, "
-                                      "temperature_max_c = excluded.temperature_max_c, residual = excluded.residual, "
-                                      "diagnosis = excluded.diagnosis, recorded_s = excluded.recorded_s, "
-                                      "sessions = excluded.sessions, repeated_dwells = excluded.repeated_dwells, "
-                                      "lost_samples = excluded.lost_samples, folder = excluded.folder, "
-                                      "calibration = excluded.calibration");
-  if (!insert) return failure("cannot write");
-  insert.bind(a.run.empty() ? std::nullopt : std::optional(a.run)).bind(a.unit).bind(a.began_utc).bind(a.time_utc);
-  insert.bind(a.outcome).bind(a.reason).bind(std::int64_t{a.simulated}).bind(a.station).bind(a.operator_name);
-  insert.bind(a.part).bind(a.revision).bind(a.ambient).bind(a.temperature_min_c).bind(a.temperature_max_c);
-  insert.bind(a.residual).bind(a.diagnosis).bind(a.recorded_s).bind(std::int64_t{a.sessions});
-  insert.bind(a.repeated_dwells).bind(a.lost_samples).bind(a.folder).bind(a.calibration);
-  return insert.done() ? Status{} : failure("cannot write");
+  const SqlRow row = {a.run.empty() ? SqlValue() : SqlValue(a.run),
+                      a.unit,
+                      a.began_utc,
+                      a.time_utc,
+                      a.outcome,
+                      a.reason,
+                      std::int64_t{a.simulated},
+                      a.station,
+                      a.operator_name,
+                      a.part,
+                      a.revision,
+                      a.ambient,
+                      as_value(a.temperature_min_c),
+                      as_value(a.temperature_max_c),
+                      as_value(a.residual),
+                      a.diagnosis,
+                      as_value(a.recorded_s),
+                      std::int64_t{a.sessions},
+                      a.repeated_dwells,
+                      a.lost_samples,
+                      a.folder,
+                      whole_or_null(a.calibration)};
+  const Result<bool> added = add_attempt_row(*connection_, key_of(a, row), row);
+  return added ? Status{} : added.error();
 }
 
 Result<std::vector<AttemptRecord>> ResultsDatabase::attempts(const RecordFilter& filter) const {
-  Statement rows(handle_.get(), std::string("SELECT ") + columns + ", id FROM attempt WHERE " + where("outcome") +
-                                    " ORDER BY time_utc, id");
-  if (!rows) return failure("cannot read");
-  bind_where(filter, rows);
   std::vector<AttemptRecord> found;
-  while (rows.row()) {
+  const auto take = [&](const SqlRow& row) {
     AttemptRecord a;
-    int column = 0;
+    std::size_t column = 0;
+    const auto next = [&]() -> const SqlValue& { return row[column++]; };
     for (std::string* field : {&a.run, &a.unit, &a.began_utc, &a.time_utc, &a.outcome, &a.reason})
-      *field = rows.text(column++);
-    a.simulated = rows.integer(column++) != 0;
+      *field = as_text(next());
+    a.simulated = as_integer(next()) != 0;
     for (std::string* field : {&a.station, &a.operator_name, &a.part, &a.revision, &a.ambient})
-      *field = rows.text(column++);
+      *field = as_text(next());
     for (std::optional<double>* field : {&a.temperature_min_c, &a.temperature_max_c, &a.residual})
-      *field = rows.number(column++);
-    a.diagnosis = rows.text(column++);
-    a.recorded_s = rows.number(column++);
-    a.sessions = static_cast<int>(rows.integer(column++));
-    a.repeated_dwells = rows.integer(column++);
-    a.lost_samples = rows.integer(column++);
-    a.folder = rows.text(column++);
-    if (rows.number(column)) a.calibration = rows.integer(column);
-    a.id = rows.integer(++column);
+      *field = as_number(next());
+    a.diagnosis = as_text(next());
+    a.recorded_s = as_number(next());
+    a.sessions = static_cast<int>(as_integer(next()));
+    a.repeated_dwells = as_integer(next());
+    a.lost_samples = as_integer(next());
+    a.folder = as_text(next());
+    if (const SqlValue& calibration = next(); as_number(calibration)) a.calibration = as_integer(calibration);
+    a.id = as_integer(next());
     found.push_back(std::move(a));
-  }
-  if (!rows.ended_well()) return failure("cannot read");
+  };
+  const Status status = connection_->run(
+      std::string("SELECT ") + attempt_columns + ", id FROM attempt WHERE " + where("outcome") +
+          (filter.newest > 0 ? " ORDER BY time_utc DESC, id DESC LIMIT " + std::to_string(filter.newest)
+                             : " ORDER BY time_utc, id"),
+      values_of(filter), take);
+  if (!status) return status.error();
+  if (filter.newest > 0) std::reverse(found.begin(), found.end());
   return found;
 }
 

@@ -1,6 +1,6 @@
 // An attempt to calibrate a unit as a row of the results database, whatever became of it; and which rows a reader wants.
 //
-// A run of several units is one attempt of each. Taken up again after an interruption it is the same attempt: its row is replaced.
+// A run of several units is one attempt of each. Taken up again after an interruption it is the same attempt: its newest row counts.
 #pragma once
 
 #include <cstdint>
@@ -37,6 +37,7 @@ struct RecordFilter {
   std::string unit = {}, station = {}, part = {}, verdict = {};
   std::string from = {},
               to = {};  // times of the end, or their beginning: 2026-01-31 as `to` is the whole of that day, UTC
+  int newest = 0;       // of attempts: at most so many, the newest; 0: all
 };
 
 // An input error unless from and to are the beginning of a time as 2026-01-31T12:00:00Z.

@@ -1,27 +1,164 @@
-// What keeps a results database: its check, and its image for a backup.
+// What keeps a results database: its check, its image for a backup, copies of its rows, and the roles of a server.
 #include <sqlite3.h>
 
 #include <cstring>
+#include <map>
 #include <memory>
 
+#include "orchestrator/records/database_rows.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/records/sqlite_statement.h"
 
 namespace turncal {
 
-Status ResultsDatabase::check() const {
+namespace {
+
+constexpr std::size_t rows_a_page = 100;
+
+struct Page {
+  std::vector<std::int64_t> ids;
+  std::vector<SqlRow> rows;
+};
+
+// The next rows behind `last`, without their ids.
+Result<Page> page_of(SqlConnection& database, const std::string& columns, const std::string& table, std::int64_t last,
+                     std::int64_t end) {
+  Page page;
+  const Status status = database.run("SELECT id, " + columns + " FROM " + table +
+                                         " WHERE id > $1 AND id <= $2 ORDER BY id LIMIT " + std::to_string(rows_a_page),
+                                     {last, end}, [&](SqlRow row) {
+                                       page.ids.push_back(as_integer(row.front()));
+                                       row.erase(row.begin());
+                                       page.rows.push_back(std::move(row));
+                                     });
+  return status ? Result<Page>(std::move(page)) : Result<Page>(status.error());
+}
+
+Result<std::map<std::int64_t, std::vector<SqlRow>>> values_of_page(SqlConnection& database, const Page& page) {
+  std::map<std::int64_t, std::vector<SqlRow>> values;
+  const Status status = database.run(
+      std::string("SELECT calibration, ") + value_columns + " FROM value WHERE calibration >= $1 AND calibration <= $2",
+      {page.ids.front(), page.ids.back()}, [&](SqlRow row) {
+        const std::int64_t of = as_integer(row.front());
+        row.erase(row.begin());
+        values[of].push_back(std::move(row));
+      });
+  if (!status) return status.error();
+  return values;
+}
+
+Result<std::int64_t> last_id(SqlConnection& database, const std::string& table) {
+  std::int64_t last = 0;
+  const Status status =
+      database.run("SELECT max(id) FROM " + table, {}, [&](const SqlRow& row) { last = as_integer(row.front()); });
+  return status ? Result<std::int64_t>(last) : Result<std::int64_t>(status.error());
+}
+
+constexpr const char* roles = R"(
+DO $$ BEGIN
+  IF NOT EXISTS (SELECT 1 FROM pg_roles WHERE rolname = 'turncal_station') THEN CREATE ROLE turncal_station; END IF;
+  IF NOT EXISTS (SELECT 1 FROM pg_roles WHERE rolname = 'turncal_reader') THEN CREATE ROLE turncal_reader; END IF;
+END $$;
+REVOKE ALL ON calibration, value, attempt_note, schema_version, attempt, newest_calibration FROM PUBLIC;
+GRANT SELECT ON calibration, value, attempt_note, schema_version, attempt, newest_calibration
+  TO turncal_station, turncal_reader;
+GRANT INSERT ON calibration, value, attempt_note TO turncal_station;
+)";
+
+}  // namespace
+
+Status ResultsDatabase::make_roles() {
+  return in_transaction(*connection_, [this] { return connection_->run(roles); });
+}
+
+// Rows of attempts up to the last one that is there now: their calibrations were added before them.
+Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) const {
+  SqlConnection& from = *connection_;
+  SqlConnection& to = *other.connection_;
+  const Result<std::int64_t> last_attempt = last_id(from, "attempt_note");
+  const Result<std::int64_t> last_calibration = last_id(from, "calibration");
+  if (!last_attempt || !last_calibration) return (last_attempt ? last_calibration : last_attempt).error();
+  CopiedRows copied;
+  std::map<std::int64_t, std::int64_t> number_there;
+  for (std::int64_t last = 0; last < *last_calibration;) {
+    const Result<Page> page = page_of(from, calibration_columns, "calibration", last, *last_calibration);
+    if (!page) return page.error();
+    if (page->ids.empty()) break;
+    auto values = values_of_page(from, *page);
+    if (!values) return values.error();
+    CopiedRows now;
+    Status status = in_transaction(to, [&]() -> Status {
+      for (std::size_t i = 0; i < page->ids.size(); ++i) {
+        const Result<AddedRow> added = add_calibration_row(to, page->rows[i], (*values)[page->ids[i]]);
+        if (!added) return added.error();
+        number_there[page->ids[i]] = added->id;
+        now.calibrations += added->is_new;
+      }
+      return {};
+    });
+    if (!status) return status.error();
+    copied.calibrations += now.calibrations;
+    last = page->ids.back();
+  }
+  for (std::int64_t last = 0; last < *last_attempt;) {
+    Result<Page> page = page_of(from, std::string("key, ") + attempt_columns, "attempt_note", last, *last_attempt);
+    if (!page) return page.error();
+    if (page->ids.empty()) break;
+    last = page->ids.back();
+    // A row that has taken the number of one that is gone may name a calibration that was not looked at: another time.
+    std::erase_if(page->rows, [&](const SqlRow& row) {
+      return as_number(row.back()) && !number_there.contains(as_integer(row.back()));
+    });
+    CopiedRows now;
+    Status status = in_transaction(to, [&]() -> Status {
+      for (const SqlRow& row : page->rows) {
+        SqlRow there(row.begin() + 1, row.end());
+        if (as_number(there.back())) there.back() = number_there[as_integer(there.back())];
+        const Result<bool> is_new = add_attempt_row(to, as_text(row.front()), there);
+        if (!is_new) return is_new.error();
+        now.attempts += *is_new;
+      }
+      return {};
+    });
+    if (status && moves)
+      status = in_transaction(from, [&]() -> Status {
+        for (const SqlRow& row : page->rows)
+          if (Status s = from.run("DELETE FROM attempt_note WHERE key = $1", {row.front()}); !s) return s;
+        return {};
+      });
+    if (!status) return status.error();
+    copied.attempts += now.attempts;
+  }
+  if (!moves) return copied;
+  // A calibration is added together with a row of its attempt: where that is gone, it is there.
+  const Status status = from.run(
+      "DELETE FROM calibration WHERE NOT EXISTS (SELECT 1 FROM attempt_note WHERE attempt_note.calibration = "
+      "calibration.id)");
+  return status ? Result<CopiedRows>(copied) : Result<CopiedRows>(status.error());
+}
+
+Status ResultsDatabase::check_pages() const {
   const auto damaged = [this](const std::string& what) {
-    return input_error(path_ + ": results database: damaged: " + what);
+    return input_error(connection_->name() + ": results database: damaged: " + what);
   };
-  Statement pages(handle_.get(), "PRAGMA integrity_check(1)");
-  if (!pages || !pages.row()) return failure("cannot read");
-  if (pages.text(0) != "ok") return damaged(pages.text(0));
-  Statement references(handle_.get(), "PRAGMA foreign_key_check");
-  if (!references) return failure("cannot read");
-  if (references.row())
-    return damaged("row " + references.text(1) + " of " + references.text(0) + " names a row of " + references.text(2) +
-                   " that is not there");
-  if (!references.ended_well()) return failure("cannot read");
+  std::string found;
+  if (Status s = connection_->run("PRAGMA integrity_check(1)", {}, [&](const SqlRow& row) { found = as_text(row[0]); });
+      !s)
+    return s;
+  if (found != "ok") return damaged(found);
+  found.clear();
+  const auto say = [&](const SqlRow& row) {
+    if (found.empty())
+      found = "row " + std::to_string(as_integer(row[1])) + " of " + as_text(row[0]) + " names a row of " +
+              as_text(row[2]) + " that is not there";
+  };
+  if (Status status = connection_->run("PRAGMA foreign_key_check", {}, say); !status) return status;
+  return found.empty() ? Status{} : damaged(found);
+}
+
+Status ResultsDatabase::check() const {
+  if (connection_->sqlite()) {  // a server sees to that itself
+    if (Status status = check_pages(); !status) return status;
+  }
   const Result<std::vector<StoredCalibration>> calibrations = list({}, "");
   if (!calibrations) return calibrations.error();
   for (const StoredCalibration& c : *calibrations)
@@ -30,23 +167,39 @@ Status ResultsDatabase::check() const {
   return all ? Status{} : all.error();
 }
 
+Result<ResultsDatabase> ResultsDatabase::in_memory(const std::string& name) {
+  Result<std::shared_ptr<SqlConnection>> connection = connect_to_memory(name);
+  if (!connection) return connection.error();
+  return ResultsDatabase(std::move(*connection));
+}
+
 Result<std::string> ResultsDatabase::image() const {
+  const std::string& name = connection_->name();
+  if (!connection_->sqlite()) {  // the rows of a server, as a file
+    Result<ResultsDatabase> copy = in_memory(name);
+    if (!copy) return copy.error();
+    if (Status status = copy->bring_up_to_date(true); !status) return status.error();
+    const Status copied = in_transaction(*connection_, [&]() -> Status {  // of one moment
+      const Result<CopiedRows> rows = copy_to(*copy);
+      return rows ? Status{} : rows.error();
+    });
+    return copied ? copy->image() : Result<std::string>(copied.error());
+  }
   sqlite3_int64 size = 0;
   // As one that is read: what is being written is waited for, as with any other statement.
-  if (Status status = execute("BEGIN; SELECT count(*) FROM sqlite_master"); !status) return status.error();
-  const std::unique_ptr<unsigned char, void (*)(void*)> bytes(sqlite3_serialize(handle_.get(), "main", &size, 0),
-                                                              sqlite3_free);
-  if (Status status = execute("COMMIT"); !status) return status.error();
+  if (Status s = connection_->run("BEGIN; SELECT count(*) FROM sqlite_master"); !s) return s.error();
+  const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
+      sqlite3_serialize(connection_->sqlite(), "main", &size, 0), sqlite3_free);
+  if (Status status = connection_->run("COMMIT"); !status) return status.error();
   if (!bytes)
-    return device_error(path_ + ": results database: there is no memory for its " + std::to_string(size) + " bytes");
+    return device_error(name + ": results database: there is no memory for its " + std::to_string(size) + " bytes");
   return std::string(reinterpret_cast<const char*>(bytes.get()), static_cast<std::size_t>(size));
 }
 
 Result<ResultsDatabase> ResultsDatabase::of_image(const std::string& image, const std::string& path) {
-  sqlite3* handle = nullptr;
-  const int code = sqlite3_open_v2(":memory:", &handle, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, nullptr);
-  ResultsDatabase database(handle, path);
-  if (code != SQLITE_OK) return database.failure("cannot open");
+  Result<ResultsDatabase> database = in_memory(path);
+  if (!database) return database;
+  sqlite3* const handle = database->connection_->sqlite();
   auto* const bytes = static_cast<unsigned char*>(sqlite3_malloc64(image.size()));
   if (!bytes)
     return device_error(path + ": results database: there is no memory for its " + std::to_string(image.size()) +
@@ -55,7 +208,7 @@ Result<ResultsDatabase> ResultsDatabase::of_image(const std::string& image, cons
   const auto size = static_cast<sqlite3_int64>(image.size());
   if (sqlite3_deserialize(handle, "main", bytes, size, size,
                           SQLITE_DESERIALIZE_FREEONCLOSE | SQLITE_DESERIALIZE_RESIZEABLE) != SQLITE_OK)
-    return database.failure("cannot read");
+    return device_error(path + ": results database: cannot read: " + sqlite3_errmsg(handle));
   return database;
 }
 

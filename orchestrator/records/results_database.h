@@ -1,7 +1,9 @@
-// The results of all runs in one embedded SQLite database (tables in database_schema.cpp; docs/production.md).
+// The results of all runs in one database: an SQLite file, or a PostgreSQL server that many stations share (tables in database_schema.cpp;
+// docs/production.md, docs/fleet.md). A name that begins with postgresql:// is a server's, any other a file's.
 //
-// An attempt is one row of `attempt` from its beginning. A calibration is one row of `calibration` and 24 of `value`, in one transaction that is on disk when add() returns. The same
-// recording is the same row: adding it again replaces it. The whole parameter file is kept with it.
+// Rows are added and never changed. An attempt has a row from its beginning, and another when something becomes of it: the newest counts. A calibration is one row of
+// `calibration` and 24 of `value`, in one transaction that is on disk when add() returns, with the whole parameter file; of one recording, too, the newest counts. What is there already is
+// not added again.
 // A database of an older schema is brought up to date when it is written, and read as if it were; a newer one is refused.
 #pragma once
 
@@ -12,9 +14,8 @@
 
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/records/attempt_record.h"
+#include "orchestrator/records/sql_connection.h"
 #include "orchestrator/station/verdict.h"
-
-struct sqlite3;
 
 namespace turncal {
 
@@ -36,18 +37,23 @@ struct StoredCalibration {
   std::string defect;
 };
 
-class Statement;
+// How many rows were not there before.
+struct CopiedRows {
+  std::int64_t attempts = 0;  // rows of attempt_note
+  std::int64_t calibrations = 0;
+};
 
 class ResultsDatabase {
  public:
-  static Result<ResultsDatabase> open(const std::string& path);  // made when it is not there
-  static Result<ResultsDatabase> open_to_read(const std::string& path);
-  // Whether `add` could write there now. Nothing is made or changed.
+  static Result<ResultsDatabase> open(const std::string& name,
+                                      const SqlPatience& patience = {});  // made when it is not there
+  static Result<ResultsDatabase> open_to_read(const std::string& name, const SqlPatience& patience = {});
+  // Whether `add` could write to this file now. Nothing is made or changed.
   static Status check_writable(const std::string& path);
 
   // On disk when they return. The attempt is that of the calibration.
   Status add(const ParameterFile& file, const VerdictReport& verdict, AttemptRecord attempt);
-  Status note(const AttemptRecord& attempt);  // a new row, or what became of the one that is there
+  Status note(const AttemptRecord& attempt);
 
   // Oldest first. key: values of that parameter only ("" for all of them).
   Result<std::vector<StoredCalibration>> list(const RecordFilter& filter, const std::string& key) const;
@@ -55,21 +61,22 @@ class ResultsDatabase {
 
   int stored_version() const { return stored_version_; }  // of the schema of one that was opened to read
   Status check() const;  // an error that names the first defect of pages, references and rows
-  // As it is at one moment, while others write.
+  // An SQLite file of what it is at one moment, while others write.
   Result<std::string> image() const;
   static Result<ResultsDatabase> of_image(const std::string& image, const std::string& path);  // in memory
 
+  // Every row once, however often it is done, a page of rows a transaction. moves: what is there is then taken away here.
+  Result<CopiedRows> copy_to(ResultsDatabase& other, bool moves = false) const;
+  // The roles of a server: turncal_station may add and read, turncal_reader may read. Can be done again.
+  Status make_roles();
+
  private:
-  explicit ResultsDatabase(sqlite3* handle, std::string path);
-  static Result<ResultsDatabase> connect(const std::string& path, int flags, int patience_ms);
-  static std::string where(const std::string& verdict);
-  static void bind_where(const RecordFilter& filter, Statement& statement);
+  explicit ResultsDatabase(std::shared_ptr<SqlConnection> connection) : connection_(std::move(connection)) {}
+  static Result<ResultsDatabase> in_memory(const std::string& name);
   Status check_version() const;
   Status bring_up_to_date(bool keep) const;
-  Error failure(const std::string& what) const;
-  Status execute(const char* sql) const;
-  std::shared_ptr<sqlite3> handle_;
-  std::string path_;
+  Status check_pages() const;
+  std::shared_ptr<SqlConnection> connection_;
   int stored_version_ = 0;
 };
 

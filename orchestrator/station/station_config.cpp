@@ -8,6 +8,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/site_range.h"
+#include "orchestrator/station/database_name.h"
 
 namespace turncal {
 
@@ -275,6 +276,15 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   };
   station.rig_file = path_of("rig.file");
   station.database = path_of("record.database");
+  station.outbox = path_of("record.outbox");
+  if (const std::string server = file.text_or("record.database", ""); names_a_server(server)) {
+    station.database = server;
+    if (Status s = check_database_name(server); !s)
+      return input_error(station.file + ": record.database: " + s.error().message);
+    if (station.outbox.empty()) station.outbox = station.file + ".outbox.db";
+  } else if (!station.outbox.empty()) {
+    file.reject("record.outbox", "with a server only: record.database = postgresql://USER@HOST/NAME");
+  }
   station.store = path_of("record.store");
   // An unknown key first: a misspelt one would show up as a contradiction with a default.
   if (Status status = file.check_all_used(); !status) {

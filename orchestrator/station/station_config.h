@@ -99,9 +99,10 @@ struct StationConfig {
   std::string table_id;  // for the record; empty: not given
   std::string
       table_calibration_due;  // "2026-12-31"; a run after that day is refused unless overridden; empty: not given
-  std::string database;       // results (results_database.h); empty: none; relative to the station file's folder
-  std::string store;          // parameter files in use (parameter_store.h); the same
-  std::string rig_file;       // empty: the built-in rig configuration; relative to the station file's folder
+  std::string database;  // results (results_database.h); empty: none; a file is relative to the station file's folder
+  std::string outbox;    // where the database is a server: the file that keeps rows until it has them
+  std::string store;     // parameter files in use (parameter_store.h); the same
+  std::string rig_file;  // empty: the built-in rig configuration; relative to the station file's folder
   std::size_t imu_places() const { return imu ? 1 + further_imu_devices.size() : 0; }
   SerialImuSettings imu_settings(std::size_t place) const;  // from 0; only the first unit may have imu.unit_serial
   // Of a live run: a twin answers, at one end at least.

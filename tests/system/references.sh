@@ -88,7 +88,7 @@ awk -v work="$work" -v with_program="${program:+1}" '
     for (other in known) if (other ~ "^" pattern "$") return 1
     return 0
   }
-  function foreign(token) { return token ~ /^(sys|linux|asm|Eigen)\// || token ~ /^(time|unistd|fcntl|termios|math|modbus|sqlite3|httplib)[.]h$/ }
+  function foreign(token) { return token ~ /^(sys|linux|asm|Eigen)\// || token ~ /^(time|unistd|fcntl|termios|math|modbus|sqlite3|libpq-fe|httplib)[.]h$/ }
   function look_at_words(text,    token, i, n) {
     gsub(/[a-z]+:\/\/[^ )>"]+/, " ", text)
     gsub(/\$[A-Za-z]+\//, " ", text)  # of a shell: $here/calib

@@ -1,0 +1,73 @@
+// A connection to a database, an SQLite file or a PostgreSQL server: one way to say a statement to either.
+//
+// Statements are SQL that both understand, with parameters $1, $2 ... What SQLite calls an affinity is PostgreSQL's type: BIGINT, DOUBLE PRECISION, TEXT.
+// A server is waited for with a deadline, whatever it does or stops doing; after a deadline that has passed the connection says nothing more.
+// Not modelled: the time that the system takes to look up a host's name.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "calib/types/status.h"
+
+struct sqlite3;
+
+namespace turncal {
+
+using SqlValue = std::variant<std::monostate, std::int64_t, double, std::string>;  // monostate: NULL
+using SqlRow = std::vector<SqlValue>;
+
+std::string as_text(const SqlValue& value);  // NULL: empty
+std::int64_t as_integer(const SqlValue& value);
+std::optional<double> as_number(const SqlValue& value);
+SqlValue as_value(const std::optional<double>& value);
+
+struct SqlPatience {
+  double wait_s = 10.0;  // with a lock of an SQLite file; to connect to a server
+  double all_s = 1e9;    // everything said to a server, together
+};
+
+class SqlConnection {
+ public:
+  explicit SqlConnection(std::string name) : name_(std::move(name)) {}
+  virtual ~SqlConnection() = default;
+  SqlConnection(const SqlConnection&) = delete;
+  SqlConnection& operator=(const SqlConnection&) = delete;
+
+  // Without values it may be several statements. `each` gets every row.
+  virtual Status run(const std::string& sql, const SqlRow& values = {},
+                     const std::function<void(SqlRow)>& each = {}) = 0;
+  virtual Status begin() = 0;  // until COMMIT or ROLLBACK; of an SQLite file nobody else writes meanwhile
+  virtual Status hold_schema() { return {}; }  // nobody else makes tables until the end of the transaction
+  virtual Result<bool> has_table(const std::string& table) = 0;
+  virtual const char* identity() const = 0;            // a column's type: a number that the database gives
+  virtual sqlite3* sqlite() const { return nullptr; }  // of an SQLite file: its handle
+
+  const std::string& name() const { return name_; }
+
+ protected:
+  // "NAME: results database: cannot write: WHY".
+  Error failure(ErrorKind kind, const std::string& sql, const std::string& why) const;
+
+ private:
+  std::string name_;
+};
+
+// All that `job` does, or nothing.
+Status in_transaction(SqlConnection& connection, const std::function<Status()>& job);
+
+// flags: SQLITE_OPEN_...
+Result<std::shared_ptr<SqlConnection>> connect_to_file(const std::string& path, int flags, const SqlPatience& patience);
+// An SQLite database of nobody else's; errors call it `name`.
+Result<std::shared_ptr<SqlConnection>> connect_to_memory(const std::string& name);
+
+// name: as orchestrator/station/database_name.h has it.
+Result<std::shared_ptr<SqlConnection>> connect_to_server(const std::string& name, bool writes,
+                                                         const SqlPatience& patience);
+
+}  // namespace turncal
