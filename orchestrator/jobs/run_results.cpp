@@ -21,6 +21,7 @@
 #include "orchestrator/records/station_records.h"
 #include "orchestrator/report/result_table.h"
 #include "orchestrator/watch/progress.h"
+#include "orchestrator/watch/tone.h"
 #include "turntable_drivers/rig/rig.h"
 
 namespace turncal {

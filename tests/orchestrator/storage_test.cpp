@@ -42,7 +42,7 @@ class Storage : public Program {
     long points = 0;
     std::istringstream(file_text(folder_.string() + ".count")) >> points;
     fs::remove(folder_.string() + ".count");
-    for (long point = points; point > points - 60; --point) {
+    for (long point = points; point > points - 200; --point) {
       fs::remove_all(folder_ / folder);
       run_struck(begin(folder + "/out", station(folder + "/s.station")), point, "kill");
       if (fs::exists(folder_ / folder / "out/recording.tcr") && !fs::exists(folder_ / folder / "out/parameters.conf"))
