@@ -26,9 +26,9 @@ TEST_F(Run, LeavesRecordingParametersTruthAndLog) {
   const ProgramResult result = run(dry_run("out/a/b"));
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_EQ(result.err, "");
-  EXPECT_EQ(everything(),
-            (std::set<std::string>{"out", "out/a", "out/a/b", "out/a/b/journal.tcj", "out/a/b/parameters.conf",
-                                   "out/a/b/recording.tcr", "out/a/b/run.log", "out/a/b/truth.conf"}));
+  EXPECT_EQ(everything(), (std::set<std::string>{"out", "out/a", "out/a/b", "out/a/b/journal.tcj",
+                                                 "out/a/b/parameters.conf", "out/a/b/recording.tcr", "out/a/b/run.log",
+                                                 "out/a/b/statistics.tcs", "out/a/b/truth.conf"}));
   // Not on a terminal: no animation; every line of the run says that it is a dry run.
   EXPECT_EQ(result.out.find('\r'), std::string::npos);
   EXPECT_EQ(result.out.find('\x1b'), std::string::npos);

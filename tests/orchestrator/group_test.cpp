@@ -50,7 +50,8 @@ TEST_F(Group, EveryUnitGetsItsOwnParametersAndTheFirstThoseOfARunAlone) {
   }
   std::set<std::string> expected = {"journal.tcj", "run.log"};
   for (const std::string unit : {"SN1", "SN2", "S%2fN%203"}) {
-    expected.insert({unit, unit + "/recording.tcr", unit + "/parameters.conf", unit + "/truth.conf"});
+    expected.insert(
+        {unit, unit + "/recording.tcr", unit + "/parameters.conf", unit + "/statistics.tcs", unit + "/truth.conf"});
   }
   EXPECT_EQ(files, expected);
   expect_same_files("three/SN1", "alone");
