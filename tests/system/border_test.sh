@@ -106,7 +106,9 @@ expect 1 'another folder' import text --out text
 expect 1 'another folder' segment text --out text
 before=$(sha256sum out2/recording.tcr out2/parameters.conf)
 expect 1 'another file' apply out2 --parameters out2/parameters.conf --out out2/recording.tcr
-expect 1 'another file' apply out2 --parameters out2/parameters.conf --out out2/parameters.conf
+expect 1 'expected a name that ends in' apply out2 --parameters out2/parameters.conf --out out2/parameters.conf
+cp out2/parameters.conf out2/parameters.csv
+expect 1 'another file' apply out2 --parameters out2/parameters.csv --out out2/parameters.csv
 [ "$before" = "$(sha256sum out2/recording.tcr out2/parameters.conf)" ] || fail "the source was changed"
 
 # Too short to calibrate: said before anything moves, by check, run and batch; captured; estimated in part.
