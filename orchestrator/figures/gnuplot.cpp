@@ -63,8 +63,9 @@ void name_colours(std::string& text) {
 
 Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_t drawings,
                                              const GnuplotOptions& options) {
+  // Its standard input it reads a byte at a time, what a command gives it as a file: a third of the time of a report.
   const Result<PipedOutput> drawn =
-      pipe_through({options.program, {"-d", "-"}, "gnuplot-nox", options.deadline_s}, script);
+      pipe_through({options.program, {"-d", "-e", "load '<cat'"}, "gnuplot-nox", options.deadline_s}, script);
   if (!drawn) return failure(drawn.error().message);
   std::vector<std::string> result = split_drawings(drawn->output);
   if (result.size() != drawings)

@@ -144,10 +144,14 @@ TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
   EXPECT_EQ(status->status, 200);
   for (const char* text :
        {"\"unit\":\"SN-7\"", "\"simulated\":true", "\"step_count\":14", "\"eta_utc\":\"2026-01-01T00:1",
-        "\"temperature_c\":2", "\"heartbeat_age_s\":0", "\"position_deg\":[", "\"rate_degps\":[",
-        "\"still_gyro_degps\":", "\"lost_samples\":0", "\"transitions\":[\"2026"}) {
+        "\"temperature_c\":2", "\"position_deg\":[", "\"rate_degps\":[", "\"still_gyro_degps\":", "\"lost_samples\":0",
+        "\"transitions\":[\"2026"}) {
     EXPECT_NE(status->body.find(text), std::string::npos) << text << '\n' << status->body;
   }
+  const std::string heartbeat = "\"heartbeat_age_s\":";
+  const std::size_t age = status->body.find(heartbeat);
+  ASSERT_NE(age, std::string::npos);
+  EXPECT_LT(std::stod(status->body.substr(age + heartbeat.size())), 1.0);
   const auto page = client.Get("/");
   ASSERT_TRUE(page);
   EXPECT_NE(page->body.find("\"unit\":\"SN-7\""), std::string::npos) << "the first status is in the page itself";
