@@ -1,5 +1,4 @@
 // The status page: what it serves, that nothing can be written, and what a browser shows while the run goes on and when it dies.
-#include <httplib.h>
 #include <poll.h>
 
 #include <atomic>
@@ -14,6 +13,9 @@
 #include "orchestrator/watch/run_log.h"
 #include "orchestrator/watch/status_page.h"
 #include "tests/orchestrator/program.h"
+
+// After Eigen: a header of the system that it brings has a macro with the name of one of Eigen's parameters.
+#include <httplib.h>
 
 namespace turncal {
 namespace {
