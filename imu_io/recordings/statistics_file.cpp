@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
@@ -129,8 +130,9 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
   for (double& value : u.s) value = number();
   Eigen::VectorXd diagonal(columns);
   for (double& value : diagonal) value = number();
-  if (finite && columns > 0 && diagonal.minCoeff() <= 0.0)
-    return input_error(file_name + ": information of an effect that is not positive");
+  constexpr double least = std::numeric_limits<float>::min(), most = std::numeric_limits<float>::max();
+  if (finite && columns > 0 && !(diagonal.minCoeff() >= least && diagonal.maxCoeff() <= most))
+    return input_error(file_name + ": information of an effect that is not positive, or larger than a float holds");
   u.Q = diagonal.cast<float>().asDiagonal();
   for (Eigen::Index column = 0; column < columns; ++column)
     for (Eigen::Index row = 0; row < column; ++row)
