@@ -119,14 +119,6 @@ double unit_variance(const ComponentData& data, const Eigen::MatrixXd& X) {
   return least([&](double variance) { return criterion(data, variance, X, none, {}); }, range.smallest, range.largest);
 }
 
-FixedEffects fixed_effects(const ComponentData& data, double variance, const Eigen::MatrixXd& X) {
-  const UnitWeights weights(data, variance);
-  const Eigen::MatrixXd information = weights.product(X, X);
-  const Eigen::VectorXd right = weights.product(X, data.y);
-  return {solve_symmetric(information, right),
-          solve_symmetric(information, Eigen::MatrixXd(Eigen::MatrixXd::Identity(X.cols(), X.cols())))};
-}
-
 std::vector<double> variance_components(const ComponentData& data, const std::vector<std::vector<int>>& factors) {
   Eigen::Index columns = 0;
   std::vector<Eigen::Index> first;

@@ -41,12 +41,6 @@ struct UnitWeights {
 // sigma_b^2 by restricted likelihood beside the columns of X.
 double unit_variance(const ComponentData& data, const Eigen::MatrixXd& X);
 
-struct FixedEffects {
-  Eigen::VectorXd beta;
-  Eigen::MatrixXd covariance;
-};
-FixedEffects fixed_effects(const ComponentData& data, double unit_variance, const Eigen::MatrixXd& X);
-
 // sigma_b^2 first, then sigma_f^2 of each factor, beside a common mean. `factors`: of each the level of every recording.
 std::vector<double> variance_components(const ComponentData& data, const std::vector<std::vector<int>>& factors);
 

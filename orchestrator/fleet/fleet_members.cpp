@@ -36,7 +36,7 @@ Result<FleetSource> read_fleet(const std::string& folder, const std::vector<std:
 
   FleetSource source;
   struct One {
-    std::string path, time_utc;
+    std::string time_utc;
     FleetMember member;
   };
   std::map<std::string, One> by_recording;
@@ -49,7 +49,7 @@ Result<FleetSource> read_fleet(const std::string& folder, const std::vector<std:
     }
     const ParameterFile& file = statistics->file;
     (file.simulated ? source.simulated : real) = true;
-    One one{path, file.time_utc, {}};
+    One one{file.time_utc, {}};
     const std::string* const record = find_further(file, "record.measured_utc");
     const std::string measured = record ? *record : file.time_utc;
     one.member.unit = file.unit_serial;
@@ -77,7 +77,6 @@ Result<FleetSource> read_fleet(const std::string& folder, const std::vector<std:
   for (One& one : all) {
     one.member.day -= source.first_day;
     source.members.push_back(std::move(one.member));
-    source.paths.push_back(std::move(one.path));
   }
   return source;
 }

@@ -14,7 +14,6 @@ inline const std::vector<std::string> fleet_factors = {"station", "lot", "part",
 
 struct FleetSource {
   std::vector<FleetMember> members;
-  std::vector<std::string> paths;    // of each member's statistics
   double first_day = 0.0;            // since 1970-01-01 UTC; members count from it
   std::vector<std::string> skipped;  // a line each: what could not be read
   bool simulated = false;

@@ -36,7 +36,6 @@ struct Work {
 // What becomes of a recording, as files of its folder.
 struct Made {
   std::vector<NamedText> files;  // names, not paths
-  bool failed = false;
 };
 
 void add_record(const ArchiveEntry& entry, ParameterFile& file) {
@@ -101,7 +100,7 @@ Work work_on(const ArchiveEntry& entry, const RecalibrationRequest& request) {
   Result<Made> made = data ? make(entry, *recording, request) : Result<Made>(data.error());
   if (!made) {
     work = {Outcome::failed, made.error().message, {}};
-    made = Made{{{failure_name, entry.recording + "\n" + made.error().message + "\n"}}, true};
+    made = Made{{{failure_name, entry.recording + "\n" + made.error().message + "\n"}}};
   }
   if (Status status = keep(folder, *made); !status) work.storage = status.error();
   return work;

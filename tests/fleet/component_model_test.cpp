@@ -52,8 +52,8 @@ TEST(ComponentModel, FindsTheScatterOfUnits) {
 TEST(ComponentModel, RecordingsOfOneUnitAreNotIndependent) {
   std::vector<int> station;
   const ComponentData d = drawn(7, 100, 2, {0}, station);
-  const FixedEffects mean = fixed_effects(d, unit_sigma * unit_sigma, Eigen::MatrixXd::Ones(200, 1));
-  EXPECT_NEAR(mean.covariance(0, 0), (unit_sigma * unit_sigma + 0.5) / 100.0, 1e-9);
+  const double information = UnitWeights(d, unit_sigma * unit_sigma).diagonal(Eigen::MatrixXd::Ones(200, 1))[0];
+  EXPECT_NEAR(1.0 / information, (unit_sigma * unit_sigma + 0.5) / 100.0, 1e-9);
 }
 
 TEST(ComponentModel, ProductIsThatOfTheInverse) {

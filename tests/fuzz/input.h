@@ -6,6 +6,10 @@
 #include <cstdlib>
 #include <span>
 #include <string_view>
+#include <vector>
+
+#include "imu_io/base/bytes.h"
+#include "imu_io/base/crc32c.h"
 
 namespace turncal::fuzz {
 
@@ -28,6 +32,16 @@ struct Input {
     const auto result = rest.first(count < rest.size() ? count : rest.size());
     rest = rest.subspan(result.size());
     return result;
+  }
+  // Of a file that ends with a CRC-32C. Bit 0 of the first byte: the checksum is put right.
+  std::vector<std::byte> checksummed() {
+    const bool put_right = (byte() & 1U) != 0;
+    std::vector<std::byte> bytes(rest.begin(), rest.end());
+    if (put_right && bytes.size() >= 4) {
+      bytes.resize(bytes.size() - 4);
+      append_bytes(bytes, crc32c(std::span<const std::byte>(bytes)));
+    }
+    return bytes;
   }
   std::string_view text() const { return {reinterpret_cast<const char*>(rest.data()), rest.size()}; }
 };
