@@ -73,8 +73,8 @@ Result<Made> make(const ArchiveEntry& entry, const LoadedRecording& recording, c
   return made;
 }
 
-// The folder appears whole; one that has come to be there in the meantime is as good.
-Status keep(const std::string& folder, const Made& made) {
+// Whether the folder is of these files. It appears whole; where another thread or process was first, its folder stays.
+Result<bool> keep(const std::string& folder, const Made& made) {
   const std::string temporary = temporary_name(folder);
   std::error_code error;
   fs::create_directories(temporary, error);
@@ -82,12 +82,15 @@ Status keep(const std::string& folder, const Made& made) {
   Status status;
   for (const NamedText& file : made.files)
     if (status) status = write_file_atomically(temporary + "/" + file.path, file.content);
+  bool first = false;
   if (status) {
     fs::rename(temporary, folder, error);
+    first = !error;
     if (error && !path_exists(folder)) status = device_error(folder + ": cannot make: " + error.message());
   }
   fs::remove_all(temporary, error);
-  return status;
+  if (!status) return status.error();
+  return first;
 }
 
 Work work_on(const ArchiveEntry& entry, const RecalibrationRequest& request) {
@@ -95,14 +98,19 @@ Work work_on(const ArchiveEntry& entry, const RecalibrationRequest& request) {
   const Result<LoadedRecording> recording = load_recording(entry.recording);
   if (!recording) return {Outcome::unreadable, recording.error().message, {}};
   const std::string folder = request.store + "/" + request.version + "/" + recording->hash;
-  if (path_exists(folder)) return {path_exists(folder + "/" + failure_name) ? Outcome::failed : Outcome::there, "", {}};
+  const auto as_it_stands = [&] { return path_exists(folder + "/" + failure_name) ? Outcome::failed : Outcome::there; };
+  if (path_exists(folder)) return {as_it_stands(), "", {}};
   Status data = check_data(*recording);
   Result<Made> made = data ? make(entry, *recording, request) : Result<Made>(data.error());
   if (!made) {
     work = {Outcome::failed, made.error().message, {}};
     made = Made{{{failure_name, entry.recording + "\n" + made.error().message + "\n"}}};
   }
-  if (Status status = keep(folder, *made); !status) work.storage = status.error();
+  const Result<bool> first = keep(folder, *made);
+  if (!first)
+    work.storage = first.error();
+  else if (!*first)
+    work.outcome = as_it_stands();
   return work;
 }
 

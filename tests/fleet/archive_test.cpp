@@ -46,6 +46,15 @@ TEST_F(Archive, DoesEachRecordingOnce) {
   EXPECT_EQ(below("store"), names);
 }
 
+TEST_F(Archive, CountsCopiesOnceAlsoWhenTwoThreadsTakeThemAtOnce) {
+  std::filesystem::create_directories(path("copies"));
+  for (const char* name : {"a.tcr", "b.tcr", "c.tcr", "d.tcr"})
+    std::filesystem::copy_file(path("archive/SN1/recording.tcr"), path(std::string("copies/") + name));
+  const ProgramResult result = run({"recalibrate", path("copies"), "--no-diagnosis", "--out", path("store")});
+  EXPECT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.out.find("1 done, 3 were there"), std::string::npos) << result.out;
+}
+
 TEST_F(Archive, ChunksAndTwoAtOnceMakeTheSame) {
   ASSERT_EQ(recalibrate({"--out", path("store")}).code, 0);
   for (const char* k : {"0", "1"}) ASSERT_EQ(recalibrate({"--out", path("chunks"), "--chunk", k, "2"}).code, 0);
