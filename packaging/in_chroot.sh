@@ -17,7 +17,7 @@ install ./turncal_0.0.9_*.deb
 id -nG turncal | grep -qw dialout || fail "the user turncal is not in dialout"
 [ "$(stat -c '%U:%G %a' /var/lib/turncal)" = "turncal:turncal 2775" ] || fail "/var/lib/turncal: $(stat -c '%U:%G %a' /var/lib/turncal)"
 [ -e /usr/share/man/man1/turncal-run.1.gz ] || fail "no manual page of turncal run"
-systemd-analyze verify --man=no turncal@main.service turncal-prune.service turncal-prune.timer > said 2>&1 || { cat said; fail "systemd-analyze verify"; }
+systemd-analyze verify --man=no turncal@main.service turncal-prune.service turncal-prune.timer turncal-serve.service > said 2>&1 || { cat said; fail "systemd-analyze verify"; }
 [ ! -s said ] || { cat said; fail "systemd-analyze verify has something to say"; }
 # shellcheck source=/dev/null
 . /usr/share/bash-completion/completions/turncal
@@ -56,6 +56,18 @@ as_turncal "${command[@]}" > said 2>&1 || { tail -n 1 said; as_turncal "${comman
 kill "$twin"
 wait "$twin" || true
 [ -s /var/lib/turncal/main/runs/TWIN/parameters.conf ] || fail "no parameters of the run with the twin"
+
+part "the page of all stations"
+printf 'station.1 = main\nstation.1.queue = /var/lib/turncal/main/queue\nstation.1.runs = /var/lib/turncal/main/runs\n' > /etc/turncal/serve.conf
+as_turncal turncal serve /etc/turncal/serve.conf --listen 127.0.0.1:8081 > serve.log 2>&1 &
+page=$!
+for _ in $(seq 100); do grep -q http serve.log && break; sleep 0.1; done
+exec 9<> /dev/tcp/127.0.0.1/8081
+printf 'GET /status.json HTTP/1.1\r\nHost: localhost\r\n\r\n' >&9
+grep -q '"state":"idle"' <&9 || fail "the page of all stations does not say that the queue is done"
+exec 9>&-
+kill "$page"
+wait "$page" || true
 
 part "upgrade to $version"
 before=$(find /var/lib/turncal -type f -exec sha256sum {} + | sort)

@@ -1,11 +1,16 @@
 #include "imu_io/base/lock_file.h"
 
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <unistd.h>
 
 #include <chrono>
+#include <cstdio>
+#include <span>
 #include <thread>
 
 #include "imu_io/base/deadline.h"
+#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 
@@ -40,6 +45,28 @@ Result<LockFile> LockFile::acquire(const std::string& path, double wait_s) {
     if (!locked) return locked.error();
     if (file->is_at(path)) return LockFile(std::move(*file));
   }
+}
+
+std::optional<pid_t> lock_holder(const std::string& path) {
+  struct stat file {};
+  if (::stat(path.c_str(), &file) != 0) return {};
+  const Result<PosixFile> locks = PosixFile::open_to_read("/proc/locks");  // of no size
+  if (!locks) return {};
+  std::string table(std::size_t{1} << 18, '\0');
+  const Result<std::size_t> got = locks->read_at(0, std::as_writable_bytes(std::span(table.data(), table.size())));
+  if (!got) return {};
+  char place[64];
+  std::snprintf(place, sizeof place, " %02x:%02x:%llu ", major(file.st_dev), minor(file.st_dev),
+                static_cast<unsigned long long>(file.st_ino));
+  std::string_view remaining = std::string_view(table).substr(0, *got);
+  while (!remaining.empty()) {
+    const std::string line(next_line(remaining));  // "1: FLOCK  ADVISORY  WRITE 4711 fe:00:11012251 0 EOF"
+    long holder = 0;
+    if (line.find(place) == std::string::npos || line.find("->") != std::string::npos) continue;
+    if (std::sscanf(line.c_str(), "%*s FLOCK %*s WRITE %ld", &holder) == 1 && holder > 0)
+      return static_cast<pid_t>(holder);
+  }
+  return {};
 }
 
 LockFile::~LockFile() {

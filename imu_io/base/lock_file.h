@@ -7,6 +7,9 @@
 // Not for a folder of another machine whose file system has no flock; the error says so.
 #pragma once
 
+#include <sys/types.h>
+
+#include <optional>
 #include <string>
 
 #include "calib/types/status.h"
@@ -28,5 +31,9 @@ class LockFile {
   explicit LockFile(PosixFile file) : file_(std::move(file)) {}
   PosixFile file_;
 };
+
+// The process that holds it now, from the system's table of locks: who looks on does not lock, so that nobody is refused on its
+// account. Nothing: nobody holds it, or the table cannot be read. Not for file systems whose table names another device (btrfs).
+std::optional<pid_t> lock_holder(const std::string& path);
 
 }  // namespace turncal

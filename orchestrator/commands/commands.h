@@ -30,6 +30,7 @@ void add_certificate_command(CommandLine& line, CommandContext& context);
 void add_convert_command(CommandLine& line, CommandContext& context);
 void add_batch_command(CommandLine& line, CommandContext& context);
 void add_queue_command(CommandLine& line, CommandContext& context);
+void add_serve_command(CommandLine& line, CommandContext& context);
 void add_history_command(CommandLine& line, CommandContext& context);
 void add_shift_command(CommandLine& line, CommandContext& context);
 void add_recalibrate_command(CommandLine& line, CommandContext& context);

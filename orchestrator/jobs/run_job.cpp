@@ -295,7 +295,9 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
     if (!own) return own.error();
     unit_folders.push_back(std::move(*own));
   }
-  Result<JournalFile> journal = JournalFile::create(folder->file(journal_name), begin_fields(*prepared));
+  JournalFields begin = begin_fields(*prepared);
+  if (!prepared->request.manual) begin.emplace_back("planned_s", format_number(plan.station_s));
+  Result<JournalFile> journal = JournalFile::create(folder->file(journal_name), begin);
   if (!journal) return journal.error();
   Result<RunLog> log = RunLog::create(folder->file(log_name), std::string(tag_of(*prepared)));
   if (!log) return log.error();

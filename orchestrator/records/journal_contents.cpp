@@ -77,11 +77,13 @@ Result<std::uint64_t> scan_file(const std::string& path, const std::function<Sta
 
 }  // namespace
 
-const std::string& JournalContents::begin_value(std::string_view key) const {
+const std::string& value_of(const JournalFields& fields, std::string_view key) {
   static const std::string nothing;
-  const auto found = std::find_if(begin.begin(), begin.end(), [key](const auto& field) { return field.first == key; });
-  return found == begin.end() ? nothing : found->second;
+  const auto found = std::find_if(fields.begin(), fields.end(), [key](const auto& one) { return one.first == key; });
+  return found == fields.end() ? nothing : found->second;
 }
+
+const std::string& JournalContents::begin_value(std::string_view key) const { return value_of(begin, key); }
 
 const JournalFields* JournalContents::verdict_of(const std::string& unit) const {
   const bool alone = units().size() == 1;
@@ -141,10 +143,10 @@ Result<JournalContents> read_journal(const std::string& path) {
         break;
       case JournalType::verdict: contents.verdicts.push_back(fields_of(*fields)); break;
       case JournalType::dropout: contents.dropped.push_back(read_dropout(*fields)); break;
+      case JournalType::estimate: contents.estimate = fields_of(*fields); break;  // found again from the samples
+      case JournalType::transition: contents.transition = fields_of(*fields); break;
       case JournalType::results:
-      case JournalType::clock:
-      case JournalType::estimate:  // found again from the samples
-      case JournalType::transition: break;
+      case JournalType::clock: break;
     }
     return fields->status();
   };

@@ -29,6 +29,7 @@ struct JournalContents {
   std::vector<std::optional<UnitClock>> clocks;  // the same
   int sessions = 1;                              // 1 + resumes
   std::vector<JournalFields> verdicts;           // one a unit, as they came
+  JournalFields transition, estimate;            // the newest
   struct DroppedUnit {
     std::size_t unit = 0;
     Error why;
@@ -41,6 +42,7 @@ struct JournalContents {
 
   const std::string& begin_value(std::string_view key) const;  // "" when missing
 };
+const std::string& value_of(const JournalFields& fields, std::string_view key);  // "" when missing
 
 Result<JournalContents> read_journal(const std::string& path);
 // One line a record, for people: "  12 move       time_s = 7  axis = pitch ...".

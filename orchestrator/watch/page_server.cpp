@@ -94,6 +94,7 @@ struct PageServer::State {
   };
 
   Pages pages;
+  Posts posts;
   PageLimits limits;
   std::string host;  // as given, without brackets
   int port = 0;
@@ -122,27 +123,56 @@ struct PageServer::State {
     return is_bare_address(name) || (::gethostname(own, sizeof own - 1) == 0 && name == lower(own));
   }
 
-  std::string answer_to(std::string_view request) const {
+  // The head of a request, as far as anything here depends on it.
+  struct Head {
+    std::string_view method, path;
+    std::optional<std::string> host;
+    std::string authorization;
+    std::size_t body_bytes = 0;
+    bool chunked = false, marked = false;
+  };
+  static std::optional<Head> head_of(std::string_view request) {
+    Head head;
     std::string_view remaining = request;
     const std::string_view line = next_line(remaining);
     const std::size_t first = line.find(' '), last = line.rfind(' ');
-    if (first == std::string_view::npos || last == first || !line.substr(last + 1).starts_with("HTTP/1.")) {
-      return refusal(400, "Bad Request");
-    }
-    std::optional<std::string> host_given;
-    bool body = false;
+    if (first == std::string_view::npos || last == first || !line.substr(last + 1).starts_with("HTTP/1.")) return {};
+    head.method = line.substr(0, first);
+    head.path = line.substr(first + 1, last - first - 1);
     while (!remaining.empty()) {
       const std::string_view header = next_line(remaining);
       const std::size_t colon = header.find(':');
       if (colon == std::string_view::npos) continue;
       const std::string name = lower(header.substr(0, colon)), value(trimmed(header.substr(colon + 1)));
-      if (name == "host") host_given = value;
-      body = body || name == "transfer-encoding" || (name == "content-length" && value != "0");
+      if (name == "host") head.host = value;
+      if (name == "authorization") head.authorization = value;
+      head.marked = head.marked || name == "x-turncal";
+      head.chunked = head.chunked || name == "transfer-encoding";
+      if (name != "content-length") continue;
+      const std::optional<std::uint32_t> size = parse_integer<std::uint32_t>(value);
+      if (!size) return {};
+      head.body_bytes = std::max<std::size_t>(head.body_bytes, *size);
     }
-    if (!host_given || !is_our_host(*host_given)) return refusal(403, "Forbidden");
-    if (line.substr(0, first) != "GET") return refusal(404, "Not Found");
-    if (body) return refusal(413, "Content Too Large");
-    const std::optional<PageText> page = pages(line.substr(first + 1, last - first - 1));
+    return head;
+  }
+
+  // `request`: what came. Empty: the rest of the body is yet to come.
+  std::string answer_to(std::string_view request, std::size_t head_bytes) const {
+    const std::optional<Head> head = head_of(request.substr(0, head_bytes));
+    if (!head) return refusal(400, "Bad Request");
+    if (!head->host || !is_our_host(*head->host)) return refusal(403, "Forbidden");
+    if (posts && head->method == "POST") {
+      if (!head->marked) return refusal(403, "Forbidden");
+      if (head->chunked || head->body_bytes > limits.body_bytes) return refusal(413, "Content Too Large");
+      const std::string_view body = request.substr(head_bytes);
+      if (body.size() < head->body_bytes) return "";
+      const PageAnswer answer =
+          posts({std::string(head->path), head->authorization, std::string(body.substr(0, head->body_bytes))});
+      return response(answer.code, answer.code == 200 ? "OK" : "Refused", answer.text);
+    }
+    if (head->method != "GET") return refusal(404, "Not Found");
+    if (head->chunked || head->body_bytes > 0) return refusal(413, "Content Too Large");
+    const std::optional<PageText> page = pages(head->path);
     return page ? response(200, "OK", *page) : refusal(404, "Not Found");
   }
 
@@ -162,7 +192,7 @@ struct PageServer::State {
     if (size > limits.request_bytes) {
       c.answer = refusal(431, "Request Header Fields Too Large");
     } else if (end != std::string::npos) {
-      c.answer = answer_to(std::string_view(c.request).substr(0, end));
+      c.answer = answer_to(c.request, size);
     }
     return !c.answered() || send(c);
   }
@@ -269,12 +299,14 @@ std::string PageServer::url() const {
 
 bool PageServer::loopback() const { return state_->loopback; }
 
-Result<std::unique_ptr<PageServer>> PageServer::open(const std::string& address, Pages pages, PageLimits limits) {
+Result<std::unique_ptr<PageServer>> PageServer::open(const std::string& address, Pages pages, PageLimits limits,
+                                                     Posts posts) {
   const Result<PageAddress> at = parse_page_address(address);
   if (!at) return at.error();
   std::unique_ptr<PageServer> server(new PageServer);
   State& state = *server->state_;
   state.pages = std::move(pages);
+  state.posts = std::move(posts);
   state.limits = limits;
   if (Status status = state.listen(address, *at); !status) return status.error();
   // Signals belong to the thread that moves the table: they cut its waits short.

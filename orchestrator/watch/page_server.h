@@ -1,8 +1,10 @@
-// Serves a few read-only texts to browsers, from a program that moves a table: whatever a client does costs no more than the limits
+// Serves a few texts to browsers, from a program that may move a table: whatever a client does costs no more than the limits
 // below, and nobody waits for it.
 //
 //   connections   a further one takes the place of the oldest that has not asked for anything yet, else of the oldest
-//   request       its line and headers together; only GET; a body is never read (a request that announces one is refused)
+//   request       its line and headers together; only GET; a body is never read (a request that announces one is refused). Where the
+//                 owner takes posts: POST as well, with a body of at most body_bytes, and with the header X-Turncal, which no
+//                 form of another page can send (cross-site request forgery)
 //   time          of a connection from beginning to end, however many bytes come in it
 //   Host          the address listened at, localhost on a loopback address, this machine's name or a bare address on any other:
 //                 a page of somewhere else cannot read this one by giving itself a name that leads here (DNS rebinding)
@@ -27,12 +29,21 @@ namespace turncal {
 struct PageLimits {
   std::size_t connections = 32;
   std::size_t request_bytes = 8192;
+  std::size_t body_bytes = 1024;
   double connection_s = 10.0;
 };
 
 struct PageText {
   std::string type;  // "text/html; charset=utf-8"
   std::string body;
+};
+
+struct PagePost {
+  std::string path, authorization, body;
+};
+struct PageAnswer {
+  int code = 200;
+  PageText text;
 };
 
 // ADDRESS:PORT, [ADDRESS]:PORT of IPv6; the address may be a name. Port 0: any free one.
@@ -47,7 +58,11 @@ class PageServer {
   // What is served at a path; nothing: 404. Called by the server's thread.
   using Pages = std::function<std::optional<PageText>(std::string_view path)>;
 
-  static Result<std::unique_ptr<PageServer>> open(const std::string& address, Pages pages, PageLimits limits = {});
+  // What becomes of a POST; by the server's thread, too. Without it there are none.
+  using Posts = std::function<PageAnswer(const PagePost&)>;
+
+  static Result<std::unique_ptr<PageServer>> open(const std::string& address, Pages pages, PageLimits limits = {},
+                                                  Posts posts = {});
   ~PageServer();
   PageServer(const PageServer&) = delete;
   PageServer& operator=(const PageServer&) = delete;

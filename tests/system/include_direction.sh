@@ -28,7 +28,7 @@ grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*#[[:s
       ranks("calib", "types; model; statistics; closed_form joint rests navigation; diagnosis; rest_diagnosis prediction fleet")
       ranks("imu_io", "base; recordings lines; frames; units")
       ranks("turntable_drivers", "table; modbus ascii manual rig; twins")
-      ranks("orchestrator", "station; run; watch records; line; devices; figures; report; line_report; jobs; fleet; commands; .")
+      ranks("orchestrator", "station; run; watch records; line; devices; figures; report; line_report; jobs; fleet service; commands; .")
       sees_rig = " turntable_drivers/rig turntable_drivers/twins orchestrator/devices orchestrator/jobs orchestrator/commands "
     }
     # Rooms of a folder, lowest first; those between two semicolons do not see each other. "." is the folder itself.

@@ -1,0 +1,31 @@
+// The stations that `turncal serve` shows, and who may act on them (docs/serve.md):
+//
+//   station.1         = east                              the name on the page; station.2 and so on without a gap
+//   station.1.queue   = /var/lib/turncal/east/queue       of its batch
+//   station.1.runs    = /var/lib/turncal/east/runs        the batch's --out
+//   station.1.mounted = /var/lib/turncal/east/mounted     written by "mount done"; what hook.mount waits for
+//   serve.password_file = /etc/turncal/operators          NAME:HASH a line; without it nothing can be changed
+//
+// Relative names are those beside the file.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/types/status.h"
+
+namespace turncal {
+
+struct ServedStation {
+  std::string name, queue, runs;
+  std::string mounted;  // empty: a mounted unit is not announced by the page
+};
+
+struct ServiceConfig {
+  std::vector<ServedStation> stations;  // at least one, names differ
+  std::string password_file;            // empty: read-only
+};
+
+Result<ServiceConfig> read_service_config(const std::string& path);
+
+}  // namespace turncal

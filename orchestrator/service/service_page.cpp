@@ -1,0 +1,143 @@
+#include "orchestrator/service/service_page.h"
+
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
+#include <csignal>
+#include <mutex>
+#include <thread>
+
+#include "imu_io/base/clock.h"
+#include "imu_io/base/data_text.h"
+#include "imu_io/base/key_value.h"
+#include "orchestrator/records/journal_record.h"
+#include "orchestrator/service/operators.h"
+#include "orchestrator/service/station_actions.h"
+#include "orchestrator/service/station_view.h"
+#include "orchestrator/watch/page_server.h"
+#include "orchestrator/watch/progress.h"
+
+namespace turncal {
+
+extern const std::string_view service_page_html;  // service_page.html; INITIAL in it stands for the first status
+
+namespace {
+
+constexpr auto between_looks = std::chrono::seconds(1);
+constexpr double between_passwords_s = 0.5;
+
+PageAnswer said(int code, const std::string& text) { return {code, {"text/plain; charset=utf-8", text + "\n"}}; }
+
+}  // namespace
+
+struct ServicePage::State {
+  ServiceConfig config;
+  std::function<double()> now_utc_s;
+  std::mutex mutex;  // of what follows
+  std::condition_variable wake;
+  bool over = false;
+  std::string json;
+  double password_s = -1e9;  // the server's thread alone
+  std::thread looker;
+  std::unique_ptr<PageServer> server;
+
+  std::string look() const {
+    std::string stations;
+    const double now = now_utc_s();
+    for (const ServedStation& station : config.stations)
+      stations += (stations.empty() ? "" : ",") + json_of(look_at(station, now));
+    JsonObject o;
+    o.text("time_utc", format_utc(now));
+    o.raw("acts", config.password_file.empty() ? "false" : "true");
+    o.raw("stations", "[" + stations + "]");
+    return o.end();
+  }
+
+  void keep_looking() {
+    std::unique_lock lock(mutex);
+    while (!wake.wait_for(lock, between_looks, [this] { return over; })) {
+      lock.unlock();
+      std::string newest = look();
+      lock.lock();
+      json = std::move(newest);
+    }
+  }
+
+  void look_now() {
+    std::string newest = look();
+    const std::lock_guard lock(mutex);
+    json = std::move(newest);
+  }
+
+  PageAnswer post(const PagePost& request) {
+    if (request.path != "/act") return said(404, "Not Found");
+    const double now_s = steady_wall_s();
+    if (now_s - password_s < between_passwords_s) return said(429, "too soon: try again in a second");
+    password_s = now_s;
+    const Result<std::string> name = authorised_operator(config.password_file, request.authorization);
+    if (!name) return said(401, name.error().message);
+    Result<KeyValueFile> wanted = KeyValueFile::parse(request.body, "request");
+    if (!wanted) return said(400, wanted.error().message);
+    const std::string station = unescaped_value(wanted->text("station"));
+    const StationAction action{wanted->text("action"), unescaped_value(wanted->text_or("unit", ""))};
+    if (Status status = wanted->check_all_used(); !status) return said(400, status.error().message);
+    const auto at = std::find_if(config.stations.begin(), config.stations.end(),
+                                 [&station](const ServedStation& one) { return one.name == station; });
+    if (at == config.stations.end()) return said(404, "no such station");
+    const Result<std::string> done = act(*at, action, *name, now_utc_s());
+    look_now();
+    return done ? said(200, *done) : said(409, done.error().message);
+  }
+
+  std::optional<PageText> page(std::string_view path) {
+    const std::lock_guard lock(mutex);
+    if (path == "/status.json") return PageText{"application/json", json};
+    if (path != "/") return {};
+    std::string html(service_page_html);
+    return PageText{"text/html; charset=utf-8", html.replace(html.find("INITIAL"), 7, json)};
+  }
+};
+
+ServicePage::ServicePage() : state_(std::make_unique<State>()) {}
+
+ServicePage::~ServicePage() {
+  state_->server.reset();
+  {
+    const std::lock_guard lock(state_->mutex);
+    state_->over = true;
+  }
+  state_->wake.notify_all();
+  if (state_->looker.joinable()) state_->looker.join();
+}
+
+std::string ServicePage::url() const { return state_->server->url(); }
+bool ServicePage::loopback() const { return state_->server->loopback(); }
+
+Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& address, const ServiceConfig& config,
+                                                       std::function<double()> now_utc_s) {
+  const bool acts = !config.password_file.empty();
+  if (acts)
+    if (Status status = check_operators(config.password_file); !status) return status.error();
+  std::unique_ptr<ServicePage> page(new ServicePage);
+  State& state = *page->state_;
+  state.config = config;
+  state.now_utc_s = std::move(now_utc_s);
+  state.json = state.look();
+  PageServer::Posts posts;
+  if (acts) posts = [&state](const PagePost& request) { return state.post(request); };
+  Result<std::unique_ptr<PageServer>> server = PageServer::open(
+      address, [&state](std::string_view path) { return state.page(path); }, {.connections = 256}, std::move(posts));
+  if (!server) return server.error();
+  if (acts && !(*server)->loopback())
+    return input_error("--listen '" + address +
+                       "': with serve.password_file a loopback address is expected, behind a proxy that encrypts");
+  state.server = std::move(*server);
+  sigset_t all, before;  // signals are the command's
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
+  state.looker = std::thread([&state] { state.keep_looking(); });
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  return page;
+}
+
+}  // namespace turncal

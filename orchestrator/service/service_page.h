@@ -1,0 +1,38 @@
+// The page of `turncal serve`: all stations, GET / and GET /status.json; with a password file POST /act, too.
+//
+// A thread of its own looks at the stations once a second, so that what a client asks for is there already, and a slow disk holds up
+// nobody but that thread; the page shows how old the look is. Posts are answered one after the other, at most one password in
+// between_passwords_s: guessing is slow, and a wrong one makes nobody else wait longer than that.
+//
+// POST /act: Authorization: Basic, X-Turncal: 1, and a body of key = value lines: station, action, unit (station_actions.h), values with %xx. Answers: 200 and what
+// was done; 401 name or password; 409 what cannot be done now, and why; 429 too soon.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "calib/types/status.h"
+#include "orchestrator/service/service_config.h"
+
+namespace turncal {
+
+class ServicePage {
+ public:
+  // address: as of page_server.h. With a password file only a loopback one: names and passwords are not encrypted.
+  static Result<std::unique_ptr<ServicePage>> open(const std::string& address, const ServiceConfig& config,
+                                                   std::function<double()> now_utc_s);
+  ~ServicePage();
+  ServicePage(const ServicePage&) = delete;
+  ServicePage& operator=(const ServicePage&) = delete;
+
+  std::string url() const;
+  bool loopback() const;
+
+ private:
+  ServicePage();
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace turncal

@@ -1,0 +1,252 @@
+#include "orchestrator/service/station_view.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "imu_io/base/clock.h"
+#include "imu_io/base/data_text.h"
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/lock_file.h"
+#include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/run_job.h"
+#include "orchestrator/records/journal_contents.h"
+
+namespace turncal {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t shown = 12;         // outcomes, and units that wait
+constexpr std::size_t looked_at = 20;     // intervals between outcomes
+constexpr double longest_unit_s = 86400;  // a longer interval is a weekend
+constexpr double clock_off_s = 60.0;
+
+struct Folder {
+  std::string path;
+  std::optional<pid_t> process;
+};
+
+// The run that somebody works on, else the one of the newest journal.
+std::optional<Folder> newest_run(const std::string& runs) {
+  std::optional<Folder> newest;
+  fs::file_time_type newest_time;
+  std::error_code error;
+  for (fs::directory_iterator entry(runs, error), end; !error && entry != end; entry.increment(error)) {
+    std::error_code none;
+    const std::string path = entry->path().string();
+    const fs::file_time_type time = fs::last_write_time(path + "/" + journal_name, none);
+    if (none) continue;
+    if (path_exists(path + "/.lock"))
+      if (const std::optional<pid_t> process = lock_holder(path + "/.lock")) return Folder{path, process};
+    if (newest && time <= newest_time) continue;
+    newest = Folder{path, std::nullopt};
+    newest_time = time;
+  }
+  return newest;
+}
+
+// The median of the intervals between the last outcomes: what a unit takes, mounting and all.
+std::optional<double> interval_of(const std::vector<UnitOutcome>& outcomes) {
+  std::vector<double> times, intervals;
+  for (const UnitOutcome& outcome : outcomes)
+    if (const std::optional<double> time = parse_utc(outcome.time_utc); time && outcome.outcome != "again")
+      times.push_back(*time);
+  std::sort(times.begin(), times.end());
+  for (std::size_t i = times.size() > looked_at ? times.size() - looked_at : 1; i < times.size(); ++i)
+    if (times[i] - times[i - 1] < longest_unit_s) intervals.push_back(times[i] - times[i - 1]);
+  if (intervals.size() < 2) return {};
+  const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
+  std::nth_element(intervals.begin(), middle, intervals.end());
+  return *middle;
+}
+
+bool wants_a_look(const std::string& outcome) {
+  return outcome != "pass" && outcome != "conditional_pass" && outcome != "captured" && outcome != "not_judged" &&
+         outcome != "again";
+}
+
+void show_queue(const std::vector<std::string>& queue, const std::vector<UnitOutcome>& outcomes, StationView& view) {
+  std::size_t looks = 0;
+  for (const std::string& unit : queue) {
+    const UnitOutcome* outcome = find_outcome(outcomes, unit);
+    if (!outcome || outcome->outcome == "again") continue;
+    ++view.done;
+    view.passed += outcome->outcome == "pass" || outcome->outcome == "conditional_pass";
+    if (wants_a_look(outcome->outcome) && ++looks <= shown)
+      view.for_a_person.push_back("unit " + unit + ": " + outcome->outcome +
+                                  (outcome->reason.empty() ? "" : ": " + outcome->reason));
+  }
+  if (looks > shown) view.for_a_person.push_back("and " + std::to_string(looks - shown) + " units more");
+  view.outcomes = outcomes;
+  std::stable_sort(view.outcomes.begin(), view.outcomes.end(),
+                   [](const UnitOutcome& a, const UnitOutcome& b) { return a.time_utc > b.time_utc; });
+  if (view.outcomes.size() > shown) view.outcomes.resize(shown);
+  view.unit_s = interval_of(outcomes);
+}
+
+// "dwelling" and its detail in words.
+std::string words_of(const JournalFields& transition) {
+  const std::string& state = value_of(transition, "to");
+  const std::string& detail = value_of(transition, "detail");
+  const std::string step = value_of(transition, "step");
+  std::string words = step.empty() || step == "0" ? "" : "step " + step + ": ";
+  if (state == "moving") return words + (detail.empty() ? "moving" : detail);
+  if (state == "dwelling") return words + "at rest" + (detail.empty() ? "" : " (" + detail + ")");
+  return words + state + (detail.empty() ? "" : ": " + detail);
+}
+
+void show_run(const JournalContents& journal, double now_utc_s, StationView& view) {
+  view.units = journal.units();
+  view.simulated = journal.begin_value("simulated") == "true";
+  view.began_utc = journal.begin_value("began_utc");
+  view.phase = words_of(journal.transition);
+  const std::optional<double> planned_s = parse_number<double>(journal.begin_value("planned_s"));
+  const std::optional<double> time_s = parse_number<double>(value_of(journal.transition, "time_s"));
+  const std::optional<double> utc_s = parse_number<double>(value_of(journal.transition, "utc_s"));
+  if (utc_s) view.last_word_utc = format_utc(*utc_s);
+  const bool live = !view.simulated && utc_s;
+  if (planned_s && time_s && *planned_s > 0.0 && view.state == StationState::running) {
+    const double since_s = live ? std::max(0.0, now_utc_s - *utc_s) : 0.0;
+    view.fraction = std::min(1.0, (*time_s + since_s) / *planned_s);
+    if (live) view.run_end_utc_s = std::max(now_utc_s, *utc_s + *planned_s - *time_s);
+  }
+  if (!journal.estimate.empty() && !value_of(journal.estimate, "sigma").empty())
+    view.known = value_of(journal.estimate, "worst") + ": sigma " + value_of(journal.estimate, "sigma") + " of " +
+                 value_of(journal.estimate, "needed");
+  if (view.process && live && *utc_s > now_utc_s + clock_off_s)
+    view.for_a_person.insert(view.for_a_person.begin(),
+                             "the clock of this machine is " + clock_time(*utc_s - now_utc_s) + " behind the run's");
+  if (view.process && journal.begin_value("manual") == "true" && value_of(journal.transition, "to") == "moving")
+    view.for_a_person.insert(view.for_a_person.begin(), "turn the table: " + value_of(journal.transition, "detail"));
+}
+
+StationView unreadable(const ServedStation& station, const Error& error) {
+  StationView view;
+  view.name = station.name;
+  view.state = StationState::unreadable;
+  view.tone = Tone::bad;
+  view.headline = error.message;
+  return view;
+}
+
+}  // namespace
+
+std::string_view to_string(StationState state) {
+  constexpr std::string_view words[] = {"running", "results", "mounting", "stopped", "idle", "unreadable"};
+  return words[static_cast<std::size_t>(state)];
+}
+
+StationView look_at(const ServedStation& station, double now_utc_s) {
+  const Result<std::vector<std::string>> queue = read_queue(station.queue);
+  if (!queue) return unreadable(station, queue.error());
+  const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(station.queue);
+  if (!outcomes) return unreadable(station, outcomes.error());
+
+  StationView view;
+  view.name = station.name;
+  show_queue(*queue, *outcomes, view);
+  view.waiting = next_units(*queue, *outcomes, queue->size());
+  const std::optional<pid_t> batch = lock_holder(station.queue + ".batch.lock");
+  const std::optional<Folder> run = newest_run(station.runs);
+  std::optional<JournalContents> journal;
+  if (run) {
+    Result<JournalContents> read = read_journal(run->path + "/" + journal_name);
+    if (!read && !run->process) return unreadable(station, read.error());  // one that is being begun is read later
+    if (read) journal = std::move(*read);
+  }
+  // A unit that was taken out of the queue is left for good.
+  const auto waits = [&view](const std::string& unit) {
+    return std::find(view.waiting.begin(), view.waiting.end(), unit) != view.waiting.end();
+  };
+  const std::vector<std::string> begun = journal ? journal->units() : std::vector<std::string>();
+  const bool left = journal && !run->process && !is_over(*journal) && std::any_of(begun.begin(), begun.end(), waits);
+  view.process = run && run->process ? run->process : batch;
+  if (run && run->process) {
+    view.state = journal && journal->seal_utc_s ? StationState::results : StationState::running;
+    view.folder = run->path;
+  } else if (batch) {
+    view.state = StationState::mounting;
+  } else {
+    view.state = left || !view.waiting.empty() ? StationState::stopped : StationState::idle;
+  }
+  if (journal && (view.folder == run->path || left)) {
+    view.folder = run->path;
+    show_run(*journal, now_utc_s, view);
+  }
+
+  const std::string of_units =
+      view.units.empty() ? "" : (view.units.size() > 1 ? "units " : "unit ") + join(view.units);
+  switch (view.state) {
+    case StationState::running: view.headline = of_units + ", " + view.phase; break;
+    case StationState::results: view.headline = of_units + ": recorded, results are being made"; break;
+    case StationState::mounting:
+      view.units = {view.waiting.begin(), view.waiting.begin() + (view.waiting.empty() ? 0 : 1)};
+      view.headline =
+          view.waiting.empty() ? "the queue is done" : "waits for unit " + view.units.front() + " to be mounted";
+      if (!view.waiting.empty())
+        view.for_a_person.insert(view.for_a_person.begin(), "mount unit " + view.units.front());
+      break;
+    case StationState::stopped:
+      view.headline = left ? of_units + " was left in the middle: " + view.phase
+                           : "nobody works on the queue, and units wait: " + std::to_string(view.waiting.size());
+      view.for_a_person.insert(view.for_a_person.begin(),
+                               left ? "start the batch again: it goes on with " + of_units : "start the batch");
+      break;
+    case StationState::idle: view.headline = "the queue is done"; break;
+    case StationState::unreadable: break;
+  }
+  // What comes after the units on the table.
+  std::erase_if(view.waiting, [&view](const std::string& unit) {
+    return std::find(view.units.begin(), view.units.end(), unit) != view.units.end();
+  });
+  view.tone = view.state == StationState::stopped ? Tone::bad
+              : view.for_a_person.empty()         ? Tone::good
+                                                  : Tone::attention;
+  if (view.process && view.unit_s) {
+    const double this_end_s =
+        view.run_end_utc_s.value_or(now_utc_s + (view.state == StationState::mounting ? *view.unit_s : 0.0));
+    view.queue_end_utc_s = this_end_s + *view.unit_s * static_cast<double>(view.waiting.size());
+  }
+  return view;
+}
+
+std::string json_of(const StationView& view) {
+  constexpr const char* tones[] = {"good", "attention", "bad"};
+  const auto time = [](const std::optional<double>& utc_s) { return utc_s ? format_utc(*utc_s) : std::string(); };
+  JsonObject o;
+  o.text("name", view.name);
+  o.text("state", to_string(view.state));
+  o.text("tone", tones[static_cast<std::size_t>(view.tone)]);
+  o.text("headline", view.headline);
+  o.texts("units", view.units);
+  o.text("folder", view.folder);
+  o.raw("simulated", view.simulated ? "true" : "false");
+  o.text("phase", view.phase);
+  o.text("began_utc", view.began_utc);
+  o.text("last_word_utc", view.last_word_utc);
+  o.raw("fraction", view.fraction ? json_number(*view.fraction) : "null");
+  o.text("run_end_utc", time(view.run_end_utc_s));
+  o.text("queue_end_utc", time(view.queue_end_utc_s));
+  o.raw("unit_s", view.unit_s ? json_number(*view.unit_s) : "null");
+  o.text("known", view.known);
+  o.number("waiting_count", static_cast<double>(view.waiting.size()));
+  o.texts("waiting", {view.waiting.begin(),
+                      view.waiting.begin() + static_cast<std::ptrdiff_t>(std::min(view.waiting.size(), shown))});
+  o.texts("for_a_person", view.for_a_person);
+  o.number("done", static_cast<double>(view.done));
+  o.number("passed", static_cast<double>(view.passed));
+  std::string outcomes;
+  for (const UnitOutcome& outcome : view.outcomes) {
+    JsonObject one;
+    one.text("unit", outcome.unit);
+    one.text("outcome", outcome.outcome);
+    one.text("time_utc", outcome.time_utc);
+    one.text("reason", outcome.reason);
+    outcomes += (outcomes.empty() ? "" : ",") + one.end();
+  }
+  o.raw("outcomes", "[" + outcomes + "]");
+  return o.end();
+}
+
+}  // namespace turncal

@@ -1,0 +1,55 @@
+// What a station does, as its files say it: queue, outcomes, the journal of the run, and who holds their locks. Nothing is locked,
+// written or asked of the run, so that looking on never holds it up.
+//
+//   running     a run has its folder, and its table moves or rests
+//   results     the same, and all is recorded: estimate, diagnosis, report
+//   mounting    a batch has the queue, and no run is going on: the next unit is to be mounted
+//   stopped     nobody works on the queue, and units wait, or a run was left in the middle
+//   idle        nobody works on the queue, and nothing waits
+//   unreadable  a file is missing or damaged; the headline says which
+//
+// Times by the clock of whoever looks; those of a run by its own, as its journal has them.
+#pragma once
+
+#include <sys/types.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "orchestrator/records/unit_queue.h"
+#include "orchestrator/service/service_config.h"
+#include "orchestrator/watch/tone.h"
+
+namespace turncal {
+
+enum class StationState { running, results, mounting, stopped, idle, unreadable };
+std::string_view to_string(StationState state);
+
+struct StationView {
+  std::string name;
+  StationState state = StationState::idle;
+  Tone tone = Tone::good;
+  std::string headline;
+  std::vector<std::string> units;  // of the run, or those to be mounted
+  std::string folder;              // of the run
+  bool simulated = false;
+  std::optional<pid_t> process;          // that works on the run, or on the queue
+  std::string phase;                     // "step 3: roll from 0 to -90 deg at 20 deg/s"
+  std::string began_utc, last_word_utc;  // of the run
+  std::optional<double> fraction;        // of the planned time
+  std::optional<double> run_end_utc_s, queue_end_utc_s;
+  std::string known;                      // sigma against the one needed, of a run that ends when it knows enough
+  std::vector<std::string> waiting;       // units to come, in their order
+  std::vector<std::string> for_a_person;  // what waits for somebody, the most urgent first
+  std::vector<UnitOutcome> outcomes;      // the newest first
+  std::size_t done = 0, passed = 0;       // of the queue
+  std::optional<double> unit_s;           // from one unit's end to the next one's
+};
+
+// now_utc_s: by the clock of this machine.
+StationView look_at(const ServedStation& station, double now_utc_s);
+
+std::string json_of(const StationView& view);
+
+}  // namespace turncal

@@ -1,0 +1,191 @@
+// The page of several stations: what it shows of each, and what an operator can do by it.
+#include <chrono>
+#include <optional>
+#include <thread>
+
+#include "imu_io/base/clock.h"
+#include "imu_io/base/lock_file.h"
+#include "orchestrator/service/operators.h"
+#include "orchestrator/service/service_page.h"
+#include "orchestrator/service/station_actions.h"
+#include "orchestrator/service/station_view.h"
+#include "tests/orchestrator/program.h"
+
+// After Eigen: a header of the system that it brings has a macro with the name of one of Eigen's parameters.
+#include <httplib.h>
+
+namespace turncal {
+namespace {
+
+// Of "secret", by `openssl passwd -6`.
+constexpr const char* hash_of_secret =
+    "$6$turncaltest$Ca3hHOX/8w81m.o69BWfLBp6laKsAnyBM.2euUeTvSVC1lnGTC5ljBbWVMKUnvJPVZsjRyAF80Zn8AABDxDyW1";
+
+class Serve : public Program {
+ protected:
+  void SetUp() override {
+    Program::SetUp();
+    station_ = {"east", path("queue"), path("runs"), path("mounted")};
+    std::filesystem::create_directories(path("runs"));
+  }
+  StationView look() const { return look_at(station_, *parse_utc("2026-01-02T00:00:00Z")); }
+  // Waits for a state; what was seen last.
+  StationView wait_for(StationState state) const {
+    StationView view;
+    for (int i = 0; i < 600 && (view = look()).state != state; ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    EXPECT_EQ(to_string(view.state), to_string(state)) << view.headline;
+    return view;
+  }
+  pid_t start_batch(const std::string& pace) const {
+    return start({"batch", path("queue"), "--dry-run", "--out", path("runs"), "--sequence",
+                  TURNCAL_SOURCE_DIR "/sequences/short_demo.seq", "--pace", pace});
+  }
+  // Of a test that has failed nothing is waited for.
+  ProgramResult finish_batch(pid_t batch) const {
+    if (HasFailure()) ::kill(batch, SIGKILL);
+    return finish(batch);
+  }
+  std::string write_operators(const std::string& text) const {
+    const std::string file = write("operators", text);
+    std::filesystem::permissions(file, std::filesystem::perms(0600));
+    return file;
+  }
+
+  ServedStation station_;
+};
+
+TEST_F(Serve, SaysWhatTheQueueIsAt) {
+  write("queue", "SN1\nSN2\nSN3\nSN4\nSN5\n");
+  write("queue.state",
+        "pass 2026-01-01T00:00:00Z SN1\nhold 2026-01-01T02:00:00Z SN2 # unexplained\npass 2026-01-01T04:10:00Z SN3\n");
+  const StationView view = look();
+  EXPECT_EQ(view.state, StationState::stopped);
+  EXPECT_EQ(view.tone, Tone::bad);
+  EXPECT_EQ(view.done, 3U);
+  EXPECT_EQ(view.passed, 2U);
+  EXPECT_EQ(view.waiting, (std::vector<std::string>{"SN4", "SN5"}));
+  EXPECT_EQ(view.for_a_person, (std::vector<std::string>{"start the batch", "unit SN2: hold: unexplained"}));
+  EXPECT_EQ(view.outcomes.front().unit, "SN3");
+  ASSERT_TRUE(view.unit_s);
+  EXPECT_EQ(*view.unit_s, 7800.0);     // of 7200 and 7800 s
+  EXPECT_FALSE(view.queue_end_utc_s);  // nobody works on it
+
+  write("queue", "SN1\nSN3\n");
+  EXPECT_EQ(look().state, StationState::idle);
+  EXPECT_EQ(look().tone, Tone::good);
+  write("queue.state", "nonsense\n");
+  EXPECT_EQ(look().state, StationState::unreadable);
+  EXPECT_NE(look().headline.find("queue.state:1"), std::string::npos);
+  std::filesystem::remove(path("queue"));
+  EXPECT_EQ(look().state, StationState::unreadable);
+}
+
+TEST_F(Serve, FollowsABatchAndPausesIt) {
+  write("queue", "SN1\nSN2\n");
+  const pid_t batch = start_batch("30");
+  StationView view = wait_for(StationState::running);
+  EXPECT_EQ(view.units, std::vector<std::string>{"SN1"});
+  EXPECT_EQ(view.waiting, std::vector<std::string>{"SN2"});
+  EXPECT_EQ(view.process, batch);
+  // Homed, and on its way.
+  for (int i = 0; i < 400 && (view = look()).phase.find("step") == std::string::npos; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  ASSERT_TRUE(view.fraction);
+  EXPECT_GE(*view.fraction, 0.0);
+  EXPECT_LT(*view.fraction, 1.0);
+  EXPECT_NE(view.phase.find("step"), std::string::npos) << view.phase;
+
+  const Result<std::string> done = act(station_, {"pause", ""}, "ana", *parse_utc("2026-01-02T00:00:00Z"));
+  EXPECT_TRUE(done) << done.error().message;
+  EXPECT_EQ(finish_batch(batch).code, 75);
+  EXPECT_EQ(file_text(path("queue.actions")), "2026-01-02T00:00:00Z ana pause\n");
+  view = look();
+  EXPECT_EQ(view.state, StationState::stopped);
+  EXPECT_EQ(view.for_a_person.front(), "start the batch again: it goes on with unit SN1");
+  EXPECT_FALSE(act(station_, {"stop", ""}, "ana", 0.0));  // nobody is there to be stopped, and nothing is written down
+  EXPECT_EQ(file_text(path("queue.actions")), "2026-01-02T00:00:00Z ana pause\n");
+}
+
+TEST_F(Serve, TellsABatchThatItsUnitIsMounted) {
+  write("queue", "SN1\n");
+  write("live.station",
+        "format = 1\nstation.name = live\ntable.driver = modbus\ntable.map = " TURNCAL_SOURCE_DIR
+        "/orchestrator/stations/twin.map\ntable.address = 127.0.0.1:1\nimu.driver = serial\nimu.device = " +
+            path("no_such_line") +
+            "\nimu.frame = laser_gyro\nsite.latitude_deg = 30\nsite.gravity_mps2 = 9.79\n"
+            "hook.mount = while ! grep -qsx \"$TURNCAL_UNIT\" " +
+            path("mounted") + "; do sleep 0.1; done; rm " + path("mounted") + "\n");
+  const pid_t batch = start({"batch", path("queue"), "--station", path("live.station"), "--out", path("runs")});
+  const StationView view = wait_for(StationState::mounting);
+  EXPECT_EQ(view.headline, "waits for unit SN1 to be mounted");
+  EXPECT_EQ(view.for_a_person.front(), "mount unit SN1");
+  EXPECT_EQ(view.tone, Tone::attention);
+  EXPECT_FALSE(act(station_, {"mounted", "SN2"}, "ana", 0.0));  // not that one
+  const Result<std::string> done = act(station_, {"mounted", "SN1"}, "ana", 0.0);
+  EXPECT_TRUE(done) << done.error().message;
+  const ProgramResult result = finish_batch(batch);
+  EXPECT_EQ(result.code, 50) << result.err;  // it went on, to devices that are not there
+  EXPECT_FALSE(std::filesystem::exists(path("mounted")));
+}
+
+TEST_F(Serve, NobodyButAnOperatorChangesAnything) {
+  write("queue", "SN1\n");
+  const std::string operators = write_operators(std::string("ana:") + hash_of_secret + "\n");
+  const auto now = [] { return 1.7e9; };
+  auto page = ServicePage::open("127.0.0.1:0", {{station_}, operators}, now);
+  ASSERT_TRUE(page) << page.error().message;
+  const std::string url = (*page)->url().substr(0, (*page)->url().size() - 1);
+  const auto post = [&](const std::string& name, const std::string& password, bool marked, const std::string& body) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(600));  // one password in half a second
+    httplib::Client client(url);
+    client.set_basic_auth(name, password);
+    httplib::Headers headers;
+    if (marked) headers.emplace("X-Turncal", "1");
+    const auto answer = client.Post("/act", headers, body, "text/plain");
+    return answer ? answer->status : -1;
+  };
+  const std::string add = "station = east\naction = add\nunit = SN%202\n";
+  EXPECT_EQ(post("ana", "secret", false, add), 403);  // a form of another page
+  EXPECT_EQ(post("ana", "wrong", true, add), 401);
+  EXPECT_EQ(post("eve", "secret", true, add), 401);
+  EXPECT_EQ(post("ana", "secret", true, "station = west\naction = add\nunit = X\n"), 404);
+  EXPECT_EQ(post("ana", "secret", true, "nonsense"), 400);
+  EXPECT_EQ(post("ana", "secret", true, std::string(5000, 'x')), 413);
+  EXPECT_EQ(post("ana", "secret", true, "station = east\naction = remove\nunit = SN9\n"), 409);
+  EXPECT_EQ(file_text(path("queue")), "SN1\n");
+  EXPECT_EQ(post("ana", "secret", true, add), 200);
+  EXPECT_EQ(file_text(path("queue")), "SN1\nSN 2\n");
+  httplib::Client client(url);
+  const auto status = client.Get("/status.json");
+  ASSERT_TRUE(status);
+  EXPECT_NE(status->body.find("\"SN 2\""), std::string::npos) << status->body;
+  EXPECT_EQ(client.Get("/queue")->status, 404);
+
+  auto looking = ServicePage::open("127.0.0.1:0", {{station_}, ""}, now);
+  ASSERT_TRUE(looking);
+  httplib::Client other((*looking)->url().substr(0, (*looking)->url().size() - 1));
+  other.set_basic_auth("ana", "secret");
+  EXPECT_EQ(other.Post("/act", {{"X-Turncal", "1"}}, add, "text/plain")->status, 404);
+}
+
+TEST_F(Serve, RefusesWhatItCannotServe) {
+  write("queue", "SN1\n");
+  expect_refused({"serve", path("none")}, "none: cannot open");
+  expect_refused({"serve", write("a", "station.1 = east\nstation.1.queue = queue\n")}, "station.1.runs");
+  const std::string station = "station.1 = east\nstation.1.queue = queue\nstation.1.runs = runs\n";
+  expect_refused({"serve", write("b", station + "station.2 = east\nstation.2.queue = q\nstation.2.runs = r\n")},
+                 "b:4: key 'station.2' = 'east': expected a name of its own");
+  expect_refused({"serve", write("c", station + "serve.password = x\n")}, "serve.password");
+  const std::string stations = write("d", station + "serve.password_file = operators\n");
+  expect_refused({"serve", stations}, "operators: cannot open");
+  write_operators("ana:secret\n");
+  expect_refused({"serve", stations}, "operators:1: expected NAME:HASH");
+  write_operators(std::string("ana:") + hash_of_secret + "\n");
+  expect_refused({"serve", stations, "--listen", "0.0.0.0:0"}, "a loopback address is expected");
+  std::filesystem::permissions(path("operators"), std::filesystem::perms(0644));
+  expect_refused({"serve", stations}, "others can read");
+}
+
+}  // namespace
+}  // namespace turncal
