@@ -4,7 +4,7 @@
 // nobody but that thread; the page shows how old the look is. Posts are answered one after the other, at most one password in
 // between_passwords_s: guessing is slow, and a wrong one makes nobody else wait longer than that.
 //
-// POST /act: Authorization: Basic, X-Turncal: 1, and a body of key = value lines: station, action, unit (station_actions.h), values with %xx. Answers: 200 and what
+// POST /act: Authorization: Basic, X-Turncal: 1, and a body of key = value lines: station, action, unit (orchestrator/service/station_actions.h), values with %xx. Answers: 200 and what
 // was done; 401 name or password; 409 what cannot be done now, and why; 429 too soon.
 #pragma once
 
