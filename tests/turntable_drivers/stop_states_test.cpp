@@ -290,12 +290,12 @@ TEST(StopStates, ChatterIsALostLinkSoon) {
     s.station.disturb(nullptr);
   }
   Dialect dialect = shipped_dialect("pi_gcs2");
-  dialect.link.reply_timeout_s = 0.15;
+  dialect.link.reply_timeout_s = 1.0;
   dialect.link.quiet_s = 0.2;
   TextTable s(dialect);
   s.make_ready();
   s.station.disturb([](const std::string&, AnswerPlan& plan) { plan = chatter("*"); });
-  EXPECT_LT(lost_after_s(s), 1.5);
+  EXPECT_LT(lost_after_s(s), 1.9) << "1.4 s: an answer is awaited once";
   s.station.disturb(nullptr);
 }
 

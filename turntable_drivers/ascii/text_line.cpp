@@ -19,7 +19,7 @@ namespace {
 constexpr double slice_s = 1e-3 * StopSignal::longest_look_away_ms;
 constexpr double write_timeout_s = 0.01;  // the kernel takes a sentence at once; a line that does not is dead
 constexpr std::size_t longest_answer = 4096;
-constexpr double longest_drain = 2.0;  // times quiet_s, after the time of a late answer: then nobody can be understood
+constexpr double longest_drain = 2.0;  // times quiet_s, once no answer can come any more: then nobody can be understood
 
 }  // namespace
 
@@ -87,7 +87,8 @@ Status TextLine::receive_some(double wait_s, bool& any) {
 }
 
 Status TextLine::drain() {
-  const Deadline limit(link_.reply_timeout_s + longest_drain * link_.quiet_s);
+  const double answer_due_s = std::max(0.0, last_sent_s_ + link_.reply_timeout_s - monotonic_s());
+  const Deadline limit(answer_due_s + longest_drain * link_.quiet_s);
   double quiet_since_s = monotonic_s();
   while (monotonic_s() - quiet_since_s < link_.quiet_s) {
     if (stop_.pending()) return given_up();

@@ -23,7 +23,7 @@ namespace {
 constexpr int byte_poll_ms = 1;               // while the rest of a frame comes in
 constexpr double busy_pause_s = 0.05;         // before a busy drive is asked again
 constexpr std::uint32_t read_out_us = 20000;  // libmodbus is called when the frame is there; this only bounds a mistake
-constexpr double longest_drain = 2.0;  // times quiet_s, after the time of a late answer: then nobody can be understood
+constexpr double longest_drain = 2.0;  // times quiet_s, once no answer can come any more: then nobody can be understood
 
 const char* exception_text(int exception) {
   switch (exception) {
@@ -143,7 +143,8 @@ bool ModbusLink::discard_pending() {
 }
 
 ModbusLink::Reply ModbusLink::drain() {
-  const Deadline limit(settings_.response_timeout_s + longest_drain * settings_.quiet_s);
+  const double answer_due_s = std::max(0.0, last_sent_s_ + settings_.response_timeout_s - monotonic_s());
+  const Deadline limit(answer_due_s + longest_drain * settings_.quiet_s);
   double quiet_since_s = monotonic_s();
   while (monotonic_s() - quiet_since_s < settings_.quiet_s) {
     if (stop_.pending()) return {Failure::interrupted, 0, "", {}};
@@ -160,6 +161,7 @@ ModbusLink::Reply ModbusLink::drain() {
 }
 
 ModbusLink::Reply ModbusLink::send(std::span<const std::uint8_t> body) {
+  last_sent_s_ = monotonic_s();
   if (settings_.header()) {
     // libmodbus's raw requests all carry transaction 0, so the seven bytes before the PDU are made here.
     std::vector<std::uint8_t> frame;

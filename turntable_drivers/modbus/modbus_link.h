@@ -76,6 +76,7 @@ class ModbusLink {
   bool lost_ = false;
   std::string lost_reason_;
   double last_activity_s_ = 0.0;
+  double last_sent_s_ = 0.0;
 };
 
 }  // namespace turncal
