@@ -14,6 +14,7 @@
 #include "orchestrator/devices/felt_directions.h"
 #include "orchestrator/devices/rate_check.h"
 #include "orchestrator/run/stray_axis.h"
+#include "turntable_drivers/table/table_state.h"
 
 namespace turncal {
 
@@ -151,14 +152,9 @@ class Trial {
       const Result<TableStatus> axes = read_table();
       if (!axes) return axes.error();
       for (const Axis axis : all_axes) {
-        const AxisStatus& a = (*axes)[static_cast<std::size_t>(axis)];
-        if (!a.fault && !a.limit && !a.emergency_stop && a.remote) continue;
-        return device_error(std::string(to_string(axis)) + ": " +
-                            (a.emergency_stop ? "emergency stop"
-                             : a.fault        ? "fault"
-                             : a.limit        ? "limit switch"
-                                              : "not in remote mode") +
-                            (a.text.empty() ? "" : ": " + a.text));
+        // Until they are held the drives come on and find their zero.
+        const std::string trouble = trouble_of(axis, (*axes)[static_cast<std::size_t>(axis)], held_deg_.has_value());
+        if (!trouble.empty()) return device_error(trouble);
       }
       if (held_deg_) {
         const double tolerance_deg = station_.motion.position_tolerance_deg;

@@ -5,6 +5,7 @@
 
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/run/stray_axis.h"
+#include "turntable_drivers/table/table_state.h"
 
 namespace turncal {
 
@@ -105,21 +106,12 @@ StationRun::MaybeEvent StationRun::read_table() {
   }
   unread_ = false;
   if (!live_states.contains(state_)) return std::nullopt;
+  const bool in_use = state_ != RunState::homing && state_ != RunState::parking;
   for (Axis axis : all_axes) {
     const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
-    const std::string text = status.text.empty() ? "" : ": " + status.text;
-    const std::string name = to_string(axis);
-    if (status.emergency_stop) {
-      return raise(RunEvent::e_stop, ErrorKind::device, "emergency stop is pressed" + text);
-    }
-    if (status.fault) return raise(RunEvent::table_fault, ErrorKind::device, "fault of axis " + name + text);
-    if (status.limit) return raise(RunEvent::table_fault, ErrorKind::device, "limit switch of axis " + name + text);
-    if (!status.remote)
-      return raise(RunEvent::table_fault, ErrorKind::device, "axis " + name + " is not in remote mode");
-    if (state_ == RunState::homing || state_ == RunState::parking) continue;
-    if (!status.enabled)
-      return raise(RunEvent::table_fault, ErrorKind::device, "drive of axis " + name + " is off" + text);
-    if (!status.homed) return raise(RunEvent::table_fault, ErrorKind::device, "axis " + name + " lost its zero" + text);
+    const std::string trouble = trouble_of(axis, status, in_use);
+    if (trouble.empty()) continue;
+    return raise(status.emergency_stop ? RunEvent::e_stop : RunEvent::table_fault, ErrorKind::device, trouble);
   }
   return std::nullopt;
 }

@@ -88,6 +88,19 @@ TEST_F(TableProgram, CommissionStopsWhenAnotherAxisTurns) {
   EXPECT_LT(drives.drive(3).position, 10'000.0) << "10 deg at 10 deg/s, where a poll takes 0.1 s";
 }
 
+TEST_F(TableProgram, CommissionStopsWhenADriveGoesOff) {
+  double began_s = 0.0;
+  const ProgramResult result = commission([&](pid_t) {
+    began_s = monotonic_s();
+    const std::lock_guard lock(drives.mutex);
+    drives.drives[2].write_control(0);
+  });
+  EXPECT_LT(monotonic_s() - began_s, 5.0) << "not only when a move takes too long";
+  EXPECT_EQ(result.code, 50);
+  EXPECT_NE(result.err.find("drive of axis pitch is off; the table rests, its drives are off"), std::string::npos)
+      << result.err;
+}
+
 TEST_F(TableProgram, MonitorShowsADriveThatIsOnAndSwitchesItOff) {
   switch_on();
   const ProgramResult result = run({"monitor", "--station", "level.station", "--seconds", "1"});

@@ -1,8 +1,10 @@
 // The state of an axis and of a table in one word, for people: the monitor, the run's log and the status page. Nothing is decided by
-// it. A pure function of what was read; stopping is what the reader has to say, since a table does not.
+// that. What is wrong with an axis, for whoever moves it. Pure functions of what was read; stopping is what the reader has to say, since
+// a table does not.
 #pragma once
 
 #include <span>
+#include <string>
 
 #include "turntable_drivers/table/turntable.h"
 
@@ -28,6 +30,19 @@ constexpr TableState state_of(std::span<const AxisStatus> axes, bool stopping = 
     if (worst < state) worst = state;
   }
   return worst;
+}
+
+// Why nothing may go on with this axis; empty: it may. in_use: it has to be switched on and to know its zero.
+inline std::string trouble_of(Axis axis, const AxisStatus& read, bool in_use) {
+  const std::string name = to_string(axis);
+  const std::string text = read.text.empty() ? "" : ": " + read.text;
+  if (read.emergency_stop) return "emergency stop is pressed" + text;
+  if (read.fault) return "fault of axis " + name + text;
+  if (read.limit) return "limit switch of axis " + name + text;
+  if (!read.remote) return "axis " + name + " is not in remote mode" + text;
+  if (in_use && !read.enabled) return "drive of axis " + name + " is off" + text;
+  if (in_use && !read.homed) return "axis " + name + " lost its zero" + text;
+  return "";
 }
 
 // Of a table whose status() failed just now.
