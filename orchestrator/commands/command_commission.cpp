@@ -75,7 +75,7 @@ Status run_commission(const Options& options, CommandContext& context) {
   bool switched_on = false;
   std::string said;
   Status status = commission(options, *station, **live, context.out, switched_on, said);
-  const std::string how_left = switched_on ? "; the table rests, its drives are off" : "; nothing was moved";
+  const std::string how_left = switched_on ? "; " + how_it_rests((*live)->devices().table) : "; nothing was moved";
   status = (*live)->leave_table(status, how_left);
   if (status) context.out << said << how_left << std::endl;
   return status;

@@ -120,8 +120,11 @@ void StationRun::handle(RunEvent event) {
         first_error_ = Error{raised_kind_, place() + ": " + record.detail};
         stop_cause_ = StopCause::by_operator;
       } else if (transition.to == RunState::failed && now == RunEvent::deadline) {
-        first_error_->message += std::string("; ") + stop_not_verified;
+        first_error_->message += "; " + stop_.not_verified("");
         first_error_->kind = ErrorKind::device;
+      } else if (transition.to == RunState::failed && now == RunEvent::stopped_verified &&
+                 !devices_.table.needs_operator()) {
+        first_error_->message += "; " + how_it_rests(devices_.table);
       }
     }
     // Where nothing changes, the poll that is due stays due.

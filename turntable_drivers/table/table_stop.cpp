@@ -20,6 +20,9 @@ void TableStop::begin() {
   stands_.reset();
   repeat_at_s_ = reconnect_at_s_ = 0.0;
   reconnect_wait_s_ = repeat_s;
+  reached_again_ = false;
+  unreached_.clear();
+  seen_.reset();
 }
 
 Status TableStop::stop(double now_s) {
@@ -49,6 +52,7 @@ TableStop::Rest TableStop::rest(const TableStatus& axes) const {
 
 bool TableStop::look(const TableStatus* axes, double now_s) {
   const Rest seen = axes != nullptr ? rest(*axes) : Rest::moves;
+  seen_ = axes != nullptr ? std::optional(seen) : std::nullopt;
   if (axes == nullptr) {
     stands_.reset();
   } else if (seen == Rest::moves || !stands_) {
@@ -69,9 +73,27 @@ void TableStop::reconnect(double now_s) {
   if (now_s < reconnect_at_s_) return;
   reconnect_at_s_ = now_s + reconnect_wait_s_;
   reconnect_wait_s_ = std::min(2.0 * reconnect_wait_s_, longest_reconnect_wait_s);
-  if (!table_.connect()) return;
+  const Status connected = table_.connect();
+  reached_again_ = connected.ok();
+  unreached_ = connected ? "" : connected.error().message;
+  if (!connected) return;
   // Nobody took the fastest stop while the link was down: it may still brake as it should.
   if (!abort_taken_) static_cast<void>(stop(now_s).ok());
+}
+
+std::string TableStop::not_verified(const std::string& unread) const {
+  const std::string why = seen_ == Rest::stands ? "the drives do not go off"
+                          : seen_               ? "the table does not come to rest"
+                          : !unreached_.empty() ? "the link could not be opened again: " + unreached_
+                          : reached_again_      ? "the link was opened again, and the table does not answer"
+                                                : unread;
+  return "THE STOP COULD NOT BE VERIFIED, the table may still move, its drives may be on" +
+         (why.empty() ? "" : ": " + why);
+}
+
+std::string how_it_rests(const Turntable& table) {
+  return table.can_switch_off() ? "the table rests, its drives are off"
+                                : "the table rests; its drives cannot be switched off from here";
 }
 
 Status leave_off(Turntable& table, const StopTime& time) {
@@ -79,7 +101,6 @@ Status leave_off(Turntable& table, const StopTime& time) {
   TableStop stop(table, time.standing_rate_degps);
   const double began_s = time.now_s();
   bool stop_sent = false, abort_sent = false;
-  auto rest = TableStop::Rest::not_seen;
   std::optional<Error> unread;  // why nothing can be read, the first reason
   for (;;) {
     TableStatus axes{};
@@ -97,8 +118,7 @@ Status leave_off(Turntable& table, const StopTime& time) {
     }
     const double now_s = time.now_s();
     if (readable) unread.reset();
-    rest = readable ? stop.rest(axes) : TableStop::Rest::not_seen;
-    const bool moves = rest == TableStop::Rest::moves;
+    const bool moves = readable && stop.rest(axes) == TableStop::Rest::moves;
     if (!stop_sent && (given_up || moves)) {
       stop_sent = true;
       static_cast<void>(stop.stop(now_s).ok());
@@ -111,10 +131,7 @@ Status leave_off(Turntable& table, const StopTime& time) {
     if (now_s - began_s > time.deadline_s) break;
     time.wait(time.poll_s);
   }
-  const std::string why = unread                            ? unread->message
-                          : rest != TableStop::Rest::stands ? "the table does not come to rest"
-                                                            : "the drives do not go off";
-  return device_error(stop_not_verified + (": " + why));
+  return device_error(stop.not_verified(unread ? unread->message : ""));
 }
 
 }  // namespace turncal

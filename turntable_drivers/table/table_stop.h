@@ -15,6 +15,7 @@
 
 #include <functional>
 #include <optional>
+#include <string>
 
 #include "turntable_drivers/table/turntable.h"
 
@@ -32,6 +33,8 @@ class TableStop {
   bool look(const TableStatus* axes, double now_s);
   enum class Rest { not_seen, moves, stands };
   Rest rest(const TableStatus& axes) const;  // compared with the looks before
+  // One line for a table that was not verified: how it may be, and why. `unread`: the first reason why nothing could be read.
+  std::string not_verified(const std::string& unread) const;
 
   static constexpr double repeat_s = 0.5;
   static constexpr double stand_s = 0.5;
@@ -46,10 +49,10 @@ class TableStop {
   double repeat_at_s_ = 0.0;
   double reconnect_at_s_ = 0.0;
   double reconnect_wait_s_ = repeat_s;
+  bool reached_again_ = false;
+  std::string unreached_;     // why the last attempt to open the link anew failed
+  std::optional<Rest> seen_;  // at the last look; none: some axis could not be read
 };
-
-inline constexpr const char* stop_not_verified =
-    "THE STOP COULD NOT BE VERIFIED, the table may still move, its drives may be on";
 
 // The time that a stop may take, on the caller's clock, and how that passes.
 struct StopTime {
@@ -60,6 +63,9 @@ struct StopTime {
   double poll_s = 0.05;
   double standing_rate_degps = 0.02;
 };
+
+// How a table is left whose stop was verified.
+std::string how_it_rests(const Turntable& table);
 
 // Carries the rule out from wherever the table is. Nothing is sent to a table whose axes all read at rest with their drives off.
 // An error: it could not be verified.

@@ -82,6 +82,7 @@ TEST(StationRun, LostTableLinkIsTriedAgainForTheStopOnly) {
   EXPECT_TRUE(s.watcher.saw(RunEvent::link_lost));
   EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
   EXPECT_TRUE(s.at_rest());
+  EXPECT_TRUE(outcome.error.message.ends_with("; the table rests, its drives are off")) << outcome.error.message;
   EXPECT_LT(s.rig.axis(Axis::pitch).position_deg, 80.0) << "stopped before the target: the stop was sent again";
 }
 
@@ -92,6 +93,8 @@ TEST(StationRun, StopThatCannotBeVerifiedIsSaid) {
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_FALSE(s.watcher.saw(RunEvent::stopped_verified));
   EXPECT_NE(outcome.error.message.find("COULD NOT BE VERIFIED"), std::string::npos) << outcome.error.message;
+  EXPECT_NE(outcome.error.message.find(": the link could not be opened again: "), std::string::npos)
+      << outcome.error.message;
   EXPECT_EQ(outcome.error.message.find('\n'), std::string::npos);
 }
 
