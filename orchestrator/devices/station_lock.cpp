@@ -1,9 +1,13 @@
 #include "orchestrator/devices/station_lock.h"
 
+#include <netdb.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
+#include <array>
 #include <cctype>
 #include <filesystem>
+#include <memory>
 #include <utility>
 
 namespace turncal {
@@ -15,8 +19,25 @@ const std::string& lock_folder() {
   return folder;
 }
 
+// HOST:PORT with the first address that the system has for HOST; what cannot be looked up as it is written.
+std::string numeric(const std::string& device) {
+  const std::size_t colon = device.find(':');
+  if (colon == std::string::npos || colon != device.rfind(':')) return device;
+  addrinfo wanted{}, *found = nullptr;
+  wanted.ai_family = AF_INET;  // of localhost, too, always the same one
+  wanted.ai_socktype = SOCK_STREAM;
+  if (::getaddrinfo(device.substr(0, colon).c_str(), device.substr(colon + 1).c_str(), &wanted, &found) != 0)
+    return device;
+  const std::unique_ptr<addrinfo, void (*)(addrinfo*)> freed(found, ::freeaddrinfo);
+  std::array<char, NI_MAXHOST> host{};
+  std::array<char, NI_MAXSERV> port{};
+  const int failed = ::getnameinfo(found->ai_addr, found->ai_addrlen, host.data(), host.size(), port.data(),
+                                   port.size(), NI_NUMERICHOST | NI_NUMERICSERV);
+  return failed != 0 ? device : std::string(host.data()) + ":" + port.data();
+}
+
 std::string one_name_of(const std::string& device) {
-  if (!device.starts_with("/")) return device.starts_with("localhost:") ? "127.0.0.1" + device.substr(9) : device;
+  if (!device.starts_with("/")) return numeric(device);
   std::error_code error;
   const std::filesystem::path real = std::filesystem::canonical(device, error);
   return error ? device : real.string();

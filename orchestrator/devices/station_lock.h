@@ -1,8 +1,8 @@
 // One process at a time on a station's devices: its table and its units, over TCP as well as on serial lines. (A serial port keeps a
 // second one away by itself, a TCP table may take both.) Taken before anything is opened, let go when the process ends, however.
 //
-// A lock file of this machine for each device, below /run/lock: another machine at the same table is not seen. A name of a host other
-// than localhost is taken as it is written.
+// A lock file of this machine for each device, below /run/lock: another machine at the same table is not seen. The name of a table's host is
+// that of its address.
 #pragma once
 
 #include <string>

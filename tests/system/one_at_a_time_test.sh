@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Two of us at once: of runs started together into one folder one works and the other is refused, nothing of either is lost; one process
-# at a time on a TCP table and on a queue; what somebody else put into a folder stays.
+# at a time on a TCP table, a queue and a store; what somebody else put into a folder stays.
 set -euo pipefail
 here=$(cd "$(dirname "$0")/../.." && pwd)
 binary=${TURNCAL_BINARY:-$here/build/release/turncal}
@@ -63,6 +63,9 @@ sed "s|^imu.device = .*|imu.device = $work/none|" twin.station > other.station  
 first=$!
 children+=("$first")
 for _ in $(seq 200); do grep -qs 'samples/s' first.out && break; sleep 0.1; done
+sed "s|^table.address = 127.0.0.1:|table.address = 127.1:|" other.station > short.station  # and under another name
+"$binary" monitor --station short.station > said.out 2> said.err && fail "a table under another name is open to two"
+grep -q "in use by another process ($first)" said.err || fail "under another name: $(cat said.err)"
 for command in "monitor --station other.station" "run --station other.station --unit A --out a --sequence short.seq --capture-only" "commission --station other.station"; do
   code=0; "$binary" $command > said.out 2> said.err || code=$?
   [ "$code" = 50 ] && grep -q "$address: .*in use by another process ($first)" said.err || fail "code $code: $command: $(cat said.err)"
@@ -98,4 +101,21 @@ code=0; "$binary" batch queue --dry-run --out batch2 --sequence "$demo" > said.o
 "$binary" queue queue --add D > /dev/null || fail "the queue cannot be changed while a batch works on it"
 wait "$batch" || fail "batch: $(cat batch.out)"
 [ "$(grep -c '^not_judged' queue.state)" = 3 ] || fail "queue.state: $(cat queue.state)"
-echo "60 pairs, $both met; a table, a queue: one at a time"
+
+# The store of parameter files: of two that come together both are kept; what is in hand is waited for, then refused.
+printf '%s\n' 'format = 1' 'table.driver = mock' 'imu.driver = rig' 'site.latitude_deg = 29.53' 'site.gravity_mps2 = 9.7914' \
+  'motion.settle_s = 0.5' 'record.store = store' > store.station
+stored=(run --dry-run --no-diagnosis --station store.station --sequence "$here/sequences/short_demo.seq" --unit S)
+for seed in 1 2; do
+  echo "seed = $seed" > "$seed.rig"
+  "$binary" "${stored[@]}" --rig "$seed.rig" --out "stored$seed" > "stored$seed.out" 2>&1 &
+  children+=($!)
+done
+wait "${children[@]: -2}" || fail "two runs into one store: $(tail -n 3 stored?.out)"
+[ "$(find store/simulated/S/versions -type f | wc -l)" = 2 ] || fail "one of two versions is lost: $(find store)"
+exec 9> store/simulated/S/.lock; flock -n 9
+code=0; "$binary" restore store --unit S --simulated --version 1 > said.out 2> said.err || code=$?
+[ "$code" = 50 ] && grep -q 'store/simulated/S/.lock: in use by another process' said.err || fail "a store in use: code $code: $(cat said.out said.err)"
+exec 9>&-
+"$binary" restore store --unit S --simulated --version 1 > said.out || fail "a store that is free: $(cat said.out)"
+echo "60 pairs, $both met; a table, a queue, a store: one at a time"
