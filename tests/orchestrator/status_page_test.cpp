@@ -158,6 +158,10 @@ TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
   ASSERT_TRUE(page);
   EXPECT_NE(page->body.find("\"unit\":\"SN-7\""), std::string::npos) << "the first status is in the page itself";
   EXPECT_EQ(page->body.find("INITIAL"), std::string::npos);
+  for (const char* text :
+       {"A corner of one pulse or two is the unit's resolution", "width=device-width", "break-inside:avoid"}) {
+    EXPECT_NE(page->body.find(text), std::string::npos) << text;
+  }
   for (const char* other : {"/run.log", "/../out/run.log", "/status.json/x", "/favicon.ico"}) {
     const auto answer = client.Get(other);
     ASSERT_TRUE(answer) << other;

@@ -78,6 +78,18 @@ TEST(DwellMonitor, JumpOfTheGyroMean) {
   EXPECT_EQ(verdict(samples, loose), "complete");
 }
 
+// A count that is held for a while and then catches up by two pulses is the unit's resolution, in every sample of a dwell.
+TEST(DwellMonitor, PulsesThatComeTogetherAreNoKnock) {
+  std::vector<ImuSample> samples = at_rest(500, 2000);
+  for (std::size_t i = 0; i + 2 < samples.size(); i += 3) {
+    samples[i].accel = samples[i + 1].accel = {0.0, 97.0, -1.0};
+    samples[i + 2].accel = {0.0, 99.7, 2.0};
+    samples[i].gyro[1] -= 1.0;
+    samples[i + 2].gyro[1] += 1.0;
+  }
+  EXPECT_EQ(verdict(samples), "complete");
+}
+
 // A knock of 0.03 m/s in one sample: 60 pulses, 0.03 m/s^2 in one second's mean. Limit 0.02 m/s^2.
 TEST(DwellMonitor, KnockOnTheAccelerometer) {
   std::vector<ImuSample> samples = at_rest(500, 2000);
