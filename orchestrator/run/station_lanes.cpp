@@ -157,7 +157,7 @@ StationRun::MaybeEvent StationRun::record(UnitLane& lane) {
 StationRun::MaybeEvent StationRun::judge_move() {
   if (!item_running_) return std::nullopt;
   const std::string what =
-      std::string("samples lost or flagged while ") + to_string(job_.plan.items[item_].axis) + " turned";
+      std::string("samples lost, flagged or doubled while ") + to_string(job_.plan.items[item_].axis) + " turned";
   for (UnitLane& lane : lanes_) {
     if (!lane.alive() || !lane.motion_lost || lane.repeats < job_.station.dwell.max_repeats) continue;
     const Error error = device_error(what + ", and the move was repeated " + std::to_string(lane.repeats) + " times");
