@@ -153,7 +153,9 @@ TEST(Report, StaysSmallAndQuickForADayOfData) {
   const Report report = make_report(sample.diagnosis, sample_context(sample));
   EXPECT_EQ(report.plot_problem, "");
   EXPECT_LT(report.html.size(), 3u << 20);
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // whose own work takes several times as long
   EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(8));  // 1 s on a quiet machine
+#endif
 }
 
 }  // namespace
