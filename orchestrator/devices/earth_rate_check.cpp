@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 
-#include <Eigen/Geometry>
 #include <Eigen/LU>
 
 #include "calib/model/attitude.h"
@@ -21,9 +20,7 @@ std::string EarthRateCheck::add_rest(const Eigen::Vector3d& rate_radps, double s
     P_.topLeftCorner<3, 3>().diagonal().setConstant(bias * bias);
     P_.bottomRightCorner<3, 3>().diagonal().setConstant(100.0 * earth_rate_radps * earth_rate_radps);
   }
-  const Eigen::Vector3d up_by_angles = C_nb.transpose() * Eigen::Vector3d::UnitY();
-  const Eigen::Matrix3d C_bn =
-      Eigen::Quaterniond::FromTwoVectors(up_by_angles, up).toRotationMatrix() * C_nb.transpose();
+  const Eigen::Matrix3d C_bn = level(C_nb, up).transpose();
   Eigen::Matrix<double, 3, 6> H;
   H << Eigen::Matrix3d::Identity(), C_bn;
   const double noise = std::hypot(sigma_radps, limits_.misalignment_rad * rate_radps.norm());

@@ -4,9 +4,10 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "calib/model/attitude.h"
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {
@@ -45,7 +46,8 @@ DwellResidual::Side fit_side(const std::vector<ResidualPoint>& points, std::size
     shape.row(i) << 1.0, t, 0.5 * t * (t - 2.0 * middle_s);  // the slope is that of the middle
     v.row(i) = (after ? p.velocity_after_mps : p.velocity_before_mps).transpose();
   }
-  const Eigen::Matrix3d fit = shape.householderQr().solve(v);
+  Eigen::Matrix3d fit;
+  for (int k = 0; k < 3; ++k) fit.col(k) = least_squares(shape, v.col(k)).x;
   const Vector3d a = fit.row(1).transpose();
   const Vector3d j = fit.row(2).transpose();
   DwellResidual::Side side;

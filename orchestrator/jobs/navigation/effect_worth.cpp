@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
+#include "calib/statistics/linear_algebra.h"
 #include "orchestrator/jobs/navigation/navigation_job.h"
 #include "orchestrator/report/diagnosis_file.h"
 
@@ -53,7 +52,7 @@ ModelWithout model_without(const JointResult& extended, const Eigen::MatrixXd& P
   for (Eigen::Index k = 0; k < held; ++k)
     values[k] =
         model.effects[static_cast<std::size_t>(extended.free[static_cast<std::size_t>(rows[k])] - parameter_count)];
-  const Eigen::VectorXd change = P(Eigen::all, rows) * P(rows, rows).ldlt().solve(values);
+  const Eigen::VectorXd change = P(Eigen::all, rows) * solve_symmetric(P(rows, rows), values);
   for (std::size_t i = 0; i < extended.free.size(); ++i) {
     const int key = extended.free[i];
     const double by = change[static_cast<Eigen::Index>(i)];
