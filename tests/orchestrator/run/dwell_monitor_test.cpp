@@ -88,6 +88,9 @@ TEST(DwellMonitor, PulsesThatComeTogetherAreNoKnock) {
     samples[i + 2].gyro[1] += 1.0;
   }
   EXPECT_EQ(verdict(samples), "complete");
+  DwellConfig sample_by_sample;
+  sample_by_sample.stillness_window_s = 0.005;
+  EXPECT_NE(verdict(samples, sample_by_sample), "complete");
 }
 
 // A knock of 0.03 m/s in one sample: 60 pulses, 0.03 m/s^2 in one second's mean. Limit 0.02 m/s^2.
