@@ -32,7 +32,7 @@ CandidateScore score_of(const DiagnosisModel& m, const Scores& s, int k) {
   c.value = s.s[k] / s.Q(k, k);
   c.sigma = 1.0 / std::sqrt(s.Q(k, k));
   c.z = c.value / c.sigma;
-  c.detectable = 5.0 * c.sigma;
+  c.detectable = m.options.limits.selection.caught_at * c.sigma;
   c.visible = c.detectable <= absurd_magnitude(*c.column.entry);
   return c;
 }

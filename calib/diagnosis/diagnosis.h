@@ -28,8 +28,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/diagnosis/diagnosis_limits.h"
 #include "calib/joint/joined_recordings.h"
+#include "calib/model/limits.h"
 
 namespace turncal {
 

@@ -35,14 +35,25 @@ std::optional<FeltRate> with_free_rate(CompressedRecording recording) {
   return {};
 }
 
+// Variance of the gyros' biases, over what it is at the fitted noise: at least 1.
+double widened_by_unseen_instability(const JointResult& fit) {
+  double most = 1.0;
+  for (std::size_t i = 0; i < fit.free.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    if (fit.free[i] < 3)
+      most = std::max(most, fit.covariance(k, k) / (fit.covariance(k, k) - fit.unseen_instability(k, k)));
+  }
+  return most;
+}
+
 std::optional<FeltRate> felt_rate(const CompressedRecording& recording, const JointResult& fit) {
   if (!fit.converged || !fit.undetermined.empty()) return with_free_rate(recording);
   const int north = parameter_count + static_cast<int>(fit.effects.size());
   if (fit.last.information.rows() != north + 2) return {};
   const Scores scores = eliminate(fit.last.information, fit.last.gradient, fit.free, {north, north + 1});
-  const Eigen::Matrix2d information = scores.Q;
-  if (!(information.determinant() > 0.0)) return {};
-  return FeltRate{rate_at(recording.info.latitude_deg * rad_per_deg) + information.inverse() * scores.s, information};
+  if (!(scores.Q.determinant() > 0.0)) return {};
+  return FeltRate{rate_at(recording.info.latitude_deg * rad_per_deg) + scores.Q.inverse() * scores.s,
+                  scores.Q / widened_by_unseen_instability(fit)};
 }
 
 }  // namespace
@@ -50,11 +61,6 @@ std::optional<FeltRate> felt_rate(const CompressedRecording& recording, const Jo
 std::vector<EffectColumn> latitude_columns() {
   const EffectEntry* const rate = find_effect("earth_rate");
   return {{.entry = rate, .component = 0}, {.entry = rate, .component = 1}};
-}
-
-bool FeltLatitude::speaks_against(double stated_deg) const {
-  constexpr double sigmas = 5.0, least_deg = 0.03;
-  return std::abs(latitude_deg - stated_deg) > std::max(sigmas * sigma_deg, least_deg);
 }
 
 std::optional<FeltLatitude> felt_latitude(const CompressedRecording& recording, const JointResult& fit) {
@@ -68,7 +74,7 @@ std::optional<FeltLatitude> felt_latitude(const CompressedRecording& recording, 
     latitude += v.dot(felt->information * (felt->rate - rate_at(latitude))) / weight;
   }
   if (!(std::abs(latitude) <= 0.5 * pi)) return {};
-  return FeltLatitude{latitude / rad_per_deg, 1.0 / std::sqrt(weight) / rad_per_deg};
+  return FeltLatitude{latitude, 1.0 / std::sqrt(weight)};
 }
 
 }  // namespace turncal

@@ -69,7 +69,6 @@ class Tester {
 };
 
 void Tester::add(LackOfFitTest test) {
-  test.inflation = limits_.inflation_of(test.family);
   test.log10_p = log10_chi_square_tail(test.chi_square / test.inflation, test.degrees) + std::log10(test.tries);
   result_.tests.push_back(std::move(test));
 }
@@ -211,13 +210,13 @@ void Tester::families(const SegmentScores& scores) {
   }
 }
 
-// Variance of the mean velocity by the beat of an accelerometer's pulses: a count close to p / q of a pulse a sample leaves a
-// sawtooth of 1 / q of a pulse that lasts for seconds.
-double beat_variance(double counts, int samples, double pulse) {
+// Is the variance of the mean velocity by the beat of an accelerometer's pulses above `limit`? A count close to p / q of a pulse a sample
+// leaves a sawtooth of 1 / q of a pulse that lasts for seconds; a twelfth of its square is the most that it can be.
+bool beats(double counts, int samples, double pulse, double limit) {
   constexpr int finest = 16;
-  double largest = 0.0;
-  for (int q = 1; q <= finest; ++q) largest = std::max(largest, quantisation_variance(q * counts, samples, pulse / q));
-  return largest;
+  for (int q = 1; q <= finest && std::pow(pulse / q, 2) > 12.0 * limit; ++q)
+    if (quantisation_variance(q * counts, samples, pulse / q) > limit) return true;
+  return false;
 }
 
 // Correlation of the innovations at lags of 1 .. n seconds, each with variance 1 / pairs. On body axes: seconds in which an
@@ -234,9 +233,8 @@ void Tester::innovations(const FilterResult& pass) {
     Vector3d v = (step.C_mid.transpose() * step.nu).cwiseQuotient(variance.cwiseSqrt());
     const Block& block = recording_.blocks[step.block];
     for (int axis = 0; axis < 3; ++axis) {
-      v[axis] = std::clamp(v[axis], -4.0, 4.0);
-      if (accel_pulse_mps_ > 0.0 &&
-          beat_variance(block.accel[axis], block.samples, accel_pulse_mps_) > limits_.pulse_share * variance[axis])
+      v[axis] = std::clamp(v[axis], -noise_limits.outlier, noise_limits.outlier);
+      if (beats(block.accel[axis], block.samples, accel_pulse_mps_, limits_.pulse_share * variance[axis]))
         v[axis] = 0.0;
     }
     taking_part += static_cast<double>((v.array() != 0.0).count());
@@ -255,16 +253,15 @@ void Tester::innovations(const FilterResult& pass) {
   double square = 0.0;
   for (const Vector3d& v : u) square += v.squaredNorm();
   square /= std::max(1.0, taking_part);
-  constexpr int near = 5;
-  for (int k = 0; k < near; ++k)
-    if (pairs[k] > 100.0)
+  for (int k = 0; k < limits_.near_lags_s; ++k)
+    if (pairs[k] > limits_.fewest_pairs)
       result_.innovation_correlation = std::max(result_.innovation_correlation, std::abs(sum[k]) / (pairs[k] * square));
   LackOfFitTest test;
   test.family = "innovations";
   test.what = "correlation of the innovations over 6 to 30 s";
-  // Nearer ones are judged by their size (NoiseLimits::correlation): pulses make some of 0.1 in a quiet unit.
-  for (int k = near; k < lags; ++k)
-    if (pairs[k] > 100.0) {
+  test.inflation = limits_.innovations_inflation;
+  for (int k = limits_.near_lags_s; k < lags; ++k)
+    if (pairs[k] > limits_.fewest_pairs) {
       test.chi_square += sum[k] * sum[k] / pairs[k];
       ++test.degrees;
     }
@@ -307,7 +304,7 @@ void test_holdout(const CompressedRecording& holdout, const std::string& name, c
     double sum = 0.0;
     rank = 0;
     for (Eigen::Index k = 0; k < along.size(); ++k) {
-      if (eigen.values[k] < 1e-9) continue;
+      if (eigen.values[k] < tester.limits().open_direction) continue;
       sum += along[k] * along[k] / eigen.values[k];
       ++rank;
     }
@@ -322,15 +319,6 @@ void test_holdout(const CompressedRecording& holdout, const std::string& name, c
   agreement.degrees = rank - static_cast<int>(free);
   if (agreement.degrees > 0) tester.add(std::move(agreement));
 }
-
-}  // namespace
-
-double LackOfFitLimits::inflation_of(const std::string& family) const {
-  const auto found = inflation.find(family);
-  return found == inflation.end() ? 1.0 : found->second;
-}
-
-namespace {
 
 LackOfFit tests_at(const CompressedRecording& recording, const JointResult& fit, const NoiseModel& noise,
                    const std::vector<const CompressedRecording*>& holdouts, const LackOfFitLimits& limits) {

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 
+#include "calib/model/limits.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/linear_algebra.h"
 
@@ -36,9 +37,8 @@ struct Function {
 
 constexpr int harmonics = 4;
 constexpr int temperature_waves = 4;
-constexpr double least_range_c = 0.2;
 constexpr int rate_waves = 2;
-constexpr double least_rate_radps = 0.01;
+constexpr LackOfFitLimits limits;
 
 std::vector<Function> functions_of(const std::vector<Piece>& pieces) {
   std::vector<Function> all;
@@ -59,7 +59,7 @@ std::vector<Function> functions_of(const std::vector<Piece>& pieces) {
     coldest = std::min(coldest, piece.temperature_c);
     warmest = std::max(warmest, piece.temperature_c);
   }
-  if (warmest - coldest > least_range_c)
+  if (warmest - coldest > limits.least_range_c)
     all.push_back({temperature_curve, "with temperature", temperature_waves,
                    [coldest, warmest](const Place& p, Eigen::Ref<VectorXd> v) {
                      const double phase = pi * (p.temperature_c - coldest) / (warmest - coldest);
@@ -69,7 +69,7 @@ std::vector<Function> functions_of(const std::vector<Piece>& pieces) {
   for (const Piece& piece : pieces)
     for (const Turn& turn : piece.turns) fastest = fastest.cwiseMax(turn.rate_radps().cwiseAbs());
   for (int axis = 0; axis < 3; ++axis)
-    if (fastest[axis] > least_rate_radps)
+    if (fastest[axis] > limits.least_rate_radps)
       all.push_back({"rate", std::string("with the rate about ") + axes[axis], 2 * rate_waves,
                      [axis, most = fastest[axis]](const Place& p, Eigen::Ref<VectorXd> v) {
                        const double phase = 0.5 * pi * p.rate_radps[axis] / most;
@@ -144,8 +144,7 @@ FamilyFit fit_family(const SegmentScores::Test& test) {
   const SymmetricEigen eigen = symmetric_eigen(test.Q);
   const double largest = test.before.size() > 0 ? test.before.maxCoeff() : 0.0;
   if (!(largest > 0.0)) return fit;
-  // What the model imitates all but this part of is rounding (segment_scores.h).
-  const VectorXd information = (eigen.values.array() > 1e-4 * largest).select(eigen.values, 0.0);
+  const VectorXd information = (eigen.values.array() > limits.family_floor * largest).select(eigen.values, 0.0);
   const VectorXd along = eigen.vectors.transpose() * test.s;
   const double mean = information.mean();
   if (!(mean > 0.0)) return fit;

@@ -21,8 +21,8 @@
 
 #include <Eigen/Core>
 
-#include "calib/diagnosis/diagnosis_limits.h"
 #include "calib/joint/joint_filter.h"
+#include "calib/model/limits.h"
 
 namespace turncal {
 

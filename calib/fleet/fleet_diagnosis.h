@@ -36,7 +36,7 @@ struct FleetOptions {
   std::vector<std::string> factors = {"station"};
   double false_alarm = 0.01;  // of a fleet without any effect, all tests of levels together
   double unit_false_alarm = 0.01;
-  double shape_margin = 10.0;  // of z^2: "very strong" in the scale of Kass and Raftery (diagnosis_limits.h)
+  double shape_margin = 10.0;  // of z^2: "very strong" in the scale of Kass and Raftery (limits.h)
   int max_effects = 20;
   int max_of_unit = 4;  // effects of a unit that stands out
 };

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "calib/diagnosis/diagnosis_limits.h"
+#include "calib/model/limits.h"
 #include "calib/statistics/distributions.h"
 
 namespace turncal {

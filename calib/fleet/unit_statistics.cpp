@@ -3,9 +3,9 @@
 #include <cmath>
 #include <cstdio>
 
-#include "calib/diagnosis/diagnosis_limits.h"
 #include "calib/joint/coarser_recording.h"
 #include "calib/joint/score_algebra.h"
+#include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {

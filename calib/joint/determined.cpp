@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
@@ -35,7 +36,7 @@ SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::Vec
       balance.asDiagonal() * (A + Eigen::MatrixXd::Identity(A.rows(), A.cols())) * balance.asDiagonal();
   const Eigen::MatrixXd with_prior = balance.asDiagonal() * solve_symmetric(B, Eigen::MatrixXd(balance.asDiagonal()));
   const SymmetricEigen eigen = symmetric_eigen(with_prior);  // sigma^2 / (1 + sigma^2), in ranges
-  constexpr double limit = 0.01;                             // sigma of a tenth of the range
+  constexpr double limit = determined_limits.of_range * determined_limits.of_range;
   Eigen::Index good = 0;
   while (good < A.rows() && eigen.values[good] < limit) ++good;
   SubsetSolution solution;
@@ -61,9 +62,10 @@ SubsetSolution solve_subset(const Eigen::MatrixXd& information, const Eigen::Vec
   for (Eigen::Index d = 0; d < solution.undetermined.cols(); ++d)
     moved += eigen.values[good + d] * solution.undetermined.col(d).cwiseProduct(scale).cwiseAbs2();
   for (Eigen::Index i = 0; i < A.rows(); ++i) {
-    const bool takes_part =
-        solution.undetermined.cols() > 0 && solution.undetermined.row(i).cwiseAbs().maxCoeff() >= smallest_part;
-    if (takes_part || moved[i] > 0.25 * solution.covariance(i, i)) solution.lost[static_cast<std::size_t>(i)] = 1;
+    const bool takes_part = solution.undetermined.cols() > 0 &&
+                            solution.undetermined.row(i).cwiseAbs().maxCoeff() >= determined_limits.smallest_part;
+    if (takes_part || moved[i] > std::pow(determined_limits.of_sigma, 2) * solution.covariance(i, i))
+      solution.lost[static_cast<std::size_t>(i)] = 1;
   }
   return solution;
 }

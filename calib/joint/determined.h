@@ -13,8 +13,6 @@
 
 namespace turncal {
 
-inline constexpr double smallest_part = 0.1;  // of a parameter in an undetermined direction that is worth naming
-
 // Ranges (file units) that a parameter must be known far better than to count as determined: what the noise would let a
 // run as long, at the best positions, determine, times 500 (N0), 1e5 (A0, a) and 2e4 (n), between what a unit of
 // navigation grade and the worst of sensors can be off.

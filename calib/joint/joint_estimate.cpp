@@ -7,6 +7,7 @@
 #include "calib/joint/joint_run.h"
 #include "calib/joint/noise_pull.h"
 #include "calib/joint/start_noise.h"
+#include "calib/model/limits.h"
 
 namespace turncal {
 namespace {
@@ -187,7 +188,7 @@ void JointRun::report() {
     Undetermined u;
     for (std::size_t i = 0; i < subset_.size(); ++i) {
       const double weight = direction[static_cast<Eigen::Index>(i)];
-      if (std::abs(weight) < smallest_part) continue;
+      if (std::abs(weight) < determined_limits.smallest_part) continue;
       const std::string key = subset_[i] < parameter_count
                                   ? std::string(parameter_keys[static_cast<std::size_t>(subset_[i])])
                                   : options_.effects[static_cast<std::size_t>(subset_[i] - parameter_count)].key();

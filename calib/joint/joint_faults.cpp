@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "calib/model/limits.h"
+
 namespace turncal {
 namespace {
 
@@ -29,9 +31,6 @@ std::size_t block_of(const CompressedRecording& recording, std::int64_t sample) 
   return after == recording.blocks.begin() ? 0 : static_cast<std::size_t>(after - recording.blocks.begin()) - 1;
 }
 
-constexpr double chi_square_3_one_in_1e9 = 44.8;
-// Worse than this an interpolated rotation is not used: everything is found again after it.
-constexpr double worst_fill_rad = 0.003;
 constexpr double nothing_known_rad = 1.0;
 
 // The segment in which all the samples of a gap lie, rests counted as one; -1 when it reaches over a border of a turn.
@@ -79,7 +78,7 @@ double fill_sigma_rad(const CompressedRecording& recording, std::size_t gap, dou
     ++tried;
   }
   const double sigma = 2.0 * largest;
-  return tried >= 4 && sigma < worst_fill_rad ? sigma : nothing_known_rad;
+  return tried >= fault_limits.fewest_trials && sigma < fault_limits.worst_fill_rad ? sigma : nothing_known_rad;
 }
 
 }  // namespace
@@ -159,11 +158,12 @@ bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Inn
       after_rotation.push_back(i.normalised.squaredNorm());
   double usual = 0.0;
   if (after_rotation.size() >= 10) {
-    const auto rank = after_rotation.begin() + static_cast<std::ptrdiff_t>(after_rotation.size() * 9 / 10);
+    const auto rank = after_rotation.begin() + static_cast<std::ptrdiff_t>(fault_limits.usual_share *
+                                                                           static_cast<double>(after_rotation.size()));
     std::nth_element(after_rotation.begin(), rank, after_rotation.end());
     usual = *rank;
   }
-  const double limit = std::max(chi_square_3_one_in_1e9, 10.0 * usual);
+  const double limit = std::max(fault_limits.chi_square, fault_limits.of_usual * usual);
   const Innovation* worst = nullptr;
   for (const Innovation& i : innovations)
     if (i.normalised.squaredNorm() > limit && (!worst || i.normalised.squaredNorm() > worst->normalised.squaredNorm()))

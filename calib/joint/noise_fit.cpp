@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "calib/joint/linear_motion.h"
+#include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
@@ -170,8 +171,7 @@ Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups
 // likelihood and prior, less the covariance without it.
 Eigen::MatrixXd unseen_instability(RestrictedLikelihood& likelihood, const RestrictedLikelihood::Run& without,
                                    const Variances& s, int triad, double tau) {
-  // Ring lasers and quartz by their data sheets; in units of the walk's own.
-  const double usual = triad == 0 ? 0.2 : 0.5;
+  const double usual = triad == 0 ? noise_limits.usual_gyro : noise_limits.usual_accel;
   constexpr std::array sizes = {0.8, 1.6, 2.6, 4.0, 6.0};  // of the usual one
   const double unit = usual * usual * s.segment<3>(3 * triad).mean() / tau;
   double sum = 0.5 * sizes[0];  // of the weights, with none: the first of the trapezoids' corners
@@ -224,8 +224,7 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     // One scoring step with six values shows whether that would say more than chance (4 more degrees of freedom).
     Variances apart = s;
     const Scoring six = score(likelihood, axes, tau, 1, apart);
-    constexpr double chi_square_4_one_in_1e4 = 23.5;
-    if (scoring.value - six.value > chi_square_4_one_in_1e4) {
+    if (scoring.value - six.value > noise_limits.axes_differ) {
       fit.axes_differ = true;
       of_walks = axes;
       s = apart;
@@ -241,7 +240,7 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     const Scoring without = estimate(of_walks, triad == 1 && kept[0], triad == 0 && kept[1]);
     const double gain = without.value - scoring.value;
     (triad == 0 ? fit.gyro_bias_instability_gain : fit.accel_bias_instability_gain) = gain;
-    if (gain > instability_gain_limit) {
+    if (gain > noise_limits.instability_gain) {
       s = with;
     } else {
       kept[triad] = false;

@@ -32,9 +32,6 @@
 
 namespace turncal {
 
-// 2 (log L_R - log L_R without), above which a bias instability is kept: of clean triads one in twenty is given one.
-inline constexpr double instability_gain_limit = 2.71;
-
 struct NoiseFitOptions {
   bool random_walks = true;  // false: keep those of the start model (configured)
   bool bias_instability = true;

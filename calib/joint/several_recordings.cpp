@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "calib/model/limits.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/linear_algebra.h"
 
@@ -11,7 +12,6 @@ namespace turncal {
 namespace {
 
 constexpr int biases = 6;
-constexpr double surely = 1e-3;
 
 // Where the column of a recording stands among all: those of the first, then six biases of every further one.
 int place(int column, std::size_t recording) {
@@ -133,7 +133,7 @@ SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates) 
   }
   result.degrees = known - static_cast<int>(w.subset.size() - static_cast<std::size_t>(solution.undetermined.cols()));
   result.p_value = chi_square_tail(result.disagreement, result.degrees);
-  result.agree = result.p_value > surely;
+  result.agree = result.p_value > agreement_limits.chance;
   if (!result.agree) covariance *= result.disagreement / std::max(result.degrees, 1);
 
   // The mean of the biases and the common parameters, as one linear map of all columns.

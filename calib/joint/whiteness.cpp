@@ -3,19 +3,21 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/model/limits.h"
+
 namespace turncal {
 
 Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
   constexpr int lags = 5;
   Whiteness w;
   w.autocorrelation = Eigen::VectorXd::Zero(lags);
-  if (innovations.size() < 100) {
+  const NoiseLimits& limits = noise_limits;
+  if (innovations.size() < static_cast<std::size_t>(limits.fewest_seconds)) {
     w.message = "too few static seconds to judge";
     return w;
   }
-  // A second that stands out (a fault not worth cutting) is limited to 4 sigma: it must not decide alone.
   const auto value = [&](std::size_t i) -> Eigen::Vector3d {
-    return innovations[i].normalised.cwiseMax(-4.0).cwiseMin(4.0);
+    return innovations[i].normalised.cwiseMax(-limits.outlier).cwiseMin(limits.outlier);
   };
   double square = 0.0;
   double raw = 0.0;
@@ -29,12 +31,11 @@ Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
   w.autocorrelation /= square;
   w.level = raw / (3.0 * static_cast<double>(innovations.size()));
   const double worst = w.autocorrelation.cwiseAbs().maxCoeff();
-  // In less than a quarter of an hour at rest chance alone goes beyond the limits; then they are 4.5 sigma of it.
   const double values = 3.0 * static_cast<double>(innovations.size());
-  const double limit = std::max(0.1, 4.5 / std::sqrt(values));
-  const double level_spread = 4.5 * std::sqrt(2.0 / values);
-  w.white =
-      worst < limit && w.level > std::min(0.8, 1.0 - level_spread) && w.level < std::max(1.25, 1.0 + level_spread);
+  const double limit = std::max(limits.white_correlation, limits.of_chance / std::sqrt(values));
+  const double level_spread = limits.of_chance * std::sqrt(2.0 / values);
+  w.white = worst < limit && w.level > std::min(limits.white_lowest, 1.0 - level_spread) &&
+            w.level < std::max(limits.white_highest, 1.0 + level_spread);
   w.message = w.white          ? "innovations are white at the noise model"
               : worst >= limit ? "innovations are correlated in time: the noise model does not fit"
                                : "innovations are larger or smaller than the noise model says";

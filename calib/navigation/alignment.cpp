@@ -122,10 +122,6 @@ bool FeltSite::weighs_against(double of_record_mps2) const {
   return gravity_mps2 > 0.0 && std::abs(gravity_mps2 - of_record_mps2) > far_mps2;
 }
 
-bool FeltSite::speaks_against(double of_record_rad) const {
-  return std::abs(latitude_rad - of_record_rad) > std::max(1.0 * rad_per_deg, 5.0 * sigma_rad);
-}
-
 FeltSite felt_site(std::span<const MotionInterval> intervals, const NoiseModel& noise,
                    const ParameterCovariance& parameters) {
   double turned_rad = 0.0, seconds = 0.0, pushed_mps = 0.0;
@@ -140,13 +136,13 @@ FeltSite felt_site(std::span<const MotionInterval> intervals, const NoiseModel& 
     walk += interval.duration_s * direction.cwiseProduct(noise.angle_random_walk).squaredNorm();
     seconds += interval.duration_s;
   }
-  if (seconds <= 0.0) return {0.0, std::numeric_limits<double>::infinity(), 0.0};
+  if (seconds <= 0.0) return {{0.0, std::numeric_limits<double>::infinity()}, 0.0};
   const double sine = std::clamp(turned_rad / seconds / earth_rate_radps, -1.0, 1.0);
   up /= seconds;
   const Eigen::Matrix3d of_bias = radps_per_degph * radps_per_degph * parameters.topLeftCorner<3, 3>();
   const double variance = walk / (seconds * seconds) + up.dot(of_bias * up);
   const double cosine = std::max(0.05, std::sqrt(1.0 - sine * sine));
-  return {std::asin(sine), std::sqrt(std::max(0.0, variance)) / earth_rate_radps / cosine, pushed_mps / seconds};
+  return {{std::asin(sine), std::sqrt(std::max(0.0, variance)) / earth_rate_radps / cosine}, pushed_mps / seconds};
 }
 
 }  // namespace turncal

@@ -17,7 +17,9 @@
 #include <span>
 #include <string>
 
+#include "calib/model/limits.h"
 #include "calib/navigation/drift.h"
+#include "calib/navigation/earth.h"
 #include "calib/navigation/mechanisation.h"
 #include "calib/types/status.h"
 
@@ -49,12 +51,12 @@ std::array<double, 3> angle_sigmas(const Eigen::Matrix3d& of_phi, const Eigen::Q
 // Where on the Earth the unit turns as it does at rest: the rate about the vertical is W sin L. Says nothing of east or west; what a wrong
 // latitude of the recording, or a wrong gyro bias up, shows in. And what it weighs there: the mean size of the specific force.
 //   sigma: angle random walk over the seconds at rest, and the gyro biases' covariance.
-struct FeltSite {
-  double latitude_rad = 0.0;
-  double sigma_rad = 0.0;     // infinite where nothing rests
-  double gravity_mps2 = 0.0;  // 0 where nothing rests
-  // Further from `latitude_rad` than a degree and five sigma.
-  bool speaks_against(double latitude_rad) const;
+struct FeltSite : FeltLatitude {  // sigma is infinite where nothing rests
+  double gravity_mps2 = 0.0;      // 0 where nothing rests
+  // The calibration may be of another day.
+  bool speaks_against(double of_record_rad) const {
+    return FeltLatitude::speaks_against(of_record_rad, latitude_limits.least_of_another_day_deg);
+  }
   // Further from `gravity_mps2` than 0.01 m/s^2, a milligee: a calibration takes its scale from the site's gravity.
   bool weighs_against(double gravity_mps2) const;
 };

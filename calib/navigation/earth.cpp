@@ -1,7 +1,9 @@
 #include "calib/navigation/earth.h"
 
+#include <algorithm>
 #include <cmath>
 
+#include "calib/model/limits.h"
 #include "calib/model/parameters.h"
 
 namespace turncal {
@@ -35,6 +37,10 @@ FrameRates frame_rates(double latitude_rad, double height_m, const Eigen::Vector
   const double eastward = velocity_n_mps[2] / (radii.east_m + height_m);
   return {{earth_rate_radps * c, earth_rate_radps * s, 0.0},
           {eastward, eastward * s / c, -velocity_n_mps[0] / (radii.north_m + height_m)}};
+}
+
+bool FeltLatitude::speaks_against(double of_record_rad, double least_deg) const {
+  return std::abs(latitude_rad - of_record_rad) > std::max(least_deg * rad_per_deg, latitude_limits.sigmas * sigma_rad);
 }
 
 }  // namespace turncal

@@ -33,4 +33,12 @@ struct FrameRates {
 };
 FrameRates frame_rates(double latitude_rad, double height_m, const Eigen::Vector3d& velocity_n_mps);
 
+// The latitude at which the earth turns as gyros feel it: from a fit (felt_latitude.h), or from calibrated rests alone (alignment.h).
+struct FeltLatitude {
+  double latitude_rad = 0.0;
+  double sigma_rad = 0.0;
+  // By more than its error (LatitudeLimits::sigmas) and by more than `least_deg`.
+  bool speaks_against(double of_record_rad, double least_deg) const;
+};
+
 }  // namespace turncal

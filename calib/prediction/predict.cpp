@@ -10,8 +10,7 @@
 namespace turncal {
 namespace {
 
-constexpr double alias_correlation = 0.97;
-constexpr double caught_at = 5.0;
+constexpr SelectionLimits limits;
 
 // Components of one effect with one time constant.
 struct Group {
@@ -32,26 +31,23 @@ std::vector<Group> groups_of(const std::vector<EffectColumn>& columns) {
   return groups;
 }
 
-// Left over from rounding when the base imitates a column exactly.
-constexpr double nothing_kept = 1e-9;
-
 void predict_effects(const JointResult& estimate, const std::vector<EffectColumn>& columns, Prediction& prediction) {
   std::vector<int> candidates(columns.size());
   std::iota(candidates.begin(), candidates.end(), parameter_count);
   const Scores scores = eliminate(estimate.last.information, estimate.last.gradient, estimate.free, candidates);
-  const auto anything_left = [&](int k) { return scores.Q(k, k) > 0.0 && scores.kept[k] > nothing_kept; };
+  const auto anything_left = [&](int k) { return scores.Q(k, k) > 0.0 && scores.kept[k] > limits.visible_part; };
   std::vector<Group> groups = groups_of(columns);
   for (Group& group : groups) std::erase_if(group.seen, [&](int k) { return !anything_left(k); });
   const auto imitated = [&](int k, std::vector<int> by) {
     std::erase(by, k);
-    return !by.empty() && multiple_correlation(scores, k, by) > alias_correlation;
+    return !by.empty() && multiple_correlation(scores, k, by) > limits.alias_correlation;
   };
   for (const Group& own : groups) {
     for (const int k : own.members) {
       PredictedEffect effect;
       effect.column = columns[static_cast<std::size_t>(k)];
       effect.sigma = anything_left(k) ? 1.0 / std::sqrt(scores.Q(k, k)) : std::numeric_limits<double>::infinity();
-      effect.detectable = caught_at * effect.sigma;
+      effect.detectable = limits.caught_at * effect.sigma;
       effect.visible = effect.detectable <= absurd_magnitude(*effect.column.entry);
       if (effect.visible) {
         effect.among_its_own = imitated(k, own.seen);

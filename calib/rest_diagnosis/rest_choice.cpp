@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/diagnosis/diagnosis_limits.h"
+#include "calib/model/limits.h"
 
 namespace turncal {
 

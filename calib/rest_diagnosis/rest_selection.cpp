@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/diagnosis/diagnosis_limits.h"
+#include "calib/model/limits.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/linear_algebra.h"
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "calib/model/effects.h"
+#include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
@@ -15,8 +16,8 @@ using Eigen::VectorXd;
 
 constexpr double least_rest_s = 100.0;
 constexpr Index most_batches = 200;
-constexpr double alias_correlation = 0.97;
 constexpr double least_temperature_span_c = 0.5;
+constexpr double alias_correlation = SelectionLimits{}.alias_correlation;
 
 struct Series {  // batch means
   VectorXd time_s;

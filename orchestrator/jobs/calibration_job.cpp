@@ -9,6 +9,7 @@
 #include "calib/diagnosis/felt_latitude.h"
 #include "calib/diagnosis/lack_of_fit.h"
 #include "calib/joint/several_recordings.h"
+#include "calib/model/limits.h"
 #include "calib/rest_diagnosis/rest_diagnosis.h"
 #include "calib/rests/rest_model.h"
 #include "calib/rests/rest_units.h"
@@ -67,11 +68,11 @@ void note_joint(const JointResult& result, double sample_period_s, std::vector<s
 std::string wrong_latitude(const CompressedRecording& recording, const JointResult& result) {
   const std::optional<FeltLatitude> felt = felt_latitude(recording, result);
   const double stated_deg = recording.info.latitude_deg;
-  if (!felt || !felt->speaks_against(stated_deg)) return "";
+  if (!felt || !felt->speaks_against(stated_deg * rad_per_deg, latitude_limits.least_deg)) return "";
   char text[200];
   std::snprintf(text, sizeof text,
                 "the gyros feel the earth turn as at a latitude of %.3f +- %.3f deg, the recording says %.10g",
-                felt->latitude_deg, felt->sigma_deg, stated_deg);
+                felt->latitude_rad / rad_per_deg, felt->sigma_rad / rad_per_deg, stated_deg);
   return text;
 }
 

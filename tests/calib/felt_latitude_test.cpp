@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "calib/model/limits.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
@@ -26,15 +27,14 @@ TEST(FeltLatitude, IsTheTrueOneWhateverIsTold) {
       options.candidates = latitude_columns();
       const std::optional<FeltLatitude> felt = felt_latitude(recording, joint_estimate(recording, options));
       ASSERT_TRUE(felt.has_value());
-      const double off = (felt->latitude_deg - config.site.latitude_deg) / felt->sigma_deg;
+      const double sigma_deg = felt->sigma_rad / rad_per_deg;
+      const double off = (felt->latitude_rad / rad_per_deg - config.site.latitude_deg) / sigma_deg;
       chi_square[wrong ? 1 : 0] += off * off;
       if (!wrong) {
-        EXPECT_LT(felt->sigma_deg, 0.05) << config.site.latitude_deg;
+        EXPECT_LT(sigma_deg, 0.05) << config.site.latitude_deg;
       }
-      RecordProperty("sigma_deg_" + std::to_string(draw), std::to_string(felt->sigma_deg));
-      if (wrong) {
-        EXPECT_GT(std::abs(felt->latitude_deg - recording.info.latitude_deg), 5.0 * felt->sigma_deg);
-      }
+      RecordProperty("sigma_deg_" + std::to_string(draw), std::to_string(sigma_deg));
+      EXPECT_EQ(felt->speaks_against(recording.info.latitude_deg * rad_per_deg, latitude_limits.least_deg), wrong);
     }
   }
   EXPECT_LT(chi_square[0], 26.1);
@@ -48,15 +48,18 @@ TEST(FeltLatitude, IsTheTrueOneWhereBiasesStayOpen) {
   JointOptions options;
   options.candidates = latitude_columns();
   const double other_hemisphere = -2.0 * config.site.latitude_deg;
-  for (const double off_deg : {-15.0, 15.0, -40.0, 40.0, other_hemisphere}) {
+  for (const double off_deg : {-5.0, 5.0, -15.0, 15.0, -40.0, 40.0, other_hemisphere}) {
     recording.info.latitude_deg = config.site.latitude_deg + off_deg;
     const JointResult fit = joint_estimate(recording, options);
     const std::optional<FeltLatitude> felt = felt_latitude(recording, fit);
     ASSERT_TRUE(felt.has_value()) << off_deg << ": " << fit.undetermined.size() << " open";
-    EXPECT_NEAR(felt->latitude_deg, config.site.latitude_deg, 4.0 * felt->sigma_deg) << off_deg;
-    EXPECT_LT(felt->sigma_deg, 0.1) << off_deg;
-    EXPECT_TRUE(felt->speaks_against(recording.info.latitude_deg));
-    EXPECT_FALSE(fit.undetermined.empty()) << off_deg;
+    const double off_rad = felt->latitude_rad - config.site.latitude_deg * rad_per_deg;
+    EXPECT_NEAR(off_rad, 0.0, 4.0 * felt->sigma_rad) << off_deg;
+    EXPECT_LT(felt->sigma_rad, 0.1 * rad_per_deg) << off_deg;
+    EXPECT_TRUE(felt->speaks_against(recording.info.latitude_deg * rad_per_deg, latitude_limits.least_deg));
+    if (std::abs(off_deg) > 10.0) {
+      EXPECT_FALSE(fit.undetermined.empty()) << off_deg;
+    }
   }
 }
 

@@ -1,6 +1,7 @@
 // Effects drawn at random, that nobody declared (docs/diagnosis-study.md): what does the diagnosis say of them?
 //
-//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--keep WORD] [--clean] [--tests] [--fit] [--real-pulses]
+//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--keep WORD] [--clean] [--tests] [--fit] [--sites] [--real-pulses]
+// --sites: every seed is at a latitude of its own, -65 to 65 deg; with --fit --tests a line says what latitude the gyros feel.
 // --only: effects are drawn until their description (column 3) holds the word, "gyro_scale" or "scatter".
 // --keep: of the effects drawn, those that hold the word are diagnosed: a part of a study, again.
 // Every seed is a unit on a table, with noise, temperature history and (three in ten) bias instability and random walk of its own; on
@@ -23,7 +24,9 @@
 #include <Eigen/Core>
 
 #include "calib/diagnosis/diagnosis.h"
+#include "calib/diagnosis/felt_latitude.h"
 #include "calib/diagnosis/lack_of_fit.h"
+#include "calib/model/limits.h"
 #include "tests/disturbance.h"
 #include "tests/rig_recorder.h"
 #include "tests/study/taken_up.h"
@@ -199,6 +202,12 @@ void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d
   std::fflush(stdout);
 }
 
+void report_latitude(std::uint64_t seed, const FeltLatitude& felt, double truth_deg) {
+  const double off_deg = felt.latitude_rad / rad_per_deg - truth_deg, sigma_deg = felt.sigma_rad / rad_per_deg;
+  std::printf("latitude %llu %.3f %.5f %.5f %.3f %d\n", static_cast<unsigned long long>(seed), truth_deg, off_deg,
+              sigma_deg, off_deg / sigma_deg, felt.speaks_against(truth_deg * rad_per_deg, latitude_limits.least_deg));
+}
+
 }  // namespace
 }  // namespace turncal
 
@@ -208,13 +217,13 @@ int main(int argc, char** argv) {
     std::fprintf(stderr,
                  "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--keep WORD] "
                  "[--clean] [--tests] "
-                 "[--fit] [--real-pulses]\n");
+                 "[--fit] [--sites] [--real-pulses]\n");
     return 1;
   }
   int draws = 4;
   double largest = 30.0;
   std::string only, keep;
-  bool clean = false, tests = false, fit_only = false, real_pulses = false;
+  bool clean = false, tests = false, fit_only = false, real_pulses = false, sites = false;
   for (int k = 3; k < argc; ++k) {
     if (std::strcmp(argv[k], "--draws") == 0 && k + 1 < argc) draws = std::atoi(argv[k + 1]);
     if (std::strcmp(argv[k], "--largest") == 0 && k + 1 < argc) largest = std::atof(argv[k + 1]);
@@ -223,6 +232,7 @@ int main(int argc, char** argv) {
     clean = clean || std::strcmp(argv[k], "--clean") == 0;
     tests = tests || std::strcmp(argv[k], "--tests") == 0;
     real_pulses = real_pulses || std::strcmp(argv[k], "--real-pulses") == 0;
+    sites = sites || std::strcmp(argv[k], "--sites") == 0;
     fit_only = fit_only || std::strcmp(argv[k], "--fit") == 0;
   }
   const Sequence sequence = must_read_sequence("fourteen_step.seq");
@@ -251,6 +261,7 @@ int main(int argc, char** argv) {
                   config.noise.gyro_bias_instability_degph, config.noise.accel_bias_instability_ug,
                   config.noise.gyro_rate_random_walk_degph_per_rt_h,
                   config.noise.accel_acceleration_random_walk_ug_per_rt_h);
+    if (Random of_site(seed + 5u); sites) config.site.latitude_deg = uniform(of_site, -65.0, 65.0);
     if (real_pulses) config.quantisation = RigQuantisation::off;
     std::vector<Drawn> effects(1, Drawn{"none", 0.0, 0, 0, {}});
     if (!clean) {
@@ -276,7 +287,11 @@ int main(int argc, char** argv) {
       options.holdouts = {&holdout};
       if (fit_only) {
         Diagnosis d;
-        d.extended = joint_estimate(recording);
+        JointOptions with_rate;
+        with_rate.candidates = latitude_columns();
+        d.extended = joint_estimate(recording, with_rate);
+        const auto felt = tests ? felt_latitude(recording, d.extended) : std::nullopt;
+        if (felt) report_latitude(seed, *felt, config.site.latitude_deg);
         d.lack_of_fit = test_lack_of_fit(recording, d.extended, {&holdout}, options.limits.fit);
         d.trusted = d.lack_of_fit.passed;
         d.verdict = d.trusted ? Verdict::clean : Verdict::unexplained;

@@ -1,8 +1,5 @@
-// Every threshold of the diagnosis, with its derivation or its calibration (docs/diagnosis.md, "Limits").
+// Every threshold of the estimates and of the diagnosis, with its derivation or its calibration (docs/diagnosis.md, "Limits").
 #pragma once
-
-#include <map>
-#include <string>
 
 namespace turncal {
 
@@ -11,9 +8,19 @@ struct LackOfFitLimits {
   double family_wise = 0.005;
   // A direction of which the model imitates all but this is not tested: rounding and linearisation are larger than what is left.
   double rank_floor = 1e-3;
-  // chi2 is divided by these before it is judged: what clean recordings have beyond the theory; 1 where none is given.
-  // innovations: the pulses of an accelerometer that counts close to a whole number a sample beat, and their error is not white.
-  std::map<std::string, double> inflation = {{"innovations", 2.0}};
+  // chi2 of the innovations' correlation is divided by this before it is judged: the pulses of an accelerometer that counts close to a
+  // whole number a sample beat, and their error is not white. Clean recordings come to 1.8 at most with it (docs/diagnosis-study.md).
+  double innovations_inflation = 2.0;
+  // Lags nearer than this (s) are judged by the size of their correlation (NoiseLimits): pulses make some of 0.1 in a quiet unit. A lag
+  // with fewer pairs than `fewest_pairs` has a correlation that scatters by a tenth and more.
+  int near_lags_s = 5;
+  double fewest_pairs = 100.0;
+  // Direction in which a whole fit knows nothing, of a matrix with ones on its diagonal: rounding.
+  double open_direction = 1e-9;
+  // Share of the information of a family that its functions keep beside the model, below which it is rounding and linearisation.
+  double family_floor = 1e-4;
+  // Curves are only looked for where what they go with changes: by more than a thermometer's own error, and faster than a creep.
+  double least_range_c = 0.2, least_rate_radps = 0.01;
   // Share of pulses in the variance of a second's mean velocity beyond which that axis and second are left out of the innovations'
   // correlation. Calibrated: with these seconds chi2 a degree of clean runs came to 37, without them to 2.5 at most (96 runs).
   double pulse_share = 0.02;
@@ -23,7 +30,6 @@ struct LackOfFitLimits {
   // Flicker noise wanders on every scale, and a process of some minutes cannot follow it: where there is bias instability, a test must
   // fire beside a slow one, too (a third of a two-hour run), and an effect be better than it.
   double slow_correlation_s = 2400.0;
-  double inflation_of(const std::string& family) const;
 };
 
 struct SelectionLimits {
@@ -35,6 +41,8 @@ struct SelectionLimits {
   double alias_correlation = 0.97;
   // Of what the columns hold, the part that the model does not imitate must be above rounding.
   double visible_part = 1e-9;
+  // What a recording would have caught: five sigma, which the family-wise 0.5 % (4.3 of them) then finds three times in four.
+  double caught_at = 5.0;
   // 2 ln L that bias instability must bring before an effect can be hiding in it: chi2 of two variances, 2 %.
   double hiding_gain = 8.0;
   // 2 ln L beyond which no choice of noise matters: eight times the family-wise limit.
@@ -79,13 +87,68 @@ struct RestLimits {
 };
 inline constexpr RestLimits rest_limits;
 
+// Where a recording contradicts itself (joint_faults.h).
+struct FaultLimits {
+  // chi2 of the three velocities of a second, beyond which it is no noise: one in 10^9, one recording of two hours in 2e5.
+  double chi_square = 44.8;
+  // And so many times what this share of the seconds after a rotation stay below: an effect that the model lacks pushes after each.
+  double of_usual = 10.0, usual_share = 0.9;
+  // A rotation interpolated over a gap is not used when it may be wrong by more: gravity then leaks 30 mm/s into every second.
+  double worst_fill_rad = 0.003;
+  // Such a trial on stretches nearby must have been made so often.
+  int fewest_trials = 4;
+};
+inline constexpr FaultLimits fault_limits;
+
+// What a recording determines (determined.h).
+struct DeterminedLimits {
+  // A direction is determined when the data shrink its plausible range to this part; a parameter takes part in an open one with so much.
+  double of_range = 0.1, smallest_part = 0.1;
+  // A parameter is lost when what is open may move it by more than this part of the sigma it has from the rest.
+  double of_sigma = 0.5;
+};
+inline constexpr DeterminedLimits determined_limits;
+
+// Several recordings of one unit (several_recordings.h): they disagree when chance makes them differ as much once in a thousand. A line
+// of a unit a day has one false one in three years.
+struct AgreementLimits {
+  double chance = 1e-3;
+};
+inline constexpr AgreementLimits agreement_limits;
+
+// Does the earth turn as the record says? (felt_latitude.h, alignment.h)
+struct LatitudeLimits {
+  // As one of the 150 tests of the lack of fit, which share a family-wise 0.5 %: a chance of 3.3e-5 on either side of 4.15 sigma. Of 219
+  // clean fits at sites from -65 to 65 deg, three in ten with bias instability and random walk, the furthest was 2.7 sigma off, rms 1.04.
+  double sigmas = 4.15;
+  // What a site is known to without a map: 3 km.
+  double least_deg = 0.03;
+  // Where the calibration is of another day: what the gyros' biases do from one switch-on to the next is not in its sigmas. A degree
+  // is 0.2 deg/h of a bias about the vertical.
+  double least_of_another_day_deg = 1.0;
+};
+inline constexpr LatitudeLimits latitude_limits;
+
 struct NoiseLimits {
+  // Innovations are white (whiteness.h) when no correlation at 1 to 5 s is larger, and their mean square is between these: a sixth of
+  // sigma and a tenth. Of few seconds chance goes beyond that: then the limits are so many sigma of it (one in 10^5). Fewer than
+  // `fewest_seconds` are not judged.
+  double white_correlation = 0.1, white_lowest = 0.8, white_highest = 1.25, of_chance = 4.5;
+  int fewest_seconds = 100;
+  // A second that stands out (a fault not worth cutting) is limited to so many sigma in a correlation: it must not decide alone.
+  double outlier = 4.0;
+  // 2 ln L_R above which a bias instability is kept (noise_fit.h): it stands on its bound when there is none, so of clean triads one in
+  // twenty is given one. And above which the axes of the triads get a value each: chi2 of 4, one in 10^4.
+  double instability_gain = 2.71, axes_differ = 23.5;
+  // Usual bias instability of ring lasers and quartz by their data sheets, in units of the walk's own (prior of noise_fit.h).
+  double usual_gyro = 0.2, usual_accel = 0.5;
   // Beyond these the noise model is wrong as a whole and nothing else means anything. A correlation of r makes means (1 + r) / (1 - r)
   // as uncertain: 0.15 is a sixth of sigma. Innovations larger than the model says by 1.25 are an eighth of sigma; smaller ones only
   // make sigmas too large: clean runs with a small velocity random walk came to 0.76 to 0.78 (3 of 120); 0.64 is a quarter of sigma.
   double correlation = 0.15;
   double lowest_level = 0.64, highest_level = 1.25;
 };
+inline constexpr NoiseLimits noise_limits;
 
 struct DiagnosisLimits {
   NoiseLimits noise;
