@@ -28,7 +28,6 @@ class Merger {
       const Block& next = blocks_[end];
       if (length_s + next.duration_s > longest_s + 0.5 * next.duration_s) break;
       if (!next.whole_second && (turned + next.gyro).norm() > turn_counts_) break;
-      if (coarseness_.steady && !next.whole_second && !at_one_rate(blocks_[first], next)) break;
       turned += next.gyro;
       length_s += next.duration_s;
     }
@@ -45,12 +44,6 @@ class Merger {
     return b.segment == a.segment && b.whole_second == a.whole_second && a.missing == 0 && b.missing == 0 &&
            (cut_ == setup_.breaks.size() || setup_.breaks[cut_].block > next) &&
            (setup_.unobserved.empty() || setup_.unobserved[next] == setup_.unobserved[first]);
-  }
-
-  static bool at_one_rate(const Block& a, const Block& b) {
-    constexpr double alike = 0.02;
-    const Eigen::Vector3d rate = a.gyro / a.duration_s;
-    return (b.gyro / b.duration_s - rate).norm() < alike * rate.norm();
   }
 
   void find_rest(std::size_t first) {

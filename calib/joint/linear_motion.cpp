@@ -206,7 +206,8 @@ void LinearMotion::columns_of(const Block& block, const BlockMotion& motion) {
 // What the parameters do to (psi, v) over a block.
 void LinearMotion::move_columns(const BlockMotion& motion, const Matrix3d& turn_n, double t, LinearInterval& interval) {
   const Matrix3d rotate = linear_C_nb_ * left_jacobian(motion.rotation);
-  interval.B_v.noalias() -= interval.B_psi * (t * F_).transpose();
+  interval.B_v.col(0) -= t * gravity_ * interval.B_psi.col(2);  // F psi = g (psi_E, 0, -psi_N)
+  interval.B_v.col(2) += t * gravity_ * interval.B_psi.col(0);
   interval.B_v.noalias() += dv_ * linear_C_nb_.transpose();
   dm_.noalias() = interval.B_psi * turn_n.transpose();
   interval.B_psi = dm_;

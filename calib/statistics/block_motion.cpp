@@ -14,6 +14,12 @@ Eigen::Matrix3d cofactor(const Eigen::Matrix3d& g) {
   return c;
 }
 
+// u of u x (r x v). Half the mean square of the angle: 1/6 r r in even rotation, 1/10 or 4/15 where it begins or ends; by the mean angle m,
+// (m/2 - r/12) r is 1/6, 1/12 or 1/4. What even rotation then leaves of a force that does not turn with the unit is r^4 / 360 of it.
+Eigen::Vector3d third_order_angle(const Eigen::Vector3d& mean_angle, const Eigen::Vector3d& r) {
+  return 0.5 * mean_angle - (1.0 / 12.0 - r.squaredNorm() / 360.0) * r;
+}
+
 }  // namespace
 
 BlockMotion evaluate(const Block& block, const SensorModel& m, double period_s) {
@@ -37,11 +43,9 @@ BlockMotion evaluate(const Block& block, const SensorModel& m, double period_s) 
   BlockMotion motion;
   motion.rotation = angle - b * t + 0.5 * coning;
   const Eigen::Vector3d dv = speed - f0 * t;
-  // Half the mean square of the angle: 1/6 r r in even rotation, 1/10 or 4/15 where it begins or ends; by the mean angle m,
-  // (m/2 - r/12) r is 1/6, 1/12 or 1/4.
   const Eigen::Vector3d mean_angle = middle / t - 0.5 * t * b;
   const Eigen::Vector3d& r = motion.rotation;
-  motion.velocity = dv + sculling + (0.5 * mean_angle - r / 12.0).cross(r.cross(dv));
+  motion.velocity = dv + sculling + third_order_angle(mean_angle, r).cross(r.cross(dv));
   // sum beta_i (T - s_i) / T, turned by the mean third of the rotation that it sees
   const Eigen::Vector3d mean = speed - speed_time / t - 0.5 * f0 * t;
   motion.mean_velocity = mean + motion.rotation.cross(mean) / 3.0;
@@ -69,7 +73,7 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
   columns.mean_velocity.setZero();
 
   // Of (m/2 - r/12) x (r x dv): by a change of m, of r, of dv.
-  const Eigen::Vector3d u = 0.5 * (middle / t - 0.5 * t * b) - r / 12.0;
+  const Eigen::Vector3d u = third_order_angle(middle / t - 0.5 * t * b, r);
   const Eigen::Matrix3d third_order_mean = -0.5 * skew(r_cross_dv);
   const Eigen::Matrix3d third_order = skew(r_cross_dv) / 12.0 - skew(u) * skew(dv);
   const Eigen::Matrix3d third_order_push = skew(u) * r_skew;

@@ -33,13 +33,19 @@ SpikeFinder::SpikeFinder(const RecordingInfo& info) {
 std::optional<std::size_t> SpikeFinder::spike_in(const ImuSample& sample) {
   std::array<double, 6> size;
   bool within = true;
-  for (std::size_t i = 0; i < 6; ++i) {
-    size[i] = std::abs(channel_of(sample, i));
-    within = within && size[i] <= limit_[i];
+  for (std::size_t i = 0; i < 3; ++i) {
+    size[i] = std::abs(sample.gyro[i]);
+    size[i + 3] = std::abs(sample.accel[i]);
+  }
+  for (std::size_t i = 0; i < 6; ++i) within &= size[i] <= limit_[i];
+  if (within) {  // as nearly all are
+    for (std::size_t i = 0; i < 6; ++i) largest_[i] = std::max(largest_[i], size[i]);
+    in_a_row_ = 0;
+    return {};
   }
   std::optional<std::size_t> worst;
   double beyond = 1.0;
-  for (std::size_t i = 0; i < 6 && !within; ++i) {
+  for (std::size_t i = 0; i < 6; ++i) {
     const double ratio = size[i] / std::max(limit_[i], beyond_all_before * largest_[i]);
     if (!(ratio > beyond)) continue;
     beyond = ratio;
