@@ -3,7 +3,7 @@
 // Every recording has its own joint estimate (joint_estimate.h): near it the likelihood is quadratic, with information I_i (the
 // inverse of its covariance) and gradient g_i (nothing, once settled) at p_i. With p = (common, biases 1, ..., biases K) their sum is solved once,
 //   sum_i T_i' (I_i (T_i p - p_i) + g_i) = 0,  T_i picks what recording i knows of,
-// which is what one estimate from all seconds of all recordings would find (to second order in p_i - T_i p, some sigma).
+// which is what one estimate from all seconds of all recordings would find (to second order in p_i - T_i p, some sigma), each at its own noise.
 //
 // The recordings agree when sum_i c_i' C_i c_i, c_i = I_i (T_i p - p_i) + g_i and C_i the covariance along what recording i determines, is
 // chi-square with sum_i rank - rank degrees of freedom.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "calib/diagnosis/diagnosis.h"
+#include "calib/joint/several_recordings.h"
 #include "tests/disturbance.h"
 #include "tests/rig_recorder.h"
 
@@ -149,6 +150,26 @@ TEST_P(JoinedRecordingsOf, OneUnitMayDriftInOneOfThem) {
 }
 
 // One recording joined with nothing is that recording.
+// At one noise the estimates of two recordings, added up, are what one fit of both finds; each at its own they weigh the recordings better.
+TEST_P(JoinedRecordingsOf, OneUnitAreWhatTheirEstimatesAddUpTo) {
+  const Made made = make(GetParam());
+  JointOptions options;
+  options.noise = joint_estimate(made.first).noise;
+  const JointResult added =
+      combine_recordings({joint_estimate(made.first, options), joint_estimate(made.second, options)}).unit;
+  const JoinedRecordings joined = join_recordings({&made.first, &made.second});
+  options.effects = joined.turn_ons;
+  options.begins = joined.begins;
+  JointResult fit = joint_estimate(joined.data, options);
+  const std::vector<int> free = added.free;
+  leave_what_is_common(fit, 2);
+  const ParameterVector apart = to_vector(added.parameters) - to_vector(fit.parameters);
+  for (const int k : free) {
+    EXPECT_LT(std::abs(apart[k]), 0.02 * fit.sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
+    EXPECT_NEAR(added.sigma[k] / fit.sigma[k], 1.0, 0.01) << parameter_keys[static_cast<std::size_t>(k)];
+  }
+}
+
 TEST(JoinedRecordings, OfOneAreIt) {
   const Made made = make(64);
   const JoinedRecordings one = join_recordings({&made.first});
