@@ -14,7 +14,6 @@ namespace {
 
 // What a coarse alignment can be off by; larger than it is, so that the filter finds its own.
 constexpr double coarse_level_rad = 0.02;
-constexpr double coarse_heading_rad = 0.2;
 constexpr double observed_every_s = 1.0;
 
 // Integral from t1 to t2 of the direction up of a fixed point, in axes that stood along n at t = 0 and do not turn.
@@ -64,6 +63,12 @@ Eigen::Quaterniond coarse_alignment(std::span<const MotionInterval> window, cons
 
 void begin_alignment(DriftCovariance& drift) { drift.begin(coarse_level_rad, coarse_heading_rad); }
 
+double heading_sigma_of_data(double sigma_rad) {
+  const double share = std::pow(sigma_rad / coarse_heading_rad, 2);
+  const double nothing_rad = 2.0 * pi / std::sqrt(12.0);
+  return share < 1.0 ? std::min(sigma_rad / std::sqrt(1.0 - share), nothing_rad) : nothing_rad;
+}
+
 Status check_navigation_latitude(double latitude_deg) {
   if (std::abs(latitude_deg) <= max_navigation_latitude_deg) return {};
   char text[120];
@@ -78,7 +83,7 @@ Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovar
   if (Status status = check_navigation_latitude(site.latitude_rad / rad_per_deg); !status) return status.error();
   double rest_s = 0.0;
   for (const MotionInterval& interval : window) rest_s += interval.at_rest ? interval.duration_s : 0.0;
-  if (rest_s < align_min_rest_s)
+  if (rest_s < align_min_rest_s - 1e-6)
     return input_error("alignment: " + std::to_string(std::lround(rest_s)) + " s at rest, expected at least " +
                        std::to_string(static_cast<int>(align_min_rest_s)) + " s");
   NavigationState start;

@@ -32,8 +32,11 @@ Status check_navigation_latitude(double latitude_deg);
 // C_nb at the start of `window`. REQUIRES: intervals that last at least a second together.
 Eigen::Quaterniond coarse_alignment(std::span<const MotionInterval> window, const DriftCovariance::Site& site);
 
-// What is known before the first observation of a fine alignment.
+// What is taken for known before the first observation of a fine alignment.
+inline constexpr double coarse_heading_rad = 0.2;
 void begin_alignment(DriftCovariance& drift);
+// Heading's sigma from the observations alone: gyros that hardly tell north seem to know as much as was taken for known.
+double heading_sigma_of_data(double sigma_rad);
 
 struct Alignment {
   NavigationState state;  // at the end of the window; position: the site, longitude 0

@@ -4,6 +4,9 @@
 
 namespace turncal {
 
+// What is called rest and turns faster is none: half a degree a second, far beyond the Earth and any bias that a calibration left.
+constexpr double most_at_rest_radps = 0.0087;
+
 Eigen::Quaterniond quaternion_of(const Eigen::Vector3d& rotation_rad) {
   const double x = 0.25 * rotation_rad.squaredNorm();  // of half the angle
   double c, s;                                         // cos(half), sin(half) / angle
@@ -55,6 +58,7 @@ void IncrementIntegrator::add_one(const Eigen::Vector3d& a, const Eigen::Vector3
   if (++count_ < samples_) return;
   open_.duration_s = period_s_ * samples_;
   open_.turn.normalize();
+  open_.at_rest = open_.at_rest && open_.gyro_rad.norm() <= most_at_rest_radps * open_.duration_s;
   intervals_.push_back(open_);
   count_ = 0;
 }

@@ -29,7 +29,7 @@ struct MotionInterval {
   Eigen::Vector3d gyro_rad = Eigen::Vector3d::Zero();        // plain sums of the increments, for sensitivities
   Eigen::Vector3d accel_mps = Eigen::Vector3d::Zero();
   double duration_s = 0.0;
-  bool at_rest = false;  // all of it
+  bool at_rest = false;  // all of it, and it turns by less than 0.5 deg/s
   int missing = 0;       // samples that were filled in
 };
 

@@ -116,13 +116,17 @@ double false_fail_probability(const NorthSeeking& found, double heading_limit_de
   return 1.0 - passes;
 }
 
-double longer_alignment(const NorthSeeking& found, double heading_limit_deg, double chance) {
-  constexpr double step = 1.02, most = 1e4, no_limit = 1e9;
+double longer_alignment(const NorthSeeking& found, double heading_limit_deg, double chance, double walk_sigma_deg) {
+  constexpr double step = 1.02, most = 1e9, no_limit = 1e9;
   NorthSeeking scaled = found;
   double factor = 1.0;
   while (factor < most && false_fail_probability(scaled, heading_limit_deg, no_limit) > chance) {
     factor *= step;
-    for (NorthPosition& position : scaled.positions) position.noise_sigma_deg[0] /= std::sqrt(step);
+    for (std::size_t k = 0; k < found.positions.size(); ++k) {
+      const double variance = std::pow(found.positions[k].noise_sigma_deg[0], 2);
+      const double walk = std::min(variance, walk_sigma_deg * walk_sigma_deg);
+      scaled.positions[k].noise_sigma_deg[0] = std::sqrt(walk / factor + (variance - walk) / std::pow(factor, 3));
+    }
   }
   return factor;
 }

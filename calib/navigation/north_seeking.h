@@ -51,9 +51,10 @@ struct NorthSeeking {
 // variance (Satterthwaite (1946)); the figures as independent.
 double false_fail_probability(const NorthSeeking& found, double heading_limit_deg, double level_limit_deg);
 
-// By what factor the alignments would have to last longer for that chance, of the headings, to be at most `chance`: noise goes with one
-// over the root of the time. At least 1; no more than 1e4.
-double longer_alignment(const NorthSeeking& found, double heading_limit_deg, double chance);
+// By what factor the alignments would have to last longer for that chance, of the headings, to be at most `chance`. Of the variance of a
+// heading, what angle random walk makes (`walk_sigma_deg`, N / (W cos L sqrt(T))) goes with 1 / T, the remainder, velocity noise, with
+// 1 / T^3. At least 1; no more than 1e9.
+double longer_alignment(const NorthSeeking& found, double heading_limit_deg, double chance, double walk_sigma_deg);
 
 // Mean and sample standard deviation.
 struct Spread {

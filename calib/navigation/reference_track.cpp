@@ -16,6 +16,14 @@ ReferenceTrack::ReferenceTrack(std::vector<ReferencePoint> points, bool with_vel
   }
 }
 
+double ReferenceTrack::longest_in_motion_s() const {
+  double longest_s = 0.0;
+  for (std::size_t k = 1; k < points_.size(); ++k)
+    if (!stands_at(0.5 * (points_[k - 1].time_s + points_[k].time_s)))
+      longest_s = std::max(longest_s, points_[k].time_s - points_[k - 1].time_s);
+  return longest_s;
+}
+
 ReferencePoint ReferenceTrack::at(double time_s) const {
   const auto after = std::upper_bound(points_.begin() + 1, points_.end() - 1, time_s,
                                       [](double t, const ReferencePoint& point) { return t < point.time_s; });

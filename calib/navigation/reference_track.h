@@ -26,6 +26,8 @@ class ReferenceTrack {
   // Slower than what the positions of a satellite receiver at rest seem to move.
   bool stands_at(double time_s) const { return at(time_s).velocity_mps.norm() <= standing_mps; }
   static constexpr double standing_mps = 0.5;
+  // The longest time between two rows over which it moves; 0: it stands throughout.
+  double longest_in_motion_s() const;
 
  private:
   std::vector<ReferencePoint> points_;  // longitudes without a step of 360 deg

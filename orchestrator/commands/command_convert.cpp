@@ -17,14 +17,6 @@ struct ConvertOptions {
   std::string yaml;
 };
 
-// An existing file is replaced by one that begins alike.
-Status write_form(const std::string& path, const std::string& content, std::size_t alike, CommandContext& context) {
-  if (Status status = check_replaceable(path, std::string_view(content).substr(0, alike)); !status) return status;
-  if (Status status = write_file_atomically(path, content); !status) return status;
-  context.out << "written  " << path << '\n';
-  return {};
-}
-
 Status convert(const ConvertOptions& options, CommandContext& context) {
   if (options.header.empty() && options.binary.empty() && options.yaml.empty())
     return input_error("expected --header, --binary or --yaml, or several of them");
@@ -36,20 +28,22 @@ Status convert(const ConvertOptions& options, CommandContext& context) {
     return status;
   const Result<ParameterFile> file = read_parameter_file(options.parameters);
   if (!file) return file.error();
-  constexpr std::size_t of_comment = 30, of_block = 4, of_yaml = 30;
-  if (!options.header.empty()) {
-    if (Status status = write_form(options.header, format_parameter_header(*file), of_comment, context); !status)
-      return status;
-  }
+  // An existing file is replaced by one that begins alike.
+  constexpr std::size_t alike = 30, of_block = 4;
+  std::vector<NamedText> forms;
+  if (!options.header.empty()) forms.push_back({options.header, format_parameter_header(*file)});
+  if (!options.yaml.empty()) forms.push_back({options.yaml, format_parameter_yaml(*file)});
   if (!options.binary.empty()) {
     const std::vector<std::byte> block = format_parameter_block(block_of(*file));
-    const std::string bytes(reinterpret_cast<const char*>(block.data()), block.size());
-    if (Status status = write_form(options.binary, bytes, of_block, context); !status) return status;
+    forms.push_back({options.binary, std::string(reinterpret_cast<const char*>(block.data()), block.size())});
   }
-  if (!options.yaml.empty()) {
-    if (Status status = write_form(options.yaml, format_parameter_yaml(*file), of_yaml, context); !status)
+  for (const NamedText& form : forms) {
+    const std::size_t same = form.path == options.binary ? of_block : alike;
+    if (Status status = check_replaceable(form.path, std::string_view(form.content).substr(0, same)); !status)
       return status;
   }
+  if (Status status = write_files_atomically(forms); !status) return status;
+  for (const NamedText& form : forms) context.out << "written  " << form.path << '\n';
   return {};
 }
 

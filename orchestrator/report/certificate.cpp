@@ -88,6 +88,30 @@ std::string not_conforming(UnitVerdict verdict) {
   }
 }
 
+// What was judged of a value and of its sigma, with the limits.
+std::string judged_of(const Certificate& c, const std::string& key) {
+  std::vector<std::string> words;
+  for (const JudgedValue& one : c.conformity.values)
+    if (one.key == key || one.key == "sigma." + key)
+      words.push_back((one.key == key ? "" : "sigma: ") + std::string(to_string(one.verdict)) + ", " +
+                      limits_text(one));
+  return words.empty() ? "-" : join(words, "; ");
+}
+
+// What was judged beside the parameters: the residual, the temperature, the clock.
+std::string judged_beside(const Certificate& c) {
+  std::vector<std::string> words;
+  for (const JudgedValue& one : c.conformity.values) {
+    const bool of_parameter = std::any_of(parameter_keys.begin(), parameter_keys.end(), [&one](std::string_view key) {
+      return one.key == key || one.key == "sigma." + std::string(key);
+    });
+    if (!of_parameter)
+      words.push_back(one.key + " " + (one.value ? significant(*one.value, 4) : std::string("-")) + ": " +
+                      std::string(to_string(one.verdict)) + ", " + limits_text(one));
+  }
+  return join(words, "; ");
+}
+
 std::string result_table(const Certificate& c) {
   html::HtmlTable table({html::text("parameter"), html::text("unit"), html::number("value"), html::number("U (k = 2)"),
                          html::number("estimate"), html::number("alias"), html::number("gravity"),
@@ -97,16 +121,12 @@ std::string result_table(const Certificate& c) {
     const std::string key(parameter_keys[i]);
     const UncertaintyBudget& u = c.budget[i];
     const double expanded = u.expanded();
-    const auto judged = std::find_if(c.conformity.values.begin(), c.conformity.values.end(),
-                                     [&key](const JudgedValue& one) { return one.key == key; });
     table.row({html::name(key), html::text(certificate_unit(i, c.file)),
                html::number(value_with_sigma(c.file.parameters[static_cast<Eigen::Index>(i)], expanded, html::typo)),
                html::number(expanded, 2), html::number(u.estimate, 2),
                u.alias ? html::number(*u.alias, 2) : html::number("-"), html::number(u.gravity, 2),
                html::number(u.latitude, 2), u.repeatability ? html::number(*u.repeatability, 2) : html::number("-"),
-               html::text(judged == c.conformity.values.end()
-                              ? "-"
-                              : std::string(to_string(judged->verdict)) + ", " + limits_text(*judged))});
+               html::text(judged_of(c, key))});
   }
   return table.finish();
 }
@@ -275,12 +295,14 @@ std::string certificate_page(const Certificate& c) {
   const VerdictReport& conformity = c.conformity;
   const std::string verdict =
       conformity.verdict == UnitVerdict::not_judged ? "not judged" : std::string(to_string(conformity.verdict));
+  const std::string beside = judged_beside(c);
   body += fact_table("Conformity",
                      {{"verdict", verdict + (conformity.reason.empty() ? "" : ": " + conformity.reason)},
                       {"decision rule", !conformity.rule.empty() ? conformity.rule + "; U: that of the results above"
                                         : c.verification ? "no limits were agreed for the parameters; those of the "
                                                            "verification stand with it"
                                                          : "no limits were agreed"},
+                      {"limits beside those of the results", beside.empty() ? "none" : beside},
                       {"diagnosis", "effects beyond the parameters: " + effects_found(f)}});
   std::string hashes;
   for (const std::string& hash : c.recording_hashes) hashes += (hashes.empty() ? "" : ", ") + hash;

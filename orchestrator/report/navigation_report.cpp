@@ -79,7 +79,10 @@ std::string format_navigation(const NavigationReport& report) {
   line("simulated", std::string(report.info.simulated ? "true" : "false"), text);
   line("latitude_deg", report.info.latitude_deg, text);
   line("gravity_mps2", report.info.gravity_mps2, text);
-  if (!report.reference.empty()) line("reference", report.reference, text);
+  if (!report.reference.empty()) {
+    line("reference", report.reference, text);
+    line("reference.longest_in_motion_s", report.reference_gap_s, text);
+  }
   line("align_s", report.align_s, text);
   if (!report.damage.empty()) line("damage", report.damage, text);
   line("filled_samples", static_cast<double>(report.filled_samples), text);
@@ -165,9 +168,18 @@ Result<std::string> draw_navigation(const NavigationReport& report, const Gnuplo
   return "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" + drawn->front() + "\n";
 }
 
+// A turn with a tenth of g is off the straight line between two rows by 3 m.
+constexpr double seldom_s = 5.0;
+
 void print_navigation(const NavigationReport& report, std::ostream& out) {
   char text[240];
   if (report.without_segments && report.reference.empty()) out << "no segments: everything counts as rest\n";
+  if (report.reference_gap_s > seldom_s) {
+    std::snprintf(text, sizeof text,
+                  "the reference moves over %.1f s without a row: straight on is assumed, and counts as error\n",
+                  report.reference_gap_s);
+    out << text;
+  }
   if (!report.damage.empty()) out << report.damage << '\n';
   if (report.filled_samples > 0)
     out << report.filled_samples << " samples lost or bad; " << report.filled_in_motion << " of them in a turn\n";

@@ -37,7 +37,8 @@ struct NavigatedFile {  // one parameter file
 struct NavigationReport {
   std::string recording;
   std::string recording_hash;
-  std::string reference;  // the file; empty: it stands where it stands
+  std::string reference;         // the file; empty: it stands where it stands
+  double reference_gap_s = 0.0;  // the longest time between two of its rows over which it moves
   RecordingInfo info;
   double align_s = 0.0;
   std::int64_t filled_samples = 0;    // lost or bad, as their neighbours

@@ -66,12 +66,14 @@ std::string latitude_words(const FeltSite& felt, double of_recording_deg) {
 }
 
 std::string undecided_words(const VerificationReport& report) {
-  if (report.would_do_s <= 0.0) return "";
+  const std::string level =
+      report.level_undecided ? "level undecided: the noise of this unit is as large as its limit" : "";
+  if (report.would_do_s <= 0.0) return level;
   char text[160];
   std::snprintf(text, sizeof text,
-                "undecided: no more than noise; these gyros cannot keep %g deg in %.0f s, %.0f s would do",
+                "heading undecided: no more than noise; these gyros cannot keep %g deg in %.0f s, %.0f s would do",
                 report.heading_limit_deg, report.align_s, report.would_do_s);
-  return text;
+  return level.empty() ? text : std::string(text) + "; " + level;
 }
 
 std::string format_verification(const VerificationReport& report) {
@@ -119,6 +121,7 @@ std::string format_verification(const VerificationReport& report) {
   add_key("limit.guard_factor", report.guard_factor, text);
   add_key("false_fail", report.false_fail, text);
   if (report.would_do_s > 0.0) add_key("would_do.align_s", report.would_do_s, text);
+  if (report.level_undecided) add_key("undecided.level", "true", text);
   add_key("verdict.heading", std::string(to_string(report.heading)), text);
   add_key("verdict.level", std::string(to_string(report.level)), text);
   add_key("verdict.latitude", std::string(to_string(report.latitude)), text);
@@ -186,6 +189,7 @@ Result<VerificationReport> read_verification(const std::string& path) {
   report.guard_factor = conf.number("limit.guard_factor", not_negative);
   report.false_fail = conf.number("false_fail", between(0.0, 1.0));
   report.would_do_s = conf.number_or("would_do.align_s", 0.0, not_negative);
+  report.level_undecided = conf.boolean_or("undecided.level", false);
   for (const auto& [key, verdict] :
        {std::pair{"verdict.heading", &report.heading}, std::pair{"verdict.level", &report.level},
         std::pair{"verdict.latitude", &report.latitude}, std::pair{"verdict.gravity", &report.gravity},
@@ -249,7 +253,7 @@ void print_verification(const VerificationReport& report, std::ostream& out) {
   print_text(out, "         a unit with nothing but this noise is above a limit in %.1f of 100 verifications\n",
              100.0 * report.false_fail);
   if (const std::string undecided = undecided_words(report); !undecided.empty())
-    out << "heading  " << undecided << "\n";
+    out << "         " << undecided << "\n";
   if (!report.trusted) out << not_trusted_words << "\n";
   out << "verdict  " << to_string(report.verdict) << "\n";
 }

@@ -27,8 +27,9 @@ struct VerificationReport {
   bool noise_assumed = false;  // the parameter file has none
   double false_fail = 0.0;     // chance that a good unit fails
   double would_do_s =
-      0.0;             // undecided, noise explains what was found: how long an alignment would have to be; 0: decided
-  std::string damage;  // of the recording; empty: none
+      0.0;  // undecided, noise explains what was found: how long an alignment would have to be; 0: decided
+  bool level_undecided = false;  // the same of roll and pitch
+  std::string damage;            // of the recording; empty: none
   double heading_limit_deg = 0.0, level_limit_deg = 0.0, guard_factor = 1.0;
   UnitVerdict heading = UnitVerdict::not_judged, level = UnitVerdict::not_judged;
   UnitVerdict latitude = UnitVerdict::not_judged, gravity = UnitVerdict::not_judged;
@@ -42,7 +43,7 @@ std::string format_verification(const VerificationReport& report);
 Result<VerificationReport> read_verification(const std::string& path);
 // The figures and their limits, for a verdict's reason.
 std::string verification_words(const VerificationReport& report);
-// Why it is undecided; empty where it is not.
+// Why heading or level is undecided; empty where it is not.
 std::string undecided_words(const VerificationReport& report);
 std::string latitude_words(const FeltSite& felt, double of_recording_deg);
 std::string gravity_words(const FeltSite& felt, double of_recording_mps2);

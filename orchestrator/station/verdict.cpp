@@ -214,6 +214,25 @@ Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<do
     report.verdict = std::max(report.verdict, judged.verdict);
     report.values.push_back(std::move(judged));
   }
+  // What was judged of sigmas and beside the parameters stands as it is.
+  for (const auto& [name, text] : file.further) {
+    constexpr std::string_view words[] = {"result", "reason", "diagnosis", "rule", "verification"};
+    if (!name.starts_with("verdict.")) continue;
+    const std::string key = name.substr(8);
+    const auto same = [&key](std::string_view one) { return one == key; };
+    if (std::any_of(std::begin(words), std::end(words), same) ||
+        std::any_of(parameter_keys.begin(), parameter_keys.end(), same))
+      continue;
+    JudgedValue judged{.key = key, .value = std::nullopt, .limit = {}};
+    if (!read_judgement(text, judged))
+      return input_error("key 'verdict." + key + "' = " + turncal::quoted(text) +
+                         ": expected a verdict, its limits and its guard band");
+    for (std::size_t i = 0; i < parameter_keys.size(); ++i)
+      if (key == "sigma." + std::string(parameter_keys[i])) judged.value = file.sigma[i];
+    if (key == "residual") judged.value = residual_of(file);
+    report.verdict = std::max(report.verdict, judged.verdict);
+    report.values.push_back(std::move(judged));
+  }
   if (const std::vector<std::string> lines = describe(worse); !lines.empty())
     report.reason += (report.reason.empty() ? "" : "; ") + and_more(lines.front(), lines.size());
   return report;

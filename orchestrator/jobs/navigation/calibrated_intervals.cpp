@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "calib/rests/rest_data.h"
@@ -10,6 +11,8 @@
 
 namespace turncal {
 namespace {
+
+constexpr std::int64_t no_end = std::numeric_limits<std::int64_t>::max();
 
 // Whether the unit rests over a sample, for samples in counter order.
 class RestOf {
@@ -44,8 +47,7 @@ class FaultySamples {
   static constexpr std::size_t settled_after = 3;
 
   FaultySamples(const RecordingInfo& info, const Segments& segments, bool on_table)
-      : segments_(segments.empty() ? Segments{{.kind = SegmentKind::align, .end_sample = std::int64_t{1} << 62}}
-                                   : segments),
+      : segments_(segments.empty() ? Segments{{.kind = SegmentKind::align, .end_sample = no_end}} : segments),
         compressor_(info, on_table ? CompressionOptions{} : rest_compression_options()),
         feed_(compressor_, segments_) {}
   void add(std::span<const ImuSample> samples) { feed_.add(samples); }
@@ -71,6 +73,9 @@ class FaultySamples {
   SegmentedFeed feed_;
   std::size_t next_ = 0;
 };
+
+// What is lost is filled in, interval by interval. More than this is a counter that jumped, or two recordings in one.
+constexpr double most_lost_s = 86400.0;
 
 // What no unit on a table, in a hand or in a vehicle can feel in an interval.
 bool can_be(const MotionInterval& interval) {
@@ -106,10 +111,15 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
   std::int64_t begin = 0, end = 0;
   IntegratedSamples found;
   std::optional<std::int64_t> last;  // taken
-  const bool on_table = reference == nullptr && !source.segments().empty() && !without_table_angles(source.segments());
+  // What rests all the time is jerked by no hand, whatever angles its table has.
+  const bool turns = std::any_of(source.segments().begin(), source.segments().end(),
+                                 [](const Segment& segment) { return segment.kind == SegmentKind::rotate; });
+  const bool on_table =
+      reference == nullptr && !source.segments().empty() && (!turns || !without_table_angles(source.segments()));
   FaultySamples faulty(source.info(), source.segments(), on_table);
   bool gyro_lives = false, accel_lives = false;
   std::vector<ImuSample> waiting;  // until they are settled
+  double lost_s = 0.0;
   ImuSample before{};
   const auto take = [&](std::size_t count) -> Status {
     for (std::size_t k = 0; k < count; ++k) {
@@ -132,6 +142,9 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
       SampleGap gap{expected};
       if (sample.counter > expected)
         gap = {expected, sample.counter - expected, rest.moving_in(expected, sample.counter)};
+      lost_s += static_cast<double>(gap.samples) * period_s;
+      if (lost_s > most_lost_s)
+        return input_error(source.path() + ": " + gap_words(gap) + ": expected a recording that lost less than a day");
       if (gap.samples > 0) found.gaps.push_back(gap);
       last = std::max(last.value_or(sample.counter), sample.counter);
       const double time_s = static_cast<double>(sample.counter - *first) * period_s;
@@ -152,7 +165,7 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
       first = block.front().counter;
       begin = *first + std::llround(stretch.from_s / period_s);
       const double most = 1e15;  // of a counter
-      end = stretch.to_s ? *first + std::llround(std::min(*stretch.to_s / period_s, most)) : std::int64_t{1} << 62;
+      end = stretch.to_s ? *first + std::llround(std::min(*stretch.to_s / period_s, most)) : no_end;
       const std::int64_t known = source.segments().empty() ? 0 : source.segments().back().end_sample - begin;
       for (CalibratedIntervals& file : files) file.integrator.reserve(std::clamp<std::int64_t>(known, 0, 100'000'000));
     }

@@ -17,19 +17,26 @@ struct Branch {  // intervals
   std::size_t start = 0, length = 0;
 };
 
-// First intervals of the branches: each where the unit next rests, for so many intervals.
+// First intervals of the branches: each the next from which on an alignment over `window` intervals can be made: at rest there, and for
+// `least` of the window; all of it, where a reference says when the unit stands.
+struct AlignmentNeeds {
+  std::size_t window = 1, least = 1;  // intervals
+};
 std::vector<std::size_t> starts_of(const std::vector<MotionInterval>& intervals, std::size_t length, int branches,
-                                   std::size_t rest) {
+                                   const AlignmentNeeds& needs) {
   std::vector<std::size_t> starts;
   if (intervals.size() < length) return starts;
   const std::size_t last = intervals.size() - length;
-  std::vector<std::size_t> rests_for(intervals.size() + 1, 0);
-  for (std::size_t k = intervals.size(); k-- > 0;) rests_for[k] = intervals[k].at_rest ? rests_for[k + 1] + 1 : 0;
+  std::vector<std::size_t> rested(intervals.size() + 1, 0);
+  for (std::size_t k = 0; k < intervals.size(); ++k) rested[k + 1] = rested[k] + intervals[k].at_rest;
+  const auto fits = [&](std::size_t at) {
+    const std::size_t end = std::min(at + needs.window, intervals.size());
+    return intervals[at].at_rest && rested[end] - rested[at] >= needs.least;
+  };
   for (int k = 0; k < branches; ++k) {
     std::size_t at = branches > 1 ? last * static_cast<std::size_t>(k) / static_cast<std::size_t>(branches - 1) : 0;
-    while (at < last && rests_for[at] < rest) ++at;
-    const bool rests = rests_for[at] >= rest || rest == 1;  // a single rest is the alignment's to judge
-    if (rests && (starts.empty() || at > starts.back())) starts.push_back(at);
+    while (at < last && !fits(at)) ++at;
+    if (fits(at) && (starts.empty() || at > starts.back())) starts.push_back(at);
   }
   return starts;
 }
@@ -134,6 +141,9 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
   if (request.to_s && *request.to_s <= request.from_s)
     return input_error("--to " + seconds(*request.to_s) + ": expected more than --from, " + seconds(request.from_s));
   const RecordingInfo info = source.info();
+  if (info.sample_period_s > 1.0)
+    return input_error(request.recording + ": a sample in " + seconds(info.sample_period_s) +
+                       ": expected one a second and more");
   std::optional<ReferenceTrack> reference;
   if (!request.reference.empty()) {
     Result<ReferenceTrack> read = read_reference(request.reference);
@@ -159,6 +169,7 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
   NavigationReport report;
   report.recording = request.recording;
   report.reference = request.reference;
+  if (reference) report.reference_gap_s = reference->longest_in_motion_s();
   report.info = info;
   report.align_s = request.align_s;
   if (source.damage().lost_data()) report.damage = describe(source.damage());
@@ -177,8 +188,10 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
     return integrated->first_sample + samples_each * static_cast<std::int64_t>(index);
   };
   std::vector<Branch> branches;
-  const std::size_t rest = reference ? static_cast<std::size_t>(std::lround(request.align_s / interval)) : 1;
-  for (const std::size_t start : starts_of(intervals, length, request.branches, rest)) {
+  const auto window = static_cast<std::size_t>(std::max(1L, std::lround(request.align_s / interval)));
+  const auto least = static_cast<std::size_t>(std::ceil(align_min_rest_s / interval - 1e-6));
+  const AlignmentNeeds needs{window, reference ? window : std::min(window, least)};
+  for (const std::size_t start : starts_of(intervals, length, request.branches, needs)) {
     Branch branch{start, length};
     if (const SampleGap* gap = long_gap_in(integrated->gaps, counter_of(start), counter_of(start + length))) {
       const std::int64_t before = std::max(std::int64_t{0}, gap->first - counter_of(start)) / samples_each;
@@ -196,7 +209,8 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
                             ? reference
                                   ? "the reference stands nowhere for " + seconds(request.align_s) +
                                         ", which the alignment takes: expected a longer stop, or a shorter --align"
-                                  : "no branch"
+                                  : "the unit rests nowhere for " + seconds(align_min_rest_s) + " of " +
+                                        seconds(request.align_s) + " of alignment: expected a longer --align"
                             : report.lost.front() + "; expected a branch that does not go over more than " +
                                   std::to_string(most_filled_samples) + " lost samples"));
   for (std::size_t k = 0; k < files.size(); ++k) {

@@ -23,6 +23,7 @@ constexpr double fair_chance = 0.05, of_noise_alone = 0.01, no_limit_deg = 1e9;
 std::array<double, 3> angle_sigmas_deg(const DriftMatrix& covariance, const Eigen::Quaterniond& q_nb,
                                        double gyro_pulse_rad) {
   std::array<double, 3> sigmas = angle_sigmas(covariance.topLeftCorner<3, 3>(), q_nb);
+  sigmas[0] = heading_sigma_of_data(sigmas[0]);
   for (double& sigma : sigmas) sigma = std::hypot(sigma, gyro_pulse_rad / std::sqrt(12.0)) / rad_per_deg;
   return sigmas;
 }
@@ -46,7 +47,13 @@ UnitVerdict judge_figure(const NorthFigure& figure, double limit, double guard_f
   return judge_value(figure.value_deg, figure.sigma_deg, Limit{std::nullopt, limit}, guard_factor);
 }
 
-void judge_north(const VerdictLimits& limits, VerificationReport& report) {
+// Of a heading from a dwell so long, of the random walk of the level gyros alone.
+double walk_sigma_deg(const NoiseModel& noise, double latitude_deg, double align_s) {
+  const double walk = noise.angle_random_walk.head<2>().norm() / std::sqrt(2.0);
+  return walk / (earth_rate_radps * std::cos(latitude_deg * rad_per_deg) * std::sqrt(align_s)) / rad_per_deg;
+}
+
+void judge_north(const VerdictLimits& limits, const NoiseModel& noise, VerificationReport& report) {
   report.heading_limit_deg = limits.heading_deg;
   report.level_limit_deg = limits.level_deg;
   report.guard_factor = limits.guard_factor;
@@ -58,11 +65,18 @@ void judge_north(const VerdictLimits& limits, VerificationReport& report) {
   report.false_fail = false_fail_probability(found, limits.heading_deg, limits.level_deg);
   // Above the limit, but no more than noise would be of a unit without a fault: nothing is said of its calibration.
   const double seen_deg = std::max(found.deviation[0].value_deg, found.mean_heading.value_deg);
-  const double factor = longer_alignment(found, limits.heading_deg, fair_chance);
+  const double factor = longer_alignment(found, limits.heading_deg, fair_chance,
+                                         walk_sigma_deg(noise, report.info.latitude_deg, report.align_s));
   if (report.heading > UnitVerdict::hold && factor > 1.0 &&
       false_fail_probability(found, seen_deg, no_limit_deg) > of_noise_alone) {
     report.heading = UnitVerdict::hold;
     report.would_do_s = 60.0 * std::ceil(report.align_s * factor / 60.0);
+  }
+  const double level_deg = std::max(found.deviation[1].value_deg, found.deviation[2].value_deg);
+  if (report.level > UnitVerdict::hold && false_fail_probability(found, no_limit_deg, limits.level_deg) > fair_chance &&
+      false_fail_probability(found, no_limit_deg, level_deg) > of_noise_alone) {
+    report.level = UnitVerdict::hold;
+    report.level_undecided = true;
   }
   const bool elsewhere = report.felt.speaks_against(report.info.latitude_deg * rad_per_deg);
   report.latitude = elsewhere ? UnitVerdict::fail : UnitVerdict::pass;
@@ -192,7 +206,7 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
   report.align_s = shortest_s;
   report.found = seek_north(searches, readings);
   report.felt = felt_site(rests, *noise, covariance->covariance);
-  judge_north(request.limits, report);
+  judge_north(request.limits, *noise, report);
   return report;
 }
 

@@ -121,6 +121,8 @@ TEST_F(CertificateTest, JudgesByTheUncertaintyItPrints) {
     file.parameters[0] = value;
     file.add_further("verdict.N01", judgement);
     file.add_further("verdict.A01", std::string("pass, limits none .. 10, guard band 2e-06"));
+    file.add_further("verdict.sigma.A01", std::string("pass, limits none .. 0.5, guard band 0"));
+    file.add_further("verdict.residual", std::string("pass, limits none .. 1.3, guard band 0"));
     keep_run(file, name);
   };
   const std::string limits = "limits -0.0131 .. 0.0131", alone = "pass, " + limits + ", guard band 2e-06";
@@ -132,6 +134,8 @@ TEST_F(CertificateTest, JudgesByTheUncertaintyItPrints) {
   EXPECT_NE(page.find("<td>pass</td>"), std::string::npos);
   EXPECT_NE(page.find("pass, " + limits), std::string::npos);
   EXPECT_EQ(page.find("conditional_pass"), std::string::npos);
+  EXPECT_NE(page.find("pass, limits none .. 10; sigma: pass, limits none .. 0.5"), std::string::npos);
+  EXPECT_NE(page.find("pass, limits none .. 1.3"), std::string::npos);
   ASSERT_EQ(run(certify({"1", "2", "3"})).code, 0);  // U = 2 x 0.006
   page = file_text(folder_ / "c.html");
   EXPECT_NE(page.find("conditional_pass: N01 = 0.0071, " + limits + ", guard band 0.012"), std::string::npos);

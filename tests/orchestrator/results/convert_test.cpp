@@ -44,6 +44,10 @@ TEST_F(Convert, WritesEachForm) {
   EXPECT_NE(file_text(folder_ / "c.yaml").find("unit_serial: 'SN7'\n"), std::string::npos);
 }
 
+TEST_F(Convert, WritesAllFormsOrNone) {
+  expect_refused({"convert", "parameters.conf", "--header", "x.h", "--yaml", "nowhere/x.yaml"}, "nowhere/x.yaml");
+}
+
 TEST_F(Convert, RefusesWhatItCannotUse) {
   expect_refused({"convert", "parameters.conf"}, "expected --header, --binary or --yaml");
   expect_refused({"convert", "nothing.conf", "--yaml", "c.yaml"}, "nothing.conf");

@@ -336,6 +336,46 @@ TEST_F(Navigate, SamplesThatCannotBeAreSetAside) {
   EXPECT_NEAR(miles("hit", 1, "glitch: accelerometer y gave 2000 in sample 90000"), clean, 0.02);
 }
 
+// A table that stands at zero throughout is no hand.
+TEST_F(Navigate, SamplesThatCannotBeAreSetAsideWhereTheTableStandsAtZero) {
+  record("rest", std::string(without_noise) + "seed = 31\n",
+         "step 1\n  initial H 0 P 0 R 0\n  align 60000\n  dwell 140000\n");
+  write_truth("rest", "true.conf");
+  retell("rest", "hit", [&](std::int64_t counter, std::vector<std::string>& cells) {
+    if (counter == 90000) cells[1] = "20000";
+  });
+  for (const char* recording : {"rest", "hit"}) {
+    const ProgramResult navigated =
+        run({"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"});
+    EXPECT_EQ(navigated.code, 0) << navigated.err;
+    EXPECT_LT(result("nav/navigation.conf").number("drift.rms_nm_per_h"), 0.05) << recording;
+  }
+}
+
+// A counter that jumps is no time to be navigated through, and what turns is no rest, whatever it is called.
+TEST_F(Navigate, NoRestAndNoDayIsMadeUp) {
+  record_rest("rest");
+  write_truth("rest", "true.conf");
+  retell("rest", "jump", [](std::int64_t counter, std::vector<std::string>& cells) {
+    if (counter > 90000) cells[0] = std::to_string(counter + 200'000'000);
+  });
+  expect_refused({"navigate", path("jump"), "--parameters", path("true.conf"), "--out", path("nav")},
+                 "200000000 samples lost from sample 90001 on: expected a recording that lost less than a day");
+  retell("rest", "turning", [](std::int64_t, std::vector<std::string>& cells) { cells[3] = "96"; });  // 5 deg/s about z
+  expect_refused({"navigate", path("turning"), "--parameters", path("true.conf"), "--out", path("nav")},
+                 "the unit rests nowhere for 20 s of 300 s of alignment");
+}
+
+// A branch begins where an alignment can be made, so that one near a turn does not spoil the others.
+TEST_F(Navigate, BranchesBeginWhereTheUnitRestsLongEnough) {
+  record_rest("rest");
+  write_truth("rest", "true.conf");
+  const ProgramResult navigated = run({"navigate", "rest", "--parameters", path("true.conf"), "--out", "nav", "--align",
+                                       "20", "--for", "60", "--branches", "200"});
+  EXPECT_EQ(navigated.code, 0) << navigated.err;
+  EXPECT_GT(result("nav/navigation.conf").integer("branches"), 150);
+}
+
 TEST_F(Navigate, WhatNoUnitGivesIsRefused) {
   record_rest("rest");
   write_truth("rest", "true.conf");
