@@ -30,6 +30,7 @@ bool open_closed_descriptors() {
 int main(int argc, char** argv) {
   if (!open_closed_descriptors()) return turncal::exit_code(turncal::ErrorKind::internal);
   std::signal(SIGPIPE, SIG_IGN);              // a reader that goes away ends the printing, not what is being made
+  std::signal(SIGXFSZ, SIG_IGN);              // a file above a limit is an error as on a full disk
   ::umask(::umask(0) | (S_IWGRP | S_IWOTH));  // results are for all to read and for their owner to write
   turncal::allow_colour(std::cout, STDOUT_FILENO);
   turncal::allow_colour(std::cerr, STDERR_FILENO);

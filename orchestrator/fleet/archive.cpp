@@ -70,22 +70,6 @@ Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
   return entries;
 }
 
-// What the run says of itself.
-void take_over(ArchiveEntry& entry) {
-  std::error_code error;
-  const fs::path folder =
-      fs::is_directory(entry.recording, error) ? fs::path(entry.recording) : fs::path(entry.recording).parent_path();
-  const std::string beside = (folder / parameters_name).string();
-  if (!path_exists(beside)) return;
-  const Result<std::string> text = read_whole_file(beside);
-  const Result<ParameterFile> file = text ? parse_parameter_file(*text, beside) : Result<ParameterFile>(text.error());
-  if (!file) return;
-  constexpr std::string_view prefix = "record.";
-  for (const auto& [key, value] : file->further)
-    if (key.starts_with(prefix)) entry.record.emplace(key.substr(prefix.size()), value);
-  entry.record.emplace("measured_utc", file->time_utc);
-}
-
 }  // namespace
 
 Result<std::vector<ArchiveEntry>> read_archive(const std::string& path) {
@@ -93,8 +77,41 @@ Result<std::vector<ArchiveEntry>> read_archive(const std::string& path) {
   Result<std::vector<ArchiveEntry>> entries = fs::is_directory(path, error) ? below(path) : listed(path);
   if (!entries) return entries;
   if (entries->empty()) return input_error(path + ": expected recordings, found none");
-  for (ArchiveEntry& entry : *entries) take_over(entry);
   return entries;
+}
+
+std::map<std::string, std::string> whole_record(const ArchiveEntry& entry) {
+  std::map<std::string, std::string> record = entry.record;
+  std::error_code error;
+  const fs::path folder =
+      fs::is_directory(entry.recording, error) ? fs::path(entry.recording) : fs::path(entry.recording).parent_path();
+  const std::string beside = (folder / parameters_name).string();
+  if (!path_exists(beside)) return record;
+  const Result<ParameterFile> file = read_parameter_file(beside);
+  if (!file) return record;
+  constexpr std::string_view prefix = "record.";
+  for (const auto& [key, value] : file->further)
+    if (key.starts_with(prefix)) record.emplace(key.substr(prefix.size()), value);
+  record.emplace("measured_utc", file->time_utc);
+  return record;
+}
+
+Result<std::string> format_archive(const std::vector<ArchiveEntry>& entries) {
+  std::string text = "recording";
+  for (const std::string& column : archive_columns) text += "," + column;
+  text += '\n';
+  for (const ArchiveEntry& entry : entries) {
+    std::vector<std::string> cells = {fs::absolute(entry.recording).lexically_normal().string()};
+    for (const std::string& column : archive_columns)
+      cells.push_back(entry.record.contains(column) ? entry.record.at(column) : "");
+    for (const std::string& cell : cells) {
+      if (cell.find_first_of(",\r\n") != std::string::npos)
+        return input_error(entry.recording + ": " + turncal::quoted(cell) + ": expected a path without a comma");
+      text += (&cell == &cells.front() ? "" : ",") + cell;
+    }
+    text += '\n';
+  }
+  return text;
 }
 
 }  // namespace turncal

@@ -2,10 +2,9 @@
 
 #include <unistd.h>
 
-#include <algorithm>
+#include <array>
 #include <atomic>
 #include <filesystem>
-#include <map>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -13,6 +12,7 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/posix_file.h"
+#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/diagnosis_job.h"
@@ -23,13 +23,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* unreadable_name = "unreadable.csv";
+enum Outcome { done, there, failed, unreadable };
+constexpr std::array<std::string_view, 4> outcome_names = {"done", "there", "failed", "unreadable"};
 
-enum class Outcome { done, there, failed, unreadable };
+std::size_t& count_of(Outcome outcome, RecalibrationCounts& c) {
+  return *std::array{&c.done, &c.there, &c.failed, &c.unreadable}[outcome];
+}
 
 struct Work {
   Outcome outcome = Outcome::done;
-  std::string reason;
+  std::string hash, reason;
   std::optional<Error> storage;  // the store, not the recording
 };
 
@@ -39,7 +42,7 @@ struct Made {
 };
 
 void add_record(const ArchiveEntry& entry, ParameterFile& file) {
-  for (const auto& [key, value] : entry.record)
+  for (const auto& [key, value] : whole_record(entry))
     if (!find_further(file, "record." + key)) file.add_further("record." + key, value);
 }
 
@@ -93,61 +96,78 @@ Result<bool> keep(const std::string& folder, const Made& made) {
   return first;
 }
 
+// What was kept of a recording, by this process or before.
+Work as_it_stands(const std::string& hash, const std::string& folder) {
+  if (!path_exists(folder + "/" + failure_name)) return {Outcome::there, hash, "", {}};
+  const Result<std::string> text = read_whole_file(folder + "/" + failure_name);
+  std::string_view rest = text ? std::string_view(*text) : std::string_view();
+  next_line(rest);  // which recording
+  return {Outcome::failed, hash, std::string(next_line(rest)), {}};
+}
+
 Work work_on(const ArchiveEntry& entry, const RecalibrationRequest& request) {
-  Work work;
   const Result<LoadedRecording> recording = load_recording(entry.recording);
-  if (!recording) return {Outcome::unreadable, recording.error().message, {}};
+  if (!recording) return {Outcome::unreadable, "", recording.error().message, {}};
   const std::string folder = request.store + "/" + request.version + "/" + recording->hash;
-  const auto as_it_stands = [&] { return path_exists(folder + "/" + failure_name) ? Outcome::failed : Outcome::there; };
-  if (path_exists(folder)) return {as_it_stands(), "", {}};
+  if (path_exists(folder)) return as_it_stands(recording->hash, folder);
+  Work work{Outcome::done, recording->hash, "", {}};
   Status data = check_data(*recording);
   Result<Made> made = data ? make(entry, *recording, request) : Result<Made>(data.error());
   if (!made) {
-    work = {Outcome::failed, made.error().message, {}};
+    work = {Outcome::failed, recording->hash, made.error().message, {}};
     made = Made{{{failure_name, entry.recording + "\n" + made.error().message + "\n"}}};
   }
   const Result<bool> first = keep(folder, *made);
   if (!first)
     work.storage = first.error();
   else if (!*first)
-    work.outcome = as_it_stands();
+    return as_it_stands(recording->hash, folder);
   return work;
+}
+
+std::string outcome_file(const RecalibrationRequest& request) {
+  if (!request.outcome.empty()) return request.outcome;
+  const std::string chunk =
+      request.chunks > 1 ? "." + std::to_string(request.chunk) + "-of-" + std::to_string(request.chunks) : "";
+  return request.store + "/" + request.version + "/recordings" + chunk + ".csv";
 }
 
 }  // namespace
 
+void count_outcomes(std::string_view rows, RecalibrationCounts& counts) {
+  while (!rows.empty()) {
+    const std::string_view row = next_line(rows);
+    for (const Outcome outcome : {done, there, failed, unreadable})
+      if (row.starts_with(std::string(outcome_names[outcome]) + ",")) ++count_of(outcome, counts);
+  }
+}
+
 Result<RecalibrationCounts> recalibrate(const std::vector<ArchiveEntry>& archive, const RecalibrationRequest& request,
-                                        const std::function<bool(const RecalibrationCounts&)>& progress) {
+                                        const RecalibrationProgress& progress) {
   const std::string root = request.store + "/" + request.version;
-  std::error_code error;
-  fs::create_directories(root, error);
-  if (error) return device_error(root + ": cannot make: " + error.message());
+  if (Status status = make_folder(root); !status) return device_error(status.error().message);
   std::vector<const ArchiveEntry*> mine;
   for (std::size_t k = 0; k < archive.size(); ++k)
     if (static_cast<int>(k % static_cast<std::size_t>(request.chunks)) == request.chunk) mine.push_back(&archive[k]);
 
   RecalibrationCounts counts;
   counts.entries = mine.size();
-  std::map<std::string, std::string> unreadable;
+  std::vector<Work> works(mine.size());
   std::optional<Error> storage;
   std::atomic<std::size_t> next = 0;
   std::atomic<bool> going = true;
   std::mutex mutex;
   const auto worker = [&] {
     for (std::size_t k = next++; k < mine.size() && going; k = next++) {
-      const Work work = work_on(*mine[k], request);
+      works[k] = work_on(*mine[k], request);
       const std::lock_guard lock(mutex);
-      if (work.storage) {
-        storage = work.storage;
+      if (works[k].storage) {
+        storage = works[k].storage;
         going = false;
         return;
       }
-      counts.done += work.outcome == Outcome::done;
-      counts.there += work.outcome == Outcome::there;
-      counts.failed += work.outcome == Outcome::failed;
-      counts.unreadable += work.outcome == Outcome::unreadable;
-      if (work.outcome == Outcome::unreadable) unreadable[mine[k]->recording] = work.reason;
-      if (!progress(counts)) going = false;
+      ++count_of(works[k].outcome, counts);
+      progress(counts);
     }
   };
   {
@@ -156,17 +176,15 @@ Result<RecalibrationCounts> recalibrate(const std::vector<ArchiveEntry>& archive
     worker();
   }
   if (storage) return *storage;
-  if (!unreadable.empty() || path_exists(root + "/" + unreadable_name)) {
-    DataTable table({"recording", "reason"});
-    for (const auto& [recording, reason] : unreadable) {
-      table.begin_row();
-      table.text(recording);
-      table.text(reason);
-    }
-    const std::string chunk = request.chunks > 1 ? std::to_string(request.chunk) + "-" : "";
-    if (Status status = write_file_atomically(root + "/" + chunk + unreadable_name, table.csv()); !status)
-      return status.error();
+  DataTable table({"outcome", "recording", "hash", "reason"});
+  for (std::size_t k = 0; k < works.size(); ++k) {
+    table.begin_row();
+    table.text(outcome_names[works[k].outcome]);
+    table.text(mine[k]->recording);
+    table.text(works[k].hash);
+    table.text(works[k].reason);
   }
+  if (Status status = write_file_atomically(outcome_file(request), table.csv()); !status) return status.error();
   return counts;
 }
 

@@ -40,10 +40,25 @@ TEST_F(Archive, DoesEachRecordingOnce) {
   EXPECT_NE(first.out.find("2 done, 1 were there, 0 cannot be calibrated, 2 cannot be read"), std::string::npos)
       << first.out;
   const std::set<std::string> names = below("store");
-  EXPECT_EQ(names.size(), 1U + 2U * 3U + 1U);  // the version, two folders of two files each, unreadable.csv
+  EXPECT_EQ(names.size(), 1U + 2U * 3U + 1U);  // the version, two folders of two files each, recordings.csv
   const ProgramResult second = recalibrate({"--out", path("store")});
   EXPECT_NE(second.out.find("0 done, 3 were there"), std::string::npos) << second.out;
   EXPECT_EQ(below("store"), names);
+}
+
+TEST_F(Archive, SaysWhatBecameOfEachRecording) {
+  ASSERT_EQ(recalibrate({"--out", path("store"), "--as-version", "v", "--threads", "1"}).code, 0);
+  const std::string table = file_text(path("store/v/recordings.csv"));
+  EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 1 + 5) << table;
+  EXPECT_NE(table.find("\ndone," + path("archive/SN1") + ","), std::string::npos) << table;
+  EXPECT_NE(table.find("\nthere," + path("archive/copy") + ","), std::string::npos) << table;
+  EXPECT_NE(table.find("\nunreadable," + path("archive/empty.tcr") + ",,"), std::string::npos) << table;
+}
+
+TEST_F(Archive, SaysThatSlurmIsNotThere) {
+  ::setenv("PATH", "/nonexistent", 1);
+  expect_refused({"recalibrate", path("archive"), "--out", path("x"), "--engine", "slurm"}, "sbatch is not installed",
+                 50);
 }
 
 TEST_F(Archive, CountsCopiesOnceAlsoWhenTwoThreadsTakeThemAtOnce) {
@@ -95,6 +110,12 @@ TEST_F(Archive, RefusesWhatItDoesNotUnderstand) {
   expect_refused({"recalibrate", path("list.csv"), "--out", path("x")}, "measured_utc = 'yesterday'");
   expect_refused({"recalibrate", path("archive"), "--out", path("x"), "--chunk", "2", "2"},
                  "--chunk 2 2: expected K N");
+  expect_refused({"recalibrate", path("archive"), "--out", path("x"), "--engine", "slurm", "--chunk", "0", "2"},
+                 "--engine slurm: makes the chunks itself");
+  expect_refused({"recalibrate", path("archive"), "--out", path("x"), "--chunks", "2"},
+                 "--chunks: expected --engine slurm");
+  write("with, comma/recording.tcr", "");
+  expect_refused({"recalibrate", path("with, comma"), "--out", path("x"), "--engine", "slurm"}, "without a comma");
   expect_refused({"recalibrate", path("nowhere"), "--out", path("x")}, "nowhere");
   expect_refused({"fleet", "diagnose", path("archive/copy")}, "expected statistics.tcs");
   expect_refused({"fleet", "diagnose", path("archive"), "--by", "station", "--by", "station"},

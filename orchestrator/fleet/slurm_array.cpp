@@ -1,0 +1,203 @@
+#include "orchestrator/fleet/slurm_array.h"
+
+#include <stdlib.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <map>
+#include <thread>
+
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/base/posix_file.h"
+#include "imu_io/base/text_pieces.h"
+#include "orchestrator/figures/piped_program.h"
+
+namespace turncal {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t recordings_of_a_chunk = 100, most_chunks = 1000;
+constexpr double slurm_deadline_s = 60.0;
+
+// $1: the job's folder, $2: the number of chunks, then the command.
+constexpr const char* task_script = R"(#!/bin/sh
+folder=$1 chunks=$2
+shift 2
+exec "$@" --chunk "$SLURM_ARRAY_TASK_ID" "$chunks" --outcome "$folder/$SLURM_ARRAY_TASK_ID.csv"
+)";
+
+struct Job {
+  std::string folder, name;
+  std::vector<std::string> command;  // of a task, with what the script needs
+  std::vector<int> attempts;         // of each chunk
+};
+
+Result<std::string> ask_slurm(const std::string& program, std::vector<std::string> arguments) {
+  const Result<PipedOutput> said = pipe_through({program, std::move(arguments), "slurm-client", slurm_deadline_s}, "");
+  if (!said) return device_error("engine slurm: " + said.error().message);
+  return said->output;
+}
+
+// The tasks that are not finished and not in the queue, in one array.
+Status submit(Job& job, const std::vector<int>& chunks) {
+  std::string list;
+  for (const int k : chunks) list += (list.empty() ? "" : ",") + std::to_string(k);
+  std::vector<std::string> arguments = {"--parsable",
+                                        "--requeue",
+                                        "--job-name",
+                                        job.name,
+                                        "--output",
+                                        "%a.log",
+                                        "--chdir",
+                                        job.folder,
+                                        "--array",
+                                        list,
+                                        "--open-mode",
+                                        "append",
+                                        job.folder + "/task.sh"};
+  arguments.insert(arguments.end(), job.command.begin(), job.command.end());
+  const Result<std::string> id = ask_slurm("sbatch", std::move(arguments));
+  if (!id) return id.error();
+  for (const int k : chunks) ++job.attempts[static_cast<std::size_t>(k)];
+  return {};
+}
+
+struct Queue {
+  std::map<int, std::string> state;  // of each chunk in it
+  std::string words() const {
+    std::map<std::string, int> counts;
+    for (const auto& [chunk, state_words] : state) ++counts[state_words];
+    std::string text;
+    for (const auto& [state_words, count] : counts)
+      text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + state_words;
+    return text;
+  }
+};
+
+Result<Queue> queue_of(const Job& job) {
+  const Result<std::string> text =
+      ask_slurm("squeue", {"--noheader", "--array", "--name", job.name, "--format", "%K %T %r"});
+  if (!text) return text.error();
+  Queue queue;
+  for (std::string_view rest = *text; !rest.empty();) {
+    const std::string_view line = trimmed(next_line(rest));
+    const std::size_t blank = line.find(' ');
+    const std::optional<double> chunk = device_number(line.substr(0, blank));
+    if (!chunk || blank == std::string_view::npos) continue;
+    std::string words(line.substr(blank + 1));
+    if (words.ends_with(" None")) words.resize(words.size() - 5);
+    queue.state[static_cast<int>(*chunk)] = words;
+  }
+  return queue;
+}
+
+std::string file_of(const Job& job, std::size_t chunk, const char* ending) {
+  return job.folder + "/" + std::to_string(chunk) + ending;
+}
+
+std::string last_line(const std::string& path) {
+  const Result<std::string> text = read_whole_file(path);
+  if (!text) return text.error().message;
+  std::string last;
+  for (std::string_view rest = *text; !rest.empty();)
+    if (const std::string_view line = trimmed(next_line(rest)); !line.empty()) last = line;
+  return last.empty() ? path + ": is empty" : last;
+}
+
+Result<Job> prepare(const std::vector<ArchiveEntry>& archive, const RecalibrationRequest& request, std::size_t chunks) {
+  const std::string store = fs::absolute(request.store).lexically_normal().string();
+  const Result<std::string> list = format_archive(archive);
+  if (!list) return list.error();
+  if (Status status = make_folder(store + "/.jobs"); !status) return status.error();
+  std::string folder = store + "/.jobs/XXXXXX";
+  if (!::mkdtemp(folder.data())) return device_error(folder + ": cannot make");
+  Job job{folder, "turncal-" + folder.substr(folder.size() - 6), {}, std::vector<int>(chunks, 0)};
+  if (Status status = write_files_atomically({{folder + "/archive.csv", *list}, {folder + "/task.sh", task_script}});
+      !status)
+    return status.error();
+  std::error_code error;
+  const std::string program = fs::read_symlink("/proc/self/exe", error).string();
+  job.command = {
+      folder, std::to_string(chunks), program,         "recalibrate", folder + "/archive.csv",        "--out",
+      store,  "--as-version",         request.version, "--threads",   std::to_string(request.threads)};
+  if (!request.diagnose) job.command.emplace_back("--no-diagnosis");
+  return job;
+}
+
+// All chunks together as recordings.csv, in the order of the chunks.
+Status collect(const Job& job, const RecalibrationRequest& request) {
+  std::string all = outcome_header;
+  for (std::size_t k = 0; k < job.attempts.size(); ++k) {
+    const Result<std::string> text = read_whole_file(file_of(job, k, ".csv"));
+    if (text && text->starts_with(outcome_header)) all += text->substr(std::string_view(outcome_header).size());
+  }
+  return write_file_atomically(request.store + "/" + request.version + "/" + outcome_name, all);
+}
+
+}  // namespace
+
+Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>& archive,
+                                                 const RecalibrationRequest& request, const SlurmOptions& options,
+                                                 const RecalibrationProgress& progress) {
+  const std::size_t wanted = options.chunks > 0 ? static_cast<std::size_t>(options.chunks)
+                                                : std::min(archive.size() / recordings_of_a_chunk + 1, most_chunks);
+  const std::size_t chunks = std::min(wanted, archive.size());
+  Result<Job> job = prepare(archive, request, chunks);
+  if (!job) return job.error();
+  std::vector<int> open;
+  for (std::size_t k = 0; k < chunks; ++k) open.push_back(static_cast<int>(k));
+  if (Status status = submit(*job, open); !status) {
+    std::error_code error;
+    fs::remove_all(job->folder, error);
+    fs::remove(fs::path(job->folder).parent_path(), error);  // where they are empty
+    fs::remove(request.store, error);
+    return status.error();
+  }
+  RecalibrationCounts counts;
+  counts.entries = archive.size();
+  std::vector<int> gone, failed;
+  for (int polls = 1; !open.empty(); ++polls) {
+    std::this_thread::sleep_for(std::chrono::seconds(std::clamp(polls / 10, 1, 15)));
+    const Result<Queue> queue = queue_of(*job);  // before the files: what has left the queue has written its file
+    std::vector<int> still, missing;
+    for (const int k : open) {
+      const Result<std::string> text = read_whole_file(file_of(*job, static_cast<std::size_t>(k), ".csv"));
+      if (text)
+        count_outcomes(*text, counts);
+      else if (still.push_back(k); queue && !queue->state.contains(k))
+        missing.push_back(k);
+    }
+    open = still;
+    // Twice in a row: a file server may show a file late.
+    std::vector<int> again;
+    std::set_intersection(missing.begin(), missing.end(), gone.begin(), gone.end(), std::back_inserter(again));
+    gone = missing;
+    std::erase_if(again, [&](int k) {
+      if (job->attempts[static_cast<std::size_t>(k)] < options.most_attempts) return false;
+      failed.push_back(k);
+      std::erase(open, k);
+      return true;
+    });
+    if (!again.empty()) {
+      if (Status status = submit(*job, again); !status) return status.error();
+      gone.clear();
+    }
+    counts.waiting = queue ? queue->words() : queue.error().message;
+    progress(counts);
+  }
+  counts.waiting.clear();
+  if (Status status = collect(*job, request); !status) return status.error();
+  if (failed.empty()) {
+    std::error_code error;
+    fs::remove_all(job->folder, error);
+    return counts;
+  }
+  const auto first = static_cast<std::size_t>(failed.front());
+  return device_error(std::to_string(failed.size()) + " of " + std::to_string(chunks) + " chunks failed " +
+                      std::to_string(options.most_attempts) + " times; " + file_of(*job, first, ".log") + ": " +
+                      last_line(file_of(*job, first, ".log")));
+}
+
+}  // namespace turncal
