@@ -178,7 +178,7 @@ FleetDiagnosis diagnose_fleet(const std::vector<FleetMember>& members, const Fle
   }
   for (const Deviation& w : units)
     d.units.push_back({scores.given(w.member), scores.components()[w.component], w.value, w.sigma, w.z});
-  summarise(scores, options, d);
+  if (options.summary) summarise(scores, options, d);
   test_what_is_left(scores, options, d);
   return d;
 }

@@ -39,6 +39,7 @@ struct FleetOptions {
   double shape_margin = 10.0;  // of z^2: "very strong" in the scale of Kass and Raftery (limits.h)
   int max_effects = 20;
   int max_of_unit = 4;  // effects of a unit that stands out
+  bool summary = true;  // FleetDiagnosis::components
 };
 
 enum class FleetShape { constant, step, ramp };

@@ -34,15 +34,6 @@ Eigen::VectorXd own(const Eigen::VectorXd& all, const JointResult& estimate, std
   return values;
 }
 
-// Of one estimate, about itself: everything that its covariance counts, or what the data say where directions are open.
-Eigen::MatrixXd information_of(const JointResult& e) {
-  if (!e.undetermined.empty()) return e.last.information(e.free, e.free);
-  const Eigen::VectorXd scale = e.covariance.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd correlation = scale.asDiagonal() * e.covariance * scale.asDiagonal();
-  const Eigen::MatrixXd inverse = solve_symmetric(correlation, Eigen::MatrixXd(scale.asDiagonal()));
-  return scale.asDiagonal() * inverse;
-}
-
 Whole add_up(const std::vector<JointResult>& estimates) {
   const Eigen::Index columns = parameter_count + biases * (static_cast<Eigen::Index>(estimates.size()) - 1);
   Whole w;
@@ -77,6 +68,14 @@ Whole add_up(const std::vector<JointResult>& estimates) {
 }
 
 }  // namespace
+
+Eigen::MatrixXd information_of(const JointResult& e) {
+  if (!e.undetermined.empty()) return e.last.information(e.free, e.free);
+  const Eigen::VectorXd scale = e.covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd correlation = scale.asDiagonal() * e.covariance * scale.asDiagonal();
+  const Eigen::MatrixXd inverse = solve_symmetric(correlation, Eigen::MatrixXd(scale.asDiagonal()));
+  return scale.asDiagonal() * inverse;
+}
 
 JointResult estimate_beside(const CompressedRecording& recording, const Parameters& known) {
   JointOptions options;

@@ -45,6 +45,9 @@ struct SeveralRecordings {
 // it says of all 21 there is in the covariance and the last pass. Its own fit would end anywhere along what it leaves open.
 JointResult estimate_beside(const CompressedRecording& recording, const Parameters& known);
 
+// Of one estimate, about itself: everything that its covariance counts, or what the data say where directions are open.
+Eigen::MatrixXd information_of(const JointResult& estimate);
+
 // At least two estimates without effects, each converged.
 SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates);
 

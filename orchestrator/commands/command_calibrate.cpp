@@ -6,10 +6,13 @@
 #include <vector>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/truth.h"
+#include "orchestrator/fleet/prior_history.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/records/output_folder.h"
+#include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/result_table.h"
 #include "orchestrator/watch/progress.h"
 
@@ -24,6 +27,7 @@ struct CalibrateOptions {
   std::string out;
   std::string method = calibration_methods[0];
   bool partial = false;
+  PriorSource prior;
 };
 
 std::optional<ParameterVector> truth_beside(const std::string& recording) {
@@ -47,12 +51,27 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   if (!folder) return folder.error();
   CalibrationRequest request;
   request.method = options.method;
-  request.partial = options.partial;
   request.time_utc = format_utc(wall_utc_s());
-  const Result<CalibrationOutput> output = calibrate_recordings(recordings, request);
+  const bool with_prior = !options.prior.folder.empty();
+  if (with_prior && (recordings.size() > 1 || options.method != calibration_methods[0]))
+    return input_error("--prior: expected one recording, and the method joint");
+  if (!with_prior && !options.prior.part.empty()) return input_error("--part: expected --prior");
+  request.partial = options.partial || with_prior;
+  Result<CalibrationOutput> output = calibrate_recordings(recordings, request);
   if (!output) return output.error();
+  std::optional<StatisticsFile> statistics;  // for the fleet: of the data alone
+  if (recordings.size() == 1 && output->fit)
+    statistics = StatisticsFile{output->file, unit_statistics(recordings.front().data, *output->fit)};
+  if (with_prior) {
+    if (Status status = add_prior(options.prior, recordings.front(), request, *output); !status) return status;
+    const std::string open = undetermined_parameters(*output->fit);
+    if (!open.empty() && !options.partial) return not_determined("this recording does not determine " + open);
+  }
   const std::string file = folder->file(parameters_name);
   if (Status status = write_parameter_file(output->file, file); !status) return status;
+  if (statistics) {
+    if (Status status = write_statistics(*statistics, folder->file(statistics_name)); !status) return status;
+  }
   folder->keep();
   for (const std::string& note : output->notes) context.out << note << '\n';
   context.out << '\n';
@@ -74,6 +93,9 @@ void add_calibrate_command(CommandLine& line, CommandContext& context) {
       .one_of(std::vector<std::string>(std::begin(calibration_methods), std::end(calibration_methods)))
       .default_in_help();
   command.flag("--partial", options->partial, "write a result even if some parameters are not determined");
+  command.option("--prior", options->prior.folder,
+                 "what earlier calibrations say: a store of `turncal recalibrate`, or a folder with runs below it");
+  command.option("--part", options->prior.part, "of the prior: only units of this part number");
   command.runs(context, [options, &context] { return calibrate(*options, context); });
 }
 

@@ -27,6 +27,7 @@ Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
   if (!source) return source.error();
   FleetOptions wanted;
   wanted.factors = options.by;
+  wanted.summary = !options.page.empty();
   const FleetDiagnosis diagnosis = diagnose_fleet(source->members, wanted);
   if (!options.page.empty()) {
     const std::string html = fleet_page(diagnosis, *source, options.by);

@@ -67,14 +67,15 @@ std::string level_table(const FleetDiagnosis& d, std::size_t factor) {
                    [](const auto* a, const auto* b) { return worst_z(*a) > worst_z(*b); });
   chosen.resize(std::min(chosen.size(), most_components));
   std::vector<html::Cell> head = {html::text("effect"), html::text(""), html::number("one recording"),
-                                  html::number("scatter of units")};
+                                  html::number("scatter of units"), html::number("scatter of levels")};
   const std::size_t levels = std::min(d.levels[factor].size(), most_levels);
   for (std::size_t l = 0; l < levels; ++l) head.push_back(html::number(d.levels[factor][l]));
   html::HtmlTable table(head);
   for (const ComponentSummary* c : chosen) {
-    std::vector<html::Cell> row = {html::name(c->component), html::text(unit_of_component(c->component)),
-                                   html::number(significant(c->one_unit, 2)),
-                                   html::number(significant(c->unit_scatter, 2))};
+    std::vector<html::Cell> row = {
+        html::name(c->component), html::text(unit_of_component(c->component)),
+        html::number(significant(c->one_unit, 2)), html::number(significant(c->unit_scatter, 2)),
+        html::number(c->factor_scatter.empty() ? "" : significant(c->factor_scatter[factor], 2))};
     for (std::size_t l = 0; l < levels; ++l) {
       const ComponentLevel& level = c->levels[factor][l];
       row.push_back(html::number(significant(level.value, 2) + " (" + significant(level.z, 2) + ")"));

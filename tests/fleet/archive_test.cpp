@@ -117,9 +117,36 @@ TEST_F(Archive, RefusesWhatItDoesNotUnderstand) {
   write("with, comma/recording.tcr", "");
   expect_refused({"recalibrate", path("with, comma"), "--out", path("x"), "--engine", "slurm"}, "without a comma");
   expect_refused({"recalibrate", path("nowhere"), "--out", path("x")}, "nowhere");
+  expect_refused({"calibrate", path("archive/SN1"), "--out", path("x"), "--prior", path("archive")},
+                 "expected trusted calibrations of 10 other units, found 1");
+  expect_refused({"calibrate", path("archive/SN1"), "--out", path("x"), "--part", "P7"}, "--part: expected --prior");
   expect_refused({"fleet", "diagnose", path("archive/copy")}, "expected statistics.tcs");
   expect_refused({"fleet", "diagnose", path("archive"), "--by", "station", "--by", "station"},
                  "--by station: is given twice");
+}
+
+// Ten other units and the unit itself: the file says what came from them, and is no history for the next.
+TEST_F(Archive, IsAPrior) {
+  std::filesystem::create_directories(path("earlier"));
+  for (int k = 0; k < 11; ++k) {
+    const ProgramResult made = run({"run", "--dry-run", "--unit", "SN" + std::to_string(20 + k), "--rig",
+                                    write("unit.rig", "seed = " + std::to_string(20 + k) + "\n"), "--no-diagnosis",
+                                    "--out", path("earlier/" + std::to_string(k)), "--sequence",
+                                    TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"});
+    ASSERT_EQ(made.code, 0) << made.err;
+  }
+  const ProgramResult result =
+      run({"calibrate", path("earlier/3"), "--prior", path("earlier"), "--out", path("earlier/with")});
+  EXPECT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.out.find("prior: 10 other units, 0 earlier calibrations of this one"), std::string::npos)
+      << result.out;
+  EXPECT_NE(result.out.find("the unit's own history is not used"), std::string::npos) << result.out;
+  const std::string file = file_text(path("earlier/with/parameters.conf"));
+  EXPECT_NE(file.find("quality.prior.calibrations_of_others = 10"), std::string::npos) << file;
+  EXPECT_NE(file.find("quality.prior.share.N01 = "), std::string::npos) << file;
+  EXPECT_TRUE(std::filesystem::exists(path("earlier/with/statistics.tcs")));
+  const ProgramResult again = run({"calibrate", path("earlier/4"), "--prior", path("earlier"), "--out", path("again")});
+  EXPECT_NE(again.out.find("prior: 10 other units, 0 earlier"), std::string::npos) << again.out;
 }
 
 // What the list says stands in the files; the runs' own statistics do as well. (Both rigs have the same noise: together they would not be explained.)

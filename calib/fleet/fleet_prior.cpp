@@ -1,0 +1,124 @@
+#include "calib/fleet/fleet_prior.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "calib/joint/several_recordings.h"
+#include "calib/statistics/distributions.h"
+#include "calib/statistics/linear_algebra.h"
+
+namespace turncal {
+namespace {
+
+std::vector<int> free_parameters() {
+  std::vector<int> all;
+  for (int k = 0; k < parameter_count; ++k)
+    if (parameter_is_free[static_cast<std::size_t>(k)]) all.push_back(k);
+  return all;
+}
+
+// Of units that differ by many powers of ten: in units of their own standard deviations.
+Eigen::MatrixXd inverse_of(const Eigen::MatrixXd& A) {
+  const Eigen::VectorXd scale = A.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * A * scale.asDiagonal();
+  return scale.asDiagonal() * solve_symmetric(scaled, Eigen::MatrixXd(scale.asDiagonal()));
+}
+
+struct Gaussian {
+  Eigen::VectorXd mean;
+  Eigen::MatrixXd covariance;
+};
+
+Gaussian of_fleet(const std::vector<const EarlierCalibration*>& units, const std::vector<int>& free) {
+  const auto count = static_cast<Eigen::Index>(units.size()), d = static_cast<Eigen::Index>(free.size());
+  Eigen::MatrixXd values(count, d);
+  for (Eigen::Index u = 0; u < count; ++u) values.row(u) = units[static_cast<std::size_t>(u)]->value(free).transpose();
+  const Eigen::VectorXd mean = values.colwise().mean();
+  values.rowwise() -= mean.transpose();
+  const double n = static_cast<double>(count);
+  Eigen::MatrixXd S = values.transpose() * values / (n - 1.0);
+  Eigen::VectorXd errors = Eigen::VectorXd::Zero(d);
+  for (const EarlierCalibration* unit : units) errors += Eigen::VectorXd(unit->covariance.diagonal()(free)) / n;
+  S.diagonal() = S.diagonal().cwiseMax(errors);  // they are in it
+  const bool whole = count >= 3 * d;
+  if (!whole) S = Eigen::MatrixXd(S.diagonal().asDiagonal());
+  const double estimated = whole ? static_cast<double>(d) : 1.0;
+  return {mean, S * (1.0 + 1.0 / n) * (n - 1.0) / (n - estimated - 2.0)};
+}
+
+}  // namespace
+
+std::optional<FleetPrior> fleet_prior(std::vector<EarlierCalibration> history, const std::string& unit) {
+  std::stable_sort(history.begin(), history.end(), [](const EarlierCalibration& a, const EarlierCalibration& b) {
+    return std::tie(a.unit, a.time_utc) < std::tie(b.unit, b.time_utc);
+  });
+  const std::vector<int> free = free_parameters();
+  std::vector<const EarlierCalibration*> others, own;
+  Eigen::VectorXd change = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(free.size()));
+  FleetPrior prior;
+  for (std::size_t i = 0; i < history.size(); ++i) {
+    const EarlierCalibration& e = history[i];
+    const bool newest = i + 1 == history.size() || history[i + 1].unit != e.unit;
+    if (e.unit == unit)
+      own.push_back(&e);
+    else if (newest)
+      others.push_back(&e);
+    if (newest) continue;
+    const EarlierCalibration& next = history[i + 1];
+    const Eigen::VectorXd moved = (next.value - e.value)(free);
+    change += moved.cwiseAbs2() - Eigen::VectorXd((e.covariance + next.covariance).diagonal()(free));
+    ++prior.pairs;
+  }
+  if (others.size() < least_prior_units) return std::nullopt;
+  Gaussian now = of_fleet(others, free);
+  prior.units = others.size();
+  if (prior.pairs >= least_prior_pairs)
+    for (const EarlierCalibration* e : own) {
+      const Eigen::MatrixXd before = inverse_of(now.covariance),
+                            said = inverse_of(Eigen::MatrixXd(e->covariance(free, free)));
+      now.covariance = inverse_of(before + said);
+      now.mean = now.covariance * (before * now.mean + said * Eigen::VectorXd(e->value(free)));
+      now.covariance.diagonal() += (change / static_cast<double>(prior.pairs)).cwiseMax(0.0);
+      ++prior.own;
+    }
+  prior.mean(free) = now.mean;
+  prior.covariance = Eigen::MatrixXd::Zero(parameter_count, parameter_count);
+  prior.covariance(free, free) = now.covariance;
+  return prior;
+}
+
+PriorEffect use_prior(const FleetPrior& prior, JointResult& e, double false_alarm) {
+  PriorEffect effect;
+  const auto count = static_cast<Eigen::Index>(e.free.size());
+  const ParameterVector at = to_vector(e.parameters);
+  const double limit = chi_square_1_limit(false_alarm / static_cast<double>(count));
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const int k = e.free[static_cast<std::size_t>(i)];
+    if (!e.determined[static_cast<std::size_t>(k)]) continue;
+    effect.from_prior[k] = (at[k] - prior.mean[k]) / std::sqrt(e.covariance(i, i) + prior.covariance(k, k));
+    if (effect.from_prior[k] * effect.from_prior[k] > limit) effect.changed.push_back(k);
+  }
+  if (!effect.changed.empty()) return effect;
+
+  // About where the data say most: p = p_0 - Lambda^-1 (c + P^-1 (p_0 - m)).
+  const Eigen::MatrixXd P = inverse_of(Eigen::MatrixXd(prior.covariance(e.free, e.free)));
+  const Eigen::MatrixXd covariance = inverse_of(information_of(e) + P);
+  const Eigen::VectorXd gradient =
+      Eigen::VectorXd(e.last.gradient(e.free)) + P * Eigen::VectorXd((at - prior.mean)(e.free));
+  ParameterVector value = at;
+  value(e.free) -= covariance * gradient;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const int k = e.free[static_cast<std::size_t>(i)];
+    effect.share[k] =
+        e.determined[static_cast<std::size_t>(k)] ? std::max(0.0, 1.0 - covariance(i, i) / e.covariance(i, i)) : 1.0;
+    e.sigma[k] = std::sqrt(covariance(i, i));
+    e.determined[static_cast<std::size_t>(k)] = true;
+  }
+  e.parameters = from_vector(value);
+  e.covariance = covariance;
+  e.undetermined.clear();
+  return effect;
+}
+
+}  // namespace turncal

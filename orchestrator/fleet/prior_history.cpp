@@ -1,0 +1,128 @@
+#include "orchestrator/fleet/prior_history.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+
+#include "imu_io/base/posix_file.h"
+#include "orchestrator/jobs/navigation/stored_estimate.h"
+#include "orchestrator/records/output_folder.h"
+#include "orchestrator/report/diagnosis_file.h"
+
+namespace turncal {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* source_key = "quality.prior.calibrations_of_others";
+
+bool counts(const ParameterFile& file, const StoredCovariance& stored) {
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k)
+    if (parameter_is_free[k] && !(file.sigma[k].value_or(0.0) > 0.0)) return false;
+  return stored.source == std::string_view("covariance") && is_trusted(file) && !find_further(file, source_key);
+}
+
+std::string keys_of(const std::vector<int>& parameters) {
+  std::string text;
+  for (const int k : parameters)
+    text += (text.empty() ? "" : " ") + std::string(parameter_keys[static_cast<std::size_t>(k)]);
+  return text;
+}
+
+}  // namespace
+
+Result<std::vector<EarlierCalibration>> read_history(const PriorSource& source, const std::string& recording_hash,
+                                                     bool simulated) {
+  struct One {
+    std::string time_utc;
+    EarlierCalibration earlier;
+  };
+  std::map<std::string, One> by_recording;
+  std::error_code error;
+  for (fs::recursive_directory_iterator at(source.folder, error), end; at != end && !error; at.increment(error)) {
+    if (at->path().filename() != parameters_name || at->path().parent_path().filename().string().starts_with('.'))
+      continue;
+    const std::string path = at->path().string();
+    const Result<ParameterFile> file = read_parameter_file(path);
+    if (!file || file->simulated != simulated || file->recording_hash == recording_hash) continue;
+    const std::string* const part = find_further(*file, "record.part");
+    if (!source.part.empty() && (!part || *part != source.part)) continue;
+    const Result<StoredCovariance> stored = stored_covariance(*file, path);
+    if (!stored || !counts(*file, *stored)) continue;
+    const std::string* const measured = find_further(*file, "record.measured_utc");
+    One one{file->time_utc,
+            {file->unit_serial, measured ? *measured : file->time_utc, file->parameters, stored->covariance}};
+    const auto [place, is_new] = by_recording.try_emplace(file->recording_hash, one);
+    if (!is_new && place->second.time_utc < one.time_utc) place->second = one;
+  }
+  if (error) return input_error(source.folder + ": cannot read: " + error.message());
+  std::vector<EarlierCalibration> history;
+  for (auto& [hash, one] : by_recording) history.push_back(std::move(one.earlier));
+  return history;
+}
+
+Status add_prior(const PriorSource& source, const LoadedRecording& recording, const CalibrationRequest& request,
+                 CalibrationOutput& output) {
+  const std::string& unit = recording.data.info.unit_serial;
+  const Result<std::vector<EarlierCalibration>> history =
+      read_history(source, recording.hash, recording.data.info.simulated);
+  if (!history) return history.error();
+  const std::optional<FleetPrior> prior = fleet_prior(*history, unit);
+  if (!prior)
+    return input_error(source.folder + ": expected trusted calibrations of " + std::to_string(least_prior_units) +
+                       " other units" + (source.part.empty() ? "" : " of part " + source.part) + ", found " +
+                       std::to_string(history->size()) + " calibrations");
+  if (!output.fit) return input_error(recording.path + ": a prior: expected a recording with table angles");
+  if (!output.fit->undetermined.empty()) {  // its own fit has ended anywhere along what it leaves open
+    CalibrationRequest beside = request;
+    beside.known = from_vector(prior->mean);
+    Result<CalibrationOutput> again = calibrate_recording(recording, beside);
+    if (!again) return again.error();
+    output = std::move(*again);
+  }
+  const PriorEffect effect = use_prior(*prior, *output.fit);
+  ParameterFile& file = output.file;
+  std::erase_if(file.further, [](const auto& key) {
+    return key.first.starts_with("noise.") || (key.first.starts_with("quality.") && key.first != "quality.trusted");
+  });
+  describe_estimate(*output.fit, recording.data, false, file);
+  file.add_further(source_key, static_cast<double>(prior->units));
+  file.add_further("quality.prior.calibrations_of_unit", static_cast<double>(prior->own));
+  char text[200];
+  if (!effect.changed.empty()) {
+    const std::string keys = keys_of(effect.changed);
+    file.add_further("quality.prior.not_used", keys);
+    std::string line =
+        std::string("prior: NOT USED: ") +
+        (prior->own > 0 ? "the unit has changed since its last calibration:" : "the unit is unlike the others:");
+    for (const int k : effect.changed) {
+      std::snprintf(text, sizeof text, " %s by %.1f sigma",
+                    std::string(parameter_keys[static_cast<std::size_t>(k)]).c_str(), effect.from_prior[k]);
+      line += text;
+    }
+    output.notes.push_back(line);
+    return {};
+  }
+  for (int k = 0; k < parameter_count; ++k)
+    if (parameter_is_free[static_cast<std::size_t>(k)])
+      file.add_further("quality.prior.share." + std::string(parameter_keys[static_cast<std::size_t>(k)]),
+                       effect.share[k]);
+  std::snprintf(text, sizeof text, "prior: %zu other units, %zu earlier calibrations of this one", prior->units,
+                prior->own);
+  output.notes.push_back(text);
+  if (prior->own == 0 && prior->pairs < least_prior_pairs)
+    output.notes.push_back(
+        "prior: the unit's own history is not used: too few units were calibrated twice to know how much they change");
+  std::string shares = "prior: its share of what is known:";
+  for (int k = 0; k < parameter_count; ++k)
+    if (parameter_is_free[static_cast<std::size_t>(k)]) {
+      std::snprintf(text, sizeof text, " %s %.0f %%", std::string(parameter_keys[static_cast<std::size_t>(k)]).c_str(),
+                    100.0 * effect.share[k]);
+      shares += text;
+    }
+  output.notes.push_back(shares);
+  return {};
+}
+
+}  // namespace turncal
