@@ -15,7 +15,6 @@ namespace turncal {
 
 inline constexpr double wgs84_semi_major_m = 6378137.0;
 inline constexpr double wgs84_flattening = 1.0 / 298.257223563;
-inline constexpr double mean_earth_radius_m = 6371000.8;  // of Schuler's formulae
 inline constexpr double metres_per_nautical_mile = 1852.0;
 
 double normal_gravity_mps2(double latitude_rad, double height_m);

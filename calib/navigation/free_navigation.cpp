@@ -128,7 +128,7 @@ ExpectedDrift expected_drift(const FreeNavigationSetup& setup, double heading_ra
     if (k % every != 0 && k != end) continue;
     const DriftMatrix covariance = drift.covariance(setup.parameter_covariance);
     result.points.push_back({static_cast<double>(k) * rest_interval_s, position_block(covariance),
-                             position_block(drift.noise_covariance()), covariance.block<2, 2>(3, 3)});
+                             position_block(drift.noise_covariance())});
   }
   return result;
 }

@@ -56,9 +56,8 @@ struct ExpectedDrift {
   Eigen::Vector3d align_sigma_rad = Eigen::Vector3d::Zero();
   struct Point {
     double time_s = 0.0;
-    Eigen::Matrix2d covariance_m2 = Eigen::Matrix2d::Zero();        // of north and east, together
-    Eigen::Matrix2d noise_m2 = Eigen::Matrix2d::Zero();             // the part of the noise
-    Eigen::Matrix2d velocity_covariance = Eigen::Matrix2d::Zero();  // (m/s)^2
+    Eigen::Matrix2d covariance_m2 = Eigen::Matrix2d::Zero();  // of north and east, together
+    Eigen::Matrix2d noise_m2 = Eigen::Matrix2d::Zero();       // the part of the noise
   };
   std::vector<Point> points;  // each `every_s`, and the end
 };
