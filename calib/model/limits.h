@@ -9,7 +9,8 @@ struct LackOfFitLimits {
   // A direction of which the model imitates all but this is not tested: rounding and linearisation are larger than what is left.
   double rank_floor = 1e-3;
   // chi2 of the innovations' correlation is divided by this before it is judged: the pulses of an accelerometer that counts close to a
-  // whole number a sample beat, and their error is not white. Clean recordings come to 1.8 at most with it (docs/diagnosis-study.md).
+  // whole number a sample beat, and their error is not white. Not calibrated by itself: the false alarms of all tests together, 0.7 % of
+  // 300 clean runs (docs/diagnosis-study.md), are with it.
   double innovations_inflation = 2.0;
   // Lags nearer than this (s) are judged by the size of their correlation (NoiseLimits): pulses make some of 0.1 in a quiet unit. A lag
   // with fewer pairs than `fewest_pairs` has a correlation that scatters by a tenth and more.
