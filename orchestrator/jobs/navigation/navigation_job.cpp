@@ -17,8 +17,8 @@ struct Branch {  // intervals
   std::size_t start = 0, length = 0;
 };
 
-// First intervals of the branches: each the next from which on an alignment over `window` intervals can be made: at rest there, and for
-// `least` of the window; all of it, where a reference says when the unit stands.
+// First intervals of the branches: each the next rest from which on an alignment over `window` intervals rests for `least` of them; all of
+// it, where a reference says when the unit stands. The last one, with no room to wait, may begin in a turn.
 struct AlignmentNeeds {
   std::size_t window = 1, least = 1;  // intervals
 };
@@ -29,14 +29,13 @@ std::vector<std::size_t> starts_of(const std::vector<MotionInterval>& intervals,
   const std::size_t last = intervals.size() - length;
   std::vector<std::size_t> rested(intervals.size() + 1, 0);
   for (std::size_t k = 0; k < intervals.size(); ++k) rested[k + 1] = rested[k] + intervals[k].at_rest;
-  const auto fits = [&](std::size_t at) {
-    const std::size_t end = std::min(at + needs.window, intervals.size());
-    return intervals[at].at_rest && rested[end] - rested[at] >= needs.least;
+  const auto enough = [&](std::size_t at) {
+    return rested[std::min(at + needs.window, intervals.size())] - rested[at] >= needs.least;
   };
   for (int k = 0; k < branches; ++k) {
     std::size_t at = branches > 1 ? last * static_cast<std::size_t>(k) / static_cast<std::size_t>(branches - 1) : 0;
-    while (at < last && !fits(at)) ++at;
-    if (fits(at) && (starts.empty() || at > starts.back())) starts.push_back(at);
+    while (at < last && !(intervals[at].at_rest && enough(at))) ++at;
+    if (enough(at) && (starts.empty() || at > starts.back())) starts.push_back(at);
   }
   return starts;
 }
