@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "imu_io/base/deadline.h"
+#include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 
 namespace turncal {
@@ -60,11 +61,13 @@ std::optional<pid_t> lock_holder(const std::string& path) {
                 static_cast<unsigned long long>(file.st_ino));
   std::string_view remaining = std::string_view(table).substr(0, *got);
   while (!remaining.empty()) {
-    const std::string line(next_line(remaining));  // "1: FLOCK  ADVISORY  WRITE 4711 fe:00:11012251 0 EOF"
-    long holder = 0;
-    if (line.find(place) == std::string::npos || line.find("->") != std::string::npos) continue;
-    if (std::sscanf(line.c_str(), "%*s FLOCK %*s WRITE %ld", &holder) == 1 && holder > 0)
-      return static_cast<pid_t>(holder);
+    const std::string_view line = next_line(remaining);  // "1: FLOCK  ADVISORY  WRITE 4711 fe:00:11012251 0 EOF"
+    const std::size_t at = line.find(place);
+    if (at == std::string_view::npos) continue;
+    const std::string_view before = line.substr(0, at);
+    const bool holds = before.find("FLOCK") != std::string_view::npos && before.find("->") == std::string_view::npos;
+    const std::optional<pid_t> holder = parse_integer<pid_t>(before.substr(before.rfind(' ') + 1));
+    if (holds && holder && *holder > 0) return holder;
   }
   return {};
 }

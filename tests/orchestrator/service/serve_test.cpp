@@ -39,7 +39,7 @@ class Serve : public Program {
   }
   pid_t start_batch(const std::string& pace) const {
     return start({"batch", path("queue"), "--dry-run", "--out", path("runs"), "--sequence",
-                  TURNCAL_SOURCE_DIR "/sequences/short_demo.seq", "--pace", pace});
+                  std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq", "--pace", pace});
   }
   // Of a test that has failed nothing is waited for.
   ProgramResult finish_batch(pid_t batch) const {
