@@ -191,7 +191,7 @@ int main(int argc, char** argv) {
   }
   turncal::Case what{argv[1]};
   for (int k = 4; k < argc; ++k) {
-    if (std::strcmp(argv[k], "--times") == 0 && k + 1 < argc) what.times = std::atof(argv[k + 1]);
+    if (std::strcmp(argv[k], "--times") == 0 && k + 1 < argc) what.times = std::strtod(argv[k + 1], nullptr);
     if (std::strcmp(argv[k], "--stages") == 0) what.stages = true;
   }
   const turncal::Sequence sequence = turncal::must_read_sequence("fourteen_step.seq");

@@ -128,9 +128,9 @@ int main(int argc, char** argv) {
   bool good = argc >= 3 && argc % 2 == 1;
   for (int k = 3; good && k < argc; k += 2) {
     if (std::strcmp(argv[k], "--units") == 0)
-      study.units = static_cast<std::size_t>(std::atoi(argv[k + 1]));
+      study.units = std::strtoull(argv[k + 1], nullptr, 10);
     else if (std::strcmp(argv[k], "--stations") == 0)
-      study.stations = static_cast<std::size_t>(std::atoi(argv[k + 1]));
+      study.stations = std::strtoull(argv[k + 1], nullptr, 10);
     else if (std::strcmp(argv[k], "--sequence") == 0)
       name = argv[k + 1];
     else
@@ -141,7 +141,8 @@ int main(int argc, char** argv) {
     return 1;
   }
   study.sequence = must_read_sequence(name);
-  const auto first = static_cast<std::uint64_t>(std::atoll(argv[1]));
-  for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(std::atoll(argv[2])); ++k) run(study, first + k);
+  const auto first = static_cast<std::uint64_t>(std::strtoll(argv[1], nullptr, 10));
+  for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(std::strtoll(argv[2], nullptr, 10)); ++k)
+    run(study, first + k);
   return 0;
 }

@@ -74,21 +74,21 @@ int main(int argc, char** argv) {
   std::string sequence = "fourteen_step.seq";
   for (int k = 3; k < argc; ++k) {
     if (std::strcmp(argv[k], "--instability") == 0 && k + 2 < argc) {
-      config.noise.gyro_bias_instability_degph = std::atof(argv[++k]);
-      config.noise.accel_bias_instability_ug = std::atof(argv[++k]);
+      config.noise.gyro_bias_instability_degph = std::strtod(argv[++k], nullptr);
+      config.noise.accel_bias_instability_ug = std::strtod(argv[++k], nullptr);
     } else if (std::strcmp(argv[k], "--walks") == 0 && k + 2 < argc) {
-      config.noise.gyro_random_walk_deg_per_rt_h = std::atof(argv[++k]);
-      config.noise.accel_random_walk_ug_per_rt_hz = std::atof(argv[++k]);
+      config.noise.gyro_random_walk_deg_per_rt_h = std::strtod(argv[++k], nullptr);
+      config.noise.accel_random_walk_ug_per_rt_hz = std::strtod(argv[++k], nullptr);
     } else if (std::strcmp(argv[k], "--real") == 0) {
       config.quantisation = RigQuantisation::off;
     } else if (std::strcmp(argv[k], "--table") == 0 && k + 1 < argc) {
-      config.table_errors.random_arcmin = std::atof(argv[++k]);
+      config.table_errors.random_arcmin = std::strtod(argv[++k], nullptr);
     } else if (std::strcmp(argv[k], "--sequence") == 0 && k + 1 < argc) {
       sequence = argv[++k];
     } else if (std::strcmp(argv[k], "--no-instability-fit") == 0) {
       options.fit_bias_instability = false;
     } else if (std::strcmp(argv[k], "--correlation") == 0 && k + 1 < argc) {
-      correlation_s = std::atof(argv[++k]);
+      correlation_s = std::strtod(argv[++k], nullptr);
     } else if (std::strcmp(argv[k], "--given") == 0) {
       given = true;
     } else {

@@ -92,14 +92,14 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: study_navigation SEED_FIRST SEED_COUNT [--free SECONDS]\n");
     return 1;
   }
-  const double free_s = with_time ? std::atof(argv[4]) : 3600.0;
+  const double free_s = with_time ? std::strtod(argv[4], nullptr) : 3600.0;
   const Sequence sequence = must_read_sequence("fourteen_step.seq");
   const ExpectedDrift drift = predict_it(sequence, free_s);
   const Eigen::Matrix2d predicted = drift.points.back().covariance_m2;
   std::printf("predicted %.1f %.1f %.4f %.5f %.0f\n", std::sqrt(predicted(0, 0)), std::sqrt(predicted(1, 1)),
               expected_nm_per_h(predicted, free_s), drift.align_sigma_rad[1] / rad_per_deg, free_s);
-  const auto first = static_cast<std::uint64_t>(std::atoll(argv[1]));
-  for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(std::atoll(argv[2])); ++k)
+  const auto first = static_cast<std::uint64_t>(std::strtoll(argv[1], nullptr, 10));
+  for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(std::strtoll(argv[2], nullptr, 10)); ++k)
     run(first + k, sequence, free_s, predicted);
   return 0;
 }

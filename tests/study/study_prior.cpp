@@ -58,9 +58,9 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: study_prior SEED COUNT SEQUENCE [UNITS]\n");
     return 1;
   }
-  const auto first = static_cast<std::uint64_t>(std::atoll(argv[1])),
-             count = static_cast<std::uint64_t>(std::atoll(argv[2]));
-  const std::uint64_t units = argc > 4 ? static_cast<std::uint64_t>(std::atoll(argv[4])) : 100;
+  const auto first = static_cast<std::uint64_t>(std::strtoll(argv[1], nullptr, 10)),
+             count = static_cast<std::uint64_t>(std::strtoll(argv[2], nullptr, 10));
+  const std::uint64_t units = argc > 4 ? static_cast<std::uint64_t>(std::strtoll(argv[4], nullptr, 10)) : 100;
   const Sequence whole = must_read_sequence("forty_minutes.seq");
   const Result<Sequence> brief = read_sequence(argv[3]);
   if (!brief) {

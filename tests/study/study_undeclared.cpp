@@ -225,8 +225,9 @@ int main(int argc, char** argv) {
   std::string only, keep;
   bool clean = false, tests = false, fit_only = false, real_pulses = false, sites = false;
   for (int k = 3; k < argc; ++k) {
-    if (std::strcmp(argv[k], "--draws") == 0 && k + 1 < argc) draws = std::atoi(argv[k + 1]);
-    if (std::strcmp(argv[k], "--largest") == 0 && k + 1 < argc) largest = std::atof(argv[k + 1]);
+    if (std::strcmp(argv[k], "--draws") == 0 && k + 1 < argc)
+      draws = static_cast<int>(std::strtol(argv[k + 1], nullptr, 10));
+    if (std::strcmp(argv[k], "--largest") == 0 && k + 1 < argc) largest = std::strtod(argv[k + 1], nullptr);
     if (std::strcmp(argv[k], "--only") == 0 && k + 1 < argc) only = argv[k + 1];
     if (std::strcmp(argv[k], "--keep") == 0 && k + 1 < argc) keep = argv[k + 1];
     clean = clean || std::strcmp(argv[k], "--clean") == 0;

@@ -68,7 +68,7 @@ Status TextLine::receive_some(double wait_s, bool& any) {
   if (!link_.tcp) {
     const Result<std::size_t> n = port_.read(std::as_writable_bytes(std::span(chunk)), wait_s);
     if (!n) {
-      const Error error = n.error();
+      const Error& error = n.error();
       close();
       return error;
     }
