@@ -59,15 +59,17 @@ wait "$twin" || true
 
 part "the page of all stations"
 printf 'station.1 = main\nstation.1.queue = /var/lib/turncal/main/queue\nstation.1.runs = /var/lib/turncal/main/runs\n' > /etc/turncal/serve.conf
-as_turncal turncal serve /etc/turncal/serve.conf --listen 127.0.0.1:8081 > serve.log 2>&1 &
+# Not by the function: that would be killed instead of it.
+setpriv --reuid=turncal --regid=turncal --init-groups --inh-caps=-all turncal serve /etc/turncal/serve.conf --listen 127.0.0.1:0 > serve.log 2>&1 &
 page=$!
 for _ in $(seq 100); do grep -q http serve.log && break; sleep 0.1; done
-exec 9<> /dev/tcp/127.0.0.1/8081
+exec 9<> "/dev/tcp/127.0.0.1/$(sed -n 's!.*http://127.0.0.1:\([0-9]*\).*!\1!p' serve.log)"
 printf 'GET /status.json HTTP/1.1\r\nHost: localhost\r\n\r\n' >&9
 grep -q '"state":"idle"' <&9 || fail "the page of all stations does not say that the queue is done"
 exec 9>&-
 kill "$page"
 wait "$page" || true
+! pgrep -x turncal > /dev/null || fail "a turncal is left running"
 
 part "upgrade to $version"
 before=$(find /var/lib/turncal -type f -exec sha256sum {} + | sort)

@@ -52,7 +52,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   CalibrationRequest request;
   request.method = options.method;
   request.time_utc = format_utc(wall_utc_s());
-  const bool with_prior = !options.prior.folder.empty();
+  const bool with_prior = !options.prior.from.empty();
   if (with_prior && (recordings.size() > 1 || options.method != calibration_methods[0]))
     return input_error("--prior: expected one recording, and the method joint");
   if (!with_prior && !options.prior.part.empty()) return input_error("--part: expected --prior");
@@ -93,8 +93,9 @@ void add_calibrate_command(CommandLine& line, CommandContext& context) {
       .one_of(std::vector<std::string>(std::begin(calibration_methods), std::end(calibration_methods)))
       .default_in_help();
   command.flag("--partial", options->partial, "write a result even if some parameters are not determined");
-  command.option("--prior", options->prior.folder,
-                 "what earlier calibrations say: a store of `turncal recalibrate`, or a folder with runs below it");
+  command.option("--prior", options->prior.from,
+                 "what earlier calibrations say: a results database, a store of `turncal recalibrate`, or a folder "
+                 "with runs below it");
   command.option("--part", options->prior.part, "of the prior: only units of this part number");
   command.runs(context, [options, &context] { return calibrate(*options, context); });
 }

@@ -1,4 +1,4 @@
-// `turncal fleet diagnose FOLDER`: what many units show together (calib/fleet/fleet_diagnosis.h). Exit code 20 where something is common to units
+// `turncal fleet diagnose FROM`: what many units show together (calib/fleet/fleet_diagnosis.h). Exit code 20 where something is common to units
 // that no unit shows by itself, or is left unexplained.
 #include <algorithm>
 #include <memory>
@@ -14,7 +14,7 @@ namespace turncal {
 namespace {
 
 struct FleetCommandOptions {
-  std::string action, folder, format, page;
+  std::string action, from, format, page;
   std::vector<std::string> by = {"station"};
 };
 
@@ -23,7 +23,7 @@ Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
     if (std::find(options.by.begin(), options.by.begin() + static_cast<std::ptrdiff_t>(k), options.by[k]) !=
         options.by.begin() + static_cast<std::ptrdiff_t>(k))
       return input_error("--by " + options.by[k] + ": is given twice");
-  const Result<FleetSource> source = read_fleet(options.folder, options.by);
+  const Result<FleetSource> source = read_fleet(options.from, options.by);
   if (!source) return source.error();
   FleetOptions wanted;
   wanted.factors = options.by;
@@ -41,7 +41,7 @@ Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
     if (!options.page.empty()) context.out << "page  " << options.page << '\n';
   }
   if (!diagnosis.effects.empty() || !diagnosis.explained())
-    return Error{ErrorKind::unit_failed, options.folder + ": the fleet has what its units do not show by themselves"};
+    return Error{ErrorKind::unit_failed, options.from + ": the fleet has what its units do not show by themselves"};
   return {};
 }
 
@@ -51,7 +51,9 @@ void add_fleet_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<FleetCommandOptions>();
   const Command command = line.command("fleet", "what many units show together: common to a station, a lot, a month");
   command.option("action", options->action, "diagnose").required().one_of({"diagnose"});
-  command.option("folder", options->folder, "a store of `turncal recalibrate`, or a folder with runs below it")
+  command
+      .option("from", options->from,
+              "a results database, a store of `turncal recalibrate`, or a folder with runs below it")
       .required();
   command.option("--by", options->by, "what units may have in common; several times")
       .one_of(fleet_factors)

@@ -108,7 +108,8 @@ void add_recalibrate_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<RecalibrateOptions>();
   const Command command =
       line.command("recalibrate", "calibrate every recording of an archive again with this version");
-  command.option("archive", options->archive, "a folder with recordings below it, or a CSV list").required();
+  command.option("archive", options->archive, "a folder with recordings below it, a CSV list, or a results database")
+      .required();
   command.option("--out", options->store, "store: a folder; what is there already is not done again").required();
   command.option("--against", options->against, "say what changed against this version of the store");
   command.option("--as-version", options->version, "name of the version in the store").default_in_help();

@@ -9,6 +9,8 @@
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/records/output_folder.h"
+#include "orchestrator/records/results_database.h"
+#include "orchestrator/station/database_name.h"
 
 namespace turncal {
 namespace {
@@ -70,11 +72,24 @@ Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
   return entries;
 }
 
+// The folder of a run that a row names holds its recording; what is gone is found unreadable when its turn comes.
+Result<std::vector<ArchiveEntry>> in_rows(const std::string& name) {
+  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(name);
+  if (!database) return database.error();
+  std::vector<ArchiveEntry> entries;
+  const Status status = database->each_calibration(false, [&](const KeptCalibration& row) {
+    if (!row.folder.empty()) entries.push_back({row.folder, {}});
+  });
+  return status ? Result<std::vector<ArchiveEntry>>(entries) : Result<std::vector<ArchiveEntry>>(status.error());
+}
+
 }  // namespace
 
 Result<std::vector<ArchiveEntry>> read_archive(const std::string& path) {
   std::error_code error;
-  Result<std::vector<ArchiveEntry>> entries = fs::is_directory(path, error) ? below(path) : listed(path);
+  Result<std::vector<ArchiveEntry>> entries = names_a_database(path)          ? in_rows(path)
+                                              : fs::is_directory(path, error) ? below(path)
+                                                                              : listed(path);
   if (!entries) return entries;
   if (entries->empty()) return input_error(path + ": expected recordings, found none");
   return entries;

@@ -1,4 +1,4 @@
-// The recordings of an archive: those of a list, or all below a folder.
+// The recordings of an archive: those of a list, all below a folder, or those of a results database, where its rows say that they are.
 //
 // A list is CSV with a header: `recording`, a path (relative ones from the list's folder), and, where they are known, `station`, `lot`, `part`,
 // `revision` and `measured_utc`. Below a folder every recording counts: a .tcr file, or a folder in text form. What a run says of itself
@@ -20,7 +20,7 @@ struct ArchiveEntry {
 
 inline const std::vector<std::string> archive_columns = {"station", "lot", "part", "revision", "measured_utc"};
 
-// In the order of the list, or by path. Errors: no such file, a header without `recording`, a column that is not known, a row that is too long
+// In the order of the list or of the rows, or by path. Errors: no such file, a header without `recording`, a column that is not known, a row that is too long
 // or too short, not one recording.
 Result<std::vector<ArchiveEntry>> read_archive(const std::string& path);
 

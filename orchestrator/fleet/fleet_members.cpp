@@ -2,17 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <limits>
 #include <map>
+#include <span>
 
 #include "imu_io/base/clock.h"
 #include "imu_io/recordings/statistics_file.h"
+#include "orchestrator/fleet/kept_files.h"
 
 namespace turncal {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr double day_s = 86400.0;
 
@@ -25,15 +24,7 @@ std::string level_of(const ParameterFile& file, const std::string& factor, const
 
 }  // namespace
 
-Result<FleetSource> read_fleet(const std::string& folder, const std::vector<std::string>& factors) {
-  std::vector<std::string> paths;
-  std::error_code error;
-  for (fs::recursive_directory_iterator at(folder, error), end; at != end && !error; at.increment(error))
-    if (at->path().filename() == statistics_name && !at->path().parent_path().filename().string().starts_with('.'))
-      paths.push_back(at->path().string());
-  if (error) return input_error(folder + ": cannot read: " + error.message());
-  std::sort(paths.begin(), paths.end());
-
+Result<FleetSource> read_fleet(const std::string& from, const std::vector<std::string>& factors) {
   FleetSource source;
   struct One {
     std::string time_utc;
@@ -41,11 +32,12 @@ Result<FleetSource> read_fleet(const std::string& folder, const std::vector<std:
   };
   std::map<std::string, One> by_recording;
   bool real = false;
-  for (const std::string& path : paths) {
-    Result<StatisticsFile> statistics = read_statistics(path);
+  const auto take = [&](const std::string& where, const Result<std::string>& bytes) {
+    Result<StatisticsFile> statistics =
+        bytes ? parse_statistics(std::as_bytes(std::span(*bytes)), where) : Result<StatisticsFile>(bytes.error());
     if (!statistics) {
       source.skipped.push_back(statistics.error().message);
-      continue;
+      return;
     }
     const ParameterFile& file = statistics->file;
     (file.simulated ? source.simulated : real) = true;
@@ -59,14 +51,14 @@ Result<FleetSource> read_fleet(const std::string& folder, const std::vector<std:
     one.member.statistics = std::move(statistics->statistics);
     const auto [place, is_new] = by_recording.try_emplace(file.recording_hash, std::move(one));
     if (!is_new && place->second.time_utc < one.time_utc) place->second = std::move(one);
-  }
+  };
+  if (Status status = each_kept_file(from, statistics_name, take); !status) return status.error();
   if (by_recording.empty())
     return input_error(
-        folder + ": expected " + std::string(statistics_name) +
-        " of runs or of `turncal recalibrate` below it, found " +
+        from + ": expected " + std::string(statistics_name) + " of runs or of `turncal recalibrate` in it, found " +
         (source.skipped.empty() ? std::string("none") : "none that can be read: " + source.skipped.front()));
   if (source.simulated && real)
-    return input_error(folder + ": simulated and real units together: expected one or the other");
+    return input_error(from + ": simulated and real units together: expected one or the other");
   double first = std::numeric_limits<double>::infinity();
   for (const auto& [hash, one] : by_recording)
     if (one.member.day < first) first = std::floor(one.member.day);

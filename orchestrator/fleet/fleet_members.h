@@ -1,4 +1,4 @@
-// The statistics of a store, or of any folder with runs and calibrations below it, as members of a fleet.
+// The statistics that calibrations have left (kept_files.h), as members of a fleet.
 #pragma once
 
 #include <string>
@@ -19,9 +19,9 @@ struct FleetSource {
   bool simulated = false;
 };
 
-// Every statistics.tcs below `folder`. The same recording counts once: the newest version of it. Level of what is not known: "?". A member
+// Every statistics.tcs of a folder or a results database. The same recording counts once: the newest version of it. Level of what is not known: "?". A member
 // whose time is not known has no day, and does not count where changes in time are looked for. Errors: not one; simulated and real together.
-Result<FleetSource> read_fleet(const std::string& folder, const std::vector<std::string>& factors);
+Result<FleetSource> read_fleet(const std::string& from, const std::vector<std::string>& factors);
 
 // "2026-01-31" of days since 1970-01-01.
 std::string date_of(double day);

@@ -2,18 +2,15 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
 #include <map>
 
-#include "imu_io/base/posix_file.h"
+#include "orchestrator/fleet/kept_files.h"
 #include "orchestrator/jobs/navigation/stored_estimate.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/diagnosis_file.h"
 
 namespace turncal {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr const char* source_key = "quality.prior.calibrations_of_others";
 
@@ -39,24 +36,20 @@ Result<std::vector<EarlierCalibration>> read_history(const PriorSource& source, 
     EarlierCalibration earlier;
   };
   std::map<std::string, One> by_recording;
-  std::error_code error;
-  for (fs::recursive_directory_iterator at(source.folder, error), end; at != end && !error; at.increment(error)) {
-    if (at->path().filename() != parameters_name || at->path().parent_path().filename().string().starts_with('.'))
-      continue;
-    const std::string path = at->path().string();
-    const Result<ParameterFile> file = read_parameter_file(path);
-    if (!file || file->simulated != simulated || file->recording_hash == recording_hash) continue;
+  const auto take = [&](const std::string& where, const Result<std::string>& text) {
+    const Result<ParameterFile> file = text ? parse_parameter_file(*text, where) : Result<ParameterFile>(text.error());
+    if (!file || file->simulated != simulated || file->recording_hash == recording_hash) return;
     const std::string* const part = find_further(*file, "record.part");
-    if (!source.part.empty() && (!part || *part != source.part)) continue;
-    const Result<StoredCovariance> stored = stored_covariance(*file, path);
-    if (!stored || !counts(*file, *stored)) continue;
+    if (!source.part.empty() && (!part || *part != source.part)) return;
+    const Result<StoredCovariance> stored = stored_covariance(*file, where);
+    if (!stored || !counts(*file, *stored)) return;
     const std::string* const measured = find_further(*file, "record.measured_utc");
     One one{file->time_utc,
             {file->unit_serial, measured ? *measured : file->time_utc, file->parameters, stored->covariance}};
     const auto [place, is_new] = by_recording.try_emplace(file->recording_hash, one);
     if (!is_new && place->second.time_utc < one.time_utc) place->second = one;
-  }
-  if (error) return input_error(source.folder + ": cannot read: " + error.message());
+  };
+  if (Status status = each_kept_file(source.from, parameters_name, take); !status) return status.error();
   std::vector<EarlierCalibration> history;
   for (auto& [hash, one] : by_recording) history.push_back(std::move(one.earlier));
   return history;
@@ -70,7 +63,7 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
   if (!history) return history.error();
   const std::optional<FleetPrior> prior = fleet_prior(*history, unit);
   if (!prior)
-    return input_error(source.folder + ": expected trusted calibrations of " + std::to_string(least_prior_units) +
+    return input_error(source.from + ": expected trusted calibrations of " + std::to_string(least_prior_units) +
                        " other units" + (source.part.empty() ? "" : " of part " + source.part) + ", found " +
                        std::to_string(history->size()) + " calibrations");
   if (!output.fit) return input_error(recording.path + ": a prior: expected a recording with table angles");

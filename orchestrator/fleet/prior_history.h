@@ -1,4 +1,4 @@
-// Parameter files of a store, or of any folder with runs and calibrations below it, as what was known of a fleet before (calib/fleet/fleet_prior.h).
+// Parameter files of earlier calibrations as what was known of a fleet before (calib/fleet/fleet_prior.h).
 #pragma once
 
 #include <string>
@@ -11,11 +11,11 @@
 namespace turncal {
 
 struct PriorSource {
-  std::string folder;
+  std::string from;  // a folder, or a results database (kept_files.h)
   std::string part;  // record.part; empty: any
 };
 
-// Every parameters.conf below it whose 21 parameters are all known, that is trusted and without effects. The same recording counts once: the newest
+// Every parameters.conf in it whose 21 parameters are all known, that is trusted and without effects. The same recording counts once: the newest
 // version of it. Left out: `recording_hash` itself, what has a prior in it already, simulated ones beside real ones.
 Result<std::vector<EarlierCalibration>> read_history(const PriorSource& source, const std::string& recording_hash,
                                                      bool simulated);

@@ -178,9 +178,15 @@ Status keep_results(const PreparedRun& run, const std::string& folder, const Loa
   const Result<std::string> text = format_parameter_file(file);
   if (!text) return text.error();
   if (Status status = write_file_atomically(path, *text); !status) return status;
+  SqlBytes statistics;
   if (results.output->fit) {  // for the fleet
-    const StatisticsFile statistics{file, unit_statistics(recording.data, *results.output->fit)};
-    if (Status status = write_statistics(statistics, folder + "/" + statistics_name); !status) return status;
+    Result<SqlBytes> bytes = format_statistics({file, unit_statistics(recording.data, *results.output->fit)});
+    if (!bytes) return bytes.error();
+    statistics = std::move(*bytes);
+    if (Status status = write_file_atomically(folder + "/" + statistics_name,
+                                              {reinterpret_cast<const char*>(statistics.data()), statistics.size()});
+        !status)
+      return status;
   }
   const JournalFields hash = marked({{"parameters_hash", hash_of_text(*text)}}, mark);
   if (Status status = journal.append(JournalType::results, hash); !status) return status;
@@ -191,7 +197,7 @@ Status keep_results(const PreparedRun& run, const std::string& folder, const Loa
     attempt.time_utc = file.time_utc;
     attempt.outcome = to_string(results.verdict.verdict);
     attempt.reason = results.verdict.reason;
-    if (Status status = database->add(file, results.verdict, attempt); !status) return status;
+    if (Status status = database->add(file, results.verdict, attempt, statistics); !status) return status;
   }
   if (!run.station.store.empty() && !run.request.partial && is_accepted(results.verdict.verdict)) {
     if (Status status = put_in_use(run.station.store, file); !status) return status;

@@ -8,7 +8,8 @@ std::string places(std::size_t first, std::size_t count) {
   return text;
 }
 
-Result<AddedRow> add_calibration_row(SqlConnection& database, const SqlRow& row, const std::vector<SqlRow>& values) {
+Result<AddedRow> add_calibration_row(SqlConnection& database, const SqlRow& row, const std::vector<SqlRow>& values,
+                                     const SqlBytes& statistics) {
   AddedRow added;
   Status status =
       database.run(std::string("INSERT INTO calibration(") + calibration_columns + ") VALUES(" + places(1, row.size()) +
@@ -32,6 +33,9 @@ Result<AddedRow> add_calibration_row(SqlConnection& database, const SqlRow& row,
     }
     status = database.run(sql, all);
   }
+  if (status && added.is_new && !statistics.empty())
+    status =
+        database.run("INSERT INTO statistics(calibration, contents) VALUES($1, $2)", {SqlValue(added.id), statistics});
   return status ? Result<AddedRow>(added) : Result<AddedRow>(status.error());
 }
 

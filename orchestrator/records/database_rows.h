@@ -23,8 +23,9 @@ struct AddedRow {
   bool is_new = false;  // false: it was there
 };
 
-// Inside the caller's transaction. values: of value_columns.
-Result<AddedRow> add_calibration_row(SqlConnection& database, const SqlRow& row, const std::vector<SqlRow>& values);
+// Inside the caller's transaction. values: of value_columns. statistics: the bytes of statistics.tcs; empty: there are none.
+Result<AddedRow> add_calibration_row(SqlConnection& database, const SqlRow& row, const std::vector<SqlRow>& values,
+                                     const SqlBytes& statistics);
 // key: the same for the same row, wherever it comes from. True: it was not there.
 Result<bool> add_attempt_row(SqlConnection& database, const std::string& key, SqlRow row);
 

@@ -34,8 +34,16 @@ CREATE VIEW newest_calibration AS SELECT * FROM calibration AS one WHERE NOT EXI
   SELECT 1 FROM calibration AS later
   WHERE later.unit = one.unit AND later.recording_hash = one.recording_hash AND later.method = one.method
     AND later.id > one.id);
+CREATE TABLE statistics(
+  calibration BIGINT PRIMARY KEY REFERENCES calibration(id) ON DELETE CASCADE, contents BYTEA NOT NULL);
 CREATE TABLE schema_version(version BIGINT NOT NULL);
-INSERT INTO schema_version VALUES(3);
+INSERT INTO schema_version VALUES(4);
+)";
+
+constexpr const char* from_version_3 = R"(
+CREATE TABLE statistics(
+  calibration BIGINT PRIMARY KEY REFERENCES calibration(id) ON DELETE CASCADE, contents BYTEA NOT NULL);
+UPDATE schema_version SET version = 4;
 )";
 
 constexpr const char* attempts_of_version_2 = R"(
@@ -118,6 +126,7 @@ Status migrate(SqlConnection& database) {
   if (!version) return version.error();
   if (*version >= database_version) return {};
   if (*version == 0) return make_tables(database);
+  if (*version == 3) return database.run(from_version_3);
   if (*version == 1) {
     if (Status status = from_version_1(database); !status) return status;
   }

@@ -46,6 +46,16 @@ Result<std::map<std::int64_t, std::vector<SqlRow>>> values_of_page(SqlConnection
   return values;
 }
 
+Result<std::map<std::int64_t, SqlBytes>> statistics_of_page(SqlConnection& database, const Page& page) {
+  std::map<std::int64_t, SqlBytes> statistics;
+  const Status status =
+      database.run("SELECT calibration, contents FROM statistics WHERE calibration >= $1 AND calibration <= $2",
+                   {page.ids.front(), page.ids.back()},
+                   [&](const SqlRow& row) { statistics[as_integer(row[0])] = as_bytes(row[1]); });
+  if (!status) return status.error();
+  return statistics;
+}
+
 Result<std::int64_t> last_id(SqlConnection& database, const std::string& table) {
   std::int64_t last = 0;
   const Status status =
@@ -58,10 +68,10 @@ DO $$ BEGIN
   IF NOT EXISTS (SELECT 1 FROM pg_roles WHERE rolname = 'turncal_station') THEN CREATE ROLE turncal_station; END IF;
   IF NOT EXISTS (SELECT 1 FROM pg_roles WHERE rolname = 'turncal_reader') THEN CREATE ROLE turncal_reader; END IF;
 END $$;
-REVOKE ALL ON calibration, value, attempt_note, schema_version, attempt, newest_calibration FROM PUBLIC;
-GRANT SELECT ON calibration, value, attempt_note, schema_version, attempt, newest_calibration
+REVOKE ALL ON calibration, value, statistics, attempt_note, schema_version, attempt, newest_calibration FROM PUBLIC;
+GRANT SELECT ON calibration, value, statistics, attempt_note, schema_version, attempt, newest_calibration
   TO turncal_station, turncal_reader;
-GRANT INSERT ON calibration, value, attempt_note TO turncal_station;
+GRANT INSERT ON calibration, value, statistics, attempt_note TO turncal_station;
 )";
 
 }  // namespace
@@ -85,10 +95,13 @@ Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) 
     if (page->ids.empty()) break;
     auto values = values_of_page(from, *page);
     if (!values) return values.error();
+    auto statistics = statistics_of_page(from, *page);
+    if (!statistics) return statistics.error();
     CopiedRows now;
     Status status = in_transaction(to, [&]() -> Status {
       for (std::size_t i = 0; i < page->ids.size(); ++i) {
-        const Result<AddedRow> added = add_calibration_row(to, page->rows[i], (*values)[page->ids[i]]);
+        const Result<AddedRow> added =
+            add_calibration_row(to, page->rows[i], (*values)[page->ids[i]], (*statistics)[page->ids[i]]);
         if (!added) return added.error();
         number_there[page->ids[i]] = added->id;
         now.calibrations += added->is_new;

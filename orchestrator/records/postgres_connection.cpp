@@ -56,7 +56,7 @@ ErrorKind kind_of(const char* state) {
 SqlValue cell_of(const PGresult* rows, int row, int column) {
   if (PQgetisnull(rows, row, column)) return {};
   const char* const text = PQgetvalue(rows, row, column);
-  constexpr Oid int8 = 20, int2 = 21, int4 = 23, float4 = 700, float8 = 701;  // of its catalogue pg_type
+  constexpr Oid int8 = 20, int2 = 21, int4 = 23, bytea = 17, float4 = 700, float8 = 701;  // of its catalogue pg_type
   switch (PQftype(rows, column)) {
     case int8:
     case int4:
@@ -65,6 +65,13 @@ SqlValue cell_of(const PGresult* rows, int row, int column) {
     case float8: {
       const std::optional<double> number = parse_number(text);
       return number ? SqlValue(*number) : SqlValue();
+    }
+    case bytea: {
+      std::size_t size = 0;
+      const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
+          PQunescapeBytea(reinterpret_cast<const unsigned char*>(text), &size), PQfreemem);
+      const auto* const first = reinterpret_cast<const std::byte*>(bytes.get());
+      return bytes ? SqlBytes(first, first + size) : SqlBytes();
     }
     default: return std::string(text);
   }
@@ -99,8 +106,15 @@ class PostgresConnection : public SqlConnection {
     if (!given_up_.empty()) return device_error(given_up_);
     std::vector<std::string> texts(values.size());
     std::vector<const char*> given(values.size(), nullptr);
+    std::vector<int> lengths(values.size(), 0), formats(values.size(), 0);
     for (std::size_t i = 0; i < values.size(); ++i) {
       if (std::holds_alternative<std::monostate>(values[i])) continue;
+      if (const SqlBytes* const bytes = std::get_if<SqlBytes>(&values[i])) {
+        given[i] = bytes->empty() ? "" : reinterpret_cast<const char*>(bytes->data());
+        lengths[i] = static_cast<int>(bytes->size());
+        formats[i] = 1;
+        continue;
+      }
       if (const double* const number = std::get_if<double>(&values[i]))
         texts[i] = format_number(*number);
       else if (const std::int64_t* const whole = std::get_if<std::int64_t>(&values[i]))
@@ -111,7 +125,7 @@ class PostgresConnection : public SqlConnection {
     }
     const int sent = values.empty() ? PQsendQuery(handle_, sql.c_str())
                                     : PQsendQueryParams(handle_, sql.c_str(), static_cast<int>(values.size()), nullptr,
-                                                        given.data(), nullptr, nullptr, 0);
+                                                        given.data(), lengths.data(), formats.data(), 0);
     if (!sent) return failure(ErrorKind::device, sql, one_line(PQerrorMessage(handle_)));
     PQsetSingleRowMode(handle_);  // the memory of one row
     Status status;

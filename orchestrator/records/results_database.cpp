@@ -126,8 +126,10 @@ Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, c
   database.stored_version_ = *version;
   if (*version == database_version) return database;
   if (server)
-    return input_error(name + ": results database: holds no tables: expected one that a station or `turncal database " +
-                       "roles` has written to");
+    return input_error(name + ": results database: " +
+                       (*version == 0
+                            ? "holds no tables: expected one that a station or `turncal database roles` has written to"
+                            : "its schema is older: `turncal database roles`, by its owner, brings it up to date"));
   // Reading changes nothing: an older one is brought up to date in memory.
   const Result<std::string> image = database.image();
   if (!image) return image.error();
@@ -138,7 +140,8 @@ Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, c
   return copy;
 }
 
-Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verdict, AttemptRecord attempt) {
+Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verdict, AttemptRecord attempt,
+                            const SqlBytes& statistics) {
   const Result<std::string> text = format_parameter_file(file);
   if (!text) return text.error();
   SqlRow row = {file.unit_serial,
@@ -170,11 +173,21 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
                       is_judged ? std::string(to_string(judged->verdict)) : ""});
   }
   return in_transaction(*connection_, [&]() -> Status {
-    const Result<AddedRow> added = add_calibration_row(*connection_, row, values);
+    const Result<AddedRow> added = add_calibration_row(*connection_, row, values, statistics);
     if (!added) return added.error();
     attempt.calibration = added->id;
     return note(attempt);
   });
+}
+
+Status ResultsDatabase::each_calibration(bool with_statistics, const std::function<void(KeptCalibration)>& each) const {
+  const std::string asked = with_statistics ? ", contents" : "";
+  const std::string join = with_statistics ? " LEFT JOIN statistics ON statistics.calibration = id" : "";
+  return connection_->run(
+      "SELECT id, folder, parameter_file" + asked + " FROM newest_calibration" + join + " ORDER BY id", {},
+      [&](const SqlRow& row) {
+        each({as_integer(row[0]), as_text(row[1]), as_text(row[2]), with_statistics ? as_bytes(row[3]) : SqlBytes()});
+      });
 }
 
 Result<std::vector<StoredCalibration>> ResultsDatabase::list(const RecordFilter& filter, const std::string& key) const {

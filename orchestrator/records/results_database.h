@@ -7,6 +7,7 @@
 // A database of an older schema is brought up to date when it is written, and read as if it were; a newer one is refused.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -37,6 +38,13 @@ struct StoredCalibration {
   std::string defect;
 };
 
+// What a row holds that can be worked on again.
+struct KeptCalibration {
+  std::int64_t id = 0;
+  std::string folder, parameter_file;  // the whole text
+  SqlBytes statistics;                 // of statistics.tcs; empty: none, or not asked for
+};
+
 // How many rows were not there before.
 struct CopiedRows {
   std::int64_t attempts = 0;  // rows of attempt_note
@@ -52,12 +60,16 @@ class ResultsDatabase {
   static Status check_writable(const std::string& path);
 
   // On disk when they return. The attempt is that of the calibration.
-  Status add(const ParameterFile& file, const VerdictReport& verdict, AttemptRecord attempt);
+  // statistics: the bytes of statistics.tcs; empty: there are none.
+  Status add(const ParameterFile& file, const VerdictReport& verdict, AttemptRecord attempt,
+             const SqlBytes& statistics = {});
   Status note(const AttemptRecord& attempt);
 
   // Oldest first. key: values of that parameter only ("" for all of them).
   Result<std::vector<StoredCalibration>> list(const RecordFilter& filter, const std::string& key) const;
   Result<std::vector<AttemptRecord>> attempts(const RecordFilter& filter) const;
+  // The newest of each recording, one at a time.
+  Status each_calibration(bool with_statistics, const std::function<void(KeptCalibration)>& each) const;
 
   int stored_version() const { return stored_version_; }  // of the schema of one that was opened to read
   Status check() const;  // an error that names the first defect of pages, references and rows

@@ -7,6 +7,11 @@ std::string as_text(const SqlValue& value) {
   return text ? *text : "";
 }
 
+SqlBytes as_bytes(const SqlValue& value) {
+  const SqlBytes* const bytes = std::get_if<SqlBytes>(&value);
+  return bytes ? *bytes : SqlBytes();
+}
+
 std::int64_t as_integer(const SqlValue& value) {
   const std::int64_t* const number = std::get_if<std::int64_t>(&value);
   return number ? *number : 0;

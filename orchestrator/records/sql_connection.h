@@ -1,10 +1,11 @@
 // A connection to a database, an SQLite file or a PostgreSQL server: one way to say a statement to either.
 //
-// Statements are SQL that both understand, with parameters $1, $2 ... What SQLite calls an affinity is PostgreSQL's type: BIGINT, DOUBLE PRECISION, TEXT.
+// Statements are SQL that both understand, with parameters $1, $2 ... What SQLite calls an affinity is PostgreSQL's type: BIGINT, DOUBLE PRECISION, TEXT, BYTEA.
 // A server is waited for with a deadline, whatever it does or stops doing; after a deadline that has passed the connection says nothing more.
 // Not modelled: the time that the system takes to look up a host's name.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -19,10 +20,12 @@ struct sqlite3;
 
 namespace turncal {
 
-using SqlValue = std::variant<std::monostate, std::int64_t, double, std::string>;  // monostate: NULL
+using SqlBytes = std::vector<std::byte>;
+using SqlValue = std::variant<std::monostate, std::int64_t, double, std::string, SqlBytes>;  // monostate: NULL
 using SqlRow = std::vector<SqlValue>;
 
 std::string as_text(const SqlValue& value);  // NULL: empty
+SqlBytes as_bytes(const SqlValue& value);    // none: empty
 std::int64_t as_integer(const SqlValue& value);
 std::optional<double> as_number(const SqlValue& value);
 SqlValue as_value(const std::optional<double>& value);

@@ -57,6 +57,8 @@ class SqliteConnection : public SqlConnection {
         sqlite3_bind_double(statement, place, *number);
       else if (const std::int64_t* const whole = std::get_if<std::int64_t>(&values[i]))
         sqlite3_bind_int64(statement, place, *whole);
+      else if (const SqlBytes* const bytes = std::get_if<SqlBytes>(&values[i]))
+        sqlite3_bind_blob64(statement, place, bytes->data(), bytes->size(), SQLITE_TRANSIENT);
     }
   }
   static SqlRow row_of(sqlite3_stmt* statement) {
@@ -66,6 +68,12 @@ class SqliteConnection : public SqlConnection {
         case SQLITE_NULL: row.emplace_back(); break;
         case SQLITE_INTEGER: row.emplace_back(std::int64_t{sqlite3_column_int64(statement, i)}); break;
         case SQLITE_FLOAT: row.emplace_back(sqlite3_column_double(statement, i)); break;
+        case SQLITE_BLOB: {
+          const auto* const bytes = static_cast<const std::byte*>(sqlite3_column_blob(statement, i));
+          const int size = sqlite3_column_bytes(statement, i);
+          row.emplace_back(size > 0 ? SqlBytes(bytes, bytes + size) : SqlBytes());
+          break;
+        }
         default: {
           const unsigned char* const text = sqlite3_column_text(statement, i);
           row.emplace_back(std::string(text ? reinterpret_cast<const char*>(text) : ""));

@@ -1,9 +1,23 @@
 #include "orchestrator/station/database_name.h"
 
+#include <filesystem>
+#include <fstream>
+#include <string_view>
+
 namespace turncal {
 
 bool names_a_server(const std::string& database) {
   return database.starts_with("postgresql://") || database.starts_with("postgres://");
+}
+
+bool names_a_database(const std::string& path) {
+  if (names_a_server(path)) return true;
+  constexpr std::string_view magic = "SQLite format 3";
+  std::string begin(magic.size(), ' ');
+  std::error_code error;
+  return std::filesystem::is_regular_file(path, error) &&
+         std::ifstream(path, std::ios::binary).read(begin.data(), static_cast<std::streamsize>(begin.size())) &&
+         begin == magic;
 }
 
 Status check_database_name(const std::string& database) {

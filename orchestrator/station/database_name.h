@@ -8,6 +8,8 @@
 namespace turncal {
 
 bool names_a_server(const std::string& database);
+// A server's name, or the path of an SQLite file that is there.
+bool names_a_database(const std::string& path);
 
 // An input error, which does not repeat it, when a password is in the name of a server: it would be seen in files and by whoever lists
 // the processes.

@@ -26,6 +26,13 @@ class Archive : public Program {
     more.insert(more.begin(), {"recalibrate", path("archive"), "--no-diagnosis"});
     return run(more);
   }
+  // A station whose results are kept in results.db.
+  std::string station() const {
+    return write("line.station",
+                 "format = 1\nstation.name = east\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\n"
+                 "table.driver = mock\nimu.driver = rig\nmotion.settle_s = 0.5\n"
+                 "limit.residual_max = 2\nrecord.database = results.db\n");
+  }
   std::set<std::string> below(const std::string& folder) const {
     std::set<std::string> names;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(path(folder)))
@@ -131,7 +138,7 @@ TEST_F(Archive, IsAPrior) {
   for (int k = 0; k < 11; ++k) {
     const ProgramResult made = run({"run", "--dry-run", "--unit", "SN" + std::to_string(20 + k), "--rig",
                                     write("unit.rig", "seed = " + std::to_string(20 + k) + "\n"), "--no-diagnosis",
-                                    "--out", path("earlier/" + std::to_string(k)), "--sequence",
+                                    "--station", station(), "--out", path("earlier/" + std::to_string(k)), "--sequence",
                                     TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"});
     ASSERT_EQ(made.code, 0) << made.err;
   }
@@ -145,6 +152,10 @@ TEST_F(Archive, IsAPrior) {
   EXPECT_NE(file.find("quality.prior.calibrations_of_others = 10"), std::string::npos) << file;
   EXPECT_NE(file.find("quality.prior.share.N01 = "), std::string::npos) << file;
   EXPECT_TRUE(std::filesystem::exists(path("earlier/with/statistics.tcs")));
+  const ProgramResult of_rows =
+      run({"calibrate", path("earlier/3"), "--prior", path("results.db"), "--out", path("earlier/of_rows")});
+  EXPECT_EQ(of_rows.out.substr(0, of_rows.out.rfind('\n', of_rows.out.size() - 2)),
+            result.out.substr(0, result.out.rfind('\n', result.out.size() - 2)));
   const ProgramResult again = run({"calibrate", path("earlier/4"), "--prior", path("earlier"), "--out", path("again")});
   EXPECT_NE(again.out.find("prior: 10 other units, 0 earlier"), std::string::npos) << again.out;
 }
@@ -164,6 +175,27 @@ TEST_F(Archive, IsAFleet) {
   const ProgramResult own = run({"fleet", "diagnose", path("archive/SN1"), "--format", "json"});
   EXPECT_EQ(own.code, 0) << own.err;
   EXPECT_EQ(own.out.substr(0, 1), "[");
+}
+
+// The rows of a station's database: its recordings are an archive, and what they hold is a fleet, the same as in the files.
+TEST_F(Archive, IsAResultsDatabase) {
+  for (const char* unit : {"SN3", "SN4"})
+    ASSERT_EQ(run({"run", "--dry-run", "--unit", unit, "--no-diagnosis", "--out", path(std::string("runs/") + unit),
+                   "--station", station(), "--sequence", TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"})
+                  .code,
+              0);
+  const ProgramResult of_files = run({"fleet", "diagnose", path("runs"), "--format", "csv"});
+  const ProgramResult of_rows = run({"fleet", "diagnose", path("results.db"), "--format", "csv"});
+  EXPECT_EQ(of_rows.code, of_files.code) << of_rows.err;
+  EXPECT_EQ(of_rows.out, of_files.out);
+  EXPECT_NE(run({"fleet", "diagnose", path("results.db")}).out.find("2 recordings of 2 units"), std::string::npos);
+
+  std::filesystem::remove_all(path("runs/SN4"));
+  const ProgramResult again = run({"recalibrate", path("results.db"), "--no-diagnosis", "--out", path("store")});
+  EXPECT_NE(again.out.find("1 done, 0 were there, 0 cannot be calibrated, 1 cannot be read"), std::string::npos)
+      << again.out << again.err;
+  EXPECT_EQ(run({"database", "copy", path("results.db"), path("copy.db")}).code, 0);
+  EXPECT_EQ(run({"fleet", "diagnose", path("copy.db"), "--format", "csv"}).out, of_files.out);
 }
 
 }  // namespace

@@ -45,7 +45,8 @@ class Database : public Program {
     station("limit.residual_max = 2\n");
     ASSERT_EQ(dry_run("SN1").code, 0);
     sql("results.db",
-        "DROP VIEW attempt; DROP VIEW newest_calibration; DROP TABLE attempt_note; DROP TABLE schema_version;"
+        "DROP TABLE statistics; DROP VIEW attempt; DROP VIEW newest_calibration; DROP TABLE attempt_note; DROP TABLE "
+        "schema_version;"
         "CREATE TABLE c(id INTEGER PRIMARY KEY, unit TEXT NOT NULL, time_utc TEXT NOT NULL, method TEXT NOT NULL,"
         "recording_hash TEXT NOT NULL, software_version TEXT, simulated INTEGER NOT NULL, verdict TEXT NOT NULL, rule "
         "TEXT, sessions INTEGER, folder TEXT, station TEXT, operator TEXT, part TEXT, revision TEXT, ambient TEXT,"
@@ -166,7 +167,7 @@ TEST_F(Database, AnOlderOneIsReadAsItIsAndBroughtUpToDateWhenWritten) {
   const std::string before = file_text(folder_ / "results.db");
   const ProgramResult said = run({"database", "check", "results.db"});
   EXPECT_EQ(said.code, 0) << said.err;
-  EXPECT_NE(said.out.find("1 attempts, 1 calibrations, schema 1 (the next run makes 3 of it)"), std::string::npos)
+  EXPECT_NE(said.out.find("1 attempts, 1 calibrations, schema 1 (the next run makes 4 of it)"), std::string::npos)
       << said.out;
   const std::vector<AttemptRecord> of_old = attempts();
   ASSERT_EQ(of_old.size(), 1u);
@@ -178,7 +179,7 @@ TEST_F(Database, AnOlderOneIsReadAsItIsAndBroughtUpToDateWhenWritten) {
   ASSERT_EQ(dry_run("SN2").code, 0);
   ASSERT_EQ(attempts().size(), 2u);
   EXPECT_EQ(attempts({.unit = "SN1"}).front().calibration, 1);
-  EXPECT_NE(run({"database", "check", "results.db"}).out.find("2 attempts, 2 calibrations, schema 3\n"),
+  EXPECT_NE(run({"database", "check", "results.db"}).out.find("2 attempts, 2 calibrations, schema 4\n"),
             std::string::npos);
 }
 
@@ -203,11 +204,23 @@ TEST_F(Database, EveryRowOfVersion2IsKeptAndCopiedOnce) {
   EXPECT_EQ(run({"database", "check", "before.db"}).code, 0);
 }
 
+TEST_F(Database, Version3GetsThePlaceOfTheStatistics) {
+  station();
+  ASSERT_EQ(dry_run("SN1").code, 0);
+  sql("results.db", "DROP TABLE statistics; UPDATE schema_version SET version = 3");
+  expect_refused({"fleet", "diagnose", "results.db"}, "expected statistics.tcs");
+  ASSERT_EQ(dry_run("SN2").code, 0);
+  EXPECT_NE(run({"database", "check", "results.db"}).out.find("2 attempts, 2 calibrations, schema 4\n"),
+            std::string::npos);
+  const ProgramResult fleet = run({"fleet", "diagnose", "results.db"});
+  EXPECT_NE(fleet.out.find("1 recordings of 1 units"), std::string::npos) << fleet.out << fleet.err;
+}
+
 TEST_F(Database, ANewerOneIsRefusedInOneLine) {
   station();
   ASSERT_EQ(dry_run("SN1").code, 0);
-  sql("results.db", "UPDATE schema_version SET version = 4");
-  const std::string why = "results.db: results database: its schema has version 4, expected at most 3";
+  sql("results.db", "UPDATE schema_version SET version = 5");
+  const std::string why = "results.db: results database: its schema has version 5, expected at most 4";
   expect_refused({"history", "results.db"}, why);
   expect_refused({"database", "check", "results.db"}, why);
   expect_refused({"run", "--dry-run", "--unit", "SN2", "--out", "SN2", "--station", path("line.station")}, why);

@@ -84,6 +84,9 @@ TEST_F(Server, TwoStationsAddAtOnceAndNothingIsLostOrDoubled) {
     EXPECT_EQ(calibrations(path(name + ".station.outbox.db")), 0u) << name;
   }
   EXPECT_EQ(run({"database", "check", address("watcher")}).code, 0);
+  const ProgramResult of_files = run({"fleet", "diagnose", path("."), "--format", "csv"});
+  EXPECT_FALSE(of_files.out.empty()) << of_files.err;
+  EXPECT_EQ(run({"fleet", "diagnose", address("watcher"), "--format", "csv"}).out, of_files.out);
   EXPECT_NE(run({"history", address("watcher"), "--unit", "west3"}).out.find("west3"), std::string::npos);
   const ProgramResult shift = run({"shift", address("watcher"), "--simulated"});
   EXPECT_EQ(shift.code, 0) << shift.err;
