@@ -45,8 +45,8 @@ void add(const CompressedRecording& recording, const std::vector<Innovation>& in
 }
 
 // Parameters and effects of `result` with the recording's own biases, and its own values of what goes with the time of one run.
-void take_own_biases(const CompressedRecording& recording, const JointResult& result, FilterSetup setup,
-                     ParameterVector& parameters, EffectModel& model) {
+void fit_own_biases(const CompressedRecording& recording, const JointResult& result, FilterSetup setup,
+                    ParameterVector& parameters, EffectModel& model) {
   setup.with_columns = true;
   setup.keep_innovations = false;
   std::vector<int> own = {0, 1, 2, 3, 4, 5};
@@ -178,7 +178,7 @@ HoldoutError HoldoutGate::error(const JointResult& result, const NoiseModel& noi
     if (in_the_fit)
       setup.unobserved = part.left_out;
     else
-      take_own_biases(recording, result, setup, parameters, model);
+      fit_own_biases(recording, result, setup, parameters, model);
     const FilterResult pass = run_filter(recording, from_vector(parameters), model, setup);
     add(recording, in_the_fit ? pass.left_out : pass.innovations, says_nothing, sums);
   }

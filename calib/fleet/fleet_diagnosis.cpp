@@ -50,7 +50,7 @@ std::vector<Deviation> set_units_aside(FleetScores& scores, const FleetOptions& 
     bool any = false;
     for (const Deviation& w : worst_deviations(scores)) {
       if (w.z * w.z < limit) continue;
-      scores.take_off(w.member, w.component, w.value);
+      scores.subtract(w.member, w.component, w.value);
       scores.set_aside(w.member, w.component, true);
       all.push_back(w);
       any = true;
@@ -63,7 +63,7 @@ std::vector<Deviation> set_units_aside(FleetScores& scores, const FleetOptions& 
 void restore(FleetScores& scores, const std::vector<Deviation>& units) {
   for (auto w = units.rbegin(); w != units.rend(); ++w) {
     scores.set_aside(w->member, w->component, false);
-    scores.take_off(w->member, w->component, -w->value);
+    scores.subtract(w->member, w->component, -w->value);
   }
 }
 

@@ -116,7 +116,7 @@ Eigen::MatrixXd FleetScores::information() const {
   return sum;
 }
 
-void FleetScores::take_off(std::size_t member, std::size_t component, double value) {
+void FleetScores::subtract(std::size_t member, std::size_t component, double value) {
   const int k = column(member, component);
   if (k < 0) return;
   if (is_parameter(component)) {

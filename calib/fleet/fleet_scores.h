@@ -32,7 +32,7 @@ class FleetScores {
   Eigen::MatrixXd information() const;
 
   // `value` units of the component in this recording are explained: off its scores, or, negative, back.
-  void take_off(std::size_t member, std::size_t component, double value);
+  void subtract(std::size_t member, std::size_t component, double value);
   void set_aside(std::size_t member, std::size_t component, bool aside) { aside_[member][component] = aside; }
 
  private:

@@ -85,7 +85,7 @@ void apply(FleetScores& scores, const Found& found, double value) {
   const Eigen::VectorXd x = column_of(scores, found.hypothesis);
   for (std::size_t i = 0; i < scores.size(); ++i)
     if (const double own = x[static_cast<Eigen::Index>(i)]; own != 0.0)
-      scores.take_off(i, found.component, value * own);
+      scores.subtract(i, found.component, value * own);
 }
 
 // Other effects that would do about as well where this one is, with the scores from before it was taken off.

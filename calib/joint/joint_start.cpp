@@ -15,15 +15,15 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-struct Rest {
+struct SegmentMean {
   Matrix3d C_table;  // commanded
   Vector3d rate = Vector3d::Zero();
   Vector3d force = Vector3d::Zero();
   double t = 0.0;
 };
 
-std::vector<Rest> rests_of(const CompressedRecording& recording, const SensorModel& model) {
-  std::vector<Rest> rests;
+std::vector<SegmentMean> segment_means(const CompressedRecording& recording, const SensorModel& model) {
+  std::vector<SegmentMean> rests;
   int segment = -1;
   for (const Block& block : recording.blocks) {
     if (!block.whole_second) continue;
@@ -37,7 +37,7 @@ std::vector<Rest> rests_of(const CompressedRecording& recording, const SensorMod
     rests.back().force += model.accel_scale * block.accel;
     rests.back().t += block.duration_s;
   }
-  for (Rest& rest : rests) {
+  for (SegmentMean& rest : rests) {
     rest.rate /= rest.t;
     rest.force = rest.force / rest.t - model.accel_bias_mps2;
   }
@@ -59,10 +59,10 @@ std::vector<Matrix3d> box_orientations() {
 }
 
 // Mean square of the sine of the angle between measured and expected up, in the unit's axes.
-double misfit(const std::vector<Rest>& rests, const Matrix3d& mounting, double sign) {
+double misfit(const std::vector<SegmentMean>& rests, const Matrix3d& mounting, double sign) {
   double sum = 0.0;
   double t = 0.0;
-  for (const Rest& rest : rests) {
+  for (const SegmentMean& rest : rests) {
     const Vector3d up_b = (rest.C_table * mounting).transpose() * Vector3d::UnitY();
     sum += rest.t * (sign * rest.force.normalized() - up_b).squaredNorm();
     t += rest.t;
@@ -83,7 +83,7 @@ std::string describe(const Matrix3d& mounting) {
   return by + "an axis between the table's";
 }
 
-void find_mounting(const std::vector<Rest>& rests, JointStart& start) {
+void find_mounting(const std::vector<SegmentMean>& rests, JointStart& start) {
   constexpr double good = 0.04;  // 0.2 rad: scale factors per cents off, a table commanded badly
   if (misfit(rests, start.mounting, 1.0) < good) return;
   Matrix3d best = start.mounting;
@@ -109,7 +109,7 @@ void find_mounting(const std::vector<Rest>& rests, JointStart& start) {
 JointStart joint_start(const CompressedRecording& recording, const Parameters& parameters) {
   JointStart start;
   const SensorModel model = sensor_model(parameters, recording.info);
-  const std::vector<Rest> rests = rests_of(recording, model);
+  const std::vector<SegmentMean> rests = segment_means(recording, model);
   if (rests.empty()) return start;
   find_mounting(rests, start);
   if (!start.error.empty()) return start;
@@ -119,7 +119,7 @@ JointStart joint_start(const CompressedRecording& recording, const Parameters& p
   const Vector3d earth = earth_rate_n(recording.info.latitude_deg);
   double gravity_square = 0.0;
   std::vector<Matrix3d> attitudes;
-  for (const Rest& rest : rests) {
+  for (const SegmentMean& rest : rests) {
     const Matrix3d C = level(rest.C_table * start.mounting, rest.force);
     attitudes.push_back(C);
     Eigen::Matrix<double, 3, 5> row;

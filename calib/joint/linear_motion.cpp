@@ -16,8 +16,8 @@ constexpr double max_linear_rad = 0.02;
 // force is g (1 - tilt^2 / 2), which is not linear: 5e-7 of it.
 constexpr double max_tilt_rad = 0.001;
 
-// Takes a turn (rad) and a push (m/s) that the sensors read but the unit did not make off the motion over a block.
-void take_off(const Vector3d& turn, const Vector3d& push, BlockMotion& m) {
+// A turn (rad) and a push (m/s) that the sensors read but the unit did not make, off the motion over a block.
+void subtract(const Vector3d& turn, const Vector3d& push, BlockMotion& m) {
   m.velocity -= push + 0.5 * (turn.cross(m.velocity) + m.rotation.cross(push));
   m.mean_velocity -= 0.5 * push + turn.cross(m.mean_velocity) / 3.0;
   m.rotation -= turn;
@@ -64,7 +64,7 @@ bool LinearMotion::next(LinearInterval& interval) {
   }
   if (index_ >= recording_.blocks.size()) return false;
   begin(index_, interval);
-  take_breaks(index_, interval);
+  add_breaks(index_, interval);
   if (still(index_))
     rest(interval);
   else
@@ -87,7 +87,7 @@ void LinearMotion::begin(std::size_t index, LinearInterval& interval) const {
   interval.still = interval.observed = false;
 }
 
-void LinearMotion::take_breaks(std::size_t index, LinearInterval& interval) {
+void LinearMotion::add_breaks(std::size_t index, LinearInterval& interval) {
   for (; cut_at(index); ++cut_) {
     if (cut_->nothing_is_known()) chain_due_ = true;
     if (cut_->begins_recording) begin_recording(cut_->block);
@@ -122,7 +122,7 @@ void LinearMotion::fill_gap(std::size_t index, Motion& m) const {
   if (sides == 0) return;
   m.turn -= rate / sides * lost;
   m.push -= force / sides * lost;
-  take_off(-rate / sides * lost, -force / sides * lost, m.motion);
+  subtract(-rate / sides * lost, -force / sides * lost, m.motion);
 }
 
 void LinearMotion::effects_on(std::size_t index, Motion& m) {
@@ -163,7 +163,7 @@ void LinearMotion::effects_on(std::size_t index, Motion& m) {
   const Vector3d turn = regressors_.gyro * effects_.values * t;
   const Vector3d push = regressors_.accel * effects_.values * t;
   if (setup_.keep_taken_off) taken_off.push_back({turn, push});
-  take_off(turn, push, m.motion);
+  subtract(turn, push, m.motion);
   m.turn += turn;
   m.push += push;
   if (p_ > 0) {

@@ -86,7 +86,7 @@ class LinearMotion {
   bool still(std::size_t index) const;
   bool observed(std::size_t index) const;
   bool cut_at(std::size_t index) const { return cut_ != setup_.breaks.end() && cut_->block <= index; }
-  void take_breaks(std::size_t index, LinearInterval& interval);
+  void add_breaks(std::size_t index, LinearInterval& interval);
   void begin_recording(std::size_t block);
   void begin_rest(const Block& block, const BlockMotion& motion, LinearInterval& interval);
   void rest(LinearInterval& interval);

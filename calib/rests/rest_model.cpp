@@ -187,8 +187,8 @@ VectorXd left_out_residual(const RestSystem& system, const VectorXd& weights) {
       part.row(k) = basis.row(rows[static_cast<std::size_t>(k)]);
       r[k] = w.residual[rows[static_cast<std::size_t>(k)]];
     }
-    const MatrixXd rest = MatrixXd::Identity(n, n) - part * part.transpose();
-    const LeastSquares solved = least_squares(rest, r, 1e-9);
+    const MatrixXd complement = MatrixXd::Identity(n, n) - part * part.transpose();
+    const LeastSquares solved = least_squares(complement, r, 1e-9);
     if (solved.rank < n) return;  // without these rows a parameter is lost
     const VectorXd& e = solved.x;
     for (Index k = 0; k < n; ++k)

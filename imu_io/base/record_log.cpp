@@ -59,23 +59,23 @@ Result<std::uint64_t> RecordScanner::find_magic(std::uint64_t offset) {
   std::byte pattern[4];
   std::memcpy(pattern, &magic_, 4);
   while (offset + 4 <= end_) {
-    const auto view = window(offset, 4);
-    if (!view) return view.error();
-    const auto found = std::search(view->begin(), view->end(), std::begin(pattern), std::end(pattern));
-    if (found != view->end()) return offset + static_cast<std::uint64_t>(found - view->begin());
-    if (view->size() < 4) break;
-    offset += view->size() - 3;  // the magic may straddle two blocks
+    const auto bytes = window(offset, 4);
+    if (!bytes) return bytes.error();
+    const auto found = std::search(bytes->begin(), bytes->end(), std::begin(pattern), std::end(pattern));
+    if (found != bytes->end()) return offset + static_cast<std::uint64_t>(found - bytes->begin());
+    if (bytes->size() < 4) break;
+    offset += bytes->size() - 3;  // the magic may straddle two blocks
   }
   return end_;
 }
 
 Result<bool> RecordScanner::next(Record& record) {
   while (position_ + record_overhead_bytes <= end_) {
-    auto view = window(position_, record_overhead_bytes);
-    if (!view) return view.error();
-    if (view->size() < record_overhead_bytes) break;
-    const std::byte* header = view->data();
-    const std::uint32_t header_crc = crc32c(view->first(checked_header_bytes));
+    auto bytes = window(position_, record_overhead_bytes);
+    if (!bytes) return bytes.error();
+    if (bytes->size() < record_overhead_bytes) break;
+    const std::byte* header = bytes->data();
+    const std::uint32_t header_crc = crc32c(bytes->first(checked_header_bytes));
     const auto number = load_bytes<std::uint32_t>(header + 8);
     const auto length = load_bytes<std::uint32_t>(header + 12);
     const bool good_header = load_bytes<std::uint32_t>(header) == magic_ &&
@@ -90,10 +90,10 @@ Result<bool> RecordScanner::next(Record& record) {
     }
     const auto type = load_bytes<std::uint32_t>(header + 4);
     const std::uint64_t total = record_overhead_bytes + length;
-    view = window(position_, total);
-    if (!view) return view.error();
-    if (view->size() < total) break;
-    const auto payload = view->subspan(record_header_bytes, length);
+    bytes = window(position_, total);
+    if (!bytes) return bytes.error();
+    if (bytes->size() < total) break;
+    const auto payload = bytes->subspan(record_header_bytes, length);
     const std::uint32_t crc = crc32c(payload, header_crc);
     const std::uint64_t start = position_;
     position_ += total;  // the header vouches for the length also when the payload is damaged

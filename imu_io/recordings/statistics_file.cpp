@@ -121,7 +121,7 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
   for (int k = 0; k < parameter_count; ++k) u.sigma[k] = number();
   u.level = number();
   const std::string names = reader.get_text();
-  for (std::string_view rest = names; !rest.empty();) u.columns.emplace_back(next_line(rest));
+  for (std::string_view remaining = names; !remaining.empty();) u.columns.emplace_back(next_line(remaining));
   const auto columns = static_cast<Eigen::Index>(u.columns.size());
   if (columns > most_columns)
     return input_error(file_name + ": " + std::to_string(columns) + " columns: expected at most " +

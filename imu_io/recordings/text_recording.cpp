@@ -198,9 +198,9 @@ class TextRecording final : public RecordingSource {
     std::string text(longest_row, '\0');
     auto got = csv_.read_at(rows_begin_, std::as_writable_bytes(std::span(text.data(), text.size())));
     if (!got) return got.error();
-    std::string_view view(text.data(), *got);
+    std::string_view piece(text.data(), *got);
     bool had_end = false;
-    std::string_view row = next_line(view, &had_end);
+    std::string_view row = next_line(piece, &had_end);
     if (!had_end && *got == longest_row) return too_long(2);
     if (had_end) {
       if (Status status = parser.parse(row, 2, first); !status) return status;
@@ -209,14 +209,14 @@ class TextRecording final : public RecordingSource {
     const std::uint64_t tail = std::max(rows_begin_, size_ - std::min<std::uint64_t>(size_, longest_row));
     got = csv_.read_at(tail, std::as_writable_bytes(std::span(text.data(), text.size())));
     if (!got) return got.error();
-    view = std::string_view(text.data(), *got);
-    if (!view.ends_with('\n')) {
+    piece = std::string_view(text.data(), *got);
+    if (!piece.ends_with('\n')) {
       const auto lines = count_lines();
       return lines ? cut_off(*lines + 1) : lines.error();
     }
-    view.remove_suffix(1);
-    const std::size_t before = view.find_last_of('\n');
-    row = before == std::string_view::npos ? view : view.substr(before + 1);
+    piece.remove_suffix(1);
+    const std::size_t before = piece.find_last_of('\n');
+    row = before == std::string_view::npos ? piece : piece.substr(before + 1);
     if (row.ends_with('\r')) row.remove_suffix(1);
     const bool whole = before != std::string_view::npos || tail == rows_begin_;
     if (whole && parser.parse(row, 0, last).ok()) return {};

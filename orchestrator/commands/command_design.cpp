@@ -195,11 +195,11 @@ class Designer {
   // The best walk of task_.time_s: its text, and what it gives as the last column.
   Status search() {
     const double began_s = steady_wall_s();
-    double told_s = began_s;
+    double printed_s = began_s;
     const Result<Design> found = design_walk(task_, [&](const DesignProgress& progress) {
       const double now_s = steady_wall_s();
-      if (now_s - told_s < 5.0 && progress.done < progress.tries) return true;
-      told_s = now_s;
+      if (now_s - printed_s < 5.0 && progress.done < progress.tries) return true;
+      printed_s = now_s;
       const double left_s = (now_s - began_s) / progress.done * (progress.tries - progress.done);
       char text[160];
       std::snprintf(text, sizeof text, "tried %d of %d  cost %.4f  %zu legs  %s left\n", progress.done, progress.tries,

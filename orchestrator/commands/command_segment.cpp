@@ -50,11 +50,11 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
   }
   if (found.cut > 0) out << found.cut << " rests cut to where the unit stands still\n";
   if (found.moving > 0) out << found.moving << " rests taken out: too little of them is still\n";
-  int rest = 0;
+  int number = 0;
   out << "rest      from s        to s    length s\n";
   for (const Segment& s : found.segments) {
     if (s.kind != SegmentKind::still) continue;
-    out << formatted("%4d  %10.2f  %10.2f  %10.2f\n", ++rest, static_cast<double>(s.start_sample - first) * period,
+    out << formatted("%4d  %10.2f  %10.2f  %10.2f\n", ++number, static_cast<double>(s.start_sample - first) * period,
                      static_cast<double>(s.end_sample - first) * period,
                      static_cast<double>(s.end_sample - s.start_sample) * period);
   }

@@ -35,7 +35,7 @@ Status write_shift(const ShiftOptions& options, const ShiftReport& report, std::
   const std::string pdf = options.out + "/shift.pdf";
   if (options.pdf) {
     if (Status s = check_replaceable(pdf, "%PDF-"); !s) return s;
-    if (const Result<std::string> made = write_pdf(page, pdf); !made) return made.error();
+    if (const Result<std::string> warning = write_pdf(page, pdf); !warning) return warning.error();
   }
   if (Status s = write_files_atomically(files); !s) return s;
   out << "\nreport   " << files.front().path << (options.pdf ? "\npdf      " + pdf : "") << '\n';

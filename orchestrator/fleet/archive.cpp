@@ -42,9 +42,9 @@ Result<std::vector<ArchiveEntry>> below(const std::string& folder) {
 Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
   const Result<std::string> text = read_whole_file(path);
   if (!text) return text.error();
-  std::string_view rest = *text;
+  std::string_view remaining = *text;
   std::vector<std::string> header;
-  for (const std::string_view column : split(next_line(rest), ',')) header.emplace_back(column);
+  for (const std::string_view column : split(next_line(remaining), ',')) header.emplace_back(column);
   if (header.empty() || header.front() != "recording")
     return input_error(path + ":1: " + turncal::quoted(header.front()) +
                        ": expected a list that begins with the column recording");
@@ -53,8 +53,8 @@ Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
       return input_error(path + ":1: " + turncal::quoted(header[k]) +
                          ": expected station, lot, part, revision or measured_utc");
   std::vector<ArchiveEntry> entries;
-  for (int line = 2; !rest.empty(); ++line) {
-    const std::string_view row = next_line(rest);
+  for (int line = 2; !remaining.empty(); ++line) {
+    const std::string_view row = next_line(remaining);
     if (trimmed(row).empty() || row.front() == '#') continue;
     const std::vector<std::string_view> cells = split(row, ',');
     const std::string where = path + ":" + std::to_string(line) + ": ";

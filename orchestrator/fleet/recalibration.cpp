@@ -36,23 +36,20 @@ struct Work {
   std::optional<Error> storage;  // the store, not the recording
 };
 
-// What becomes of a recording, as files of its folder.
-struct Made {
-  std::vector<NamedText> files;  // names, not paths
-};
-
 void add_record(const ArchiveEntry& entry, ParameterFile& file) {
   for (const auto& [key, value] : whole_record(entry))
     if (!find_further(file, "record." + key)) file.add_further("record." + key, value);
 }
 
-Result<Made> make(const ArchiveEntry& entry, const LoadedRecording& recording, const RecalibrationRequest& request) {
+// What becomes of a recording, as files of its folder: names, not paths.
+Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedRecording& recording,
+                                        const RecalibrationRequest& request) {
   CalibrationRequest wanted;
   wanted.time_utc = request.time_utc;
   wanted.test_fit = !request.diagnose;
   Result<CalibrationOutput> output = calibrate_recording(recording, wanted);
   if (!output) return output.error();
-  Made made;
+  std::vector<NamedText> files;
   add_record(entry, output->file);
   if (request.diagnose) {
     DiagnosisRequest diagnosis;
@@ -60,30 +57,30 @@ Result<Made> make(const ArchiveEntry& entry, const LoadedRecording& recording, c
     diagnosis.base = output->fit ? &*output->fit : nullptr;
     const Result<DiagnosisOutput> found = diagnose_recording(recording, diagnosis);
     if (!found) return found.error();
-    made.files.push_back({diagnosis_name, found->files.conf});
+    files.push_back({diagnosis_name, found->files.conf});
     for (auto& [key, value] : output->file.further)
       if (key == "quality.trusted" && !found->diagnosis.trusted) value = "false";
   }
   const Result<std::string> parameters = format_parameter_file(output->file);
   if (!parameters) return parameters.error();
-  made.files.push_back({parameters_name, *parameters});
+  files.push_back({parameters_name, *parameters});
   if (output->fit) {
     const Result<std::vector<std::byte>> bytes =
         format_statistics({output->file, unit_statistics(recording.data, *output->fit)});
     if (!bytes) return bytes.error();
-    made.files.push_back({statistics_name, std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size())});
+    files.push_back({statistics_name, std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size())});
   }
-  return made;
+  return files;
 }
 
 // Whether the folder is of these files. It appears whole; where another thread or process was first, its folder stays.
-Result<bool> keep(const std::string& folder, const Made& made) {
+Result<bool> keep(const std::string& folder, const std::vector<NamedText>& files) {
   const std::string temporary = temporary_name(folder);
   std::error_code error;
   fs::create_directories(temporary, error);
   if (error) return device_error(temporary + ": cannot make: " + error.message());
   Status status;
-  for (const NamedText& file : made.files)
+  for (const NamedText& file : files)
     if (status) status = write_file_atomically(temporary + "/" + file.path, file.content);
   bool first = false;
   if (status) {
@@ -100,9 +97,9 @@ Result<bool> keep(const std::string& folder, const Made& made) {
 Work as_it_stands(const std::string& hash, const std::string& folder) {
   if (!path_exists(folder + "/" + failure_name)) return {Outcome::there, hash, "", {}};
   const Result<std::string> text = read_whole_file(folder + "/" + failure_name);
-  std::string_view rest = text ? std::string_view(*text) : std::string_view();
-  next_line(rest);  // which recording
-  return {Outcome::failed, hash, std::string(next_line(rest)), {}};
+  std::string_view remaining = text ? std::string_view(*text) : std::string_view();
+  next_line(remaining);  // which recording
+  return {Outcome::failed, hash, std::string(next_line(remaining)), {}};
 }
 
 Work work_on(const ArchiveEntry& entry, const RecalibrationRequest& request) {
@@ -112,12 +109,13 @@ Work work_on(const ArchiveEntry& entry, const RecalibrationRequest& request) {
   if (path_exists(folder)) return as_it_stands(recording->hash, folder);
   Work work{Outcome::done, recording->hash, "", {}};
   Status data = check_data(*recording);
-  Result<Made> made = data ? make(entry, *recording, request) : Result<Made>(data.error());
-  if (!made) {
-    work = {Outcome::failed, recording->hash, made.error().message, {}};
-    made = Made{{{failure_name, entry.recording + "\n" + made.error().message + "\n"}}};
+  Result<std::vector<NamedText>> files = data.error();
+  if (data) files = files_of(entry, *recording, request);
+  if (!files) {
+    work = {Outcome::failed, recording->hash, files.error().message, {}};
+    files = std::vector<NamedText>{{failure_name, entry.recording + "\n" + files.error().message + "\n"}};
   }
-  const Result<bool> first = keep(folder, *made);
+  const Result<bool> first = keep(folder, *files);
   if (!first)
     work.storage = first.error();
   else if (!*first)

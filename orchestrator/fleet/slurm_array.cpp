@@ -81,8 +81,8 @@ Result<Queue> queue_of(const Job& job) {
       ask_slurm("squeue", {"--noheader", "--array", "--name", job.name, "--format", "%K %T %r"});
   if (!text) return text.error();
   Queue queue;
-  for (std::string_view rest = *text; !rest.empty();) {
-    const std::string_view line = trimmed(next_line(rest));
+  for (std::string_view remaining = *text; !remaining.empty();) {
+    const std::string_view line = trimmed(next_line(remaining));
     const std::size_t blank = line.find(' ');
     const std::optional<double> chunk = device_number(line.substr(0, blank));
     if (!chunk || blank == std::string_view::npos) continue;
@@ -101,8 +101,8 @@ std::string last_line(const std::string& path) {
   const Result<std::string> text = read_whole_file(path);
   if (!text) return text.error().message;
   std::string last;
-  for (std::string_view rest = *text; !rest.empty();)
-    if (const std::string_view line = trimmed(next_line(rest)); !line.empty()) last = line;
+  for (std::string_view remaining = *text; !remaining.empty();)
+    if (const std::string_view line = trimmed(next_line(remaining)); !line.empty()) last = line;
   return last.empty() ? path + ": is empty" : last;
 }
 

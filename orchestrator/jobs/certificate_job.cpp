@@ -25,7 +25,7 @@ std::string objection(const ParameterFile& file) {
 }
 
 // A verification belongs to the certificate when it is of these parameters, on this recording, and the one that the verdict knows of.
-Status take_verification(const std::string& folder, const ParameterFile& file, Certificate& certificate) {
+Status add_verification(const std::string& folder, const ParameterFile& file, Certificate& certificate) {
   const std::string path = folder + "/" + verification_name;
   const std::string* const in_verdict = find_further(file, "verdict.verification");
   if (!path_exists(path)) {
@@ -109,7 +109,7 @@ Result<std::string> make_certificate(const CertificateRequest& request) {
   certificate.conformity = std::move(*conformity);
   for (const EffectValue& effect : certificate.file.effects)
     certificate.effect_budget.push_back(budget_of(runs, effect));
-  if (Status status = take_verification(request.runs.back(), certificate.file, certificate); !status)
+  if (Status status = add_verification(request.runs.back(), certificate.file, certificate); !status)
     return status.error();
   return certificate_page(certificate);
 }

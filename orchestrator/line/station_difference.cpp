@@ -40,7 +40,7 @@ std::optional<std::pair<double, double>> slope(const AtStation& at) {
   const std::size_t n = at.days.size();
   if (n < least_units) return std::nullopt;
   const Moments t = moments(at.days), y = moments(at.values);
-  double tt = 0.0, ty = 0.0, rest = 0.0;
+  double tt = 0.0, ty = 0.0, residual_square = 0.0;
   for (std::size_t i = 0; i < n; ++i) {
     tt += (at.days[i] - t.mean) * (at.days[i] - t.mean);
     ty += (at.days[i] - t.mean) * (at.values[i] - y.mean);
@@ -49,9 +49,9 @@ std::optional<std::pair<double, double>> slope(const AtStation& at) {
   const double k = ty / tt;
   for (std::size_t i = 0; i < n; ++i) {
     const double r = at.values[i] - y.mean - k * (at.days[i] - t.mean);
-    rest += r * r;
+    residual_square += r * r;
   }
-  return std::pair(k, rest / static_cast<double>(n - 2) / tt);
+  return std::pair(k, residual_square / static_cast<double>(n - 2) / tt);
 }
 
 std::optional<StationDifference> compare(const AtStation& a, const AtStation& b) {

@@ -14,8 +14,8 @@ Result<AddedRow> add_calibration_row(SqlConnection& database, const SqlRow& row,
   Status status =
       database.run(std::string("INSERT INTO calibration(") + calibration_columns + ") VALUES(" + places(1, row.size()) +
                        ") ON CONFLICT(unit, recording_hash, method, content) DO NOTHING RETURNING id",
-                   row, [&](const SqlRow& made) {
-                     added = {as_integer(made.front()), true};
+                   row, [&](const SqlRow& inserted) {
+                     added = {as_integer(inserted.front()), true};
                    });
   if (status && !added.is_new) {
     constexpr std::size_t content = 15;

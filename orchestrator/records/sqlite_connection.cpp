@@ -13,16 +13,16 @@ class SqliteConnection : public SqlConnection {
   ~SqliteConnection() override { sqlite3_close(handle_); }
 
   Status run(const std::string& sql, const SqlRow& values, const std::function<void(SqlRow)>& each) override {
-    const char* rest = sql.c_str();
-    while (*rest != '\0') {
-      sqlite3_stmt* made = nullptr;
-      if (sqlite3_prepare_v2(handle_, rest, -1, &made, &rest) != SQLITE_OK) return failed(sql);
-      const std::unique_ptr<sqlite3_stmt, int (*)(sqlite3_stmt*)> statement(made, sqlite3_finalize);
-      if (!made) continue;  // blanks
-      bind(made, values);
+    const char* remaining = sql.c_str();
+    while (*remaining != '\0') {
+      sqlite3_stmt* prepared = nullptr;
+      if (sqlite3_prepare_v2(handle_, remaining, -1, &prepared, &remaining) != SQLITE_OK) return failed(sql);
+      const std::unique_ptr<sqlite3_stmt, int (*)(sqlite3_stmt*)> statement(prepared, sqlite3_finalize);
+      if (!prepared) continue;  // blanks
+      bind(prepared, values);
       int code = SQLITE_ROW;
-      while ((code = sqlite3_step(made)) == SQLITE_ROW)
-        if (each) each(row_of(made));
+      while ((code = sqlite3_step(prepared)) == SQLITE_ROW)
+        if (each) each(row_of(prepared));
       if (code != SQLITE_DONE) return failed(sql);
     }
     return {};

@@ -20,10 +20,10 @@ constexpr const char* nobody = "$6$turncalturncal00$";
 
 bool is_name(std::string_view text) {
   if (text.empty() || text.size() > 64) return false;
-  for (std::string_view rest = text; !rest.empty();) {
-    const std::size_t size = printable_character(rest);
+  for (std::string_view remaining = text; !remaining.empty();) {
+    const std::size_t size = printable_character(remaining);
     if (size == 0) return false;
-    rest.remove_prefix(size);
+    remaining.remove_prefix(size);
   }
   return text.find(':') == std::string_view::npos;
 }
@@ -70,9 +70,9 @@ std::optional<std::string> from_base64(std::string_view text) {
 
 bool is_password(const std::string& password, const std::string& hash) {
   const auto space = std::make_unique<crypt_data>();
-  const char* made = ::crypt_r(password.c_str(), hash.c_str(), space.get());
-  if (made == nullptr || made[0] == '*') return false;
-  const std::string_view found(made);
+  const char* hashed = ::crypt_r(password.c_str(), hash.c_str(), space.get());
+  if (hashed == nullptr || hashed[0] == '*') return false;
+  const std::string_view found(hashed);
   unsigned difference = found.size() == hash.size() ? 0U : 1U;
   for (std::size_t i = 0; i < found.size() && i < hash.size(); ++i)
     difference |= static_cast<unsigned>(found[i] ^ hash[i]);

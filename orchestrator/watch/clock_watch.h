@@ -15,7 +15,7 @@ class ClockWatch : public RunObserver {
  public:
   static constexpr double step_s = 1.0;
 
-  // speed_up: station seconds a second of the civil clock. `told`: by how much it was set, + forward, and the snapshot after that.
+  // speed_up: station seconds a second of the civil clock. `on_step`: by how much it was set, + forward, and the snapshot after that.
   ClockWatch(double speed_up, std::function<void(double by_s, const RunSnapshot& at)> on_step)
       : speed_up_(speed_up), on_step_(std::move(on_step)) {}
   void on_transition(const TransitionRecord&) override {}

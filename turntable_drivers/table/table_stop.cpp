@@ -37,28 +37,29 @@ Status TableStop::abort(double now_s) {
   return aborted;
 }
 
-TableStop::Rest TableStop::rest(const TableStatus& axes) const {
+TableStop::Motion TableStop::motion(const TableStatus& axes) const {
   bool long_enough = stands_.has_value();
   for (std::size_t i = 0; i < axes.size(); ++i) {
-    if (axes[i].moving || !(std::abs(axes[i].rate_degps) <= standing_rate_degps_)) return Rest::moves;
+    if (axes[i].moving || !(std::abs(axes[i].rate_degps) <= standing_rate_degps_)) return Motion::moves;
     if (!stands_) continue;
     const AxisStatus& since = (*stands_)[i];
     const double stood_s = axes[i].time_s - since.time_s, may_deg = standing_rate_degps_ * stood_s;
-    if (!(std::abs(axes[i].position_deg - since.position_deg) <= std::max(same_place_deg, may_deg))) return Rest::moves;
+    if (!(std::abs(axes[i].position_deg - since.position_deg) <= std::max(same_place_deg, may_deg)))
+      return Motion::moves;
     long_enough = long_enough && stood_s >= stand_s;
   }
-  return long_enough ? Rest::stands : Rest::not_seen;
+  return long_enough ? Motion::stands : Motion::not_seen;
 }
 
 bool TableStop::look(const TableStatus* axes, double now_s) {
-  const Rest seen = axes != nullptr ? rest(*axes) : Rest::moves;
+  const Motion seen = axes != nullptr ? motion(*axes) : Motion::moves;
   seen_ = axes != nullptr ? std::optional(seen) : std::nullopt;
   if (axes == nullptr) {
     stands_.reset();
-  } else if (seen == Rest::moves || !stands_) {
+  } else if (seen == Motion::moves || !stands_) {
     stands_ = *axes;
   }
-  if (seen == Rest::stands) {
+  if (seen == Motion::stands) {
     if (!drives_on(*axes) || (abort_taken_ && !table_.can_switch_off())) return true;
   } else if (axes != nullptr && !abort_taken_) {
     return false;  // it brakes
@@ -82,11 +83,11 @@ void TableStop::reconnect(double now_s) {
 }
 
 std::string TableStop::not_verified(const std::string& unread) const {
-  const std::string why = seen_ == Rest::stands ? "the drives do not go off"
-                          : seen_               ? "the table does not come to rest"
-                          : !unreached_.empty() ? "the link could not be opened again: " + unreached_
-                          : reached_again_      ? "the link was opened again, and the table does not answer"
-                                                : unread;
+  const std::string why = seen_ == Motion::stands ? "the drives do not go off"
+                          : seen_                 ? "the table does not come to rest"
+                          : !unreached_.empty()   ? "the link could not be opened again: " + unreached_
+                          : reached_again_        ? "the link was opened again, and the table does not answer"
+                                                  : unread;
   return "THE STOP COULD NOT BE VERIFIED, the table may still move, its drives may be on" +
          (why.empty() ? "" : ": " + why);
 }
@@ -118,7 +119,7 @@ Status leave_off(Turntable& table, const StopTime& time) {
     }
     const double now_s = time.now_s();
     if (readable) unread.reset();
-    const bool moves = readable && stop.rest(axes) == TableStop::Rest::moves;
+    const bool moves = readable && stop.motion(axes) == TableStop::Motion::moves;
     if (!stop_sent && (given_up || moves)) {
       stop_sent = true;
       static_cast<void>(stop.stop(now_s).ok());

@@ -31,8 +31,8 @@ class TableStop {
   Status abort(double now_s);  // likewise
   // What was read just now; null: some axis could not be. True: verified.
   bool look(const TableStatus* axes, double now_s);
-  enum class Rest { not_seen, moves, stands };
-  Rest rest(const TableStatus& axes) const;  // compared with the looks before
+  enum class Motion { not_seen, moves, stands };
+  Motion motion(const TableStatus& axes) const;  // compared with the looks before
   // One line for a table that was not verified: how it may be, and why. `unread`: the first reason why nothing could be read.
   std::string not_verified(const std::string& unread) const;
 
@@ -50,8 +50,8 @@ class TableStop {
   double reconnect_at_s_ = 0.0;
   double reconnect_wait_s_ = repeat_s;
   bool reached_again_ = false;
-  std::string unreached_;     // why the last attempt to open the link anew failed
-  std::optional<Rest> seen_;  // at the last look; none: some axis could not be read
+  std::string unreached_;       // why the last attempt to open the link anew failed
+  std::optional<Motion> seen_;  // at the last look; none: some axis could not be read
 };
 
 // The time that a stop may take, on the caller's clock, and how that passes.
