@@ -332,13 +332,4 @@ void SegmentedFeed::finish() {
   open_ = false;
 }
 
-CompressedRecording compress(const RecordingInfo& info, const Segments& segments, std::span<const ImuSample> samples,
-                             const CompressionOptions& options) {
-  Compressor compressor(info, options);
-  SegmentedFeed feed(compressor, segments);
-  feed.add(samples);
-  feed.finish();
-  return compressor.take();
-}
-
 }  // namespace turncal

@@ -124,10 +124,6 @@ class Compressor {
   int history_ = 0;
 };
 
-// The whole of a recording in one call: `samples` in order, segments as listed (final kinds).
-CompressedRecording compress(const RecordingInfo& info, const Segments& segments, std::span<const ImuSample> samples,
-                             const CompressionOptions& options = {});
-
 // Feeds a stream of sample chunks to a Compressor and opens and closes the listed segments where they lie.
 class SegmentedFeed {
  public:

@@ -39,19 +39,6 @@ std::string verdict_of(const std::string& folder) {
 
 }  // namespace
 
-Result<std::vector<std::string>> versions_of(const std::string& store) {
-  std::vector<std::pair<fs::file_time_type, std::string>> found;
-  std::error_code error;
-  for (fs::directory_iterator at(store, error), end; at != end && !error; at.increment(error))
-    if (at->is_directory() && !at->path().filename().string().starts_with('.'))
-      found.emplace_back(at->last_write_time(), at->path().filename().string());
-  if (error) return input_error(store + ": cannot read: " + error.message());
-  std::sort(found.begin(), found.end());
-  std::vector<std::string> names;
-  for (auto& [time, name] : found) names.push_back(std::move(name));
-  return names;
-}
-
 Result<VersionChanges> compare_versions(const std::string& store, const std::string& from, const std::string& to) {
   VersionChanges changes;
   changes.from = from;

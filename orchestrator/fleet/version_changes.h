@@ -25,8 +25,6 @@ struct VersionChanges {
       verdicts;  // of the diagnosis, or `failed`: (old, new) -> recordings
 };
 
-// The versions a store holds, the latest written last.
-Result<std::vector<std::string>> versions_of(const std::string& store);
 Result<VersionChanges> compare_versions(const std::string& store, const std::string& from, const std::string& to);
 std::vector<std::string> describe(const VersionChanges& changes);
 

@@ -28,6 +28,7 @@ h1, p { overflow-wrap: anywhere; } .sign p { max-width: 100%; }
 .mark { position: fixed; top: 40%; left: 0; right: 0; text-align: center; font-size: 80pt; color: rgba(200, 0, 0, .18); transform: rotate(-30deg); z-index: 9; pointer-events: none; }
 @page { size: A4; margin: 15mm 12mm 16mm; @bottom-right { content: "page " counter(page) " of " counter(pages); font-size: 8pt; } }
 @page { @bottom-left { font-size: 7pt; } }
+@media screen { table:not(.facts) td:last-child { min-width: 42mm; } }
 @media print { body { margin: 0; padding: 0; max-width: none; } .hash { display: none; } section { overflow-x: visible; } }
 )";
 

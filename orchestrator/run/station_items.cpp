@@ -88,7 +88,7 @@ StationRun::MaybeEvent StationRun::issue_move() {
     if (const MaybeEvent event = keep(hooks_.journal->move(move, devices_.clock.now_s()))) return event;
   }
   arrival_.start_move(move, from_deg, devices_.clock.now_s());
-  told_to_move_ = true;
+  commanded_to_move_ = true;
   if (Status status =
           devices_.table.move_absolute(move.axis, move.target_deg, move.rate_degps, move.acceleration_degps2);
       !status) {

@@ -81,7 +81,7 @@ RunOutcome StationRun::outcome() const {
   if (first_error_) outcome.error = *first_error_;
   outcome.repeated_dwells = repeated_dwells_;
   outcome.repeated_moves = repeated_moves_;
-  outcome.moved = told_to_move_;
+  outcome.moved = commanded_to_move_;
   for (const UnitLane& lane : lanes_) {
     const RecordingPoint at = lane.point();
     outcome.units.push_back({at.next_sample, at.lost_samples, at.duplicate_samples, lane.failure()});
@@ -157,7 +157,7 @@ RunEvent StationRun::raise_table(RunEvent event, const Error& error, const std::
   if (error.kind == ErrorKind::interrupted) return raise(RunEvent::end_wanted, error.kind, error.message);
   if (error.kind != ErrorKind::aborted) {
     // A configuration that has moved the table was in order: in mid-run a refusal is the device's.
-    const bool in_mid_run = error.kind == ErrorKind::input && told_to_move_;
+    const bool in_mid_run = error.kind == ErrorKind::input && commanded_to_move_;
     return raise(event, in_mid_run ? ErrorKind::device : error.kind, before + error.message);
   }
   if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) ++stops_seen_;

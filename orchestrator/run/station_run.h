@@ -214,7 +214,7 @@ class StationRun {
   bool pause_told_ = false;
   bool abort_sent_ = false;
   bool home_sent_ = false;
-  bool told_to_move_ = false;  // homing or a move was sent
+  bool commanded_to_move_ = false;  // homing or a move was sent
   bool fault_left_ = false;
   bool enabled_ = false;
   int stops_seen_ = 0;

@@ -79,7 +79,7 @@ StationRun::MaybeEvent StationRun::send_home() {
   if (hooks_.journal) {
     if (const MaybeEvent event = keep(hooks_.journal->home(devices_.clock.now_s()))) return event;
   }
-  told_to_move_ = true;
+  commanded_to_move_ = true;
   if (Status status = devices_.table.home(); !status) {
     return raise_table(RunEvent::table_fault, status.error(), "homing: ");
   }

@@ -6,6 +6,7 @@
 
 #include "calib/closed_form/closed_form.h"
 #include "calib/statistics/block_motion.h"
+#include "tests/calib/compress.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "calib/model/attitude.h"
+#include "tests/calib/compress.h"
 
 namespace turncal {
 namespace {

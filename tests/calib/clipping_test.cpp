@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "tests/calib/compress.h"
 #include "tests/calib/hand_rotations.h"
 
 namespace turncal {

@@ -8,6 +8,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/calib/compress.h"
+
 namespace turncal {
 namespace {
 

@@ -9,6 +9,7 @@
 #include "calib/statistics/clipping.h"
 #include "calib/statistics/segmentation.h"
 #include "calib/statistics/stillness.h"
+#include "tests/calib/compress.h"
 #include "tests/calib/hand_rotations.h"
 
 namespace turncal {

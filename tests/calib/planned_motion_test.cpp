@@ -9,6 +9,7 @@
 #include "calib/statistics/block_motion.h"
 #include "orchestrator/jobs/sequence_coverage.h"
 #include "tests/rig_recorder.h"
+#include "tests/turntable_drivers/rig/perfect_rig.h"
 
 namespace turncal {
 namespace {

@@ -16,6 +16,7 @@
 #include "orchestrator/devices/truth.h"
 #include "orchestrator/jobs/sequence_coverage.h"
 #include "tests/rig_recorder.h"
+#include "tests/turntable_drivers/rig/perfect_rig.h"
 
 namespace turncal {
 namespace {

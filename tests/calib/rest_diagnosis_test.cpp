@@ -5,6 +5,7 @@
 #include "calib/rest_diagnosis/rest_selection.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/segmentation.h"
+#include "tests/calib/compress.h"
 #include "tests/calib/hand_rotations.h"
 
 namespace turncal {

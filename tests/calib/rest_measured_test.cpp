@@ -11,6 +11,7 @@
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/csv_map_import.h"
+#include "tests/calib/compress.h"
 #include "tests/calib/rest_agreement.h"
 
 namespace turncal {

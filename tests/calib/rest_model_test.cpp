@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "calib/model/effects.h"
+#include "tests/calib/compress.h"
 #include "tests/calib/hand_rotations.h"
 
 namespace turncal {

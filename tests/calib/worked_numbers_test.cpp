@@ -8,6 +8,7 @@
 #include "calib/closed_form/closed_form.h"
 #include "calib/model/attitude.h"
 #include "tests/rig_recorder.h"
+#include "tests/turntable_drivers/rig/perfect_rig.h"
 
 namespace turncal {
 namespace {

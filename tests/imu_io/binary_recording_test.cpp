@@ -1,11 +1,7 @@
-// The binary recording: what is written comes back, in every form, across interruptions, and nothing else is accepted.
+// The binary recording: what is written comes back, in every form and from text, and nothing else is accepted.
 #include <gtest/gtest.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <bit>
-#include <csignal>
 #include <cstring>
 #include <tuple>
 
@@ -179,230 +175,59 @@ TEST(BinaryRecording, OpeningWhatIsNotOne) {
   EXPECT_ERROR(RecordingSource::open(folder / "b.tcr"), (folder / "b.tcr") + ": no samples in it");
 }
 
-// ---- the writer's refusals ----
+// ---- beside the text form ----
 
-struct WriterTest : testing::Test {
+class TextRoundTrip : public testing::TestWithParam<std::tuple<IncrementKind, IncrementKind, bool>> {};
+
+// Binary to text and back: the same samples bit for bit, the same hash in all three.
+TEST_P(TextRoundTrip, KeepsEveryBitAndTheHash) {
   TemporaryFolder folder;
-  std::string path = folder / "a.tcr";
-  RecordingInfo info = make_info();
-};
-
-TEST_F(WriterTest, RefusesAnExistingFile) {
-  write_file(path, "x");
-  EXPECT_ERROR(RecordingWriter::create(path, info), path + ": cannot create: File exists");
-}
-
-TEST_F(WriterTest, RefusesSenselessInfo) {
-  const auto refused = [&](auto change, const std::string& message) {
-    RecordingInfo bad = info;
-    change(bad);
-    EXPECT_ERROR(RecordingWriter::create(path, bad), path + ": " + message);
-    EXPECT_FALSE(path_exists(path));
-  };
-  refused([](RecordingInfo& i) { i.gravity_mps2 = 0; }, "gravity_mps2 = '0': expected a number between 9 and 11");
-  refused([](RecordingInfo& i) { i.sample_period_s = 0; }, "sample_period_s = '0': expected a number > 0");
-  refused([](RecordingInfo& i) { i.sample_period_s = -1; }, "sample_period_s = '-1': expected a number > 0");
-  refused([](RecordingInfo& i) { i.latitude_deg = 90.5; },
-          "latitude_deg = '90.5': expected a number between -90 and 90");
-  refused([](RecordingInfo& i) { i.accel_pulse_mps = 0; }, "accel_pulse_mps = '0': expected a number > 0");
-  for (const std::string& serial : {std::string(), std::string("A#1")}) {
-    refused(
-        [&](RecordingInfo& i) { i.unit_serial = serial; },
-        "unit_serial '" + serial + "': expected a serial number of 1 to 200 bytes, printable characters without '#'");
-  }
-  refused([](RecordingInfo& i) { i.unit_serial = std::string(201, 'A'); },
-          "unit_serial '" + std::string(60, 'A') +
-              "'..., 201 bytes: expected a serial number of 1 to 200 bytes, printable characters without '#'");
-}
-
-TEST_F(WriterTest, RefusesBadSamples) {
-  auto writer = RecordingWriter::create(path, info);
-  const auto refused = [&](auto change, const std::string& message) {
-    ImuSample sample;
-    sample.counter = 1000;
-    change(sample);
-    EXPECT_ERROR(writer->add(std::span(&sample, 1)), path + ": " + message);
-  };
-  refused([](ImuSample& s) { s.gyro[1] = 0.5; }, "sample 1000: gyro: expected whole pulses that fit into 32 bits");
-  refused([](ImuSample& s) { s.accel[2] = 3e9; }, "sample 1000: accel: expected whole pulses that fit into 32 bits");
-  refused([](ImuSample& s) { s.gyro[0] = std::nan(""); },
-          "sample 1000: gyro: expected whole pulses that fit into 32 bits");
-  refused([](ImuSample& s) { s.temperature_c = INFINITY; }, "sample 1000: temperature_c: expected a finite number");
-  refused([](ImuSample& s) { s.counter = std::int64_t{1} << 63; }, "sample -9223372036854775808: counter out of range");
-  ImuSample good;
-  good.counter = 7;
-  ASSERT_OK(writer->add(std::span(&good, 1)));
-  EXPECT_ERROR(writer->add(std::span(&good, 1)),
-               path + ": sample counter = '7': expected more than 7 of the sample before");
-}
-
-TEST_F(WriterTest, RefusesBadSegments) {
-  auto writer = RecordingWriter::create(path, info);
-  EXPECT_ERROR(writer->end_segment(SegmentKind::still, 5, {}), path + ": a segment ends that did not begin");
-  EXPECT_ERROR(writer->finish(), path + ": recording without samples");
-  ASSERT_OK(writer->begin_segment(make_segment(1, SegmentKind::align, 0, 0)));
-  EXPECT_ERROR(writer->begin_segment(make_segment(1, SegmentKind::align, 0, 0)),
-               path + ": a segment begins before the one before has ended");
-  EXPECT_ERROR(writer->end_segment(SegmentKind::align, 0, {}),
-               path + ": segment end_sample = '0': expected more than its start, 0");
-  EXPECT_ERROR(writer->finish(), path + ": recording ends inside a segment");
-  ASSERT_OK(writer->end_segment(SegmentKind::align, 10, {}));
-  EXPECT_ERROR(writer->begin_segment(make_segment(1, SegmentKind::still, 11, 0)),
-               path + ": segment start_sample = '11': expected 10, where the one before ended");
-  EXPECT_ERROR(writer->begin_segment(make_segment(1, SegmentKind::still, 10, 0, std::nan(""))),
-               path + ": segment with an angle that is not finite");
-  ASSERT_OK(writer->add(make_samples(info, 5, 0)));
-  EXPECT_ERROR(writer->finish(),
-               path + ": segment 1: end_sample = '10': expected at most one more than the last sample, 4");
-}
-
-TEST_F(WriterTest, NothingIsAcceptedAfterTheEnd) {
-  auto writer = RecordingWriter::create(path, info);
-  ASSERT_OK(writer->add(make_samples(info, 5)));
+  const auto [gyro, accel, temperature] = GetParam();
+  RecordingInfo info = make_info(gyro, accel, temperature);
+  info.simulated = temperature;
+  const auto samples = make_samples(info, 30000, std::int64_t{1} << 40);
+  auto writer = RecordingWriter::create(folder / "a.tcr", info);
+  write_segment(*writer,
+                make_segment(1, SegmentKind::align, samples[10].counter, samples[900].counter, 1e-9, -0.0, 1.0 / 3.0),
+                samples);
   ASSERT_OK(writer->finish());
-  EXPECT_EQ(writer->sync().error().kind, ErrorKind::internal);
-  EXPECT_ERROR(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep),
-               path + ": this recording is finished: nothing can be added to it");
-}
-
-TEST_F(WriterTest, OneWriterAFile) {
-  auto writer = RecordingWriter::create(path, info);
-  EXPECT_ERROR(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep),
-               path + ": in use by another process (" + std::to_string(::getpid()) + ")");
-}
-
-TEST_F(WriterTest, FullDiskIsReportedAndWhatWasWrittenCanBeRead) {
-  const auto samples = make_samples(info, 20000, 0);
-  auto previous_handler = std::signal(SIGXFSZ, SIG_IGN);
-  rlimit previous{};
-  getrlimit(RLIMIT_FSIZE, &previous);
-  rlimit limit = previous;
-  limit.rlim_cur = 200000;
-  auto writer = RecordingWriter::create(path, info);
-  setrlimit(RLIMIT_FSIZE, &limit);
-  const Status status = writer->add(samples);
-  const Status again = writer->sync();
-  setrlimit(RLIMIT_FSIZE, &previous);
-  std::signal(SIGXFSZ, previous_handler);
-  ASSERT_FALSE(status.ok());
-  EXPECT_EQ(status.error().kind, ErrorKind::device);
-  EXPECT_EQ(status.error().message, path + ": cannot write: File too large");
-  EXPECT_FALSE(again.ok());  // nothing is written after a torn record
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  const auto read = read_all(**source);
-  ASSERT_EQ(read.size() % RecordingWriter::block_samples, 0U);
-  ASSERT_GT(read.size(), 4000U);
-  expect_same(read, {samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(read.size())});
-  EXPECT_GT((*source)->damage().torn_tail_bytes, 0U);
-}
-
-// ---- going on after an interruption ----
-
-struct ReopenTest : WriterTest {
-  std::vector<ImuSample> samples = make_samples(info, 100, 0);
-  std::int64_t counter(std::size_t i) const { return samples[i].counter; }
-  void interrupted() {
-    auto writer = RecordingWriter::create(path, info);
-    ASSERT_OK(writer);
-    write_segment(*writer, make_segment(1, SegmentKind::align, 0, 20), std::span(samples).first(20));
-    ASSERT_OK(writer->begin_segment(make_segment(1, SegmentKind::still, 20, 0, 0, 90, 0)));
-    ASSERT_OK(writer->add(std::span(samples).subspan(20, 30)));
-    ASSERT_OK(writer->sync());
-  }
-};
-
-TEST_F(ReopenTest, KeepGoesOnInsideTheOpenSegment) {
-  interrupted();
-  auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep);
-  ASSERT_OK(writer);
-  EXPECT_EQ(writer->sample_count(), 50U);
-  EXPECT_EQ(writer->first_counter(), 0);
-  EXPECT_EQ(writer->last_counter(), 49);
-  EXPECT_EQ(writer->cut_bytes(), 0U);
-  EXPECT_EQ(writer->info().unit_serial, "LG-7");
-  ASSERT_TRUE(writer->open_segment().has_value());
-  EXPECT_EQ(writer->open_segment()->start_sample, 20);
-  ASSERT_OK(writer->end_segment(SegmentKind::rotate, 50, {{0, 90, 0}}));
-  write_segment(*writer, make_segment(1, SegmentKind::still, 50, counter(99) + 1, 0, 90, 0),
-                std::span(samples).subspan(50));
-  ASSERT_OK(writer->finish());
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  expect_same(read_all(**source), samples);
-  expect_same((*source)->segments(),
-              {make_segment(1, SegmentKind::align, 0, 20), make_segment(1, SegmentKind::rotate, 20, 50, 0, 90, 0),
-               make_segment(1, SegmentKind::still, 50, counter(99) + 1, 0, 90, 0)});
-  EXPECT_EQ(describe((*source)->damage()), "");
-}
-
-// An interrupted dwell that is taken off and repeated leaves the very file of a run that was never interrupted.
-TEST_F(ReopenTest, DropLeavesNoTrace) {
-  const auto rest = [&](RecordingWriter& writer) {
-    write_segment(writer, make_segment(1, SegmentKind::still, 20, counter(99) + 1, 0, 90, 0),
-                  std::span(samples).subspan(20));
-    ASSERT_OK(writer.finish());
-  };
-  interrupted();
-  auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop);
-  ASSERT_OK(writer);
-  EXPECT_EQ(writer->sample_count(), 20U);
-  EXPECT_EQ(writer->last_counter(), 19);
-  EXPECT_FALSE(writer->open_segment().has_value());
-  EXPECT_GT(writer->cut_bytes(), 0U);
-  rest(*writer);
-
-  auto whole = RecordingWriter::create(folder / "whole.tcr", info);
-  write_segment(*whole, make_segment(1, SegmentKind::align, 0, 20), std::span(samples).first(20));
-  rest(*whole);
-  EXPECT_EQ(read_file(path), read_file(folder / "whole.tcr"));
-}
-
-TEST_F(ReopenTest, DropBeforeTheFirstSegmentEndTakesAllSamples) {
-  auto writer = RecordingWriter::create(path, info);
-  ASSERT_OK(writer->begin_segment(make_segment(1, SegmentKind::align, 0, 0)));
-  ASSERT_OK(writer->add(samples));
-  ASSERT_OK(writer->sync());
-  { const RecordingWriter closed = std::move(*writer); }
-  auto again = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop);
+  auto binary = RecordingSource::open(folder / "a.tcr");
+  ASSERT_OK(binary);
+  ASSERT_OK(export_text(**binary, folder / "text"));
+  auto text = RecordingSource::open(folder / "text");
+  ASSERT_OK(text);
+  EXPECT_EQ((*text)->info().simulated, info.simulated);
+  expect_same(read_all(**text), samples);
+  ASSERT_OK(import_binary(**text, folder / "b.tcr"));
+  auto again = RecordingSource::open(folder / "b.tcr");
   ASSERT_OK(again);
-  EXPECT_EQ(again->sample_count(), 0U);
-  EXPECT_FALSE(again->last_counter().has_value());
-  EXPECT_EQ(again->info().latitude_deg, info.latitude_deg);
+  expect_same(read_all(**again), samples);
+  const std::string hash = *(*binary)->content_hash();
+  EXPECT_EQ(hash.size(), 32U);
+  EXPECT_EQ(*(*text)->content_hash(), hash);
+  EXPECT_EQ(*(*again)->content_hash(), hash);
 }
+INSTANTIATE_TEST_SUITE_P(All, TextRoundTrip,
+                         testing::Combine(testing::Values(IncrementKind::pulses, IncrementKind::physical),
+                                          testing::Values(IncrementKind::pulses, IncrementKind::physical),
+                                          testing::Bool()));
 
-// A real kill -9 in mid-capture: what was synced is there, what follows is a prefix of what was sent.
-TEST_F(ReopenTest, KilledProcessKeepsWhatWasSynced) {
-  const auto many = make_samples(info, 200000, 0);
-  int pipe_ends[2];
-  ASSERT_EQ(::pipe(pipe_ends), 0);
-  const pid_t child = ::fork();
-  if (child == 0) {
-    auto writer = RecordingWriter::create(path, info);
-    for (std::size_t i = 0; writer.ok() && i + 500 <= many.size(); i += 500) {
-      if (!writer->add(std::span(many).subspan(i, 500)).ok() || !writer->sync().ok()) break;
-      const std::size_t synced = i + 500;
-      if (::write(pipe_ends[1], &synced, sizeof synced) != sizeof synced) break;
-    }
-    ::pause();
-    ::_exit(0);
+// ---- the recording that everybody measures with ----
+
+TEST(SharedRecording, ImportAndExportGiveTheSameBytes) {
+  const std::string clean = std::string(TURNCAL_SOURCE_DIR) + "/../shared/data/recordings/clean";
+  if (!path_exists(clean)) GTEST_SKIP() << clean << " is not there";
+  TemporaryFolder folder;
+  auto text = RecordingSource::open(clean);
+  ASSERT_OK(text);
+  ASSERT_OK(import_binary(**text, folder / binary_recording_name));
+  auto binary = RecordingSource::open(folder.path());
+  ASSERT_OK(binary);
+  ASSERT_OK(export_text(**binary, folder / "out"));
+  for (const char* name : {"/imu.csv", "/segments.csv", "/recording.conf"}) {
+    EXPECT_TRUE(read_file(folder / "out" + name) == read_file(clean + name)) << name;
   }
-  std::size_t synced = 0;
-  while (synced < 5000) ASSERT_EQ(::read(pipe_ends[0], &synced, sizeof synced), static_cast<ssize_t>(sizeof synced));
-  ASSERT_EQ(::kill(child, SIGKILL), 0);
-  ASSERT_EQ(::waitpid(child, nullptr, 0), child);
-  ::close(pipe_ends[0]);
-  ::close(pipe_ends[1]);
-
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  const auto read = read_all(**source);
-  EXPECT_GE(read.size(), synced);
-  expect_same(read, {many.begin(), many.begin() + static_cast<std::ptrdiff_t>(read.size())});
-  EXPECT_FALSE((*source)->damage().lost_data());
-  auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep);
-  ASSERT_OK(writer);
-  EXPECT_EQ(writer->sample_count(), read.size());
+  EXPECT_EQ(*(*text)->content_hash(), *(*binary)->content_hash());
 }
 
 }  // namespace

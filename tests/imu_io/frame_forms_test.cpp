@@ -331,5 +331,43 @@ TEST(FrameForms, OneLineForEachMistakeInThem) {
   refused(own, "counter.offset = 2\ncounter.type = u32\n", "request = 05\n", "a counter beside it");
 }
 
+TEST(FrameForms, SignOf24BitsAndWrapOfCumulativeFields) {
+  const FrameDescription frame =
+      frame_with("laser_gyro", {"gyro.type = i24", "gyro.offset = 6, 9, 12", "gyro.kind = cumulative",
+                                "accel.type = i24", "accel.offset = 18, 21, 24"});
+  std::vector<ImuSample> sent(200);
+  for (std::size_t i = 0; i < sent.size(); ++i) {
+    sent[i].counter = static_cast<std::int64_t>(i);
+    sent[i].gyro = {8388607.0, -8388607.0, static_cast<double>(i)};  // wraps every second frame, either way
+    sent[i].accel = {8388607.0, -8388608.0, -1.0};
+    sent[i].temperature_c = 20.0F;
+  }
+  Line line(frame);
+  line.feed_frames(frame, sent);
+  // The first frame is only where the count begins.
+  EXPECT_EQ(expect_only_sent(line.samples, sent), 1U);
+  // After a gap the whole gap's pulses would be in one row: no sample, one more lost.
+  line.time_s += 0.005;
+  for (ImuSample& sample : sent) sample.counter += 201;
+  line.feed_frames(frame, std::vector<ImuSample>(sent.begin(), sent.begin() + 3));
+  ASSERT_EQ(line.samples.size(), 199U + 2U);
+  EXPECT_EQ(line.samples[199].counter, 202);
+  EXPECT_EQ(line.decoder.counters().lost_samples, 2U);
+}
+
+TEST(FrameForms, ACumulativeFieldMayWrapAtAModulusOfItsOwn) {
+  const FrameDescription frame =
+      frame_with("laser_gyro", {"gyro.type = u32", "gyro.kind = cumulative", "gyro.modulus = 1000000"});
+  std::vector<ImuSample> sent(50);
+  for (std::size_t i = 0; i < sent.size(); ++i) {
+    sent[i].counter = static_cast<std::int64_t>(i);
+    sent[i].gyro = {400000.0, -400000.0, 1.0};
+    sent[i].temperature_c = 20.0F;
+  }
+  Line line(frame);
+  line.feed_frames(frame, sent);
+  EXPECT_EQ(expect_only_sent(line.samples, sent), 1U);
+}
+
 }  // namespace
 }  // namespace turncal

@@ -1,6 +1,6 @@
 // Every fault of the list for IMUs, injected, and what becomes of it. The rule under test: no sample comes out that was not sent,
 // what is missing is counted, and what cannot go on is an error of kind device.
-// Faults of the capture file (full disk, kill -9, torn tail, second writer) stand in binary_recording_test, recording_damage_test
+// Faults of the capture file (full disk, kill -9, torn tail, second writer) stand in recording_writer_test, recording_damage_test
 // and atomic_file_test; hang-up, silence and reopening on a line in serial_imu_test.
 #include <gtest/gtest.h>
 
@@ -325,44 +325,6 @@ TEST(ImuFaults, AnImpossibleNumberIsFlagged) {
   ASSERT_EQ(line.samples.size(), 2U);
   EXPECT_EQ(line.samples[0].flags, 0U);
   EXPECT_EQ(line.samples[1].flags, sample_flag_invalid);
-}
-
-TEST(ImuFaults, SignOf24BitsAndWrapOfCumulativeFields) {
-  const FrameDescription frame =
-      frame_with("laser_gyro", {"gyro.type = i24", "gyro.offset = 6, 9, 12", "gyro.kind = cumulative",
-                                "accel.type = i24", "accel.offset = 18, 21, 24"});
-  std::vector<ImuSample> sent(200);
-  for (std::size_t i = 0; i < sent.size(); ++i) {
-    sent[i].counter = static_cast<std::int64_t>(i);
-    sent[i].gyro = {8388607.0, -8388607.0, static_cast<double>(i)};  // wraps every second frame, either way
-    sent[i].accel = {8388607.0, -8388608.0, -1.0};
-    sent[i].temperature_c = 20.0F;
-  }
-  Line line(frame);
-  line.feed_frames(frame, sent);
-  // The first frame is only where the count begins.
-  EXPECT_EQ(expect_only_sent(line.samples, sent), 1U);
-  // After a gap the whole gap's pulses would be in one row: no sample, one more lost.
-  line.time_s += 0.005;
-  for (ImuSample& sample : sent) sample.counter += 201;
-  line.feed_frames(frame, std::vector<ImuSample>(sent.begin(), sent.begin() + 3));
-  ASSERT_EQ(line.samples.size(), 199U + 2U);
-  EXPECT_EQ(line.samples[199].counter, 202);
-  EXPECT_EQ(line.decoder.counters().lost_samples, 2U);
-}
-
-TEST(ImuFaults, ACumulativeFieldMayWrapAtAModulusOfItsOwn) {
-  const FrameDescription frame =
-      frame_with("laser_gyro", {"gyro.type = u32", "gyro.kind = cumulative", "gyro.modulus = 1000000"});
-  std::vector<ImuSample> sent(50);
-  for (std::size_t i = 0; i < sent.size(); ++i) {
-    sent[i].counter = static_cast<std::int64_t>(i);
-    sent[i].gyro = {400000.0, -400000.0, 1.0};
-    sent[i].temperature_c = 20.0F;
-  }
-  Line line(frame);
-  line.feed_frames(frame, sent);
-  EXPECT_EQ(expect_only_sent(line.samples, sent), 1U);
 }
 
 TEST(ImuFaults, BatchesAndClockStepsDoNotTouchTheCount) {

@@ -1,10 +1,6 @@
 // The text form: both ways, the same content hash as binary, and one clear line for every defect.
 #include <gtest/gtest.h>
 
-#include <functional>
-#include <tuple>
-
-#include "imu_io/recordings/imu_csv.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
@@ -325,41 +321,6 @@ TEST_F(TextTest, ImportWithOtherSegmentsNamesTheFileTheUserKnows) {
   expect_same((*RecordingSource::open(folder / "out.tcr"))->segments(), {make_segment(7, SegmentKind::still, 0, 5)});
 }
 
-class TextRoundTrip : public testing::TestWithParam<std::tuple<IncrementKind, IncrementKind, bool>> {};
-
-// Binary to text and back: the same samples bit for bit, the same hash in all three.
-TEST_P(TextRoundTrip, KeepsEveryBitAndTheHash) {
-  TemporaryFolder folder;
-  const auto [gyro, accel, temperature] = GetParam();
-  RecordingInfo info = make_info(gyro, accel, temperature);
-  info.simulated = temperature;
-  const auto samples = make_samples(info, 30000, std::int64_t{1} << 40);
-  auto writer = RecordingWriter::create(folder / "a.tcr", info);
-  write_segment(*writer,
-                make_segment(1, SegmentKind::align, samples[10].counter, samples[900].counter, 1e-9, -0.0, 1.0 / 3.0),
-                samples);
-  ASSERT_OK(writer->finish());
-  auto binary = RecordingSource::open(folder / "a.tcr");
-  ASSERT_OK(binary);
-  ASSERT_OK(export_text(**binary, folder / "text"));
-  auto text = RecordingSource::open(folder / "text");
-  ASSERT_OK(text);
-  EXPECT_EQ((*text)->info().simulated, info.simulated);
-  expect_same(read_all(**text), samples);
-  ASSERT_OK(import_binary(**text, folder / "b.tcr"));
-  auto again = RecordingSource::open(folder / "b.tcr");
-  ASSERT_OK(again);
-  expect_same(read_all(**again), samples);
-  const std::string hash = *(*binary)->content_hash();
-  EXPECT_EQ(hash.size(), 32U);
-  EXPECT_EQ(*(*text)->content_hash(), hash);
-  EXPECT_EQ(*(*again)->content_hash(), hash);
-}
-INSTANTIATE_TEST_SUITE_P(All, TextRoundTrip,
-                         testing::Combine(testing::Values(IncrementKind::pulses, IncrementKind::physical),
-                                          testing::Values(IncrementKind::pulses, IncrementKind::physical),
-                                          testing::Bool()));
-
 // The layout of what is hashed is a promise to files that hold the hash: this value must never change.
 TEST_F(TextTest, ContentHashIsPinned) {
   auto source = RecordingSource::open(folder.path());
@@ -396,80 +357,6 @@ TEST_F(TextTest, EveryChangeOfContentChangesTheHash) {
   hashes.push_back(hash());
   std::sort(hashes.begin(), hashes.end());
   EXPECT_EQ(std::adjacent_find(hashes.begin(), hashes.end()), hashes.end());
-}
-
-// The fast row parser against the slow one on text that is nearly a row.
-TEST(ImuCsvRow, FastAndSlowParserAgree) {
-  std::mt19937 random(5);
-  const auto parsers = [](IncrementKind gyro, bool temperature) {
-    return ImuCsvParser("x", make_info(gyro, IncrementKind::pulses, temperature));
-  };
-  const std::string alphabet = "0123456789-+.e, \r,,,000111";
-  int accepted = 0;
-  for (int round = 0; round < 300000; ++round) {
-    const bool temperature = random() % 2 == 0;
-    const auto gyro = random() % 2 == 0 ? IncrementKind::pulses : IncrementKind::physical;
-    const ImuCsvParser parser = parsers(gyro, temperature);
-    std::string row = "12,0,-3,450,2147483647,96,-1";
-    if (temperature) row += ",24.125";
-    for (unsigned change = random() % 4; change > 0; --change) {
-      row[random() % row.size()] = alphabet[random() % alphabet.size()];
-    }
-    std::string padded = row + "\n" + std::string(64, '7');
-    const char* at = padded.data();
-    ImuSample fast;
-    ImuSample slow;
-    if (!parser.parse_plain(at, fast)) continue;
-    ++accepted;
-    ASSERT_EQ(at, padded.data() + row.size() + 1);
-    if (row.ends_with('\r')) row.pop_back();
-    const Status status = parser.parse(row, 1, slow);
-    ASSERT_TRUE(status.ok()) << row << ": " << status.error().message;
-    ASSERT_TRUE(same(fast, slow)) << row;
-  }
-  EXPECT_GT(accepted, 50000);
-}
-
-TEST(ImuCsvRow, TemperaturesComeBackBitForBit) {
-  const RecordingInfo info = make_info();
-  const ImuCsvParser parser("x", info);
-  std::mt19937 random(6);
-  for (int round = 0; round < 200000; ++round) {
-    ImuSample sample;
-    sample.temperature_c = round % 2 == 0 ? std::bit_cast<float>(static_cast<std::uint32_t>(random()))
-                                          : static_cast<float>(static_cast<int>(random() % 200000) - 50000) / 1000.0F;
-    if (!std::isfinite(sample.temperature_c)) continue;
-    std::string row;
-    append_imu_row(row, sample, info);
-    const std::string_view text(row.data(), row.size() - 1);
-    ImuSample slow;
-    ASSERT_OK(parser.parse(text, 1, slow));
-    ASSERT_TRUE(same(slow, sample)) << row;
-    row.append(64, '7');
-    const char* at = row.data();
-    ImuSample fast;
-    if (parser.parse_plain(at, fast)) {
-      ASSERT_TRUE(same(fast, sample)) << row;
-    }
-  }
-}
-
-// ---- the recording that everybody measures with ----
-
-TEST(SharedRecording, ImportAndExportGiveTheSameBytes) {
-  const std::string clean = std::string(TURNCAL_SOURCE_DIR) + "/../shared/data/recordings/clean";
-  if (!path_exists(clean)) GTEST_SKIP() << clean << " is not there";
-  TemporaryFolder folder;
-  auto text = RecordingSource::open(clean);
-  ASSERT_OK(text);
-  ASSERT_OK(import_binary(**text, folder / binary_recording_name));
-  auto binary = RecordingSource::open(folder.path());
-  ASSERT_OK(binary);
-  ASSERT_OK(export_text(**binary, folder / "out"));
-  for (const char* name : {"/imu.csv", "/segments.csv", "/recording.conf"}) {
-    EXPECT_TRUE(read_file(folder / "out" + name) == read_file(clean + name)) << name;
-  }
-  EXPECT_EQ(*(*text)->content_hash(), *(*binary)->content_hash());
 }
 
 }  // namespace

@@ -13,25 +13,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class Batch : public Program {
+class Batch : public BatchProgram {
  protected:
   static std::string station(const std::string& more = "") {
     return "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
            "motion.settle_s = 0.5\n" +
            more;
   }
-  std::vector<std::string> batch(std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {"batch",
-                                          "queue",
-                                          "--dry-run",
-                                          "--out",
-                                          "units",
-                                          "--sequence",
-                                          std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq"};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return arguments;
-  }
-  std::string outcomes() const { return outcomes_text(path("queue")); }
 };
 
 TEST_F(Batch, DoesTheWholeQueue) {
@@ -108,18 +96,7 @@ TEST_F(Batch, ADeviceFaultStopsItAndItGoesOn) {
 
 TEST_F(Batch, SurvivesKillsAtRandomMoments) {
   write("queue", "SN1\nSN2\nSN3\n");
-  int kills = 0;
-  for (int i = 0; i < 60; ++i) {
-    const pid_t pid = start(batch());
-    ::usleep(static_cast<useconds_t>(20'000 + 37'000 * (i % 9)));
-    ::kill(pid, SIGKILL);
-    const ProgramResult result = finish(pid);
-    if (result.code == 0) break;
-    ASSERT_EQ(result.code, -1000 - SIGKILL) << result.err;
-    ++kills;
-  }
-  ASSERT_EQ(run(batch()).code, 0);
-  EXPECT_GT(kills, 0);
+  kill_until_done(batch(), 20'000, 37'000);
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=not_judged SN3=not_judged ");
   for (const char* name : {"SN1", "SN2", "SN3"}) EXPECT_TRUE(fs::exists(folder_ / "units" / name / "parameters.conf"));
 }

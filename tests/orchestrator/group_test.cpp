@@ -302,15 +302,13 @@ TEST_F(GroupResume, ChecksWhoseRunItIs) {
 
 // --- Batch ---
 
-class GroupBatch : public Group {
+class GroupBatch : public BatchProgram {
  protected:
   std::vector<std::string> batch(std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {"batch",     "queue", "--dry-run",  "--out", "units",
-                                          "--at-once", "2",     "--sequence", demo};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return arguments;
+    more.insert(more.end(), {"--at-once", "2"});
+    return BatchProgram::batch(more);
   }
-  std::string outcomes() const { return outcomes_text(path("queue")); }
+  bool there(const std::string& name) const { return fs::exists(folder_ / name); }
 };
 
 TEST_F(GroupBatch, TakesSeveralAtOnce) {
@@ -346,18 +344,7 @@ TEST_F(GroupBatch, AUnitThatDropsOutDoesNotStopTheNext) {
 
 TEST_F(GroupBatch, SurvivesKills) {
   write("queue", "SN1\nSN2\nSN3\nSN4\nSN5\n");
-  int kills = 0;
-  for (int i = 0; i < 60; ++i) {
-    const pid_t pid = start(batch());
-    ::usleep(static_cast<useconds_t>(50'000 + 67'000 * (i % 9)));
-    ::kill(pid, SIGKILL);
-    const ProgramResult result = finish(pid);
-    if (result.code == 0) break;
-    ASSERT_EQ(result.code, -1000 - SIGKILL) << result.err;
-    ++kills;
-  }
-  ASSERT_EQ(run(batch()).code, 0);
-  EXPECT_GT(kills, 0);
+  kill_until_done(batch(), 50'000, 67'000);
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=not_judged SN3=not_judged SN4=not_judged SN5=not_judged ");
   EXPECT_FALSE(there("units/group.3")) << "an interrupted group was not gone on with";
   for (const char* name : {"group.1/SN1", "group.1/SN2", "group.2/SN3", "group.2/SN4", "SN5"}) {

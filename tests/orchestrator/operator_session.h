@@ -29,12 +29,7 @@ class OperatedProgram : public Program {
       ::dup2(in[0], 0);
       ::dup2(out[1], 1);
       ::dup2(::open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644), 2);
-      if (::chdir(folder_.c_str()) != 0) ::_exit(99);
-      std::vector<char*> argv = {const_cast<char*>(TURNCAL_BINARY)};
-      for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
-      argv.push_back(nullptr);
-      ::execv(TURNCAL_BINARY, argv.data());
-      ::_exit(98);
+      become_program(arguments);
     }
     pid_ = pid;
     ::close(in[0]);

@@ -69,6 +69,10 @@ class Program : public testing::Test {
       const int fd = ::open((folder_.string() + name).c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
       ::dup2(fd, descriptor);
     }
+    become_program(arguments);
+  }
+  // Of a child: from here on it is the program, in the test's folder.
+  [[noreturn]] void become_program(const std::vector<std::string>& arguments) const {
     if (::chdir(folder_.c_str()) != 0) ::_exit(99);
     std::vector<char*> argv = {const_cast<char*>(TURNCAL_BINARY)};
     for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));

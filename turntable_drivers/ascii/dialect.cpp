@@ -212,11 +212,7 @@ void read_status(KeyValueFile& file, DialectStatus& status) {
 Result<Dialect> dialect_from(KeyValueFile& file) {
   Dialect dialect;
   KeyTable keys(file);
-  dialect.file = file.file_name();
-  file.integer("format", 1, 1);
-  dialect.name = file.text("name");
-  keys.flag("verified_on_hardware", dialect.verified_on_hardware);
-  keys.flag("commissioned", dialect.commissioned);
+  read_table_description(file, dialect);
   read_link(file, dialect.link);
   for (const Axis which : all_axes) {
     DialectAxis& axis = dialect.axis[static_cast<std::size_t>(which)];
@@ -235,7 +231,6 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
   keys.whole("number.decimals", dialect.decimals, 0, 9);
   keys.flag("number.plus", dialect.plus);
   read_steps(file, dialect);
-  keys.flag("switch_off", dialect.can_switch_off);
   // Questions aside, which command nothing.
   const auto last_command = [&](DialectOperation operation) -> std::pair<std::string, std::size_t> {
     const std::vector<Exchange>& all = dialect.of(operation).exchanges;
@@ -250,9 +245,6 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
   }
   if (file.has("error.texts")) dialect.errors = file.list("error.texts");
   read_status(file, dialect.status);
-  keys.number("moving.rate_degps", dialect.moving_rate_degps, positive);
-  keys.number("plausible.angle_deg", dialect.plausible_deg, positive);
-  keys.number("plausible.rate_degps", dialect.plausible_rate_degps, positive);
   if (Status status = file.check_all_used(); !status) return status.error();
   if (const auto clash = sentence_clash(dialect)) return file.error_at(clash->key, clash->expected);
   return dialect;

@@ -23,6 +23,7 @@
 #include "imu_io/lines/serial_port.h"
 #include "turntable_drivers/ascii/sentence.h"
 #include "turntable_drivers/table/drive_bit.h"
+#include "turntable_drivers/table/table_description.h"
 
 namespace turncal {
 
@@ -82,23 +83,14 @@ struct DialectStatus {
   bool reports(DriveBit bit) const;
 };
 
-struct Dialect {
-  std::string file;
-  std::string name;
-  bool verified_on_hardware = false;
-  bool simulated = false;  // a twin answers; not a key of the file: the station says it
-  bool commissioned = false;
+struct Dialect : TableDescription {
   DialectLink link;
   std::array<DialectAxis, 3> axis;
   int decimals = 4;
-  bool plus = false;           // numbers that are not negative have a sign, too
-  bool can_switch_off = true;  // by the abort sentences
+  bool plus = false;  // numbers that are not negative have a sign, too
   std::array<DialectSteps, dialect_operation_count> steps;
   std::vector<std::string> errors;  // an answer that contains one of these is an error of the device
   DialectStatus status;
-  double moving_rate_degps = 0.01;
-  double plausible_deg = 7200.0;
-  double plausible_rate_degps = 400.0;
 
   const DialectSteps& of(DialectOperation operation) const { return steps[static_cast<std::size_t>(operation)]; }
   const DialectAxis& of(Axis which) const { return axis[static_cast<std::size_t>(which)]; }

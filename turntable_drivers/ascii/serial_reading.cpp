@@ -55,7 +55,6 @@ Result<SerialTurntable::Reading> SerialTurntable::read_once(Axis axis) {
 }
 
 Result<SerialTurntable::Reading> SerialTurntable::read(Axis axis, bool believed_only) {
-  const AxisMemory& memory = memory_[index(axis)];
   Error last;
   bool answered = false;
   for (int i = 0; i <= dialect_.link.read_retries; ++i) {
@@ -67,13 +66,8 @@ Result<SerialTurntable::Reading> SerialTurntable::read(Axis axis, bool believed_
       if (last.kind == ErrorKind::aborted || !line_.is_open()) return last;
       continue;
     }
-    if (!believed_only || memory.believable(reading->position_deg, clock_.now_s(), dialect_.plausible_deg,
-                                            dialect_.plausible_rate_degps)) {
-      return reading;
-    }
-    last = axis_error(axis, "position " + degrees(reading->position_deg) +
-                                " is not believed: expected one that can be reached from " +
-                                (memory.position_deg ? degrees(*memory.position_deg) : "here"));
+    if (!believed_only || believable(axis, reading->position_deg)) return reading;
+    last = not_believed(axis, reading->position_deg);
   }
   lost_ = !answered;
   return last;

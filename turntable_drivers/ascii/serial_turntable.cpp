@@ -35,21 +35,7 @@ int lines_of(const Exchange& exchange) { return exchange.expect ? exchange.expec
 }  // namespace
 
 SerialTurntable::SerialTurntable(Dialect dialect, const Clock& clock, const std::atomic<int>* stop_requests)
-    : dialect_(std::move(dialect)), clock_(clock), stop_(stop_requests), line_(dialect_.link, stop_) {}
-
-Error SerialTurntable::table_error(const std::string& what) const {
-  return device_error("table " + dialect_.name + ": " + what);
-}
-
-Error SerialTurntable::axis_error(Axis axis, const std::string& what) const {
-  return table_error(std::string(to_string(axis)) + ": " + what);
-}
-
-Status SerialTurntable::connected() const {
-  if (!connected_) return table_error("not connected");
-  if (lost_ || !line_.is_open()) return table_error("link lost (" + lost_reason_ + "): expected it connected again");
-  return {};
-}
+    : DescribedTurntable(dialect, clock, stop_requests), dialect_(std::move(dialect)), line_(dialect_.link, stop_) {}
 
 // ---- exchanges ----
 
@@ -119,12 +105,6 @@ Status SerialTurntable::carry_out_for_all(DialectOperation operation) {
 
 // ---- commands; reading: serial_reading.cpp ----
 
-Status SerialTurntable::commissioned() const {
-  if (dialect_.commissioned) return {};
-  return input_error(
-      table_error("not commissioned: expected sign and scale checked and commissioned = true in the dialect").message);
-}
-
 Status SerialTurntable::connect() {
   connected_ = false;
   lost_ = false;
@@ -167,10 +147,7 @@ Status SerialTurntable::enable() {
   if (Status status = connected(); !status) return status;
   if (Status status = commissioned(); !status) return status;
   for (const Axis axis : all_axes) {
-    const Result<AxisStatus> now = status(axis);
-    if (!now) return now.error();
-    if (now->emergency_stop || now->fault)
-      return axis_error(axis, "enable: fault or emergency stop: expected it cleared");
+    if (Status status = may_enable(axis); !status) return status;
   }
   commanded_off_ = false;
   commanded_on_ = true;
@@ -183,11 +160,8 @@ Status SerialTurntable::enable() {
 Status SerialTurntable::home() {
   if (Status status = connected(); !status) return status;
   if (Status status = commissioned(); !status) return status;
-  for (const Axis axis : all_axes) {
-    const Result<AxisStatus> now = status(axis);
-    if (!now) return now.error();
-    if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
-  }
+  for (const Axis axis : all_axes)
+    if (const Result<AxisStatus> now = ready(axis); !now) return now.error();
   way_ = {};
   for (AxisMemory& memory : memory_) memory.homing_began();
   targets_void_ = true;
@@ -195,16 +169,8 @@ Status SerialTurntable::home() {
 }
 
 Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
-  if (Status status = connected(); !status) return status;
-  if (Status status = commissioned(); !status) return status;
-  if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, dialect_.plausible_deg,
-                                           dialect_.plausible_rate_degps)) {
-    return axis_error(axis, *refusal);
-  }
-  const Result<AxisStatus> now = status(axis);
+  const Result<AxisStatus> now = ready_to_move(axis, position_deg, rate_degps, acceleration_degps2);
   if (!now) return now.error();
-  if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
-  if (!now->homed) return axis_error(axis, "not homed");
   // A table that takes all three angles at once must not go on with a motion that was stopped.
   if (targets_void_) {
     for (const Axis other : all_axes) {
@@ -268,16 +234,13 @@ Status SerialTurntable::send_move(Axis axis, const Command& command) {
   return with_state(sent.error(), status(axis));
 }
 
-Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
+Status SerialTurntable::halt(bool off) {
   if (!was_connected_) return table_error("not connected");
   way_ = {};
-  const bool all_off =
-      std::all_of(memory_.begin(), memory_.end(), [](const AxisMemory& memory) { return memory.drive_on == false; });
-  // A drive that is off must not be switched on by a stop.
+  const bool one = dialect_.of(off ? DialectOperation::abort : DialectOperation::stop).each_axis &&
+                   dialect_.of(DialectOperation::abort).each_axis;
   const auto operation_of = [&](Axis axis) {
-    const bool one = dialect_.of(operation).each_axis && dialect_.of(DialectOperation::abort).each_axis;
-    const bool off = commanded_off_ || (one ? memory_[index(axis)].drive_on == false : all_off);
-    return off ? DialectOperation::abort : operation;
+    return off || is_off(axis, one) ? DialectOperation::abort : DialectOperation::stop;
   };
   stop_.handled();
   if (!line_.is_open()) {
@@ -305,17 +268,8 @@ Status SerialTurntable::carry_out_at_once(DialectOperation operation) {
       first_failure = status;
   }
   targets_void_ = true;
+  if (off && first_failure) commanded_on_ = false;
   return first_failure;
-}
-
-Status SerialTurntable::stop_all() { return carry_out_at_once(DialectOperation::stop); }
-
-Status SerialTurntable::abort_all() {
-  commanded_off_ = true;
-  const Status status = carry_out_at_once(DialectOperation::abort);
-  if (status) commanded_on_ = false;
-  enable_called_ = false;
-  return status;
 }
 
 Status SerialTurntable::clear_fault() {

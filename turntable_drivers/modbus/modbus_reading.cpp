@@ -41,15 +41,13 @@ Result<std::vector<std::uint16_t>> ModbusTurntable::read_block(Axis axis) {
   return block;
 }
 
-std::optional<double> ModbusTurntable::believed_position(Axis axis, const std::vector<std::uint16_t>& block,
-                                                         double now_s) {
+std::optional<double> ModbusTurntable::believed_position(Axis axis, const std::vector<std::uint16_t>& block) const {
   const MapAxis& scale = map_.of(axis);
-  const AxisMemory& memory = memory_[index(axis)];
   double position_deg = angle_of(scale, raw_counts(axis, block, map_.layout));
   if (scale.modulo_deg > 0.0 && std::isfinite(position_deg)) {
-    position_deg = unwrapped_deg(position_deg, memory.position_deg.value_or(0.0), scale.modulo_deg);
+    position_deg = unwrapped_deg(position_deg, memory_[index(axis)].position_deg.value_or(0.0), scale.modulo_deg);
   }
-  if (!memory.believable(position_deg, now_s, map_.plausible_deg, map_.plausible_rate_degps)) return {};
+  if (!believable(axis, position_deg)) return {};
   return position_deg;
 }
 
@@ -137,16 +135,13 @@ Result<AxisStatus> ModbusTurntable::status(Axis axis) {
   for (int i = 0; i <= map_.link.read_retries; ++i) {
     const Result<std::vector<std::uint16_t>> block = read_block(axis);
     if (!block) return block.error();
-    const double now_s = clock_.now_s();
-    if (const std::optional<double> position_deg = believed_position(axis, *block, now_s)) {
+    if (const std::optional<double> position_deg = believed_position(axis, *block)) {
       if (!heartbeat && heartbeat.error().kind == ErrorKind::input) return heartbeat.error();
-      return status_from(axis, *block, *position_deg, now_s);
+      return status_from(axis, *block, *position_deg, clock_.now_s());
     }
     seen_deg = angle_of(map_.of(axis), raw_counts(axis, *block, map_.layout));
   }
-  const std::optional<double>& last_deg = memory_[index(axis)].position_deg;
-  return axis_error(axis, "position " + degrees(seen_deg) + " is not believed: expected one that can be reached from " +
-                              (last_deg ? degrees(*last_deg) : "here"));
+  return not_believed(axis, seen_deg);
 }
 
 Status ModbusTurntable::commission(const AxisTriple& known_deg, double tolerance_deg) {

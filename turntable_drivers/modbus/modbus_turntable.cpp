@@ -16,26 +16,7 @@ void hold(double seconds) { static_cast<void>(StopSignal().pause(seconds)); }
 }  // namespace
 
 ModbusTurntable::ModbusTurntable(RegisterMap map, const Clock& clock, const std::atomic<int>* stop_requests)
-    : map_(std::move(map)), clock_(clock), stop_(stop_requests), link_(map_.link, stop_) {}
-
-Error ModbusTurntable::axis_error(Axis axis, const std::string& what) const {
-  return device_error("table " + map_.name + ": " + to_string(axis) + ": " + what);
-}
-
-Status ModbusTurntable::connected() const {
-  if (!connected_) return device_error("table " + map_.name + ": not connected");
-  if (link_.lost())
-    return device_error("table " + map_.name + ": link lost (" + link_.lost_reason() +
-                        "): expected it connected again");
-  return {};
-}
-
-Status ModbusTurntable::commissioned() const {
-  if (map_.commissioned) return {};
-  return input_error(
-      "table " + map_.name +
-      ": not commissioned: expected word order, scale and sign checked and commissioned = true in the map");
-}
+    : DescribedTurntable(map, clock, stop_requests), map_(std::move(map)), link_(map_.link, stop_) {}
 
 Status ModbusTurntable::connect() {
   if (Status status = open_drives(true); !status) return status;
@@ -60,7 +41,7 @@ Status ModbusTurntable::open_drives(bool judge_positions) {
     Status status;
     if (!block) {
       status = block.error();
-    } else if (judge_positions && !believed_position(axis, *block, clock_.now_s())) {
+    } else if (judge_positions && !believed_position(axis, *block)) {
       status = axis_error(axis, "position " + degrees(angle_of(map_.of(axis), raw_counts(axis, *block, map_.layout))) +
                                     " is not plausible: expected a map with the drive's word order and scale");
     }
@@ -140,10 +121,7 @@ Status ModbusTurntable::write_list(Axis axis, DriveOperation operation, const Mo
 Status ModbusTurntable::enable() {
   if (Status status = commissioned(); !status) return status;
   for (const Axis axis : all_axes) {
-    const Result<AxisStatus> now = status(axis);
-    if (!now) return now.error();
-    if (now->emergency_stop) return axis_error(axis, "enable: emergency stop is pressed");
-    if (now->fault) return axis_error(axis, "enable: drive fault: expected it cleared");
+    if (Status status = may_enable(axis); !status) return status;
     if (map_.once(DriveOperation::enable) && axis != Axis::roll) continue;  // all three were looked at
     commanded_off_ = false;
     memory_[index(axis)].drive_on.reset();
@@ -156,11 +134,8 @@ Status ModbusTurntable::enable() {
 
 Status ModbusTurntable::home() {
   if (Status status = commissioned(); !status && !map_.home_by_encoder) return status;
-  for (const Axis axis : all_axes) {
-    const Result<AxisStatus> now = status(axis);
-    if (!now) return now.error();
-    if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
-  }
+  for (const Axis axis : all_axes)
+    if (const Result<AxisStatus> now = ready(axis); !now) return now.error();
   for (const Axis axis : all_axes) {
     AxisMemory& memory = memory_[index(axis)];
     memory.homing_began();
@@ -172,15 +147,8 @@ Status ModbusTurntable::home() {
 }
 
 Status ModbusTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
-  if (Status status = commissioned(); !status) return status;
-  if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, map_.plausible_deg,
-                                           map_.plausible_rate_degps)) {
-    return axis_error(axis, *refusal);
-  }
-  const Result<AxisStatus> now = status(axis);
+  const Result<AxisStatus> now = ready_to_move(axis, position_deg, rate_degps, acceleration_degps2);
   if (!now) return now.error();
-  if (const auto refusal = refusal_of_state(*now)) return axis_error(axis, *refusal);
-  if (!now->homed) return axis_error(axis, "not homed");
   memory_[index(axis)].arrived_seen = false;
   Moves moves = moves_;
   for (const Axis other : all_axes) {
@@ -203,19 +171,17 @@ Status ModbusTurntable::move_absolute(Axis axis, double position_deg, double rat
   return with_state(written.error(), status(axis));
 }
 
-Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
-  if (!was_connected_) return device_error("table " + map_.name + ": not connected");
+Status ModbusTurntable::halt(bool off) {
+  if (!was_connected_) return table_error("not connected");
   stop_.handled();
   if (!link_.is_open()) {
     enable_called_ = false;  // whoever comes back finds it not ready
     if (Status status = link_.open(); !status) return status;
   }
   targets_void_ = true;
-  const bool all_off =
-      std::all_of(memory_.begin(), memory_.end(), [](const AxisMemory& memory) { return memory.drive_on == false; });
+  const bool one = !map_.once(off ? DriveOperation::abort : DriveOperation::stop);
   const auto operation_of = [&](Axis axis) {
-    const bool is_off = commanded_off_ || (map_.once(operation) ? all_off : memory_[index(axis)].drive_on == false);
-    return is_off ? DriveOperation::abort : operation;
+    return off || is_off(axis, one) ? DriveOperation::abort : DriveOperation::stop;
   };
   const auto send = [&](Axis axis, const WriteStep& step, bool at_once) -> Status {
     const Result<std::vector<std::uint16_t>> words = words_of(step, axis, {});
@@ -258,15 +224,6 @@ Status ModbusTurntable::write_to_all_at_once(DriveOperation operation) {
     if (!status && first_failure.ok()) first_failure = status;
   }
   return first_failure;
-}
-
-Status ModbusTurntable::stop_all() { return write_to_all_at_once(DriveOperation::stop); }
-
-Status ModbusTurntable::abort_all() {
-  commanded_off_ = true;
-  const Status status = write_to_all_at_once(DriveOperation::abort);
-  enable_called_ = false;
-  return status;
 }
 
 Status ModbusTurntable::clear_fault() {

@@ -164,9 +164,6 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
       axis.bits[static_cast<std::size_t>(i)] = bit;
     }
   }
-  keys.number("moving.rate_degps", map.moving_rate_degps, positive);
-  keys.number("plausible.angle_deg", map.plausible_deg, positive);
-  keys.number("plausible.rate_degps", map.plausible_rate_degps, positive);
 }
 
 void read_writes(KeyValueFile& file, RegisterMap& map) {
@@ -231,7 +228,6 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
     }
   }
   KeyTable keys(file);
-  keys.flag("switch_off", map.can_switch_off);
   if (map.can_switch_off && !map.list(DriveOperation::stop).empty() &&
       map.list(DriveOperation::stop) == map.list(DriveOperation::abort)) {
     file.reject("write.abort",
@@ -260,11 +256,7 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
 Result<RegisterMap> map_from(KeyValueFile& file) {
   RegisterMap map;
   KeyTable keys(file);
-  map.file = file.file_name();
-  file.integer("format", 1, 1);
-  map.name = file.text("name");
-  keys.flag("verified_on_hardware", map.verified_on_hardware);
-  keys.flag("commissioned", map.commissioned);
+  read_table_description(file, map);
   map.layout.high_word_first = file.one_of("words.order", {"high_first", "low_first"}) == "high_first";
   keys.flag("words.swap_bytes", map.layout.swap_bytes);
   keys.chosen("acceleration.kind", map.acceleration_is_ramp_time, {"proportional", "ramp_time"});

@@ -26,6 +26,7 @@
 #include "turntable_drivers/modbus/register_words.h"
 #include "turntable_drivers/modbus/write_step.h"
 #include "turntable_drivers/table/drive_bit.h"
+#include "turntable_drivers/table/table_description.h"
 
 namespace turncal {
 
@@ -81,18 +82,12 @@ struct MapAxis {
   const std::optional<StatusBit>& bit(DriveBit which) const { return bits[static_cast<std::size_t>(which)]; }
 };
 
-struct RegisterMap {
-  std::string file;
-  std::string name;
-  bool verified_on_hardware = false;
-  bool simulated = false;     // a twin answers; not a key of the file: the station says it
-  bool commissioned = false;  // word order, scale and sign were checked against a known angle; else no motion
+struct RegisterMap : TableDescription {
   ModbusLinkSettings link;
   WordLayout layout;
   std::array<MapAxis, 3> axis;  // indexed by Axis
   bool acceleration_is_ramp_time = false;
   bool home_by_encoder = false;  // absolute encoder: homing moves nothing
-  bool can_switch_off = true;    // by write.abort
 
   int status_function = 3;  // 3 or 4
   int status_address = 0;
@@ -102,9 +97,6 @@ struct RegisterMap {
   bool status_of_table = false;  // no axis offset
   bool status2_of_table = false;
   std::map<long, std::string> alarm_text;
-  double moving_rate_degps = 0.01;      // without a moving bit: faster than this is moving
-  double plausible_deg = 7200.0;        // a position beyond this is not believed
-  double plausible_rate_degps = 400.0;  // nor is one that the axis cannot have reached since the last
 
   int write_function = 6;  // of single registers: 6 or 16
   std::array<WriteList, drive_operation_count> writes;

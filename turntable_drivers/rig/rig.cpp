@@ -158,18 +158,6 @@ std::array<double, 9> Rig::attitude_nb() const {
   return rows;
 }
 
-Triple Rig::rate_ib_b_radps() const {
-  state_->apply_events();
-  const Vector3d w = state_->geometry.at(state_->true_axes(0.0)).rate_ib_b;
-  return {w[0], w[1], w[2]};
-}
-
-Triple Rig::specific_force_b_mps2() const {
-  state_->apply_events();
-  const Vector3d f = state_->geometry.at(state_->true_axes(0.0)).force_b;
-  return {f[0], f[1], f[2]};
-}
-
 double Rig::temperature_c() const { return state_->temperature_at(state_->time_s()); }
 
 std::vector<std::pair<std::string, double>> Rig::table_errors() const { return state_->errors.named(); }

@@ -89,9 +89,6 @@ class Rig {
   std::vector<std::pair<std::string, double>> truth_effects() const;
   // True attitude now, row by row: v_n = C_nb v_b.
   std::array<double, 9> attitude_nb() const;
-  // True angular rate w_ib_b [rad/s] and specific force f_b [m/s^2] now, without any effect.
-  Triple rate_ib_b_radps() const;
-  Triple specific_force_b_mps2() const;
   double temperature_c() const;
   // Table errors in force, drawn or set, as "tilt_north_arcmin" and value.
   std::vector<std::pair<std::string, double>> table_errors() const;

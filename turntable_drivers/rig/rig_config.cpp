@@ -23,13 +23,4 @@ RigConfig rig_of_unit(const RigConfig& config, std::size_t unit) {
   return own;
 }
 
-RigConfig perfect_rig_config() {
-  RigConfig config;
-  config.random_truth = false;
-  config.quantisation = RigQuantisation::off;
-  config.noise = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, config.noise.flicker_longest_s};
-  config.table_errors.random_arcmin = 0.0;
-  return config;
-}
-
 }  // namespace turncal

@@ -126,9 +126,6 @@ struct RigConfig {
 extern const std::array<const char*, 24> rig_truth_keys;
 
 RigConfig default_rig_config();
-// A rig without noise, table errors, parameter errors or quantisation: what is left is geometry, gravity and earth
-// rate.
-RigConfig perfect_rig_config();
 // Errors (kind input) name file, line, key, value and what was expected; an unknown key is an error.
 // A key that is not in the file keeps the value of `base`.
 Result<RigConfig> read_rig_config(const std::string& path, const RigConfig& base = {});

@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/turntable_drivers/rig/perfect_rig.h"
+
 namespace turncal {
 namespace {
 

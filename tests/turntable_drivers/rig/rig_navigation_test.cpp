@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 #include <Eigen/LU>
 
+#include "tests/turntable_drivers/rig/perfect_rig.h"
 #include "turntable_drivers/rig/rig.h"
 
 namespace turncal {

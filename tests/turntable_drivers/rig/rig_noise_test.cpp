@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/turntable_drivers/rig/perfect_rig.h"
 #include "turntable_drivers/rig/rig.h"
 
 namespace turncal {

@@ -1,0 +1,19 @@
+// The whole of a recording through a Compressor in one call: `samples` in order, segments as listed (final kinds).
+#pragma once
+
+#include <span>
+
+#include "calib/statistics/compression.h"
+
+namespace turncal {
+
+inline CompressedRecording compress(const RecordingInfo& info, const Segments& segments,
+                                    std::span<const ImuSample> samples, const CompressionOptions& options = {}) {
+  Compressor compressor(info, options);
+  SegmentedFeed feed(compressor, segments);
+  feed.add(samples);
+  feed.finish();
+  return compressor.take();
+}
+
+}  // namespace turncal

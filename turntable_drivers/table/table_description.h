@@ -1,0 +1,24 @@
+// What a register map and a dialect alike say of a table.
+#pragma once
+
+#include <string>
+
+#include "imu_io/base/key_value.h"
+
+namespace turncal {
+
+struct TableDescription {
+  std::string file;
+  std::string name;
+  bool verified_on_hardware = false;
+  bool simulated = false;               // a twin answers; not a key of the file: the station says it
+  bool commissioned = false;            // scale, sign and order were checked against a known angle; else no motion
+  bool can_switch_off = true;           // abort does
+  double moving_rate_degps = 0.01;      // of an axis that does not tell: faster than this is moving
+  double plausible_deg = 7200.0;        // a position beyond this is not believed
+  double plausible_rate_degps = 400.0;  // nor is one that the axis cannot have reached since the last
+};
+
+void read_table_description(KeyValueFile& file, TableDescription& description);
+
+}  // namespace turncal
