@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/model/parameters.h"
+
 namespace turncal {
 
 namespace {
 
 constexpr double half_s = 0.5;
-constexpr double still = 0.02;  // of the halves' mean
+constexpr std::int64_t longest_gap = 2000;  // samples; behind a longer one nobody knows
+constexpr double still = 0.02;              // of the halves' mean
 
 }  // namespace
 
@@ -20,6 +23,10 @@ Status GravityWatch::open() {
   sum_ = {};
   last_.reset();
   before_.reset();
+  counter_.reset();
+  RecordingInfo info;
+  source_.describe(info);
+  deg_per_count_ = start_parameters(info).n(0, 0) * si_per_unit(info)[6] / rad_per_deg;
   return source_.open();
 }
 
@@ -27,7 +34,13 @@ Result<std::size_t> GravityWatch::read(std::span<ImuSample> out, double timeout_
   Result<std::size_t> got = source_.read(out, timeout_s);
   if (!got) return got;
   for (const ImuSample& sample : out.first(*got)) {
-    for (std::size_t i = 0; i < 3; ++i) sum_[i] += sample.accel[i];
+    const std::int64_t steps =
+        counter_ ? std::clamp<std::int64_t>(sample.counter - *counter_, 1, longest_gap) : std::int64_t{1};
+    counter_ = sample.counter;
+    for (std::size_t i = 0; i < 3; ++i) {
+      sum_[i] += sample.accel[i];
+      turned_[i] += deg_per_count_ * sample.gyro[i] * static_cast<double>(steps);
+    }
     if (++count_ < half_samples_) continue;
     for (double& value : sum_) value /= half_samples_;
     before_ = last_;

@@ -50,6 +50,7 @@ Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& stat
       make_table(station, {live->clock_, &stop_requests, STDIN_FILENO, &out, [&watched] { return watched.mean(); }});
   if (!table) return table.error();
   live->table_ = std::move(*table);
+  if (ManualTurntable* manual = live->table_->manual()) manual->feel_turns([&watched] { return watched.turned_deg(); });
   return live;
 }
 
@@ -74,7 +75,7 @@ Status LiveDevices::leave_table(Status done, const std::string& how_left) {
   return done ? done : Status(Error{done.error().kind, done.error().message + how_left});
 }
 
-RunObserver* LiveDevices::prompts(const Sequence& sequence) {
+OperatorPrompts* LiveDevices::prompts(const Sequence& sequence) {
   ManualTurntable* manual = table_->manual();
   if (!manual) return nullptr;
   prompts_ = std::make_unique<OperatorPrompts>(*manual, sequence, first_turn_s);

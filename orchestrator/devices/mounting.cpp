@@ -35,9 +35,10 @@ std::optional<std::string> read_line(int input) {
   return {};
 }
 
-Result<Mounted> ask(const std::string& unit, int input, std::ostream& out, const std::string& tag) {
+Result<Mounted> ask(const OperatorTexts& texts, const std::string& unit, int input, std::ostream& out,
+                    const std::string& tag) {
   for (;;) {
-    out << tag << "Mount unit " << unit << ", then press Enter (or skip REASON, quit): " << std::flush;
+    out << tag << texts.say("mount.ask", {{"unit", unit}}) << " \a" << std::flush;
     const std::optional<std::string> line = read_line(input);
     if (!line) {
       out << std::endl;
@@ -48,9 +49,7 @@ Result<Mounted> ask(const std::string& unit, int input, std::ostream& out, const
     const std::string reason =
         line->starts_with("skip ") ? std::string(trimmed(std::string_view(*line).substr(5))) : "";
     if (!reason.empty() && is_plain_text(reason)) return Mounted{reason};
-    out << tag
-        << (*line == "skip" ? "Why? Type skip and the reason."
-                            : quoted(*line) + ": expected Enter, skip and a reason without '#', or quit.")
+    out << tag << (*line == "skip" ? texts.say("wrong.why") : texts.say("mount.expected", {{"text", quoted(*line)}}))
         << std::endl;
   }
 }
@@ -73,7 +72,7 @@ Result<Mounted> mount_unit(const StationConfig& station, const std::string& unit
     if (mounted) return Mounted{};
     return tell_operator(not_mounted(unit, mounted.error().message));
   }
-  if (::isatty(input) == 1) return ask(unit, input, out, tag);
+  if (::isatty(input) == 1) return ask(OperatorTexts::of(station.table.manual.language), unit, input, out, tag);
   return tell_operator(not_mounted(unit, "nobody to ask: expected a terminal, or hook.mount in the station file"));
 }
 

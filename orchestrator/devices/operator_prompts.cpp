@@ -18,18 +18,46 @@ void OperatorPrompts::on_transition(const TransitionRecord& record) {
     }
     turning_ = false;
   }
-  if (record.event == RunEvent::connected) return table_.set_reason("First, where the table stands.");
+  if (record.event == RunEvent::pause_wanted) pause_comes_ = true;
+  const OperatorTexts& texts = table_.texts();
+  if (record.event == RunEvent::connected) return table_.set_reason(texts.say("reason.first"));
   if (record.event != RunEvent::move_next) return;
   turning_ = true;
   began_s_ = at.time_s;
   planned_left_s_ = at.eta_s;
+  table_.set_reason(
+      texts.say("reason.step", {{"step", std::to_string(at.step_place)},
+                                {"steps", std::to_string(at.step_count)},
+                                {"title", sequence_.steps[at.step_place - 1].title},
+                                {"percent", std::to_string(std::lround(std::floor(100.0 * at.run_fraction)))},
+                                {"turns", std::to_string(at.moves_left)},
+                                {"left", format_duration(left_s(at))},
+                                {"end", format_utc(at.utc_s + left_s(at))}}));
+}
+
+double OperatorPrompts::left_s(const RunSnapshot& at) const {
   const double a_turn_s = turns_done_ > 0 ? beyond_plan_s_ / turns_done_ : first_turn_s_;
-  const double left_s = at.eta_s + a_turn_s * static_cast<double>(at.moves_left);
-  table_.set_reason("Step " + std::to_string(at.step_place) + " of " + std::to_string(at.step_count) + ", " +
-                    sequence_.steps[at.step_place - 1].title + ": " +
-                    std::to_string(std::lround(std::floor(100.0 * at.run_fraction))) + " % done, " +
-                    std::to_string(at.moves_left) + " turns and about " + format_duration(left_s) + " left, until " +
-                    format_utc(at.utc_s + left_s) + ".");
+  return at.eta_s + a_turn_s * static_cast<double>(at.moves_left);
+}
+
+void OperatorPrompts::on_progress(const RunSnapshot& at) {
+  at_ = at;
+  show();
+}
+
+void OperatorPrompts::show_on(std::function<void(const OperatorScreen&)> show, bool lines) {
+  show_ = std::move(show);
+  table_.watch(show_ ? [this] { this->show(); } : std::function<void()>(), lines);
+}
+
+void OperatorPrompts::show() {
+  OperatorScreen screen = operator_screen(table_.task(), at_, left_s(at_), table_.texts());
+  if (pause_comes_ && screen.task.kind == OperatorTask::Kind::nothing && screen.note.empty())
+    screen.note = table_.texts().say("screen.pause_comes");
+  const bool measures = screen.measures && !screen.big.empty();
+  if (measures && !measured_) table_.say(table_.texts().say("hands_off", {{"left", screen.big}}));
+  measured_ = measures;
+  if (show_) show_(screen);
 }
 
 }  // namespace turncal

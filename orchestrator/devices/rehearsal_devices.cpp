@@ -19,6 +19,7 @@ RehearsalDevices::RehearsalDevices(const RigConfig& config, const StationConfig&
       limited_(manual_, motion_limits(station)),
       prompts_(manual_, sequence, rehearsed_turn_s) {
   manual_.rehearse_on(rehearsed_table(rig_.rig));
+  manual_.feel_turns([this] { return watched_.turned_deg(); });
 }
 
 StationDevices RehearsalDevices::devices() { return {limited_, watched_, rig_.clock, rig_.devices().wait}; }

@@ -26,7 +26,7 @@ class RehearsalDevices {
 
   StationDevices devices();  // valid as long as this object
   Status pass_until(double time_s) { return rig_.put_back({}, time_s); }
-  RunObserver& prompts() { return prompts_; }
+  OperatorPrompts& prompts() { return prompts_; }
 
  private:
   DryRunDevices rig_;

@@ -20,6 +20,7 @@
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/watch/clock_watch.h"
 #include "orchestrator/watch/live_status.h"
+#include "orchestrator/watch/operator_terminal.h"
 #include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/service_watch.h"
 #include "orchestrator/watch/status_page.h"
@@ -61,6 +62,39 @@ class PaceKeeper : public RunObserver {
  private:
   double pace_;
   std::optional<double> began_s_;
+};
+
+// Where the operator of a table turned by hand looks: the page, and the terminal where it takes a screen. To nobody else.
+class OperatorView {
+ public:
+  OperatorView(OperatorPrompts* prompts, LiveStatus& live, CommandContext& context, std::string_view tag, bool screen)
+      : prompts_(prompts) {
+    if (!prompts) return;
+    if (screen && context.out_is_terminal && ::isatty(STDIN_FILENO) == 1 && stdout_size().takes_screen()) {
+      const auto write = [&context](const std::string& text) {
+        if (stdout_takes_more() && context.out.flush())
+          static_cast<void>(!::write(STDOUT_FILENO, text.data(), text.size()));
+      };
+      terminal_.emplace(std::string(tag), write, stdout_size(), wall_utc_s);
+    }
+    const auto show = [this, &live](const OperatorScreen& now) {
+      live.show_operator(now);
+      if (terminal_) terminal_->show(now);
+    };
+    prompts->show_on(show, !terminal_);
+  }
+  ~OperatorView() { end(); }
+  OperatorView(const OperatorView&) = delete;
+  OperatorView& operator=(const OperatorView&) = delete;
+  bool on_terminal() const { return terminal_.has_value(); }
+  void end() {
+    if (prompts_) prompts_->show_on({}, true);
+    terminal_.reset();
+  }
+
+ private:
+  OperatorPrompts* prompts_;
+  std::optional<OperatorTerminal> terminal_;
 };
 
 // The newest results on record, one line each.
@@ -167,8 +201,8 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
   // A line redrawn in place would run over the operator's answers.
   const bool in_place = context.out_is_terminal && !run_devices.prompts;
   const int columns = context.terminal_columns - static_cast<int>(tag_of(a.run).size());
-  const bool all_by_itself = a.run.request.dry_run && !run_devices.prompts;  // and over in seconds
-  const bool transitions = a.run.request.verbose || (!in_place && !all_by_itself);
+  // A dry run is over in seconds; whoever turns the table has other things to read.
+  const bool transitions = a.run.request.verbose || !(in_place || a.run.request.dry_run || run_devices.prompts);
   ProgressPrinter progress(context.out, in_place ? columns : 0, transitions, steady_wall_s, stdout_takes_more);
   LiveStatus live({.unit = join(a.run.request.units),
                    .station = a.run.station.name,
@@ -178,6 +212,7 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
                    .by_hand = run_devices.prompts != nullptr,
                    .results = last_results(a.run)},
                   steady_wall_s);
+  OperatorView operator_view(run_devices.prompts, live, context, tag_of(a.run), !a.run.request.verbose);
   std::unique_ptr<StatusPage> page;
   if (!a.run.request.listen.empty()) {
     Result<std::unique_ptr<StatusPage>> opened = StatusPage::open(a.run.request.listen, live);
@@ -195,8 +230,9 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
     if (Status kept = a.journal.clock_set(by_s, at); !kept) a.log.line(kept.error().message);
   });
   ServiceWatch service;
-  std::vector<RunObserver*> all{&a.log, &progress, &live, &pace, &clock, &service};
+  std::vector<RunObserver*> all{&a.log, &live, &pace, &clock, &service};
   if (run_devices.prompts) all.push_back(run_devices.prompts);
+  if (!operator_view.on_terminal()) all.push_back(&progress);
   Fanout observers(all);
   std::deque<RecordingSink> recordings;
   for (UnitRun& unit : a.units) {
@@ -225,7 +261,7 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
   EnoughWatch enough(a.run, a.plan, a.units, a.journal, [&](const std::string& line, const KnownSoFar& unit) {
     a.log.line(line);
     progress.clear();
-    if (stdout_takes_more()) context.out << line << std::endl;
+    if (!operator_view.on_terminal() && stdout_takes_more()) context.out << line << std::endl;
     std::vector<LiveStatus::Known> bars;
     for (const NeededSigma& one : unit.sigmas)
       bars.push_back({std::string(parameter_keys[one.parameter]), one.sigma, one.needed});
@@ -251,6 +287,7 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
     a.log.line("unit " + a.units[i].run.unit() + ": " + run_devices.live->unit_summary(i));
   }
   progress.clear();
+  operator_view.end();
   note_outcome(outcome, a.sample_period_s, a.units);
   for (UnitRun& unit : a.units) unit.counts.ended_utc_s = devices.clock.utc_s();
   const bool done = outcome.state == RunState::done;

@@ -23,7 +23,7 @@ struct RunDevices {
   std::unique_ptr<DryRunDevices> rig;
   std::unique_ptr<RehearsalDevices> rehearsal;
   std::unique_ptr<LiveDevices> live;
-  RunObserver* prompts = nullptr;  // of a table turned by hand
+  OperatorPrompts* prompts = nullptr;  // of a table turned by hand
   StationDevices devices() { return rig ? rig->devices() : rehearsal ? rehearsal->devices() : live->devices(); }
   ImuSource& imu(std::size_t unit) { return rig ? rig->group.imu(unit) : rehearsal ? devices().imu : live->imu(unit); }
 };

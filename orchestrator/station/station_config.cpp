@@ -41,6 +41,8 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   keys.number("table.gravity_tolerance_deg", manual.gravity_tolerance_deg, {0.0, 90.0, true});
   keys.number("table.answer_timeout_s", manual.answer_timeout_s, between(1.0, 86400.0));
   keys.number("table.pause_limit_s", manual.pause_limit_s, between(1.0, 86400.0));
+  manual.language = file.one_of_or("operator.language", manual.language,
+                                   {operator_languages[0], operator_languages[1], operator_languages[2]});
   if (driver == "mock" || driver.empty()) {
     return {};
   }

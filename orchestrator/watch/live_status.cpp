@@ -101,9 +101,15 @@ void LiveStatus::show_known(const std::string& text, std::vector<Known> known) {
   known_ = std::move(known);
 }
 
+void LiveStatus::show_operator(const OperatorScreen& screen) {
+  const std::lock_guard lock(mutex_);
+  operator_ = screen;
+}
+
 void LiveStatus::end(const std::string& how, Tone tone, const std::vector<std::string>& verification) {
   const std::lock_guard lock(mutex_);
   ended_ = how;
+  operator_.reset();
   verification_ = verification;
   ended_as_ = tone;
   heartbeat_s_ = wall_s_();
@@ -175,6 +181,7 @@ std::string LiveStatus::json() const {
   o.text("last_error", last_error_);
   o.text("pause", pause_);
   o.text("ended", ended_);
+  o.raw("operator", operator_ ? json_of(*operator_) : "null");
   o.text("known_text", known_text_);
   std::string known;
   for (const Known& one : known_) {

@@ -11,6 +11,7 @@
 
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/run/run_sink.h"
+#include "orchestrator/watch/operator_screen.h"
 #include "orchestrator/watch/tone.h"
 
 namespace turncal {
@@ -40,6 +41,7 @@ class LiveStatus : public RunObserver {
     double sigma = 0.0, needed = 0.0;
   };
   void show_known(const std::string& text, std::vector<Known> known);
+  void show_operator(const OperatorScreen& screen);  // of a table turned by hand
   // After the run: "Done: pass", "Paused: ...", or the error. `verification`: of each unit that was verified, its outcome.
   void end(const std::string& how, Tone tone, const std::vector<std::string>& verification = {});
 
@@ -64,6 +66,7 @@ class LiveStatus : public RunObserver {
   RunSnapshot snapshot_;
   std::string last_error_, pause_, ended_, known_text_;
   std::vector<Known> known_;
+  std::optional<OperatorScreen> operator_;
   Tone ended_as_ = Tone::bad;
   std::vector<std::string> verification_;
   std::vector<std::string> transitions_;  // the newest last

@@ -22,11 +22,24 @@ constexpr int rehearsal_wait_ms = 1000;
 // The mean of gravity is of one second in halves that are complete: by then all of it is of after the answer.
 constexpr double gravity_settle_s = 1.6;
 constexpr double gravity_deadline_s = 10.0;
+constexpr double quarter_deg = 90.0;
+constexpr double least_scale_turn_deg = 30.0;  // from which what the gyros feel of a degree is learned
 
 std::string shown(double angle_deg) {
   char text[40];
   std::snprintf(text, sizeof text, "%.4g", std::abs(angle_deg) < 1e-9 ? 0.0 : angle_deg);
   return text;
+}
+
+// As people type it: with a decimal comma, or with the signs of a Chinese keyboard.
+std::optional<double> typed_number(std::string text) {
+  constexpr std::pair<std::string_view, std::string_view> spellings[] = {
+      {"\uff0c", ","}, {"\uff0e", "."}, {"\u3002", "."}, {"\uff0d", "-"}, {"\u2212", "-"}, {"\uff0b", "+"}};
+  for (const auto& [typed, meant] : spellings)
+    for (std::size_t at; (at = text.find(typed)) != std::string::npos;) text.replace(at, typed.size(), meant);
+  if (const std::size_t comma = text.find(','); comma != std::string::npos && text.find('.') == std::string::npos)
+    text[comma] = '.';
+  return device_number(text);
 }
 
 std::string exact(double angle_deg) { return format_number(angle_deg); }
@@ -48,18 +61,24 @@ void ManualTurntable::ask() {
   std::string text = reason_.empty() || reason_told_ ? "" : "\n" + reason_ + "\n";
   reason_told_ = true;
   if (now.homing) {
-    text += std::string("Where does ") + to_string(now.axis) +
-            " stand? Turn it to 0 deg, or leave it; then type the angle that it shows";
-  } else {
+    text += texts_.say("ask.where", {{"axis", name(now.axis)}});
+  } else if (hand.known) {
     const double way_deg = now.target_deg - hand.position_deg;
-    text += std::string("Turn ") + to_string(now.axis) + (hand.known ? " from " + shown(hand.position_deg) : "") +
-            " to " + exact(now.target_deg) + " deg";
-    if (hand.known)
-      text += ", " + shown(std::abs(way_deg)) + " deg " +
-              (way_deg < 0.0 ? "backward (its angle falls)" : "forward (its angle grows)");
-    text += "; then type the angle reached";
+    text += texts_.say("ask.turn", {{"axis", name(now.axis)},
+                                    {"from", shown(hand.position_deg)},
+                                    {"target", exact(now.target_deg)},
+                                    {"way", shown(std::abs(way_deg))},
+                                    {"sense", sense_words(way_deg)}});
+  } else {
+    text += texts_.say("ask.turn_from_anywhere", {{"axis", name(now.axis)}, {"target", exact(now.target_deg)}});
   }
-  say(text + " (or repeat, skip REASON, pause, leave, abort, help).");
+  say(text + " " + texts_.say("ask.words"));
+  tell_changed();
+}
+
+void ManualTurntable::begin_question() {
+  felt_before_ = turn_sense_ ? turn_sense_() : std::nullopt;
+  ask();
 }
 
 void ManualTurntable::look_at_input() {
@@ -96,7 +115,9 @@ void ManualTurntable::handle_lines() {
   for (std::size_t at; (at = typed_.find('\n')) != std::string::npos && !end_ && (!rehearsed_ || waits_for_answer());) {
     const std::string line(trimmed(std::string_view(typed_).substr(0, at)));
     typed_.erase(0, at + 1);
+    ++answers_;
     answer(line.ends_with('\r') ? line.substr(0, line.size() - 1) : line);
+    tell_changed();
   }
   if (typed_.size() > longest_line && typed_.find('\n') == std::string::npos) typed_.clear();
 }
@@ -104,7 +125,7 @@ void ManualTurntable::handle_lines() {
 void ManualTurntable::keep_limits() {
   if (!waits_for_answer()) return;
   if (!paused_ && patience_s() - asked_s_ > settings_.answer_timeout_s) {
-    pause("No answer for " + shown(settings_.answer_timeout_s) + " s: paused.");
+    pause(texts_.say("said.no_answer", {{"seconds", shown(settings_.answer_timeout_s)}}));
   } else if (paused_ && patience_s() - std::max(paused_s_, asked_s_) > settings_.pause_limit_s) {
     end(ErrorKind::interrupted, "paused for longer than " + shown(settings_.pause_limit_s) + " s");
   }
@@ -113,50 +134,46 @@ void ManualTurntable::keep_limits() {
 void ManualTurntable::pause(const std::string& why) {
   if (!paused_) paused_s_ = patience_s();
   paused_ = true;
-  say(why + " Leave the table as it is. Type continue to go on; leave to end here and go on another day; or abort.");
+  note(why + " " + texts_.say("said.paused_how"), false);
 }
 
 void ManualTurntable::answer(const std::string& line) {
   if (line.empty()) return;
+  note_.clear();
   const std::size_t blank = line.find(' ');
   std::string word = line.substr(0, blank);
   const std::string argument(blank == std::string::npos ? "" : trimmed(std::string_view(line).substr(blank)));
   std::transform(word.begin(), word.end(), word.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  const auto is = [&](const char* name) { return word == name || word == std::string(1, name[0]); };
+  const auto is = [&](const char* english) { return texts_.means(word, english); };
   if (is("abort")) {
     end(ErrorKind::aborted, "aborted by the operator");
     enabled_ = false;
-    say("Aborted.");
+    note(texts_.say("said.aborted"), false);
   } else if (is("leave")) {
     const bool asked = !queue_.empty();
     end(ErrorKind::interrupted, "the operator left");
-    say(asked ? "The run ends here; everything is kept."
-              : "The run ends when this dwell is complete; everything is kept.");
+    note(texts_.say(asked ? "said.left" : "said.leaves"), false);
   } else if (is("pause")) {
-    pause(queue_.empty() ? "Paused: what is under way continues, the next turn waits." : "Paused.");
+    pause(texts_.say(queue_.empty() ? "said.paused_dwell" : "said.paused"));
   } else if (is("continue")) {
     paused_ = reason_told_ = false;
     ask();
   } else if (is("help")) {
-    say("An angle in degrees: the axis asked for stands there, read off its dial, within " +
-        shown(settings_.tolerance_deg) +
-        " deg.\nrepeat: the question again.  skip REASON: it cannot be done; the run ends with that reason and can be "
-        "resumed.\n"
-        "pause: the table stays as it is until continue.  leave: the run ends here, to be resumed another day.\nabort: "
-        "the run ends.");
-    if (rehearsed_) say("turn AXIS ANGLE: turns any axis, answers nothing.  say ANGLE: answers, turns nothing.");
+    std::string text = texts_.say("help.angle", {{"most", shown(settings_.tolerance_deg)}});
+    for (const char* key : {"help.words", "help.pause", "help.abort"}) text += "\n" + texts_.say(key);
+    note(text + (rehearsed_ ? "\n" + texts_.say("help.rehearsal") : ""), false);
   } else if (is("repeat")) {
     reason_told_ = false;
     ask();
   } else if (queue_.empty()) {
-    say("Nothing is asked for just now.");
+    note(texts_.say("wrong.no_question"), true);
   } else if (paused_) {
-    say("Paused. Type continue first.");
+    note(texts_.say("wrong.paused"), true);
   } else if (is("skip")) {
-    if (argument.empty()) return say("Why? Type skip and the reason.");
+    if (argument.empty()) return note(texts_.say("wrong.why"), true);
     end(ErrorKind::interrupted, "skipped by the operator: " + argument);
-    say("Skipped: " + argument);
+    note(texts_.say("said.skipped", {{"reason", argument}}), false);
   } else if (rehearsed_ && word == "turn") {
     turn_rehearsed(argument);
   } else if (rehearsed_ && word == "say") {
@@ -171,24 +188,23 @@ void ManualTurntable::turn_rehearsed(const std::string& axis_and_angle) {
   const std::optional<Axis> axis = axis_named(axis_and_angle.substr(0, blank));
   const std::optional<double> angle_deg =
       device_number(blank == std::string::npos ? "" : axis_and_angle.substr(blank + 1));
-  if (!axis || !angle_deg)
-    return say(quoted(axis_and_angle) + ": expected an axis (heading, pitch or roll) and an angle");
+  if (!axis || !angle_deg) return note(texts_.say("wrong.rehearsed", {{"text", quoted(axis_and_angle)}}), true);
   rehearsed_->turn(*axis, *angle_deg, queue_.front().rate_degps, queue_.front().acceleration_degps2);
 }
 
 void ManualTurntable::handle_angle(const std::string& text, bool turned) {
   const Wanted now = queue_.front();
-  const std::optional<double> typed_deg = device_number(text);
-  if (!typed_deg) {
-    return say(quoted(text) +
-               " is not understood: expected an angle in degrees, repeat, skip REASON, pause, leave, abort or help.");
-  }
-  if (answered_) return say("The answer before is still being compared with gravity.");
+  const std::optional<double> typed_deg = typed_number(text);
+  if (!typed_deg) return note(texts_.say("wrong.number", {{"text", quoted(text)}}), true);
+  if (answered_) return note(texts_.say("wrong.early"), true);
   const double angle_deg = now.homing ? *typed_deg : unwrapped_deg(*typed_deg, now.target_deg, 360.0);
   const double away_deg = std::abs(angle_deg - now.target_deg);
   if (!now.homing && !(away_deg <= settings_.tolerance_deg + 1e-9)) {
-    return say(text + " is " + shown(away_deg) + " deg away from " + exact(now.target_deg) + ": expected at most " +
-               shown(settings_.tolerance_deg) + ". Turn further, or type again.");
+    return note(texts_.say("wrong.away", {{"text", text},
+                                          {"away", shown(away_deg)},
+                                          {"target", exact(now.target_deg)},
+                                          {"most", shown(settings_.tolerance_deg)}}),
+                true);
   }
   if (rehearsed_ && !turned) rehearsed_->turn(now.axis, angle_deg, now.rate_degps, now.acceleration_degps2);
   answered_ = Answer{angle_deg, clock_.now_s()};
@@ -202,38 +218,87 @@ void ManualTurntable::check_answer() {
     answered_->since_s = now_s;
     return;
   }
-  const Axis axis = queue_.front().axis;
+  const Wanted now = queue_.front();
+  const double angle_deg = answered_->angle_deg;
   // The tilt follows from both angles; one that is not known yet cannot be checked against.
-  const Axis other = axis == Axis::pitch ? Axis::roll : Axis::pitch;
-  if (axis == Axis::heading || !sense_ || !hands_[index(other)].known) return accept(answered_->angle_deg);
+  const Axis other = now.axis == Axis::pitch ? Axis::roll : Axis::pitch;
+  const bool tilts = now.axis != Axis::heading && sense_ && hands_[index(other)].known;
+  if (!tilts && (now.homing || !felt_deg(now.axis))) return accept(angle_deg);
   if (now_s - answered_->since_s < gravity_settle_s) return;
-  if (!sense_()) {
+  if (sense_ && !sense_()) {
     if (now_s - answered_->since_s < gravity_deadline_s) return;
-    answered_.reset();
-    return say(
-        "The unit is not still, or sends nothing: nothing to compare with. Type the angle again when it stands.");
+    return object(texts_.say("wrong.not_still"));
   }
-  if (const auto objection = gravity_objection(axis, answered_->angle_deg)) {
-    answered_.reset();
-    say(*objection);
-    if (queue_.front().homing) {  // which of the two is wrong cannot be told
+  if (const auto objection = tilts ? gravity_objection(now.axis, angle_deg) : std::nullopt) {
+    object(*objection);
+    if (now.homing) {  // which of the two is wrong cannot be told
       hands_[index(other)] = {};
       queue_.push_front({.axis = other, .homing = true});
-      ask();
+      begin_question();
     }
     return;
   }
-  accept(answered_->angle_deg);
+  if (const auto objection = turn_objection(now, angle_deg)) return object(*objection);
+  accept(angle_deg);
+}
+
+void ManualTurntable::object(const std::string& why) {
+  answered_.reset();
+  note(why, true);
 }
 
 void ManualTurntable::accept(double angle_deg) {
-  Hand& hand = hands_[index(queue_.front().axis)];
+  const Wanted now = queue_.front();
+  Hand& hand = hands_[index(now.axis)];
+  const double way_deg = angle_deg - hand.position_deg;
+  if (const std::optional<double> felt = felt_deg(now.axis);
+      felt && hand.known && now.axis != Axis::heading && sense_ && std::abs(way_deg) >= least_scale_turn_deg)
+    felt_of_a_degree_ = std::clamp(*felt / way_deg, 0.4, 1.7);  // of more no calibration settles
   hand.position_deg = angle_deg;
   hand.known = true;
-  hand.homed = hand.homed || queue_.front().homing;
+  hand.homed = hand.homed || now.homing;
   answered_.reset();
+  note_.clear();
   queue_.pop_front();
-  ask();
+  begin_question();
+  tell_changed();
+}
+
+std::optional<double> ManualTurntable::felt_deg(Axis axis) const {
+  if (!felt_before_ || !turn_sense_) return {};
+  const std::optional<std::array<double, 3>> felt = turn_sense_();
+  const Hand &pitch = hands_[index(Axis::pitch)], &roll = hands_[index(Axis::roll)];
+  if (!felt || (axis != Axis::roll && !roll.known) || (axis == Axis::heading && !pitch.known)) return {};
+  const double p = pitch.position_deg * pi / 180.0, r = roll.position_deg * pi / 180.0;
+  // The body axis about which + turns: heading is about -y of the frame n, pitch about z of the middle ring, roll about x.
+  const std::array<double, 3> about =
+      axis == Axis::roll    ? std::array{1.0, 0.0, 0.0}
+      : axis == Axis::pitch ? std::array{0.0, std::sin(r), std::cos(r)}
+                            : std::array{-std::sin(p), -std::cos(p) * std::cos(r), std::cos(p) * std::sin(r)};
+  double along = 0.0;
+  for (std::size_t i = 0; i < 3; ++i) along += about[i] * ((*felt)[i] - (*felt_before_)[i]);
+  return along;
+}
+
+std::optional<std::string> ManualTurntable::turn_objection(const Wanted& now, double angle_deg) const {
+  const Hand& hand = hands_[index(now.axis)];
+  const std::optional<double> felt = felt_deg(now.axis);
+  if (now.homing || !hand.known || !felt) return {};
+  const double way_deg = angle_deg - hand.position_deg;
+  const double made_deg = *felt / felt_of_a_degree_.value_or(1.0);
+  const double sign = way_deg < 0.0 ? -1.0 : 1.0, way = std::abs(way_deg);
+  // What was learned may be of a turn that another axis had a part in: the nominal scale will do, too.
+  const bool agrees = felt_of_a_degree_
+                          ? std::abs(made_deg - way_deg) <= quarter_deg || std::abs(*felt - way_deg) <= quarter_deg
+                          : sign * *felt >= 0.25 * way - 60.0 && sign * *felt <= 2.0 * way + 60.0;
+  if (agrees) return {};
+  // Only whole turns can be missing: the dial shows the rest.
+  const double turns = std::max(1.0, std::round(std::abs(way_deg - made_deg) / 360.0));
+  return texts_.say("wrong.turn", {{"axis", name(now.axis)},
+                                   {"felt", exact(std::round(made_deg) + 0.0)},
+                                   {"way", exact(std::round(way_deg) + 0.0)},
+                                   {"missing", exact(360.0 * turns)},
+                                   {"sense", sense_words(way_deg - made_deg)}});
 }
 
 std::optional<std::string> ManualTurntable::gravity_objection(Axis axis, double angle_deg) const {
@@ -249,12 +314,13 @@ std::optional<std::string> ManualTurntable::gravity_objection(Axis axis, double 
     along += expected[i] * (*sensed)[i];
     squared += (*sensed)[i] * (*sensed)[i];
   }
-  if (!(squared > 0.0)) return "The unit senses no gravity: expected it to be on and still. Type the angle again.";
+  if (!(squared > 0.0)) return texts_.say("wrong.no_gravity");
   const double away_deg = std::acos(std::clamp(along / std::sqrt(squared), -1.0, 1.0)) * 180.0 / pi;
   if (away_deg <= settings_.gravity_tolerance_deg) return {};
-  return "The unit senses gravity " + shown(away_deg) + " deg away from where " + to_string(axis) + " " +
-         exact(angle_deg) + " would put it: expected at most " + shown(settings_.gravity_tolerance_deg) +
-         ". Is it the right axis and sense? Put it right, then type the angle of " + to_string(axis) + " again.";
+  return texts_.say("wrong.gravity", {{"away", shown(away_deg)},
+                                      {"axis", name(axis)},
+                                      {"angle", exact(angle_deg)},
+                                      {"most", shown(settings_.gravity_tolerance_deg)}});
 }
 
 }  // namespace turncal

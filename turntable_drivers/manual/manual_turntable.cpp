@@ -12,11 +12,24 @@ namespace turncal {
 
 ManualTurntable::ManualTurntable(ManualSettings settings, const Clock& clock, int input, std::ostream& out,
                                  GravitySense sense)
-    : settings_(settings), clock_(clock), input_(input), out_(out), sense_(std::move(sense)) {}
+    : settings_(settings),
+      clock_(clock),
+      input_(input),
+      out_(out),
+      sense_(std::move(sense)),
+      texts_(OperatorTexts::of(settings_.language)) {}
 
 void ManualTurntable::say(const std::string& text) {
+  if (!lines_) return;
   for (std::string_view remaining = text; !remaining.empty();) out_ << next_line(remaining) << '\n';
   out_ << std::flush;
+}
+
+void ManualTurntable::note(const std::string& text, bool wrong) {
+  note_ = text;
+  wrong_ = wrong;
+  say(text);
+  tell_changed();
 }
 
 double ManualTurntable::patience_s() const { return rehearsed_ ? monotonic_s() : clock_.now_s(); }
@@ -35,6 +48,21 @@ void ManualTurntable::end(ErrorKind kind, const std::string& why) {
 std::optional<ManualTurntable::Wanted> ManualTurntable::wanted() const {
   if (queue_.empty()) return {};
   return queue_.front();
+}
+
+OperatorTask ManualTurntable::task() const {
+  OperatorTask task;
+  task.note = note_;
+  task.wrong = wrong_;
+  task.answers = answers_;
+  if (end_ || queue_.empty()) return task;
+  const Wanted& now = queue_.front();
+  using enum OperatorTask::Kind;
+  task.kind = paused_ ? paused : answered_ ? compare : now.homing ? where : turn;
+  task.axis = now.axis;
+  if (hands_[index(now.axis)].known) task.from_deg = hands_[index(now.axis)].position_deg;
+  task.target_deg = now.target_deg;
+  return task;
 }
 
 // ---- the interface; what is said in between: manual_dialogue.cpp ----
@@ -70,7 +98,7 @@ Status ManualTurntable::home() {
     hands_[index(axis)] = {};
     queue_.push_back({.axis = axis, .homing = true});
   }
-  ask();
+  begin_question();
   return {};
 }
 
@@ -95,7 +123,7 @@ Status ManualTurntable::move_absolute(Axis axis, double position_deg, double rat
   stopped_ = false;
   queue_.push_back({axis, position_deg, false, rate_degps, acceleration_degps2});
   asked_s_ = patience_s();
-  if (queue_.size() == 1) ask();
+  if (queue_.size() == 1) begin_question();
   return {};
 }
 
@@ -105,7 +133,7 @@ Status ManualTurntable::stop_all() {
     for (const Wanted& wanted : queue_) hands_[index(wanted.axis)].known = false;
     queue_.clear();
     answered_.reset();
-    say("STOP. Leave the table as it is.");
+    note(texts_.say("said.stop"), false);
   }
   if (rehearsed_) rehearsed_->stop();
   paused_ = false;

@@ -4,6 +4,9 @@
 // - A typed angle is taken when it lies within tolerance_deg of the one wanted (whole turns are understood: a dial shows 90 where
 //   450 is meant) and when gravity, as the unit senses it in the seconds after the answer, agrees with the tilt that follows (heading
 //   cannot be seen by it, nor whole turns). Anything else is answered and asked again.
+// - Where the gyros' sum is known (feel_turns), a turn that they did not feel is asked for once more: whole turns that were typed and
+//   not made, or made the other way round. Until a turn that gravity has seen shows what they feel of a degree, their scale may be off
+//   by half and more; afterwards they have to agree to a quarter turn, by that scale or by the nominal one.
 // - Homing asks where all three axes stand: 0, or any angle read off. Pitch is checked together with roll.
 // - Nothing is ever assumed: no answer within answer_timeout_s pauses; a pause ends when the operator types `continue`. One that
 //   holds a question up for longer than pause_limit_s ends the run, to be taken up again.
@@ -35,6 +38,8 @@
 #include <utility>
 
 #include "imu_io/base/clock.h"
+#include "turntable_drivers/manual/operator_task.h"
+#include "turntable_drivers/manual/operator_texts.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
@@ -45,10 +50,14 @@ struct ManualSettings {
   double gravity_tolerance_deg = 5.0;
   double answer_timeout_s = 600.0;
   double pause_limit_s = 3600.0;
+  std::string language = "en";  // of operator_languages
 };
 
 // Mean specific force in body axes over the last second, any unit; empty: not known (no samples, or the unit moves).
 using GravitySense = std::function<std::optional<std::array<double, 3>>()>;
+
+// What the gyros have added up to since some beginning, body axes, degrees by their nominal scale; empty: not known.
+using TurnSense = std::function<std::optional<std::array<double, 3>>()>;
 
 // The table that a rehearsal turns instead of a person.
 struct RehearsedTable {
@@ -62,6 +71,7 @@ class ManualTurntable : public Turntable {
   // `input` is a file descriptor (0: the terminal); clock and stream must outlive the table.
   ManualTurntable(ManualSettings settings, const Clock& clock, int input, std::ostream& out, GravitySense sense = {});
   void rehearse_on(RehearsedTable rehearsed) { rehearsed_ = std::move(rehearsed); }
+  void feel_turns(TurnSense sense) { turn_sense_ = std::move(sense); }
 
   Status connect() override;
   Result<TableIdentity> identify() override;
@@ -89,6 +99,15 @@ class ManualTurntable : public Turntable {
   std::optional<Wanted> wanted() const;  // what the operator is asked for now
   bool paused() const { return paused_; }
 
+  // What there is to do; `changed` is called whenever it is something else, or a line was typed. lines: it is printed, too.
+  OperatorTask task() const;
+  void watch(std::function<void()> changed, bool lines) {
+    changed_ = std::move(changed);
+    lines_ = lines;
+  }
+  const OperatorTexts& texts() const { return texts_; }
+  void say(const std::string& text);  // a line, where lines are printed
+
  private:
   struct Hand {
     double position_deg = 0.0;
@@ -109,11 +128,22 @@ class ManualTurntable : public Turntable {
   void turn_rehearsed(const std::string& axis_and_angle);
   void check_answer();
   std::optional<std::string> gravity_objection(Axis axis, double angle_deg) const;
+  std::optional<std::string> turn_objection(const Wanted& now, double angle_deg) const;
+  std::optional<double> felt_deg(Axis axis) const;  // of the turn asked for, about that axis
+  void object(const std::string& why);
+  std::string name(Axis axis) const { return texts_.say(std::string("axis.") + to_string(axis)); }
+  std::string sense_words(double way_deg) const {
+    return texts_.say(way_deg < 0.0 ? "sense.backward" : "sense.forward");
+  }
+  void begin_question();
   void accept(double angle_deg);
   void pause(const std::string& why);
   void end(ErrorKind kind, const std::string& why);
   void ask();
-  void say(const std::string& text);
+  void note(const std::string& text, bool wrong);
+  void tell_changed() {
+    if (changed_) changed_();
+  }
   double patience_s() const;  // the clock of time limits
   bool waits_for_answer() const { return !queue_.empty() && !answered_ && !end_; }
 
@@ -122,6 +152,15 @@ class ManualTurntable : public Turntable {
   int input_;
   std::ostream& out_;
   GravitySense sense_;
+  TurnSense turn_sense_;
+  const OperatorTexts& texts_;
+  std::function<void()> changed_;
+  bool lines_ = true;
+  std::string note_;
+  bool wrong_ = false;
+  long answers_ = 0;
+  std::optional<std::array<double, 3>> felt_before_;  // when the first of the queue was asked for
+  std::optional<double> felt_of_a_degree_;            // by turns that gravity has seen
   std::optional<RehearsedTable> rehearsed_;
   std::string reason_;
   bool reason_told_ = false;

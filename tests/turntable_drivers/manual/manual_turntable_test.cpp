@@ -139,10 +139,62 @@ TEST_F(ManualTable, RefusesBeyondToleranceAndNonsense) {
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << "an empty line is no answer";
   desk.type("90.1");
   EXPECT_FALSE(desk.manual.status(Axis::roll)->moving);
+  // A decimal comma, and the signs of another keyboard.
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, -0.5, 10.0, 10.0).ok());
+  for (const char* const bad : {"0,5", "1,2,3", "0.5,", ","}) {
+    desk.type(bad);
+    EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << bad;
+  }
+  desk.type("\u22120\uff0c5");
+  EXPECT_EQ(desk.manual.status(Axis::roll)->position_deg, -0.5);
+  EXPECT_FALSE(desk.manual.status(Axis::roll)->moving);
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 0.5, 10.0, 10.0).ok());
+  desk.type("0,5");
+  EXPECT_EQ(desk.manual.status(Axis::roll)->position_deg, 0.5);
   // A dial knows only a circle.
   ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 450.0, 10.0, 10.0).ok());
   desk.type("89.9");
   EXPECT_NEAR(desk.manual.status(Axis::roll)->position_deg, 449.9, 1e-9);
+}
+
+// By the gyros: 360 deg that were not made, made the other way round, and what their scale may be.
+TEST_F(ManualTable, TheGyrosMustHaveFeltTheTurn) {
+  std::array<double, 3> felt{};
+  const std::optional<std::array<double, 3>> level = std::array<double, 3>{0.0, 9.79, 0.0};
+  Desk desk({}, [&] { return level; });
+  desk.manual.feel_turns([&] { return std::optional(felt); });
+  ASSERT_TRUE(desk.manual.connect().ok());
+  ASSERT_TRUE(desk.manual.enable().ok());
+  ASSERT_TRUE(desk.manual.home().ok());
+  const auto answer = [&](const char* typed) {
+    desk.said();
+    desk.type(typed);
+    desk.settle(0.0);
+    desk.settle();
+    return desk.said();
+  };
+  for (int i = 0; i < 3; ++i) answer("0");
+  const auto moving = [&](Axis axis) { return desk.manual.status(axis)->moving; };
+  // Pitch turns about z, heading about -y; the scale is not known yet: 0.5 of a degree is believed, nothing is not.
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 360.0, 10.0, 10.0).ok());
+  EXPECT_NE(answer("0").find("another 360 deg forward"), std::string::npos);
+  EXPECT_TRUE(moving(Axis::pitch));
+  felt[2] = -180.0;
+  EXPECT_NE(answer("360").find("another 720 deg forward"), std::string::npos) << "the other way round";
+  felt[2] = 180.0;
+  EXPECT_EQ(answer("360").find("felt"), std::string::npos);
+  EXPECT_FALSE(moving(Axis::pitch));
+  // Now it is: two turns asked for and one made are told apart.
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::heading, -720.0, 10.0, 10.0).ok());
+  felt[1] = 180.0;
+  EXPECT_NE(answer("0").find("felt -360 deg of the -720 deg"), std::string::npos);
+  const OperatorTask task = desk.manual.task();
+  EXPECT_TRUE(task.wrong && task.kind == OperatorTask::Kind::turn && task.axis == Axis::heading);
+  EXPECT_NE(task.note.find("another 360 deg backward"), std::string::npos) << task.note;
+  felt[1] = 360.0;
+  answer("0");
+  EXPECT_FALSE(moving(Axis::heading));
+  EXPECT_EQ(desk.manual.task().kind, OperatorTask::Kind::nothing);
 }
 
 TEST_F(ManualTable, TimeOutPausesAndAssumesNothing) {

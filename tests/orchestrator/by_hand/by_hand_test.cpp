@@ -127,6 +127,55 @@ TEST_F(ByHand, WrongAnswersAreAskedAgain) {
   EXPECT_EQ(objections, 1) << session.out;
 }
 
+// The dial reads 0 before and after: gravity and typed angle agree with a turn that nobody made.
+TEST_F(ByHand, AWholeTurnThatWasNotMadeIsAskedForAgain) {
+  for (const std::string axis : {"P", "H"}) {
+    write("short.seq",
+          "format = 1\nname = whole\nrate_degps = 30\nacceleration_degps2 = 60\nstep 1 \"whole turns\"\n"
+          "  initial H 0 P 0 R 0\n  align 1000\n  rotate " +
+              axis + " +360\n  dwell 1000\n  rotate " + axis + " -360\n  dwell 1000\n");
+    int objections = 0, turns = 0;
+    const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
+      if (line.find("The gyros felt ") != std::string::npos) {
+        ++objections;
+        const bool first = objections == 1;
+        EXPECT_NE(line.find(first ? "felt 0 deg of the 360 deg" : "felt 0 deg of the -360 deg"), std::string::npos)
+            << line;
+        EXPECT_NE(line.find(first ? " another 360 deg forward" : " another 360 deg backward"), std::string::npos)
+            << line;
+        return objections == 1 ? "360,0" : "0,02";
+      }
+      const auto q = question(line);
+      if (!q) return {};
+      if (q->homing) return "0";
+      return ++turns == 1 ? "say 360" : "say 0";
+    });
+    EXPECT_EQ(session.code, 0) << session.err << session.out;
+    EXPECT_EQ(objections, 2) << axis << session.out;
+    fs::remove_all(folder_ / "r");
+  }
+}
+
+// All that is said is in the operator's language; what is kept for engineers is English.
+TEST_F(ByHand, SpeaksTheOperatorsLanguage) {
+  station("operator.language = de\n");
+  write("answers", "0\n0\n0\n90,01\n0\nhilfe\nauslassen Klemme sitzt fest\n");
+  std::string shell;
+  for (const std::string& argument : short_run()) shell += " " + argument;
+  const int code =
+      std::system(("cd " + folder_.string() + " && " + TURNCAL_BINARY + shell + " < answers > log 2>&1").c_str());
+  EXPECT_EQ(WEXITSTATUS(code), 75);
+  const std::string said = file_text(folder_ / "log");
+  for (const char* words : {"Wo steht die Rollachse?", "Nickachse von 0 auf 90 Grad drehen, 90 Grad vorwärts",
+                            "Hände weg: 0:05.", "Ausgelassen: Klemme sitzt fest", "gehen: der Lauf endet hier"})
+    EXPECT_NE(said.find(words), std::string::npos) << words << "\n" << said;
+  EXPECT_EQ(said.find("Turn "), std::string::npos) << said;
+  EXPECT_EQ(said.find("->"), std::string::npos) << "transitions are for the log\n" << said;
+  EXPECT_NE(file_text(folder_ / "r/run.log").find("skipped by the operator: Klemme sitzt fest"), std::string::npos);
+  station("operator.language = fr\n");
+  expect_refused(short_run(), "operator.language");
+}
+
 TEST_F(ByHand, EndOfInputAtEveryQuestionIsResumedToTheEnd) {
   for (int at = 0; at < 6; ++at) {
     Careful careful;
@@ -164,7 +213,7 @@ TEST_F(ByHand, PauseAndLeaveAndGoOnAnotherDay) {
   });
   EXPECT_EQ(resumed.code, 0) << resumed.err << resumed.out;
   EXPECT_EQ(asked, 3);
-  EXPECT_NE(resumed.out.find("rests for 20 s"), std::string::npos);
+  EXPECT_NE(file_text(folder_ / "r/run.log").find("rests for 20 s"), std::string::npos);
   EXPECT_NE(resumed.out.find("Turn pitch from 30 to 90 deg"), std::string::npos)
       << "back to where the last dwell stood";
   EXPECT_GT(dwells_done(), done);
@@ -216,10 +265,10 @@ TEST_F(ByHand, NoAnswerPausesWaitsWithoutSpinningAndLeaves) {
   EXPECT_EQ(paused, 2);
   EXPECT_NE(session.err.find("paused for longer than 2 s"), std::string::npos) << session.err;
   // The rig's time stands still meanwhile: "...Z      22.605 s  step". A loop that spins passes hours of it.
-  const std::size_t unit =
-      session.out.find(" s  step", session.out.rfind("Z  ", session.out.find("stopping -> interrupted")));
-  ASSERT_NE(unit, std::string::npos) << session.out;
-  EXPECT_LT(std::atof(session.out.substr(unit - 11, 11).c_str()), 100.0);
+  const std::string log = file_text(folder_ / "r/run.log");
+  const std::size_t unit = log.find(" s  step", log.rfind("Z  ", log.find("stopping -> interrupted")));
+  ASSERT_NE(unit, std::string::npos) << log;
+  EXPECT_LT(std::atof(log.substr(unit - 11, 11).c_str()), 100.0);
   expect_resumed_to_the_end();
 }
 

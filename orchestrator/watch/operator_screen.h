@@ -1,0 +1,35 @@
+// What the operator of a table turned by hand sees: one instruction, the angle to set or the time that is left, what was wrong. Made of
+// what there is to do (operator_task.h) and of where the run is; terminal (operator_terminal.h) and page draw this and nothing else.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+
+#include "orchestrator/run/run_observer.h"
+#include "turntable_drivers/manual/operator_task.h"
+#include "turntable_drivers/manual/operator_texts.h"
+
+namespace turncal {
+
+struct OperatorScreen {
+  OperatorTask task;
+  bool measures = false;    // a dwell or a rest: how long it lasts is known
+  std::string big;          // the angle to set, or what is left: "1:40"; may be empty
+  std::string instruction;  // in the operator's language, as all that follows; empty: nothing to say
+  std::string way, how, answer, note, step, left, words;
+  std::array<std::string, 3> axes;  // names
+  std::string sound, silent;        // of the page
+  bool wants_hands() const {
+    return task.kind != OperatorTask::Kind::nothing && task.kind != OperatorTask::Kind::compare;
+  }
+};
+
+// left_s: of the run, with what turns take.
+OperatorScreen operator_screen(const OperatorTask& task, const RunSnapshot& at, double left_s,
+                               const OperatorTexts& texts);
+std::string json_of(const OperatorScreen& screen);
+std::string local_time(double utc_s);      // "15:20" of this machine
+std::string minutes_left(double seconds);  // "1:40"
+
+}  // namespace turncal

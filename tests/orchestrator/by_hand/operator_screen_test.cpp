@@ -1,0 +1,150 @@
+// What somebody at a table turned by hand is shown: made of what there is to do, drawn on a terminal, sent to the page.
+#include "orchestrator/watch/operator_screen.h"
+
+#include <gtest/gtest.h>
+
+#include "orchestrator/watch/operator_terminal.h"
+
+namespace turncal {
+namespace {
+
+constexpr TerminalSize usual{80, 24};
+
+OperatorTask a_turn() {
+  OperatorTask task;
+  task.kind = OperatorTask::Kind::turn;
+  task.axis = Axis::pitch;
+  task.from_deg = 0.02;
+  task.target_deg = 360.0;
+  return task;
+}
+
+RunSnapshot at_state(RunState state) {
+  RunSnapshot at;
+  at.state = state;
+  at.step_place = 3;
+  at.step_count = 14;
+  at.moves_left = 46;
+  at.run_fraction = 0.149;
+  at.utc_s = 1767225600.0;
+  return at;
+}
+
+OperatorScreen screen_of(const OperatorTask& task, RunState state, const char* language = "en") {
+  return operator_screen(task, at_state(state), 3600.0, OperatorTexts::of(language));
+}
+
+std::string all(const std::vector<std::string>& lines) {
+  std::string text;
+  for (const std::string& line : lines) text += line + "\n";
+  return text;
+}
+
+TEST(OperatorScreen, OneInstructionTheAngleAndTheWay) {
+  const OperatorScreen screen = screen_of(a_turn(), RunState::moving);
+  EXPECT_EQ(screen.instruction, "Turn pitch to 360°");
+  EXPECT_EQ(screen.big, "360");
+  EXPECT_EQ(screen.way, "359.98° forward (its angle grows): whole turns to make: 1");
+  EXPECT_EQ(screen.step, "Step 3 of 14, 14 % done");
+  EXPECT_EQ(screen.left, "Turns left: 46; until about " + local_time(1767229200.0));
+  EXPECT_TRUE(screen.wants_hands());
+  OperatorTask back = a_turn();
+  back.target_deg = -90.0;
+  EXPECT_EQ(screen_of(back, RunState::moving).way, "90.02° backward (its angle falls)");
+  back.from_deg.reset();
+  EXPECT_EQ(screen_of(back, RunState::moving).way, "") << "after a stop in mid-turn nobody knows";
+}
+
+TEST(OperatorScreen, HandsOffForAsLongAsTheUnitIsMeasured) {
+  RunSnapshot at = at_state(RunState::dwelling);
+  at.item_end_utc_s = at.utc_s + 99.2;
+  OperatorScreen screen = operator_screen({}, at, 3600.0, OperatorTexts::of("en"));
+  EXPECT_EQ(screen.instruction, "Hands off");
+  EXPECT_EQ(screen.big, "1:40");
+  EXPECT_FALSE(screen.wants_hands());
+  EXPECT_EQ(screen_of({}, RunState::settling).instruction, "Hands off: the table comes to rest");
+  EXPECT_EQ(screen_of({}, RunState::connecting).instruction, "Please wait");
+  OperatorTask task = a_turn();
+  task.kind = OperatorTask::Kind::compare;
+  EXPECT_EQ(screen_of(task, RunState::moving, "de").instruction, "Hände weg: Ihre Eingabe wird geprüft");
+  EXPECT_FALSE(screen_of(task, RunState::moving).wants_hands());
+}
+
+TEST(OperatorScreen, ThePageGetsTheSame) {
+  OperatorTask task = a_turn();
+  task.note = "0 is 90 deg away";
+  task.wrong = true;
+  const std::string json = json_of(screen_of(task, RunState::moving, "zh"));
+  for (const char* part :
+       {"\"kind\":\"turn\"", "\"wants_hands\":true", "\"big\":\"360\"", "请把俯仰轴转到 360°", "\"axis\":1",
+        "\"from_deg\":0.02", "\"wrong\":true", "\"axes\":[\"航向轴\",\"俯仰轴\",\"横滚轴\"]"})
+    EXPECT_NE(json.find(part), std::string::npos) << part << "\n" << json;
+}
+
+// In every language what there is to say fits a terminal of 80 by 24, above the line that is typed in.
+TEST(OperatorTerminal, EveryTaskFitsInEveryLanguage) {
+  for (const char* language : {"en", "de", "zh"}) {
+    for (const OperatorTask::Kind kind :
+         {OperatorTask::Kind::nothing, OperatorTask::Kind::where, OperatorTask::Kind::turn, OperatorTask::Kind::compare,
+          OperatorTask::Kind::paused}) {
+      OperatorTask task = a_turn();
+      task.kind = kind;
+      task.target_deg = -360.0;
+      task.wrong = true;
+      task.note = OperatorTexts::of(language).say(
+          "wrong.gravity", {{"away", "90.4"}, {"axis", "roll"}, {"angle", "-90"}, {"most", "5"}});
+      const OperatorScreen screen = screen_of(task, RunState::moving, language);
+      const std::vector<std::string> lines = drawn(screen, "[dry run] 02:41", usual);
+      EXPECT_LT(lines.size(), 21u) << language << "\n" << all(lines) << "one that is cut off would be 21";
+      for (std::string line : lines) {
+        for (std::size_t escape; (escape = line.find('\x1b')) != std::string::npos;)
+          line.erase(escape, line.find('m', escape) + 1 - escape);
+        int columns = 0;
+        for (const char c : line) {
+          const auto byte = static_cast<unsigned char>(c);
+          if ((byte & 0xC0) != 0x80) columns += byte >= 0xE3 ? 2 : 1;
+        }
+        EXPECT_LT(columns, 80) << language << ": " << line;
+      }
+    }
+  }
+}
+
+TEST(OperatorTerminal, DrawsWhatChangedAndLeavesWhatIsTypedAlone) {
+  std::vector<std::string> written;
+  double utc_s = 0.0;
+  {
+    OperatorTerminal terminal(
+        "[dry run] ", [&](const std::string& text) { written.push_back(text); }, usual, [&] { return utc_s; });
+    OperatorTask task = a_turn();
+    terminal.show(screen_of(task, RunState::moving));
+    ASSERT_EQ(written.size(), 1u);
+    EXPECT_NE(written[0].find("0.02 o========================> [360]"), std::string::npos) << written[0];
+    EXPECT_NE(written[0].find("[dry run] "), std::string::npos);
+    EXPECT_TRUE(written[0].ends_with("> \a")) << "the bell";
+    terminal.show(screen_of(task, RunState::moving));
+    EXPECT_EQ(written.size(), 1u) << "nothing has changed";
+    utc_s = 60.0;
+    terminal.show(screen_of(task, RunState::moving));
+    ASSERT_EQ(written.size(), 2u) << "the clock has";
+    EXPECT_TRUE(written[1].starts_with("\x1b"
+                                       "7") &&
+                written[1].ends_with("\x1b"
+                                     "8"))
+        << "the cursor stays with the typing";
+    task.answers = 1;
+    task.wrong = true;
+    task.note = "359 is 1 deg away";
+    terminal.show(screen_of(task, RunState::moving));
+    ASSERT_EQ(written.size(), 3u);
+    EXPECT_TRUE(written[2].ends_with("> \a")) << "not taken";
+    task.kind = OperatorTask::Kind::compare;
+    terminal.show(screen_of(task, RunState::moving));
+    ASSERT_EQ(written.size(), 4u);
+    EXPECT_EQ(written[3].find('\a'), std::string::npos) << "nobody is wanted";
+  }
+  EXPECT_EQ(written.back(), "\x1b[22;1H\x1b[J") << "what comes next stands below";
+}
+
+}  // namespace
+}  // namespace turncal
