@@ -11,6 +11,7 @@
 
 #include "imu_io/base/clock.h"
 #include "orchestrator/devices/first_step_check.h"
+#include "orchestrator/devices/operator_view.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/enough_watch.h"
@@ -20,7 +21,6 @@
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/watch/clock_watch.h"
 #include "orchestrator/watch/live_status.h"
-#include "orchestrator/watch/operator_terminal.h"
 #include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/service_watch.h"
 #include "orchestrator/watch/status_page.h"
@@ -62,39 +62,6 @@ class PaceKeeper : public RunObserver {
  private:
   double pace_;
   std::optional<double> began_s_;
-};
-
-// Where the operator of a table turned by hand looks: the page, and the terminal where it takes a screen. To nobody else.
-class OperatorView {
- public:
-  OperatorView(OperatorPrompts* prompts, LiveStatus& live, CommandContext& context, std::string_view tag, bool screen)
-      : prompts_(prompts) {
-    if (!prompts) return;
-    if (screen && context.out_is_terminal && ::isatty(STDIN_FILENO) == 1 && stdout_size().takes_screen()) {
-      const auto write = [&context](const std::string& text) {
-        if (stdout_takes_more() && context.out.flush())
-          static_cast<void>(!::write(STDOUT_FILENO, text.data(), text.size()));
-      };
-      terminal_.emplace(std::string(tag), write, stdout_size(), wall_utc_s);
-    }
-    const auto show = [this, &live](const OperatorScreen& now) {
-      live.show_operator(now);
-      if (terminal_) terminal_->show(now);
-    };
-    prompts->show_on(show, !terminal_);
-  }
-  ~OperatorView() { end(); }
-  OperatorView(const OperatorView&) = delete;
-  OperatorView& operator=(const OperatorView&) = delete;
-  bool on_terminal() const { return terminal_.has_value(); }
-  void end() {
-    if (prompts_) prompts_->show_on({}, true);
-    terminal_.reset();
-  }
-
- private:
-  OperatorPrompts* prompts_;
-  std::optional<OperatorTerminal> terminal_;
 };
 
 // The newest results on record, one line each.
@@ -212,7 +179,8 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
                    .by_hand = run_devices.prompts != nullptr,
                    .results = last_results(a.run)},
                   steady_wall_s);
-  OperatorView operator_view(run_devices.prompts, live, context, tag_of(a.run), !a.run.request.verbose);
+  OperatorView operator_view(run_devices.prompts, live, context.out, tag_of(a.run),
+                             context.out_is_terminal && !a.run.request.verbose);
   std::unique_ptr<StatusPage> page;
   if (!a.run.request.listen.empty()) {
     Result<std::unique_ptr<StatusPage>> opened = StatusPage::open(a.run.request.listen, live);
