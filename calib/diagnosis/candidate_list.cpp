@@ -93,8 +93,10 @@ void name_aliases(const DiagnosisModel& m, const Scores& s, const EffectColumn& 
         best = k;
         best_z_square = z_square;
       }
-      if (!members.empty() &&
-          multiple_correlation(s, chosen_index, members) > m.options.limits.selection.alias_correlation)
+      // Large enough, an effect is told even from its imitators: all their components together explain the data less well.
+      const SelectionLimits& limits = m.options.limits.selection;
+      if (!members.empty() && multiple_correlation(s, chosen_index, members) > limits.alias_correlation &&
+          group_test(s, members).chi_square > chosen_z_square - limits.bic_margin)
         imitates = true;
     }
     const bool as_good = best >= 0 && best_z_square > chosen_z_square - m.options.limits.selection.bic_margin;

@@ -1,4 +1,5 @@
-// `turncal design`: a sequence found for a time (orchestrator/jobs/sequence_design.h; docs/design.md).
+// `turncal design`: a sequence found for a time (orchestrator/jobs/design/sequence_design.h; docs/design.md), or the legs that tell an
+// alias class apart (extra_legs.h).
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -11,9 +12,11 @@
 #include "imu_io/base/key_value.h"
 #include "orchestrator/commands/command_predict.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/jobs/design/extra_legs.h"
+#include "orchestrator/jobs/design/sequence_design.h"
+#include "orchestrator/jobs/loaded_recording.h"
 #include "orchestrator/jobs/planned_unit.h"
 #include "orchestrator/jobs/sequence_coverage.h"
-#include "orchestrator/jobs/sequence_design.h"
 #include "orchestrator/report/prediction_table.h"
 #include "orchestrator/station/builtin_sequence.h"
 #include "orchestrator/watch/progress.h"
@@ -22,11 +25,12 @@ namespace turncal {
 namespace {
 
 constexpr double longest_design_s = 86400.0;
+constexpr const char* longest_extra_legs = "10min";
 constexpr std::string_view first_words = "# Found by turncal design";  // of the file
 
 struct DesignOptions {
   PlannedSite site;
-  std::string time, sigma, start, out, criterion = "mean";
+  std::string time, sigma, separate, from, start, out, criterion = "mean";
   std::vector<std::string> effects, axes, rates;
   double acceleration_degps2 = 20.0, least_rest_s = 10.0;
   int seed = 1, tries = 1500;
@@ -120,12 +124,18 @@ class Designer {
 
   Status run() {
     if (Status status = check_site(options_.site); !status) return status;
-    if (options_.time.empty() == options_.sigma.empty()) return input_error("expected --time or --sigma, one of them");
+    if (!options_.separate.empty() && (!options_.sigma.empty() || !options_.effects.empty()))
+      return input_error("--separate: expected neither --sigma nor --effects beside it");
+    if (options_.separate.empty() != options_.from.empty())
+      return input_error("--separate, --from: expected both, an effect and the recording that it was found in");
+    if (options_.separate.empty() && options_.time.empty() == options_.sigma.empty())
+      return input_error("expected --time or --sigma, one of them");
     // Before minutes of search, not after them.
     if (Status status = check_replaceable(options_.out, first_words); !status) return status;
     const Result<PlannedUnit> unit = planned_unit(options_.site);
     if (!unit) return unit.error();
     if (Status status = prepare(*unit); !status) return status;
+    if (!options_.separate.empty()) return separate();
     if (!options_.sigma.empty()) {
       if (Status status = read_aims(options_.sigma, task_); !status) return status;
       Result<double> time_s = least_time_s(task_);
@@ -161,6 +171,66 @@ class Designer {
   }
 
  private:
+  // The shortest legs that tell the class of an effect apart, after the recording it was found in.
+  Status separate() {
+    const Result<double> time_s = parse_time_s("--time", options_.time.empty() ? longest_extra_legs : options_.time);
+    if (!time_s) return time_s.error();
+    const Result<LoadedRecording> loaded = load_recording(options_.from);
+    if (!loaded) return loaded.error();
+    if (Status status = check_data(*loaded); !status) return status;
+    if (loaded->by_hand)
+      return input_error(options_.from + ": " + no_table_angles + ": expected a recording made on a table");
+    context_.err << "diagnosing " << options_.from << std::endl;
+    const Diagnosis diagnosis = diagnose(loaded->data);
+    const auto found = diagnosis.aliases.find(options_.separate);
+    if (found == diagnosis.aliases.end() || found->second.empty()) {
+      std::string classes;
+      for (const auto& [name, others] : diagnosis.aliases)
+        if (!others.empty()) classes += (classes.empty() ? "" : ", ") + name;
+      return input_error(
+          "--separate " + options_.separate + ": expected an effect that " + options_.from +
+          " cannot tell from others: " +
+          (classes.empty() ? std::string("it has none, its diagnosis is ") + to_string(diagnosis.verdict) : classes));
+    }
+    const Separation separation(loaded->data, diagnosis, options_.separate);
+    task_.info = loaded->data.info;
+    task_.limits.sample_period_s = task_.info.sample_period_s;
+    task_.time_s = *time_s;
+    const Result<ExtraLegs> legs = find_extra_legs(separation, task_, [&](double longest_s) {
+      context_.err << "looking for " << format_duration(longest_s) << std::endl;
+    });
+    if (!legs) return legs.error();
+    std::string open;
+    double least = separating_gain;
+    for (std::size_t k = 0; k < legs->after.size(); ++k) {
+      const AliasPair& pair = legs->after[k];
+      char text[240];
+      std::snprintf(text, sizeof text, "%s from %s: 2 ln L %.1f, with these legs %.1f (%.0f is enough)\n",
+                    pair.truth.c_str(), pair.other.c_str(), legs->before[k].gain, pair.gain, separating_gain);
+      context_.out << text;
+      least = std::min(least, pair.gain);
+      if (pair.gain < separating_gain && open.find(pair.other) == std::string::npos)
+        open += (open.empty() ? "" : ", ") + pair.truth + " from " + pair.other;
+    }
+    if (least < SelectionLimits{}.bic_margin)
+      return Error{ErrorKind::unit_failed, "no motion of this table in " + format_duration(*time_s) +
+                                               " was found that tells apart: " + open + "; no sequence is written"};
+    if (Status status = write_file_atomically(options_.out, text_of(legs->walk, legs->time_s)); !status) return status;
+    context_.out << "sequence    " << options_.out << ", " << format_duration(legs->time_s) << std::endl;
+    if (legs->apart) return {};
+    return Error{ErrorKind::unit_failed, options_.out + ": may not be enough to tell apart: " + open};
+  }
+
+  std::string text_of(const Walk& walk, double time_s) const {
+    WalkHeader header;
+    header.name = name_of(options_.out);
+    header.comments = {std::string(first_words).substr(2) + " for " + format_number(std::round(time_s)) +
+                       " s: see docs/design.md."};
+    header.rate_degps = task_.rates_degps.front();
+    header.acceleration_degps2 = task_.acceleration_degps2;
+    return sequence_text(walk, header);
+  }
+
   Status prepare(const PlannedUnit& unit) {
     const Result<Sequence> reference = parse_sequence(std::string(builtin_sequence_text), "fourteen_step.seq");
     if (!reference) return reference.error();
@@ -208,13 +278,7 @@ class Designer {
       return true;
     });
     if (!found) return found.error();
-    WalkHeader header;
-    header.name = name_of(options_.out);
-    header.comments = {std::string(first_words).substr(2) + " for " + format_number(std::round(task_.time_s)) +
-                       " s: see docs/design.md."};
-    header.rate_degps = task_.rates_degps.front();
-    header.acceleration_degps2 = task_.acceleration_degps2;
-    text_ = sequence_text(found->walk, header);
+    text_ = text_of(found->walk, task_.time_s);
     const Result<Sequence> sequence = parse_sequence(text_, options_.out);
     if (!sequence) return Error{ErrorKind::internal, sequence.error().message};
     columns_.push_back(predicted(*sequence));
@@ -236,6 +300,9 @@ void add_design_command(CommandLine& line, CommandContext& context) {
   command.option("--time", options->time, "length of the run: 40min, 2h, 2400");
   command.option("--sigma", options->sigma,
                  "in place of it: a file of sigmas (N01 = 0.003); the shortest run that gives them");
+  command.option("--separate", options->separate,
+                 "an effect of a diagnosis: the shortest legs, at most --time (10min), that tell it from its aliases");
+  command.option("--from", options->from, "the recording, or run, with that diagnosis");
   command.option("--out", options->out, "the sequence file to write").required();
   add_site_options(command, options->site);
   command.option("--start", options->start, "sequence whose turns the search begins with; default: the fourteen steps");

@@ -1,5 +1,5 @@
 // `turncal run`: the whole main job. Checks everything, walks the sequence, calibrates, judges, writes the results.
-// `turncal resume`: goes on with one that was interrupted. `turncal journal`: what happened. See run_job.h.
+// `turncal run --continue`: a further recording of the same unit (continued_run.h). `turncal resume`: goes on with one that was interrupted. `turncal journal`: what happened. See run_job.h.
 #include "orchestrator/commands/command_run.h"
 
 #include <memory>
@@ -7,6 +7,7 @@
 
 #include "imu_io/base/line_prefix.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/jobs/continued_run.h"
 #include "orchestrator/jobs/run_job.h"
 #include "orchestrator/jobs/run_results.h"
 
@@ -62,9 +63,11 @@ void add_run_command(CommandLine& line, CommandContext& context) {
   command
       .option("--unit", request.units,
               "serial number of the unit; once for each of several on the table, in the order of the station's places")
-      .required()
       .one_word_each();
-  command.option("--out", options->folder, "folder for the results; must not hold a run yet").required();
+  command.option("--out", options->folder, "folder for the results; must not hold a run yet");
+  command.option("--continue", request.continues,
+                 "folder of a run: record more of its unit, and diagnose both together (docs/design.md); --out is "
+                 "DIR/continued then, where not given");
   command.option("--rig", request.rig, "rig configuration (docs/rig.md); default: the built-in one");
   command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
   command.option("--station", request.station, "station configuration; default: the built-in rig station");
@@ -76,7 +79,17 @@ void add_run_command(CommandLine& line, CommandContext& context) {
   add_verify_option(command, request);
   add_until_option(command, request);
   add_record_options(command, request);
-  command.runs(context, [options, &context] { return begin_run(options->request, options->folder, context).status; });
+  command.runs(context, [options, &context]() -> Status {
+    if (!options->request.continues.empty()) {
+      const Result<RunRequest> further = continuing(options->request);
+      if (!further) return further.error();
+      const std::string& out = options->folder;
+      return begin_run(*further, out.empty() ? further->continues + "/continued" : out, context).status;
+    }
+    if (options->request.units.empty()) return input_error("--unit is required: the serial number of the unit");
+    if (options->folder.empty()) return input_error("--out is required: the folder for the results");
+    return begin_run(options->request, options->folder, context).status;
+  });
 }
 
 void add_resume_command(CommandLine& line, CommandContext& context) {

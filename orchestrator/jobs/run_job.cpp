@@ -55,7 +55,7 @@ Status check_sequence(const PreparedRun& run, const Plan& plan, const std::strin
     if (Status s = check_north_seeking(planned, run.verify_from, run.sample_period_s(), run.sequence.file); !s)
       return s;
   }
-  if (run.request.capture_only || run.request.partial) return {};
+  if (run.request.capture_only || run.request.partial || !run.request.continues.empty()) return {};
   Sequence calibrating = run.sequence;
   if (run.verify_from > 0)
     std::erase_if(calibrating.steps, [&](const Step& step) { return step.number >= run.verify_from; });

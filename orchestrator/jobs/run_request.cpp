@@ -13,6 +13,7 @@
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/devices/station_rig.h"
+#include "orchestrator/records/journal_file.h"
 #include "orchestrator/records/station_records.h"
 #include "orchestrator/station/builtin_sequence.h"
 #include "orchestrator/station/version.h"
@@ -86,7 +87,8 @@ Status prepare_verification(PreparedRun& run) {
   RunRequest& wanted = run.request;
   if (wanted.verify && wanted.verified.empty() && (wanted.capture_only || wanted.partial))
     return input_error("--verify: expected neither --capture-only nor --partial: nothing would come of them to verify");
-  wanted.verify = wanted.verify || (run.station.verify_run && !wanted.capture_only && !wanted.partial);
+  wanted.verify =
+      wanted.verify || (run.station.verify_run && !wanted.capture_only && !wanted.partial && wanted.continues.empty());
   if (!wanted.verify) return {};
   if (wanted.verified.empty()) {
     const Result<int> from = append_north_seeking(run.station, run.sequence);
@@ -133,6 +135,30 @@ Result<double> next_beginning(const StationConfig& station, const RigConfig& rig
   return next_s;
 }
 
+// The same unit, later and switched on again: what it was, with other noise.
+Status turn_on_again(PreparedRun& run) {
+  if (run.request.continues.empty()) return {};
+  const Result<JournalContents> before = read_journal(run.request.continues + "/" + journal_name);
+  if (!before) return before.error();
+  if (before->begin_value("rig_hash") != run.rig_hash)
+    return input_error((run.request.rig.empty() ? "the built-in rig" : run.request.rig) +
+                       ": is not the rig of the run in " + run.request.continues);
+  run.rig.unit_seed = run.rig.unit_seed.value_or(run.rig.seed);
+  run.rig.noise_seed = run.rig.noise_seed.value_or(run.rig.seed);
+  constexpr std::uint64_t another = 1000003;
+  for (JournalContents one = *before;;) {
+    *run.rig.noise_seed += another;
+    const std::string further = one.begin_value("continues");
+    if (further.empty()) break;
+    Result<JournalContents> next = read_journal(further + "/" + journal_name);
+    if (!next) return next.error();
+    one = std::move(*next);
+  }
+  constexpr double between_s = 600.0;
+  if (before->seal_utc_s) run.rig.start_utc_s = std::floor(*before->seal_utc_s + between_s);
+  return {};
+}
+
 // A unit of a lot follows from its serial number, and the clock goes on from run to run.
 Status turn_on_of_lot(PreparedRun& run) {
   if (!run.rig.lot.seed) return {};
@@ -161,6 +187,7 @@ Status prepare_rig(PreparedRun& run) {
     run.station.latitude_deg = run.rig.site.latitude_deg;
     run.station.gravity_mps2 = run.rig.site.gravity_mps2;
   }
+  if (Status status = turn_on_again(run); !status) return status;
   return turn_on_of_lot(run);
 }
 
@@ -270,6 +297,7 @@ JournalFields begin_fields(const PreparedRun& run) {
                           {"no_diagnosis", request.no_diagnosis ? "true" : ""},
                           {"verify", request.verify ? "true" : ""},
                           {"until_sigma", request.until_sigma ? "true" : ""},
+                          {"continues", request.continues},
                           {"verified", request.verified},
                           {"verified_hash", run.verified_hash},
                           {"unit", request.units.front()},
@@ -299,6 +327,7 @@ RunRequest request_of(const JournalContents& journal) {
   request.no_diagnosis = journal.begin_value("no_diagnosis") == "true";
   request.verify = journal.begin_value("verify") == "true";
   request.until_sigma = journal.begin_value("until_sigma") == "true";
+  request.continues = journal.begin_value("continues");
   request.verified = journal.begin_value("verified");
   request.units = journal.units();
   request.began_utc = journal.begin_value("began_utc");

@@ -14,6 +14,7 @@
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/devices/truth.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/continued_run.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/recording_sink.h"
@@ -77,21 +78,26 @@ struct Finding {
   std::string diagnosis = "not_made", text;
 };
 
-bool is_diagnosed(const PreparedRun& run, const LoadedRecording& recording) {
-  const double recorded_s = static_cast<double>(recording.data.samples) * recording.data.info.sample_period_s;
+// recordings: this one is the last of them.
+bool is_diagnosed(const PreparedRun& run, const std::vector<LoadedRecording>& recordings) {
+  double recorded_s = 0.0;
+  for (const LoadedRecording& one : recordings)
+    recorded_s += static_cast<double>(one.data.samples) * one.data.info.sample_period_s;
   return !run.request.no_diagnosis && !run.request.partial && recorded_s >= least_diagnosed_s;
 }
 
 // Beyond the 24 parameters.
-Finding diagnose_unit(const PreparedRun& run, const std::string& folder, const LoadedRecording& recording,
+Finding diagnose_unit(const PreparedRun& run, const std::string& folder, const std::vector<LoadedRecording>& recordings,
                       RunResults& results) {
-  if (!is_diagnosed(run, recording)) return Finding{};
+  if (!is_diagnosed(run, recordings)) return Finding{};
   DiagnosisRequest request;
   request.time_utc = results.output->file.time_utc;
-  request.base = results.output->fit ? &*results.output->fit : nullptr;
+  request.base = results.output->fit && recordings.size() == 1 ? &*results.output->fit : nullptr;
   request.of_run = true;
-  request.samples = samples_of(folder, recording);
-  Result<DiagnosisOutput> output = diagnose_recording(recording, request);
+  request.samples = recordings.size() == 1 ? samples_of(folder, recordings.front()) : recordings.front().path;
+  std::vector<const LoadedRecording*> all;
+  for (const LoadedRecording& one : recordings) all.push_back(&one);
+  Result<DiagnosisOutput> output = diagnose_recordings(all, request);
   if (!output) return Finding{"failed", output.error().message};
   results.diagnosis = std::move(*output);
   const Diagnosis& diagnosis = results.diagnosis->diagnosis;
@@ -179,7 +185,7 @@ Status keep_results(const PreparedRun& run, const std::string& folder, const Loa
   if (!text) return text.error();
   if (Status status = write_file_atomically(path, *text); !status) return status;
   SqlBytes statistics;
-  if (results.output->fit) {  // for the fleet
+  if (results.output->fit && run.request.continues.empty()) {  // for the fleet
     Result<SqlBytes> bytes = format_statistics({file, unit_statistics(recording.data, *results.output->fit)});
     if (!bytes) return bytes.error();
     statistics = std::move(*bytes);
@@ -226,12 +232,19 @@ Status write_results(const PreparedRun& run, const std::string& folder, const Lo
                      const RunCounts& counts, JournalFile& journal, const JournalFields& mark, RunResults& results) {
   results = {};
   Status calibrated;
+  std::vector<LoadedRecording> recordings;
+  if (!run.request.continues.empty()) {
+    Result<std::vector<LoadedRecording>> earlier = recordings_up_to(run.request.continues);
+    if (!earlier) return device_error(earlier.error().message);
+    recordings = std::move(*earlier);
+  }
+  recordings.push_back(recording);
   if (!run.request.capture_only) {
     CalibrationRequest request;
     request.time_utc = format_utc(utc_s);
     request.partial = run.request.partial;
-    request.test_fit = !is_diagnosed(run, recording);
-    Result<CalibrationOutput> output = calibrate_recording(recording, request);
+    request.test_fit = !is_diagnosed(run, recordings);
+    Result<CalibrationOutput> output = calibrate_recordings(recordings, request);
     if (output)
       results.output = std::move(*output);
     else  // it was measured; what kept it from being calibrated is the unit's or its recording's, not of what was asked
@@ -246,7 +259,7 @@ Status write_results(const PreparedRun& run, const std::string& folder, const Lo
     return kept ? calibrated : stored(kept);
   }
   if (results.output) {
-    choose_file(run, counts, diagnose_unit(run, folder, recording, results), results);
+    choose_file(run, counts, diagnose_unit(run, folder, recordings, results), results);
     if (Status status = verify_unit(run, folder, recording, results); !status) return status;
     if (Status status = write_diagnosis_of(folder, results); !status) return stored(status);
     add_verdict(results.verdict, results.output->file);

@@ -81,10 +81,11 @@ TEST(Diagnosis, DelayIsFoundNamedAddedAndConfirmed) {
   }
 }
 
-// At 1 g on the axes, K2 and the scale asymmetry are one class: either name is right, and the other must be named beside it.
+// At 1 g on the axes, K2 and the scale asymmetry are one class: either name is right, and the other must be named beside it. (Of half as
+// much again the turns tell.)
 TEST(Diagnosis, AliasClassIsNamed) {
   RigConfig config = unit(13);
-  config.effects.accel_second_order = {0.0, 15.0, 0.0};
+  config.effects.accel_second_order = {0.0, 10.0, 0.0};
   const Diagnosis d = diagnose_with_holdout(make(config));
   ASSERT_EQ(d.verdict, Verdict::extended);
   ASSERT_EQ(d.effect_names.size(), 1u);

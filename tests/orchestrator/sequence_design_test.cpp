@@ -1,4 +1,4 @@
-#include "orchestrator/jobs/sequence_design.h"
+#include "orchestrator/jobs/design/sequence_design.h"
 
 #include <gtest/gtest.h>
 

@@ -41,6 +41,8 @@ struct DesignTask {
   double least_rest_s = 10.0;
   ParameterVector aim;  // sigma, file units; 0: this parameter does not count
   AimAt criterion = AimAt::mean;
+  // Of a walk as a unit of this period would record it, what is made small in place of the cost above. The search ends where it is 0.
+  std::function<double(const PlannedMotion&, double sample_period_s)> judged_by;
   std::vector<std::string> effects;          // names of the catalogue
   std::vector<PredictedEffect> effect_aims;  // what is aimed at: `detectable` of each component
   Walk start;                                // where the search begins

@@ -1,4 +1,4 @@
-#include "orchestrator/jobs/sequence_design.h"
+#include "orchestrator/jobs/design/sequence_design.h"
 
 #include <algorithm>
 #include <cmath>
@@ -51,7 +51,7 @@ class Search {
     design.start_cost = *cost;
     SharedWalk best = now;
     double best_cost = *cost;
-    for (int i = 0; i < task_.tries; ++i) {
+    for (int i = 0; i < task_.tries && !(task_.judged_by && best_cost <= 0.0); ++i) {
       SharedWalk other = changed(now);
       const std::optional<double> other_cost = judge(other);
       if (!other_cost) continue;
@@ -170,6 +170,10 @@ class Search {
     limits.sample_period_s = judged_period_s;
     const Plan plan = make_plan(*sequence, limits);
     if (!plan.ok()) return std::nullopt;
+    if (task_.judged_by) {
+      ++judged_;
+      return task_.judged_by(planned_motion(*sequence, plan), judged_period_s);
+    }
     RecordingInfo info = task_.info;
     info.sample_period_s = judged_period_s;
     PredictOptions options = task_.predict;

@@ -1,0 +1,84 @@
+// `turncal run --continue`: a further recording of the same unit, calibrated and diagnosed with what it continues.
+#include "tests/orchestrator/program.h"
+
+namespace turncal {
+namespace {
+
+const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
+const char* const legs =
+    "format = 1\nname = extra\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1 \"off the axes\"\n  initial H 0 P 0 R "
+    "0\n  align 4000\n  rotate R +45\n  dwell 4000\n"
+    "  rotate P +45\n  dwell 4000\n  rotate R -90\n  dwell 4000\n";
+
+class ContinuedRun : public Program {
+ protected:
+  void begin(const std::string& out) const {
+    const ProgramResult first = run({"run", "--dry-run", "--unit", "SN1", "--sequence", demo, "--out", out});
+    ASSERT_EQ(first.code, 0) << first.err;
+  }
+};
+
+TEST_F(ContinuedRun, IsOfTheSameUnitAndCountsWithTheFirst) {
+  begin("first");
+  write("extra.seq", legs);
+  const ProgramResult second = run({"run", "--continue", "first", "--sequence", "extra.seq"});
+  ASSERT_EQ(second.code, 0) << second.err;
+  EXPECT_NE(second.out.find("2 recordings, one unit"), std::string::npos) << second.out;
+  EXPECT_EQ(file_text(folder_ / "first/truth.conf").substr(0, 200),
+            file_text(folder_ / "first/continued/truth.conf").substr(0, 200))
+      << "the unit is the one that it was";
+  const std::string parameters = file_text(folder_ / "first/continued/parameters.conf");
+  EXPECT_NE(parameters.find("quality.recordings_agree = true"), std::string::npos) << parameters;
+  // Its own journal says what it continues; the first run is as it was.
+  EXPECT_NE(run({"journal", "first/continued"}).out.find("continues"), std::string::npos);
+  EXPECT_EQ(run({"resume", "first"}).code, 0);
+  // And it can be continued in its turn.
+  const ProgramResult third = run({"run", "--continue", "first/continued", "--sequence", "extra.seq"});
+  ASSERT_EQ(third.code, 0) << third.err;
+  EXPECT_NE(third.out.find("3 recordings, one unit"), std::string::npos) << third.out;
+}
+
+TEST_F(ContinuedRun, IsTheSameAfterAKill) {
+  begin("first");
+  write("extra.seq", legs);
+  const std::vector<std::string> go_on = {"run", "--continue", "first", "--sequence", "extra.seq"};
+  ASSERT_EQ(run(go_on).code, 0);
+  const std::string parameters = file_text(folder_ / "first/continued/parameters.conf");
+  const std::string recording = file_text(folder_ / "first/continued/recording.tcr");
+  std::filesystem::remove_all(folder_ / "first/continued");
+  ASSERT_EQ(run_struck(go_on, 0, "kill").code, 0);
+  long points = 0;
+  std::istringstream(file_text(folder_.string() + ".count")) >> points;
+  std::filesystem::remove(folder_.string() + ".count");
+  ASSERT_GT(points, 20);
+  for (const long point : {points / 3, 2 * points / 3, points - 12, points - 3}) {
+    std::filesystem::remove_all(folder_ / "first/continued");
+    run_struck(go_on, point, "kill");
+    std::filesystem::remove(folder_.string() + ".count");
+    if (!std::filesystem::exists(folder_ / "first/continued/journal.tcj")) continue;
+    const ProgramResult resumed = run({"resume", "first/continued"});
+    ASSERT_EQ(resumed.code, 0) << point << resumed.err;
+    EXPECT_EQ(file_text(folder_ / "first/continued/parameters.conf"), parameters) << point;
+    EXPECT_EQ(file_text(folder_ / "first/continued/recording.tcr"), recording) << point;
+  }
+}
+
+TEST_F(ContinuedRun, RefusesWhatIsNoRunToContinue) {
+  begin("first");
+  write("extra.seq", legs);
+  std::filesystem::create_directories(folder_ / "empty");
+  expect_refused({"run", "--continue", "empty", "--sequence", "extra.seq"}, "empty: holds no journal.tcj");
+  expect_refused({"run", "--continue", "first"}, "expected --sequence");
+  expect_refused({"run", "--continue", "first", "--sequence", "extra.seq", "--unit", "SN2"},
+                 "--unit: expected no such");
+  expect_refused({"run", "--dry-run", "--out", "x"}, "--unit is required");
+  expect_refused({"run", "--dry-run", "--unit", "SN1"}, "--out is required");
+  expect_refused({"design", "--separate", "accel_delay", "--out", "x.seq"}, "--separate, --from: expected both");
+  expect_refused({"design", "--separate", "accel_delay", "--from", "first", "--sigma", "y", "--out", "x.seq"},
+                 "--separate: expected neither --sigma nor --effects");
+  std::filesystem::rename(folder_ / "first/recording.tcr", folder_ / "elsewhere.tcr");
+  expect_refused({"run", "--continue", "first", "--sequence", "extra.seq"}, "first: holds no recording.tcr");
+}
+
+}  // namespace
+}  // namespace turncal
