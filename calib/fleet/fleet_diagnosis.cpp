@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "calib/fleet/fleet_selection.h"
+#include "calib/model/limits.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/linear_algebra.h"
 #include "calib/statistics/median.h"
@@ -104,7 +105,6 @@ void test_what_is_left(const FleetScores& scores, const FleetOptions& options, F
   const Eigen::MatrixXd Q = scores.information();
   const Eigen::VectorXd scale = Q.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * Q * scale.asDiagonal());
-  constexpr double floor = 0.01;
   struct Level {
     double square = 0.0, degrees = 0.0;
   };
@@ -114,7 +114,7 @@ void test_what_is_left(const FleetScores& scores, const FleetOptions& options, F
     sums[f].resize(scores.levels(f).size());
     tries += static_cast<double>(sums[f].size());
   }
-  const Eigen::Index directions = (eigen.values.array() > floor).count();
+  const Eigen::Index directions = (eigen.values.array() > fleet_limits.open_direction).count();
   for (const ComponentData& data : scores.sums(scale.asDiagonal() * eigen.vectors.rightCols(directions))) {
     for (std::size_t f = 0; f < sums.size(); ++f) {
       const Component direction(data, level_columns(scores, static_cast<int>(f)), false);

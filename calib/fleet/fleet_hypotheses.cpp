@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include "calib/model/limits.h"
 
 namespace turncal {
 namespace {
 
 constexpr int most_begins = 24;  // of a step or ramp that are tried
-constexpr std::size_t least_of_shape =
-    8;  // recordings at a level before and after it changes, so that none makes a change alone
+constexpr std::size_t least_of_shape = fleet_limits.least_of_shape;
 
 double at(const FleetScores& scores, const Hypothesis& h, std::size_t i) {
   if (h.factor >= 0 && scores.level_of(static_cast<std::size_t>(h.factor))[i] != h.level) return 0.0;

@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "calib/joint/several_recordings.h"
+#include "calib/model/limits.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/linear_algebra.h"
 
@@ -70,10 +71,10 @@ std::optional<FleetPrior> fleet_prior(std::vector<EarlierCalibration> history, c
     change += moved.cwiseAbs2() - Eigen::VectorXd((e.covariance + next.covariance).diagonal()(free));
     ++prior.pairs;
   }
-  if (others.size() < least_prior_units) return std::nullopt;
+  if (others.size() < fleet_limits.least_prior_units) return std::nullopt;
   Gaussian now = of_fleet(others, free);
   prior.units = others.size();
-  if (prior.pairs >= least_prior_pairs)
+  if (prior.pairs >= fleet_limits.least_prior_pairs)
     for (const EarlierCalibration* e : own) {
       const Eigen::MatrixXd before = inverse_of(now.covariance),
                             said = inverse_of(Eigen::MatrixXd(e->covariance(free, free)));

@@ -37,9 +37,7 @@ struct FleetPrior {
   std::size_t pairs = 0;       // calibrations that follow each other: what W is from
 };
 
-inline constexpr std::size_t least_prior_units = 10, least_prior_pairs = 10;
-
-// Empty with fewer units than `least_prior_units`. With fewer pairs than `least_prior_pairs` the unit's own history is left out.
+// Empty with fewer units than least_prior_units. With fewer pairs than least_prior_pairs (limits.h) the unit's own history is left out.
 std::optional<FleetPrior> fleet_prior(std::vector<EarlierCalibration> history, const std::string& unit);
 
 struct PriorEffect {

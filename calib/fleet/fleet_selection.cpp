@@ -10,8 +10,6 @@
 namespace turncal {
 namespace {
 
-constexpr double interval_95 = 3.84;  // of z^2
-
 std::string effect_of(const std::string& component) { return component.substr(0, component.find('.')); }
 
 double log10_p(double z, double degrees, double tests) {
@@ -71,7 +69,7 @@ void date_it(const FleetScores& scores, Found& found, FleetEffect& effect) {
   for (std::size_t k = 0; k < days.size(); ++k)
     if (std::abs(profile[k].z) > std::abs(found.estimate.z))
       found.estimate = profile[k], found.hypothesis.begin_day = days[k];
-  const double least = found.estimate.z * found.estimate.z - interval_95;
+  const double least = found.estimate.z * found.estimate.z - fleet_limits.interval;
   effect.begin_day = effect.begin_low = effect.begin_high = found.hypothesis.begin_day;
   for (std::size_t k = 0; k < days.size(); ++k) {
     const double day = days[k];

@@ -42,8 +42,7 @@ JointResult JointRun::run() {
     r.start = joint_start(recording_, r.parameters);
     r.setup.headings_rad = {r.start.heading_rad};
     // What the first pass could not linearise: a bias that turns the unit by radians in the run.
-    constexpr double large_degph = 20.0;
-    if (!options_.start && r.start.N0_degph.cwiseAbs().maxCoeff() > large_degph)
+    if (!options_.start && r.start.N0_degph.cwiseAbs().maxCoeff() > start_limits.large_bias_degph)
       r.parameters.N0_degph = r.start.N0_degph;
   }
   r.setup.mounting = r.start.mounting;

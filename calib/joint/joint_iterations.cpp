@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "calib/joint/joint_run.h"
+#include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
@@ -10,13 +11,12 @@ namespace turncal {
 // Gauss-Newton at the noise that is measured before the fit. Dwells of a few seconds hardly show it, and an optimum too narrow for the
 // start is missed: then it is tried again from wider ones, and what is found there is kept if it fits and, where it can be compared, fits better.
 bool JointRun::settle() {
-  constexpr double suspicious = 100.0;  // of chi-square an observation: ten times the noise
   JointResult& r = result_;
   const Parameters start = r.parameters;
   const Eigen::VectorXd start_values = effects_.values;
   const NoiseModel noise = r.setup.noise;
   const bool settled = settle_from_here();
-  if (settled && misfit_ < suspicious) return true;
+  if (settled && misfit_ < start_limits.misfit) return true;
   const Parameters first = r.parameters;
   const Eigen::VectorXd first_values = effects_.values;
   const double first_misfit = settled ? misfit_ : std::numeric_limits<double>::infinity();
@@ -30,7 +30,7 @@ bool JointRun::settle() {
       r.setup.noise = with;
       return settle_from_here();
     };
-    const bool near = settles_with(wide) && misfit_ < suspicious;
+    const bool near = settles_with(wide) && misfit_ < start_limits.misfit;
     const Parameters found = r.parameters;
     const Eigen::VectorXd found_values = effects_.values;
     const bool stands = near && settles_with(noise);

@@ -7,6 +7,7 @@
 #include <Eigen/LU>
 
 #include "calib/model/attitude.h"
+#include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
@@ -84,13 +85,13 @@ std::string describe(const Matrix3d& mounting) {
 }
 
 void find_mounting(const std::vector<SegmentMean>& rests, JointStart& start) {
-  constexpr double good = 0.04;  // 0.2 rad: scale factors per cents off, a table commanded badly
+  constexpr double good = start_limits.mounting_misfit;
   if (misfit(rests, start.mounting, 1.0) < good) return;
   Matrix3d best = start.mounting;
   Matrix3d best_reversed = start.mounting;
   for (const Matrix3d& m : box_orientations()) {
-    if (misfit(rests, m, 1.0) < 0.98 * misfit(rests, best, 1.0)) best = m;
-    if (misfit(rests, m, -1.0) < 0.98 * misfit(rests, best_reversed, -1.0)) best_reversed = m;
+    if (misfit(rests, m, 1.0) < start_limits.better_mounting * misfit(rests, best, 1.0)) best = m;
+    if (misfit(rests, m, -1.0) < start_limits.better_mounting * misfit(rests, best_reversed, -1.0)) best_reversed = m;
   }
   if (misfit(rests, start.mounting, -1.0) < good) {
     start.error = "gravity has the wrong sign: at rest the accelerometers read down where the table says up";
@@ -134,7 +135,7 @@ JointStart joint_start(const CompressedRecording& recording, const Parameters& p
   const SymmetricEigen eigen = symmetric_eigen(A);
   Eigen::Matrix<double, 5, 1> inverse = eigen.values.cwiseMax(1e-9).cwiseInverse();
   for (int k = 0; k < 5; ++k)
-    if (eigen.values[k] < 0.02 * eigen.values[4]) inverse[k] = 0.0;
+    if (eigen.values[k] < start_limits.open_direction * eigen.values[4]) inverse[k] = 0.0;
   const Eigen::Matrix<double, 5, 5> covariance = eigen.vectors * inverse.asDiagonal() * eigen.vectors.transpose();
   const Eigen::Matrix<double, 5, 1> x = covariance * b;
   start.N0_degph = x.head<3>() / radps_per_degph;
@@ -147,8 +148,8 @@ JointStart joint_start(const CompressedRecording& recording, const Parameters& p
   const double freedom = 3.0 * static_cast<double>(rests.size()) - 5.0;
   if (!separated || freedom < 4.0 || !(earth.x() > 0.0)) return start;
   const double sigma = std::sqrt(residual / freedom * covariance.diagonal().tail<2>().maxCoeff());
-  const double found = std::hypot(x[3], x[4]);
-  if (sigma > 0.25 * earth.x() || std::abs(found - earth.x()) > 0.25 * earth.x() + 4.0 * sigma) return start;
+  const double found = std::hypot(x[3], x[4]), part = start_limits.of_earth_rate * earth.x();
+  if (sigma > part || std::abs(found - earth.x()) > part + start_limits.earth_rate_sigmas * sigma) return start;
   start.heading_rad = std::atan2(-x[4], x[3]);
   start.heading_sigma_rad = sigma / earth.x();
   return start;

@@ -1,6 +1,9 @@
 // Every threshold of the estimates and of the diagnosis, with its derivation or its calibration (docs/diagnosis.md, "Limits").
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+
 namespace turncal {
 
 struct LackOfFitLimits {
@@ -74,7 +77,7 @@ struct GateLimits {
   double highest_error = 1.2;
 };
 
-// Of hand-turned data (rest_diagnosis.h).
+// Of hand-turned data (rests, rest_diagnosis.h).
 struct RestLimits {
   // Correlation of what two effects explain: one class from 0.9 on (of 4.5 sigma of one 2 are left of the difference), and kindred from
   // 0.7 on (half of the variance in common).
@@ -85,8 +88,83 @@ struct RestLimits {
   double touched_share = 0.01;
   // Directions of a set of slow curves flatter than this are noise.
   double nuisance_floor = 0.03;
+  // Gravity after a turn, rms over the legs: a wrong unit of the rates (unit_slip.h) is not looked for below the first, for a turn of a
+  // few degrees tells no factor; and it must leave less than this part. Of wrong factors 2 is the nearest: 90 deg turned as 180.
+  double least_misfit_rad = 0.15, of_misfit = 0.3;
+  // Quarters of a second that stand still in a rest: fewer have no scatter to judge by.
+  std::size_t fewest_still = 4;
+  // Singular value over the largest, columns of unit length: what lies below is rounding of doubles, squared in the normal equations.
+  double unseen_ratio = 1e-7;
+  // One pose: seconds for noise and coefficients, and the change of temperature (C) of which a thermometer's 0.1 C is a fifth.
+  double least_pose_s = 100.0, least_temperature_span_c = 0.5;
 };
 inline constexpr RestLimits rest_limits;
+
+// Rests found in a stream (segmentation.h, stillness.h).
+struct SegmentationLimits {
+  // Fewer rests calibrate nothing: nine parameters of the accelerometers, one equation a rest, and noise of its own.
+  int fewest_rests = 4;
+  // log10 of threshold over which the number of rests must stay the same: two steps and a half of the search.
+  double shortest_plateau = 0.25;
+  // A rest ends where the ratio is so many times its threshold: above the scatter of one window (chi2 of some hundred samples).
+  double hysteresis = 3.0;
+  // Robust deviations by which the mean rate of a slow even turn stands out from those of the rests: chance in Gaussian rates 1e-15, so
+  // that drift and a few unlike rests stay.
+  double slow_turn_sigmas = 8.0;
+  // Variance over half the mean square of differences, of quiet windows: 1 for white noise, 10 behind a filter of a tenth of the bandwidth.
+  double smooth_motion = 30.0;
+  // A rest may tremble (a unit held by hand) by this much of the variance of a quiet one; beyond it the unit moves. The hand-held rests
+  // of docs/measured.md reach 500; a turn of 1 deg/s is at 10^4 and more.
+  double most_tremor = 1000.0;
+};
+inline constexpr SegmentationLimits segmentation_limits;
+
+// Gyros at the end of their range (clipping.h).
+struct ClippingLimits {
+  // One and the same extreme value, as often in a row and in all. Three in a row within a band of many equally likely values is a chance
+  // of one in the band's width squared.
+  std::int64_t shortest_run = 3, fewest = 6;
+  // It is at least this part of all samples within about 1 % of it: a turn that only comes near its peak passes through many values.
+  double of_band = 0.5;
+  // And so many of the smallest steps that the channel makes: a coarse channel repeats itself anyway.
+  double least_steps = 50.0;
+  // In a table's turn, where a gyro repeats itself at a constant rate, the turn is also short of the commanded one by so much: 12 arcmin
+  // of the 20 deg of the shortest turn that is looked at. By chance a turn repeats one count in a thousand units, for the rate must be a
+  // whole number of counts a sample to one in as many samples as the turn has.
+  double short_by = 0.01;
+};
+inline constexpr ClippingLimits clipping_limits;
+
+// Where the joint estimate begins, and when it begins again (joint_start.h, joint_iterations.cpp).
+struct StartLimits {
+  // Mean square of the sine between gravity at rest and where the table's angles have it, within which a mounting fits: 0.2 rad, for
+  // scale factors off by per cents and a table commanded badly. The next of the 24 mountings is off by 1 in half the rests or more. And
+  // the part of the misfit another mounting must leave to be preferred: rounding among those that are the same to the data.
+  double mounting_misfit = 0.04, better_mounting = 0.98;
+  // The earth's rate at the rests tells the heading when it is found with this part of itself as sigma, and is as large as it should be
+  // within that part and so many sigma: heading to a quarter of a radian, from where the passes converge.
+  double of_earth_rate = 0.25, earth_rate_sigmas = 4.0;
+  // Directions of the rests' rates flatter than this are open: heading and biases change together.
+  double open_direction = 0.02;
+  // Biases (deg/h) by which a unit turns through a radian in three hours are taken from the rests: the first pass is not linear in them.
+  double large_bias_degph = 20.0;
+  // chi2 an observation beyond which another start is tried: ten times the noise.
+  double misfit = 100.0;
+};
+inline constexpr StartLimits start_limits;
+
+// Of many units (fleet). What is asked of tests stands in FleetOptions.
+struct FleetLimits {
+  // Recordings at a level before and after it changes, so that none makes a change alone.
+  std::size_t least_of_shape = 8;
+  // z^2 within which the day of a change lies: chi2 of one, 95 %.
+  double interval = 3.84;
+  // Directions of the effects' common information flatter than this say nothing of what is left.
+  double open_direction = 0.01;
+  // Units and pairs of calibrations below which a covariance of 21 parameters is not taken for a prior.
+  std::size_t least_prior_units = 10, least_prior_pairs = 10;
+};
+inline constexpr FleetLimits fleet_limits;
 
 // Where a recording contradicts itself (joint_faults.h).
 struct FaultLimits {

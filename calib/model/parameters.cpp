@@ -40,4 +40,6 @@ SensorModel sensor_model(const Parameters& p, const RecordingInfo& info) {
   return {p.n * unit[6], p.N0_degph * unit[0], p.a * unit[15], p.A0_g * unit[3]};
 }
 
+double nominal_gyro_rad(const RecordingInfo& info) { return si_per_unit(info)[6] * start_parameters(info).n(0, 0); }
+
 }  // namespace turncal

@@ -61,5 +61,7 @@ struct SensorModel {
 SensorModel sensor_model(const Parameters& parameters, const RecordingInfo& info);
 // SI value of one unit of each parameter: rad/s per deg/h, m/s^2 per g, rad per count per unit n, m/s per count per unit a.
 ParameterVector si_per_unit(const RecordingInfo& info);
+// Of one increment of a gyro, by the start values.
+double nominal_gyro_rad(const RecordingInfo& info);
 
 }  // namespace turncal

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
@@ -12,8 +13,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double unseen_ratio = 1e-7;  // singular value over the largest, columns of unit length: nothing is seen below
 
 double& floor_of(RestFloors& floors, RestKind kind) {
   return kind == RestKind::norm        ? floors.norm_mps2
@@ -43,7 +42,7 @@ Whitened whiten(const RestSystem& system, const VectorXd& weights) {
       w.column_length[k] = 1.0;
   w.svd = thin_svd(J, true);
   const VectorXd& s = w.svd.values;
-  while (w.rank < s.size() && s[w.rank] > unseen_ratio * s[0]) ++w.rank;
+  while (w.rank < s.size() && s[w.rank] > rest_limits.unseen_ratio * s[0]) ++w.rank;
   return w;
 }
 

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <vector>
 
+#include "calib/model/limits.h"
 #include "calib/model/parameters.h"
 #include "calib/rests/rest_start.h"
 #include "calib/statistics/median.h"
@@ -27,13 +28,10 @@ std::string wrong_accelerometer_unit(const RestData& data) {
 }
 
 std::string wrong_gyro_unit(const RestData& data) {
-  // A turn of a few degrees tells no factor.
-  constexpr double least_misfit_rad = 0.15;  // rms over the legs, below which a factor of one is good enough
-  constexpr double clearly_better = 0.3;
   if (std::count_if(data.legs.begin(), data.legs.end(), [](const RestLeg& leg) { return leg.fault.empty(); }) < 3)
     return {};
   const double as_given = rest_misfit_rad(data, 1.0);
-  if (!(as_given > least_misfit_rad)) return {};
+  if (!(as_given > rest_limits.least_misfit_rad)) return {};
   const UnitSlip* best = nullptr;
   double best_misfit = as_given;
   for (const UnitSlip& slip : gyro_slips())
@@ -42,7 +40,7 @@ std::string wrong_gyro_unit(const RestData& data) {
       best_misfit = misfit;
     }
   // A factor between, which is a scale and no slip, explains the turns as well: then nothing is said.
-  if (best == nullptr || best_misfit > clearly_better * as_given) return {};
+  if (best == nullptr || best_misfit > rest_limits.of_misfit * as_given) return {};
   if (rest_misfit_rad(data, (1.0 - slip_nearness) / best->factor) < best_misfit ||
       rest_misfit_rad(data, (1.0 + slip_nearness) / best->factor) < best_misfit)
     return {};

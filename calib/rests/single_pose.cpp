@@ -14,9 +14,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double least_rest_s = 100.0;
 constexpr Index most_batches = 200;
-constexpr double least_temperature_span_c = 0.5;
 constexpr double alias_correlation = SelectionLimits{}.alias_correlation;
 
 struct Series {  // batch means
@@ -51,7 +49,7 @@ Series batches(const CompressedRecording& recording) {
   temperature.array() /= members.array();
   series.reading.array().colwise() /= members.array();
   if (recording.info.has_temperature && temperature.allFinite() &&
-      temperature.maxCoeff() - temperature.minCoeff() > least_temperature_span_c)
+      temperature.maxCoeff() - temperature.minCoeff() > rest_limits.least_temperature_span_c)
     series.temperature_c = temperature.array() - temperature.mean();
   return series;
 }
@@ -149,7 +147,7 @@ void add_axis(const Series& series, int channel, std::vector<PoseCoefficient>& o
 Result<SinglePose> analyse_single_pose(const CompressedRecording& recording) {
   SinglePose pose;
   for (const Block& block : recording.blocks) pose.duration_s += block.whole_second ? block.duration_s : 0.0;
-  if (pose.duration_s < least_rest_s)
+  if (pose.duration_s < rest_limits.least_pose_s)
     return input_error("one pose of " + std::to_string(std::lround(pose.duration_s)) +
                        " s: expected at least 100 s for noise and coefficients, or rests in several poses");
   pose.noise = allan_deviation(recording, start_parameters(recording.info));

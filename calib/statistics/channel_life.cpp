@@ -17,8 +17,7 @@ constexpr double whole =
 }  // namespace
 
 ChannelLife::ChannelLife(const RecordingInfo& info)
-    : sample_period_s_(info.sample_period_s),
-      gyro_deg_(sensor_model(start_parameters(info), info).gyro_scale(0, 0) / rad_per_deg) {}
+    : sample_period_s_(info.sample_period_s), gyro_deg_(nominal_gyro_rad(info) / rad_per_deg) {}
 
 bool ChannelLife::says_nothing_of(std::size_t channel, double angle_deg) const {
   constexpr double half_deg = 180.0, near_deg = 10.0;

@@ -11,7 +11,6 @@ namespace turncal {
 namespace {
 
 // What one count of the gyros is, rad, before anything is measured.
-double nominal_gyro_rad(const RecordingInfo& info) { return si_per_unit(info)[6] * start_parameters(info).n(0, 0); }
 
 constexpr double nominal_gyro_pulse_rad = 0.932920 * rad_per_arcsec;
 

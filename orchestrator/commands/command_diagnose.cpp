@@ -102,8 +102,7 @@ Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, co
   noise.velocity_random_walk.setConstant(*options.vrw_ug_per_rt_hz * mpsprs_per_ugprHz);
   noise.gyro_bias_instability_radps = options.gyro_bias_instability_degph * radps_per_degph;
   noise.accel_bias_instability_mps2 = options.accel_bias_instability_ug * 1e-6 * standard_gravity_mps2;
-  if (info.gyro_increment == IncrementKind::pulses)
-    noise.gyro_pulse_rad = sensor_model(start_parameters(info), info).gyro_scale(0, 0);
+  if (info.gyro_increment == IncrementKind::pulses) noise.gyro_pulse_rad = nominal_gyro_rad(info);
   if (info.accel_increment == IncrementKind::pulses) noise.accel_pulse_mps = info.accel_pulse_mps;
   return std::optional(noise);
 }

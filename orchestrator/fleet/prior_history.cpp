@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <map>
 
+#include "calib/model/limits.h"
 #include "orchestrator/fleet/kept_files.h"
 #include "orchestrator/jobs/navigation/stored_estimate.h"
 #include "orchestrator/records/output_folder.h"
@@ -63,8 +64,9 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
   if (!history) return history.error();
   const std::optional<FleetPrior> prior = fleet_prior(*history, unit);
   if (!prior)
-    return input_error(source.from + ": expected trusted calibrations of " + std::to_string(least_prior_units) +
-                       " other units" + (source.part.empty() ? "" : " of part " + source.part) + ", found " +
+    return input_error(source.from + ": expected trusted calibrations of " +
+                       std::to_string(fleet_limits.least_prior_units) + " other units" +
+                       (source.part.empty() ? "" : " of part " + source.part) + ", found " +
                        std::to_string(history->size()) + " calibrations");
   if (!output.fit) return input_error(recording.path + ": a prior: expected a recording with table angles");
   if (!output.fit->undetermined.empty()) {  // its own fit has ended anywhere along what it leaves open
@@ -104,7 +106,7 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
   std::snprintf(text, sizeof text, "prior: %zu other units, %zu earlier calibrations of this one", prior->units,
                 prior->own);
   output.notes.push_back(text);
-  if (prior->own == 0 && prior->pairs < least_prior_pairs)
+  if (prior->own == 0 && prior->pairs < fleet_limits.least_prior_pairs)
     output.notes.push_back(
         "prior: the unit's own history is not used: too few units were calibrated twice to know how much they change");
   std::string shares = "prior: its share of what is known:";
