@@ -15,6 +15,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <span>
 #include <string>
 #include <utility>
@@ -43,6 +44,7 @@ struct RigRecorderOptions {
   // This dwell (0: the first of the sequence, alignments count) is recorded, found bad and repeated, as a station does
   // it: closed as rotate, settled, and recorded again.
   int repeated_dwell = -1;
+  std::function<void(std::span<ImuSample>)> alter;  // what becomes of the samples on their way
 };
 
 // No noise, bias instability or walks, and real-valued pulses.
@@ -121,7 +123,8 @@ inline RigRecording record_on_rig(const Sequence& sequence, RigConfig config, co
     while (samples > 0) {
       const std::int64_t now = std::min<std::int64_t>(samples, 1024);  // twice as many may come back: duplicates
       const std::size_t count = rig.advance_time(now, chunk);
-      const std::span<const ImuSample> got(chunk.data(), count);
+      const std::span<ImuSample> got(chunk.data(), count);
+      if (options.alter) options.alter(got);
       compressor.add(got);
       if (options.writer != nullptr) must(options.writer->add(got));
       samples -= now;

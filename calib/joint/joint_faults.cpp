@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "calib/model/limits.h"
+#include "calib/statistics/clipping.h"
 
 namespace turncal {
 namespace {
@@ -58,7 +59,7 @@ double fill_sigma_rad(const CompressedRecording& recording, std::size_t gap, dou
   if (!usable(next)) return nothing_known_rad;
   const std::size_t window =
       std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(lost_s / blocks[next].duration_s)));
-  const double si = si_per_unit(recording.info)[6] * start_parameters(recording.info).n(0, 0);
+  const double si = nominal_gyro_rad(recording.info);
   const auto rate = [&](std::size_t k) -> Eigen::Vector3d { return blocks[k].gyro / blocks[k].duration_s; };
   double largest = 0.0;
   int tried = 0;
@@ -91,7 +92,10 @@ void add_break(std::vector<Break>& breaks, const Break& cut) {
 
 std::vector<Fault> faults_from_events(const CompressedRecording& recording, std::vector<Break>& breaks) {
   std::vector<Fault> faults;
-  for (const DataEvent& event : recording.events) {
+  std::vector<DataEvent> events = recording.events;
+  const std::vector<DataEvent> clipped = clipped_turns(recording);
+  events.insert(events.end(), clipped.begin(), clipped.end());
+  for (const DataEvent& event : events) {
     Fault fault;
     fault.first_sample = event.sample;
     fault.last_sample = event.sample + std::max<std::int64_t>(event.count, 1) - 1;
@@ -121,7 +125,8 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       const double lost_s = static_cast<double>(event.count) * recording.info.sample_period_s;
       if (segment >= 0) cut.attitude_sigma_rad = fill_sigma_rad(recording, fault.block, lost_s);
     } else if (event.kind == DataEvent::Kind::invalid) {
-      fault.what = "sample marked invalid by the unit";
+      fault.what =
+          event.axis < 0 ? "sample marked invalid by the unit" : clipped_text(recording.info, event.axis, event.size);
     } else {
       const bool gyro = event.kind == DataEvent::Kind::gyro_glitch;
       const bool counted =
@@ -129,8 +134,7 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       fault.what = glitch_text(event) +
                    format(counted ? ", %.0f counts off its neighbours" : ", %.3g off its neighbours", event.size);
       // Twice what the sample stands out by: half of it may lie in its neighbours.
-      const double si = si_per_unit(recording.info)[6] * start_parameters(recording.info).n(0, 0);
-      cut.attitude_sigma_rad = gyro ? 2.0 * std::abs(event.size) * si : 0.0;
+      cut.attitude_sigma_rad = gyro ? 2.0 * std::abs(event.size) * nominal_gyro_rad(recording.info) : 0.0;
     }
     fault.action = action_for(cut);
     if (!faults.empty() && faults.back().block == fault.block && faults.back().what == fault.what) {

@@ -6,7 +6,9 @@
 #include <limits>
 #include <span>
 
+#include "calib/model/limits.h"
 #include "calib/model/parameters.h"
+#include "calib/statistics/clipping.h"
 #include "calib/statistics/median.h"
 #include "calib/statistics/stillness.h"
 
@@ -58,14 +60,6 @@ Rest make_rest(const CompressedRecording& recording, std::size_t first, std::siz
 
 std::string samples_text(std::int64_t count) { return std::to_string(count) + " sample" + (count == 1 ? "" : "s"); }
 
-// The rate of an increment a sample, by the nominal scale.
-std::string rate_text(const RecordingInfo& info, double increment) {
-  const double radps = sensor_model(start_parameters(info), info).gyro_scale(0, 0) * increment / info.sample_period_s;
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g deg/s", radps / rad_per_deg);
-  return text;
-}
-
 std::string fault_in(const CompressedRecording& recording, std::size_t first, std::size_t end) {
   if (first >= end) return "no sample between the two rests";
   const std::int64_t from = recording.blocks[first].start_sample;
@@ -76,8 +70,8 @@ std::string fault_in(const CompressedRecording& recording, std::size_t first, st
   };
   for (const DataEvent& event : recording.events)
     if (event.kind == DataEvent::Kind::invalid && event.axis >= 0 && in_leg(event))
-      return std::string("gyro ") + "xyz"[event.axis] + " clipped at " + rate_text(recording.info, event.size) +
-             " for " + samples_text(event.count) + " from sample " + std::to_string(event.sample);
+      return clipped_text(recording.info, event.axis, event.size) + " for " + samples_text(event.count) +
+             " from sample " + std::to_string(event.sample);
   for (const DataEvent& event : recording.events)
     if (event.kind != DataEvent::Kind::duplicate && event.kind != DataEvent::Kind::temperature &&
         event.sample >= from && event.sample < to)
@@ -128,7 +122,7 @@ bool verify(const CompressedRecording& recording, const SixChannels& white, Run&
   const SixChannels own = white_variance(recording, {&run, 1}, 3);
   const double tremor = std::max(own.head<3>().sum() / std::max(white.head<3>().sum(), 1e-300),
                                  own.tail<3>().sum() / std::max(white.tail<3>().sum(), 1e-300));
-  if ((white > 0.0).all() && tremor > most_tremor) {
+  if ((white > 0.0).all() && tremor > segmentation_limits.most_tremor) {
     say("set aside: the unit moves there, its variance over that of the other rests is", tremor);
     return false;
   }
@@ -141,8 +135,7 @@ bool verify(const CompressedRecording& recording, const SixChannels& white, Run&
   const StillPart part = longest_still(means, (white / recording.blocks[run.first].duration_s).sqrt());
   if (part.end - part.first == means.size()) return true;
   const Run cut{run.first + part.first, run.first + part.end};
-  constexpr std::size_t fewest_blocks = 4;
-  if (part.end - part.first < fewest_blocks) {
+  if (part.end - part.first < rest_limits.fewest_still) {
     say("set aside: the unit moves there; seconds of it that are still:",
         part.end > part.first ? seconds(cut.end - 1) - seconds(cut.first) : 0.0);
     return false;

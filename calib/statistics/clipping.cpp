@@ -3,15 +3,15 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstdio>
 #include <limits>
+#include "calib/model/limits.h"
+#include "calib/model/parameters.h"
+#include "calib/statistics/table_turns.h"
 
 namespace turncal {
 namespace {
 
-constexpr std::int64_t shortest_run = 3;
-constexpr std::int64_t least_samples = 6;
-constexpr double share_of_band = 0.5;
-constexpr double least_steps = 50.0;
 constexpr double same = 1e-9;  // relative: rounding of a constant times an interval
 
 // Seven bits of the mantissa: bins of 1/128 of the value.
@@ -26,7 +26,7 @@ ClippingFinder::ClippingFinder() {
 }
 
 void ClippingFinder::close(Side& side) {
-  if (side.current.count >= shortest_run) side.runs.push_back(side.current);
+  if (side.current.count >= clipping_limits.shortest_run) side.runs.push_back(side.current);
   side.current.count = 0;
 }
 
@@ -67,10 +67,10 @@ std::vector<ClippedRun> ClippingFinder::finish() {
       close(side);
       std::int64_t at = 0;
       for (const ClippedRun& run : side.runs) at += run.count;
-      if (at < least_samples || !(side.extreme > least_steps * step_[axis])) continue;
+      if (at < clipping_limits.fewest || !(side.extreme > clipping_limits.least_steps * step_[axis])) continue;
       const std::size_t top = bin_of(side.extreme);
       const double band = static_cast<double>(side.histogram[top]) + static_cast<double>(side.histogram[top - 1]);
-      if (static_cast<double>(at) < share_of_band * band) continue;
+      if (static_cast<double>(at) < clipping_limits.of_band * band) continue;
       result.insert(result.end(), side.runs.begin(), side.runs.end());
     }
   std::sort(result.begin(), result.end(), [](const ClippedRun& a, const ClippedRun& b) { return a.sample < b.sample; });
@@ -80,6 +80,44 @@ std::vector<ClippedRun> ClippingFinder::finish() {
 void ClippingFinder::note(std::vector<DataEvent>& events) {
   for (const ClippedRun& run : finish())
     events.push_back({DataEvent::Kind::invalid, run.sample, run.count, run.axis, run.value});
+}
+
+std::vector<DataEvent> clipped_turns(const CompressedRecording& recording) {
+  std::vector<DataEvent> events;
+  const bool counted = recording.info.gyro_increment == IncrementKind::pulses;
+  for (const TableTurn& turn : table_turns(recording)) {
+    if (turn.felt_rad > (1.0 - clipping_limits.short_by) * turn.commanded_rad) continue;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto mean = [&](std::size_t k) {
+        const Block& b = recording.blocks[k];
+        return b.samples > 0 && b.missing == 0 ? b.gyro[axis] / b.samples : 0.0;
+      };
+      double extreme = 0.0;
+      for (std::size_t k = turn.first; k < turn.end; ++k)
+        if (std::abs(mean(k)) > std::abs(extreme)) extreme = mean(k);
+      if (extreme == 0.0 || (counted && std::abs(extreme - std::round(extreme)) > same * std::abs(extreme))) continue;
+      std::int64_t near = 0, run = 0, longest = 0;
+      std::size_t begin = turn.first, from = begin;
+      for (std::size_t k = turn.first; k < turn.end; ++k) {
+        const std::int64_t samples = recording.blocks[k].samples;
+        if (mean(k) / extreme > 1.0 - clipping_limits.short_by) near += samples;
+        run = std::abs(mean(k) - extreme) <= same * std::abs(extreme) ? run + samples : 0;
+        if (run == 0) begin = k + 1;
+        if (run > longest) longest = run, from = begin;
+      }
+      if (longest >= clipping_limits.fewest &&
+          static_cast<double>(longest) >= clipping_limits.of_band * static_cast<double>(near))
+        events.push_back({DataEvent::Kind::invalid, recording.blocks[from].start_sample, longest, axis, extreme});
+    }
+  }
+  return events;
+}
+
+std::string clipped_text(const RecordingInfo& info, int axis, double increment) {
+  char text[64];
+  std::snprintf(text, sizeof text, "gyro %c clipped at %.4g deg/s", "xyz"[axis],
+                nominal_gyro_rad(info) * std::abs(increment) / (info.sample_period_s * rad_per_deg));
+  return text;
 }
 
 }  // namespace turncal

@@ -1,19 +1,20 @@
 // Finds where a gyro stood at the end of its range: runs of one and the same extreme value.
 //
 // A clipped turn piles its samples up at one value. A channel and sense is clipped when its extreme value
-//   - comes at least three times in a row, and six times in such runs,
-//   - makes up at least half of all samples within about 1 % of it (a turn that only comes near its peak passes through many values),
-//   - is more than 50 of the smallest steps the channel makes (a coarse channel repeats itself anyway).
-// Three in a row within a band of many equally likely values is a chance of one in the band's width squared.
+//   - comes several times in a row, and several times in such runs,
+//   - makes up at least half of all samples within about 1 % of it,
+//   - is many of the smallest steps the channel makes (ClippingLimits in limits.h).
 //
 // A file reader that sees the numbers themselves flags samples that are clipped (gyro_clipped_flag); such are found too.
 //
 // One pass; memory: 0.8 MB and the runs. For units turned by hand: at the constant rate of a table a coarse gyro repeats one value for
-// as long as it turns. Not modelled: a sensor that wraps around, or that rings at the end of its range.
+// as long as it turns. There the turn itself tells (clipped_turns): the sums of its blocks repeat one value, and it is short of what was
+// commanded. Not modelled: a sensor that wraps around, or that rings at the end of its range.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "calib/statistics/compression.h"
@@ -54,5 +55,11 @@ class ClippingFinder {
   std::array<double, 3> step_{};  // smallest change that is not zero
   bool any_ = false;
 };
+
+// Of a recording with table angles: an event for each axis that clipped in a turn, in time order.
+std::vector<DataEvent> clipped_turns(const CompressedRecording& recording);
+
+// "gyro x clipped at 8 deg/s", by the nominal scale.
+std::string clipped_text(const RecordingInfo& info, int axis, double increment);
 
 }  // namespace turncal

@@ -4,12 +4,11 @@
 #include <cmath>
 #include <cstdio>
 
+#include "calib/model/limits.h"
 #include "calib/statistics/stillness.h"
 
 namespace turncal {
 namespace {
-
-constexpr int fewest_rests = 4;  // fewer calibrate nothing
 
 double quantile(std::vector<double> values, double part) {
   if (values.empty()) return 0.0;
@@ -97,7 +96,8 @@ void RestFinder::choose_threshold(const std::vector<double>& ratios, Segmentatio
   double begin = first;
   const auto judge = [&](double end, int count) {
     const double length = end - begin;
-    if (count >= fewest_rests && length > best_length + 1e-9 && begin <= std::log10(most_tremor)) {
+    if (count >= segmentation_limits.fewest_rests && length > best_length + 1e-9 &&
+        begin <= std::log10(segmentation_limits.most_tremor)) {
       best_length = length;
       result.plateau_begin = std::pow(10.0, begin);
       result.plateau_end = std::pow(10.0, end);
@@ -115,7 +115,7 @@ void RestFinder::choose_threshold(const std::vector<double>& ratios, Segmentatio
     }
     if (k == 50) judge(at + step, count);
   }
-  if (best_length > 2.5 * step) {
+  if (best_length > segmentation_limits.shortest_plateau) {
     // Near the lower end: what is above it already holds the first of the motion.
     result.threshold = result.plateau_begin * std::pow(10.0, std::min(0.5, best_length / 3.0));
     result.reason = "the number of rests stays the same for thresholds from " + rounded(result.plateau_begin) + " to " +
@@ -153,7 +153,7 @@ std::vector<RestFinder::Run> RestFinder::runs_below(const std::vector<double>& r
       first = k;
     }
     if (inside && quiet) last_quiet = k;
-    if (inside && (ratios[k] > 3.0 * threshold || k - last_quiet >= width)) close();
+    if (inside && (ratios[k] > segmentation_limits.hysteresis * threshold || k - last_quiet >= width)) close();
   }
   if (inside) close();
   // Two runs may share cells: the moved cell between them belongs to neither.
@@ -184,7 +184,7 @@ void RestFinder::drop_slow_turns(std::vector<Run>& runs, Segmentation& result) c
     const double middle = quantile(means, 0.5);
     std::vector<double> off;
     for (const double m : means) off.push_back(std::abs(m - middle));
-    const double limit = options_.slow_turn_sigmas * 1.4826 * quantile(off, 0.5) + result.quiet_gyro;
+    const double limit = segmentation_limits.slow_turn_sigmas * 1.4826 * quantile(off, 0.5) + result.quiet_gyro;
     const std::size_t before = runs.size();
     std::erase_if(runs, [&](const Run& run) { return std::abs(mean_gyro(run)[axis] - middle) > limit; });
     result.slow_turns += static_cast<int>(before - runs.size());
@@ -239,7 +239,7 @@ Segmentation RestFinder::finish() {
   for (const Window& w : windows)
     if (w.gyro <= quiet_fifth) smooth.push_back(w.smoothness);
   result.smoothness = quantile(smooth, 0.5);
-  if (result.smoothness > options_.smooth_motion) {
+  if (result.smoothness > segmentation_limits.smooth_motion) {
     result.reason = "even in its quietest fifth the gyros follow a smooth motion and no noise (variance " +
                     rounded(result.smoothness) +
                     " times that of neighbouring samples): the unit swings and never rests";

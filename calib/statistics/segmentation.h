@@ -8,7 +8,7 @@
 // is near 1 at rest and 10 to 10^7 in motion. A hand that holds the unit shakes it, so the threshold cannot follow from
 // the noise: it is looked for where the outcome does not depend on it. Of all thresholds from what noise reaches to
 // 10^5 times that, in steps of 26 %, the longest stretch over which the number of rests (four or more) stays the same
-// is taken, and in it a point near the lower end. A stretch that begins above most_tremor (stillness.h) is none: what shakes so much
+// is taken, and in it a point near the lower end. A stretch that begins above most_tremor (limits.h) is none: what shakes so much
 // moves. Hysteresis: a rest begins where R falls below the threshold and ends
 // where R rises above three times it, or stays above the threshold for a whole window. Cells of quiet windows are at
 // rest; guard_s is cut at both ends, where a window may still hold the end of a motion; shorter than min_rest_s is no
@@ -39,9 +39,7 @@ struct SegmentationOptions {
   int window_cells = 5;
   double min_rest_s = 1.5;
   double guard_s = 0.3;
-  double slow_turn_sigmas = 8.0;
   std::optional<double> threshold;  // on R, given and not looked for
-  double smooth_motion = 30.0;      // a filter of a tenth of the bandwidth makes 10
 };
 
 struct Segmentation {

@@ -22,8 +22,4 @@ struct StillPart {
 // `noise`: standard deviation of a piece by sensor noise alone. Fewer than five pieces are taken as they are.
 StillPart longest_still(std::span<const SixChannels> pieces, const SixChannels& noise, double outlier = 8.0);
 
-// A rest may tremble (a unit held by hand) by this much of the variance of a quiet one; beyond it the unit moves. The hand-held rests
-// of docs/measured.md reach 500; a turn of 1 deg/s is at 10^4 and more.
-inline constexpr double most_tremor = 1000.0;
-
 }  // namespace turncal

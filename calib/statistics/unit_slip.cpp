@@ -1,12 +1,12 @@
 #include "calib/statistics/unit_slip.h"
 
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <vector>
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/median.h"
+#include "calib/statistics/table_turns.h"
 
 namespace turncal {
 
@@ -26,7 +26,6 @@ constexpr UnitSlip of_gyros[] = {
     {2.0, "too large by 2: the range, or the rate, is another"},
     {0.5, "too small by 2: the range, or the rate, is another"},
 };
-constexpr double least_turn_deg = 20.0;
 
 std::string found(const char* what, double ratio, const UnitSlip* slip) {
   if (slip == nullptr) return {};
@@ -45,20 +44,9 @@ std::string wrong_accelerometers(const CompressedRecording& recording, const Sen
   return found("gravity reads", ratio, slip_near(accel_slips(), ratio));
 }
 
-std::string wrong_gyros(const CompressedRecording& recording, const SensorModel& model) {
-  std::vector<Eigen::Vector3d> felt(recording.segments.size(), Eigen::Vector3d::Zero());
-  for (const Block& block : recording.blocks) felt[static_cast<std::size_t>(block.segment)] += block.gyro;
+std::string wrong_gyros(const CompressedRecording& recording) {
   std::vector<double> ratios;
-  for (std::size_t k = 1; k < recording.segments.size(); ++k) {
-    const Segment &from = recording.segments[k - 1], &to = recording.segments[k];
-    const std::array<double, 3> turns = {std::abs(to.heading_deg - from.heading_deg),
-                                         std::abs(to.pitch_deg - from.pitch_deg),
-                                         std::abs(to.roll_deg - from.roll_deg)};
-    const double sum = turns[0] + turns[1] + turns[2];
-    const bool one_axis = turns[0] == sum || turns[1] == sum || turns[2] == sum;
-    if (to.kind != SegmentKind::rotate || !one_axis || sum < least_turn_deg) continue;
-    ratios.push_back((model.gyro_scale * felt[k]).norm() / (sum * rad_per_deg));
-  }
+  for (const TableTurn& turn : table_turns(recording)) ratios.push_back(turn.felt_rad / turn.commanded_rad);
   if (ratios.size() < 3) return {};
   const double ratio = median(ratios);
   return found("in the table's turns the gyros add up to", ratio, slip_near(gyro_slips(), ratio));
@@ -80,8 +68,7 @@ std::string wrong_table_units(const CompressedRecording& recording) {
   const SensorModel model = sensor_model(start_parameters(info), info);
   std::string both;
   if (info.accel_increment == IncrementKind::physical) both = wrong_accelerometers(recording, model);
-  const std::string gyros =
-      info.gyro_increment == IncrementKind::physical ? wrong_gyros(recording, model) : std::string();
+  const std::string gyros = info.gyro_increment == IncrementKind::physical ? wrong_gyros(recording) : std::string();
   if (!both.empty() && !gyros.empty()) both += "; ";
   return both + gyros;
 }

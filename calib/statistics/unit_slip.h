@@ -19,7 +19,7 @@ inline constexpr double slip_nearness = 0.12;  // of the factor: raw sensors are
 const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio);
 
 // Of a recording with table angles whose increments are in physical units: gravity at rest, by the median second, and what the gyros
-// add up to in the table's turns of one axis by 20 deg and more, by the median turn. One sentence; empty: nothing is plainly wrong.
+// add up to in the table's turns (table_turns.h), by the median turn. One sentence; empty: nothing is plainly wrong.
 std::string wrong_table_units(const CompressedRecording& recording);
 
 }  // namespace turncal

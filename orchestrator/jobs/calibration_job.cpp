@@ -13,6 +13,7 @@
 #include "calib/rest_diagnosis/rest_diagnosis.h"
 #include "calib/rests/rest_model.h"
 #include "calib/rests/rest_units.h"
+#include "calib/statistics/clipping.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/rest_as_diagnosis.h"
 #include "orchestrator/station/version.h"
@@ -76,8 +77,19 @@ std::string wrong_latitude(const CompressedRecording& recording, const JointResu
   return text;
 }
 
+// "gyro x clipped at 8 deg/s in 14 turns"; empty: none did.
+std::string clipped_gyros(const CompressedRecording& recording) {
+  std::map<std::string, int> turns;
+  for (const DataEvent& event : clipped_turns(recording)) ++turns[clipped_text(recording.info, event.axis, event.size)];
+  std::string all;
+  for (const auto& [text, count] : turns)
+    all += (all.empty() ? "" : ", ") + text + " in " + std::to_string(count) + " turns";
+  return all;
+}
+
 // Of a recording that leaves parameters open.
 std::string expected_instead(const CompressedRecording& recording, const JointResult& result) {
+  if (const std::string clipped = clipped_gyros(recording); !clipped.empty()) return "slower turns, " + clipped;
   const std::string wrong = wrong_latitude(recording, result);
   return wrong.empty() ? "the steps that do" : "the site's latitude, " + wrong;
 }

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "calib/model/limits.h"
 #include "calib/rest_diagnosis/rest_diagnosis.h"
 #include "calib/rests/rest_units.h"
 #include "calib/rests/single_pose.h"
@@ -120,7 +121,7 @@ TEST(Segmentation, ThresholdsStayNearTheNoise) {
           size * std::sin(0.0628 * static_cast<double>(k - s.start_sample - 250)) * 0.01;
   }
   const Segmentation found = find_rests(hand.info, hand.samples);
-  EXPECT_LT(found.threshold, 3.2 * most_tremor);
+  EXPECT_LT(found.threshold, 3.2 * segmentation_limits.most_tremor);
   SegmentationOptions given;
   given.threshold = 50.0;
   EXPECT_EQ(find_rests(hand.info, hand.samples, given).threshold, 50.0);

@@ -1,0 +1,31 @@
+#include "calib/statistics/table_turns.h"
+
+#include <array>
+#include <cmath>
+
+#include "calib/model/parameters.h"
+
+namespace turncal {
+
+std::vector<TableTurn> table_turns(const CompressedRecording& recording) {
+  constexpr double least_turn_deg = 20.0;
+  const double gyro_rad = nominal_gyro_rad(recording.info);
+  const std::vector<Block>& blocks = recording.blocks;
+  std::vector<TableTurn> turns;
+  for (std::size_t first = 0, end = 0; first < blocks.size(); first = end) {
+    const auto segment = static_cast<std::size_t>(blocks[first].segment);
+    Eigen::Vector3d felt = Eigen::Vector3d::Zero();
+    for (end = first; end < blocks.size() && static_cast<std::size_t>(blocks[end].segment) == segment; ++end)
+      felt += blocks[end].gyro;
+    if (segment == 0 || recording.segments[segment].kind != SegmentKind::rotate) continue;
+    const Segment &from = recording.segments[segment - 1], &to = recording.segments[segment];
+    const std::array<double, 3> by = {std::abs(to.heading_deg - from.heading_deg),
+                                      std::abs(to.pitch_deg - from.pitch_deg), std::abs(to.roll_deg - from.roll_deg)};
+    const double sum = by[0] + by[1] + by[2];
+    const bool one_axis = by[0] == sum || by[1] == sum || by[2] == sum;
+    if (one_axis && sum >= least_turn_deg) turns.push_back({first, end, sum * rad_per_deg, gyro_rad * felt.norm()});
+  }
+  return turns;
+}
+
+}  // namespace turncal

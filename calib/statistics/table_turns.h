@@ -1,0 +1,20 @@
+// The turns of a table, one axis at a time: what was commanded, and what the gyros add up to.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "calib/statistics/compression.h"
+
+namespace turncal {
+
+struct TableTurn {
+  std::size_t first = 0, end = 0;  // blocks
+  double commanded_rad = 0.0;      // above zero
+  double felt_rad = 0.0;           // by the nominal scale; the axis stands still in the unit, so the sums add up
+};
+// Of one axis by 20 deg and more, in the order in which they came.
+std::vector<TableTurn> table_turns(const CompressedRecording& recording);
+
+}  // namespace turncal
