@@ -202,6 +202,33 @@ void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d
   std::fflush(stdout);
 }
 
+// What the recording knows of what was laid on it. `sigmas`: what a test would come to that knew its shape and all but its size, the
+// parameters estimated beside it; below 4 or so nobody could see it. `shift`: what it does to the parameters of any such fit, in sigmas.
+void report_seen(std::uint64_t seed, int draw, const CompressedRecording& clean, const CompressedRecording& disturbed,
+                 const JointResult& fit) {
+  FilterSetup setup = fit.setup;
+  setup.keep_innovations = true;
+  const FilterResult without = run_filter(clean, fit.parameters, {}, setup);
+  const FilterResult with = run_filter(disturbed, fit.parameters, {}, setup);
+  double square = 0.0;
+  for (std::size_t k = 0; k < without.innovations.size(); ++k)
+    square += (with.innovations[k].normalised - without.innovations[k].normalised).squaredNorm();
+  const Eigen::VectorXd change = with.gradient - without.gradient;
+  const SubsetSolution solved = solve_subset(without.information, change, fit.free, fit.ranges);
+  double largest = 0.0;
+  std::string_view parameter = "-";
+  for (std::size_t i = 0; i < fit.free.size(); ++i) {
+    const double z = solved.step[static_cast<Eigen::Index>(i)] /
+                     std::sqrt(solved.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)));
+    if (std::abs(z) <= std::abs(largest)) continue;
+    largest = z;
+    parameter = parameter_keys[static_cast<std::size_t>(fit.free[i])];
+  }
+  const double left = square + Eigen::VectorXd(change(fit.free)).dot(solved.step);
+  std::printf("seen %llu %d sigmas %.2f shift %.2f %s\n", static_cast<unsigned long long>(seed), draw,
+              std::sqrt(std::max(left, 0.0)), largest, std::string(parameter).c_str());
+}
+
 void report_latitude(std::uint64_t seed, const FeltLatitude& felt, double truth_deg) {
   const double off_deg = felt.latitude_rad / rad_per_deg - truth_deg, sigma_deg = felt.sigma_rad / rad_per_deg;
   std::printf("latitude %llu %.3f %.5f %.5f %.3f %d\n", static_cast<unsigned long long>(seed), truth_deg, off_deg,
@@ -300,6 +327,7 @@ int main(int argc, char** argv) {
         continue;
       }
       report(seed, k, drawn, diagnose(recording, options), recording, made.truth, tests);
+      if (tests && !clean) report_seen(seed, k, made.recording, recording, joint_estimate(made.recording));
     }
   }
 }
