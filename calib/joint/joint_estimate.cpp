@@ -8,6 +8,9 @@
 #include "calib/joint/noise_pull.h"
 #include "calib/joint/start_noise.h"
 #include "calib/model/limits.h"
+#include "calib/statistics/clipping.h"
+#include "calib/statistics/table_turns.h"
+#include "calib/statistics/unit_slip.h"
 
 namespace turncal {
 namespace {
@@ -45,6 +48,11 @@ JointResult JointRun::run() {
     if (!options_.start && r.start.N0_degph.cwiseAbs().maxCoeff() > start_limits.large_bias_degph)
       r.parameters.N0_degph = r.start.N0_degph;
   }
+  // A counter of another weight than the nominal one: the table's turns say which.
+  if (!options_.start && !options_.faults_of && recording_.info.gyro_increment == IncrementKind::pulses)
+    if (const double felt = felt_of_commanded(recording_);
+        std::abs(felt - 1.0) > slip_nearness && clipped_turns(recording_).empty())
+      r.parameters.n /= felt;
   r.setup.mounting = r.start.mounting;
   if (!r.start.error.empty()) {
     r.message = r.start.error;

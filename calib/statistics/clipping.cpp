@@ -82,34 +82,57 @@ void ClippingFinder::note(std::vector<DataEvent>& events) {
     events.push_back({DataEvent::Kind::invalid, run.sample, run.count, run.axis, run.value});
 }
 
-std::vector<DataEvent> clipped_turns(const CompressedRecording& recording) {
-  std::vector<DataEvent> events;
+namespace {
+
+// In one turn, by its blocks; count 0: the axis does not repeat its highest value.
+ClippedRun repeated(const CompressedRecording& recording, const TableTurn& turn, int axis) {
+  const auto mean = [&](std::size_t k) {
+    const Block& b = recording.blocks[k];
+    return b.samples > 0 && b.missing == 0 ? b.gyro[axis] / b.samples : 0.0;
+  };
+  double extreme = 0.0;
+  for (std::size_t k = turn.first; k < turn.end; ++k)
+    if (std::abs(mean(k)) > std::abs(extreme)) extreme = mean(k);
   const bool counted = recording.info.gyro_increment == IncrementKind::pulses;
-  for (const TableTurn& turn : table_turns(recording)) {
-    if (turn.felt_rad > (1.0 - clipping_limits.short_by) * turn.commanded_rad) continue;
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto mean = [&](std::size_t k) {
-        const Block& b = recording.blocks[k];
-        return b.samples > 0 && b.missing == 0 ? b.gyro[axis] / b.samples : 0.0;
-      };
-      double extreme = 0.0;
-      for (std::size_t k = turn.first; k < turn.end; ++k)
-        if (std::abs(mean(k)) > std::abs(extreme)) extreme = mean(k);
-      if (extreme == 0.0 || (counted && std::abs(extreme - std::round(extreme)) > same * std::abs(extreme))) continue;
-      std::int64_t near = 0, run = 0, longest = 0;
-      std::size_t begin = turn.first, from = begin;
-      for (std::size_t k = turn.first; k < turn.end; ++k) {
-        const std::int64_t samples = recording.blocks[k].samples;
-        if (mean(k) / extreme > 1.0 - clipping_limits.short_by) near += samples;
-        run = std::abs(mean(k) - extreme) <= same * std::abs(extreme) ? run + samples : 0;
-        if (run == 0) begin = k + 1;
-        if (run > longest) longest = run, from = begin;
-      }
-      if (longest >= clipping_limits.fewest &&
-          static_cast<double>(longest) >= clipping_limits.of_band * static_cast<double>(near))
-        events.push_back({DataEvent::Kind::invalid, recording.blocks[from].start_sample, longest, axis, extreme});
+  if (extreme == 0.0 || (counted && std::abs(extreme - std::round(extreme)) > same * std::abs(extreme))) return {};
+  ClippedRun longest, run;
+  std::int64_t near = 0;
+  for (std::size_t k = turn.first; k < turn.end; ++k) {
+    const std::int64_t samples = recording.blocks[k].samples;
+    if (mean(k) / extreme > 1.0 - clipping_limits.short_by) near += samples;
+    if (std::abs(mean(k) - extreme) > same * std::abs(extreme)) {
+      run.count = 0;
+      continue;
     }
+    if (run.count == 0) run = {axis, recording.blocks[k].start_sample, 0, extreme};
+    run.count += samples;
+    if (run.count > longest.count) longest = run;
   }
+  const bool most = static_cast<double>(longest.count) >= clipping_limits.of_band * static_cast<double>(near);
+  return longest.count >= clipping_limits.fewest && most ? longest : ClippedRun{};
+}
+
+}  // namespace
+
+std::vector<DataEvent> clipped_turns(const CompressedRecording& recording) {
+  struct Suspect {
+    ClippedRun run;
+    double felt;
+  };
+  std::vector<Suspect> suspects;
+  double whole = 0.0;  // what a turn that does not repeat itself adds up to: the scale factor may be far from nominal
+  for (const TableTurn& turn : table_turns(recording)) {
+    const double felt = turn.felt_rad / turn.commanded_rad;
+    const std::size_t before = suspects.size();
+    for (int axis = 0; axis < 3; ++axis)
+      if (const ClippedRun run = repeated(recording, turn, axis); run.count > 0) suspects.push_back({run, felt});
+    if (suspects.size() == before) whole = std::max(whole, felt);
+  }
+  if (whole == 0.0) whole = 1.0;
+  std::vector<DataEvent> events;
+  for (const Suspect& s : suspects)
+    if (s.felt < (1.0 - clipping_limits.short_by) * whole)
+      events.push_back({DataEvent::Kind::invalid, s.run.sample, s.run.count, s.run.axis, s.run.value});
   return events;
 }
 

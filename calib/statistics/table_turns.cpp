@@ -2,8 +2,10 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "calib/model/parameters.h"
+#include "calib/statistics/median.h"
 
 namespace turncal {
 
@@ -26,6 +28,12 @@ std::vector<TableTurn> table_turns(const CompressedRecording& recording) {
     if (one_axis && sum >= least_turn_deg) turns.push_back({first, end, sum * rad_per_deg, gyro_rad * felt.norm()});
   }
   return turns;
+}
+
+double felt_of_commanded(const CompressedRecording& recording) {
+  std::vector<double> ratios;
+  for (const TableTurn& turn : table_turns(recording)) ratios.push_back(turn.felt_rad / turn.commanded_rad);
+  return ratios.size() < 3 ? std::numeric_limits<double>::quiet_NaN() : median(ratios);
 }
 
 }  // namespace turncal

@@ -16,5 +16,7 @@ struct TableTurn {
 };
 // Of one axis by 20 deg and more, in the order in which they came.
 std::vector<TableTurn> table_turns(const CompressedRecording& recording);
+// What is felt over what was commanded, the median turn; NaN with fewer than three.
+double felt_of_commanded(const CompressedRecording& recording);
 
 }  // namespace turncal

@@ -45,10 +45,7 @@ std::string wrong_accelerometers(const CompressedRecording& recording, const Sen
 }
 
 std::string wrong_gyros(const CompressedRecording& recording) {
-  std::vector<double> ratios;
-  for (const TableTurn& turn : table_turns(recording)) ratios.push_back(turn.felt_rad / turn.commanded_rad);
-  if (ratios.size() < 3) return {};
-  const double ratio = median(ratios);
+  const double ratio = felt_of_commanded(recording);
   return found("in the table's turns the gyros add up to", ratio, slip_near(gyro_slips(), ratio));
 }
 

@@ -1,7 +1,7 @@
 // Monte Carlo of the joint estimate (docs/accuracy.md): seeded rig runs, each with a unit of its own.
 //
 //   study_joint SEED_FIRST SEED_COUNT [--instability G A] [--table ARCMIN] [--sequence NAME] [--walks ARW VRW] [--real]
-//               [--no-instability-fit] [--given] [--correlation S]
+//               [--no-instability-fit] [--given] [--correlation S] [--gyro-pulse ARCSEC]
 // --walks: of the rig (deg/sqrt(h), ug/sqrt(Hz)); --real: increments are real numbers, not pulses; --instability: bias
 // instability of the gyros (deg/h) and accelerometers (ug); --table: sigma of its random errors
 // (arcmin); --given: the estimator is given the rig's random walks instead of measuring them; --correlation: time of the process that
@@ -81,6 +81,8 @@ int main(int argc, char** argv) {
       config.noise.accel_random_walk_ug_per_rt_hz = std::strtod(argv[++k], nullptr);
     } else if (std::strcmp(argv[k], "--real") == 0) {
       config.quantisation = RigQuantisation::off;
+    } else if (std::strcmp(argv[k], "--gyro-pulse") == 0 && k + 1 < argc) {
+      config.gyro_pulse_arcsec = std::strtod(argv[++k], nullptr);
     } else if (std::strcmp(argv[k], "--table") == 0 && k + 1 < argc) {
       config.table_errors.random_arcmin = std::strtod(argv[++k], nullptr);
     } else if (std::strcmp(argv[k], "--sequence") == 0 && k + 1 < argc) {

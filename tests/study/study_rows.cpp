@@ -124,10 +124,10 @@ void run(std::uint64_t seed, const Row& row) {
   const Diagnosis d = diagnose(made.recording, options);
   std::string names;
   for (const std::string& name : d.effect_names) {
-    names += (names.empty() ? "" : "+") + name;
+    std::string others;
     if (const auto found = d.aliases.find(name); found != d.aliases.end())
-      for (std::size_t k = 0; k < found->second.size(); ++k) names += (k == 0 ? "(" : ",") + found->second[k];
-    if (d.aliases.count(name) > 0) names += ")";
+      for (const std::string& other : found->second) others += (others.empty() ? "" : ",") + other;
+    names += (names.empty() ? "" : "+") + name + (others.empty() ? "" : "(" + others + ")");
   }
   Eigen::Index at = 0;
   // The rig's truth is that of the named effect; what is laid on has been freed of what the parameters take up.
