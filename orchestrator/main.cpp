@@ -6,6 +6,7 @@
 #include <csignal>
 #include <iostream>
 
+#include "imu_io/base/console.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/watch/tone.h"
@@ -32,6 +33,7 @@ int main(int argc, char** argv) {
   std::signal(SIGPIPE, SIG_IGN);              // a reader that goes away ends the printing, not what is being made
   std::signal(SIGXFSZ, SIG_IGN);              // a file above a limit is an error as on a full disk
   ::umask(::umask(0) | (S_IWGRP | S_IWOTH));  // results are for all to read and for their owner to write
+  const turncal::Console out(std::cout, STDOUT_FILENO), err(std::cerr, STDERR_FILENO);
   turncal::allow_colour(std::cout, STDOUT_FILENO);
   turncal::allow_colour(std::cerr, STDERR_FILENO);
   turncal::CommandContext context{.out = std::cout,

@@ -40,7 +40,9 @@ std::size_t printable_character(std::string_view text) {
   const bool control = code < 0x20 || (code >= 0x7F && code <= 0x9F);
   const bool turns = code == 0x061C || code == 0x200E || code == 0x200F || (code >= 0x2028 && code <= 0x202E) ||
                      (code >= 0x2066 && code <= 0x2069);
-  return control || turns ? 0 : length;
+  const bool unseen = code == 0xAD || code == 0x180E || (code >= 0x200B && code <= 0x200D) ||
+                      (code >= 0x2060 && code <= 0x2064) || code == 0xFEFF;
+  return control || turns || unseen ? 0 : length;
 }
 
 std::string quoted(std::string_view text) {

@@ -1,4 +1,5 @@
-// While this object lives no signal that can be caught ends or stops the program without the table being left as it should:
+// While this object lives nobody who does not read what is printed holds the program up (Unhindered), and no signal that can be caught ends or
+// stops it without the table being left as it should:
 //
 //   SIGINT                                                                 a request
 //   SIGTERM, SIGHUP; SIGQUIT, USR1, USR2, ALRM, VTALRM, PROF, PWR, IO, XCPU   the same, told to end
@@ -8,13 +9,16 @@
 // Three counts, since a pause must not cut a driver's waits short, and since a run that the system ended was aborted by nobody:
 //   pauses()    1 once the first request was a SIGINT, for a run that asked for that (FirstInterrupt::pauses)
 //   requests()  every other request: stop now, each further one faster
-//   ends()      those of requests() that were not SIGINT
-// They stay readable after the object has gone, until the next one.
+//   ends()      those of requests() from the first on that was not SIGINT
+// They stay readable after the object has gone, until the next one. After a request signals stay as they are here: what is left to be written down and
+// said is not cut short.
 #pragma once
 
 #include <array>
 #include <atomic>
 #include <csignal>
+
+#include "imu_io/base/console.h"
 
 namespace turncal {
 
@@ -34,6 +38,7 @@ class StopSignals {
     }
   }
   ~StopSignals() {
+    if (any()) return;
     for (std::size_t i = 0; i < signals.size(); ++i) sigaction(signals[i], &old_[i], nullptr);
   }
   StopSignals(const StopSignals&) = delete;
@@ -51,7 +56,7 @@ class StopSignals {
       return;
     }
     may_pause_ = 0;
-    if (signal != SIGINT) ++ends_;  // before the request that it explains
+    if (signal != SIGINT || ends_ > 0) ++ends_;  // before the request that it explains
     ++requests_;
   }
 
@@ -62,6 +67,7 @@ class StopSignals {
   static inline std::atomic<int> requests_{0}, pauses_{0}, ends_{0}, may_pause_{0};
   static_assert(std::atomic<int>::is_always_lock_free);
   std::array<struct sigaction, signals.size()> old_{};
+  Unhindered printing_;
 };
 
 }  // namespace turncal

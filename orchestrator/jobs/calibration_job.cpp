@@ -87,13 +87,6 @@ std::string clipped_gyros(const CompressedRecording& recording) {
   return all;
 }
 
-// Of a recording that leaves parameters open.
-std::string expected_instead(const CompressedRecording& recording, const JointResult& result) {
-  if (const std::string clipped = clipped_gyros(recording); !clipped.empty()) return "slower turns, " + clipped;
-  const std::string wrong = wrong_latitude(recording, result);
-  return wrong.empty() ? "the steps that do" : "the site's latitude, " + wrong;
-}
-
 // What speaks against its sigmas; empty: nothing does, be it that there is too little to judge by.
 std::string distrust_of(const CompressedRecording& recording, const JointResult& result, bool test_fit) {
   if (result.whiteness.level == 0.0) return "";  // too few seconds at rest
@@ -109,6 +102,16 @@ std::string distrust_of(const CompressedRecording& recording, const JointResult&
   return text;
 }
 
+// Why a recording leaves parameters open: data that no model fits take the noise so high that it hides the rest.
+std::string why_open(const CompressedRecording& recording, const JointResult& result) {
+  if (const std::string clipped = clipped_gyros(recording); !clipped.empty())
+    return "expected slower turns, " + clipped;
+  if (const std::string wrong = wrong_latitude(recording, result); !wrong.empty())
+    return "expected the site's latitude, " + wrong;
+  const std::string misfit = distrust_of(recording, result, true);
+  return misfit.empty() ? "expected the steps that do" : misfit;
+}
+
 Status joint(const CompressedRecording& recording, const CalibrationRequest& request, CalibrationOutput& output) {
   JointOptions options;
   options.candidates = latitude_columns();
@@ -121,8 +124,7 @@ Status joint(const CompressedRecording& recording, const CalibrationRequest& req
   }
   const std::string open = undetermined_parameters(result);
   if (!open.empty() && !request.partial)
-    return not_determined("this recording does not determine " + open + ": expected " +
-                          expected_instead(recording, result));
+    return not_determined("this recording does not determine " + open + ": " + why_open(recording, result));
   describe_estimate(result, recording, false, output.file);
   output.distrust = distrust_of(recording, result, request.test_fit);
   describe_trust(result.whiteness.level > 0.0 && output.distrust.empty(), output.file);

@@ -43,7 +43,11 @@ TEST(RecordingCheck, PlainTextIsPrintableUtf8) {
                           "b",
                           "a\xE2\x80\xA8"
                           "b",
-                          "\xE2\x81\xA6"}) {  // turns the writing, ends the line
+                          "\xE2\x81\xA6",  // turns the writing, ends the line
+                          "\xE2\x80\x8B",
+                          "\xEF\xBB\xBFSN1",
+                          "SN\xC2\xAD"
+                          "1"}) {  // is not seen
     EXPECT_FALSE(is_plain_text(bad)) << quoted(bad);
   }
 }

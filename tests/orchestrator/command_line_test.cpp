@@ -195,6 +195,21 @@ TEST_F(CommandLine, SeveralRecordingsAreOfOneUnitAndDiffer) {
   expect_refused({"calibrate", "sn1", demo, "--method", "closed-form", "--out", "out"}, "expected joint");
 }
 
+// A step that no model fits takes the noise so high that it hides the earth's rate.
+TEST_F(CommandLine, DataThatDoNotFitAreSaidWhereTheyHideWhatIsAskedFor) {
+  write("step.rig",
+        "outside.gyro_bias_step.axis = x\noutside.gyro_bias_step.time_s = 400\n"
+        "outside.gyro_bias_step.size_degph = 3000\n");
+  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN1", "--rig", path("step.rig"), "--sequence",
+                 TURNCAL_SOURCE_DIR "/sequences/short_demo.seq", "--capture-only", "--out", "step"})
+                .code,
+            0);
+  const ProgramResult result = run({"calibrate", "step", "--out", "out"});
+  EXPECT_EQ(result.code, 20);
+  EXPECT_NE(result.err.find("does not determine N0"), std::string::npos) << result.err;
+  EXPECT_EQ(result.err.find("expected the steps that do"), std::string::npos) << result.err;
+}
+
 // verify.seq keeps the table level: most parameters stay open.
 TEST_F(CommandLine, WhatIsNotDeterminedIsSaidAndNotUsed) {
   const std::string demo = demo_run("demo");

@@ -1,6 +1,7 @@
 // A pause lets the item that goes on come to its end, leaves the table at rest with its drives off, and costs nothing that was
 // recorded; a stop asked for from outside is an interruption too; twice by the operator is an abort.
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/records/journal_contents.h"
 #include "tests/imu_io/temporary_folder.h"
@@ -342,6 +343,42 @@ TEST_F(PausedProgram, TwiceFromOutside) {
   EXPECT_EQ(result.code, 30) << result.err;
   EXPECT_EQ(result.err_lines(), 1) << result.err;
   EXPECT_NE(file_text(folder_ / "out/run.log").find("stopping -> aborted  stopped_verified"), std::string::npos);
+}
+
+// What is left to be written down and said when the table is off is not cut short.
+TEST(StopSignals, AfterARequestTheNextDoesNotEndTheProgram) {
+  const auto twice = [] {
+    {
+      const StopSignals signals;
+      ::raise(SIGTERM);
+    }
+    ::raise(SIGTERM);
+    ::raise(SIGHUP);
+    ::_exit(StopSignals::ends() == 3 ? 7 : 1);
+  };
+  EXPECT_EXIT(twice(), testing::ExitedWithCode(7), "");
+  const auto none = [] {
+    { const StopSignals signals; }
+    ::raise(SIGTERM);
+  };
+  EXPECT_EXIT(none(), testing::KilledBySignal(SIGTERM), "");
+}
+
+TEST(StopSignals, WhatTheSystemHasEndedNobodyAborts) {
+  const auto both = [] {
+    const StopSignals signals(FirstInterrupt::pauses);
+    ::raise(SIGQUIT);
+    ::raise(SIGINT);
+    ::_exit(StopSignals::requests() == 2 && StopSignals::ends() == 2 ? 7 : 1);
+  };
+  EXPECT_EXIT(both(), testing::ExitedWithCode(7), "");
+  const auto aborted = [] {
+    const StopSignals signals;
+    ::raise(SIGINT);
+    ::raise(SIGTERM);
+    ::_exit(StopSignals::requests() == 2 && StopSignals::ends() == 1 ? 7 : 1);
+  };
+  EXPECT_EXIT(aborted(), testing::ExitedWithCode(7), "");
 }
 
 }  // namespace

@@ -114,6 +114,7 @@ write.abort = 0 u16 0
   std::atomic<bool> reads_answered{true};
   std::atomic<bool> rate_reads_zero{false};    // nor does the status say that it moves
   std::atomic<bool> moving_never_said{false};  // but the rate is told
+  std::atomic<bool> on_reads_zero{false};      // whatever the drive is
   std::atomic<bool> words_swapped{false};      // of what is read
   std::atomic<int> exception{0};               // in place of a reading
   std::atomic<double> read_anew_s{0.0};        // so old may a position be
@@ -136,7 +137,8 @@ write.abort = 0 u16 0
       }
       const auto position = static_cast<std::uint32_t>(static_cast<std::int32_t>(drive.told));
       const auto rate = static_cast<std::uint32_t>(static_cast<std::int32_t>(rate_reads_zero ? 0.0 : drive.rate));
-      const bool on = (drive.control & 1) != 0, moves = drive.rate != 0.0 && !rate_reads_zero && !moving_never_said;
+      const bool on = (drive.control & 1) != 0 && !on_reads_zero,
+                 moves = drive.rate != 0.0 && !rate_reads_zero && !moving_never_said;
       const std::uint16_t status = static_cast<std::uint16_t>((on ? 1 : 0) | (moves ? 8 : 2) | (drive.homed ? 16 : 0));
       std::vector<std::uint16_t> block = {static_cast<std::uint16_t>(position >> 16),
                                           static_cast<std::uint16_t>(position), static_cast<std::uint16_t>(rate >> 16),

@@ -123,6 +123,16 @@ TEST_F(LastWord, WhoOnlyLooks) {
   EXPECT_TRUE(drives.all_off());
 }
 
+// A bit of the status that is stuck: who switched the drives on switches them off, whatever they say.
+TEST_F(LastWord, DrivesThatReadOffAreSwitchedOffByWhoSwitchedThemOn) {
+  {
+    const auto table = device();
+    make_ready(table->table());
+    drives.on_reads_zero = true;
+  }
+  EXPECT_TRUE(drives.all_off());
+}
+
 TEST_F(LastWord, WhatIsRefusedIsSentAgain) {
   {
     const auto table = device();

@@ -22,6 +22,17 @@ LimitedTurntable::LimitedTurntable(Turntable& table, const std::array<MotionLimi
 
 Status LimitedTurntable::connect() { return table_.connect(); }
 
+Status LimitedTurntable::enable() {
+  switched_on_ = true;  // also where the answer was lost
+  return table_.enable();
+}
+
+Status LimitedTurntable::abort_all() {
+  const Status aborted = table_.abort_all();
+  if (aborted) switched_on_ = false;
+  return aborted;
+}
+
 Status LimitedTurntable::home() {
   travel_ = {};  // the zero may change, and a cable is wound as it is at zero
   return table_.home();

@@ -30,16 +30,17 @@ class LimitedTurntable : public Turntable {
 
   Status connect() override;
   Result<TableIdentity> identify() override { return table_.identify(); }
-  Status enable() override { return table_.enable(); }
+  Status enable() override;
   Status home() override;
   Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override;
   Status stop_all() override { return table_.stop_all(); }
-  Status abort_all() override { return table_.abort_all(); }
+  Status abort_all() override;
   Status clear_fault() override { return table_.clear_fault(); }
   Result<AxisStatus> status(Axis axis) override;
   bool needs_operator() const override { return table_.needs_operator(); }
   void set_meanwhile(std::function<void()> meanwhile) override { table_.set_meanwhile(std::move(meanwhile)); }
   bool was_connected() const override { return table_.was_connected(); }
+  bool was_switched_on() const override { return switched_on_; }
   bool answers() const override { return table_.answers(); }
   bool can_switch_off() const override { return table_.can_switch_off(); }
 
@@ -50,6 +51,7 @@ class LimitedTurntable : public Turntable {
   Turntable& table_;
   std::array<MotionLimits, 3> limits_;
   std::array<std::optional<Travel>, 3> travel_;  // since homing
+  bool switched_on_ = false;
 };
 
 }  // namespace turncal

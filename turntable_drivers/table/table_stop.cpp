@@ -60,7 +60,7 @@ bool TableStop::look(const TableStatus* axes, double now_s) {
     stands_ = *axes;
   }
   if (seen == Motion::stands) {
-    if (!drives_on(*axes) || (abort_taken_ && !table_.can_switch_off())) return true;
+    if (drives_on(*axes) ? abort_taken_ && !table_.can_switch_off() : !table_.was_switched_on()) return true;
   } else if (axes != nullptr && !abort_taken_) {
     return false;  // it brakes
   }

@@ -3,7 +3,8 @@
 //
 //   stop      the braking stop to every axis; where one does not take it, the fastest
 //   off       once every axis reads at rest: the fastest stop, drives off
-//   verified  every axis reads at rest, and its drive off by the drive's own word (not where the device cannot switch it off)
+//   verified  every axis reads at rest, and its drive off by the drive's own word (not where the device cannot switch it off), after the order to go
+//             off was taken: whoever switched drives on sends it, whatever they say of themselves
 //
 // At rest: no axis says that it moves or turns, and every one has read the same place for stand_s. A drive's own word alone is not believed,
 // nor a position that is read anew faster than the device finds a new one.
@@ -67,7 +68,8 @@ struct StopTime {
 // How a table is left whose stop was verified.
 std::string how_it_rests(const Turntable& table);
 
-// Carries the rule out from wherever the table is. Nothing is sent to a table whose axes all read at rest with their drives off.
+// Carries the rule out from wherever the table is. Nothing is sent to a table that was not switched on from here and whose axes all read at rest
+// with their drives off.
 // An error: it could not be verified.
 Status leave_off(Turntable& table, const StopTime& time);
 

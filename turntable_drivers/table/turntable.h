@@ -67,6 +67,9 @@ class Turntable {
   virtual void set_meanwhile(std::function<void()> meanwhile) { static_cast<void>(meanwhile); }
   // False until connect() has succeeded once: until then the drives were told nothing but their setup.
   virtual bool was_connected() const { return true; }
+  // True from the first order that switches drives on or moves an axis, until abort_all() was taken: what the drives say of themselves is not
+  // enough then.
+  virtual bool was_switched_on() const { return false; }
   // After a status() that failed: whether the device is there all the same, so that the fault is its own and not the link's.
   virtual bool answers() const { return false; }
   // False: abort_all() leaves the drives on, since the device has no word for it.

@@ -7,7 +7,7 @@
 
 #include <csignal>
 
-#include "temporary_folder.h"
+#include "tests/imu_io/temporary_folder.h"
 
 namespace turncal {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "imu_io/base/bytes.h"
-#include "temporary_folder.h"
+#include "tests/imu_io/temporary_folder.h"
 
 namespace turncal {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "temporary_folder.h"
+#include "tests/imu_io/temporary_folder.h"
 
 namespace turncal {
 namespace {
