@@ -13,7 +13,7 @@
 namespace turncal {
 namespace {
 
-constexpr double longest_stop_pause_s = 0.05;  // of a stop itself
+constexpr double longest_stop_pause_s = 0.05;  // all waits of a stop together
 
 long hex_or_decimal(KeyValueFile& file, const std::string& key, long min, long max) {
   const std::string text = file.text(key);
@@ -168,6 +168,13 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
 
 void read_writes(KeyValueFile& file, RegisterMap& map) {
   map.write_function = file.one_of_or("write.function", "6", {"6", "16"}) == "6" ? 6 : 16;
+  if (file.has("write.codes")) {
+    for (const std::string& text : file.list("write.codes")) {
+      const auto address = whole_number(text);
+      if (!address || *address < 0 || *address > 65535) file.reject("write.codes", "registers from 0 to 65535");
+      map.code_registers.push_back(static_cast<int>(address.value_or(0)));
+    }
+  }
   for (int i = 0; i < drive_operation_count; ++i) {
     const auto operation = static_cast<DriveOperation>(i);
     const std::string key = "write." + std::string(to_string(operation));
@@ -176,9 +183,11 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
       map.of_table[static_cast<std::size_t>(i)] = file.one_of_or(key + ".scope", "axis", {"axis", "table"}) == "table";
     }
     const bool is_stop = operation == DriveOperation::stop || operation == DriveOperation::abort;
-    for (const WriteStep& step : map.list(operation)) {
-      if (!is_stop || step.wait_s <= longest_stop_pause_s) continue;
-      file.reject(key, "waits of at most " + format_number(longest_stop_pause_s) + " s: it must be out within 0.1 s");
+    double waits_s = 0.0;
+    for (const WriteStep& step : map.list(operation)) waits_s += step.wait_s;
+    if (is_stop && waits_s > longest_stop_pause_s + 1e-9) {
+      file.reject(key, "waits of at most " + format_number(longest_stop_pause_s) + " s together, not " +
+                           format_number(waits_s) + ": it must be out within 0.1 s");
     }
     const bool optional = operation == DriveOperation::setup || operation == DriveOperation::clear_fault ||
                           operation == DriveOperation::enable ||

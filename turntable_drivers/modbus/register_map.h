@@ -102,6 +102,9 @@ struct RegisterMap : TableDescription {
   std::array<WriteList, drive_operation_count> writes;
   std::array<bool, drive_operation_count> of_table{};  // written once, to heading's unit and without offset
 
+  std::vector<int>
+      code_registers;  // addresses as in the lists: what is written there is the number of a command, not bits
+
   std::optional<int> heartbeat_address;
   bool heartbeat_of_table = false;
   std::vector<std::uint16_t> heartbeat_values;  // written in turn; empty: another number each time

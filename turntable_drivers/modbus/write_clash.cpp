@@ -9,6 +9,7 @@ namespace turncal {
 namespace {
 
 using Register = std::pair<int, int>;  // unit, address
+constexpr std::uint16_t whole_word = 0xFFFF;
 
 // One register that a list writes, in its order: a number of several registers is as many of these, since that is what the drive gets.
 struct Written {
@@ -16,18 +17,22 @@ struct Written {
   std::optional<double> value;  // none: what a move asks for
   std::vector<std::uint16_t> words;
   int registers = 1;
-  bool target = false;  // where a move goes
-  int number = 0;       // of the list's numbers
+  bool target = false;    // where a move goes
+  int number = 0;         // of the list's numbers
+  bool release = false;   // 0 after another value
+  bool is_code = false;   // a number of a command, not bits
+  bool of_table = false;  // at the same place for every axis
+  std::uint16_t word() const { return words.empty() ? 0 : words[0]; }
 };
 
-// A release: 0 after another value.
-bool releases(const std::vector<Written>& before, const Written& now) {
+bool released_by(const std::vector<Written>& before, const Written& now) {
   return now.value == 0.0 && std::any_of(before.begin(), before.end(), [&](const Written& earlier) {
            return earlier.place == now.place && earlier.value != 0.0;
          });
 }
 
-std::vector<Written> written_by(const RegisterMap& map, DriveOperation operation, Axis axis) {
+// All that is sent, releases too.
+std::vector<Written> sent_by(const RegisterMap& map, DriveOperation operation, Axis axis) {
   std::vector<Written> all;
   int number = 0;
   for (const WriteStep& step : map.list(operation)) {
@@ -39,6 +44,7 @@ std::vector<Written> written_by(const RegisterMap& map, DriveOperation operation
       now.registers = register_count(operand.type);
       now.target = operand.kind == WriteOperand::Kind::position || operand.kind == WriteOperand::Kind::distance;
       now.number = ++number;
+      now.of_table = step.of_table || map.once(operation);
       const int first = std::exchange(address, address + now.registers);
       const auto words = now.value ? encode_words(*now.value, operand.type, map.layout) : std::nullopt;
       if (!words) {
@@ -47,11 +53,21 @@ std::vector<Written> written_by(const RegisterMap& map, DriveOperation operation
       }
       int at = first;
       for (const std::uint16_t word : words->span()) {
-        const Written one{{now.place.first, at++}, static_cast<double>(word), {word}, 1, false, number};
-        if (!releases(all, one)) all.push_back(one);
+        const bool is_code =
+            std::count(map.code_registers.begin(), map.code_registers.end(), step.address + at - now.place.second) > 0;
+        Written one{
+            {now.place.first, at++}, static_cast<double>(word), {word}, 1, false, number, false, is_code, now.of_table};
+        one.release = released_by(all, one);
+        all.push_back(std::move(one));
       }
     }
   }
+  return all;
+}
+
+std::vector<Written> written_by(const RegisterMap& map, DriveOperation operation, Axis axis) {
+  std::vector<Written> all = sent_by(map, operation, axis);
+  std::erase_if(all, [](const Written& written) { return written.release; });
   return all;
 }
 
@@ -73,30 +89,41 @@ std::vector<Written> triggers_of(const std::vector<Written>& list, DriveOperatio
   return found;
 }
 
-bool holds_bits(const Written& written, const Written& trigger) {
-  if (written.place != trigger.place || written.words.empty() || trigger.value.value_or(0.0) == 0.0) return false;
-  return (written.words[0] & trigger.words[0]) == trigger.words[0];
-}
-
-// What a list leaves in the register that enables; null: it does not write there.
-const Written* left_in(const std::vector<Written>& list, const Written& trigger) {
-  const auto last =
-      std::find_if(list.rbegin(), list.rend(), [&](const Written& w) { return w.place == trigger.place; });
+// What a list leaves in a register; null: it does not write there.
+const Written* left_in(const std::vector<Written>& list, const Register& place) {
+  const auto last = std::find_if(list.rbegin(), list.rend(), [&](const Written& w) { return w.place == place; });
   return last == list.rend() ? nullptr : &*last;
 }
 
-// An abort that takes the enabling bits away, and gives them back.
-std::optional<WriteClash> on_again(const RegisterMap& map, Axis axis) {
-  const std::vector<Written> abort = written_by(map, DriveOperation::abort, axis);
-  for (const Written& trigger : triggers_of(written_by(map, DriveOperation::enable, axis), DriveOperation::enable)) {
-    const Written* const left = left_in(abort, trigger);
-    const bool taken_away = std::any_of(abort.begin(), abort.end(), [&](const Written& written) {
-      return written.place == trigger.place && !holds_bits(written, trigger);
-    });
-    if (!map.can_switch_off || left == nullptr || !taken_away || !holds_bits(*left, trigger)) continue;
-    return WriteClash{"write.abort", "that it does not end with the bits of write.enable, which switch on again"};
+// What starts something, and the bits of its word that do; all of them: only this very number does.
+struct Trigger {
+  Written written;
+  std::uint16_t mask = whole_word;
+};
+
+// Bits of a control word do what they do, whatever stands beside them. Where a drive is on without any, it is on without those by
+// which write.abort switches it off. A brake may hold the drive on: of a move it must not have what goes beyond write.enable.
+std::vector<Trigger> triggers_of(const RegisterMap& map, DriveOperation starts, Axis axis, bool of_brake = false) {
+  std::vector<Trigger> found;
+  const std::vector<Written> enable = written_by(map, DriveOperation::enable, axis);
+  const std::vector<Written> abort = sent_by(map, DriveOperation::abort, axis);
+  for (const Written& written : triggers_of(written_by(map, starts, axis), starts)) {
+    if (!written.value) continue;
+    const Written* const on = left_in(enable, written.place);
+    const Written* const off = starts == DriveOperation::enable ? left_in(abort, written.place) : nullptr;
+    std::uint16_t mask = written.word();
+    if (mask == 0 && off != nullptr) mask = off->word();
+    if (of_brake && (starts == DriveOperation::enable || (mask & ~(on != nullptr ? on->word() : 0)) == 0)) mask = 0;
+    found.push_back({written, written.is_code || mask == 0 ? whole_word : mask});
   }
-  return std::nullopt;
+  return found;
+}
+
+bool does(const Written& written, const Trigger& trigger) {
+  if (written.place != trigger.written.place) return false;
+  if (written.words.empty()) return !written.value;  // any number
+  if (written.release && trigger.mask == whole_word) return false;
+  return (written.word() & trigger.mask) == (trigger.written.word() & trigger.mask);
 }
 
 // Another register that both write with different values before: another command.
@@ -113,40 +140,54 @@ bool differ(const std::vector<Written>& one, const std::vector<Written>& other, 
   return false;
 }
 
-bool holds(const Written& written, const Written& trigger) {
-  return trigger.value && written.place == trigger.place && written.words == trigger.words;
-}
-
-bool overlaps(const Register& place, int registers, const Written& target) {
-  return place.first == target.place.first && place.second < target.place.second + target.registers &&
-         target.place.second < place.second + registers;
+bool overlaps(const Written& one, const Written& other) {
+  return one.place.first == other.place.first && one.place.second < other.place.second + other.registers &&
+         other.place.second < one.place.second + one.registers;
 }
 
 std::string said(const Register& place) { return "register " + std::to_string(place.second); }
 
-Register heartbeat_of(const RegisterMap& map, Axis axis) {
-  return {map.of(axis).unit, *map.heartbeat_address + (map.heartbeat_of_table ? 0 : map.of(axis).address_offset)};
-}
-
 constexpr DriveOperation starting[] = {DriveOperation::enable, DriveOperation::home, DriveOperation::move};
 constexpr DriveOperation harmless[] = {DriveOperation::setup, DriveOperation::stop, DriveOperation::abort,
                                        DriveOperation::clear_fault};
+
+// What is written without anything being meant to start.
+struct Harmless {
+  std::string key;
+  std::vector<Written> sent;
+  bool brakes = false;  // with the drive on
+};
+
+std::vector<Harmless> harmless_of(const RegisterMap& map, Axis axis) {
+  std::vector<Harmless> all;
+  for (const DriveOperation operation : harmless) {
+    const bool brakes =
+        operation == DriveOperation::stop || (operation == DriveOperation::abort && !map.can_switch_off);
+    all.push_back({"write." + std::string(to_string(operation)), sent_by(map, operation, axis), brakes});
+  }
+  if (!map.heartbeat_address) return all;
+  const Register beat{map.of(axis).unit,
+                      *map.heartbeat_address + (map.heartbeat_of_table ? 0 : map.of(axis).address_offset)};
+  Harmless heartbeat{map.heartbeat_values.empty() ? "heartbeat.address" : "heartbeat.values", {}};
+  for (const std::uint16_t value : map.heartbeat_values)
+    heartbeat.sent.push_back({.place = beat, .value = value, .words = {value}});
+  if (heartbeat.sent.empty()) heartbeat.sent.push_back({.place = beat, .value = {}, .words = {}});
+  all.push_back(std::move(heartbeat));
+  return all;
+}
 
 // A drive that is on may follow its target register without any other command.
 std::optional<WriteClash> target_clash_of(const RegisterMap& map, Axis of_move, Axis of_harmless) {
   const std::vector<Written> move = written_by(map, DriveOperation::move, of_move);
   for (const Written& target : move) {
     if (!target.target) continue;
-    const std::string expected = "no write to " + said(target.place) + ", where write.move says where to go";
-    for (const DriveOperation operation : harmless) {
-      const std::vector<Written> other = written_by(map, operation, of_harmless);
-      for (const Written& written : other) {
-        if (overlaps(written.place, written.registers, target) && !differ(move, other, written.place))
-          return WriteClash{"write." + std::string(to_string(operation)), expected};
+    for (const Harmless& other : harmless_of(map, of_harmless)) {
+      for (const Written& written : other.sent) {
+        if (overlaps(written, target) && !differ(move, other.sent, written.place))
+          return WriteClash{other.key.starts_with("heartbeat") ? "heartbeat.address" : other.key,
+                            "no write to " + said(target.place) + ", where write.move says where to go"};
       }
     }
-    if (map.heartbeat_address && overlaps(heartbeat_of(map, of_harmless), 1, target))
-      return WriteClash{"heartbeat.address", expected};
   }
   return std::nullopt;
 }
@@ -154,28 +195,44 @@ std::optional<WriteClash> target_clash_of(const RegisterMap& map, Axis of_move, 
 std::optional<WriteClash> clash_of(const RegisterMap& map, Axis of_starting, Axis of_harmless) {
   for (const DriveOperation starts : starting) {
     const std::vector<Written> list = written_by(map, starts, of_starting);
-    for (const Written& trigger : triggers_of(list, starts)) {
-      if (!trigger.value) continue;
-      for (const DriveOperation operation : harmless) {
-        const std::vector<Written> other = written_by(map, operation, of_harmless);
-        for (const Written& written : other) {
-          if (!holds(written, trigger) || differ(list, other, trigger.place)) continue;
-          return WriteClash{"write." + std::string(to_string(operation)),
-                            "no write of " + format_number(*trigger.value) + " to " + said(trigger.place) +
-                                ", which is write." + to_string(starts)};
+    for (const Harmless& other : harmless_of(map, of_harmless)) {
+      for (const Trigger& trigger : triggers_of(map, starts, of_starting, other.brakes)) {
+        for (const Written& written : other.sent) {
+          if (!does(written, trigger) || differ(list, other.sent, trigger.written.place)) continue;
+          const bool same = !written.value || written.words == trigger.written.words;
+          const std::string name = std::string("write.") + to_string(starts);
+          return WriteClash{other.key, "no write of " + format_number(written.value.value_or(*trigger.written.value)) +
+                                           " to " + said(trigger.written.place) +
+                                           (same ? ", which is " + name
+                                                 : ", which holds the bits of " + name + " (" +
+                                                       format_number(*trigger.written.value) +
+                                                       "); numbers of commands: write.codes")};
         }
       }
-      if (!map.heartbeat_address) continue;
-      const Register beat = heartbeat_of(map, of_harmless);
-      const int first = trigger.place.second, length = static_cast<int>(trigger.words.size());
-      const bool inside = beat.first == trigger.place.first && beat.second >= first && beat.second < first + length;
-      if (!inside) continue;
-      const std::vector<std::uint16_t>& values = map.heartbeat_values;
-      const std::uint16_t word = trigger.words[static_cast<std::size_t>(beat.second - first)];
-      if (values.empty() || std::find(values.begin(), values.end(), word) != values.end()) {
-        return WriteClash{values.empty() ? "heartbeat.address" : "heartbeat.values",
-                          "another register or value than that of write." + std::string(to_string(starts))};
+    }
+  }
+  return std::nullopt;
+}
+
+// A stop that goes to a register of another axis alone is not this one's.
+std::optional<WriteClash> stops_another(const RegisterMap& map, Axis axis, Axis other) {
+  for (const DriveOperation operation : {DriveOperation::stop, DriveOperation::abort}) {
+    const std::string key = "write." + std::string(to_string(operation));
+    if (map.once(operation) && map.of(axis).unit != map.of(other).unit)
+      return WriteClash{key + ".scope", "axis, where every axis has a unit of its own"};
+    const auto writes_to = [&](Axis whose, const Written& place) {
+      for (int i = 0; i < drive_operation_count; ++i) {
+        const auto list = static_cast<DriveOperation>(i);
+        const std::vector<Written> sent = sent_by(map, list, whose);
+        if (std::any_of(sent.begin(), sent.end(), [&](const Written& w) { return !w.of_table && overlaps(w, place); }))
+          return true;
       }
+      return false;
+    };
+    for (const Written& written : sent_by(map, operation, axis)) {
+      if (writes_to(other, written) && !writes_to(axis, written))
+        return WriteClash{
+            key, "a write to each axis; " + said(written.place) + " is that of axis." + to_string(other) + " alone"};
     }
   }
   return std::nullopt;
@@ -183,32 +240,41 @@ std::optional<WriteClash> clash_of(const RegisterMap& map, Axis of_starting, Axi
 
 std::optional<WriteClash> same_axis(const RegisterMap& map, Axis one, Axis other) {
   const auto read_at = [&](Axis axis) {
-    const int address = map.of(axis).position.address;
-    const bool in_first = address >= map.status_address && address < map.status_address + map.status_count;
+    const RegisterField& position = map.of(axis).position;
+    const bool in_first =
+        position.address >= map.status_address && position.address < map.status_address + map.status_count;
     const bool of_table = in_first ? map.status_of_table : map.status2_of_table;
-    return Register{map.of(axis).unit, address + (of_table ? 0 : map.of(axis).address_offset)};
+    return Written{.place = {map.of(axis).unit, position.address + (of_table ? 0 : map.of(axis).address_offset)},
+                   .value = {},
+                   .words = {},
+                   .registers = register_count(position.type)};
   };
   const std::string key = "axis." + std::string(to_string(other)) + ".unit";
   const std::string apart =
       "a unit or an address_offset of its own, not those of axis." + std::string(to_string(one)) + ": ";
-  if (read_at(one) == read_at(other)) return WriteClash{key, apart + "both read one position"};
+  if (overlaps(read_at(one), read_at(other))) return WriteClash{key, apart + "both read one position"};
   if (map.once(DriveOperation::move)) return std::nullopt;
   const std::vector<Written> moves = written_by(map, DriveOperation::move, one);
-  const std::vector<Written> others = written_by(map, DriveOperation::move, other);
-  const bool alike =
-      std::equal(moves.begin(), moves.end(), others.begin(), others.end(),
-                 [](const Written& a, const Written& b) { return a.place == b.place && a.words == b.words; });
-  return alike ? std::optional(WriteClash{key, apart + "one write.move moves both"}) : std::nullopt;
+  for (const DriveOperation starts : starting) {
+    const std::vector<Written> others = written_by(map, starts, other);
+    for (const Written& a : moves) {
+      for (const Written& b : others) {
+        if (overlaps(a, b) && !(a.value && b.value) && !differ(moves, others, a.place))
+          return WriteClash{key, apart + "one write.move moves both"};
+      }
+    }
+  }
+  return std::nullopt;
 }
 
 }  // namespace
 
 std::optional<WriteClash> write_clash(const RegisterMap& map) {
   for (const Axis one : all_axes) {
-    if (auto clash = on_again(map, one)) return clash;
     for (const Axis other : all_axes) {
-      if (index(one) < index(other)) {
-        if (auto clash = same_axis(map, one, other)) return clash;
+      if (one != other) {
+        if (auto clash = same_axis(map, std::min(one, other), std::max(one, other))) return clash;
+        if (auto clash = stops_another(map, one, other)) return clash;
       }
       if (auto clash = clash_of(map, one, other)) return clash;
       if (auto clash = target_clash_of(map, one, other)) return clash;
@@ -218,11 +284,11 @@ std::optional<WriteClash> write_clash(const RegisterMap& map) {
 }
 
 bool stop_holds_enable(const RegisterMap& map) {
-  const std::vector<Written> stop = written_by(map, DriveOperation::stop, Axis::heading);
-  const auto triggers = triggers_of(written_by(map, DriveOperation::enable, Axis::heading), DriveOperation::enable);
-  return std::any_of(triggers.begin(), triggers.end(), [&](const Written& trigger) {
-    const Written* const left = left_in(stop, trigger);
-    return left != nullptr && holds_bits(*left, trigger);
+  const std::vector<Written> stop = sent_by(map, DriveOperation::stop, Axis::heading);
+  const auto triggers = triggers_of(map, DriveOperation::enable, Axis::heading);
+  return std::any_of(triggers.begin(), triggers.end(), [&](const Trigger& trigger) {
+    const Written* const left = left_in(stop, trigger.written.place);
+    return left != nullptr && does(*left, trigger);
   });
 }
 

@@ -4,7 +4,11 @@
 // What starts something is the register that its list writes last: for `enable` the value that it ends with (those before are steps of
 // the drive's own state machine), for `home` and `move` every value written there. A 0 that follows another value in a register is a
 // release, and starts nothing. The register of a move's position or distance is written by no other list, whatever the value: a drive that
-// is on may follow it. An `abort` that takes the bits of the enabling value away must not end with them. All of it register by register: a number of 32 bits writes two. A register that both lists write with different values first, as a command block does, tells them apart.
+// is on may follow it. Bits of a control word do what they do whatever stands beside them: a word that holds all bits of such a value counts
+// as that value (where a drive is on without any bit: a word without those that `abort` leaves), but in a register of command numbers
+// (`write.codes`). A brake may hold the drive on, with other bits. A stop or abort of one axis writes to no register of another alone. All of
+// it register by register: a number of 32 bits writes two. A register that both lists write with different values first, as a command
+// block does, tells them apart.
 #pragma once
 
 #include <optional>

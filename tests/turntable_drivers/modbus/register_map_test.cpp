@@ -64,6 +64,10 @@ TEST(RegisterMap, DefectsAreNamed) {
   EXPECT_NE(
       error_of("write.abort = 0x203 u16 1", "write.abort = wait 0.06, 0x203 u16 1").find("waits of at most 0.05 s"),
       std::string::npos);
+  EXPECT_NE(
+      error_of("write.stop = 0x202 u16 1, 0x202 u16 0", "write.stop = 0x202 u16 1, wait 0.03, wait 0.03, 0x202 u16 0")
+          .find("at most 0.05 s together, not 0.06"),
+      std::string::npos);
   EXPECT_EQ(error_of("write.enable = 0x200 u16 1", "write.enable = 0x200 u16 1, wait 1"), "accepted");
   EXPECT_NE(
       error_of("s32 position + u32 rate", "s32 distance + s32 position + u32 rate").find("either position or distance"),
@@ -98,7 +102,7 @@ TEST(RegisterMap, AStopThatCannotStopIsRefused) {
   const Result<RegisterMap> again = parse_register_map(text, "my.map");
   ASSERT_FALSE(again.ok());
   EXPECT_NE(again.error().message.find("write.abort"), std::string::npos) << again.error().message;
-  EXPECT_NE(again.error().message.find("switch on again"), std::string::npos) << again.error().message;
+  EXPECT_NE(again.error().message.find("holds the bits of write.enable"), std::string::npos) << again.error().message;
   EXPECT_TRUE(parse_register_map(text + "switch_off = false\n", "my.map").ok());
 }
 
@@ -113,8 +117,7 @@ TEST(RegisterMap, WritesThatWouldMoveUnderAnotherNameAreRefused) {
   EXPECT_NE(error_of(stop, stop + ", 0x200 u16 1").find("'write.stop'"), std::string::npos);
   EXPECT_NE(error_of(abort, abort + ", 0x216 u16 1").find("'write.abort'"), std::string::npos);
   EXPECT_NE(error_of(clear, clear + ", 0x200 u16 1").find("'write.clear_fault'"), std::string::npos);
-  EXPECT_NE(error_of(beat, "heartbeat.address = 0x201").find("another register or value than that of write.home"),
-            std::string::npos);
+  EXPECT_NE(error_of(beat, "heartbeat.address = 0x201").find("which is write.home"), std::string::npos);
   EXPECT_NE(error_of(beat, "heartbeat.address = 0x200\nheartbeat.values = 7, 1").find("'heartbeat.values'"),
             std::string::npos);
   // Half of a number of 32 bits is a register as well, whichever half the drive takes for the high one.
@@ -126,7 +129,69 @@ TEST(RegisterMap, WritesThatWouldMoveUnderAnotherNameAreRefused) {
   EXPECT_NE(error_of(clear, clear + ", 0x216 u16 1, 0x216 u16 0").find("which is write.move"), std::string::npos)
       << "a release does not make good what went before";
   EXPECT_EQ(error_of(clear, clear + ", 0x216 u16 2, 0x216 u16 0"), "accepted");
-  EXPECT_EQ(error_of(beat, "heartbeat.address = 0x200\nheartbeat.values = 7, 8"), "accepted");
+  EXPECT_EQ(error_of(beat, "heartbeat.address = 0x200\nheartbeat.values = 6, 8"), "accepted");
+}
+
+// Bits of a control word do what they do, whatever stands beside them and however they are written.
+TEST(RegisterMap, BitsThatEnableUnderAnotherNameAreRefused) {
+  const std::string enable = "write.enable = 0x200 u16 1", abort = "write.abort = 0x203 u16 1",
+                    stop = "write.stop = 0x202 u16 1, 0x202 u16 0", beat = "heartbeat.address = 0x220",
+                    clear = "write.clear_fault = 0x204 u16 1, 0x204 u16 0";
+  EXPECT_EQ(error_of("", "write.setup = 0x200 u16 0x8001\n"),
+            "my.map:50: key 'write.setup' = '0x200 u16 0x8001': expected no write of 32769 to register 512, which "
+            "holds the bits of write.enable (1); numbers of commands: write.codes");
+  EXPECT_EQ(error_of("", "write.setup = 0x200 u16 0x8001\nwrite.codes = 0x200\n"), "accepted");
+  const auto refused = [&](const std::string& what, const std::string& with, const char* key) {
+    const std::string said = error_of(what, with);
+    EXPECT_NE(said.find(key), std::string::npos) << with << ": " << said;
+    EXPECT_EQ(said.find('\n'), std::string::npos) << said;
+  };
+  refused("", "write.setup = 0x200 s16 -1\n", "'write.setup'");
+  refused("", "write.setup = 0x1FF u16 0 + u16 3\n", "'write.setup'");
+  refused("", "write.setup = 0x1FF u32 3\n", "'write.setup'");
+  refused("", "write.setup = 0x1FE f64 5e-324, 0x200 s32 -1\n", "'write.setup'");
+  refused("", "write.setup = 0x216 u16 3\n", "which holds the bits of write.move");
+  refused(beat, "heartbeat.address = 0x200\nheartbeat.values = 0x8001, 0x8000", "'heartbeat.values'");
+  refused(clear, "write.clear_fault = 0x200 u16 0x81", "'write.clear_fault'");
+  refused(abort, "write.abort = 0x200 u16 0x4001", "'write.abort'");
+  refused(abort, "write.abort = 0x200 u16 0x4001, 0x200 u16 0", "'write.abort'");
+  refused(stop, "write.stop = 0x216 u16 0x8001", "which holds the bits of write.move");
+  EXPECT_EQ(error_of(stop, "write.stop = 0x200 u16 0x101"), "accepted") << "a brake with the drive on: check warns";
+  EXPECT_EQ(error_of(abort, "write.abort = 0x200 u16 0x4000"), "accepted");
+  // A drive that is on without a bit: what lacks the bit by which it is switched off switches it on.
+  std::string text = plain_map_text("tcp");
+  text.replace(text.find(enable), enable.size(), "write.enable = 0x200 u16 0");
+  text.replace(text.find(abort), abort.size(), "write.abort = 0x200 u16 0x40");
+  EXPECT_TRUE(parse_register_map(text + "write.setup = 0x200 u16 0xC0\n", "my.map").ok());
+  EXPECT_FALSE(parse_register_map(text + "write.setup = 0x200 u16 0x80\n", "my.map").ok());
+  EXPECT_FALSE(parse_register_map(text + "write.setup = 0x200 u16 0x40, 0x200 u16 0\n", "my.map").ok());
+}
+
+// One controller: a stop that goes to one axis only leaves the others on.
+TEST(RegisterMap, AStopOfOneAxisAloneIsRefused) {
+  std::string text = plain_map_text("tcp");
+  const auto replace = [](std::string& in, const std::string& what, const std::string& with) {
+    ASSERT_NE(in.find(what), std::string::npos) << what;
+    in.replace(in.find(what), what.size(), with);
+  };
+  replace(text, "axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.address_offset = 0x1000");
+  replace(text, "axis.roll.unit = 3", "axis.roll.unit = 1\naxis.roll.address_offset = 0x2000");
+  const auto said_of = [&](const std::string& stop, const std::string& abort, const std::string& more) {
+    std::string changed = text + more;
+    replace(changed, "write.stop = 0x202 u16 1, 0x202 u16 0", "write.stop = " + stop);
+    replace(changed, "write.abort = 0x203 u16 1", "write.abort = " + abort);
+    const Result<RegisterMap> map = parse_register_map(changed, "my.map");
+    return map.ok() ? "accepted" : map.error().message;
+  };
+  EXPECT_EQ(said_of("0x202 u16 1", "0x203 u16 1", ""), "accepted");
+  EXPECT_EQ(said_of("table 0x900 u16 1", "table 0x900 u16 2", ""), "accepted") << "one register stops all";
+  EXPECT_NE(said_of("0x202 u16 1", "table 0x200 u16 0", "").find("is that of axis.heading alone"), std::string::npos);
+  EXPECT_NE(said_of("table 0x1200 u16 2", "0x203 u16 0", "").find("is that of axis.pitch alone"), std::string::npos);
+  EXPECT_NE(said_of("0x200 u16 2", "0x200 u16 0", "write.stop.scope = table\nwrite.abort.scope = table\n")
+                .find("is that of axis.heading alone"),
+            std::string::npos);
+  EXPECT_NE(error_of("", "write.stop.scope = table\nwrite.abort.scope = table\n").find("a unit of its own"),
+            std::string::npos);
 }
 
 // A drive that is on may go where its target register says, without any other command.
@@ -157,6 +222,11 @@ TEST(RegisterMap, AxesThatCannotBeToldApartAreRefused) {
   EXPECT_NE(error_of("axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.position.address = 0x102")
                 .find("one write.move moves both"),
             std::string::npos);
+  for (const char* const offset : {"1", "2", "0x10"})  // its registers in those of heading
+    EXPECT_NE(
+        error_of("axis.pitch.unit = 2", std::string("axis.pitch.unit = 1\naxis.pitch.address_offset = ") + offset),
+        "accepted")
+        << offset;
   EXPECT_EQ(error_of("axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.address_offset = 0x1000"), "accepted");
 }
 
