@@ -68,7 +68,7 @@ Status remove(const OldRecording& recording) {
   if (!held) return held.error();
   Result<RunLog> log = RunLog::append(recording.run + "/" + log_name, recording.tag);
   if (!log) return log.error();
-  log->line(format_utc(wall_utc_s()) + "  " + recording.path + " is removed by turncal prune");
+  log->line(format_utc(wall_utc_s()) + "  " + recording.path + removed_by_prune);
   if (!log->status()) return log->status();
   std::error_code error;
   fs::remove(recording.path, error);

@@ -1,6 +1,7 @@
 #include "orchestrator/devices/station_lock.h"
 
 #include <netdb.h>
+#include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -19,21 +20,35 @@ const std::string& lock_folder() {
   return folder;
 }
 
+// Every address by which this machine reaches itself: 0.0.0.0, 127.x, ::, ::1, and 127.x as IPv6 has it.
+bool is_this_machine(const sockaddr& address) {
+  if (address.sa_family == AF_INET) {
+    const auto host = ntohl(reinterpret_cast<const sockaddr_in&>(address).sin_addr.s_addr);
+    return host == INADDR_ANY || host >> 24 == 127;
+  }
+  const in6_addr& host = reinterpret_cast<const sockaddr_in6&>(address).sin6_addr;
+  const bool mapped = IN6_IS_ADDR_V4MAPPED(&host) && (host.s6_addr[12] == 127 || host.s6_addr[12] == 0);
+  return mapped || IN6_IS_ADDR_UNSPECIFIED(&host) || IN6_IS_ADDR_LOOPBACK(&host);
+}
+
 // HOST:PORT with the first address that the system has for HOST; what cannot be looked up as it is written.
 std::string numeric(const std::string& device) {
-  const std::size_t colon = device.find(':');
-  if (colon == std::string::npos || colon != device.rfind(':')) return device;
+  const std::size_t colon = device.rfind(':');
+  if (colon == std::string::npos) return device;
+  std::string name = device.substr(0, colon);
+  if (name.starts_with("[") && name.ends_with("]")) name = name.substr(1, name.size() - 2);
   addrinfo wanted{}, *found = nullptr;
-  wanted.ai_family = AF_INET;  // of localhost, too, always the same one
+  wanted.ai_family =
+      name.find(':') == std::string::npos ? AF_INET : AF_INET6;  // of localhost, too, always the same one
   wanted.ai_socktype = SOCK_STREAM;
-  if (::getaddrinfo(device.substr(0, colon).c_str(), device.substr(colon + 1).c_str(), &wanted, &found) != 0)
-    return device;
+  if (::getaddrinfo(name.c_str(), device.substr(colon + 1).c_str(), &wanted, &found) != 0) return device;
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> freed(found, ::freeaddrinfo);
   std::array<char, NI_MAXHOST> host{};
   std::array<char, NI_MAXSERV> port{};
   const int failed = ::getnameinfo(found->ai_addr, found->ai_addrlen, host.data(), host.size(), port.data(),
                                    port.size(), NI_NUMERICHOST | NI_NUMERICSERV);
-  return failed != 0 ? device : std::string(host.data()) + ":" + port.data();
+  if (failed != 0) return device;
+  return (is_this_machine(*found->ai_addr) ? std::string("127.0.0.1") : std::string(host.data())) + ":" + port.data();
 }
 
 std::string one_name_of(const std::string& device) {

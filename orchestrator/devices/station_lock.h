@@ -2,7 +2,7 @@
 // second one away by itself, a TCP table may take both.) Taken before anything is opened, let go when the process ends, however.
 //
 // A lock file of this machine for each device, below /run/lock: another machine at the same table is not seen. The name of a table's host is
-// that of its address.
+// that of its address; all addresses by which this machine reaches itself are one.
 #pragma once
 
 #include <string>

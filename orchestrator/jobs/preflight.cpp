@@ -13,6 +13,7 @@
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/records/station_records.h"
 #include "orchestrator/station/due_date.h"
+#include "turntable_drivers/modbus/move_words.h"
 
 namespace turncal {
 
@@ -67,6 +68,30 @@ Status check_plausible(const StationConfig& station, const Plan& plan) {
                      to_string(axis));
 }
 
+// The registers of a map hold every move of the plan, and tell the axis to the tolerance.
+Status check_registers(const StationConfig& station, const Plan& plan) {
+  if (!station.table.map) return {};
+  const RegisterMap& map = *station.table.map;
+  for (const Axis axis : all_axes) {
+    const double count_deg = 1.0 / map.of(axis).counts_per_degree;
+    if (is_floating(map.of(axis).position.type) || 0.5 * count_deg <= station.motion.position_tolerance_deg) continue;
+    return input_error(map.file + ": axis." + to_string(axis) + ".counts_per_degree: a count is " +
+                       format_number(count_deg) + " deg: expected at most twice motion.position_tolerance_deg");
+  }
+  for (const PlannedItem& item : plan.items) {
+    if (item.kind != SequenceItem::Kind::move) continue;
+    Moves moves;
+    for (const Axis axis : all_axes)
+      moves[static_cast<std::size_t>(axis)] = {item.commanded_deg[axis], 0.0, item.rate_degps,
+                                               item.acceleration_degps2};
+    moves[static_cast<std::size_t>(item.axis)].distance_deg = item.to_deg - item.from_deg;
+    if (const Status fits = check_move(map, item.axis, moves); !fits)
+      return input_error(map.file + ": " + fits.error().message + ", for " + to_string(item.axis) + " to " +
+                         format_number(item.to_deg) + " deg at " + format_number(item.rate_degps) + " deg/s");
+  }
+  return {};
+}
+
 // What the shell says of a command that it cannot read; empty: it can. Nothing is run.
 std::string unreadable(const std::string& command) {
   std::string quoted = "'";
@@ -101,7 +126,10 @@ std::vector<Error> preflight(const Preflight& run) {
   };
   const StationConfig& station = run.station;
   add(check_due(station, run.utc_s, run.overdue_reason));
-  if (station.table.driver != TableDriver::manual) add(check_plausible(station, run.plan));
+  if (station.table.driver != TableDriver::manual) {
+    add(check_plausible(station, run.plan));
+    add(check_registers(station, run.plan));
+  }
   if (!run.folder.empty()) {
     add(check_folder_writable(run.folder));
     add(check_space(run));

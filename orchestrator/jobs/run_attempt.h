@@ -17,6 +17,7 @@
 namespace turncal {
 
 inline constexpr const char* log_name = "run.log";
+inline constexpr const char* removed_by_prune = " is removed by turncal prune";  // in the log
 
 // Rigs in their own time, a rig turned by an operator, or the station's real devices.
 struct RunDevices {

@@ -214,6 +214,7 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
   named.request = request_of(contents);
   std::vector<UnitRun> units = units_of(named, folder);
   mark_dropped(contents, true, units);
+  if (Status status = check_what_is_over(units, folder, contents); !status) return status;
   for (UnitRun& unit : units) {
     if (unit.dropped) continue;
     const JournalFields& verdict = *contents.verdict_of(unit.run.unit());

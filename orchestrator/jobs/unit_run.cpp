@@ -3,8 +3,10 @@
 #include <algorithm>
 
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/jobs/run_attempt.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/recording_sink.h"
 
@@ -43,6 +45,13 @@ Status seal_like(const UnitRun& unit, const UnitRun& sealed) {
   }
   if (Status status = writer->finish(); !status) return status;
   return rename_durably(partial_of(unit), recording_of(unit));
+}
+
+Status check_hash(const LoadedRecording& loaded, const JournalContents& contents, std::size_t unit) {
+  const std::string expected = unit < contents.hashes.size() ? contents.hashes[unit] : "";
+  if (expected.empty() || loaded.hash == expected) return {};
+  return device_error(loaded.path + ": is not the recording that this run sealed: expected content hash " + expected +
+                      ", found " + loaded.hash);
 }
 
 }  // namespace
@@ -147,6 +156,30 @@ Result<std::vector<std::string>> read_recordings(std::vector<UnitRun>& units) {
   return hashes;
 }
 
+Status check_what_is_over(const std::vector<UnitRun>& units, const std::string& folder,
+                          const JournalContents& contents) {
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    if (units[i].dropped) continue;
+    if (path_exists(partial_of(units[i]))) {
+      return input_error(partial_of(units[i]) + ": expected no recording that goes on beside " + journal_name +
+                         " of a run that is complete: one of them is of another run");
+    }
+    const std::string path = recording_of(units[i]);
+    if (path_exists(path)) {
+      const Result<LoadedRecording> loaded = load_recording(path);
+      if (!loaded) return loaded.error();
+      if (Status status = check_hash(*loaded, contents, i); !status) return status;
+      continue;
+    }
+    const Result<std::string> log = read_whole_file(folder + "/" + log_name);
+    if (!log || log->find(removed_by_prune) == std::string::npos) {
+      return input_error(path + ": is missing, and " + log_name + " does not say that it was pruned: expected the " +
+                         journal_name + " and the recording of one run");
+    }
+  }
+  return {};
+}
+
 Status verify_recordings(std::vector<UnitRun>& units, const JournalContents& contents) {
   for (std::size_t i = 0; i < units.size(); ++i) {
     UnitRun& unit = units[i];
@@ -163,11 +196,7 @@ Status verify_recordings(std::vector<UnitRun>& units, const JournalContents& con
     }
     const RecordingDamage& damage = loaded->damage;
     if (damage.lost_data() || !damage.complete || damage.torn_tail_bytes > 0) return damaged(*loaded);
-    const std::string expected = i < contents.hashes.size() ? contents.hashes[i] : "";
-    if (!expected.empty() && loaded->hash != expected) {
-      return device_error(loaded->path + ": is not the recording that this run sealed: expected content hash " +
-                          expected + ", found " + loaded->hash);
-    }
+    if (Status status = check_hash(*loaded, contents, i); !status) return status;
     unit.counts.repeated_dwells = contents.last_dwell->repeated_dwells;
     unit.counts.lost_samples = contents.last_dwell->units[i].lost_samples;
     unit.counts.sessions = contents.sessions + 1;

@@ -124,6 +124,12 @@ bool StationRun::table_stands() const {
 
 StationRun::MaybeEvent StationRun::judge_homing(double now_s) {
   if (!home_sent_ && table_stands()) return send_home();
+  for (Axis axis : all_axes) {
+    const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
+    // home() found it on.
+    if (home_sent_ && !status.enabled)
+      return raise(RunEvent::table_fault, ErrorKind::device, trouble_of(axis, status, true));
+  }
   const bool homed = std::all_of(status_.begin(), status_.end(),
                                  [](const AxisStatus& axis) { return axis.homed && axis.enabled && !axis.moving; });
   if (home_sent_ && homed) return RunEvent::homed;

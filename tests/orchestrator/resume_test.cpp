@@ -258,6 +258,22 @@ TEST_F(Resume, SimulatedAndRealDataAreNeverOneRecording) {
   EXPECT_NE(resumed(info, 2, *written).find("holds no segment that ends at sample 2"), std::string::npos);
 }
 
+// A journal that says complete is believed with the recording that it sealed, or with the line of its pruning.
+TEST_F(Resume, AJournalOfAnotherRunIsNoEnd) {
+  const auto copy = [&](const char* name, const std::string& to) {
+    fs::create_directories(folder_ / to);
+    fs::copy_file(folder_ / "reference/out" / name, folder_ / to / name, fs::copy_options::overwrite_existing);
+  };
+  copy(journal_name, "foreign");
+  expect_refused({"resume", "foreign"}, "recording.tcr: is missing");
+  write("foreign/recording.tcr", "something else");
+  EXPECT_NE(run({"resume", "foreign"}).code, 0);
+  copy("recording.tcr", "foreign");
+  EXPECT_EQ(run({"resume", "foreign"}).code, run({"resume", "reference/out"}).code);
+  write(std::string("foreign/") + partial_recording_name, "of a run that goes on");
+  expect_refused({"resume", "foreign"}, "one of them is of another run");
+}
+
 // Of the same unit, site and length: only its bytes tell that it is another run's.
 TEST_F(Resume, ARecordingOfAnotherRunIsRefused) {
   const std::string station = write("swapped/mock.station", station_text);

@@ -7,6 +7,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "orchestrator/devices/station_lock.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/turntable_drivers/twin_station.h"
 
@@ -22,6 +23,15 @@ std::string error_of(const std::string& text, const std::string& file = stations
   EXPECT_EQ(station.error().kind, ErrorKind::input);
   EXPECT_EQ(station.error().message.find('\n'), std::string::npos);
   return station.error().message;
+}
+
+TEST(StationLock, EveryNameOfThisMachineIsOneLock) {
+  const std::string lock = lock_path_of("127.0.0.1:15020");
+  for (const char* const name :
+       {"0.0.0.0", "localhost", "127.0.0.2", "127.1", "0", "::", "::1", "[::1]", "::ffff:127.0.0.1", "0:0:0:0:0:0:0:1"})
+    EXPECT_EQ(lock_path_of(std::string(name) + ":15020"), lock) << name;
+  for (const char* const other : {"127.0.0.1:15021", "192.0.2.1:15020", "2001:db8::1:15020", "/dev/null"})
+    EXPECT_NE(lock_path_of(other), lock) << other;
 }
 
 TEST(TableDevice, ShippedExamplesAreReadAndMade) {

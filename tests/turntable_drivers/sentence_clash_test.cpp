@@ -47,6 +47,12 @@ TEST(SentenceClash, AStopThatCannotStopIsRefused) {
 
 TEST(SentenceClash, WhatWouldMoveUnderAnotherNameIsRefused) {
   EXPECT_EQ(error_of(""), "accepted") << "a reset and a question are in several lists";
+  for (const char* const number : {"01", "+1", "1.0", "1.", "+01.00"})
+    EXPECT_NE(error_of(std::string("prepare.2 = SERVO {axis} ") + number).find("which is enable"), std::string::npos)
+        << number;
+  for (const char* const other : {"1.5", "-1", "10", "0.1"})
+    EXPECT_EQ(error_of(std::string("prepare.2 = SERVO {axis} ") + other), "accepted") << other;
+  EXPECT_NE(error_of("move.2 = GOTO {axis} 5").find("either {position} or {distance}"), std::string::npos);
   EXPECT_EQ(error_of("prepare.2 = SERVO {axis} 1"),
             "my.dialect:24: key 'prepare.2' = 'SERVO {axis} 1': expected no 'SERVO 1 1', which is enable");
   for (const char* const key : {"prepare.2", "identify.1", "status.2", "stop.2", "abort.2", "clear_fault.2"}) {

@@ -151,6 +151,8 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
     }
     return false;
   };
+  if (file.has("move.1") && asks_for("position") == asks_for("distance"))
+    file.reject("move.1", "either {position} or {distance} in the sentences of a move");
   for (const DialectAxis& axis : dialect.axis) {
     if (axis.shorter_way && (asks_for("distance") || !asks_for("position"))) {
       file.reject("move.1", "{position} in a sentence, not {distance}: way = shorter");

@@ -14,7 +14,7 @@ constexpr DialectOperation harmless[] = {DialectOperation::prepare, DialectOpera
                                          DialectOperation::status,  DialectOperation::stop,
                                          DialectOperation::abort,   DialectOperation::clear_fault};
 
-// As controllers read it: capitals, one blank, numbers without leading zeros. Placeholders stay.
+// As controllers read it: capitals, one blank, numbers without plus, leading zeros and a fraction of zeros. Placeholders stay.
 std::string plain(std::string_view command) {
   std::string text;
   bool inside = false;
@@ -30,6 +30,14 @@ std::string plain(std::string_view command) {
         !text.empty() && (std::isdigit(static_cast<unsigned char>(text.back())) || text.back() == '.');
     const bool more_digits = k + 1 < command.size() && std::isdigit(static_cast<unsigned char>(command[k + 1]));
     if (c == '0' && !after_number && more_digits) continue;
+    if (c == '+' && more_digits && (text.empty() || !std::isalnum(static_cast<unsigned char>(text.back())))) continue;
+    if (c == '.' && after_number) {
+      const std::size_t end = std::min(command.find_first_not_of('0', k + 1), command.size());
+      if (end == command.size() || !std::isdigit(static_cast<unsigned char>(command[end]))) {
+        k = end - 1;
+        continue;
+      }
+    }
     if (std::isspace(c)) {
       const bool needless = text.empty() || text.back() == ' ' || text.back() == ',';
       if (!needless) text += ' ';

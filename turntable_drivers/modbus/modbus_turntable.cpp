@@ -63,43 +63,12 @@ Result<TableIdentity> ModbusTurntable::identify() {
 
 // ---- writing; reading: modbus_reading.cpp ----
 
-Result<std::vector<std::uint16_t>> ModbusTurntable::words_of(const WriteStep& step, Axis axis,
-                                                             const Moves& moves) const {
-  std::vector<std::uint16_t> words;
-  for (const WriteOperand& operand : step.operands) {
-    const Axis which = operand.of_axis.value_or(axis);
-    const MapAxis& scale = map_.of(which);
-    const MoveNumbers& numbers = moves[index(which)];
-    double value = operand.constant;
-    switch (operand.kind) {
-      case WriteOperand::Kind::constant: break;
-      case WriteOperand::Kind::axis: value = scale.code; break;
-      case WriteOperand::Kind::position: value = counts_of(scale, numbers.position_deg); break;
-      case WriteOperand::Kind::distance: value = scale.signed_counts_per_degree() * numbers.distance_deg; break;
-      case WriteOperand::Kind::rate: value = scale.rate_scale * numbers.rate_degps; break;
-      case WriteOperand::Kind::acceleration:
-        value = map_.acceleration_is_ramp_time ? scale.acceleration_scale / numbers.acceleration_degps2
-                                               : scale.acceleration_scale * numbers.acceleration_degps2;
-        break;
-    }
-    const std::optional<Words> encoded = encode_words(value, operand.type, map_.layout);
-    const bool vanishes =
-        operand.kind == WriteOperand::Kind::rate && !is_floating(operand.type) && std::round(value) == 0.0;
-    if (!encoded || vanishes) {
-      return axis_error(
-          axis, "the drive cannot be told " + format_number(value) + " in register " + std::to_string(step.address));
-    }
-    words.insert(words.end(), encoded->span().begin(), encoded->span().end());
-  }
-  return words;
-}
-
 Status ModbusTurntable::write_list(Axis axis, DriveOperation operation, const Moves& moves) {
   // Everything is encoded before anything is sent.
   std::vector<std::vector<std::uint16_t>> requests;
   for (const WriteStep& step : map_.list(operation)) {
-    Result<std::vector<std::uint16_t>> words = words_of(step, axis, moves);
-    if (!words) return words.error();
+    Result<std::vector<std::uint16_t>> words = words_of(map_, step, axis, moves);
+    if (!words) return axis_error(axis, words.error().message);
     requests.push_back(std::move(*words));
   }
   for (std::size_t i = 0; i < requests.size(); ++i) {
@@ -184,8 +153,8 @@ Status ModbusTurntable::halt(bool off) {
     return off || is_off(axis, one) ? DriveOperation::abort : DriveOperation::stop;
   };
   const auto send = [&](Axis axis, const WriteStep& step, bool at_once) -> Status {
-    const Result<std::vector<std::uint16_t>> words = words_of(step, axis, {});
-    if (!words) return words.error();
+    const Result<std::vector<std::uint16_t>> words = words_of(map_, step, axis, {});
+    if (!words) return axis_error(axis, words.error().message);
     const int function = function_for(words->size());
     const int unit = map_.unit_of(operation_of(axis), axis);
     const int address = map_.address_of(step, operation_of(axis), axis);

@@ -19,6 +19,7 @@
 #include <optional>
 
 #include "turntable_drivers/modbus/modbus_link.h"
+#include "turntable_drivers/modbus/move_words.h"
 #include "turntable_drivers/modbus/register_map.h"
 #include "turntable_drivers/table/described_turntable.h"
 
@@ -52,11 +53,6 @@ class ModbusTurntable : public DescribedTurntable {
   std::optional<bool> bit(Axis axis, const std::vector<std::uint16_t>& block, DriveBit which) const;
   std::optional<double> believed_position(Axis axis, const std::vector<std::uint16_t>& block) const;
   AxisStatus status_from(Axis axis, const std::vector<std::uint16_t>& block, double position_deg, double now_s);
-  struct MoveNumbers {
-    double position_deg = 0.0, distance_deg = 0.0, rate_degps = 0.0, acceleration_degps2 = 0.0;
-  };
-  using Moves = std::array<MoveNumbers, 3>;
-  Result<std::vector<std::uint16_t>> words_of(const WriteStep& step, Axis axis, const Moves& moves) const;
   Status write_list(Axis axis, DriveOperation operation, const Moves& moves);
   // In its turn of three, or once for the table.
   bool is_due(DriveOperation operation, Axis axis) const { return !map_.once(operation) || axis == Axis::heading; }

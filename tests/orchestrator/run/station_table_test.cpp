@@ -59,6 +59,19 @@ TEST(StationRun, AxisFaultStops) {
   EXPECT_LT(s.clock.now_s(), 11.0);
 }
 
+TEST(StationRun, ADriveThatGoesOffInHomingStopsTheRun) {
+  RigStation s(two_steps_text, default_rig_config());
+  bool off = false;
+  s.watcher.on_tick = [&](const RunSnapshot&) {
+    if (!off && s.clock.now_s() > 1.0) off = s.devices.table.abort_all().ok();
+  };
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_TRUE(s.watcher.saw(RunEvent::table_fault));
+  EXPECT_LT(s.clock.now_s(), 3.0);
+  EXPECT_NE(outcome.error.message.find("is off"), std::string::npos) << outcome.error.message;
+}
+
 TEST(StationRun, EmergencyStopEndsTheRun) {
   for (const double time_s : {1.0, 9.0, 16.8, 20.0}) {  // homing, moving, settling, dwelling
     RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::emergency_stop, time_s)}));

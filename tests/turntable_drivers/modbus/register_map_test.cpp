@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/twin_station.h"
+#include "turntable_drivers/modbus/move_words.h"
 
 namespace turncal {
 namespace {
@@ -165,6 +166,28 @@ TEST(RegisterMap, BitsThatEnableUnderAnotherNameAreRefused) {
   EXPECT_TRUE(parse_register_map(text + "write.setup = 0x200 u16 0xC0\n", "my.map").ok());
   EXPECT_FALSE(parse_register_map(text + "write.setup = 0x200 u16 0x80\n", "my.map").ok());
   EXPECT_FALSE(parse_register_map(text + "write.setup = 0x200 u16 0x40, 0x200 u16 0\n", "my.map").ok());
+}
+
+TEST(RegisterMap, AMoveThatTheRegistersCannotHoldIsSaid) {
+  const auto said_of = [](const std::string& what, const std::string& with, double position_deg, double rate_degps) {
+    std::string text = plain_map_text("tcp");
+    text.replace(text.find(what), what.size(), with);
+    Moves moves;
+    moves[0] = {position_deg, position_deg, rate_degps, 10.0};
+    const Status fits = check_move(map_of(text), Axis::heading, moves);
+    return fits ? "fits" : fits.error().message;
+  };
+  const std::string counts = "axis.heading.counts_per_degree = 10000", move = "s32 position + u32 rate";
+  EXPECT_EQ(said_of(counts, counts, 540.0, 100.0), "fits");
+  EXPECT_EQ(said_of(counts, "axis.heading.counts_per_degree = 1e9", 90.0, 1.0),
+            "write.move: the drive cannot be told 90000000000 in register 528");
+  EXPECT_NE(said_of(counts, counts + "\naxis.heading.rate_scale = 1e-4", 90.0, 1.0).find("cannot be told"),
+            std::string::npos);
+  EXPECT_NE(said_of(move, "s32 position + u16 rate", 90.0, 10.0).find("cannot be told 100000"), std::string::npos);
+  EXPECT_NE(said_of(move, "u16 position + u32 rate", 7.0, 1.0).find("cannot be told 70000"), std::string::npos);
+  EXPECT_NE(said_of("position.address = 0x100", "position.address = 0x100\nposition.type = u16", 7.0, 1.0)
+                .find("cannot read 70000"),
+            std::string::npos);
 }
 
 // One controller: a stop that goes to one axis only leaves the others on.
