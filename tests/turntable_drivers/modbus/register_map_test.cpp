@@ -245,11 +245,13 @@ TEST(RegisterMap, AxesThatCannotBeToldApartAreRefused) {
   EXPECT_NE(error_of("axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.position.address = 0x102")
                 .find("one write.move moves both"),
             std::string::npos);
-  for (const char* const offset : {"1", "2", "0x10"})  // its registers in those of heading
-    EXPECT_NE(
-        error_of("axis.pitch.unit = 2", std::string("axis.pitch.unit = 1\naxis.pitch.address_offset = ") + offset),
-        "accepted")
-        << offset;
+  const auto with_offset = [](const std::string& offset) {
+    return error_of("axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.address_offset = " + offset);
+  };
+  EXPECT_NE(with_offset("1").find("both read one position"), std::string::npos) << "one of two registers";
+  EXPECT_NE(with_offset("3").find("one write.move moves both"), std::string::npos)
+      << "its position is the other's rate";
+  EXPECT_NE(with_offset("0x10"), "accepted") << "its enable is the other's position";
   EXPECT_EQ(error_of("axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.address_offset = 0x1000"), "accepted");
 }
 
