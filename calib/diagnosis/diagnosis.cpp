@@ -87,6 +87,13 @@ Eigen::VectorXd shift_to(const Parameters& other, const JointResult& from) {
 std::vector<Eigen::VectorXd> what_may_be(const DiagnosisModel& m, const Diagnosis& d) {
   std::vector<Eigen::VectorXd> shifts = alias_shifts(m, d);
   for (const Parameters& beside : m.beside) shifts.push_back(shift_to(beside, m.current));
+  // A wrong clock is the accelerometers' common scale factor, which gravity has taken up: docs/diagnosis.md.
+  for (const EstimatedEffect& e : m.current.effects)
+    if (e.column.entry->name == "sample_period") {
+      Parameters other = m.current.parameters;
+      other.a *= 1.0 + e.column.entry->si * std::hypot(e.value, e.sigma);
+      shifts.push_back(shift_to(other, m.current));
+    }
   const std::vector<LackOfFitTest>& tests = d.lack_of_fit.tests;
   const double near = std::log10(m.options.limits.selection.near_family_wise /
                                  static_cast<double>(std::max<std::size_t>(tests.size(), 1)));
