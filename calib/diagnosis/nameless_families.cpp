@@ -137,15 +137,13 @@ std::vector<Family> nameless_families(const std::vector<Piece>& pieces) {
   return families;
 }
 
-namespace {
-
-FamilyFit fit_family(const SegmentScores::Test& test) {
+FamilyFit fit_family(const MatrixXd& Q, const VectorXd& s, const VectorXd& before) {
   FamilyFit fit;
-  const SymmetricEigen eigen = symmetric_eigen(test.Q);
-  const double largest = test.before.size() > 0 ? test.before.maxCoeff() : 0.0;
+  const SymmetricEigen eigen = symmetric_eigen(Q);
+  const double largest = before.size() > 0 ? before.maxCoeff() : 0.0;
   if (!(largest > 0.0)) return fit;
   const VectorXd information = (eigen.values.array() > limits.family_floor * largest).select(eigen.values, 0.0);
-  const VectorXd along = eigen.vectors.transpose() * test.s;
+  const VectorXd along = eigen.vectors.transpose() * s;
   const double mean = information.mean();
   if (!(mean > 0.0)) return fit;
   const auto part = [&](double v) -> VectorXd { return v / (1.0 + v * information.array()); };
@@ -159,14 +157,12 @@ FamilyFit fit_family(const SegmentScores::Test& test) {
     fit.gain = gain;
     best = v;
   }
-  if (best > 0.0) fit.shift = test.shift * (eigen.vectors * VectorXd(seen * along.array() * part(best).array()));
+  if (best > 0.0) fit.mean = eigen.vectors * VectorXd(seen * along.array() * part(best).array());
   const double fixed = 1.0 / mean;
   fit.statistic = (seen * along.array().square() * part(fixed).array()).sum();
   fit.weights = information.cwiseProduct(part(fixed));
   return fit;
 }
-
-}  // namespace
 
 std::vector<FamilyFit> fit_families(const SegmentScores& scores, const std::vector<Family>& families) {
   constexpr Eigen::Index at_once = 400;  // columns: every family of a two-hour run by kinds, fewer in a day
@@ -177,7 +173,10 @@ std::vector<FamilyFit> fit_families(const SegmentScores& scores, const std::vect
     weights.push_back(family.weights);
     columns += family.weights.columns;
     if (columns < at_once && &family != &families.back()) continue;
-    for (const SegmentScores::Test& test : scores.tests(weights)) fits.push_back(fit_family(test));
+    for (const SegmentScores::Test& test : scores.tests(weights)) {
+      fits.push_back(fit_family(test.Q, test.s, test.before));
+      if (fits.back().mean.size() > 0) fits.back().shift = test.shift * fits.back().mean;
+    }
     weights.clear();
     columns = 0;
   }

@@ -38,11 +38,14 @@ std::vector<Family> nameless_families(const std::vector<Piece>& pieces);
 
 struct FamilyFit {
   double gain = 0.0;      // of 2 ln L at the best variance; 0: none
+  Eigen::VectorXd mean;   // of the coefficients at that variance
   Eigen::VectorXd shift;  // what explaining it away does to the model's columns
   // As a test: s' (Q + 1/v)^-1 s at v = 1 / mean eigenvalue of Q, its eigenvalues' weights.
   double statistic = 0.0;
   Eigen::VectorXd weights;
 };
+// `before`: the diagonal of Q before the model's parameters were eliminated. Without a shift.
+FamilyFit fit_family(const Eigen::MatrixXd& Q, const Eigen::VectorXd& s, const Eigen::VectorXd& before);
 std::vector<FamilyFit> fit_families(const SegmentScores& scores, const std::vector<Family>& families);
 
 }  // namespace turncal

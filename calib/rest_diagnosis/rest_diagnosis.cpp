@@ -8,6 +8,7 @@
 #include "calib/rest_diagnosis/rest_choice.h"
 #include "calib/rest_diagnosis/rest_diagnosis_model.h"
 #include "calib/rest_diagnosis/rest_gate.h"
+#include "calib/rest_diagnosis/rest_name_check.h"
 #include "calib/rests/rest_units.h"
 
 namespace turncal {
@@ -65,6 +66,33 @@ RestHoldout on_holdout(const RestDiagnosisModel& m, const RestFit& fit, const st
   return result;
 }
 
+// Sigmas hold where else the parameters may be.
+void widen(RestFit& fit, const Parameters& from, const std::vector<Eigen::VectorXd>& shifts) {
+  const ParameterVector offset = to_vector(from) - to_vector(fit.parameters);
+  Eigen::VectorXd most = Eigen::VectorXd::Zero(parameter_count);
+  for (const Eigen::VectorXd& shift : shifts) most = most.cwiseMax((shift + offset).cwiseAbs());
+  for (int k = 0; k < parameter_count; ++k)
+    if (fit.sigma[k] > 0.0) fit.sigma[k] = std::hypot(fit.sigma[k], most[k]);
+}
+
+// The names of the model against what has none.
+void judge_names(RestDiagnosisModel& m, RestDiagnosis& d) {
+  std::vector<Eigen::VectorXd> beside;
+  d.unexplained = why_names_fall(m, beside);
+  if (!d.unexplained.empty()) {
+    for (const EffectColumn& column : m.model.columns)
+      if (std::find(d.candidate_names.begin(), d.candidate_names.end(), column.entry->name) == d.candidate_names.end())
+        d.candidate_names.emplace_back(column.entry->name);
+    beside.push_back(Eigen::VectorXd::Zero(parameter_count));
+    const Parameters extended = m.model.fit.parameters;
+    m.model = {{}, d.base};
+    d.aliases.clear();
+    widen(m.model.fit, extended, beside);
+  } else {
+    widen(m.model.fit, m.model.fit.parameters, beside);
+  }
+}
+
 void conclude(const RestDiagnosisModel& m, RestDiagnosis& d) {
   d.final = m.model.fit;
   for (std::size_t k = 0; k < m.model.columns.size(); ++k)
@@ -87,11 +115,13 @@ void conclude(const RestDiagnosisModel& m, RestDiagnosis& d) {
     if (ratio > 2.0) d.remainder.push_back(to_string(kind));
   }
   d.verdict = !d.not_tested.empty()                 ? Verdict::not_tested
+              : !d.unexplained.empty()              ? Verdict::unexplained
               : !m.model.columns.empty()            ? Verdict::extended
               : worst > m.options.unexplained_ratio ? Verdict::unexplained
               : !d.accel_not_tested.empty()         ? Verdict::not_tested
                                                     : Verdict::clean;
-  d.trusted = d.accel_not_tested.empty() && (d.verdict == Verdict::clean || d.verdict == Verdict::extended);
+  d.trusted = d.accel_not_tested.empty() && worst <= m.options.unexplained_ratio &&
+              (d.verdict == Verdict::clean || d.verdict == Verdict::extended);
   std::stable_sort(d.candidates.begin(), d.candidates.end(),
                    [](const RestCandidate& a, const RestCandidate& b) { return a.score > b.score; });
 }
@@ -157,6 +187,27 @@ bool select_one(RestDiagnosisModel& m, RestDiagnosis& d, bool& table_filled) {
   return true;
 }
 
+// The accelerometers' axes are the body's; a gyro that is found far from its own was connected otherwise. A reversed accelerometer makes
+// the frame left-handed, and two gyros turn the other way in it.
+std::string wrong_axes(const RestData& data, const RestFit& base) {
+  const Eigen::Matrix3d n = base.parameters.n / start_parameters(data.recording->info).n(0, 0);
+  constexpr double far = 0.5;  // of the scale factor: 30 deg from its axis
+  if ((n - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < far) return {};
+  std::string wrong;
+  for (int i = 0; i < 3; ++i) {
+    int most = 0;
+    n.row(i).cwiseAbs().maxCoeff(&most);
+    // Not one gyro for each axis: the fit has ended elsewhere.
+    if (n.row(i).cwiseAbs().sum() > (1.0 + far) * std::abs(n(i, most)) || std::abs(n(i, most)) < far)
+      return "signs or axes: no turn carries gravity from rest to rest as the gyros read it";
+    if (most == i && n(i, i) > 0.0) continue;
+    wrong += wrong.empty() ? "signs or axes: " : ", ";
+    wrong += std::string("the rate about ") + "xyz"[i] + " is what gyro " + "xyz"[most] + " reads" +
+             (n(i, most) < 0.0 ? ", reversed" : "");
+  }
+  return wrong;
+}
+
 }  // namespace
 
 // Rows that are left over after the base fit are all that can speak for a name.
@@ -173,6 +224,7 @@ std::string why_not_tested(const RestData& data, const RestFit& base, const Rest
     why += (why.empty() ? "" : "; ") + std::string("not determined:");
     for (const std::string& key : base.undetermined) why += " " + key;
   }
+  if (why.empty()) why = wrong_axes(data, base);
   if (!why.empty()) return why;
   return hangs_on_single_rests(RestKind::direction, base.left_out.direction_rms_rad, base.errors.direction_rms_rad,
                                options.most_leverage);
@@ -210,6 +262,7 @@ Result<RestDiagnosis> diagnose_rests(const RestData& data, const RestDiagnosisOp
     bool table_filled = false;
     while (static_cast<int>(m.model.columns.size()) < options.max_components && select_one(m, d, table_filled)) {
     }
+    judge_names(m, d);
   } else {
     for (RestCandidate& candidate : d.candidates)
       if (candidate.remark.empty()) candidate.remark = "not tested: " + d.not_tested;

@@ -18,6 +18,9 @@
 // of the best and is explained by it is named as its alias; of what the data hardly tell apart (correlation above 0.9)
 // the effect with the fewest components goes into the model.
 //
+//   4. Names stay only where nothing without a name explains the rests as well, where with them the kinds of observation they live in
+//      come down to the white noise, and where no such family explains what is left (rest_name_check.h). Else the verdict is
+//      unexplained, the names are candidates, and the base model is handed out with sigmas that hold what they would have moved.
 // Effects that rests cannot show are named, not tested: those with no trace at rest or in gravity's direction after a
 // rotation (size effect, delay), and those that need the heading (magnetic, earth rate). So are those that would have to
 // be larger than any sensor has them to be caught (absurd_magnitude); what comes to such a value is struck out again.
@@ -44,8 +47,11 @@ struct RestDiagnosisOptions {
   double false_alarm = 0.01;  // family-wise, for the first component
   double alias_margin = 10.0;
   int max_components = 18;
-  double gate_gain = 0.02;            // the left-out error must fall by this part of itself
-  double unexplained_ratio = 3.0;     // residual over white noise above which "clean" is not said
+  double gate_gain = 0.02;         // the left-out error must fall by this part of itself
+  double unexplained_ratio = 3.0;  // residual over white noise above which "clean" is not said
+  // A name is judged in the kinds of observation that hold this share of its columns and more; with it they must come below
+  // unexplained_ratio, too.
+  double lives_in = 0.25;
   double least_redundancy = 20.0;     // observations beyond the 21 parameters
   double most_leverage = 5.0;         // left-out error over fitted error, kind by kind
   const RestData* holdout = nullptr;  // a second recording of the unit, not used in the fit
@@ -99,9 +105,12 @@ struct RestDiagnosis {
   std::vector<std::string> struck_out;  // declared, but the left-out error did not fall, or absurdly large: key: why
   std::string not_tested;               // why no effect was tested at all; empty: they were
   std::string accel_not_tested;         // why none of the accelerometers was; empty: they were, or nothing was
-  bool trusted = true;                  // every parameter is within its sigma, as far as this recording can tell
-  std::vector<std::string> remainder;   // what stays above the white noise, in words
-  double error_before = 0.0;            // rms of residuals over the final model's sigmas, fitted data
+  std::string
+      unexplained;  // why the data are not explained: what is left, or why the names do not stand; empty: they are
+  std::vector<std::string> candidate_names;  // beside it: what was found
+  bool trusted = true;                       // every parameter is within its sigma, as far as this recording can tell
+  std::vector<std::string> remainder;        // what stays above the white noise, in words
+  double error_before = 0.0;                 // rms of residuals over the final model's sigmas, fitted data
   double error_after = 0.0;
   double left_out_before = 0.0;  // the same, left out in turn
   double left_out_after = 0.0;

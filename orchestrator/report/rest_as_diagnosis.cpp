@@ -128,7 +128,8 @@ std::string sentence_of(const RestDiagnosis& r, const RestData& data, const Diag
   text += error_text(r.final.errors, alphabet) + "; " + remainder_text(r);
   text += "; " + strongest_text(r);
   if (!r.struck_out.empty()) text += "; tried and struck out: " + join(r.struck_out, "; ");
-  if (!r.accel_not_tested.empty()) text += "; " + d.reason;
+  if (!r.candidate_names.empty()) text += "; candidates: " + join(r.candidate_names);
+  if (!d.reason.empty()) text += "; " + d.reason;
   return text + " (" + std::to_string(data.rests.size()) + " rests).";
 }
 
@@ -180,6 +181,9 @@ Diagnosis as_diagnosis(const RestDiagnosis& r, const RestData& data) {
     d.reason = r.not_tested;
   else if (!r.accel_not_tested.empty())
     d.reason = "no effect of the accelerometers was looked for: " + r.accel_not_tested;
+  else
+    d.reason = r.unexplained;
+  d.candidate_names = r.candidate_names;
   d.base = as_joint(r.base, {}, data);
   d.extended = as_joint(r.final, r.effects, data);
   std::vector<EstimatedEffect> order = d.extended.effects;

@@ -77,6 +77,20 @@ TEST(NotTested, IsAVerdictOfItsOwn) {
   EXPECT_FALSE(d.trusted);
 }
 
+TEST(NotTested, SignsAndAxesAreSaid) {
+  for (unsigned seed = 1; seed <= 4; ++seed) {
+    HandData reversed = make_hand_data({.rests = 26, .seed = seed});
+    HandData swapped = reversed;
+    for (ImuSample& sample : reversed.samples) sample.gyro[2] = -sample.gyro[2];
+    for (ImuSample& sample : swapped.samples) std::swap(sample.gyro[0], sample.gyro[1]);
+    for (const HandData& hand : {reversed, swapped}) {
+      const RestDiagnosis d = diagnosis_of(hand);
+      EXPECT_EQ(d.verdict, Verdict::not_tested);
+      EXPECT_TRUE(d.not_tested.starts_with("signs or axes: ")) << d.not_tested;
+    }
+  }
+}
+
 // Nine poses: the nine accelerometer parameters take up gravity's norm, which says nothing of the gyros.
 TEST(NotTested, AccelerometersAreJudgedApart) {
   HandPlan plan;

@@ -122,5 +122,29 @@ TEST(RestDiagnosis, AbsurdMagnitudesAreStruckOut) {
   EXPECT_EQ(absurd_magnitude(*find_effect("gyro_g_sensitivity"), 360.0), 1e4);
 }
 
+// Undeclared disturbances: a curve in time, steps, a curve with force, and a scale factor that goes up and down.
+TEST(RestDiagnosis, WhatNoEntryDescribesGetsNoName) {
+  using Eigen::Vector3d;
+  const std::vector<decltype(HandPlan::effect)> disturbances = {
+      [](const Vector3d&, const Vector3d&, double t, Vector3d&, Vector3d& f) { f.z() += 0.05 * std::sin(t / 9.5); },
+      [](const Vector3d&, const Vector3d&, double t, Vector3d& w, Vector3d&) {
+        w.x() += (t > 60.0 ? 0.002 : 0.0) - (t > 110.0 ? 0.003 : 0.0);
+      },
+      [](const Vector3d&, const Vector3d& f, double, Vector3d& w, Vector3d&) {
+        w.y() += 0.004 * std::exp(-std::pow((f.x() / 9.81 - 0.3) / 0.25, 2));
+      },
+      [](const Vector3d& w, const Vector3d&, double t, Vector3d& extra, Vector3d&) {
+        extra.z() += 0.02 * std::sin(t / 12.0) * w.z();
+      }};
+  int named = 0;
+  for (const auto& effect : disturbances)
+    for (unsigned seed = 31; seed <= 35; ++seed) {
+      const RestDiagnosis d = diagnose_hand({.rests = 26, .seed = seed, .effect = effect});
+      named += d.effects.empty() ? 0 : 1;
+      EXPECT_TRUE(!d.effects.empty() || d.verdict == Verdict::unexplained);
+    }
+  EXPECT_LE(named, 1);
+}
+
 }  // namespace
 }  // namespace turncal
