@@ -65,6 +65,11 @@ const std::vector<EffectEntry>& patterns() {
         [](const BlockState& s, const Site&, double order, Out g, Out) { angle_wave(s, 1, order, g); });
     add("bias with the roll angle, gyro", "deg/h", waves, radps_per_degph,
         [](const BlockState& s, const Site&, double order, Out g, Out) { angle_wave(s, 2, order, g); });
+    // A unit that is another one in the next recording.
+    add("scale factor of gyro", "ppm", xyz, 1e-6,
+        [](const BlockState& s, const Site&, double, Out g, Out) { g.diagonal() = s.w_b; });
+    add("scale factor of accelerometer", "ppm", xyz, 1e-6,
+        [](const BlockState& s, const Site&, double, Out, Out a) { a.diagonal() = s.f_b; });
     add("bias that remembers which way up accelerometer was", "ug", xyz, micro_g,
         [](const BlockState& s, const Site&, double, Out, Out a) {
           for (int k = 0; k < 3; ++k) a(k, k) = s.last_up[k];
@@ -106,6 +111,10 @@ std::vector<EffectColumn> pattern_columns(const std::vector<const CompressedReco
         for (int k = 0; k < static_cast<int>(entry.components.size()); ++k)
           columns.push_back({&entry, k, value, recording});
     };
+    if (entry.name.starts_with("scale factor")) {
+      for (std::size_t of = 1; of < parts.size(); ++of) add({1.0}, static_cast<int>(of));
+      continue;
+    }
     if (!depends_on_time_only({&entry})) {
       add(entry.name.starts_with("bias with") ? std::vector{1.0, 2.0} : std::vector{1.0}, -1);
       continue;

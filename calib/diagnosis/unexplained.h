@@ -1,7 +1,7 @@
 // Patterns without a physical name, tested beside the catalogue so that a residual which is none of the catalogue's is not
-// given a name of it: bias steps at times through the run, slow periodic biases, biases that go with a table angle, and
-// biases that remember which way up the sensor was (hysteresis). They are never added to a model or written to a file as
-// effects: where one of them explains the residual better than any effect, the verdict is `unexplained`, and the pattern
+// given a name of it: bias steps at times through the run, slow periodic biases, biases that go with a table angle,
+// biases that remember which way up the sensor was (hysteresis), and scale factors that are others in the next recording.
+// They are never added to a model or written to a file as effects: where one of them explains the residual better than any effect, the verdict is `unexplained`, and the pattern
 // is described.
 #pragma once
 
