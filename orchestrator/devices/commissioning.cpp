@@ -162,6 +162,9 @@ class Trial {
           return device_error(*stray);
         }
       }
+      if (!held_deg_) {
+        if (const auto lost = homing_.add(*axes)) return device_error(*lost);
+      }
       if (over(*axes)) return {};
       if (devices_.clock.now_s() > deadline_s) return device_error(late);
       if (Status status = read_for(station_.motion.poll_moving_s); !status) return status;
@@ -205,6 +208,7 @@ class Trial {
   bool lost_ = false;
   std::optional<std::int64_t> last_counter_;
   std::optional<AxisTriple> held_deg_;  // none: homing, when any axis may turn
+  HomingWatch homing_{station_.axis};
   std::optional<Move> sent_;
 };
 

@@ -54,6 +54,7 @@
 #include "orchestrator/run/run_journal.h"
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/run/run_state_machine.h"
+#include "orchestrator/run/stray_axis.h"
 #include "orchestrator/run/unit_lane.h"
 #include "orchestrator/station/station_config.h"
 #include "sequences/plan.h"
@@ -214,6 +215,7 @@ class StationRun {
   bool pause_told_ = false;
   bool abort_sent_ = false;
   bool home_sent_ = false;
+  std::optional<HomingWatch> homing_;
   bool commanded_to_move_ = false;  // homing or a move was sent
   bool fault_left_ = false;
   bool enabled_ = false;

@@ -76,6 +76,7 @@ StationRun::MaybeEvent StationRun::enable_and_home() {
 
 StationRun::MaybeEvent StationRun::send_home() {
   home_sent_ = true;
+  if (!devices_.table.needs_operator()) homing_.emplace(job_.station.axis);
   if (hooks_.journal) {
     if (const MaybeEvent event = keep(hooks_.journal->home(devices_.clock.now_s()))) return event;
   }

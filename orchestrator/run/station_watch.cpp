@@ -130,6 +130,9 @@ StationRun::MaybeEvent StationRun::judge_homing(double now_s) {
     if (home_sent_ && !status.enabled)
       return raise(RunEvent::table_fault, ErrorKind::device, trouble_of(axis, status, true));
   }
+  if (homing_) {
+    if (const auto lost = homing_->add(status_)) return raise(RunEvent::table_fault, ErrorKind::device, *lost);
+  }
   const bool homed = std::all_of(status_.begin(), status_.end(),
                                  [](const AxisStatus& axis) { return axis.homed && axis.enabled && !axis.moving; });
   if (home_sent_ && homed) return RunEvent::homed;

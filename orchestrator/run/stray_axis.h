@@ -3,10 +3,12 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <string>
 
 #include "calib/types/axis.h"
+#include "sequences/plan.h"
 #include "sequences/sequence.h"
 #include "turntable_drivers/table/turntable.h"
 
@@ -20,5 +22,19 @@ inline double least_runaway_deg(double position_tolerance_deg) { return std::max
 std::optional<std::string> stray_axis(const TableStatus& axes, const AxisTriple& held_deg,
                                       const std::optional<Move>& move, double standing_deg,
                                       double position_tolerance_deg);
+
+// How far each axis turns while it looks for its zero, by its rate and by its angle, whichever says more: the angle may be set anew on the way, and a rate
+// may not be told. A search goes there and back within its travel, and needs no more than a turn beyond it.
+class HomingWatch {
+ public:
+  explicit HomingWatch(const std::array<AxisLimits, 3>& limits) : limits_(limits) {}
+  // What is said of an axis that has turned further; nothing: all is well.
+  std::optional<std::string> add(const TableStatus& axes);
+
+ private:
+  std::array<AxisLimits, 3> limits_;
+  AxisTriple turned_deg_{};
+  std::optional<TableStatus> before_;
+};
 
 }  // namespace turncal
