@@ -173,6 +173,15 @@ void hold_beside_slow_noise(const DiagnosisModel& m, std::initializer_list<Trial
   }
 }
 
+// A gain with the noise fitted again may be the noise's: what gets a name is worth as much by its own sigma.
+bool stands_out(const DiagnosisModel& m, const Trial& trial) {
+  if (trial.gain < m.threshold) return false;
+  const auto of_trial = [&trial](const EstimatedEffect& e) { return e.column.key() == trial.column.key(); };
+  const auto& effects = trial.fit.effects;
+  const auto e = std::find_if(effects.begin(), effects.end(), of_trial);
+  return e != effects.end() && e->value * e->value > m.threshold * e->sigma * e->sigma;
+}
+
 // A pattern without a name explains the residual best. Effects already found keep their names only if they stand beside it.
 void stop_unexplained(DiagnosisModel& m, Diagnosis& d, const Trial& pattern) {
   d.verdict = Verdict::unexplained;
@@ -223,8 +232,8 @@ bool select_one(DiagnosisModel& m, Diagnosis& d) {
     stop_unexplained(m, d, *pattern);
     return false;
   }
-  if (!effect || effect->gain < m.threshold) {
-    stage.note = "not accepted: the likelihood gains less than the threshold";
+  if (!effect || !stands_out(m, *effect)) {
+    stage.note = "not accepted: the likelihood gains less than the threshold, or the effect is fewer of its sigmas";
     for (const Trial* trial : {effect, pattern})
       if (trial && trial->gain > m.near) m.beside.push_back(trial->fit.parameters);
     d.stages.push_back(stage);
