@@ -30,6 +30,7 @@ void add_overdue_option(const Command& command, RunRequest& request) {
 void add_record_options(const Command& command, RunRequest& request) {
   command.option("--operator", request.operator_name, "who runs it, for the record");
   command.option("--part", request.part, "part number of the unit, for the record");
+  command.option("--lot", request.lot, "lot that the unit is of, for the record and the fleet");
   command.option("--revision", request.revision, "revision of the unit, for the record");
   command.option("--ambient", request.ambient, "ambient conditions, for the record (\"22.5 C, 45 %\")");
   add_overdue_option(command, request);

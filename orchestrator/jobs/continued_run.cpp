@@ -43,8 +43,8 @@ Result<RunRequest> continuing(const RunRequest& asked) {
   request.verify = request.until_sigma = request.partial = request.capture_only = false;
   request.no_diagnosis = asked.no_diagnosis;
   request.manual = request.manual || asked.manual;
-  for (std::string RunRequest::*word : {&RunRequest::operator_name, &RunRequest::part, &RunRequest::revision,
-                                        &RunRequest::ambient, &RunRequest::overdue_reason})
+  for (std::string RunRequest::*word : {&RunRequest::operator_name, &RunRequest::part, &RunRequest::lot,
+                                        &RunRequest::revision, &RunRequest::ambient, &RunRequest::overdue_reason})
     if (!(asked.*word).empty()) request.*word = asked.*word;
   request.listen = asked.listen;
   request.pace = asked.pace;

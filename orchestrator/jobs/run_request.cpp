@@ -50,6 +50,7 @@ Status check_words(const RunRequest& request) {
   }
   const std::pair<const char*, const std::string*> words[] = {{"--operator", &request.operator_name},
                                                               {"--part", &request.part},
+                                                              {"--lot", &request.lot},
                                                               {"--revision", &request.revision},
                                                               {"--ambient", &request.ambient},
                                                               {"--override-due", &request.overdue_reason}};
@@ -309,6 +310,7 @@ JournalFields begin_fields(const PreparedRun& run) {
                           {"sequence_hash", run.sequence_hash},
                           {"operator", request.operator_name},
                           {"part", request.part},
+                          {"lot", request.lot},
                           {"revision", request.revision},
                           {"ambient", request.ambient},
                           {"overdue_reason", request.overdue_reason}};
@@ -336,6 +338,7 @@ RunRequest request_of(const JournalContents& journal) {
   request.sequence = journal.begin_value("sequence");
   request.operator_name = journal.begin_value("operator");
   request.part = journal.begin_value("part");
+  request.lot = journal.begin_value("lot");
   request.revision = journal.begin_value("revision");
   request.ambient = journal.begin_value("ambient");
   request.overdue_reason = journal.begin_value("overdue_reason");

@@ -32,7 +32,7 @@ struct RunRequest {
   // For the record; empty: not given.
   std::string operator_name;
   bool partial = false;  // estimate what the sequence determines: no verdict, and not put in use
-  std::string part;
+  std::string part, lot;
   std::string revision;
   std::string ambient;
   std::string overdue_reason;  // why a table whose calibration is overdue is used all the same

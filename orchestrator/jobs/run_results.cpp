@@ -34,6 +34,7 @@ void add_record(const PreparedRun& run, const RunCounts& counts, ParameterFile& 
   const RunRequest& request = run.request;
   const std::pair<const char*, std::string> fields[] = {
       {"record.part", request.part},
+      {"record.lot", request.lot},
       {"record.revision", request.revision},
       {"record.began_utc", run.began_utc},
       {"record.station", run.station.name},

@@ -180,15 +180,19 @@ TEST_F(Archive, IsAFleet) {
 // The rows of a station's database: its recordings are an archive, and what they hold is a fleet, the same as in the files.
 TEST_F(Archive, IsAResultsDatabase) {
   for (const char* unit : {"SN3", "SN4"})
-    ASSERT_EQ(run({"run", "--dry-run", "--unit", unit, "--no-diagnosis", "--out", path(std::string("runs/") + unit),
-                   "--station", station(), "--sequence", TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"})
+    ASSERT_EQ(run({"run", "--dry-run", "--unit", unit, "--lot", std::string("lot ") + unit, "--part", "P7",
+                   "--no-diagnosis", "--out", path(std::string("runs/") + unit), "--station", station(), "--sequence",
+                   TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"})
                   .code,
               0);
   const ProgramResult of_files = run({"fleet", "diagnose", path("runs"), "--format", "csv"});
   const ProgramResult of_rows = run({"fleet", "diagnose", path("results.db"), "--format", "csv"});
   EXPECT_EQ(of_rows.code, of_files.code) << of_rows.err;
   EXPECT_EQ(of_rows.out, of_files.out);
-  EXPECT_NE(run({"fleet", "diagnose", path("results.db")}).out.find("2 recordings of 2 units"), std::string::npos);
+  const ProgramResult by_all =
+      run({"fleet", "diagnose", path("results.db"), "--by", "lot", "--by", "part", "--by", "version", "--by", "month"});
+  EXPECT_NE(by_all.out.find("2 recordings of 2 units, 2 lots, 1 part, 1 version, 1 month"), std::string::npos)
+      << by_all.out;
 
   std::filesystem::remove_all(path("runs/SN4"));
   const ProgramResult again = run({"recalibrate", path("results.db"), "--no-diagnosis", "--out", path("store")});
