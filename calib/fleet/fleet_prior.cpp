@@ -58,6 +58,7 @@ std::optional<FleetPrior> fleet_prior(std::vector<EarlierCalibration> history, c
   std::vector<const EarlierCalibration*> others, own;
   Eigen::VectorXd change = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(free.size()));
   FleetPrior prior;
+  std::vector<NoiseModel> noises;
   for (std::size_t i = 0; i < history.size(); ++i) {
     const EarlierCalibration& e = history[i];
     const bool newest = i + 1 == history.size() || history[i + 1].unit != e.unit;
@@ -65,6 +66,7 @@ std::optional<FleetPrior> fleet_prior(std::vector<EarlierCalibration> history, c
       own.push_back(&e);
     else if (newest)
       others.push_back(&e);
+    if (e.unit != unit && newest && e.noise) noises.push_back(*e.noise);
     if (newest) continue;
     const EarlierCalibration& next = history[i + 1];
     const Eigen::VectorXd moved = (next.value - e.value)(free);
@@ -74,6 +76,7 @@ std::optional<FleetPrior> fleet_prior(std::vector<EarlierCalibration> history, c
   if (others.size() < fleet_limits.least_prior_units) return std::nullopt;
   Gaussian now = of_fleet(others, free);
   prior.units = others.size();
+  prior.noise = noise_class(noises);
   if (prior.pairs >= fleet_limits.least_prior_pairs)
     for (const EarlierCalibration* e : own) {
       const Eigen::MatrixXd before = inverse_of(now.covariance),

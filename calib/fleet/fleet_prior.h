@@ -18,7 +18,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/joint/joint_estimate.h"
+#include "calib/fleet/noise_class.h"
 
 namespace turncal {
 
@@ -26,7 +26,8 @@ struct EarlierCalibration {
   std::string unit;
   std::string time_utc;  // of the measurement; sorts
   ParameterVector value = ParameterVector::Zero();
-  Eigen::MatrixXd covariance;  // 24 x 24
+  Eigen::MatrixXd covariance;       // 24 x 24
+  std::optional<NoiseModel> noise;  // as it was measured
 };
 
 struct FleetPrior {
@@ -35,6 +36,7 @@ struct FleetPrior {
   std::size_t units = 0;       // others
   std::size_t own = 0;         // earlier calibrations of the unit that are in it
   std::size_t pairs = 0;       // calibrations that follow each other: what W is from
+  std::optional<NoiseClass> noise;
 };
 
 // Empty with fewer units than least_prior_units. With fewer pairs than least_prior_pairs (limits.h) the unit's own history is left out.

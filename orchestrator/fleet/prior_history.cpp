@@ -28,6 +28,33 @@ std::string keys_of(const std::vector<int>& parameters) {
   return text;
 }
 
+// The estimate again with the noise of the part in it. None: too few units say theirs, or the recording leaves directions open.
+std::optional<NoiseOfClass> use_noise(const FleetPrior& prior, const LoadedRecording& recording,
+                                      CalibrationOutput& output) {
+  if (!prior.noise || !output.fit->noise_fit || !output.fit->undetermined.empty()) return std::nullopt;
+  const NoiseOfClass noise = noise_of_class(*prior.noise, *output.fit->noise_fit);
+  JointResult again = estimate_with_noise(recording.data, *output.fit, noise.noise);
+  if (!again.converged) return std::nullopt;
+  *output.fit = std::move(again);
+  return noise;
+}
+
+void describe_noise(const NoiseOfClass& noise, ParameterFile& file, std::vector<std::string>& notes) {
+  constexpr const char* names[] = {"angle_random_walk", "velocity_random_walk"};
+  constexpr const char* words[] = {"angle random walk", "velocity random walk"};
+  char text[160];
+  for (const int k : {0, 1}) file.add_further(std::string("quality.prior.share.") + names[k], noise.share[k]);
+  std::snprintf(text, sizeof text,
+                "prior: its share of the noise: angle random walk %.0f %%, velocity random walk %.0f %%",
+                100.0 * noise.share[0], 100.0 * noise.share[1]);
+  notes.push_back(text);
+  for (const int k : noise.changed) {
+    std::snprintf(text, sizeof text, "prior: NOT USED for the %s: it is unlike the others' by %.1f sigma", words[k],
+                  noise.z[k]);
+    notes.push_back(text);
+  }
+}
+
 }  // namespace
 
 Result<std::vector<EarlierCalibration>> read_history(const PriorSource& source, const std::string& recording_hash,
@@ -46,7 +73,9 @@ Result<std::vector<EarlierCalibration>> read_history(const PriorSource& source, 
     if (!stored || !counts(*file, *stored)) return;
     const std::string* const measured = find_further(*file, "record.measured_utc");
     One one{file->time_utc,
-            {file->unit_serial, measured ? *measured : file->time_utc, file->parameters, stored->covariance}};
+            {file->unit_serial, measured ? *measured : file->time_utc, file->parameters, stored->covariance, {}}};
+    if (const Result<NoiseModel> noise = stored_noise(*file, where); noise && has_noise(*file))
+      one.earlier.noise = *noise;
     const auto [place, is_new] = by_recording.try_emplace(file->recording_hash, one);
     if (!is_new && place->second.time_utc < one.time_utc) place->second = one;
   };
@@ -76,6 +105,7 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
     if (!again) return again.error();
     output = std::move(*again);
   }
+  const std::optional<NoiseOfClass> noise = use_noise(*prior, recording, output);
   const PriorEffect effect = use_prior(*prior, *output.fit);
   ParameterFile& file = output.file;
   std::erase_if(file.further, [](const auto& key) {
@@ -84,6 +114,7 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
   describe_estimate(*output.fit, recording.data, false, file);
   file.add_further(source_key, static_cast<double>(prior->units));
   file.add_further("quality.prior.calibrations_of_unit", static_cast<double>(prior->own));
+  if (noise) describe_noise(*noise, file, output.notes);
   char text[200];
   if (!effect.changed.empty()) {
     const std::string keys = keys_of(effect.changed);

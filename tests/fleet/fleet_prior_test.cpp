@@ -22,8 +22,11 @@ struct Fleet {
     return v;
   }
   EarlierCalibration calibrated(int unit, int time, const ParameterVector& truth) {
-    return {"U" + std::to_string(1000 + unit), std::to_string(time), truth + drawn(sigma),
-            sigma * sigma * Eigen::MatrixXd::Identity(parameter_count, parameter_count)};
+    return {"U" + std::to_string(1000 + unit),
+            std::to_string(time),
+            truth + drawn(sigma),
+            sigma * sigma * Eigen::MatrixXd::Identity(parameter_count, parameter_count),
+            {}};
   }
   // Each unit calibrated twice; `truth` is that of unit 0 afterwards.
   std::vector<EarlierCalibration> history(int units, ParameterVector& truth, int times = 2) {
