@@ -2,11 +2,12 @@
 //
 //   study_fleet SEED_FIRST SEED_COUNT [--units N] [--stations K] [--sequence NAME.seq]
 // For each seed the same clean fleet, and three more with something in it, of which only those recordings are made anew that have it:
-//   station   one effect of the rig, drawn at random, at one station: as large as one sigma of one recording (a fifth of what it shows by itself)
-//   units     a tenth of the units has one effect each, drawn at random, 1 to 10 times what one recording shows
-//   drift     an effect at one station grows from day 80 of 182 on, by a sigma in twenty days
+// Effects and their signs are drawn at random among all that one recording of the rig can see.
+//   station   one effect at one station: as large as one sigma of one recording (a fifth of what it shows by itself)
+//   units     a tenth of the units has one effect each, 1 to 10 times what one recording shows
+//   drift     an effect at one station grows from one of the days 40 to 120 of 182 on, by a sigma in 3 to 20 days
 // A line each: seed, scenario, effect and size, found at the right level (1/0), that effect or a rival named (1/0), other levels blamed, units
-// listed, error of the begin (days), inside its interval (1/0).
+// listed; of a drift: error of the begin, its least sigma by Cramer and Rao (days), inside the interval that is given (1/0).
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -26,7 +27,11 @@ struct Study {
   Sequence sequence;
 };
 
-constexpr double days = 182.0, begin_day = 80.0, sigma_days = 20.0;
+constexpr double days = 182.0;
+
+struct Drift {  // of the rig, not as it is found
+  double begin_day = NAN, least_sigma = NAN;
+};
 
 FleetMember made(const Study& study, std::uint64_t seed, std::size_t i, const std::string& effect, double value) {
   RigConfig config = default_rig_config();
@@ -55,7 +60,7 @@ std::vector<std::pair<std::string, double>> seen(const UnitStatistics& u) {
 }
 
 void judge(std::uint64_t seed, const char* scenario, const std::string& key, double value, const FleetDiagnosis& d,
-           const std::string& level) {
+           const std::string& level, const Drift& drift = {}) {
   const std::string name = key.substr(0, key.find('.'));
   bool here = false, named = false;
   int blamed = 0;
@@ -70,11 +75,12 @@ void judge(std::uint64_t seed, const char* scenario, const std::string& key, dou
     named =
         named || e.component.starts_with(name) || std::find(e.rivals.begin(), e.rivals.end(), name) != e.rivals.end();
     if (e.shape == FleetShape::constant || std::isfinite(begin)) continue;
-    begin = e.begin_day - begin_day;
-    inside = e.begin_low <= begin_day && begin_day <= e.begin_high;
+    begin = e.begin_day - drift.begin_day;
+    inside = e.begin_low <= drift.begin_day && drift.begin_day <= e.begin_high;
   }
-  std::printf("%llu %s %s %.4g %d %d %d %zu %.1f %d\n", static_cast<unsigned long long>(seed), scenario,
-              key.empty() ? "-" : key.c_str(), value, here, named, blamed, d.units.size(), begin, inside);
+  std::printf("%llu %s %s %.4g %d %d %d %zu %.1f %.1f %d\n", static_cast<unsigned long long>(seed), scenario,
+              key.empty() ? "-" : key.c_str(), value, here, named, blamed, d.units.size(), begin, drift.least_sigma,
+              inside);
   for (const FleetEffect& e : d.effects)
     std::printf("#   %s %s %s %.3g +- %.2g, z %.1f\n", e.level.empty() ? "all" : e.level.c_str(), e.component.c_str(),
                 to_string(e.shape), e.value, e.sigma, e.z);
@@ -88,7 +94,12 @@ void run(const Study& study, std::uint64_t seed) {
   judge(seed, "clean", "", 0.0, diagnose_fleet(clean, {}), "");
 
   const auto effects = seen(clean.front().statistics);
-  const auto draw = [&] { return effects[std::uniform_int_distribution<std::size_t>(0, effects.size() - 1)(random)]; };
+  const auto between = [&](double a, double b) { return std::uniform_real_distribution<>(a, b)(random); };
+  const auto draw = [&] {
+    auto effect = effects[std::uniform_int_distribution<std::size_t>(0, effects.size() - 1)(random)];
+    if (between(0.0, 1.0) < 0.5) effect.second = -effect.second;
+    return effect;
+  };
   const auto draw_station = [&] { return std::uniform_int_distribution<std::size_t>(0, study.stations - 1)(random); };
   {
     const auto [key, sigma] = draw();
@@ -100,21 +111,26 @@ void run(const Study& study, std::uint64_t seed) {
   {
     std::vector<FleetMember> fleet = clean;
     for (std::size_t i = 0; i < study.units; ++i) {
-      if (std::uniform_real_distribution<>()(random) > 0.1) continue;
+      if (between(0.0, 1.0) > 0.1) continue;
       const auto [key, sigma] = draw();
-      fleet[i] = made(study, seed, i, key,
-                      sigma * 5.0 * std::exp(std::uniform_real_distribution<>(0.0, std::log(10.0))(random)));
+      fleet[i] = made(study, seed, i, key, sigma * 5.0 * std::exp(between(0.0, std::log(10.0))));
     }
     judge(seed, "units", "", 0.0, diagnose_fleet(fleet, {}), "");
   }
   {
     const auto [key, sigma] = draw();
     const std::size_t station = draw_station();
+    Drift drift{between(40.0, 120.0), NAN};
+    const double sigma_days = std::exp(between(std::log(3.0), std::log(20.0)));
     std::vector<FleetMember> fleet = clean;
+    int after = 0;
     for (std::size_t i = station; i < study.units; i += study.stations)
-      if (fleet[i].day > begin_day)
-        fleet[i] = made(study, seed, i, key, sigma * (fleet[i].day - begin_day) / sigma_days);
-    judge(seed, "drift", key, sigma, diagnose_fleet(fleet, {}), "S" + std::to_string(station + 1));
+      if (fleet[i].day > drift.begin_day) {
+        fleet[i] = made(study, seed, i, key, sigma * (fleet[i].day - drift.begin_day) / sigma_days);
+        ++after;
+      }
+    drift.least_sigma = 2.0 * sigma_days / std::sqrt(after);  // docs/fleet.md
+    judge(seed, "drift", key, sigma / sigma_days, diagnose_fleet(fleet, {}), "S" + std::to_string(station + 1), drift);
   }
 }
 
