@@ -69,7 +69,7 @@ grep -q '"state":"idle"' <&9 || fail "the page of all stations does not say that
 exec 9>&-
 kill "$page"
 wait "$page" || true
-! pgrep -x turncal > /dev/null || fail "a turncal is left running"
+! grep -lx turncal /proc/[0-9]*/comm 2> /dev/null || fail "a turncal is left running"
 
 part "upgrade to $version"
 before=$(find /var/lib/turncal -type f -exec sha256sum {} + | sort)
@@ -94,4 +94,6 @@ apt-get purge -y -q turncal > apt.log 2>&1
 [ ! -e /etc/turncal/prune.conf ] || fail "purged, and a conffile is still there"
 for folder in /etc/turncal /var/lib/turncal; do grep -q "turncal: $folder is left" apt.log || fail "the purge does not say that it leaves $folder"; done
 [ "$before" = "$(find /var/lib/turncal -type f -not -path '*/again/*' -exec sha256sum {} + | sort)" ] || fail "the purge changed data"
-part "done"
+part "installed again, for systemd"
+install "./turncal_${version}_"*.deb systemd systemd-sysv dbus
+

@@ -4,6 +4,7 @@
 
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
+#include "orchestrator/station/database_name.h"
 
 namespace turncal {
 
@@ -25,7 +26,10 @@ Result<ServiceConfig> read_service_config(const std::string& path) {
     config.stations.push_back(std::move(station));
   }
   config.password_file = beside(file->text_or("serve.password_file", ""));
+  config.database = file->text_or("serve.database", "");
+  if (!names_a_server(config.database)) config.database = beside(config.database);
   if (Status status = file->check_all_used(); !status) return status.error();
+  if (Status status = check_database_name(config.database); !status) return status.error();
   return config;
 }
 

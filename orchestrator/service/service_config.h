@@ -5,6 +5,7 @@
 //   station.1.runs    = /var/lib/turncal/east/runs        the batch's --out
 //   station.1.mounted = /var/lib/turncal/east/mounted     written by "mount done"; what hook.mount waits for
 //   serve.password_file = /etc/turncal/operators          NAME:HASH a line; without it nothing can be changed
+//   serve.database = postgresql://reader@host/line         or a file: what all its stations did in the last 24 hours
 //
 // Relative names are those beside the file.
 #pragma once
@@ -24,6 +25,7 @@ struct ServedStation {
 struct ServiceConfig {
   std::vector<ServedStation> stations;  // at least one, names differ
   std::string password_file;            // empty: read-only
+  std::string database;                 // empty: no results are shown
 };
 
 Result<ServiceConfig> read_service_config(const std::string& path);

@@ -12,6 +12,7 @@
 #include "imu_io/base/key_value.h"
 #include "orchestrator/records/journal_record.h"
 #include "orchestrator/service/operators.h"
+#include "orchestrator/service/results_view.h"
 #include "orchestrator/service/station_actions.h"
 #include "orchestrator/service/station_view.h"
 #include "orchestrator/watch/page_server.h"
@@ -24,6 +25,7 @@ extern const std::string_view service_page_html;  // service_page.html; INITIAL 
 namespace {
 
 constexpr auto between_looks = std::chrono::seconds(1);
+constexpr auto between_results = std::chrono::seconds(10);
 constexpr double between_passwords_s = 0.5;
 
 PageAnswer said(int code, const std::string& text) { return {code, {"text/plain; charset=utf-8", text + "\n"}}; }
@@ -37,12 +39,17 @@ struct ServicePage::State {
   std::condition_variable wake;
   bool over = false;
   std::string json;
-  double password_s = -1e9;  // the server's thread alone
-  std::thread looker;
+  std::string results = "null";
+  double password_s = -1e9;    // the server's thread alone
+  std::thread looker, reader;  // of the stations' files; of the database, which may keep its reader waiting
   std::unique_ptr<PageServer> server;
 
-  std::string look() const {
-    std::string stations;
+  std::string look() {
+    std::string stations, newest_results;
+    {
+      const std::lock_guard lock(mutex);
+      newest_results = results;
+    }
     const double now = now_utc_s();
     for (const ServedStation& station : config.stations)
       stations += (stations.empty() ? "" : ",") + json_of(look_at(station, now));
@@ -50,7 +57,18 @@ struct ServicePage::State {
     o.text("time_utc", format_utc(now));
     o.raw("acts", config.password_file.empty() ? "false" : "true");
     o.raw("stations", "[" + stations + "]");
+    o.raw("results", newest_results);
     return o.end();
+  }
+
+  void keep_reading() {
+    std::unique_lock lock(mutex);
+    do {
+      lock.unlock();
+      std::string newest = json_of(look_at_results(config.database, now_utc_s()));
+      lock.lock();
+      results = std::move(newest);
+    } while (!wake.wait_for(lock, between_results, [this] { return over; }));
   }
 
   void keep_looking() {
@@ -107,7 +125,8 @@ ServicePage::~ServicePage() {
     state_->over = true;
   }
   state_->wake.notify_all();
-  if (state_->looker.joinable()) state_->looker.join();
+  for (std::thread* thread : {&state_->looker, &state_->reader})
+    if (thread->joinable()) thread->join();
 }
 
 std::string ServicePage::url() const { return state_->server->url(); }
@@ -136,6 +155,7 @@ Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& addres
   sigfillset(&all);
   pthread_sigmask(SIG_SETMASK, &all, &before);
   state.looker = std::thread([&state] { state.keep_looking(); });
+  if (!config.database.empty()) state.reader = std::thread([&state] { state.keep_reading(); });
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
   return page;
 }

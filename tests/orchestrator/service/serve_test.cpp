@@ -5,7 +5,9 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/lock_file.h"
+#include "orchestrator/records/results_database.h"
 #include "orchestrator/service/operators.h"
+#include "orchestrator/service/results_view.h"
 #include "orchestrator/service/service_page.h"
 #include "orchestrator/service/station_actions.h"
 #include "orchestrator/service/station_view.h"
@@ -133,7 +135,8 @@ TEST_F(Serve, NobodyButAnOperatorChangesAnything) {
   write("queue", "SN1\n");
   const std::string operators = write_operators(std::string("ana:") + hash_of_secret + "\n");
   const auto now = [] { return 1.7e9; };
-  auto page = ServicePage::open("127.0.0.1:0", {{station_}, operators}, now);
+  auto page =
+      ServicePage::open("127.0.0.1:0", {.stations = {station_}, .password_file = operators, .database = {}}, now);
   ASSERT_TRUE(page) << page.error().message;
   const std::string url = (*page)->url().substr(0, (*page)->url().size() - 1);
   const auto post = [&](const std::string& name, const std::string& password, bool marked, const std::string& body) {
@@ -162,11 +165,57 @@ TEST_F(Serve, NobodyButAnOperatorChangesAnything) {
   EXPECT_NE(status->body.find("\"SN 2\""), std::string::npos) << status->body;
   EXPECT_EQ(client.Get("/queue")->status, 404);
 
-  auto looking = ServicePage::open("127.0.0.1:0", {{station_}, ""}, now);
+  auto looking = ServicePage::open("127.0.0.1:0", {.stations = {station_}, .password_file = {}, .database = {}}, now);
   ASSERT_TRUE(looking);
   httplib::Client other((*looking)->url().substr(0, (*looking)->url().size() - 1));
   other.set_basic_auth("ana", "secret");
   EXPECT_EQ(other.Post("/act", {{"X-Turncal", "1"}}, add, "text/plain")->status, 404);
+}
+
+TEST_F(Serve, ShowsTheResultsOfAllStationsOfADatabase) {
+  const double now = *parse_utc("2026-01-02T12:00:00Z");
+  EXPECT_NE(look_at_results(path("none.db"), now).defect.find("none.db"), std::string::npos);
+  Result<ResultsDatabase> database = ResultsDatabase::open(path("line.db"));
+  ASSERT_TRUE(database) << database.error().message;
+  struct Row {
+    const char *run, *unit, *time, *outcome, *station;
+  };
+  for (const Row& row : {Row{"r0", "SN0", "2026-01-01T11:00:00Z", "pass", "east"},  // the day before
+                         Row{"r1", "SN1", "2026-01-01T13:00:00Z", "fail", "east"},
+                         Row{"r3", "SN3", "2026-01-02T11:00:00Z", "interrupted", "east"},  // says nothing of the unit
+                         Row{"r2", "SN2", "2026-01-02T10:00:00Z", "pass", "east"},
+                         Row{"r4", "SN4", "2026-01-02T11:30:00Z", "running", "east"},
+                         Row{"r5", "SN5", "2026-01-02T09:00:00Z", "conditional_pass", "west"}}) {
+    AttemptRecord attempt;
+    attempt.run = row.run;
+    attempt.unit = row.unit;
+    attempt.began_utc = attempt.time_utc = row.time;
+    attempt.outcome = row.outcome;
+    attempt.station = row.station;
+    const Status noted = database->note(attempt);
+    ASSERT_TRUE(noted) << noted.error().message;
+  }
+  const ResultsView view = look_at_results(path("line.db"), now);
+  EXPECT_EQ(view.defect, "");
+  ASSERT_EQ(view.stations.size(), 2U);
+  EXPECT_EQ(view.stations[0].station, "east");
+  EXPECT_EQ(view.stations[0].attempts, 3U);
+  EXPECT_EQ(view.stations[0].judged, 2U);
+  EXPECT_EQ(view.stations[0].passed, 1U);
+  EXPECT_EQ(view.stations[0].last_unit, "SN3");
+  EXPECT_EQ(view.stations[1].passed, 1U);
+
+  write("queue", "SN1\n");
+  auto page = ServicePage::open(
+      "127.0.0.1:0", {.stations = {station_}, .password_file = {}, .database = path("line.db")}, [now] { return now; });
+  ASSERT_TRUE(page) << page.error().message;
+  httplib::Client client((*page)->url().substr(0, (*page)->url().size() - 1));
+  std::string body;
+  for (int i = 0; i < 200 && body.find("\"last_unit\":\"SN3\"") == std::string::npos; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    if (const auto status = client.Get("/status.json")) body = status->body;
+  }
+  EXPECT_NE(body.find("\"last_unit\":\"SN3\""), std::string::npos) << body;
 }
 
 TEST_F(Serve, RefusesWhatItCannotServe) {
@@ -179,6 +228,7 @@ TEST_F(Serve, RefusesWhatItCannotServe) {
   expect_refused({"serve", write("c", station + "serve.password = x\n")}, "serve.password");
   const std::string stations = write("d", station + "serve.password_file = operators\n");
   expect_refused({"serve", stations}, "operators: cannot open");
+  expect_refused({"serve", write("e", station + "serve.database = postgresql://ana:x@host/line\n")}, "password");
   write_operators("ana:secret\n");
   expect_refused({"serve", stations}, "operators:1: expected NAME:HASH");
   write_operators(std::string("ana:") + hash_of_secret + "\n");
