@@ -61,8 +61,8 @@ class JointRun {
   Eigen::VectorXd start_;  // where the parameters of the subset began
   SubsetSolution solution_;
   Eigen::VectorXd step_;  // of the subset, the last one taken
-  double looseness_ =
-      1.0;               // of the noise, as long as the misfit is larger: else residuals push what hardly shows in them
+  // Of the noise, as long as the misfit is larger: else residuals push what hardly shows in them.
+  double looseness_ = 1.0;
   double misfit_ = 0.0;  // chi-square an observation before the last step of iterate()
   JointResult result_;
 };

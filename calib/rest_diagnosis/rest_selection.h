@@ -2,8 +2,7 @@
 //
 // Rows are weighted (rest_model.h), candidate columns projected off the columns in the model. With one column c the
 // residual becomes r - c (c'r)/(c'c); every kind k of observation has a variance of its own, so the gain is
-//   T = sum_k [d_k log v_k + S_k' / v_k - S_k],   v_k = max(S_k' / d_k, share of white noise),  in units of v_k = 1
-//   before,
+//   T = sum_k [d_k log(v_k / v_k') + S_k / v_k - S_k' / v_k'],   v_k = max(S_k / d_k, share of white noise), v_k' alike,
 // with S_k, S_k' the weighted sums of squares before and after and d_k the redundancy: the white noise that was
 // measured is never undercut. p from F(q, d - q), F = (exp(T/d) - 1)(d - q)/q, d the redundancy of the kinds that the
 // columns touch: exact for one kind (analysis of variance), and safe for few observations where chi^2 is not.

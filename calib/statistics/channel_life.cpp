@@ -11,8 +11,8 @@ namespace {
 
 constexpr double circle_deg = 360.0;
 constexpr double least_s = 20.0;
-constexpr double whole =
-    0.9;  // of a turn that two gyros feel: the third may be 25 deg off its axis, and then feels some of it
+// Of a turn that two gyros feel: the third may be 25 deg off its axis, and then feels some of it.
+constexpr double whole = 0.9;
 
 }  // namespace
 

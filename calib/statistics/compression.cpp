@@ -11,7 +11,6 @@ namespace turncal {
 namespace {
 
 // What one count of the gyros is, rad, before anything is measured.
-
 constexpr double nominal_gyro_pulse_rad = 0.932920 * rad_per_arcsec;
 
 // In a segment called at rest the unit may still turn (a table that settles, a hand that lets go late). What turns faster
@@ -41,8 +40,8 @@ void leave_out_turning(const RecordingInfo& info, std::span<Block> blocks) {
 constexpr double steady_angle_rad = 0.05, steady_s = 0.5;
 
 bool at_one_rate(const Block& a, const Block& b) {
-  constexpr double alike =
-      0.003;  // of a long block: 4e-4 of the 2.8 m/s gained is of the third order, and that part of it unknown
+  // Of a long block: 4e-4 of the 2.8 m/s gained is of the third order, and that part of it unknown.
+  constexpr double alike = 0.003;
   const Eigen::Vector3d rate = a.gyro / a.duration_s;
   return (b.gyro / b.duration_s - rate).norm() < alike * rate.norm();
 }

@@ -8,12 +8,12 @@
 // is near 1 at rest and 10 to 10^7 in motion. A hand that holds the unit shakes it, so the threshold cannot follow from
 // the noise: it is looked for where the outcome does not depend on it. Of all thresholds from what noise reaches to
 // 10^5 times that, in steps of 26 %, the longest stretch over which the number of rests (four or more) stays the same
-// is taken, and in it a point near the lower end. A stretch that begins above most_tremor (limits.h) is none: what shakes so much
-// moves. Hysteresis: a rest begins where R falls below the threshold and ends
-// where R rises above three times it, or stays above the threshold for a whole window. Cells of quiet windows are at
-// rest; guard_s is cut at both ends, where a window may still hold the end of a motion; shorter than min_rest_s is no
-// rest. A slow even turn is as quiet as a rest: one whose mean rate stands out from the others (by slow_turn_sigmas
-// robust deviations and more than the sample noise) is taken out.
+// is taken, and in it a point near the lower end. A stretch that begins above most_tremor (limits.h) is none: what shakes
+// so much moves. Hysteresis: a rest begins where R falls below the threshold and ends where R rises above three times it,
+// or stays above the threshold for a whole window. Cells of quiet windows are at rest; guard_s is cut at both ends, where a
+// window may still hold the end of a motion; shorter than min_rest_s is no rest. A slow even turn is as quiet as a rest:
+// one whose mean rate stands out from the others (by slow_turn_sigmas robust deviations and more than the sample noise) is
+// taken out.
 //
 // What was found verifies itself. Each rest is cut to the longest stretch that stands still (stillness.h), which takes the slow start
 // of a turn off its ends. And the quiet level must be noise: the variance of a window about its mean is set against half the mean
