@@ -1,4 +1,4 @@
-// Forward selection of effects by likelihood: steps 1 to 3 and 5 of diagnosis.h.
+// Forward selection of effects by likelihood: steps 2 and 3 of diagnosis.h, with the aliases of each effect.
 #pragma once
 
 #include "calib/diagnosis/diagnosis_model.h"

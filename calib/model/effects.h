@@ -4,7 +4,7 @@
 // An entry says what one unit of each component adds to the calibrated reading (see effect_columns.h), in the units of
 // docs/effect-components.md. Names follow IEEE 1293 (accelerometer model), 647 (ring laser gyros) and 952.
 // Effects with a time constant that is not known beforehand appear once a value of tau from a short list ("variants": the
-// score decides between them, and they count as one effect). What the station can never see is listed in unobservable().
+// score decides between them, and they count as one effect). What the station can never see is listed in unobservable_quantities().
 #pragma once
 
 #include <span>

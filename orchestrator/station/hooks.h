@@ -29,7 +29,7 @@ struct HookCall {
 inline constexpr double hook_time_s = 60.0;
 
 // Which hook a finished run calls: done on success, fail when the unit failed, needs_operator otherwise. (And of a unit that nobody
-// judged, call_hooks in orchestrator/jobs/run_job.cpp.)
+// judged: conclude() in orchestrator/jobs/run_job.cpp.)
 HookCall call_for(const Status& outcome);
 
 // An error when it could not be run, did not end in time, or ended with another code than 0. An empty command is fine.

@@ -32,7 +32,7 @@ struct BodyMotion {
   Eigen::Vector3d acceleration_b;  // d/dt rate_ib_b, rad/s^2
   Eigen::Vector3d force_b;         // specific force, m/s^2
   Eigen::Vector3d field_b;         // magnetic field, gauss
-  Eigen::Vector3d earth_error_b;   // the vector given as earth_error_n, in body axes
+  Eigen::Vector3d earth_error_b;   // SiteVectors::earth_error, in body axes
 };
 
 struct GeometryAngles {                            // rad

@@ -33,7 +33,7 @@ struct RigMoment {  // what the running effects depend on
 class SensorEffects {
  public:
   explicit SensorEffects(const RigConfig& config);
-  // True motion plus the effects that depend on it alone. table_angles: true sine and cosine by Axis; hysteresis_state:
+  // True motion plus the effects that depend on it alone. axes: true sine and cosine by Axis; hysteresis_state:
   // of RigOutsideEffects::Hysteresis.
   Reading standing(const BodyMotion& motion, const std::array<TrueAxis, 3>& axes, double hysteresis_state) const;
   // Adds the effects that run with time.
