@@ -1,26 +1,37 @@
 #!/usr/bin/env bash
-# Every test that docs/fault-tests.md names exists. ".../name" stands for the test before it with another last word.
+# docs/fault-tests.md names the tests of this build, and a table with one thing wrong each is refused.
 set -euo pipefail
-here=$(cd "$(dirname "$0")/../.." && pwd)
-build=${TURNCAL_BUILD:-$here/build/release}
-list=$(mktemp)
-trap 'rm -f "$list"' EXIT
-ctest --test-dir "$build" -N | sed -n 's/^ *Test *#[0-9]*: //p' | sed -E -e 's/ *[(]Disabled[)]$//' -e 's/  # GetParam.*//' -e 's/<.*//' > "$list"
-awk -v doc="$here/docs/fault-tests.md" '
-  FNR == NR { known[$0] = 1; next }
-  /^\|/ {
-    cell = $0; sub(/ *\|$/, "", cell); sub(/.*\| /, "", cell)
-    while (match(cell, /`[^`]*`/)) {
-      name = substr(cell, RSTART + 1, RLENGTH - 2)
-      cell = substr(cell, RSTART + RLENGTH)
-      if (name ~ /^\.\.\.\//) { stem = before; sub(/\/[^\/]*$/, "", stem); name = stem substr(name, 4) }
-      before = name
-      ++named
-      if (!(name in known)) { print "docs/fault-tests.md:" FNR ": no test " name; ++missing }
-    }
-  }
-  END {
-    if (named < 100) { print "only " named " tests are named"; exit 1 }
-    if (missing > 0) exit 1
-    print named " tests named, all there"
-  }' "$list" "$here/docs/fault-tests.md"
+here=$(cd "$(dirname "$0")" && pwd)
+check=$here/fault_tests.sh
+doc=$here/../../docs/fault-tests.md
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+ctest --test-dir "${TURNCAL_BUILD:-$here/../../build/release}" -N > "$work/tests"
+bash "$check" "$doc" "$work/tests"
+
+failures=0
+# expect WORDS DOC TESTS [LEAST]: this table must be refused in these words.
+expect() {
+  if bash "$check" "$2" "$3" "${4:-450}" > "$work/said" || ! grep -qF "$1" "$work/said"; then
+    echo "expected '$1', got: $(cat "$work/said")"
+    failures=$((failures + 1))
+  fi
+}
+# A test of every row renamed, and all of them disabled.
+sed 's/`\([A-Z]\)/`No\1/' "$doc" > "$work/renamed.md"
+expect 'no test No' "$work/renamed.md" "$work/tests"
+sed 's/$/ (Disabled)/' "$work/tests" > "$work/disabled"
+expect 'disabled: ModbusFaults.WriteAcknowledgements' "$doc" "$work/disabled"
+# Every second row away; one row away; one cell empty.
+awk '!/^\|.*`/ || ++n % 2' "$doc" > "$work/half.md"
+expect 'tests are named, expected' "$work/half.md" "$work/tests"
+grep -v 'FiveSecondsOfSilence' "$doc" > "$work/short.md"
+expect 'no row names DialectFaults.FiveSecondsOfSilence' "$work/short.md" "$work/tests" 1
+sed 's/| `DialectFaults.FiveSecondsOfSilence` |/| |/' "$doc" > "$work/empty.md"
+expect 'a row without a test' "$work/empty.md" "$work/tests" 1
+# Without backquotes.
+sed 's/`DialectFaults.FiveSecondsOfSilence`/DialectFaults.FiveSecondsOfSilence/' "$doc" > "$work/bare.md"
+expect 'not in backquotes: DialectFaults.FiveSecondsOfSilence' "$work/bare.md" "$work/tests" 1
+sed 's/`\.\.\.\/tcp_slow_bytes`/...\/tcp_slow_bytes/' "$doc" > "$work/bare.md"
+expect 'not in backquotes' "$work/bare.md" "$work/tests" 1
+[ "$failures" -eq 0 ]
