@@ -166,7 +166,7 @@ void add_check_command(CommandLine& line, CommandContext& context) {
   const Command command = line.command("check", "validate station and sequence, print the plan; nothing moves");
   command.option("--station", options->station, "station configuration; default: the built-in rig station");
   command.option("--sequence", options->sequence, "sequence file").required();
-  command.flag("--verify", options->verify, "with the north seeking behind it, as run --verify");
+  command.flag("--verify", options->verify, "with the north seeking after it, as run --verify");
   command.option("--override-due", options->overdue_reason, "accept a table whose calibration is overdue, as run does");
   command.option("--out", options->out, "folder that a run is to write to: can it, and is there room?");
   command.option("--unit", options->units, "serial number of a unit to be run").one_word_each();

@@ -113,8 +113,7 @@ void add_verify_command(CommandLine& line, CommandContext& context) {
   command.option("--sequence", run.sequence, "another sequence than verify.seq: align sets the zero, dwell counts");
   command.option("--recording", options->recording, "judge what was recorded before; nothing moves");
   command
-      .option("--from-step", options->first_step,
-              "of a recording: where the north seeking begins, behind a calibration")
+      .option("--from-step", options->first_step, "of a recording: where the north seeking begins, after a calibration")
       .range(0, 1'000'000);
   command.option("--references", options->references,
                  "CSV of readings: heading_deg,roll_deg,pitch_deg and the same with reference_ in front");

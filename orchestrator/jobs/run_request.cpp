@@ -83,7 +83,7 @@ void turn_by_hand(StationConfig& station) {
       std::max(station.motion.position_tolerance_deg, 1.1 * station.table.manual.tolerance_deg);
 }
 
-// What is to be verified, and the north seeking behind the calibration where there is one.
+// What is to be verified, and the north seeking after the calibration where there is one.
 Status prepare_verification(PreparedRun& run) {
   RunRequest& wanted = run.request;
   if (wanted.verify && wanted.verified.empty() && (wanted.capture_only || wanted.partial))

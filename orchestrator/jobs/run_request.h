@@ -71,7 +71,7 @@ RecordingInfo planned_info(const PreparedRun& run);
 // An error unless table and unit are both ones that a live command can open.
 Status check_real_devices(const StationConfig& station);
 
-// verify.seq behind a calibration, and the number of its first step. An error where the latitude lets no gyro tell north.
+// verify.seq after a calibration, and the number of its first step. An error where the latitude lets no gyro tell north.
 Result<int> append_north_seeking(const StationConfig& station, Sequence& sequence);
 
 // Everything that is checked before anything is made or moved.
