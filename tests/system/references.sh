@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Says which references of the tree given as $1 are dead, one line each; exit code 1 if any. What is looked at:
-#   comments and documents: every path that begins with a folder of ours exists, and every file with the ending of a source or a
-#     document; every key of a configuration, `key = value` or `dotted.key`, stands in the sources
-#   Markdown: every relative link resolves; every `Class::member` stands in some header
-#   README.md and docs, given the program as $2: every `turncal COMMAND` and every --option is in its --help or in a script
+#   comments and documents: every path that begins with a folder of ours exists, and every file with the ending of a source, a
+#     document or a description; every key of a configuration, `key = value` or `dotted.key`, stands in the sources, and every
+#     variable TURNCAL_... in what reads the environment
+#   Markdown: every relative link resolves, to a heading too; every `Class::member` stands in some header
+#   Markdown, given the program as $2: every `turncal COMMAND` and every --option is in its --help or in a script
 set -euo pipefail
 root=$(cd "$1" && pwd)
 program=${2:+$(realpath "$2")}
@@ -20,6 +21,10 @@ grep -E '\.(h|cpp|md|sh|cmake|in|seq|station|map|dialect|frame|py)$|CMakeLists\.
 # Words of the sources without their comments, and of the files that they read, for keys.
 { grep -E '\.(h|cpp|in|frame|map|dialect|station|seq)$' "$work/tree" || true; } | xargs -r cat |
   sed -E 's%(^|[[:space:]])//.*%%' | grep -aoE '[A-Za-z_][A-Za-z0-9_]*' | sort -u > "$work/code"
+
+# Variables of the environment that something reads.
+{ grep -E '\.(md)$' -v "$work/texts" || true; } | xargs -r cat | sed -E 's%(^|[[:space:]])(//|#).*%%' |
+  { grep -aoE 'TURNCAL_[A-Z_]*[A-Z]' || true; } | sort -u > "$work/variables"
 
 # Options by command: "run --out" a line, and "any --out" for every command and script.
 : > "$work/options"
@@ -76,8 +81,10 @@ awk -v work="$work" -v with_program="${program:+1}" '
     } else if (token ~ /\/.*[.](h|cpp|md|sh|seq|station|map|dialect|frame)$/) {
       if (token ~ /^[.][.]\// && joined(folder, token) == "") return
       if (!there(joined(folder, token)) && !there(token) && !foreign(token)) bad("no " token)
-    } else if (token ~ /^[A-Za-z0-9_.*-]+[.](h|cpp|md|sh)$/ && token !~ /^[.*]/) {
-      if (!named(token) && !there(joined(folder, token)) && !foreign(token)) bad("no file named " token)
+    } else if (token ~ /^[A-Za-z0-9_.*-]+[.](h|cpp|md|sh|station|map|dialect|frame|seq)$/ && token !~ /^[.*]/) {
+      if (!named(token) && !there(joined(folder, token)) && !foreign(token) && !of_reader(token)) bad("no file named " token)
+    } else if (token ~ /^TURNCAL_[A-Z_]*[A-Z]$/ && !(token in variables)) {
+      bad("no variable " token)
     }
   }
   function named(token,    pattern, other) {
@@ -88,6 +95,8 @@ awk -v work="$work" -v with_program="${program:+1}" '
     for (other in known) if (other ~ "^" pattern "$") return 1
     return 0
   }
+  # Descriptions that a document lets its reader make, and keys with such an ending.
+  function of_reader(token) { return token ~ /^(my|x|k|FILE|NAME|forty|twenty|extra|rehearsal|table|imu|record)[.][a-z]+$/ }
   function foreign(token) { return token ~ /^(sys|linux|asm|Eigen)\// || token ~ /^(time|unistd|fcntl|termios|math|modbus|sqlite3|libpq-fe|httplib)[.]h$/ }
   function look_at_words(text,    token, i, n) {
     gsub(/[a-z]+:\/\/[^ )>"]+/, " ", text)
@@ -96,13 +105,29 @@ awk -v work="$work" -v with_program="${program:+1}" '
     n = split(text, token, " ")
     for (i = 1; i <= n; ++i) look_at(token[i])
   }
-  function look_at_links(text,    target) {
+  # What a heading is called in a link to it: small letters, digits, _ and - for a blank.
+  function read_headings(file,    line, block, slug) {
+    while ((getline line < file) > 0) {
+      if (line ~ /^ *```/) block = !block
+      if (block || !sub(/^#+ +/, "", line)) continue
+      slug = tolower(line)
+      gsub(/\]\([^)]*\)/, "", slug); gsub(/[][!-,.\/:-@\\^`{-~]/, "", slug); gsub(/ /, "-", slug)
+      anchors[file "#" slug (slug in of_file ? "-" of_file[slug] : "")] = 1
+      ++of_file[slug]
+    }
+    close(file)
+    split("", of_file)
+  }
+  function look_at_links(text,    target, heading, file) {
     while (match(text, /\]\([^)]*\)/)) {
       target = substr(text, RSTART + 2, RLENGTH - 3)
       text = substr(text, RSTART + RLENGTH)
-      if (target ~ /^([a-z]+:|#)/) continue
+      if (target ~ /^[a-z]+:/) continue
+      heading = index(target, "#") ? substr(target, index(target, "#") + 1) : ""
       sub(/#.*/, "", target)
-      if (!there(joined(folder, target))) bad("link to " target)
+      file = target == "" ? FILENAME : joined(folder, target)
+      if (!there(file)) bad("link to " target)
+      else if (heading != "" && file ~ /[.]md$/ && !((file "#" heading) in anchors)) bad("link to " target "#" heading)
     }
   }
   function look_at_images(text,    target) {
@@ -115,7 +140,7 @@ awk -v work="$work" -v with_program="${program:+1}" '
   # Text between backquotes: a key of some configuration?
   function look_at_key(text,    part, i, n) {
     if (text !~ /^[a-z][a-z0-9_]*([.][a-zA-Z0-9_]+)*( = .*)?$/ || text !~ /[.]| = /) return
-    if (text ~ /[.](h|cpp|sh|md)$/ || text ~ /^system[.]/) return  # a file, or a test
+    if (text ~ /[.](h|cpp|sh|md)$/ || (text in known) || text ~ /^system[.]/) return  # a file, or a test
     sub(/ = .*/, "", text)
     if (text !~ /[.]/ && length(text) < 8) return  # a formula
     n = split(text, part, ".")
@@ -158,13 +183,14 @@ awk -v work="$work" -v with_program="${program:+1}" '
     while ((getline line < (work "/code")) > 0) code[line] = 1
     while ((getline line < (work "/commands")) > 0) commands[line] = 1
     while ((getline line < (work "/options")) > 0) options_of[line] = 1
+    while ((getline line < (work "/variables")) > 0) variables[line] = 1
+    while ((getline line < (work "/texts")) > 0) if (line ~ /[.]md$/) read_headings(line)
   }
   FNR == 1 { folder = FILENAME; if (!sub(/\/[^\/]*$/, "", folder)) folder = ""; block = 0 }
   FILENAME ~ /[.]md$/ {
     if (/^ *```/) { block = !block; next }
     look_at_words($0)
     if (!block) { look_at_links($0); look_at_images($0) }
-    if (FILENAME !~ /^(README|CONTRIBUTING|SECURITY)[.]md$|^docs\//) next
     if (block) { look_at_code($0); next }
     look_at_quoted($0, 1)
     next

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The project's own references are alive, and in a tree with one dead one each it is found.
+# The project's own references are alive, and each dead one of a tree made of them is found.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 check=$here/references.sh
@@ -8,24 +8,15 @@ bash "$check" "$here/../.." "$program"
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-failures=0
-# expect RESULT FILE LINE: a tree with this one line must (fail) or must not (pass) be refused.
+mkdir -p "$work"/{calib/types,docs,scripts,orchestrator}
+printf '%s\n' '// An axis.' 'struct Axis { int moves; };  // of a table' 'read("axis.sign");' > "$work/calib/types/axis.h"
+echo 'quick=${TURNCAL_QUICK:---quick}' > "$work/scripts/study"
+printf '%s\n' '# Tables' '## What `axis.sign` is, in words' '## Twice' '## Twice' > "$work/docs/tables.md"
+expected=()
+# expect RESULT FILE LINE: this line of the tree must (fail) or must not (pass) be named.
 expect() {
-  rm -rf "$work/tree"
-  mkdir -p "$work"/tree/{calib/types,docs,scripts} "$(dirname "$work/tree/$2")"
-  printf '%s\n' '// An axis.' 'struct Axis { int moves; };  // of a table' 'read("axis.sign");' > "$work/tree/calib/types/axis.h"
-  echo 'quick=--quick' > "$work/tree/scripts/study"
-  echo '# Tables' > "$work/tree/docs/tables.md"
-  printf '%s\n' "$3" > "$work/tree/$2"
-  local result=pass
-  bash "$check" "$work/tree" "$program" > "$work/said" || result=fail
-  if [ "$result" != "$1" ]; then
-    echo "expected $1, got $result: $3 in $2"
-    failures=$((failures + 1))
-  elif [ "$1" = fail ] && ! grep -q "^$2:1: no \|^$2:1: link to " "$work/said"; then
-    echo "the line does not name $2:1: $(cat "$work/said")"
-    failures=$((failures + 1))
-  fi
+  printf '%s\n' "$3" >> "$work/$2"
+  expected+=("$1" "$2:$(wc -l < "$work/$2")" "$3")
 }
 # Files and folders.
 expect pass calib/a.h '// See calib/types/axis.h, axis.h, calib/types/*.h, calib/types/axis.{h}, <folder>/none.h and docs/tables.md.'
@@ -40,9 +31,22 @@ expect fail calib/CMakeLists.txt '# docs/none.md'
 expect fail scripts/a '# tests/none_test.sh'
 expect fail docs/a.md 'The formats are in `formats.md`.'
 expect fail docs/a.md 'See `stations/none.station`.'
+expect pass docs/a.md 'With my.station; imu.frame is a key.'
+expect fail docs/a.md 'With none.station.'
+expect fail docs/a.md 'In none.seq, too.'
+expect fail calib/a.h '// As in none.dialect.'
+# Variables.
+expect pass docs/a.md '`TURNCAL_QUICK=1 scripts/study`'
+expect fail docs/a.md '`TURNCAL_SLOW=1 scripts/study`'
+expect fail scripts/a '# With TURNCAL_SLOW set.'
 # Links.
-expect pass docs/a.md '[here](tables.md), [there](../calib/types/axis.h), [up](../docs/), [far](https://example.com/x.md), [below](#below)'
-expect pass docs/a.md '[section](tables.md#tables)'
+expect pass docs/a.md '[here](tables.md), [there](../calib/types/axis.h), [up](../docs/), [far](https://example.com/x.md#none)'
+expect pass docs/a.md '[section](tables.md#tables), [code](../calib/types/axis.h#L1), [words](tables.md#what-axissign-is-in-words)'
+expect pass docs/a.md '## Below, this'
+expect pass docs/a.md '[below](#below-this), [second](tables.md#twice-1)'
+expect fail docs/a.md '[section](tables.md#chairs)'
+expect fail docs/a.md '[third](tables.md#twice-2)'
+expect fail docs/a.md '[below](#above)'
 expect fail docs/a.md '[here](none.md)'
 expect fail docs/a.md '[here](docs/tables.md)'
 expect fail docs/a.md '<img src="images/none.png" width="640">'
@@ -59,4 +63,16 @@ expect fail README.md '`turncal walk`'
 expect fail README.md '`turncal run --slow-run`'
 expect fail docs/a.md '`turncal twin --dry-run`'
 expect fail docs/a.md '`--no-such-option`'
+expect fail orchestrator/README.md '`turncal walk`'
+expect fail CHANGELOG.md '- `turncal run --slow-run` is new.'
+
+bash "$check" "$work" "$program" > "$work/said" || true
+failures=0
+for ((i = 0; i < ${#expected[@]}; i += 3)); do
+  result=pass
+  if grep -q "^${expected[i + 1]}: \(no \|link to \)" "$work/said"; then result=fail; fi
+  [ "$result" = "${expected[i]}" ] && continue
+  echo "expected ${expected[i]}, got $result: ${expected[i + 2]} in ${expected[i + 1]}"
+  failures=$((failures + 1))
+done
 [ "$failures" -eq 0 ]
