@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/posix_file.h"
@@ -177,9 +178,12 @@ Status run_turn(const BatchOptions& options, const PreparedRun& asked, const Tur
 // False: one was skipped, and the turn is another.
 Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn,
                          const std::string& tag, CommandContext& context) {
+  const std::string waited_for = mounting_file(options.queue);
   for (const std::string& unit : turn.units) {
+    if (Status status = write_file_atomically(waited_for, unit + "\n"); !status) return status.error();
     const Result<Mounted> mounted =
         mount_unit(station, unit, turn.folder, context.quiet ? -1 : STDIN_FILENO, context.out, tag);
+    ::unlink(waited_for.c_str());
     if (!mounted) return mounted.error();
     if (!mounted->skipped) continue;
     if (Status status = record_outcome(options.queue, {unit, "skipped", now_utc(), *mounted->skipped}); !status)

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "imu_io/base/text_pieces.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/station_rig.h"
 #include "orchestrator/jobs/exit_code.h"
@@ -103,6 +104,22 @@ std::string caution_of(const TableConfig& table) {
   return table.map ? caution_of(*table.map) : table.dialect ? caution_of(*table.dialect) : "";
 }
 
+// What is left to be done at the station itself before a run can begin, a line each.
+std::vector<std::string> left_to_do(const StationConfig& station) {
+  std::vector<std::string> lines;
+  const TableConfig& table = station.table;
+  const auto unset = [&lines](const std::string& key, const std::string& value) {
+    if (value.find("SET-ME") != std::string::npos)
+      lines.push_back(key + " = " + turncal::quoted(value) + ": expected the name of this station's line");
+  };
+  if (table.map) unset("table.address", table.map->link.address);
+  if (table.dialect) unset("table.address", table.dialect->link.address);
+  if (station.imu) unset("imu.device", station.imu->settings.device);
+  if ((table.map && !table.map->commissioned) || (table.dialect && !table.dialect->commissioned))
+    lines.push_back("the table is not commissioned: turncal commission comes before the first run");
+  return lines;
+}
+
 int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err) {
   const Result<StationConfig> station =
       options.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(options.station);
@@ -125,6 +142,7 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   if (const std::string caution = caution_of(station->table); !caution.empty()) {
     err << "warning: table: " << caution << "\n";
   }
+  for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
   const PlanLimits limits = plan_limits(*station, info->sample_period_s);
   Plan plan = make_plan(*sequence, limits);
   const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);

@@ -28,9 +28,15 @@ struct VerifyOptions {
   int first_step = 0;
 };
 
+// Whether an option was given that only a measurement has a use for.
+bool measures(const VerifyOptions& o) {
+  return !o.unit.empty() || o.run.dry_run || o.run.manual || !o.run.rig.empty() || !o.run.sequence.empty() ||
+         !o.run.operator_name.empty() || !o.run.ambient.empty() || !o.run.listen.empty() || o.run.pace > 0.0;
+}
+
 Status check_together(const VerifyOptions& o) {
   if (!o.references.empty()) {
-    if (!o.unit.empty() || !o.parameters.empty() || !o.recording.empty() || o.run.dry_run || o.run.manual)
+    if (measures(o) || !o.parameters.empty() || !o.recording.empty() || !o.run.station.empty() || o.first_step != 0)
       return input_error("--references: expected no other option than --out: the readings say everything");
     return {};
   }
@@ -38,8 +44,9 @@ Status check_together(const VerifyOptions& o) {
   if (o.folder.empty()) return input_error("--out is required: the folder for " + std::string(verification_name));
   if (o.recording.empty() && o.unit.empty())
     return input_error("--unit is required (or --recording, of a verification that was recorded)");
-  if (!o.recording.empty() && (!o.unit.empty() || o.run.dry_run || o.run.manual))
-    return input_error("--recording: expected no --unit, --dry-run or --manual: nothing is measured");
+  if (!o.recording.empty() && measures(o))
+    return input_error(
+        "--recording: expected --parameters, --out, --station and --from-step alone: nothing is measured");
   return {};
 }
 

@@ -1,4 +1,4 @@
-// From a recording to a parameter file: the one place where an estimator is called.
+// From a recording to a parameter file: the estimate of one, or of several of one unit.
 #pragma once
 
 #include <optional>

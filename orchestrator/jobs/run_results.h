@@ -1,6 +1,6 @@
 // From a sealed recording to what a run leaves behind, in the order in which it becomes durable:
 //
-//   truth.conf (dry run) -> diagnosis/ -> verification.conf -> parameters.conf -> statistics.tcs -> journal `results` -> database -> parameter store -> journal `verdict`
+//   truth.conf (dry run) -> verification.conf -> diagnosis/ -> parameters.conf -> statistics.tcs -> journal `results` -> database -> parameter store -> journal `verdict`
 //
 // Only then is a verdict printed. What cannot be written is a fault of the storage (kind device), whatever the reason. Every step can be done again: a run that was interrupted in between repeats them all with the
 // same bytes.

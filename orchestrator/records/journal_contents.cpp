@@ -136,6 +136,7 @@ Result<JournalContents> read_journal(const std::string& path) {
         contents.commands.resize(commands_kept);
         std::erase_if(contents.dropped, [](const auto& dropped) { return dropped.after_last_dwell; });
         ++contents.sessions;
+        contents.pause_asked = false;
         if (fields->has("overdue_reason")) {  // given now: the table's calibration ran out meanwhile
           std::erase_if(contents.begin, [](const auto& field) { return field.first == "overdue_reason"; });
           contents.begin.emplace_back("overdue_reason", unescaped_value(fields->text("overdue_reason")));
@@ -144,7 +145,10 @@ Result<JournalContents> read_journal(const std::string& path) {
       case JournalType::verdict: contents.verdicts.push_back(fields_of(*fields)); break;
       case JournalType::dropout: contents.dropped.push_back(read_dropout(*fields)); break;
       case JournalType::estimate: contents.estimate = fields_of(*fields); break;  // found again from the samples
-      case JournalType::transition: contents.transition = fields_of(*fields); break;
+      case JournalType::transition:
+        contents.transition = fields_of(*fields);
+        contents.pause_asked |= value_of(contents.transition, "event") == to_string(RunEvent::pause_wanted);
+        break;
       case JournalType::results:
       case JournalType::clock: break;
     }

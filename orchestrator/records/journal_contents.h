@@ -30,6 +30,7 @@ struct JournalContents {
   int sessions = 1;                              // 1 + resumes
   std::vector<JournalFields> verdicts;           // one a unit, as they came
   JournalFields transition, estimate;            // the newest
+  bool pause_asked = false;                      // since it was begun or taken up again
   struct DroppedUnit {
     std::size_t unit = 0;
     Error why;

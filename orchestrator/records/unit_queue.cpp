@@ -95,6 +95,8 @@ std::vector<std::string> next_units(const std::vector<std::string>& queue, const
 
 Result<LockFile> hold_queue(const std::string& path) { return LockFile::acquire(path + ".batch.lock"); }
 
+std::string mounting_file(const std::string& path) { return path + ".mounting"; }
+
 Status record_outcome(const std::string& path, const UnitOutcome& outcome) {
   const Result<LockFile> lock = LockFile::acquire(path + ".lock", LockFile::change_s);
   if (!lock) return lock.error();

@@ -31,6 +31,8 @@ std::vector<std::string> next_units(const std::vector<std::string>& queue, const
 
 // Held by a batch for as long as it works on the queue: a second one is refused. Changes are not.
 Result<LockFile> hold_queue(const std::string& path);
+// Holds the serial number that a batch waits for while it is mounted, for whoever looks on; means nothing when nobody holds the queue.
+std::string mounting_file(const std::string& path);
 
 // Durable on success. Two changes at a time exclude each other by a lock on QUEUE.lock.
 Status record_outcome(const std::string& path, const UnitOutcome& outcome);

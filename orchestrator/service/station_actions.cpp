@@ -55,6 +55,8 @@ bool running(const StationView& view) {
 // Whether it can be done; nothing is changed.
 Status check(const ServedStation& station, const StationAction& wanted, const StationView& view) {
   const auto is = [&wanted](const char* word) { return wanted.action == word; };
+  if (is("pause") && running(view) && view.pausing)  // a second Ctrl-C would stop it now
+    return input_error("station '" + station.name + "': a pause is asked for already");
   if (is("pause") || is("stop"))
     return running(view) ? Status() : Status(input_error("station '" + station.name + "': no run is going on"));
   if (!is("add") && !is("remove") && !is("again") && !is("mounted"))
@@ -81,7 +83,7 @@ Result<std::string> act(const ServedStation& station, const StationAction& wante
   if (wanted.action == "pause" || wanted.action == "stop") {
     const bool pause = wanted.action == "pause";
     done = send_signal(view.folder + "/.lock", *view.process, pause ? SIGINT : SIGTERM);
-    said = pause ? "the run pauses at the end of its move or dwell" : "the run stops now";
+    said = pause ? "the run is told to pause at the end of its move or dwell" : "the run is told to stop now";
   } else if (wanted.action == "mounted") {
     done = write_file_atomically(station.mounted, wanted.unit + "\n");
     said = "unit " + wanted.unit + " is mounted";
@@ -91,8 +93,12 @@ Result<std::string> act(const ServedStation& station, const StationAction& wante
     done = change_queue(station.queue, change);
     said = "unit " + wanted.unit + ": " + wanted.action;
   }
-  if (!done) return done.error();
-  return said;
+  if (done) return said;
+  // What was written down was not done.
+  StationAction failed = wanted;
+  failed.action = "not done: " + wanted.action;
+  if (Status status = write_down(station, failed, operator_name, now_utc_s); !status) return status.error();
+  return done.error();
 }
 
 }  // namespace turncal

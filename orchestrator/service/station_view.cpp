@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/lock_file.h"
+#include "imu_io/base/posix_file.h"
+#include "imu_io/base/text_pieces.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/run_job.h"
 #include "orchestrator/records/journal_contents.h"
@@ -61,6 +64,24 @@ std::optional<double> interval_of(const std::vector<UnitOutcome>& outcomes) {
   return *middle;
 }
 
+// As the batch says it; else the next, of one that has not said it yet.
+std::vector<std::string> unit_to_mount(const std::string& queue, const std::vector<std::string>& waiting) {
+  if (const Result<std::string> text = read_whole_file(mounting_file(queue), 1024)) {
+    std::string_view remaining = *text;
+    if (const std::string_view unit = next_line(remaining); !unit.empty()) return {std::string(unit)};
+  }
+  return {waiting.begin(), waiting.begin() + (waiting.empty() ? 0 : 1)};
+}
+
+// By proc(5), as one that is hung by a debugger or SIGSTOP is.
+bool is_suspended(pid_t process) {
+  std::ifstream file("/proc/" + std::to_string(process) + "/stat");
+  std::string line;
+  std::getline(file, line);
+  const std::size_t name_end = line.rfind(") ");
+  return name_end != std::string::npos && (line[name_end + 2] == 'T' || line[name_end + 2] == 't');
+}
+
 bool wants_a_look(const std::string& outcome) {
   return outcome != "pass" && outcome != "conditional_pass" && outcome != "captured" && outcome != "not_judged" &&
          outcome != "again";
@@ -98,7 +119,6 @@ std::string words_of(const JournalFields& transition) {
 
 void show_run(const JournalContents& journal, double now_utc_s, StationView& view) {
   view.units = journal.units();
-  view.simulated = journal.begin_value("simulated") == "true";
   view.began_utc = journal.begin_value("began_utc");
   view.phase = words_of(journal.transition);
   const std::optional<double> planned_s = parse_number<double>(journal.begin_value("planned_s"));
@@ -114,6 +134,7 @@ void show_run(const JournalContents& journal, double now_utc_s, StationView& vie
   if (!journal.estimate.empty() && !value_of(journal.estimate, "sigma").empty())
     view.known = value_of(journal.estimate, "worst") + ": sigma " + value_of(journal.estimate, "sigma") + " of " +
                  value_of(journal.estimate, "needed");
+  view.pausing = view.state == StationState::running && journal.pause_asked;
   if (view.process && live && *utc_s > now_utc_s + clock_off_s)
     view.for_a_person.insert(view.for_a_person.begin(),
                              "the clock of this machine is " + clock_time(*utc_s - now_utc_s) + " behind the run's");
@@ -162,6 +183,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   const std::vector<std::string> begun = journal ? journal->units() : std::vector<std::string>();
   const bool left = journal && !run->process && !is_over(*journal) && std::any_of(begun.begin(), begun.end(), waits);
   view.process = run && run->process ? run->process : batch;
+  view.simulated = journal && journal->begin_value("simulated") == "true";
   if (run && run->process) {
     view.state = journal && journal->seal_utc_s ? StationState::results : StationState::running;
     view.folder = run->path;
@@ -178,18 +200,20 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   const std::string of_units =
       view.units.empty() ? "" : (view.units.size() > 1 ? "units " : "unit ") + join(view.units);
   switch (view.state) {
-    case StationState::running: view.headline = of_units + ", " + view.phase; break;
+    case StationState::running:
+      view.headline = of_units + ", " + (view.pausing ? "a pause is asked for: " : "") + view.phase;
+      break;
     case StationState::results: view.headline = of_units + ": recorded, results are being made"; break;
     case StationState::mounting:
-      view.units = {view.waiting.begin(), view.waiting.begin() + (view.waiting.empty() ? 0 : 1)};
+      view.units = unit_to_mount(station.queue, view.waiting);
       view.headline =
-          view.waiting.empty() ? "the queue is done" : "waits for unit " + view.units.front() + " to be mounted";
-      if (!view.waiting.empty())
-        view.for_a_person.insert(view.for_a_person.begin(), "mount unit " + view.units.front());
+          view.units.empty() ? "the queue is done" : "waits for unit " + view.units.front() + " to be mounted";
+      if (!view.units.empty()) view.for_a_person.insert(view.for_a_person.begin(), "mount unit " + view.units.front());
       break;
     case StationState::stopped:
-      view.headline = left ? of_units + " was left in the middle: " + view.phase
-                           : "nobody works on the queue, and units wait: " + std::to_string(view.waiting.size());
+      view.headline = left && journal->pause_asked ? of_units + " is paused: " + view.phase
+                      : left                       ? of_units + " was left in the middle: " + view.phase
+                             : "nobody works on the queue, and units wait: " + std::to_string(view.waiting.size());
       view.for_a_person.insert(view.for_a_person.begin(),
                                left ? "start the batch again: it goes on with " + of_units : "start the batch");
       break;
@@ -200,10 +224,15 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   std::erase_if(view.waiting, [&view](const std::string& unit) {
     return std::find(view.units.begin(), view.units.end(), unit) != view.units.end();
   });
-  view.tone = view.state == StationState::stopped ? Tone::bad
-              : view.for_a_person.empty()         ? Tone::good
-                                                  : Tone::attention;
-  if (view.process && view.unit_s) {
+  if (view.process && is_suspended(*view.process))
+    view.for_a_person.insert(
+        view.for_a_person.begin(),
+        "process " + std::to_string(*view.process) + " is suspended (SIGSTOP): it neither goes on nor hears a stop");
+  const bool paused = view.state == StationState::stopped && left && journal->pause_asked;
+  view.tone = view.state == StationState::stopped && !paused ? Tone::bad
+              : view.for_a_person.empty()                    ? Tone::good
+                                                             : Tone::attention;
+  if (view.process && view.unit_s && !view.simulated) {  // a dry run has a clock of its own
     const double this_end_s =
         view.run_end_utc_s.value_or(now_utc_s + (view.state == StationState::mounting ? *view.unit_s : 0.0));
     view.queue_end_utc_s = this_end_s + *view.unit_s * static_cast<double>(view.waiting.size());
@@ -222,6 +251,7 @@ std::string json_of(const StationView& view) {
   o.texts("units", view.units);
   o.text("folder", view.folder);
   o.raw("simulated", view.simulated ? "true" : "false");
+  o.raw("pausing", view.pausing ? "true" : "false");
   o.text("phase", view.phase);
   o.text("began_utc", view.began_utc);
   o.text("last_word_utc", view.last_word_utc);

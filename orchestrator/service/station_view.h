@@ -34,6 +34,7 @@ struct StationView {
   std::vector<std::string> units;  // of the run, or those to be mounted
   std::string folder;              // of the run
   bool simulated = false;
+  bool pausing = false;                  // a pause of the run was asked for
   std::optional<pid_t> process;          // that works on the run, or on the queue
   std::string phase;                     // "step 3: roll from 0 to -90 deg at 20 deg/s"
   std::string began_utc, last_word_utc;  // of the run

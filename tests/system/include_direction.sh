@@ -3,7 +3,8 @@
 #   calib <- imu_io <- {turntable_drivers, sequences} <- orchestrator
 # Within a folder the rooms are one-way, too: a room sees those of lower rank only (the table `rank` below).
 # Also: our own headers are named from the top folder ("calib/types/axis.h"); calib uses no files, clocks or threads; the rig
-# shares no model code with the estimator: of calib it sees plain data only; and only twins, dry runs and what starts them see the rig.
+# shares no model code with the estimator: of calib it sees plain data only; and only twins, dry runs and what starts them see the rig, by
+# whatever way. A library has the room that uses it. Nothing but .h, .cpp and .cpp.in is looked at, so there is nothing else.
 # A room, of tests too, has at most 40 files of C++: a fuller one is two.
 set -euo pipefail
 root=$1
@@ -16,7 +17,14 @@ if [ -n "$crowded" ]; then
   exit 1
 fi
 
-grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*#[[:space:]]*include' \
+other=$(find "$root"/calib "$root"/imu_io "$root"/turntable_drivers "$root"/sequences "$root"/orchestrator \
+  \( -name '*.hpp' -o -name '*.hh' -o -name '*.hxx' -o -name '*.inc' -o -name '*.ipp' -o -name '*.cc' -o -name '*.cxx' -o -name '*.c' \) -printf "%P\n")
+if [ -n "$other" ]; then
+  echo "$other: expected .h or .cpp"
+  exit 1
+fi
+
+grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*(/\*.*\*/[[:space:]]*)*(#|%:|\?\?=)[[:space:]]*(include|import)' \
   "$root"/calib "$root"/imu_io "$root"/turntable_drivers "$root"/sequences "$root"/orchestrator |
   awk -v root="$root/" '
     BEGIN {
@@ -30,6 +38,11 @@ grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*#[[:s
       ranks("turntable_drivers", "table; modbus ascii manual rig; twins")
       ranks("orchestrator", "station; run; watch records; line; devices; figures; report; line_report; jobs; fleet service; commands; .")
       sees_rig = " turntable_drivers/rig turntable_drivers/twins orchestrator/devices orchestrator/jobs orchestrator/commands "
+      # By what a job is given: a run that can be a dry one.
+      reaches_rig = sees_rig "orchestrator/fleet orchestrator/service orchestrator/. "
+      library["CLI/"] = "orchestrator/commands"; library["sqlite3.h"] = library["libpq-fe.h"] = "orchestrator/records"
+      library["modbus/"] = library["modbus.h"] = "turntable_drivers/modbus"; library["crypt.h"] = "orchestrator/service"
+      library["matio.h"] = library["xxhash.h"] = "imu_io/recordings"
     }
     # Rooms of a folder, lowest first; those between two semicolons do not see each other. "." is the folder itself.
     function ranks(folder, text,    level, levels, i, j, names, n) {
@@ -54,11 +67,16 @@ grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*#[[:s
       if (!match(rest, /["<][^">]+[">]/)) { target = rest; bad("cannot be read"); next }
       quoted = substr(rest, RSTART, 1) == "\""
       target = substr(rest, RSTART + 1, RLENGTH - 2)
+      if (rest !~ /^[ \t]*#[ \t]*include[ \t]*["<]/) { bad("expected #include and nothing before it"); next }
+      if (target ~ /\.\.|\/\/|^\/|\/\.\// || target ~ /\.cpp$/) { bad("expected a header named from the top folder"); next }
+      if (target ~ /^tests\//) { bad("tests are seen by tests"); next }
+      for (name in library)
+        if (index(target, name) == 1 && room != library[name]) bad("is for " library[name])
       top = target; sub(/\/.*/, "", top)
       ours = top in allowed && target ~ /\//
       if (quoted && !ours) { bad("expected a header named from the top folder"); next }
       if (ours && index(" " allowed[folder] " ", " " top " ") == 0) { bad(folder " must not depend on " top); next }
-      if (folder == "calib" && target ~ /^(fstream|filesystem|iostream|thread|mutex|atomic|future|condition_variable|chrono|ctime|time.h|unistd.h|fcntl.h|sys\/.*)$/)
+      if (folder == "calib" && target ~ /^(fstream|filesystem|iostream|ostream|istream|stdio.h|thread|mutex|shared_mutex|semaphore|barrier|latch|stop_token|pthread.h|atomic|future|condition_variable|chrono|ctime|time.h|unistd.h|fcntl.h|sys\/.*)$/)
         bad("calib is pure mathematics: no files, clocks, threads")
       if (ours) {
         target_room = room_of(target)
@@ -66,8 +84,22 @@ grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*#[[:s
           bad(room " must not depend on " target_room)
         if (target_room == "turntable_drivers/rig" && index(sees_rig, " " room " ") == 0)
           bad("the rig is for twins, dry runs and tests")
+        ++edges
+        from[edges] = path; to[edges] = target; at[edges] = place; of_room[edges] = room
+        if (target_room == "turntable_drivers/rig") reaches[path] = 1
       }
       if (room == "turntable_drivers/rig" && top == "calib" && target !~ /^calib\/types\/(recording_types|status|axis)\.h$/)
         bad("the rig shares no model code with the estimator")
     }
-    END { exit failed }'
+    END {
+      for (grown = 1; grown;) {
+        grown = 0
+        for (i = 1; i <= edges; ++i) if ((to[i] in reaches) && !(from[i] in reaches)) { reaches[from[i]] = 1; grown = 1 }
+      }
+      for (i = 1; i <= edges; ++i)
+        if ((to[i] in reaches) && index(reaches_rig, " " of_room[i] " ") == 0) {
+          place = at[i]; target = to[i]
+          bad("leads to the rig, which is for twins, dry runs and tests")
+        }
+      exit failed
+    }'

@@ -64,12 +64,39 @@ expect fail orchestrator/station/a.h '#include "turntable_drivers/rig/rig_config
 expect fail sequences/a.h '#include "turntable_drivers/rig/rig_config.h"'
 expect fail turntable_drivers/rig/rig_sensors.cpp '#include "calib/model/parameters.h"'
 expect fail turntable_drivers/rig/rig.h '#include "calib/model/attitude.h"'
+# By whatever way.
+expect_with() {  # FILE INCLUDE, where orchestrator/devices/sim.h includes the rig
+  rm -rf "$work/tree"
+  mkdir -p "$work"/tree/{calib/types,imu_io,turntable_drivers,sequences,orchestrator/devices,tests} "$(dirname "$work/tree/$1")"
+  echo '#include "turntable_drivers/rig/rig.h"' > "$work/tree/orchestrator/devices/sim.h"
+  printf '%s\n' "$2" > "$work/tree/$1"
+  if bash "$check" "$work/tree" > "$work/said" || ! grep -q "^$1:1: .*leads to the rig" "$work/said"; then
+    echo "not refused for leading to the rig: $2 in $1: $(cat "$work/said")"
+    failures=$((failures + 1))
+  fi
+}
+expect_with orchestrator/report/a.h '#include "orchestrator/devices/sim.h"'
+expect_with orchestrator/figures/a.cpp '#include "orchestrator/devices/sim.h"'
+# Other spellings of the same.
+expect fail calib/types/a.h '#include "calib/../imu_io/base/clock.h"'
+expect fail calib/types/a.h '#include <calib//../imu_io/base/clock.h>'
+expect fail calib/types/a.h '/* x */ #include "imu_io/base/clock.h"'
+expect fail calib/types/a.h '%:include "imu_io/base/clock.h"'
+expect fail calib/types/a.h '#import "imu_io/base/clock.h"'
+expect fail orchestrator/run/a.cpp '#include "orchestrator/run/b.cpp"'
+expect fail imu_io/base/a.h '#include <tests/files.h>'
+# Libraries have their rooms.
+expect fail orchestrator/run/a.h '#include <CLI/CLI.hpp>'
+expect fail calib/types/a.h '#include <sqlite3.h>'
+expect fail imu_io/base/a.h '#include <modbus/modbus.h>'
+expect pass orchestrator/commands/a.h '#include <CLI/CLI.hpp>'
 # How headers are named, and what mathematics may use.
 expect fail imu_io/base/a.cpp '#include "../orchestrator/watch/progress.h"'
 expect fail imu_io/base/a.cpp '#include "clock.h"'
 expect fail calib/types/a.cpp '#include <fstream>'
 expect fail calib/types/a.cpp '#include <chrono>'
 expect fail calib/types/a.cpp '#include <thread>'
+expect fail calib/types/a.cpp '#include <semaphore>'
 # A room of 40 files is full.
 expect pass calib/types/a.h '#include <vector>'
 for k in $(seq 38); do touch "$work/tree/calib/types/$k.cpp"; done

@@ -99,7 +99,8 @@ TEST_F(Verify, RefusesWhatItCannotUse) {
   expect_refused(with({}), "--unit is required");
   expect_refused(with({"--dry-run", "--unit", "SN8"}), "SN8");
   expect_refused(with({"--dry-run", "--unit", "SN7", "--sequence", "nothing.seq"}), "nothing.seq");
-  expect_refused(with({"--recording", "one", "--dry-run"}), "--recording: expected no --unit");
+  expect_refused(with({"--recording", "one", "--dry-run"}),
+                 "--recording: expected --parameters, --out, --station and --from-step alone");
   expect_refused(with({"--recording", "one"}), "alignment: 1 s at rest, expected at least 20 s");
   expect_refused({"verify", "--references", "none.csv"}, "none.csv");
   expect_refused({"verify", "--references", "none.csv", "--dry-run"}, "--references: expected no other option");

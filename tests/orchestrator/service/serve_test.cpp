@@ -100,35 +100,50 @@ TEST_F(Serve, FollowsABatchAndPausesIt) {
 
   const Result<std::string> done = act(station_, {"pause", ""}, "ana", *parse_utc("2026-01-02T00:00:00Z"));
   EXPECT_TRUE(done) << done.error().message;
+  // A second one would be a second Ctrl-C, which stops now.
+  for (int i = 0; i < 400 && !(view = look()).pausing && view.state == StationState::running; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  EXPECT_FALSE(act(station_, {"pause", ""}, "eve", 0.0));
   EXPECT_EQ(finish_batch(batch).code, 75);
   EXPECT_EQ(file_text(path("queue.actions")), "2026-01-02T00:00:00Z ana pause\n");
   view = look();
   EXPECT_EQ(view.state, StationState::stopped);
+  EXPECT_EQ(view.tone, Tone::attention);
+  EXPECT_EQ(view.headline.rfind("unit SN1 is paused", 0), 0U) << view.headline;
+  EXPECT_TRUE(view.simulated);
   EXPECT_EQ(view.for_a_person.front(), "start the batch again: it goes on with unit SN1");
   EXPECT_FALSE(act(station_, {"stop", ""}, "ana", 0.0));  // nobody is there to be stopped, and nothing is written down
   EXPECT_EQ(file_text(path("queue.actions")), "2026-01-02T00:00:00Z ana pause\n");
 }
 
 TEST_F(Serve, TellsABatchThatItsUnitIsMounted) {
-  write("queue", "SN1\n");
+  write("queue", "SN.1\n");
+  write("mounted", "SN.1\n");  // of a time before: nobody has said so now
   write("live.station",
         "format = 1\nstation.name = live\ntable.driver = modbus\ntable.map = " TURNCAL_SOURCE_DIR
         "/orchestrator/stations/twin.map\ntable.address = 127.0.0.1:1\nimu.driver = serial\nimu.device = " +
             path("no_such_line") +
             "\nimu.frame = laser_gyro\nsite.latitude_deg = 30\nsite.gravity_mps2 = 9.79\n"
-            "hook.mount = while ! grep -qsx \"$TURNCAL_UNIT\" " +
-            path("mounted") + "; do sleep 0.1; done; rm " + path("mounted") + "\n");
+            "hook.mount = rm -f " +
+            path("mounted") + "; until grep -qsxFe \"$TURNCAL_UNIT\" " + path("mounted") + "; do sleep 0.1; done\n");
   const pid_t batch = start({"batch", path("queue"), "--station", path("live.station"), "--out", path("runs")});
   const StationView view = wait_for(StationState::mounting);
-  EXPECT_EQ(view.headline, "waits for unit SN1 to be mounted");
-  EXPECT_EQ(view.for_a_person.front(), "mount unit SN1");
+  for (int i = 0; i < 400 && std::filesystem::exists(path("mounted")); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  EXPECT_EQ(view.headline, "waits for unit SN.1 to be mounted");
+  EXPECT_EQ(view.for_a_person.front(), "mount unit SN.1");
   EXPECT_EQ(view.tone, Tone::attention);
   EXPECT_FALSE(act(station_, {"mounted", "SN2"}, "ana", 0.0));  // not that one
-  const Result<std::string> done = act(station_, {"mounted", "SN1"}, "ana", 0.0);
+  // Whatever becomes of the queue, the page shows the unit that is waited for.
+  write("queue", "SN0\nSN.1\n");
+  EXPECT_EQ(look().headline, "waits for unit SN.1 to be mounted");
+  EXPECT_FALSE(act(station_, {"mounted", "SN0"}, "ana", 0.0));
+  write("queue", "SN.1\n");
+  const Result<std::string> done = act(station_, {"mounted", "SN.1"}, "ana", 0.0);
   EXPECT_TRUE(done) << done.error().message;
   const ProgramResult result = finish_batch(batch);
   EXPECT_EQ(result.code, 50) << result.err;  // it went on, to devices that are not there
-  EXPECT_FALSE(std::filesystem::exists(path("mounted")));
+  EXPECT_FALSE(std::filesystem::exists(path("queue.mounting")));
 }
 
 TEST_F(Serve, NobodyButAnOperatorChangesAnything) {
@@ -156,6 +171,7 @@ TEST_F(Serve, NobodyButAnOperatorChangesAnything) {
   EXPECT_EQ(post("ana", "secret", true, "nonsense"), 400);
   EXPECT_EQ(post("ana", "secret", true, std::string(5000, 'x')), 413);
   EXPECT_EQ(post("ana", "secret", true, "station = east\naction = remove\nunit = SN9\n"), 409);
+  EXPECT_NE(file_text(path("queue.actions")).find("ana not done: remove SN9\n"), std::string::npos);
   EXPECT_EQ(file_text(path("queue")), "SN1\n");
   EXPECT_EQ(post("ana", "secret", true, add), 200);
   EXPECT_EQ(file_text(path("queue")), "SN1\nSN 2\n");
@@ -216,6 +232,43 @@ TEST_F(Serve, ShowsTheResultsOfAllStationsOfADatabase) {
     if (const auto status = client.Get("/status.json")) body = status->body;
   }
   EXPECT_NE(body.find("\"last_unit\":\"SN3\""), std::string::npos) << body;
+}
+
+TEST_F(Serve, WhoGuessesHoldsUpNobodyWhoIsKnown) {
+  write("queue", "SN1\n");
+  const std::string operators = write_operators(std::string("ana:") + hash_of_secret + "\n");
+  auto page = ServicePage::open("127.0.0.1:0", {.stations = {station_}, .password_file = operators, .database = {}},
+                                [] { return 1.7e9; });
+  ASSERT_TRUE(page) << page.error().message;
+  httplib::Client client((*page)->url().substr(0, (*page)->url().size() - 1));
+  const auto post = [&](const std::string& password, const std::string& unit) {
+    client.set_basic_auth("ana", password);
+    const auto answer =
+        client.Post("/act", {{"X-Turncal", "1"}}, "station = east\naction = add\nunit = " + unit + "\n", "text/plain");
+    return answer ? answer->status : -1;
+  };
+  EXPECT_EQ(post("secret", "A"), 200);
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_NE(post("guess" + std::to_string(i), "X"), 200);
+    EXPECT_EQ(post("secret", "B" + std::to_string(i)), 200);
+  }
+  write_operators(std::string("eve:") + hash_of_secret + "\n");
+  EXPECT_NE(post("secret", "C"), 200);  // taken out is out at once
+}
+
+TEST_F(Serve, ASuspendedProcessIsSaid) {
+  write("queue", "SN1\n");
+  const pid_t batch = start_batch("30");
+  wait_for(StationState::running);
+  ::kill(batch, SIGSTOP);
+  StationView view;
+  for (int i = 0; i < 100 && (view = look()).for_a_person.empty(); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  EXPECT_EQ(view.tone, Tone::attention);
+  ASSERT_FALSE(view.for_a_person.empty());
+  EXPECT_NE(view.for_a_person.front().find("is suspended"), std::string::npos);
+  ::kill(batch, SIGKILL);
+  finish(batch);
 }
 
 TEST_F(Serve, RefusesWhatItCannotServe) {
