@@ -65,7 +65,7 @@ expect fail sequences/a.h '#include "turntable_drivers/rig/rig_config.h"'
 expect fail turntable_drivers/rig/rig_sensors.cpp '#include "calib/model/parameters.h"'
 expect fail turntable_drivers/rig/rig.h '#include "calib/model/attitude.h"'
 # By whatever way.
-expect_with() {  # FILE INCLUDE, where orchestrator/devices/sim.h includes the rig
+expect_with() {  # FILE INCLUDE, where a header of devices includes the rig
   rm -rf "$work/tree"
   mkdir -p "$work"/tree/{calib/types,imu_io,turntable_drivers,sequences,orchestrator/devices,tests} "$(dirname "$work/tree/$1")"
   echo '#include "turntable_drivers/rig/rig.h"' > "$work/tree/orchestrator/devices/sim.h"
