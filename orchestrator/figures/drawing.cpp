@@ -152,7 +152,10 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
     set_axis("x", lines ? Range{std::min(0.0, x.low), x.high} : widened(x, 0.06), std::max(5, width / 65), panel.angle,
              script);
     Range y = widened(range_of(panel, false), 0.08);
-    if (panel.y_limit > 0.0) y = {std::max(y.low, -panel.y_limit), std::min(y.high, panel.y_limit)};
+    if (panel.whole_frame)
+      y = {-panel.y_limit, panel.y_limit};
+    else if (panel.y_limit > 0.0)
+      y = {std::max(y.low, -panel.y_limit), std::min(y.high, panel.y_limit)};
     set_axis("y", y, 6, false, script);
     script += "set xzeroaxis lw 1 lc rgb '#777777'\n";
   }

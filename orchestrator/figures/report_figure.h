@@ -33,6 +33,7 @@ struct Panel {
   bool legend = false;       // the names of its series stand in it, for a drawing without a page around it
   bool angle = false;        // x in degrees: ticks at 30, 45, 90, ...
   double y_limit = 0.0;      // above 0: the frame ends at +- this
+  bool whole_frame = false;  // and is as large as that whatever is in it: panels that are compared
   std::vector<std::pair<double, std::string>>
       marks;           // x and a short name: thin lines, named at the top where there is room
   bool empty() const;  // nothing to draw

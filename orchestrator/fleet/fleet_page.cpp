@@ -121,6 +121,7 @@ Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std
     panel.title = factors[f] + " " + d.levels[f][l];
     panel.x_label = "day";
     panel.y_limit = limit;
+    panel.whole_frame = true;
     panel.series.push_back({"", Series::Style::dot, here ? Colour::before : Colour::after, points[l]});
     if (here) {
       const double begin = effect.shape == FleetShape::constant ? 0.0 : effect.begin_day;
@@ -158,6 +159,7 @@ std::string fleet_page(const FleetDiagnosis& d, const FleetSource& source, const
     page.raw(plots.html(figure));
   }
   for (std::size_t f = 0; f < factors.size(); ++f) {
+    if (d.levels[f].size() < 2) continue;  // nothing to compare
     page.section("by-" + factors[f], "By " + factors[f] + ", what is left");
     page.raw(level_table(d, f));
     page.raw(
