@@ -1,6 +1,8 @@
 // The acceptance study of the fleet's diagnosis (docs/fleet.md): fleets of rigs, every unit with parameters, table and noise of its own.
 //
-//   study_fleet SEED_FIRST SEED_COUNT [--units N] [--stations K] [--sequence NAME.seq]
+//   study_fleet SEED_FIRST SEED_COUNT [--units N] [--stations K] [--sequence NAME.seq] [--of STORE]
+// --of: the units are those of a store of `turncal recalibrate`, dealt to stations and days anew for each seed, and effects are laid on their
+// scores (s + Q x) and not on the rig: hundreds of fleets in the time of one.
 // For each seed the same clean fleet, and three more with something in it, of which only those recordings are made anew that have it:
 // Effects and their signs are drawn at random among all that one recording of the rig can see.
 //   station   one effect at one station: as large as one sigma of one recording (a fifth of what it shows by itself)
@@ -13,10 +15,12 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <numeric>
 #include <random>
 #include <set>
 
 #include "calib/fleet/fleet_diagnosis.h"
+#include "orchestrator/fleet/fleet_members.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
@@ -24,6 +28,7 @@ namespace {
 
 struct Study {
   std::size_t units = 200, stations = 4;
+  std::vector<FleetMember> dealt;
   Sequence sequence;
 };
 
@@ -38,12 +43,26 @@ FleetMember made(const Study& study, std::uint64_t seed, std::size_t i, const st
   config.seed = 100000 * seed + i;
   config.noise_seed = 900000000 + 100000 * seed + i;
   if (!effect.empty()) *find_effect(config.effects, effect) = value;
-  const RigRecording recorded = record_on_rig(study.sequence, config);
   FleetMember m;
   m.unit = "U" + std::to_string(10000 + i);
   m.level = {"S" + std::to_string(1 + i % study.stations)};
   m.day = days * static_cast<double>(i) / static_cast<double>(study.units);
-  m.statistics = unit_statistics(recorded.recording, joint_estimate(recorded.recording));
+  if (study.dealt.empty()) {
+    const RigRecording recorded = record_on_rig(study.sequence, config);
+    m.statistics = unit_statistics(recorded.recording, joint_estimate(recorded.recording));
+    return m;
+  }
+  std::vector<std::size_t> order(study.dealt.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::mt19937_64 random(seed);
+  std::shuffle(order.begin(), order.end(), random);
+  m.statistics = study.dealt[order[i]].statistics;
+  const auto& columns = m.statistics.columns;
+  if (const auto at = std::find(columns.begin(), columns.end(), effect); at != columns.end()) {
+    const auto k = at - columns.begin();
+    m.statistics.s += m.statistics.Q.col(k).cast<double>() * value;
+    m.statistics.value -= m.statistics.moves.col(k).cast<double>() * value;
+  }
   return m;
 }
 
@@ -140,7 +159,7 @@ void run(const Study& study, std::uint64_t seed) {
 int main(int argc, char** argv) {
   using namespace turncal;
   Study study;
-  std::string name = "forty_minutes.seq";
+  std::string name = "forty_minutes.seq", store;
   bool good = argc >= 3 && argc % 2 == 1;
   for (int k = 3; good && k < argc; k += 2) {
     if (std::strcmp(argv[k], "--units") == 0)
@@ -149,14 +168,27 @@ int main(int argc, char** argv) {
       study.stations = std::strtoull(argv[k + 1], nullptr, 10);
     else if (std::strcmp(argv[k], "--sequence") == 0)
       name = argv[k + 1];
+    else if (std::strcmp(argv[k], "--of") == 0)
+      store = argv[k + 1];
     else
       good = false;
   }
   if (!good) {
-    std::fprintf(stderr, "usage: study_fleet SEED_FIRST SEED_COUNT [--units N] [--stations K] [--sequence NAME.seq]\n");
+    std::fprintf(
+        stderr,
+        "usage: study_fleet SEED_FIRST SEED_COUNT [--units N] [--stations K] [--sequence NAME.seq] [--of STORE]\n");
     return 1;
   }
   study.sequence = must_read_sequence(name);
+  if (!store.empty()) {
+    Result<FleetSource> source = read_fleet(store, {});
+    if (!source) {
+      std::fprintf(stderr, "%s\n", source.error().message.c_str());
+      return 1;
+    }
+    study.dealt = std::move(source->members);
+    study.units = study.dealt.size();
+  }
   const auto first = static_cast<std::uint64_t>(std::strtoll(argv[1], nullptr, 10));
   for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(std::strtoll(argv[2], nullptr, 10)); ++k)
     run(study, first + k);
