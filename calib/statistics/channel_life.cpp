@@ -32,7 +32,7 @@ void ChannelLife::add(const ImuSample& sample) {
     channels_[i].sum += value;
     if (!any_ || value != channels_[i].value) channels_[i] = {value, sample.counter, 0.0, channels_[i].sum};
   }
-  if (!any_) first_ = sample.counter;
+  if (!any_) first_ = told_ = sample.counter;
   any_ = true;
   last_ = sample.counter;
 }
@@ -40,7 +40,7 @@ void ChannelLife::add(const ImuSample& sample) {
 void ChannelLife::turned(double angle_deg) {
   for (std::size_t i = 0; any_ && i < 6; ++i) {
     Channel& channel = channels_[i];
-    if (says_nothing_of(i, angle_deg)) continue;
+    if (channel.since > told_ || says_nothing_of(i, angle_deg)) continue;
     channel.turned_deg += std::abs(angle_deg);
     const double lasted_s = static_cast<double>(last_ - channel.since) * sample_period_s_;
     if (!defect_.empty() || channel.turned_deg < circle_deg || lasted_s < least_s) continue;
@@ -54,6 +54,7 @@ void ChannelLife::turned(double angle_deg) {
     defect_ = text;
   }
   for (Channel& channel : channels_) channel.sum = 0.0;
+  told_ = last_;
 }
 
 }  // namespace turncal

@@ -2,7 +2,8 @@
 // pulses may well repeat itself, so what is asked is that a channel changes while the table turns the unit: through a whole circle in
 // all, by the table's angles, and for 20 s at least.
 // A gyro across the axis of a turn feels nothing of it, and one that points west before and after, a half or a whole circle on, may give
-// no pulse for minutes. So such a turn, where the other two gyros feel it whole by the nominal scale, says nothing of the third.
+// no pulse for minutes. So such a turn, where the other two gyros feel it whole by the nominal scale, says nothing of the third. Nor does
+// a turn in which a channel still changed say anything of it: an accelerometer may well repeat itself from the end of a turn on.
 //
 // Not seen: a channel that is stuck for less than that; one that sticks near its true value and still flickers.
 #pragma once
@@ -35,6 +36,7 @@ class ChannelLife {
   double gyro_deg_ = 1.0;  // of a count, nominally
   std::array<Channel, 6> channels_{};
   std::int64_t first_ = 0, last_ = 0;
+  std::int64_t told_ = 0;  // up to which the table's turns are known
   bool any_ = false;
   std::string defect_;
 };

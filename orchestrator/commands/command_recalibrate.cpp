@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/text_pieces.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/fleet/slurm_array.h"
 #include "orchestrator/fleet/version_changes.h"
@@ -68,6 +69,9 @@ Status recalibrate_archive(const RecalibrateOptions& options, CommandContext& co
                                .time_utc = format_utc(wall_utc_s()),
                                .diagnose = !options.no_diagnosis,
                                .outcome = options.outcome};
+  if (options.version.empty() || options.version.front() == '.' || options.version.find('/') != std::string::npos)
+    return input_error("--as-version " + turncal::quoted(options.version) +
+                       ": expected the name of a folder in the store: without /, and no dot at its beginning");
   const bool on_slurm = options.engine == "slurm";
   if (on_slurm && (!options.chunk.empty() || !options.outcome.empty()))
     return input_error("--engine slurm: makes the chunks itself: expected neither --chunk nor --outcome");

@@ -93,6 +93,14 @@ Result<bool> keep(const std::string& folder, const std::vector<NamedText>& files
   return first;
 }
 
+// Whether something became of a recording before. Of a folder that has lost its result nothing is kept.
+bool is_complete(const std::string& folder) {
+  if (path_exists(folder + "/" + failure_name) || path_exists(folder + "/" + parameters_name)) return true;
+  std::error_code error;
+  fs::remove_all(folder, error);
+  return false;
+}
+
 // What was kept of a recording, by this process or before.
 Work as_it_stands(const std::string& hash, const std::string& folder) {
   if (!path_exists(folder + "/" + failure_name)) return {Outcome::there, hash, "", {}};
@@ -105,8 +113,11 @@ Work as_it_stands(const std::string& hash, const std::string& folder) {
 Work work_on(const ArchiveEntry& entry, const RecalibrationRequest& request) {
   const Result<LoadedRecording> recording = load_recording(entry.recording);
   if (!recording) return {Outcome::unreadable, "", recording.error().message, {}};
+  // Cut or damaged it is another recording by its hash, and would count beside the whole one.
+  if (const std::string damage = describe(recording->damage); !damage.empty())
+    return {Outcome::unreadable, recording->hash, damage, {}};
   const std::string folder = request.store + "/" + request.version + "/" + recording->hash;
-  if (path_exists(folder)) return as_it_stands(recording->hash, folder);
+  if (is_complete(folder)) return as_it_stands(recording->hash, folder);
   Work work{Outcome::done, recording->hash, "", {}};
   Status data = check_data(*recording);
   Result<std::vector<NamedText>> files = data.error();

@@ -62,6 +62,24 @@ TEST_F(Archive, SaysWhatBecameOfEachRecording) {
   EXPECT_NE(table.find("\nunreadable," + path("archive/empty.tcr") + ",,"), std::string::npos) << table;
 }
 
+TEST_F(Archive, DamagedCopiesAreNamedAndNotCounted) {
+  std::string bytes = file_text(path("archive/SN1/recording.tcr"));
+  write("archive/cut.tcr", bytes.substr(0, bytes.size() / 2));
+  bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 0x10);
+  write("archive/flipped.tcr", bytes);
+  const ProgramResult result = recalibrate({"--out", path("store"), "--as-version", "v"});
+  EXPECT_NE(result.out.find("2 done, 1 were there, 0 cannot be calibrated, 4 cannot be read"), std::string::npos)
+      << result.out;
+  const std::string table = file_text(path("store/v/recordings.csv"));
+  EXPECT_NE(table.find("1 damaged records dropped"), std::string::npos) << table;
+  EXPECT_NE(table.find("no end mark"), std::string::npos) << table;
+  // What has lost its result is done again.
+  for (const auto& entry : std::filesystem::directory_iterator(path("store/v")))
+    if (entry.is_directory()) std::filesystem::remove(entry.path() / "parameters.conf");
+  EXPECT_NE(recalibrate({"--out", path("store"), "--as-version", "v"}).out.find("2 done, 1 were there"),
+            std::string::npos);
+}
+
 TEST_F(Archive, SaysThatSlurmIsNotThere) {
   ::setenv("PATH", "/nonexistent", 1);
   expect_refused({"recalibrate", path("archive"), "--out", path("x"), "--engine", "slurm"}, "sbatch is not installed",
@@ -119,6 +137,8 @@ TEST_F(Archive, RefusesWhatItDoesNotUnderstand) {
                  "--chunk 2 2: expected K N");
   expect_refused({"recalibrate", path("archive"), "--out", path("x"), "--engine", "slurm", "--chunk", "0", "2"},
                  "--engine slurm: makes the chunks itself");
+  expect_refused({"recalibrate", path("archive"), "--out", path("x"), "--as-version", "../evil"},
+                 "--as-version '../evil'");
   expect_refused({"recalibrate", path("archive"), "--out", path("x"), "--chunks", "2"},
                  "--chunks: expected --engine slurm");
   write("with, comma/recording.tcr", "");

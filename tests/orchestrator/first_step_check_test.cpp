@@ -309,5 +309,29 @@ TEST(FirstStep, AGyroThatPointsWestIsNotStuck) {
   EXPECT_EQ(life.defect(), "");
 }
 
+// From the last second of a turn of a circle on an accelerometer gives the same count, and the turn is told after the rest.
+TEST(FirstStep, AnAccelerometerAtRestIsNotStuck) {
+  RecordingInfo info;
+  info.sample_period_s = 0.005;
+  ChannelLife life(info);
+  std::int64_t counter = 0;
+  const auto pass = [&](double seconds, bool moves) {
+    for (int k = 0; k < static_cast<int>(seconds / info.sample_period_s); ++k) {
+      ImuSample s;
+      s.counter = counter++;
+      for (std::size_t i = 0; i < 3; ++i) s.gyro[i] = s.accel[i] = k % 2 == 0 ? 1.0 : 2.0;
+      if (!moves) s.accel[1] = 1.0;
+      life.add(s);
+    }
+  };
+  pass(35.0, true);
+  pass(22.0, false);
+  life.turned(360.0);
+  EXPECT_EQ(life.defect(), "");
+  pass(40.0, false);  // and now it does not change in a whole turn
+  life.turned(360.0);
+  EXPECT_NE(life.defect().find("accelerometer y is stuck"), std::string::npos) << life.defect();
+}
+
 }  // namespace
 }  // namespace turncal
