@@ -75,10 +75,10 @@ Status LiveDevices::leave_table(Status done, const std::string& how_left) {
   return done ? done : Status(Error{done.error().kind, done.error().message + how_left});
 }
 
-OperatorPrompts* LiveDevices::prompts(const Sequence& sequence) {
+OperatorPrompts* LiveDevices::prompts() {
   ManualTurntable* manual = table_->manual();
   if (!manual) return nullptr;
-  prompts_ = std::make_unique<OperatorPrompts>(*manual, sequence, first_turn_s);
+  prompts_ = std::make_unique<OperatorPrompts>(*manual, first_turn_s);
   return prompts_.get();
 }
 

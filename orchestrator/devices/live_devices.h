@@ -57,7 +57,7 @@ class LiveDevices {
   Status leave_table(Status done, const std::string& how_left = "");
 
   // Of a table turned by hand: what its operator is told; else null. The sequence must outlive the devices.
-  OperatorPrompts* prompts(const Sequence& sequence);
+  OperatorPrompts* prompts();
 
  private:
   LiveDevices(const StationConfig& station, std::size_t units, StationLock lock);

@@ -3,6 +3,7 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 
 #include "imu_io/base/text_pieces.h"
@@ -46,10 +47,12 @@ Result<Mounted> ask(const OperatorTexts& texts, const std::string& unit, int inp
     }
     if (line->empty()) return Mounted{};
     if (*line == "quit") return not_mounted(unit, "the operator quit");
-    const std::string reason =
-        line->starts_with("skip ") ? std::string(trimmed(std::string_view(*line).substr(5))) : "";
-    if (!reason.empty() && is_plain_text(reason)) return Mounted{reason};
-    out << tag << (*line == "skip" ? texts.say("wrong.why") : texts.say("mount.expected", {{"text", quoted(*line)}}))
+    const std::size_t blank = std::min(line->find(' '), line->size());
+    const std::string reason(trimmed(std::string_view(*line).substr(blank)));
+    const bool skips = texts.means(line->substr(0, blank), "skip");
+    if (skips && !reason.empty() && is_plain_text(reason)) return Mounted{reason};
+    out << tag
+        << (skips && reason.empty() ? texts.say("wrong.why") : texts.say("mount.expected", {{"text", quoted(*line)}}))
         << std::endl;
   }
 }

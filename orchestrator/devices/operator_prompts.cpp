@@ -1,10 +1,6 @@
 #include "orchestrator/devices/operator_prompts.h"
 
 #include <algorithm>
-#include <cmath>
-
-#include "imu_io/base/clock.h"
-#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
@@ -25,17 +21,11 @@ void OperatorPrompts::on_transition(const TransitionRecord& record) {
   turning_ = true;
   began_s_ = at.time_s;
   planned_left_s_ = at.eta_s;
-  table_.set_reason(
-      texts.say("reason.step", {{"step", std::to_string(at.step_place)},
-                                {"steps", std::to_string(at.step_count)},
-                                {"title", sequence_.steps[at.step_place - 1].title},
-                                {"percent", std::to_string(std::lround(std::floor(100.0 * at.run_fraction)))},
-                                {"turns", std::to_string(at.moves_left)},
-                                {"left", format_duration(left_s(at))},
-                                {"end", format_utc(at.utc_s + left_s(at))}}));
+  table_.set_reason(step_words(at, texts) + ". " + left_words(at, left_s(at), texts) + ".");
 }
 
-double OperatorPrompts::left_s(const RunSnapshot& at) const {
+std::optional<double> OperatorPrompts::left_s(const RunSnapshot& at) const {
+  if (table_.rehearsed()) return {};
   const double a_turn_s = turns_done_ > 0 ? beyond_plan_s_ / turns_done_ : first_turn_s_;
   return at.eta_s + a_turn_s * static_cast<double>(at.moves_left);
 }

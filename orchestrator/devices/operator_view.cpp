@@ -24,6 +24,11 @@ OperatorView::OperatorView(OperatorPrompts* prompts, LiveStatus& live, std::ostr
   prompts->show_on(show, !terminal_);
 }
 
+void OperatorView::end(bool done, const std::string& resume) {
+  if (terminal_) terminal_->show(last_screen(done, resume, prompts_->texts()));
+  this->end();
+}
+
 void OperatorView::end() {
   if (prompts_) prompts_->show_on({}, true);
   terminal_.reset();

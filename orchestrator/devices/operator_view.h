@@ -19,7 +19,8 @@ class OperatorView {
   OperatorView(const OperatorView&) = delete;
   OperatorView& operator=(const OperatorView&) = delete;
   bool on_terminal() const { return terminal_.has_value(); }
-  void end();  // what is printed next stands below
+  void end(bool done, const std::string& resume);  // what stays on the screen: done, or which folder is to be resumed
+  void end();                                      // what is printed next stands below
 
  private:
   OperatorPrompts* prompts_;

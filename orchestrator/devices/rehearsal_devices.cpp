@@ -5,19 +5,12 @@
 
 namespace turncal {
 
-namespace {
-
-constexpr double rehearsed_turn_s = 2.0;  // beyond its planned time: the comparison with gravity
-
-}  // namespace
-
-RehearsalDevices::RehearsalDevices(const RigConfig& config, const StationConfig& station, const Sequence& sequence,
-                                   int input, std::ostream& out)
+RehearsalDevices::RehearsalDevices(const RigConfig& config, const StationConfig& station, int input, std::ostream& out)
     : rig_(config),
       watched_(rig_.imu, config.sample_period_s),
       manual_(station.table.manual, rig_.clock, input, out, [this] { return watched_.mean(); }),
       limited_(manual_, motion_limits(station)),
-      prompts_(manual_, sequence, rehearsed_turn_s) {
+      prompts_(manual_) {
   manual_.rehearse_on(rehearsed_table(rig_.rig));
   manual_.feel_turns([this] { return watched_.turned_deg(); });
 }

@@ -18,9 +18,8 @@ namespace turncal {
 
 class RehearsalDevices {
  public:
-  // `input`: file descriptor of the answers. Sequence and stream must outlive the devices.
-  RehearsalDevices(const RigConfig& config, const StationConfig& station, const Sequence& sequence, int input,
-                   std::ostream& out);
+  // `input`: file descriptor of the answers. The stream must outlive the devices.
+  RehearsalDevices(const RigConfig& config, const StationConfig& station, int input, std::ostream& out);
   RehearsalDevices(const RehearsalDevices&) = delete;
   RehearsalDevices& operator=(const RehearsalDevices&) = delete;
 

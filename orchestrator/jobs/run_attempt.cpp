@@ -144,8 +144,7 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
   if (context.quiet && (run.request.rehearsal() || run.station.table.driver == TableDriver::manual))
     return input_error("--quiet: a table that is turned by hand needs an operator who is told what to do");
   if (run.request.rehearsal()) {
-    run_devices.rehearsal =
-        std::make_unique<RehearsalDevices>(run.rig, run.station, run.sequence, STDIN_FILENO, context.out);
+    run_devices.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, STDIN_FILENO, context.out);
     run_devices.prompts = &run_devices.rehearsal->prompts();
     return run_devices;
   }
@@ -157,7 +156,7 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
       LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size());
   if (!live) return live.error();
   run_devices.live = std::move(*live);
-  run_devices.prompts = run_devices.live->prompts(run.sequence);
+  run_devices.prompts = run_devices.live->prompts();
   return run_devices;
 }
 
@@ -255,19 +254,22 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
     a.log.line("unit " + a.units[i].run.unit() + ": " + run_devices.live->unit_summary(i));
   }
   progress.clear();
-  operator_view.end();
   note_outcome(outcome, a.sample_period_s, a.units);
   for (UnitRun& unit : a.units) unit.counts.ended_utc_s = devices.clock.utc_s();
-  const bool done = outcome.state == RunState::done;
-  live.end(done                                     ? "Done: " + outcomes_of(a.units)
-           : outcome.state == RunState::interrupted ? "Paused: " + outcome.error.message
-                                                    : "The run is over: " + outcome.error.message,
+  const bool done = outcome.state == RunState::done, interrupted = outcome.state == RunState::interrupted;
+  const bool recorded =
+      std::any_of(a.units.begin(), a.units.end(), [](const UnitRun& unit) { return unit.counts.recorded_s > 0.0; });
+  // Of no use to whoever resumes: a folder that was taken away, a unit of which all is recorded.
+  const bool sealed = outcome.error.kind == ErrorKind::unit_failed && a.units.front().recording.has_value();
+  const bool goes_on = !done && (interrupted || recorded) && path_exists(a.folder + "/" + journal_name) && !sealed;
+  operator_view.end(done, goes_on ? a.folder : "");
+  live.end(done          ? "Done: " + outcomes_of(a.units)
+           : interrupted ? "Paused: " + outcome.error.message
+                         : "The run is over: " + outcome.error.message,
            tone_of(outcome, a.units), verifications_of(a.units));
   if (page) page->say_goodbye();
   if (!done) {
     a.log.line(outcome.error.message);
-    const bool recorded =
-        std::any_of(a.units.begin(), a.units.end(), [](const UnitRun& unit) { return unit.counts.recorded_s > 0.0; });
     Error whole = outcome.error;
     for (UnitRun& unit : a.units) {
       if (unit.dropped)
@@ -278,15 +280,9 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
     RunEnd end(outcome.error);
     end.moved = outcome.moved;
     end.to_the_end = outcome.error.kind == ErrorKind::unit_failed;  // what failed is the unit
-    // Of no use to whoever resumes: a folder that was taken away, a unit of which all is recorded.
-    const bool sealed = outcome.error.kind == ErrorKind::unit_failed && a.units.front().recording.has_value();
-    if (!path_exists(a.folder + "/" + journal_name) || sealed) {
-      end.status = whole;
-      return end;
-    }
-    if (outcome.state == RunState::interrupted) {
+    if (goes_on && interrupted) {
       whole.message += "; go on with: turncal resume " + a.folder;
-    } else if (recorded) {
+    } else if (goes_on) {
       context.out << "what is recorded is kept; go on with: turncal resume " << a.folder << std::endl;
     }
     end.status = whole;

@@ -12,7 +12,7 @@ namespace turncal {
 
 namespace {
 
-std::string hundredths(double angle_deg) { return format_number(std::round(100.0 * angle_deg) / 100.0 + 0.0); }
+double hundredths(double angle_deg) { return std::round(100.0 * angle_deg) / 100.0 + 0.0; }
 
 std::string hands_off_words(RunState state) {
   switch (state) {
@@ -42,7 +42,26 @@ std::string minutes_left(double seconds) {
   return text;
 }
 
-OperatorScreen operator_screen(const OperatorTask& task, const RunSnapshot& at, double left_s,
+std::string step_words(const RunSnapshot& at, const OperatorTexts& texts) {
+  return texts.say("screen.step", {{"step", std::to_string(at.step_place)},
+                                   {"steps", std::to_string(at.step_count)},
+                                   {"percent", format_number(std::floor(100.0 * at.run_fraction))}});
+}
+
+std::string left_words(const RunSnapshot& at, std::optional<double> left_s, const OperatorTexts& texts) {
+  std::string text = texts.say("screen.turns_left", {{"turns", std::to_string(at.moves_left)}});
+  if (left_s) text += "; " + texts.say("screen.until", {{"end", local_time(at.utc_s + *left_s)}});
+  return text;
+}
+
+OperatorScreen last_screen(bool done, const std::string& resume, const OperatorTexts& texts) {
+  OperatorScreen screen;
+  screen.instruction = texts.say(done ? "screen.done" : "screen.ended");
+  if (!resume.empty()) screen.how = texts.say("screen.go_on", {{"folder", resume}});
+  return screen;
+}
+
+OperatorScreen operator_screen(const OperatorTask& task, const RunSnapshot& at, std::optional<double> left_s,
                                const OperatorTexts& texts) {
   using enum OperatorTask::Kind;
   OperatorScreen screen;
@@ -53,12 +72,8 @@ OperatorScreen operator_screen(const OperatorTask& task, const RunSnapshot& at, 
   screen.silent = texts.say("screen.silent");
   screen.note = task.note;
   if (at.step_place > 0) {
-    screen.step = texts.say("screen.step", {{"step", std::to_string(at.step_place)},
-                                            {"steps", std::to_string(at.step_count)},
-                                            {"percent", format_number(std::floor(100.0 * at.run_fraction))}});
-    if (left_s > 0.0)
-      screen.left =
-          texts.say("screen.left", {{"turns", std::to_string(at.moves_left)}, {"end", local_time(at.utc_s + left_s)}});
+    screen.step = step_words(at, texts);
+    screen.left = left_words(at, left_s, texts);
   }
   switch (task.kind) {
     case nothing: {
@@ -72,14 +87,15 @@ OperatorScreen operator_screen(const OperatorTask& task, const RunSnapshot& at, 
       screen.how = texts.say("screen.where_how");
       break;
     case turn: {
-      screen.instruction = texts.say("screen.turn", {{"axis", axis}, {"target", format_number(task.target_deg)}});
-      screen.big = format_number(task.target_deg);
+      screen.instruction = texts.say("screen.turn", {{"axis", axis}, {"target", texts.exact(task.target_deg)}});
+      screen.big = texts.exact(task.target_deg);
       if (!task.from_deg) break;
+      screen.from = texts.exact(hundredths(*task.from_deg));
       const double way_deg = task.target_deg - *task.from_deg;
       const std::string sense = texts.say(way_deg < 0.0 ? "sense.backward" : "sense.forward");
       // What a dial cannot show: that it is a whole turn, or more.
       const auto turns = static_cast<int>((std::abs(way_deg) + 1.0) / 360.0);
-      const std::string way = hundredths(std::abs(way_deg));
+      const std::string way = texts.exact(hundredths(std::abs(way_deg)));
       screen.way = turns > 0 ? texts.say("screen.whole_turns",
                                          {{"way", way}, {"sense", sense}, {"turns", std::to_string(turns)}})
                              : texts.say("screen.way", {{"way", way}, {"sense", sense}});

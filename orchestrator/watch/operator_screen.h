@@ -17,7 +17,7 @@ struct OperatorScreen {
   bool measures = false;    // a dwell or a rest: how long it lasts is known
   std::string big;          // the angle to set, or what is left: "1:40"; may be empty
   std::string instruction;  // in the operator's language, as all that follows; empty: nothing to say
-  std::string way, how, answer, note, step, left, words;
+  std::string from, way, how, answer, note, step, left, words;
   std::array<std::string, 3> axes;  // names
   std::string sound, silent;        // of the page
   bool wants_hands() const {
@@ -25,9 +25,13 @@ struct OperatorScreen {
   }
 };
 
-// left_s: of the run, with what turns take.
-OperatorScreen operator_screen(const OperatorTask& task, const RunSnapshot& at, double left_s,
+// left_s: of the run, with what turns take; empty: its time is not that of the wall.
+OperatorScreen operator_screen(const OperatorTask& task, const RunSnapshot& at, std::optional<double> left_s,
                                const OperatorTexts& texts);
+// What stays when the run is over. resume: the folder to go on with; empty: none.
+OperatorScreen last_screen(bool done, const std::string& resume, const OperatorTexts& texts);
+std::string step_words(const RunSnapshot& at, const OperatorTexts& texts);
+std::string left_words(const RunSnapshot& at, std::optional<double> left_s, const OperatorTexts& texts);
 std::string json_of(const OperatorScreen& screen);
 std::string local_time(double utc_s);      // "15:20" of this machine
 std::string minutes_left(double seconds);  // "1:40"

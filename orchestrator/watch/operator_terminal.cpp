@@ -9,7 +9,6 @@
 #include <cstdio>
 #include <string_view>
 
-#include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 
 namespace turncal {
@@ -20,11 +19,11 @@ constexpr int input_row = 22;
 constexpr std::string_view bold = "\x1b[1m", reverse = "\x1b[7m", amber = "\x1b[1;33m", plain = "\x1b[0m";
 
 // Three dots by five, row by row.
-constexpr std::string_view glyphs = "0123456789-.:";
-constexpr std::array<std::string_view, 13> dots = {
+constexpr std::string_view glyphs = "0123456789-.,:";
+constexpr std::array<std::string_view, 14> dots = {
     "####.##.##.####", ".#.##..#..#.###", "###..#####..###", "###..####..####", "#.##.####..#..#",
     "####..###..####", "####..####.####", "###..#..#..#..#", "####.#####.####", "####.####..####",
-    "......###......", ".............#.", "....#.....#...."};
+    "......###......", ".............#.", "..........#.#..", "....#.....#...."};
 
 // The columns of a text, and its first piece of at most so many: broken at a blank, or behind a wide character.
 std::string_view first_piece(std::string_view text, int columns) {
@@ -77,10 +76,9 @@ void draw_table(std::vector<std::string>& lines, const OperatorScreen& screen) {
   }
   lines.push_back(axes + ") ) )");
   if (task.kind != OperatorTask::Kind::turn || !task.from_deg) return;
-  const std::string from = format_number(std::round(100.0 * *task.from_deg) / 100.0 + 0.0),
-                    to = format_number(task.target_deg), way(24, '=');
-  lines.push_back(task.target_deg < *task.from_deg ? "  [" + to + "] <" + way + "o " + from
-                                                   : "  " + from + " o" + way + "> [" + to + "]");
+  const std::string way(24, '=');
+  lines.push_back(task.target_deg < *task.from_deg ? "  [" + screen.big + "] <" + way + "o " + screen.from
+                                                   : "  " + screen.from + " o" + way + "> [" + screen.big + "]");
 }
 
 }  // namespace

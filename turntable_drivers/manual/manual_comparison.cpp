@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "turntable_drivers/manual/manual_turntable.h"
-#include "turntable_drivers/manual/shown_angle.h"
 
 namespace turncal {
 namespace {
@@ -101,9 +100,9 @@ std::optional<std::string> ManualTurntable::turn_objection(const Wanted& now, do
   // Only whole turns can be missing: the dial shows the rest.
   const double turns = std::max(1.0, std::round(std::abs(way_deg - made_deg) / 360.0));
   return texts_.say("wrong.turn", {{"axis", name(now.axis)},
-                                   {"felt", exact(std::round(made_deg) + 0.0)},
-                                   {"way", exact(std::round(way_deg) + 0.0)},
-                                   {"missing", exact(360.0 * turns)},
+                                   {"felt", texts_.exact(std::round(made_deg) + 0.0)},
+                                   {"way", texts_.exact(std::round(way_deg) + 0.0)},
+                                   {"missing", texts_.exact(360.0 * turns)},
                                    {"sense", sense_words(way_deg - made_deg)}});
 }
 
@@ -123,10 +122,10 @@ std::optional<std::string> ManualTurntable::gravity_objection(Axis axis, double 
   if (!(squared > 0.0)) return texts_.say("wrong.no_gravity");
   const double away_deg = std::acos(std::clamp(along / std::sqrt(squared), -1.0, 1.0)) * 180.0 / pi;
   if (away_deg <= settings_.gravity_tolerance_deg) return {};
-  return texts_.say("wrong.gravity", {{"away", shown(away_deg)},
+  return texts_.say("wrong.gravity", {{"away", texts_.shown(away_deg)},
                                       {"axis", name(axis)},
-                                      {"angle", exact(angle_deg)},
-                                      {"most", shown(settings_.gravity_tolerance_deg)}});
+                                      {"angle", texts_.exact(angle_deg)},
+                                      {"most", texts_.shown(settings_.gravity_tolerance_deg)}});
 }
 
 }  // namespace turncal

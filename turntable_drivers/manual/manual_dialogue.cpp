@@ -9,9 +9,9 @@
 #include <cmath>
 #include <cstdio>
 
+#include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 #include "turntable_drivers/manual/manual_turntable.h"
-#include "turntable_drivers/manual/shown_angle.h"
 #include "turntable_drivers/table/angle.h"
 
 namespace turncal {
@@ -20,15 +20,23 @@ namespace {
 constexpr std::size_t longest_line = 1000;
 constexpr int rehearsal_wait_ms = 1000;
 
-// As people type it: with a decimal comma, or with the signs of a Chinese keyboard.
+void replace_all(std::string& text, std::string_view typed, std::string_view meant) {
+  for (std::size_t at; (at = text.find(typed)) != std::string::npos;) text.replace(at, typed.size(), meant);
+}
+
+// As people type it: with a decimal comma, with the degree that the screen shows, or in the width of a Chinese keyboard.
 std::optional<double> typed_number(std::string text) {
   constexpr std::pair<std::string_view, std::string_view> spellings[] = {
       {"\uff0c", ","}, {"\uff0e", "."}, {"\u3002", "."}, {"\uff0d", "-"}, {"\u2212", "-"}, {"\uff0b", "+"}};
-  for (const auto& [typed, meant] : spellings)
-    for (std::size_t at; (at = text.find(typed)) != std::string::npos;) text.replace(at, typed.size(), meant);
+  for (const auto& [typed, meant] : spellings) replace_all(text, typed, meant);
+  for (int digit = 0; digit <= 9; ++digit)
+    replace_all(text, std::string("\xef\xbc") + static_cast<char>('\x90' + digit), std::to_string(digit));
+  for (const std::string_view degrees : {"\u00b0", "\u5ea6"})
+    if (text.ends_with(degrees)) text.resize(text.size() - degrees.size());
   if (const std::size_t comma = text.find(','); comma != std::string::npos && text.find('.') == std::string::npos)
     text[comma] = '.';
-  return device_number(text);
+  // No dial shows 1e3.
+  return text.find_first_of("eE") == std::string::npos ? device_number(text) : std::nullopt;
 }
 
 std::optional<Axis> axis_named(const std::string& name) {
@@ -52,12 +60,12 @@ void ManualTurntable::ask() {
   } else if (hand.known) {
     const double way_deg = now.target_deg - hand.position_deg;
     text += texts_.say("ask.turn", {{"axis", name(now.axis)},
-                                    {"from", shown(hand.position_deg)},
-                                    {"target", exact(now.target_deg)},
-                                    {"way", shown(std::abs(way_deg))},
+                                    {"from", texts_.shown(hand.position_deg)},
+                                    {"target", texts_.exact(now.target_deg)},
+                                    {"way", texts_.shown(std::abs(way_deg))},
                                     {"sense", sense_words(way_deg)}});
   } else {
-    text += texts_.say("ask.turn_from_anywhere", {{"axis", name(now.axis)}, {"target", exact(now.target_deg)}});
+    text += texts_.say("ask.turn_from_anywhere", {{"axis", name(now.axis)}, {"target", texts_.exact(now.target_deg)}});
   }
   say(text + " " + texts_.say("ask.words"));
   tell_changed();
@@ -112,9 +120,9 @@ void ManualTurntable::handle_lines() {
 void ManualTurntable::keep_limits() {
   if (!waits_for_answer()) return;
   if (!paused_ && patience_s() - asked_s_ > settings_.answer_timeout_s) {
-    pause(texts_.say("said.no_answer", {{"seconds", shown(settings_.answer_timeout_s)}}));
+    pause(texts_.say("said.no_answer", {{"seconds", texts_.shown(settings_.answer_timeout_s)}}));
   } else if (paused_ && patience_s() - std::max(paused_s_, asked_s_) > settings_.pause_limit_s) {
-    end(ErrorKind::interrupted, "paused for longer than " + shown(settings_.pause_limit_s) + " s");
+    end(ErrorKind::interrupted, "paused for longer than " + format_number(settings_.pause_limit_s) + " s");
   }
 }
 
@@ -132,11 +140,14 @@ void ManualTurntable::answer(const std::string& line) {
   const std::string argument(blank == std::string::npos ? "" : trimmed(std::string_view(line).substr(blank)));
   std::transform(word.begin(), word.end(), word.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  replace_all(word, "\u00dc", "\u00fc");
   const auto is = [&](const char* english) { return texts_.means(word, english); };
   if (is("abort")) {
     end(ErrorKind::aborted, "aborted by the operator");
     enabled_ = false;
     note(texts_.say("said.aborted"), false);
+  } else if (texts_.first_letter(word, "abort")) {
+    note(texts_.say("wrong.whole_word"), true);
   } else if (is("leave")) {
     const bool asked = !queue_.empty();
     end(ErrorKind::interrupted, "the operator left");
@@ -147,7 +158,7 @@ void ManualTurntable::answer(const std::string& line) {
     paused_ = reason_told_ = false;
     ask();
   } else if (is("help")) {
-    std::string text = texts_.say("help.angle", {{"most", shown(settings_.tolerance_deg)}});
+    std::string text = texts_.say("help.angle", {{"most", texts_.shown(settings_.tolerance_deg)}});
     for (const char* key : {"help.words", "help.pause", "help.abort"}) text += "\n" + texts_.say(key);
     note(text + (rehearsed_ ? "\n" + texts_.say("help.rehearsal") : ""), false);
   } else if (is("repeat")) {
@@ -188,9 +199,9 @@ void ManualTurntable::handle_angle(const std::string& text, bool turned) {
   const double away_deg = std::abs(angle_deg - now.target_deg);
   if (!now.homing && !(away_deg <= settings_.tolerance_deg + 1e-9)) {
     return note(texts_.say("wrong.away", {{"text", text},
-                                          {"away", shown(away_deg)},
-                                          {"target", exact(now.target_deg)},
-                                          {"most", shown(settings_.tolerance_deg)}}),
+                                          {"away", texts_.shown(away_deg)},
+                                          {"target", texts_.exact(now.target_deg)},
+                                          {"most", texts_.shown(settings_.tolerance_deg)}}),
                 true);
   }
   if (rehearsed_ && !turned) rehearsed_->turn(now.axis, angle_deg, now.rate_degps, now.acceleration_degps2);

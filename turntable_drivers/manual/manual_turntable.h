@@ -11,7 +11,7 @@
 // - Nothing is ever assumed: no answer within answer_timeout_s pauses; a pause ends when the operator types `continue`. One that
 //   holds a question up for longer than pause_limit_s ends the run, to be taken up again.
 // - Besides an angle: `repeat` shows the question again, `skip REASON`, `pause`, `continue`, `leave`, `abort`, `help`. The first letter
-//   will do.
+//   will do, but of `abort`.
 // - `skip`, a pause that is too long, `leave`, and the end of the input are errors of kind interrupted: of every call that asks for
 //   something, and of status() while something is asked. A dwell, for which nobody is needed, is so completed first. `abort` is an
 //   error of kind aborted of every call. Nothing moves by itself, so all of this is safe; once stop_all() was called status()
@@ -98,6 +98,7 @@ class ManualTurntable : public Turntable {
   };
   std::optional<Wanted> wanted() const;  // what the operator is asked for now
   bool paused() const { return paused_; }
+  bool rehearsed() const { return rehearsed_.has_value(); }  // its time is nobody's
 
   // What there is to do; `changed` is called whenever it is something else, or a line was typed. lines: it is printed, too.
   OperatorTask task() const;

@@ -2,8 +2,12 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
+#include <cstdio>
 
+#include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 
@@ -42,8 +46,27 @@ std::string OperatorTexts::say(std::string_view key, Places places) const {
   return said += left;
 }
 
+std::string OperatorTexts::number(std::string text) const {
+  if (const std::size_t point = text.find('.'); point != std::string::npos) text.replace(point, 1, say("number.point"));
+  return text;
+}
+
+std::string OperatorTexts::shown(double angle_deg) const {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.4g", std::abs(angle_deg) < 1e-9 ? 0.0 : angle_deg);
+  return number(text);
+}
+
+std::string OperatorTexts::exact(double angle_deg) const { return number(format_number(angle_deg)); }
+
 bool OperatorTexts::means(const std::string& typed, std::string_view english) const {
-  return typed == english || typed == english.substr(0, 1) || typed == say("word." + std::string(english));
+  return typed == english || typed == say("word." + std::string(english)) ||
+         (english != "abort" && first_letter(typed, english));
+}
+
+bool OperatorTexts::first_letter(const std::string& typed, std::string_view english) const {
+  const std::string own = say("word." + std::string(english));
+  return typed == english.substr(0, 1) || typed == own.substr(0, printable_character(own));
 }
 
 }  // namespace turncal

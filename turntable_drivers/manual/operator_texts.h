@@ -21,12 +21,18 @@ class OperatorTexts {
   using Places = std::initializer_list<std::pair<std::string_view, std::string>>;
   // REQUIRES: a key of en.conf, and its places.
   std::string say(std::string_view key, Places places = {}) const;
-  // Whether somebody typed this: "pause" is the English word of word.pause, its first letter, or this language's own.
+  // Angles, with this language's decimal point: to four digits, and as they are.
+  std::string shown(double angle_deg) const;
+  std::string exact(double angle_deg) const;
+  // Whether somebody typed this: "pause" is the English word of word.pause, this language's own, or the first letter of either. What
+  // gives the run up has to be the whole word.
   bool means(const std::string& typed, std::string_view english) const;
+  bool first_letter(const std::string& typed, std::string_view english) const;
   const std::map<std::string, std::string, std::less<>>& all() const { return texts_; }
 
  private:
   explicit OperatorTexts(std::string_view language);
+  std::string number(std::string text) const;
   std::map<std::string, std::string, std::less<>> texts_;
 };
 

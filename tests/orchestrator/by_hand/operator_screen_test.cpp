@@ -48,6 +48,8 @@ TEST(OperatorScreen, OneInstructionTheAngleAndTheWay) {
   EXPECT_EQ(screen.step, "Step 3 of 14, 14 % done");
   EXPECT_EQ(screen.left, "Turns left: 46; until about " + local_time(1767229200.0));
   EXPECT_TRUE(screen.wants_hands());
+  EXPECT_EQ(operator_screen(a_turn(), at_state(RunState::moving), {}, OperatorTexts::of("en")).left, "Turns left: 46")
+      << "a rehearsal has no time of the wall";
   OperatorTask back = a_turn();
   back.target_deg = -90.0;
   EXPECT_EQ(screen_of(back, RunState::moving).way, "90.02° backward (its angle falls)");
@@ -68,6 +70,15 @@ TEST(OperatorScreen, HandsOffForAsLongAsTheUnitIsMeasured) {
   task.kind = OperatorTask::Kind::compare;
   EXPECT_EQ(screen_of(task, RunState::moving, "de").instruction, "Hände weg: Ihre Eingabe wird geprüft");
   EXPECT_FALSE(screen_of(task, RunState::moving).wants_hands());
+}
+
+TEST(OperatorScreen, TheLastOneSaysThatItIsOver) {
+  EXPECT_EQ(all(drawn(last_screen(false, "out/r", OperatorTexts::of("de")), "02:41", usual)),
+            "02:41   \n\n\x1b[1mDer Lauf ist beendet. Am Tisch ist nichts mehr zu tun.\x1b[0m\n\n"
+            "Was gemessen ist, bleibt erhalten. Später weiter mit: turncal resume out/r\n");
+  EXPECT_EQ(last_screen(true, "", OperatorTexts::of("en")).instruction,
+            "All turns are made. Nothing is left to do at the table.");
+  EXPECT_EQ(last_screen(false, "", OperatorTexts::of("en")).how, "") << "nothing to go on with";
 }
 
 TEST(OperatorScreen, ThePageGetsTheSame) {

@@ -10,6 +10,7 @@
 
 #include <gtest/gtest.h>
 
+#include "imu_io/base/text_pieces.h"
 #include "tests/turntable_drivers/table_contract.h"
 #include "turntable_drivers/twins/rehearsed_table.h"
 
@@ -128,8 +129,8 @@ TEST_F(ManualTable, RefusesBeyondToleranceAndNonsense) {
   Desk desk;
   ready(desk);
   ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
-  for (const char* const bad :
-       {"turn roll 90", "say 90", "89.89", "90.11", "-90", "0", "nan", "ninety", "90 deg", "9 0", "1e999", "90.0.0"}) {
+  for (const char* const bad : {"turn roll 90", "say 90", "89.89", "90.11", "-90", "0", "nan", "ninety", "90 deg",
+                                "9 0", "1e999", "90.0.0", "9e1", "\u00b0", "9\u00b00"}) {
     desk.said();
     desk.type(bad);
     EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << bad;
@@ -151,6 +152,16 @@ TEST_F(ManualTable, RefusesBeyondToleranceAndNonsense) {
   ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 0.5, 10.0, 10.0).ok());
   desk.type("0,5");
   EXPECT_EQ(desk.manual.status(Axis::roll)->position_deg, 0.5);
+  // The degree that the screen shows, and the wide digits of a Chinese keyboard.
+  for (const auto& [typed, meant] : {std::pair{"12.5\u00b0", 12.5},
+                                     {"34 \u00b0", 34.0},
+                                     {"\uff0d\uff11\uff10\uff12\uff0e\uff19\u5ea6", -102.9},
+                                     {"\uff13\uff14\uff15\uff16\uff17\uff18", 345678.0}}) {
+    ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, meant, 10.0, 10.0).ok());
+    desk.type(typed);
+    EXPECT_FALSE(desk.manual.status(Axis::roll)->moving) << typed;
+    EXPECT_EQ(desk.manual.status(Axis::roll)->position_deg, meant);
+  }
   // A dial knows only a circle.
   ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 450.0, 10.0, 10.0).ok());
   desk.type("89.9");
@@ -233,6 +244,45 @@ TEST_F(ManualTable, RepeatPauseSkipAbort) {
   ready(other);
   other.type("abort");  // at once, though nothing is asked for
   expect_end(other, ErrorKind::aborted, "aborted by the operator");
+}
+
+// A slip of one key loses no run: only the whole word gives it up.
+TEST_F(ManualTable, OneLetterGivesNothingUp) {
+  for (const char* const language : {"en", "de", "zh"}) {
+    Desk desk({.language = language});
+    ready(desk);
+    ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+    const OperatorTexts& texts = desk.manual.texts();
+    const std::string abort = texts.say("word.abort");
+    for (const std::string& letter :
+         {std::string("a"), std::string("A"), abort.substr(0, printable_character(abort))}) {
+      desk.said();
+      desk.type(letter);
+      EXPECT_TRUE(desk.manual.status(Axis::roll).ok()) << language << ": " << letter;
+      EXPECT_EQ(desk.said(), texts.say("wrong.whole_word") + "\n") << language;
+    }
+    desk.type(abort);
+    EXPECT_EQ(desk.manual.status(Axis::roll).error().kind, ErrorKind::aborted) << language;
+  }
+}
+
+TEST_F(ManualTable, GermanLettersAndDecimalComma) {
+  Desk desk({.language = "de"});
+  ready(desk);
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 22.5, 10.0, 10.0).ok());
+  EXPECT_NE(desk.said().find("Rollachse von 0 auf 22,5 Grad drehen, 22,5 Grad vorwärts"), std::string::npos);
+  desk.type("22");
+  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
+  EXPECT_NE(desk.said().find("22 liegt 0,5 Grad neben 22,5; erlaubt sind höchstens 0,1."), std::string::npos);
+  desk.type("p");
+  EXPECT_EQ(desk.manual.status(Axis::roll)->text, "paused");
+  desk.type("w");
+  EXPECT_EQ(desk.manual.status(Axis::roll)->text, "");
+  desk.type("Überspringen");
+  EXPECT_TRUE(desk.manual.status(Axis::roll).ok()) << "not without a reason";
+  EXPECT_NE(desk.said().find("Warum? Bitte „überspringen“"), std::string::npos);
+  desk.type("Ü Klemme sitzt fest");
+  expect_end(desk, ErrorKind::interrupted, "skipped by the operator: Klemme sitzt fest");
 }
 
 TEST_F(ManualTable, WhoLeavesIsMissedWhenTheNextTurnIsDue) {

@@ -8,6 +8,8 @@
 
 #include <gtest/gtest.h>
 
+#include "imu_io/base/text_pieces.h"
+
 namespace turncal {
 namespace {
 
@@ -61,7 +63,8 @@ TEST(OperatorTexts, EveryKeyIsSaid) {
 TEST(OperatorTexts, EveryKeyThatIsSaidIsThere) {
   const std::string code = sources();
   int found = 0;
-  for (const std::string_view group : {"ask", "reason", "screen", "wrong", "said", "help", "mount", "sense"}) {
+  for (const std::string_view group :
+       {"ask", "reason", "screen", "wrong", "said", "help", "mount", "sense", "number"}) {
     const std::string begin = "\"" + std::string(group) + ".";
     for (std::size_t at = 0; (at = code.find(begin, at)) != std::string::npos; ++at) {
       const std::string key = code.substr(at + 1, code.find('"', at + 1) - at - 1);
@@ -72,6 +75,26 @@ TEST(OperatorTexts, EveryKeyThatIsSaidIsThere) {
   EXPECT_GT(found, 50);
 }
 
+// A letter that two words share would do what nobody asked for; none gives the run up.
+TEST(OperatorTexts, NoTwoWordsShareAFirstLetter) {
+  constexpr const char* words[] = {"repeat", "skip", "pause", "continue", "leave", "abort", "help"};
+  for (const std::string_view language : operator_languages) {
+    const OperatorTexts& texts = OperatorTexts::of(language);
+    for (const std::string typed : {"r", "s", "p", "c", "l", "a", "h"}) {
+      for (const char* own : words) {
+        const std::string full = texts.say(std::string("word.") + own);
+        for (const std::string& letter : {typed, full.substr(0, printable_character(full))}) {
+          int meanings = 0;
+          for (const char* word : words) meanings += texts.first_letter(letter, word) ? 1 : 0;
+          EXPECT_EQ(meanings, 1) << language << ": " << letter;
+          EXPECT_FALSE(texts.means(letter, "abort")) << language << ": " << letter;
+        }
+        EXPECT_TRUE(texts.means(full, own)) << language << ": " << full;
+      }
+    }
+  }
+}
+
 TEST(OperatorTexts, PlacesAreFilledAndWordsUnderstood) {
   const OperatorTexts& german = OperatorTexts::of("de");
   EXPECT_EQ(german.say("screen.turn", {{"target", "90"}, {"axis", german.say("axis.pitch")}}),
@@ -79,7 +102,12 @@ TEST(OperatorTexts, PlacesAreFilledAndWordsUnderstood) {
   EXPECT_TRUE(german.means("weiter", "continue"));
   EXPECT_TRUE(german.means("continue", "continue"));
   EXPECT_TRUE(german.means("c", "continue"));
-  EXPECT_FALSE(german.means("w", "continue"));
+  EXPECT_TRUE(german.means("w", "continue"));
+  EXPECT_TRUE(german.means("\u00fc", "skip"));
+  EXPECT_FALSE(german.means("\xc3", "skip"));
+  EXPECT_EQ(german.exact(-89.875), "-89,875");
+  EXPECT_EQ(german.shown(0.1), "0,1");
+  EXPECT_EQ(OperatorTexts::of("zh").shown(0.1), "0.1");
   EXPECT_TRUE(OperatorTexts::of("zh").means("继续", "continue"));
 }
 
