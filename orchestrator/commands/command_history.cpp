@@ -8,6 +8,7 @@
 #include "imu_io/base/atomic_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/print_line.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/line_report/history_page.h"
 #include "orchestrator/line_report/history_table.h"
@@ -124,7 +125,12 @@ Status write_named(const std::string& path, const std::string& text) {
 Status print_history(const HistoryOptions& options, Calibrations all, std::ostream& out) {
   // Simulated and real units are never in one list of numbers.
   if (options.control || !options.parameter.empty() || !options.report.empty()) {
-    std::erase_if(all, [&](const StoredCalibration& c) { return c.simulated != options.simulated; });
+    const std::size_t others =
+        std::erase_if(all, [&](const StoredCalibration& c) { return c.simulated != options.simulated; });
+    if (all.empty() && others > 0)
+      return input_error(
+          options.database + ": all " + std::to_string(others) + " calibrations are of " +
+          (options.simulated ? "real units: expected no --simulated" : "dry runs: expected --simulated"));
     if (Status status = check_one_unit(options, all); !status) return status;
   }
   if (!options.format.empty()) {
@@ -166,9 +172,9 @@ Status show_attempts(const HistoryOptions& options, const ResultsDatabase& datab
   for (const AttemptRecord& a : *all) {
     const std::string temperature =
         a.temperature_min_c ? number(a.temperature_min_c, "%.1f") + " .. " + number(a.temperature_max_c, "%.1f") : "-";
-    print_line(out, "%5lld  %-20s  %-20s  %-16s  %-12s  %-14s  %8s  %.200s%s", static_cast<long long>(a.id),
-               a.unit.c_str(), a.time_utc.c_str(), a.outcome.c_str(), a.station.c_str(), temperature.c_str(),
-               number(a.residual, "%.3f").c_str(), a.reason.c_str(), a.simulated ? "  [simulated]" : "");
+    print_line(out, "%5lld  %-20s  %-20s  %-16s  %-12s  %-14s  %8s  %s%s", static_cast<long long>(a.id), a.unit.c_str(),
+               a.time_utc.c_str(), a.outcome.c_str(), a.station.c_str(), temperature.c_str(),
+               number(a.residual, "%.3f").c_str(), shorten(a.reason, 200).c_str(), a.simulated ? "  [simulated]" : "");
   }
   return {};
 }
@@ -177,9 +183,14 @@ Status show_history(const HistoryOptions& options, std::ostream& out) {
   if (!options.format.empty() && (!options.csv.empty() || !options.compare.empty() || !options.report.empty() ||
                                   !options.parameter.empty() || options.control))
     return input_error("--format: is of the list: expected no --csv, --compare, --report, --parameter or --control");
+  if (options.attempts &&
+      (!options.compare.empty() || !options.report.empty() || !options.parameter.empty() || options.control))
+    return input_error(
+        "--attempts: expected no --compare, --report, --parameter or --control, which are of calibrations");
   if (Status status = check(options.filter); !status) return status;
   const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(options.database);
   if (!database) return database.error();
+  if (Status status = database->check_known(options.filter); !status) return status;
   if (options.attempts) return show_attempts(options, *database, out);
   Result<Calibrations> all = database->list(options.filter, "");
   if (!all) return all.error();

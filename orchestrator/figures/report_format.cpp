@@ -204,7 +204,9 @@ std::vector<std::string> wrap(std::string_view text, std::size_t width) {
 
 std::string shorten(std::string_view text, std::size_t width) {
   if (text.size() <= width) return std::string(text);
-  return std::string(text.substr(0, width - 3)) + "...";
+  std::size_t kept = width - 3;
+  while (kept > 0 && (static_cast<unsigned char>(text[kept]) & 0xC0) == 0x80) --kept;  // no half character
+  return std::string(text.substr(0, kept)) + "...";
 }
 
 }  // namespace turncal

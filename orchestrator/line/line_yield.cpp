@@ -54,8 +54,7 @@ std::string reason_class(const AttemptRecord& attempt) {
     text += (text.empty() ? "" : " ") + std::string(word);
   }
   while (!text.empty() && std::string_view(",:( ").find(text.back()) != std::string_view::npos) text.pop_back();
-  constexpr std::size_t longest = 80;
-  return attempt.outcome + (text.empty() ? "" : ": " + text.substr(0, longest));
+  return attempt.outcome + (text.empty() ? "" : ": " + text);
 }
 
 LineYield line_yield(const std::vector<AttemptRecord>& all, const std::set<std::int64_t>& chosen) {
@@ -96,7 +95,7 @@ LineYield line_yield(const std::vector<AttemptRecord>& all, const std::set<std::
     const auto found = open.find(attempt.unit);
     const bool begins = found == open.end();
     Visit& visit = begins ? open[attempt.unit] : found->second;
-    visit.counts = visit.counts || reported;
+    if (begins) visit.counts = reported;
     visit.passed = kind == AttemptKind::passed;
     if (begins && reported) {
       ++line.first_pass.all;

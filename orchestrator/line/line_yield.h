@@ -4,8 +4,11 @@
 // something of the unit counts for a yield: a verdict, or that it dropped out. One that was refused, aborted, interrupted, or failed by
 // the station's fault costs hours and has its place among the reasons.
 //
-//   first pass yield = visits whose first attempt passed / visits that began
-//   final yield      = visits that ended in a pass / visits
+//   first pass yield = visits whose first attempt passed / visits
+//   final yield      = visits that have ended in a pass / the same visits
+//
+// A visit is counted where its first attempt is: in that shift, at that station, wherever and whenever it passes. So every visit is in one report
+// of a series and in one row of a table, and the final yield is never the lower one.
 //
 // The interval is Wilson's, 95 %.
 #pragma once

@@ -68,6 +68,7 @@ std::vector<StationFigures> figures_of_stations(const std::vector<AttemptRecord>
 Result<ShiftReport> shift_report(const ResultsDatabase& database, const std::string& name, const RecordFilter& filter,
                                  bool simulated) {
   if (Status status = check(filter); !status) return status.error();
+  if (Status status = database.check_known(filter); !status) return status.error();
   Result<std::vector<AttemptRecord>> all = database.attempts({}), chosen = database.attempts(filter);
   if (!all) return all.error();
   if (!chosen) return chosen.error();
@@ -77,7 +78,8 @@ Result<ShiftReport> shift_report(const ResultsDatabase& database, const std::str
   report.source = words_of(name, filter);
   report.simulated = simulated;
   const auto of_the_other_kind = [simulated](const auto& row) { return row.simulated != simulated; };
-  for (std::vector<AttemptRecord>* rows : {&*all, &*chosen}) std::erase_if(*rows, of_the_other_kind);
+  std::erase_if(*all, of_the_other_kind);
+  report.of_the_other_kind = std::erase_if(*chosen, of_the_other_kind);
   std::erase_if(*calibrations, of_the_other_kind);
   report.damaged = std::erase_if(*calibrations, [](const StoredCalibration& c) { return !c.defect.empty(); });
   report.attempts = std::move(*chosen);

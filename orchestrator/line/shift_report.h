@@ -21,6 +21,8 @@ struct StationFigures {
 struct ShiftReport {
   std::string source;  // database and filter, in words
   bool simulated = false;
+  std::size_t of_the_other_kind =
+      0;  // attempts left out: simulated ones of a report of real units, and the other way round
   std::vector<AttemptRecord> attempts;  // those reported, oldest first
   std::vector<StoredCalibration> calibrations;
   std::size_t damaged = 0;  // rows left out

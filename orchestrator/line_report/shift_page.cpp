@@ -130,7 +130,7 @@ std::string shift_page(const ShiftReport& report, const GnuplotOptions& gnuplot)
   page.raw(yield_table(report));
   page.section("reasons", "Why attempts did not pass");
   if (report.yield.reasons.empty())
-    page.text("Every attempt passed.");
+    page.text("Every attempt that was judged passed.");
   else
     page.raw(pareto_table(report.yield));
   if (!report.calibrations.empty()) add_charts(report, page, gnuplot);

@@ -3,6 +3,7 @@
 
 #include "imu_io/base/data_text.h"
 #include "orchestrator/figures/print_line.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/line_report/shift_page.h"
 #include "orchestrator/line_report/shift_words.h"
 
@@ -22,8 +23,8 @@ void print_stations(const ShiftReport& report, std::ostream& out) {
 void print_reasons(const LineYield& yield, std::ostream& out) {
   print_line(out, "\n%-60s %8s %10s %6s  %s", "reason", "attempts", "cumulated", "hours", "last unit");
   for (const LossReason& r : yield.reasons)
-    print_line(out, "%-60.60s %8zu %10s %6.1f  %s", r.reason.c_str(), r.attempts, percent(r.cumulated).c_str(), r.hours,
-               r.last_unit.c_str());
+    print_line(out, "%-60s %8zu %10s %6.1f  %s", shorten(r.reason, 60).c_str(), r.attempts,
+               percent(r.cumulated).c_str(), r.hours, r.last_unit.c_str());
 }
 
 void print_repeatability(const char* title, const std::vector<Repeatability>& all, std::ostream& out) {
@@ -39,6 +40,9 @@ void print_repeatability(const char* title, const std::vector<Repeatability>& al
 
 void print_shift(const ShiftReport& report, std::ostream& out) {
   out << head_text(report) << '\n' << yield_text(report.yield) << '\n';
+  if (report.attempts.empty() && report.of_the_other_kind > 0)
+    out << (report.simulated ? "Without --simulated it is of the real units.\n"
+                             : "With --simulated it is of the dry runs.\n");
   if (report.attempts.empty()) return;
   print_stations(report, out);
   if (!report.yield.reasons.empty()) print_reasons(report.yield, out);

@@ -24,6 +24,9 @@ std::string head_text(const ShiftReport& report) {
   if (!report.attempts.empty())
     text += "; from " + report.attempts.front().time_utc + " to " + report.attempts.back().time_utc;
   if (report.simulated) text += "; simulated units";
+  if (report.of_the_other_kind > 0)
+    text += "; attempts of " + std::string(report.simulated ? "real" : "simulated") +
+            " units left out: " + std::to_string(report.of_the_other_kind);
   if (report.damaged > 0) text += "; damaged rows left out: " + std::to_string(report.damaged);
   return text;
 }

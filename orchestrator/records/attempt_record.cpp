@@ -5,24 +5,25 @@
 #include <algorithm>
 #include <chrono>
 
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/records/database_rows.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/station/verdict.h"
 
 namespace turncal {
 
 namespace {
 
-constexpr std::string_view form = "dddd-dd-ddTdd:dd:ddZ";
-
-bool begins_a_time(std::string_view text) {
+// Of a day that there is.
+bool begins_a_time(const std::string& text) {
+  constexpr std::string_view first = "0001-01-01T00:00:00Z";
   constexpr std::size_t shortest = 4;  // a year
   if (text.empty()) return true;
-  if (text.size() < shortest || text.size() > form.size() || text.back() == '-' || text.back() == ':') return false;
-  return std::equal(text.begin(), text.end(), form.begin(),
-                    [](char c, char wanted) { return wanted == 'd' ? c >= '0' && c <= '9' : c == wanted; });
+  if (text.size() < shortest || text.size() > first.size() || text.back() == '-' || text.back() == ':') return false;
+  return parse_utc(text + std::string(first.substr(text.size()))).has_value();
 }
 
 // What is the same for the same row, wherever it comes from; a refusal before there was a run has nothing but its moment.
@@ -43,6 +44,15 @@ std::string key_of(const AttemptRecord& a, const SqlRow& row) {
 
 SqlValue whole_or_null(const std::optional<std::int64_t>& value) { return value ? SqlValue(*value) : SqlValue(); }
 
+Status expect_one_of(const std::string& option, const std::string& word, const std::vector<std::string>& there) {
+  if (word.empty() || std::find(there.begin(), there.end(), word) != there.end()) return {};
+  constexpr std::size_t shown = 14;
+  std::string some;
+  for (std::size_t i = 0; i < std::min(shown, there.size()); ++i) some += (i > 0 ? ", " : "") + there[i];
+  return input_error("--" + option + " " + quoted(word) + ": no row has it: expected " +
+                     (there.empty() ? "none" : "one of " + some) + (there.size() > shown ? ", ..." : ""));
+}
+
 }  // namespace
 
 Status check(const RecordFilter& filter) {
@@ -50,6 +60,29 @@ Status check(const RecordFilter& filter) {
     if (!begins_a_time(*text))
       return input_error(std::string(option) + " " + quoted(*text) +
                          ": expected a date or a time as 2026-01-31 or 2026-01-31T12:00:00Z");
+  std::vector<std::string> verdicts = {"captured",    "dropped", "refused",      "aborted",
+                                       "interrupted", "failed",  outcome_running};
+  for (int v = 0; v <= static_cast<int>(UnitVerdict::fail); ++v)
+    verdicts.emplace_back(to_string(static_cast<UnitVerdict>(v)));
+  if (Status status = expect_one_of("verdict", filter.verdict, verdicts); !status) return status;
+  if (!filter.to.empty() && filter.from.substr(0, filter.to.size()) > filter.to)
+    return input_error("--from " + quoted(filter.from) + ": is after --to " + quoted(filter.to));
+  return {};
+}
+
+Status ResultsDatabase::check_known(const RecordFilter& filter) const {
+  const std::pair<std::string, const std::string*> words[] = {
+      {"unit", &filter.unit}, {"station", &filter.station}, {"part", &filter.part}};
+  for (const auto& [column, wanted] : words) {
+    if (wanted->empty()) continue;
+    std::vector<std::string> there;
+    Status status =
+        connection_->run("SELECT " + column + " FROM attempt UNION SELECT " + column + " FROM calibration ORDER BY 1",
+                         {}, [&](const SqlRow& row) { there.push_back(as_text(row.front())); });
+    if (!status) return status;
+    std::erase(there, "");
+    if (status = expect_one_of(column, *wanted, there); !status) return status;
+  }
   return {};
 }
 

@@ -40,7 +40,8 @@ struct RecordFilter {
   int newest = 0;       // of attempts: at most so many, the newest; 0: all
 };
 
-// An input error unless from and to are the beginning of a time as 2026-01-31T12:00:00Z.
+// An input error unless from and to are the beginning of a time as 2026-01-31T12:00:00Z, from not after to, and
+// the verdict is a word that there is.
 Status check(const RecordFilter& filter);
 
 }  // namespace turncal

@@ -68,6 +68,8 @@ class ResultsDatabase {
   // Oldest first. key: values of that parameter only ("" for all of them).
   Result<std::vector<StoredCalibration>> list(const RecordFilter& filter, const std::string& key) const;
   Result<std::vector<AttemptRecord>> attempts(const RecordFilter& filter) const;
+  // An input error that says what there is, where no row at all has the unit, station or part that is asked for.
+  Status check_known(const RecordFilter& filter) const;
   // The newest of each recording, one at a time.
   Status each_calibration(bool with_statistics, const std::function<void(KeptCalibration)>& each) const;
 

@@ -1,6 +1,8 @@
 // A results database in a file: SQLite.
 #include <sqlite3.h>
 
+#include <cstring>
+
 #include "orchestrator/records/sql_connection.h"
 
 namespace turncal {
@@ -43,7 +45,10 @@ class SqliteConnection : public SqlConnection {
     const int code = sqlite3_errcode(handle_);
     const bool not_ours =
         code == SQLITE_NOTADB || code == SQLITE_ERROR;  // the rest is locked, full, read-only or broken
-    return failure(not_ours ? ErrorKind::input : ErrorKind::device, sql, sqlite3_errmsg(handle_));
+    std::string why = sqlite3_errmsg(handle_);
+    if (const int error = sqlite3_system_errno(handle_); code == SQLITE_CANTOPEN && error != 0)
+      why += std::string(" (") + std::strerror(error) + ")";
+    return failure(not_ours ? ErrorKind::input : ErrorKind::device, sql, why);
   }
 
  private:

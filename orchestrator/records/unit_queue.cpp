@@ -15,8 +15,10 @@ constexpr const char* again_outcome = "again";
 
 std::string state_path(const std::string& path) { return path + ".state"; }
 
+// A comment begins the line, or follows a blank: "SN#3" is not unit SN.
 std::string serial_in(std::string_view line) {
-  line = line.substr(0, line.find('#'));
+  for (std::size_t mark = 0; (mark = line.find('#', mark)) != std::string_view::npos; ++mark)
+    if (mark == 0 || line[mark - 1] == ' ' || line[mark - 1] == '\t') line = line.substr(0, mark);
   const std::size_t first = line.find_first_not_of(" \t");
   if (first == std::string_view::npos) return "";
   return std::string(line.substr(first, line.find_last_not_of(" \t") - first + 1));

@@ -58,8 +58,23 @@ TEST(LineYield, KnowsWhatCameBeforeTheShift) {
   EXPECT_EQ(y.first_pass.all, 1u)
       << "A failed before the shift: its pass is no first pass; B had passed, and comes anew";
   EXPECT_EQ(y.first_pass.part, 0u);
-  EXPECT_EQ(y.final_pass.all, 2u);
-  EXPECT_EQ(y.final_pass.part, 1u);
+  EXPECT_EQ(y.final_pass.all, 1u) << "A's visit is one of the shift before, and there it has passed in the end";
+  EXPECT_EQ(y.final_pass.part, 0u);
+  EXPECT_EQ(line.yield().final_pass.part, 2u);
+}
+
+// A unit that fails at one station and at another counts at the first: no station's final yield is below that of the first pass.
+TEST(LineYield, AVisitCountsWhereItBegan) {
+  Line line;
+  line.attempt("A", "fail").attempt("B", "pass").attempt("C", "fail").attempt("A", "fail").attempt("C", "pass");
+  const std::set<std::int64_t> east = {1, 3}, west = {2, 4, 5};
+  const LineYield e = line_yield(line.all, east), w = line_yield(line.all, west);
+  EXPECT_EQ(e.first_pass.part, 0u);
+  EXPECT_EQ(e.final_pass.part, 1u) << "C passed, at the other";
+  EXPECT_EQ(e.final_pass.all, 2u);
+  EXPECT_EQ(w.first_pass.all, 1u);
+  EXPECT_EQ(w.final_pass.part, 1u);
+  EXPECT_EQ(w.final_pass.all, 1u);
 }
 
 TEST(LineYield, ReasonsWithoutWhatDiffersFromUnitToUnit) {

@@ -120,7 +120,30 @@ TEST_F(Database, EveryAttemptHasARow) {
   const ProgramResult listed = run({"history", "results.db", "--attempts", "--verdict", "refused"});
   EXPECT_NE(listed.out.find("SN4"), std::string::npos) << listed.out;
   EXPECT_EQ(listed.out.find("SN1"), std::string::npos) << listed.out;
-  expect_refused({"history", "results.db", "--from", "yesterday"}, "--from 'yesterday': expected a date or a time");
+  for (const char* none : {"yesterday", "2026-02-30", "2026-13", "2026-02-01T25:00:00Z", "202", "2026-", "2026-1-01"})
+    expect_refused({"history", "results.db", "--from", none},
+                   "--from '" + std::string(none) + "': expected a date or a time");
+  for (const char* some : {"2026", "2026-1", "2026-01-3", "2026-01-31T2", "2026-01-31T23:59:59Z"})
+    EXPECT_EQ(run({"history", "results.db", "--to", some}).code, 0) << some;
+  expect_refused({"shift", "results.db", "--from", "2026-02", "--to", "2026-01-31"}, "is after --to '2026-01-31'");
+  EXPECT_EQ(run({"history", "results.db", "--from", "2026-01-01", "--to", "2026-01"}).code, 0);
+
+  // What no row has is more likely mistyped than asked for.
+  for (const char* command : {"history", "shift"})
+    expect_refused({command, "results.db", "--station", "west"},
+                   "--station 'west': no row has it: expected one of east");
+  expect_refused({"history", "results.db", "--verdict", "bad"},
+                 "--verdict 'bad': no row has it: expected one of captured, dropped, refused, aborted, interrupted, "
+                 "failed, running");
+  EXPECT_EQ(run({"history", "results.db", "--attempts", "--verdict", "hold"}).code, 0) << "there may be none";
+  for (const char* of_calibrations : {"--control", "--report=r.html", "--parameter=N01"})
+    expect_refused({"history", "results.db", "--attempts", of_calibrations}, "--attempts: expected no --compare");
+  expect_refused({"history", "results.db", "--control"}, "calibrations are of dry runs: expected --simulated");
+  const ProgramResult real = run({"shift", "results.db"});
+  EXPECT_NE(real.out.find("attempts of simulated units left out: 5"), std::string::npos) << real.out;
+  EXPECT_NE(real.out.find("With --simulated"), std::string::npos) << real.out;
+  const ProgramResult simulated = run({"shift", "results.db", "--simulated"});
+  EXPECT_EQ(simulated.out.find("left out"), std::string::npos) << simulated.out;
 }
 
 TEST_F(Database, ARunThatGoesOnIsTheSameAttempt) {

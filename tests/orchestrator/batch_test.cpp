@@ -92,6 +92,8 @@ TEST_F(Batch, ADeviceFaultStopsItAndItGoesOn) {
   // A wrong configuration says so before the first unit.
   expect_refused(batch({"--station", "missing.station"}), "missing.station");
   expect_refused({"batch", "nowhere", "--dry-run", "--out", "units"}, "nowhere");
+  write("marked", "SN1 # a comment\n# another\nSN#3\n");
+  expect_refused({"batch", "marked", "--dry-run", "--out", "units"}, "marked:3: 'SN#3': expected a serial number");
 }
 
 TEST_F(Batch, SurvivesKillsAtRandomMoments) {

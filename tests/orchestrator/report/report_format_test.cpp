@@ -40,6 +40,7 @@ TEST(Format, Texts) {
   EXPECT_EQ(unit_text("ug/g^3", Alphabet::plain), "ug/g^3");
   EXPECT_EQ(wrap("one two three", 7), (std::vector<std::string>{"one two", "three"}));
   EXPECT_EQ(shorten("0123456789", 6), "012...");
+  EXPECT_EQ(shorten("0\u00e9456789", 5), "0...") << "no half of a character";
 }
 
 }  // namespace
