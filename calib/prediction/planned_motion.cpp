@@ -95,12 +95,13 @@ class Unit {
   std::int64_t counter_ = 0;
 };
 
+}  // namespace
+
 Matrix3d attitude_at(const AxisTriple& deg) {
   return attitude_from_angles(deg[Axis::heading] * rad_per_deg, deg[Axis::pitch] * rad_per_deg,
                               deg[Axis::roll] * rad_per_deg);
 }
 
-// The axis of a move in the body, sense of growing angle.
 Vector3d axis_b(Axis axis, const Matrix3d& C_nb, const AxisTriple& at_deg) {
   switch (axis) {
     case Axis::heading: return -C_nb.transpose() * Vector3d::UnitY();
@@ -110,8 +111,6 @@ Vector3d axis_b(Axis axis, const Matrix3d& C_nb, const AxisTriple& at_deg) {
   }
   return Vector3d::UnitX();
 }
-
-}  // namespace
 
 double trapezoid_duration_s(double angle_deg, double rate_degps, double acceleration_degps2) {
   const double angle = std::abs(angle_deg);

@@ -16,6 +16,8 @@
 #include <optional>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "calib/model/parameters.h"
 #include "calib/statistics/compression.h"
 #include "calib/types/axis.h"
@@ -50,6 +52,10 @@ struct TemperatureProfile {  // T = start + rise (1 - exp(-t/tau))
 // Without a temperature profile the recording has none, whatever info says.
 CompressedRecording planned_recording(const RecordingInfo& info, const PlannedMotion& motion, const Parameters& unit,
                                       const std::optional<TemperatureProfile>& temperature = {});
+
+Eigen::Matrix3d attitude_at(const AxisTriple& deg);  // C_nb
+// The axis of a move in the body, sense of growing angle.
+Eigen::Vector3d axis_b(Axis axis, const Eigen::Matrix3d& C_nb, const AxisTriple& at_deg);
 
 // Angle turned after t seconds of a move by `angle_deg` (its sign included), and how long the move takes without settling.
 double trapezoid_angle_deg(double angle_deg, double rate_degps, double acceleration_degps2, double t_s);

@@ -156,12 +156,15 @@ class Designer {
       task_.time_s = *time_s;
       if (Status status = search(); !status) return status;
     }
-    if (Status status = write_file_atomically(options_.out, text_); !status) return status;
+    const std::string bound = bound_text(columns_.back().prediction);
+    const std::string text = text_of(walk_, task_.time_s, bound);
+    if (Status status = write_file_atomically(options_.out, text); !status) return status;
     print_premises(options_.site, unit->info, context_.out);
     char line[100];
     std::snprintf(line, sizeof line, "Time      %.0f s\n", columns_.back().station_s);
     context_.out << line;
     print_sigmas(columns_, unit->info, context_.out);
+    if (!bound.empty()) context_.out << bound << "\n";
     print_undetermined(columns_, context_.out);
     if (task_.predict.effects) print_effects(columns_, context_.out);
     context_.out << "sequence    " << options_.out << std::endl;
@@ -221,11 +224,35 @@ class Designer {
     return Error{ErrorKind::unit_failed, options_.out + ": may not be enough to tell apart: " + open};
   }
 
-  std::string text_of(const Walk& walk, double time_s) const {
+  // How far from the best; empty where a parameter that counts is open, or the turns leave it open.
+  std::string bound_text(const Prediction& prediction) {
+    if (!open_parameters(prediction, task_.aim).empty()) return {};
+    context_.err << "looking for what no walk can be better than" << std::endl;
+    if (!options_.sigma.empty()) task_.criterion = AimAt::worst;
+    const std::optional<double> least = design_bound(task_);
+    if (!least) return {};
+    double sum = 0.0, worst = 0.0;
+    int n = 0;
+    for (int k = 0; k < parameter_count; ++k) {
+      if (task_.aim[k] <= 0.0) continue;
+      sum += std::log(prediction.sigma[k] / task_.aim[k]);
+      worst = std::max(worst, prediction.sigma[k] / task_.aim[k]);
+      ++n;
+    }
+    const bool mean = task_.criterion == AimAt::mean;
+    char text[200];
+    std::snprintf(
+        text, sizeof text, "%s of sigma / aim %.3f; no walk of such turns, each with %.3g s of rest, can be below %.3f",
+        mean ? "Geometric mean" : "Largest", mean ? std::exp(sum / n) : worst, options_.least_rest_s, std::exp(*least));
+    return text;
+  }
+
+  std::string text_of(const Walk& walk, double time_s, const std::string& bound = {}) const {
     WalkHeader header;
     header.name = name_of(options_.out);
     header.comments = {std::string(first_words).substr(2) + " for " + format_number(std::round(time_s)) +
                        " s: see docs/design.md."};
+    if (!bound.empty()) header.comments.push_back(bound + ".");
     header.rate_degps = task_.rates_degps.front();
     header.acceleration_degps2 = task_.acceleration_degps2;
     return sequence_text(walk, header);
@@ -278,8 +305,8 @@ class Designer {
       return true;
     });
     if (!found) return found.error();
-    text_ = text_of(found->walk, task_.time_s);
-    const Result<Sequence> sequence = parse_sequence(text_, options_.out);
+    walk_ = found->walk;
+    const Result<Sequence> sequence = parse_sequence(text_of(walk_, task_.time_s), options_.out);
     if (!sequence) return Error{ErrorKind::internal, sequence.error().message};
     columns_.push_back(predicted(*sequence));
     return {};
@@ -289,7 +316,7 @@ class Designer {
   CommandContext& context_;
   DesignTask task_;
   std::vector<NamedPrediction> columns_;  // the fourteen steps, then what was found
-  std::string text_;
+  Walk walk_;
 };
 
 }  // namespace

@@ -5,7 +5,9 @@
 #include <numeric>
 #include <optional>
 #include <random>
+#include <set>
 
+#include "calib/prediction/design_bound.h"
 #include "orchestrator/jobs/sequence_coverage.h"
 
 namespace turncal {
@@ -16,6 +18,7 @@ constexpr double excess_weight = 60.0;
 constexpr double undetermined_cost = 10.0;
 constexpr double first_threshold = 0.02;  // what may be worse at the beginning of the search
 constexpr int most_share = 12;
+constexpr double pose_step_deg = 15.0;  // of the poses that the bound looks at
 constexpr std::array<double, 7> turns_deg{90.0, 180.0, 360.0, 45.0, 135.0, 270.0, 30.0};
 
 // A walk without times: rests are shares of the time that the turns leave.
@@ -81,7 +84,7 @@ class Search {
     for (const Leg& leg : task_.start.legs)
       if (leg.rest_samples > 0) shortest = std::min(shortest, leg.rest_samples);
     const auto share = [&](std::int64_t samples) {
-      return static_cast<int>(std::min<std::int64_t>((samples + shortest / 2) / shortest, most_share));
+      return static_cast<int>(std::clamp<std::int64_t>((samples + shortest / 2) / shortest, 1, most_share));
     };
     SharedWalk walk;
     walk.start_deg = task_.start.start_deg;
@@ -128,7 +131,7 @@ class Search {
         int& share = below(n + 1) == 0 ? walk.first_share : legs[below(n)].share;
         const int other =
             below(2) == 0 ? share + 1 + static_cast<int>(below(4)) : share - 1 - static_cast<int>(below(2));
-        share = std::clamp(other, 0, most_share);
+        share = std::clamp(other, 1, most_share);
       }
     }
     return walk;
@@ -137,7 +140,7 @@ class Search {
   // In samples of a unit of this period; nothing where the turns leave too little.
   std::optional<Walk> timed(const SharedWalk& shared, double period_s) const {
     double left_s = task_.time_s;
-    int shares = std::max(1, shared.first_share);
+    int shares = shared.first_share;
     const double tick_s = std::max(period_s, task_.info.sample_period_s);
     for (const SharedLeg& leg : shared.legs) {
       const double turn_s = move_duration_s(leg.turn_deg, leg.rate_degps, task_.acceleration_degps2);
@@ -151,7 +154,7 @@ class Search {
     };
     Walk walk;
     walk.start_deg = shared.start_deg;
-    walk.first_rest_samples = samples(std::max(1, shared.first_share));
+    walk.first_rest_samples = samples(shared.first_share);
     for (const SharedLeg& leg : shared.legs)
       walk.legs.push_back({leg.axis, leg.turn_deg, leg.rate_degps, samples(leg.share)});
     return walk;
@@ -213,6 +216,33 @@ class Search {
 };
 
 }  // namespace
+
+std::optional<double> design_bound(const DesignTask& task) {
+  BoundTask bound;
+  bound.info = task.info;
+  bound.noise = task.predict.noise;
+  bound.time_s = task.time_s;
+  bound.settle_s = task.limits.settle_s;
+  bound.least_rest_s = task.least_rest_s;
+  bound.acceleration_degps2 = task.acceleration_degps2;
+  bound.rates_degps = task.rates_degps;
+  bound.aim = task.aim;
+  bound.worst = task.criterion == AimAt::worst;
+  for (const Axis axis : all_axes) {
+    std::vector<double>& poses = bound.poses_deg[index(axis)];
+    const double start_deg = task.start.start_deg[axis];
+    const AxisLimits& limits = task.limits[axis];
+    for (double deg = start_deg; deg < start_deg + 360.0; deg += pose_step_deg) {
+      const double lowest = deg - 360.0 * std::floor((deg - limits.soft_min_deg) / 360.0);
+      if (deg == start_deg || (task.turns[index(axis)] && lowest <= limits.soft_max_deg)) poses.push_back(deg);
+    }
+  }
+  std::set<double> turns(turns_deg.begin(), turns_deg.end());
+  for (const Leg& leg : task.start.legs)
+    if (leg.turn_deg != 0.0) turns.insert(std::abs(leg.turn_deg));
+  bound.turns_deg.assign(turns.begin(), turns.end());
+  return least_log_sigma(bound);
+}
 
 Result<Design> design_walk(const DesignTask& task, const std::function<bool(const DesignProgress&)>& progress) {
   return Search(task).run(progress);

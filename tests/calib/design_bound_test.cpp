@@ -1,0 +1,104 @@
+// What no walk can be better than: the known optimum of a small problem, and walks that must not be better.
+#include "calib/prediction/design_bound.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "orchestrator/jobs/sequence_coverage.h"
+#include "tests/rig_recorder.h"
+
+namespace turncal {
+namespace {
+
+BoundTask task_of(double time_s) {
+  BoundTask task;
+  task.info.latitude_deg = 29.53;
+  task.info.gravity_mps2 = 9.7914;
+  task.info.accel_pulse_mps = 0.0005;
+  task.noise.angle_random_walk.setConstant(0.002 * radprs_per_degprh);
+  task.noise.velocity_random_walk.setConstant(8.0 * mpsprs_per_ugprHz);
+  task.time_s = time_s;
+  task.settle_s = 1.0;
+  task.least_rest_s = 10.0;
+  for (std::vector<double>& poses : task.poses_deg)
+    for (int k = 0; k < 8; ++k) poses.push_back(45.0 * k);
+  task.turns_deg = {90.0, 180.0, 360.0};
+  task.rates_degps = {20.0};
+  task.aim.setZero();
+  return task;
+}
+
+// At rest a gyro shows its bias where it is level, and two of three are: with all of the time shared out evenly sigma = ARW sqrt(3 / 2T).
+TEST(DesignBound, IsTheKnownOptimumOfRestsForTheGyroBiases) {
+  BoundTask task = task_of(2400.0);
+  task.turns_deg.clear();
+  task.aim.head<3>().setConstant(1.0);
+  const std::optional<double> bound = least_log_sigma(task);
+  ASSERT_TRUE(bound);
+  const double best_degph = 0.002 * 60.0 * std::sqrt(1.5 / 2400.0);
+  EXPECT_LE(*bound, std::log(best_degph));
+  EXPECT_GT(*bound, std::log(best_degph) - 0.02);
+}
+
+// An accelerometer's bias and scale factor, up and down: with half of the time each, sigma = VRW / sqrt(T) of the bias. Nothing else shows
+// more of it than the vertical does, but for what levelling says: not more than as much again.
+TEST(DesignBound, OfAnAccelerometerIsThatOfUpAndDown) {
+  BoundTask task = task_of(2400.0);
+  task.turns_deg.clear();
+  task.aim[4] = 1.0;
+  const std::optional<double> bound = least_log_sigma(task);
+  ASSERT_TRUE(bound);
+  const double best_g = 8e-6 / std::sqrt(2400.0);
+  EXPECT_LE(*bound, std::log(best_g) + 1e-6);
+  EXPECT_GT(*bound, std::log(best_g) - std::log(2.0));
+}
+
+// Walks of many kinds, whatever counts in them.
+TEST(DesignBound, NoWalkIsBetter) {
+  const std::string turns[] = {
+      "rotate R +360\n dwell 2000\n rotate R -360\n dwell 2000\n",
+      "rotate P +90\n dwell 4000\n rotate P +90\n dwell 4000\n rotate P -180\n dwell 2000\n",
+      "rotate H +90\n dwell 2000\n rotate R +90\n dwell 6000\n rotate R -90\n dwell 2000\n rotate H -90\n dwell 2000\n",
+      "rotate P +360\n dwell 2000\n rotate P -360\n dwell 2000\n rotate R +180\n dwell 2000\n rotate R -180\n dwell "
+      "2000\n",
+  };
+  for (int walk = 0; walk < 5; ++walk) {
+    std::string text =
+        "format = 1\nname = walk\nrate_degps = 20\nacceleration_degps2 = 20\nstep 1 \"all\"\n initial H 0 P 0 R 0\n "
+        "align 2000\n";
+    for (int k = 0; k < 24; ++k)
+      text += turns[walk < 4 ? static_cast<std::size_t>(walk) : static_cast<std::size_t>(k % 4)];
+    const Sequence sequence = must(parse_sequence(text, "walk"));
+    PlanLimits limits;
+    limits.settle_s = 1.0;
+    const Plan plan = make_plan(sequence, limits);
+    BoundTask task = task_of(plan.station_s);
+    task.info.sample_period_s = limits.sample_period_s;
+    PredictOptions options;
+    options.noise = task.noise;
+    const Prediction prediction = predict(task.info, planned_motion(sequence, plan), options);
+    ASSERT_TRUE(prediction.valid);
+    const auto never_better = [&](const ParameterVector& aim, const std::string& of) {
+      task.aim = aim;
+      double mean = 0.0;
+      const auto counted = static_cast<double>((aim.array() > 0.0).count());
+      for (int k = 0; k < parameter_count; ++k)
+        if (aim[k] > 0.0) mean += std::log(prediction.sigma[k] / aim[k]) / counted;
+      const std::optional<double> bound = least_log_sigma(task);
+      EXPECT_LE(bound.value_or(-1e9), mean + 1e-3) << of << " of walk " << walk;
+      return bound.has_value();
+    };
+    ParameterVector all = ParameterVector::Zero();
+    for (const int k : {0, 4, 6, 9, 14, 15, 16, 23}) {
+      if (!prediction.determined[static_cast<std::size_t>(k)]) continue;
+      ParameterVector aim = ParameterVector::Zero();
+      aim[k] = all[k] = prediction.sigma[k];
+      EXPECT_TRUE(never_better(aim, std::string(parameter_keys[static_cast<std::size_t>(k)])));
+    }
+    EXPECT_EQ(never_better(all, "all"), all.maxCoeff() > 0.0) << "walk " << walk;
+  }
+}
+
+}  // namespace
+}  // namespace turncal
