@@ -36,9 +36,10 @@ class Candidates {
     std::size_t turns = 0;
     for (const auto& poses : task.poses_deg) turns += poses.size() > 1 ? 1 : 0;
     const std::size_t poses = task.poses_deg[1].size() * task.poses_deg[2].size();
-    const std::size_t most = poses * (1 + turns * task.turns_deg.size() * task.rates_degps.size());
+    const std::size_t most = poses * (1 + 3 * turns * task.turns_deg.size() * task.rates_degps.size());
     rows_.resize(static_cast<Eigen::Index>(rows_each * most), unknowns);
     heading_.resize(static_cast<Eigen::Index>(most), unknowns);
+    const double half_s = 0.5 * task.least_rest_s;
     // Level table, so the heading of a pose changes nothing but the Earth's rate.
     AxisTriple at;
     at[Axis::heading] = task.poses_deg[0].front();
@@ -50,7 +51,11 @@ class Candidates {
         for (const Axis axis : all_axes) {
           if (task.poses_deg[static_cast<std::size_t>(axis)].size() < 2) continue;
           for (const double turn : task.turns_deg)
-            for (const double rate : task.rates_degps) add_turn(at, axis, turn, rate);
+            for (const double rate : task.rates_degps) {
+              add_turn(at, axis, turn, rate, half_s, half_s);
+              add_turn(at, axis, turn, rate, half_s, 0.0);
+              add_turn(at, axis, turn, rate, 0.0, half_s);
+            }
         }
       }
     little_ = 1e-7 / count_ * rows_.topRows(rows_each * count_).colwise().squaredNorm().transpose();
@@ -138,11 +143,10 @@ class Candidates {
     done(in_aims(turned_wrong(C, Eigen::Vector3d::Zero()).row(1)));
   }
 
-  // Half a rest, the turn, half a rest.
-  void add_turn(const AxisTriple& at, Axis axis, double turn_deg, double rate_degps) {
+  // Half a rest, the turn, half a rest; of two turns with a rest between them, which have none, each its own side of it.
+  void add_turn(const AxisTriple& at, Axis axis, double turn_deg, double rate_degps, double before_s, double after_s) {
     const double moving_s = trapezoid_duration_s(turn_deg, rate_degps, task_.acceleration_degps2);
     const double t = moving_s + task_.settle_s;
-    const double half_s = 0.5 * task_.least_rest_s;
     const double g = task_.info.gravity_mps2;
     const double dt = t / nodes;
     const Eigen::Matrix3d C = attitude_at(at);
@@ -165,21 +169,24 @@ class Candidates {
     const Rows24 first = said(C);
     const Rows24 psi = said(C_after) - first + felt;
     // Each half rest takes the part that costs the noise least.
-    const double in_turn = 1.0 / (q_ * t), in_rest = 1.0 / (q_ * half_s) + g * g * half_s / (3.0 * r_);
-    const double part = in_turn / (2.0 * in_turn + in_rest);
+    const double rest_s = std::max(before_s, after_s), sides = (before_s + after_s) / rest_s;
+    const double in_turn = 1.0 / (q_ * t), in_rest = 1.0 / (q_ * rest_s) + g * g * rest_s / (3.0 * r_);
+    const double part = in_turn / (sides * in_turn + in_rest);
+    const double begins = before_s > 0.0 ? part : 0.0, in_turns = 1.0 - sides * part;
     for (std::size_t k = 0; k < nodes; ++k)
-      v += dt * tilted(first + (part + (1.0 - 2.0 * part) * (static_cast<double>(k) + 0.5) / nodes) * psi - until[k]);
-    const double per_root_s = 1.0 / std::sqrt(t + task_.least_rest_s);
-    put_rest(C, part * psi, 0.5 * part * psi, half_s, per_root_s);
-    put_rest(C_after, part * psi, -0.5 * part * psi, half_s, per_root_s);
+      v += dt * tilted(first + (begins + in_turns * (static_cast<double>(k) + 0.5) / nodes) * psi - until[k]);
+    const double per_root_s = 1.0 / std::sqrt(t + before_s + after_s);
+    if (before_s > 0.0) put_rest(C, part * psi, 0.5 * part * psi, before_s, per_root_s);
+    if (after_s > 0.0) put_rest(C_after, part * psi, -0.5 * part * psi, after_s, per_root_s);
     for (const int k : {0, 2}) {
-      put(psi, k, g * part * std::sqrt(2.0 * half_s / (12.0 * r_)) * per_root_s);
-      put(psi, k, (1.0 - 2.0 * part) / std::sqrt(q_ * t) * per_root_s);
+      put(psi, k, g * part * std::sqrt((before_s + after_s) / (12.0 * r_)) * per_root_s);
+      put(psi, k, in_turns / std::sqrt(q_ * t) * per_root_s);
       put(v, k, per_root_s / std::sqrt(r_ * t + g * g * q_ * std::pow(t, 3) / 12.0));
     }
     put(v, 1, per_root_s / std::sqrt(r_ * t));
-    const Rows24 standing = turned_wrong(C, Eigen::Vector3d::Zero()) + turned_wrong(C_after, Eigen::Vector3d::Zero());
-    done(in_aims(felt.row(1) + half_s * standing.row(1)) * (per_root_s * per_root_s));
+    const Rows24 standing =
+        before_s * turned_wrong(C, Eigen::Vector3d::Zero()) + after_s * turned_wrong(C_after, Eigen::Vector3d::Zero());
+    done(in_aims(felt.row(1) + standing.row(1)) * (per_root_s * per_root_s));
   }
 
   const BoundTask& task_;

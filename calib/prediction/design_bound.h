@@ -28,7 +28,7 @@ struct BoundTask {
   NoiseModel noise;
   double time_s = 0.0;
   double settle_s = 0.0;      // of every turn
-  double least_rest_s = 0.0;  // after every turn
+  double least_rest_s = 0.0;  // after every turn, or every other one
   double acceleration_degps2 = 20.0;
   std::array<std::vector<double>, 3>
       poses_deg;                  // where a rest may be and a turn may begin, indexed by Axis; one: this axis stands

@@ -24,7 +24,7 @@
 namespace turncal {
 namespace {
 
-constexpr double longest_design_s = 86400.0;
+constexpr double longest_design_s = 43200.0;  // that is looked for, with --sigma
 constexpr const char* longest_extra_legs = "10min";
 constexpr std::string_view first_words = "# Found by turncal design";  // of the file
 
@@ -102,7 +102,7 @@ Result<double> least_time_s(const DesignTask& task) {
     const double needed_s = std::pow(walk / (task.aim[k] * si[k]), 2);
     if (needed_s > longest_design_s) {
       char text[160];
-      std::snprintf(text, sizeof text, "%s = %.3g needs %.3g h with this noise: expected what 24 h can give",
+      std::snprintf(text, sizeof text, "%s = %.3g needs %.3g h with this noise: expected what 12 h can give",
                     std::string(parameter_keys[static_cast<std::size_t>(k)]).c_str(), task.aim[k], needed_s / 3600.0);
       return input_error(text);
     }
@@ -144,7 +144,7 @@ class Designer {
       for (task_.time_s = *time_s;; task_.time_s *= 1.25) {
         if (task_.time_s > longest_design_s)
           return Error{ErrorKind::unit_failed,
-                       options_.sigma + ": no sequence of 24 h was found that gives these sigmas"};
+                       options_.sigma + ": no sequence of 12 h was found that gives these sigmas"};
         context_.err << "looking for " << format_duration(task_.time_s) << std::endl;
         if (Status status = search(); !status) return status;
         if (reaches(columns_.back().prediction, task_.aim)) break;
@@ -242,7 +242,7 @@ class Designer {
     const bool mean = task_.criterion == AimAt::mean;
     char text[200];
     std::snprintf(
-        text, sizeof text, "%s of sigma / aim %.3f; no walk of such turns, each with %.3g s of rest, can be below %.3f",
+        text, sizeof text, "%s of sigma / aim %.3f; no walk of such turns with rests of %.3g s can be below %.3f",
         mean ? "Geometric mean" : "Largest", mean ? std::exp(sum / n) : worst, options_.least_rest_s, std::exp(*least));
     return text;
   }

@@ -182,6 +182,8 @@ TEST_F(DesignCommand, RefusesWhatCannotBe) {
   write("unknown.conf", "N99 = 1\n");
   expect_refused({"design", "--sigma", "want.conf", "--out", "x.seq"}, "N01 = 0.0003 needs 44.4 h with this noise");
   expect_refused({"design", "--sigma", "unknown.conf", "--out", "x.seq"}, "unknown.conf:1: key 'N99' is unknown");
+  write("hours.conf", "N01 = 0.0005\n");
+  expect_refused({"design", "--sigma", "hours.conf", "--out", "x.seq"}, "N01 = 0.0005 needs 16 h with this noise");
   expect_refused({"design", "--out", "x.seq"}, "expected --time or --sigma");
   expect_refused({"design", "--time", "1h", "--sigma", "want.conf", "--out", "x.seq"}, "expected --time or --sigma");
   expect_refused({"design", "--time", "1h", "--out", "other.txt"}, "holds something else");

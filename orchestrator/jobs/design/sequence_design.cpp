@@ -18,7 +18,7 @@ constexpr double excess_weight = 60.0;
 constexpr double undetermined_cost = 10.0;
 constexpr double first_threshold = 0.02;  // what may be worse at the beginning of the search
 constexpr int most_share = 12;
-constexpr double pose_step_deg = 15.0;  // of the poses that the bound looks at
+constexpr double pose_step_deg = 30.0;  // of the poses that the bound looks at
 constexpr std::array<double, 7> turns_deg{90.0, 180.0, 360.0, 45.0, 135.0, 270.0, 30.0};
 
 // A walk without times: rests are shares of the time that the turns leave.
@@ -84,7 +84,7 @@ class Search {
     for (const Leg& leg : task_.start.legs)
       if (leg.rest_samples > 0) shortest = std::min(shortest, leg.rest_samples);
     const auto share = [&](std::int64_t samples) {
-      return static_cast<int>(std::clamp<std::int64_t>((samples + shortest / 2) / shortest, 1, most_share));
+      return static_cast<int>(std::min<std::int64_t>((samples + shortest / 2) / shortest, most_share));
     };
     SharedWalk walk;
     walk.start_deg = task_.start.start_deg;
@@ -92,8 +92,9 @@ class Search {
     for (const Leg& leg : task_.start.legs) {
       if (!task_.turns[index(leg.axis)]) continue;
       const bool offered = std::ranges::find(task_.rates_degps, leg.rate_degps) != task_.rates_degps.end();
-      walk.legs.push_back(
-          {leg.axis, leg.turn_deg, offered ? leg.rate_degps : task_.rates_degps.front(), share(leg.rest_samples)});
+      const int least = !walk.legs.empty() && walk.legs.back().share == 0 ? 1 : 0;
+      walk.legs.push_back({leg.axis, leg.turn_deg, offered ? leg.rate_degps : task_.rates_degps.front(),
+                           std::max(least, share(leg.rest_samples))});
     }
     return walk;
   }
@@ -131,7 +132,7 @@ class Search {
         int& share = below(n + 1) == 0 ? walk.first_share : legs[below(n)].share;
         const int other =
             below(2) == 0 ? share + 1 + static_cast<int>(below(4)) : share - 1 - static_cast<int>(below(2));
-        share = std::clamp(other, 1, most_share);
+        share = std::clamp(other, 0, most_share);
       }
     }
     return walk;
@@ -139,8 +140,11 @@ class Search {
 
   // In samples of a unit of this period; nothing where the turns leave too little.
   std::optional<Walk> timed(const SharedWalk& shared, double period_s) const {
+    // Three turns with no rest among them: the bound knows of two.
+    for (std::size_t k = 1; k < shared.legs.size(); ++k)
+      if (shared.legs[k - 1].share == 0 && shared.legs[k].share == 0) return std::nullopt;
     double left_s = task_.time_s;
-    int shares = shared.first_share;
+    int shares = std::max(1, shared.first_share);
     const double tick_s = std::max(period_s, task_.info.sample_period_s);
     for (const SharedLeg& leg : shared.legs) {
       const double turn_s = move_duration_s(leg.turn_deg, leg.rate_degps, task_.acceleration_degps2);
@@ -154,7 +158,7 @@ class Search {
     };
     Walk walk;
     walk.start_deg = shared.start_deg;
-    walk.first_rest_samples = samples(shared.first_share);
+    walk.first_rest_samples = samples(std::max(1, shared.first_share));
     for (const SharedLeg& leg : shared.legs)
       walk.legs.push_back({leg.axis, leg.turn_deg, leg.rate_degps, samples(leg.share)});
     return walk;

@@ -9,7 +9,7 @@
 // Search: exchange (Fedorov 1972; Atkinson, Donev and Tobias, Optimum Experimental Designs, 2007, ch. 12; criteria: Pukelsheim, Optimal
 // Design of Experiments, 2006). A leg is changed, put in, taken out, moved, or its rest made longer or shorter; what is better stays, and for
 // the first part of the tries what is a little worse, too (threshold accepting). The time that turns leave is shared out among the
-// rests in the ratio of their shares, so that every walk that is judged lasts as long as may be; every turn has a rest. All random numbers come from the
+// rests in the ratio of their shares, so that every walk that is judged lasts as long as may be; at most two turns have no rest between them. All random numbers come from the
 // seed: the same task gives the same walk on every machine.
 //
 // The walks are judged at 20 samples a second: the sigmas of a 200 Hz unit to a few parts in a thousand, at a tenth of the time.
