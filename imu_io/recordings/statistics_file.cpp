@@ -8,7 +8,6 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/crc32c.h"
-#include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 
 namespace turncal {
@@ -146,12 +145,6 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
   if (!reader.at_end()) return input_error(file_name + ": expected the end after the last number");
   if (!finite) return input_error(file_name + ": a number that is not finite");
   return s;
-}
-
-Result<StatisticsFile> read_statistics(const std::string& path) {
-  const Result<std::string> text = read_whole_file(path);
-  if (!text) return text.error();
-  return parse_statistics(std::span(reinterpret_cast<const std::byte*>(text->data()), text->size()), path);
 }
 
 }  // namespace turncal

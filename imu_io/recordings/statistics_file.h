@@ -26,6 +26,5 @@ Status write_statistics(const StatisticsFile& statistics, const std::string& pat
 
 // Errors name `file_name`: no such file, another version, cut off, a wrong checksum, a number that is none.
 Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const std::string& file_name);
-Result<StatisticsFile> read_statistics(const std::string& path);
 
 }  // namespace turncal

@@ -12,7 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "imu_io/base/deadline.h"
-#include "turntable_drivers/rig/rig_clock.h"
+#include "tests/rig_clock.h"
 #include "turntable_drivers/rig/rig_imu.h"
 #include "turntable_drivers/rig/rig_table.h"
 #include "turntable_drivers/twins/dialect_twin.h"

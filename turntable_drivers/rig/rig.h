@@ -9,7 +9,7 @@
 // Not modelled: the arm from the table's centre to the unit (never visible), Schuler motion, deflection of the
 // vertical, flexible structure, vibration, and the unit's bandwidth (but for accel_delay).
 //
-// Not thread-safe: one thread uses Rig, RigTable, RigImu and RigClock of one rig.
+// Not thread-safe: one thread uses Rig, RigTable and RigImu of one rig.
 #pragma once
 
 #include <array>

@@ -4,7 +4,7 @@
 // Reading any unit makes time pass for all: what the others deliver meanwhile waits for whoever reads them. A read first gives
 // what waits, and counts the time in which that came as waited. What nobody reads is lost beyond group_buffer_samples. A unit
 // that is unplugged loses what it would have sent until it is opened again; the others, and the table, go on.
-// A group of one is a rig with RigTable, RigImu and RigClock. Same errors of the table for all, rig_of_unit() for the rest.
+// A group of one is a rig with RigTable and RigImu. Same errors of the table for all, rig_of_unit() for the rest.
 // One thread.
 #pragma once
 

@@ -29,7 +29,6 @@ class AxisProfile {
 
   AxisPoint at(double time_s) const;
   double duration_s() const { return duration_s_; }
-  double end_deg() const { return end_deg_; }
   // +1 or -1: the way it turned last; 0 if it never moves.
   double last_direction() const;
   // Times at which the acceleration changes, 0 and the end included.

@@ -35,7 +35,7 @@ TEST(RigMotion, TriangleWhenTheWayIsShort) {
   EXPECT_DOUBLE_EQ(profile.duration_s(), 1.0);
   EXPECT_DOUBLE_EQ(profile.at(0.5).rate_degps, -5.0);
   EXPECT_DOUBLE_EQ(profile.at(0.5).position_deg, -0.25);
-  EXPECT_EQ(profile.end_deg(), -1.5);
+  EXPECT_EQ(profile.at(1.0).position_deg, -1.5);
   EXPECT_EQ(profile.last_direction(), -1.0);
 }
 
@@ -52,7 +52,7 @@ TEST(RigMotion, MoveFromMotionBrakesFirst) {
 TEST(RigMotion, BrakeEndsWhereTheRateIsUsedUp) {
   const AxisProfile profile = AxisProfile::brake(20.0, -8.0, 16.0);
   EXPECT_DOUBLE_EQ(profile.duration_s(), 0.5);
-  EXPECT_DOUBLE_EQ(profile.end_deg(), 18.0);
+  EXPECT_DOUBLE_EQ(profile.at(0.5).position_deg, 18.0);
 }
 
 // Position is the integral of rate, rate of acceleration, across every corner.

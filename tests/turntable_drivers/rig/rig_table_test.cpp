@@ -6,8 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/rig_clock.h"
 #include "tests/turntable_drivers/table_contract.h"
-#include "turntable_drivers/rig/rig_clock.h"
 #include "turntable_drivers/rig/rig_imu.h"
 
 namespace turncal {

@@ -1,4 +1,4 @@
-// RigClock: the station's clock in a dry run is the rig's time, which makes a run give the same bytes every time.
+// A clock that shows the time of one rig; a dry run has that of its RigGroup.
 #pragma once
 
 #include "imu_io/base/clock.h"
