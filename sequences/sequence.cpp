@@ -1,12 +1,10 @@
-// Sequences as files, and one behind another.
+// Sequences as files, and one after another.
 #include "sequences/sequence.h"
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <cstring>
-#include <fstream>
 
+#include "imu_io/base/posix_file.h"
 #include "sequences/approach.h"
 
 namespace turncal {
@@ -36,19 +34,8 @@ std::vector<SequenceItem> approach(const AxisTriple& from_deg, const AxisTriple&
 }
 
 Result<Sequence> read_sequence(const std::string& path) {
-  std::ifstream stream(path, std::ios::binary);
-  std::string text;
-  if (stream) {
-    text.resize(largest_file_bytes + 1);
-    stream.read(text.data(), static_cast<std::streamsize>(text.size()));
-    text.resize(static_cast<std::size_t>(stream.gcount()));
-  }
-  if (!stream.is_open() || stream.bad())
-    return input_error(path + ": cannot read the sequence file: " + std::strerror(errno));
-  if (text.size() > largest_file_bytes)
-    return input_error(path + ": found more than " + std::to_string(largest_file_bytes) +
-                       " bytes, expected a sequence file");
-  return parse_sequence(text, path);
+  const Result<std::string> text = read_whole_file(path, largest_file_bytes);
+  return text ? parse_sequence(*text, path) : text.error();
 }
 
 void append_steps(const Sequence& more, Sequence& sequence) {

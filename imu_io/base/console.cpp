@@ -7,15 +7,14 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
+
+#include "imu_io/base/deadline.h"
 
 namespace turncal {
 namespace {
 
 constexpr std::size_t piece = 256;    // of a descriptor that might wait for more room than poll() has seen
 constexpr std::size_t enough = 4096;  // to be written though no line ends, and nobody asked for it
-
-double steady_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 // A terminal or pipe once more, with flags of its own: those of the descriptor that was given are shared with whoever gave it.
 int not_waiting(int descriptor) {
@@ -101,13 +100,13 @@ bool Console::waits_for_room() {
   pollfd one{own_ >= 0 ? own_ : descriptor_, POLLOUT, 0};
   const bool limited = Unhindered::ever();
   const double limit_s = Unhindered::now() ? 0.0 : limited ? std::max(0.0, last_wait_s - waited_s_) : 1e9;
-  const double began_s = steady_s();
+  const double began_s = monotonic_s();
   int ready = 0;
   do {
-    const double left_s = limit_s - (steady_s() - began_s);
+    const double left_s = limit_s - (monotonic_s() - began_s);
     ready = ::poll(&one, 1, limited ? static_cast<int>(1000.0 * std::max(0.0, left_s)) : -1);
   } while (ready < 0 && errno == EINTR);
-  if (!Unhindered::now()) waited_s_ += limited ? steady_s() - began_s : 0.0;
+  if (!Unhindered::now()) waited_s_ += limited ? monotonic_s() - began_s : 0.0;
   return ready > 0;
 }
 

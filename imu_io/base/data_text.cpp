@@ -5,28 +5,10 @@
 #include <cstdio>
 
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 namespace {
-
-// Length of the UTF-8 character at the start of `text`; 0: it is none.
-std::size_t utf8_length(std::string_view text) {
-  const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(text[k]); };
-  const unsigned char first = byte(0);
-  const std::size_t length = first < 0x80   ? 1
-                             : first < 0xc2 ? 0
-                             : first < 0xe0 ? 2
-                             : first < 0xf0 ? 3
-                             : first < 0xf5 ? 4
-                                            : 0;
-  if (length > text.size()) return 0;
-  for (std::size_t k = 1; k < length; ++k)
-    if ((byte(k) & 0xc0) != 0x80) return 0;
-  if (length < 3) return length;
-  const bool too_long = (first == 0xe0 && byte(1) < 0xa0) || (first == 0xf0 && byte(1) < 0x90);
-  const bool surrogate = first == 0xed && byte(1) >= 0xa0, too_high = first == 0xf4 && byte(1) >= 0x90;
-  return too_long || surrogate || too_high ? 0 : length;
-}
 
 // Quoted where a text could be mistaken. One that a spreadsheet would take for a formula gets an apostrophe in front.
 std::string csv_text(std::string text) {
@@ -43,7 +25,7 @@ std::string quoted_json(std::string_view text) {
   std::string result = "\"";
   while (!text.empty()) {
     const char c = text.front();
-    const std::size_t length = utf8_length(text);
+    const std::size_t length = utf8_character(text);
     if (length == 0) {
       result += "\\ufffd";
     } else if (c == '"' || c == '\\') {

@@ -1,7 +1,6 @@
 #include "imu_io/base/text_pieces.h"
 
 #include <algorithm>
-#include <cstdint>
 
 #include "imu_io/base/format_number.h"
 
@@ -24,19 +23,32 @@ std::vector<std::string_view> split(std::string_view text, char separator) {
   }
 }
 
-std::size_t printable_character(std::string_view text) {
+std::vector<std::string_view> split_words(std::string_view text) {
+  std::vector<std::string_view> words = split(text, ' ');
+  std::erase_if(words, [](std::string_view word) { return word.empty(); });
+  return words;
+}
+
+std::size_t utf8_character(std::string_view text, std::uint32_t* code) {
   if (text.empty()) return 0;
   const auto byte = [&text](std::size_t i) { return static_cast<std::uint32_t>(static_cast<unsigned char>(text[i])); };
   const std::uint32_t first = byte(0);
   const std::size_t length = first < 0x80 ? 1 : first >= 0xF0 ? 4 : first >= 0xE0 ? 3 : 2;
   if ((first >= 0x80 && first < 0xC2) || first > 0xF4 || text.size() < length) return 0;
-  std::uint32_t code = length == 1 ? first : first & (0x7FU >> length);
+  std::uint32_t point = length == 1 ? first : first & (0x7FU >> length);
   for (std::size_t i = 1; i < length; ++i) {
     if ((byte(i) & 0xC0) != 0x80) return 0;
-    code = code << 6 | (byte(i) & 0x3F);
+    point = point << 6 | (byte(i) & 0x3F);
   }
   constexpr std::uint32_t least[] = {0, 0, 0x80, 0x800, 0x10000};  // shorter ones are another spelling
-  if (code < least[length] || code > 0x10FFFF || (code >= 0xD800 && code <= 0xDFFF)) return 0;
+  if (point < least[length] || point > 0x10FFFF || (point >= 0xD800 && point <= 0xDFFF)) return 0;
+  if (code) *code = point;
+  return length;
+}
+
+std::size_t printable_character(std::string_view text) {
+  std::uint32_t code = 0;
+  const std::size_t length = utf8_character(text, &code);
   const bool control = code < 0x20 || (code >= 0x7F && code <= 0x9F);
   const bool turns = code == 0x061C || code == 0x200E || code == 0x200F || (code >= 0x2028 && code <= 0x202E) ||
                      (code >= 0x2066 && code <= 0x2069);

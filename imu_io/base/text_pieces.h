@@ -2,6 +2,7 @@
 // message.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -14,9 +15,13 @@ std::string_view trimmed(std::string_view text);
 
 // The parts between separators, trimmed; one empty part for an empty text.
 std::vector<std::string_view> split(std::string_view text, char separator);
+// Those between blanks, the empty ones left out.
+std::vector<std::string_view> split_words(std::string_view text);
 
-// How many bytes the first character of a UTF-8 text has (RFC 3629); 0 when it is none, or one that is not printed: a control
-// character (C0, DEL, C1: U+0080 to U+009F), a line or paragraph separator, or one that turns the direction of writing.
+// How many bytes the first character of a UTF-8 text has (RFC 3629), and its code point; 0 when it is none.
+std::size_t utf8_character(std::string_view text, std::uint32_t* code = nullptr);
+// The same; 0 too for one that is not printed: a control character (C0, DEL, C1: U+0080 to U+009F), a line or paragraph
+// separator, or one that turns the direction of writing.
 std::size_t printable_character(std::string_view text);
 
 // 'text' in quotes, on one line and of bounded length, whatever stood in the file.

@@ -3,13 +3,13 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <cstdarg>
 #include <cstdio>
 #include <memory>
 
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/station_rig.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_request.h"
@@ -21,20 +21,6 @@ namespace turncal {
 
 namespace {
 
-[[gnu::format(printf, 1, 2)]] std::string formatted(const char* format, ...) {
-  std::array<char, 512> buffer{};
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(buffer.data(), buffer.size(), format, arguments);
-  va_end(arguments);
-  return buffer.data();
-}
-
-std::string clock_text(double seconds) {
-  const long long whole = std::llround(seconds);
-  return formatted("%lld:%02lld:%02lld", whole / 3600, whole / 60 % 60, whole % 60);
-}
-
 std::string determines_text(const Step& step) {
   std::string text;
   for (const std::string& key : step.determines) {
@@ -44,7 +30,7 @@ std::string determines_text(const Step& step) {
 }
 
 void print_item(const PlannedItem& item, std::ostream& out) {
-  const std::string start = clock_text(item.start_s);
+  const std::string start = format_duration(item.start_s);
   if (item.kind == SequenceItem::Kind::dwell) {
     out << formatted("  %8s  %-6s  %-28s %26s %8.1f s  %lld samples\n", start.c_str(),
                      item.dwell_kind == SegmentKind::align ? "align" : "dwell", "", "", item.duration_s,
@@ -68,8 +54,8 @@ void print_totals(const StationConfig& station, const Plan& plan, std::ostream& 
   out << formatted("\nMoves       %d\nDwells      %d (%d alignments, %d static)\nSamples     %lld\n", plan.moves,
                    plan.align_dwells + plan.still_dwells, plan.align_dwells, plan.still_dwells,
                    static_cast<long long>(plan.samples));
-  out << formatted("Total time  %s (%.10g s), of which moving %s (%.10g s)\n", clock_text(plan.station_s).c_str(),
-                   plan.station_s, clock_text(plan.moving_s).c_str(), plan.moving_s);
+  out << formatted("Total time  %s (%.10g s), of which moving %s (%.10g s)\n", format_duration(plan.station_s).c_str(),
+                   plan.station_s, format_duration(plan.moving_s).c_str(), plan.moving_s);
 }
 
 Result<RecordingInfo> info_of(const StationConfig& station) {

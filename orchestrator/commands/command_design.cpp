@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/base/deadline.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "orchestrator/commands/command_predict.h"
@@ -291,10 +292,10 @@ class Designer {
 
   // The best walk of task_.time_s: its text, and what it gives as the last column.
   Status search() {
-    const double began_s = steady_wall_s();
+    const double began_s = monotonic_s();
     double printed_s = began_s;
     const Result<Design> found = design_walk(task_, [&](const DesignProgress& progress) {
-      const double now_s = steady_wall_s();
+      const double now_s = monotonic_s();
       if (now_s - printed_s < 5.0 && progress.done < progress.tries) return true;
       printed_s = now_s;
       const double left_s = (now_s - began_s) / progress.done * (progress.tries - progress.done);

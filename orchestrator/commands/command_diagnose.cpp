@@ -7,6 +7,7 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
+#include "imu_io/base/deadline.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/matrix_writer.h"
 #include "orchestrator/commands/commands.h"
@@ -47,7 +48,7 @@ class Phases {
       out_ << what << std::endl;
   }
   void samples(std::int64_t count) {
-    const double now_s = steady_wall_s();
+    const double now_s = monotonic_s();
     if (!terminal_ || silent_ || now_s - drawn_s_ < 0.1) return;
     drawn_s_ = now_s;
     show("  " + significant(1e-6 * static_cast<double>(count), 3) + " million samples");
@@ -122,7 +123,7 @@ DataTable diagnosis_table(const std::string& conf) {
 }
 
 Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context) {
-  const double began_s = steady_wall_s();
+  const double began_s = monotonic_s();
   for (const std::vector<std::string>& sources : {options.recordings, options.holdouts})
     for (const std::string& source : sources)
       if (Status status = check_not_source(options.out, source); !status) return status.error();
@@ -167,7 +168,7 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
   if (!files.report.html.empty()) context.out << "report      " << folder->file(report_name) << '\n';
   context.out << "diagnosis   " << folder->file(diagnosis_name) << '\n';
   if (files.parameters) context.out << "parameters  " << folder->file(parameters_name) << '\n';
-  context.out << significant(steady_wall_s() - began_s, 2) << " s" << std::endl;
+  context.out << significant(monotonic_s() - began_s, 2) << " s" << std::endl;
   return output->diagnosis.verdict;
 }
 

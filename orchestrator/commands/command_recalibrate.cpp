@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/deadline.h"
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/fleet/slurm_array.h"
@@ -31,7 +32,7 @@ struct RecalibrateOptions {
 // On a terminal one line redrawn, elsewhere a line every tenth and whenever a queue has changed.
 class CountPrinter {
  public:
-  explicit CountPrinter(CommandContext& context) : context_(context), began_s_(steady_wall_s()) {}
+  explicit CountPrinter(CommandContext& context) : context_(context), began_s_(monotonic_s()) {}
   ~CountPrinter() {
     if (context_.out_is_terminal && shown_ > 0) context_.out << '\n';
   }
@@ -40,7 +41,7 @@ class CountPrinter {
     if (c.finished() < c.entries && c.finished() < shown_ + step && c.waiting == waiting_) return;
     shown_ = c.finished();
     waiting_ = c.waiting;
-    const double spent_s = steady_wall_s() - began_s_;
+    const double spent_s = monotonic_s() - began_s_;
     const double worked = static_cast<double>(c.done + c.failed + c.unreadable);
     const double left_s = worked > 0.0 ? spent_s / worked * static_cast<double>(c.entries - c.finished()) : 0.0;
     char text[160];

@@ -14,6 +14,7 @@
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/records/output_folder.h"
 
 namespace turncal {
@@ -26,13 +27,6 @@ struct SegmentOptions {
   double min_rest_s = SegmentationOptions{}.min_rest_s;
   std::optional<double> threshold;
 };
-
-template <class... Numbers>
-std::string formatted(const char* format, Numbers... numbers) {
-  char text[200];
-  std::snprintf(text, sizeof text, format, numbers...);
-  return text;
-}
 
 void print_segmentation(const Segmentation& found, const RecordingInfo& info, std::int64_t first, std::ostream& out) {
   const double period = info.sample_period_s;

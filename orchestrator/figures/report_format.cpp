@@ -2,34 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdarg>
 #include <cstdio>
 
 #include "calib/model/parameters.h"
+#include "imu_io/base/text_pieces.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
 namespace {
-
-// Length of the UTF-8 sequence at text[at], 0 when there is none.
-std::size_t utf8_length(std::string_view text, std::size_t at) {
-  const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(text[k]); };
-  const unsigned char lead = byte(at);
-  const std::size_t length = lead < 0x80                   ? 1
-                             : lead >= 0xc2 && lead < 0xe0 ? 2
-                             : lead >= 0xe0 && lead < 0xf0 ? 3
-                             : lead >= 0xf0 && lead < 0xf5 ? 4
-                                                           : 0;
-  if (length == 0 || at + length > text.size()) return 0;
-  for (std::size_t k = at + 1; k < at + length; ++k) {
-    if ((byte(k) & 0xc0) != 0x80) return 0;
-  }
-  // Overlong forms, surrogates and what lies above the last code point.
-  if ((lead == 0xe0 && byte(at + 1) < 0xa0) || (lead == 0xed && byte(at + 1) > 0x9f) ||
-      (lead == 0xf0 && byte(at + 1) < 0x90) || (lead == 0xf4 && byte(at + 1) > 0x8f)) {
-    return 0;
-  }
-  return length;
-}
 
 std::string fixed(double value, int decimals) {
   char text[400];
@@ -68,7 +49,7 @@ std::string html_escape(std::string_view text) {
   std::string result;
   result.reserve(text.size());
   for (std::size_t at = 0; at < text.size();) {
-    const std::size_t length = utf8_length(text, at);
+    const std::size_t length = utf8_character(text.substr(at));
     if (length == 0) {
       result += '?';
       ++at;
@@ -140,6 +121,12 @@ std::string signed_number(double value, int decimals) {
 
 std::string clock_time(double seconds) { return std::isfinite(seconds) ? format_duration(seconds) : "-"; }
 
+const char* parameter_unit(std::string_view key, IncrementKind gyro_increment) {
+  if (key.starts_with('N')) return "deg/h";
+  if (key.starts_with('A')) return "g";
+  return key.starts_with('n') && gyro_increment == IncrementKind::pulses ? "arcsec/pulse" : "-";
+}
+
 std::string unit_text(std::string_view unit, Alphabet alphabet) {
   if (alphabet == Alphabet::plain) return std::string(unit);
   std::string result;
@@ -174,6 +161,17 @@ DisplayUnit rate_unit(double largest_radps) {
 }
 DisplayUnit angle_unit(double largest_rad) {
   return largest_rad < 2e-3 ? DisplayUnit{1.0 / rad_per_arcsec, "″"} : DisplayUnit{1e3, "mrad"};
+}
+
+std::string formatted(const char* format, ...) {
+  va_list arguments, again;
+  va_start(arguments, format);
+  va_copy(again, arguments);
+  std::string text(static_cast<std::size_t>(std::max(0, std::vsnprintf(nullptr, 0, format, arguments))), '\0');
+  std::vsnprintf(text.data(), text.size() + 1, format, again);
+  va_end(again);
+  va_end(arguments);
+  return text;
 }
 
 std::string join(const std::vector<std::string>& parts, std::string_view separator) {

@@ -9,6 +9,8 @@
 
 namespace turncal {
 
+enum class IncrementKind;  // calib/types/recording_types.h
+
 enum class Alphabet { plain, typographic };
 
 // & < > " ' replaced; control characters become blanks; bytes that are not UTF-8 become '?'.
@@ -29,6 +31,8 @@ std::string signed_number(double value, int decimals);
 // 1:45:42
 std::string clock_time(double seconds);
 
+// The unit of one of the 24 parameters in a parameter file, as the catalogue would write it; "-": it has none.
+const char* parameter_unit(std::string_view key, IncrementKind gyro_increment);
 // The unit as the catalogue writes it (ug/g^2, deg/h/h, ppm/C), in either alphabet.
 std::string unit_text(std::string_view unit, Alphabet alphabet);
 
@@ -41,6 +45,9 @@ DisplayUnit velocity_unit(double largest_mps);
 DisplayUnit acceleration_unit(double largest_mps2);  // µg, mg, g
 DisplayUnit rate_unit(double largest_radps);         // °/h, °/s
 DisplayUnit angle_unit(double largest_rad);          // ″, mrad
+
+// printf, of any length.
+[[gnu::format(printf, 1, 2)]] std::string formatted(const char* format, ...);
 
 std::string join(const std::vector<std::string>& parts, std::string_view separator = ", ");
 // Lines of at most `width` characters, broken at blanks.

@@ -11,9 +11,10 @@ namespace turncal {
 std::string unit_of_component(const std::string& component) {
   if (const EffectEntry* const entry = find_effect(component.substr(0, component.find('.'))))
     return std::string(entry->unit);
-  if (component.starts_with("parameter N")) return "deg/h";
-  if (component.starts_with("parameter A")) return "g";
-  return "";
+  constexpr std::string_view of_parameter = "parameter ";
+  if (!component.starts_with(of_parameter)) return "";
+  const std::string unit = parameter_unit(component.substr(of_parameter.size()), IncrementKind::physical);
+  return unit == "-" ? "" : unit;
 }
 
 namespace {

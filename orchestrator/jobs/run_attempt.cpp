@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/deadline.h"
 #include "orchestrator/devices/first_step_check.h"
 #include "orchestrator/devices/operator_view.h"
 #include "orchestrator/devices/stop_signals.h"
@@ -54,8 +55,8 @@ class PaceKeeper : public RunObserver {
   void on_transition(const TransitionRecord&) override {}
   void on_progress(const RunSnapshot& snapshot) override {
     if (pace_ <= 0.0) return;
-    if (!began_s_) began_s_ = steady_wall_s() - snapshot.time_s / pace_;
-    const double ahead_s = snapshot.time_s / pace_ - (steady_wall_s() - *began_s_);
+    if (!began_s_) began_s_ = monotonic_s() - snapshot.time_s / pace_;
+    const double ahead_s = snapshot.time_s / pace_ - (monotonic_s() - *began_s_);
     if (ahead_s > 0.0) std::this_thread::sleep_for(std::chrono::duration<double>(std::min(ahead_s, 1.0)));
   }
 
@@ -163,13 +164,13 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
 // One attempt with the devices, up to the verdicts.
 RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& context) {
   const StationDevices devices = run_devices.devices();
-  const double began_s = steady_wall_s();
+  const double began_s = monotonic_s();
   // A line redrawn in place would run over the operator's answers.
   const bool in_place = context.out_is_terminal && !run_devices.prompts;
   const int columns = context.terminal_columns - static_cast<int>(tag_of(a.run).size());
   // A dry run is over in seconds; whoever turns the table has other things to read.
   const bool transitions = a.run.request.verbose || !(in_place || a.run.request.dry_run || run_devices.prompts);
-  ProgressPrinter progress(context.out, in_place ? columns : 0, transitions, steady_wall_s, stdout_takes_more);
+  ProgressPrinter progress(context.out, in_place ? columns : 0, transitions, monotonic_s, stdout_takes_more);
   LiveStatus live({.unit = join(a.run.request.units),
                    .station = a.run.station.name,
                    .sequence = a.run.sequence.name,
@@ -177,7 +178,7 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
                    .simulated = a.run.simulated(),
                    .by_hand = run_devices.prompts != nullptr,
                    .results = last_results(a.run)},
-                  steady_wall_s);
+                  monotonic_s);
   OperatorView operator_view(run_devices.prompts, live, context.out, tag_of(a.run),
                              context.out_is_terminal && !a.run.request.verbose);
   std::unique_ptr<StatusPage> page;
@@ -292,7 +293,7 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
   for (const UnitRun& unit : a.units) {
     if (!unit.dropped && !unit.status) a.log.line("unit " + unit.run.unit() + ": " + unit.status.error().message);
   }
-  conclude_units(a.units, steady_wall_s() - began_s, a.folder + "/" + log_name, context.out);
+  conclude_units(a.units, monotonic_s() - began_s, a.folder + "/" + log_name, context.out);
   RunEnd end(status_of(a.units));
   end.to_the_end = true;
   return end;

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/deadline.h"
 #include "imu_io/base/line_prefix.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
@@ -174,11 +175,11 @@ RunEnd conclude(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
 // Everything is recorded: no device is needed any more.
 RunEnd finish_sealed(std::vector<UnitRun>& units, const std::string& folder, const JournalContents& contents,
                      JournalFile& journal, CommandContext& context) {
-  const double began_s = steady_wall_s();
+  const double began_s = monotonic_s();
   for (UnitRun& unit : units) unit.counts.ended_utc_s = contents.seal_utc_s.value_or(0.0);
   if (Status status = verify_recordings(units, contents); !status) return status;
   if (Status status = calibrate_units(units, *contents.seal_utc_s, journal); !status) return status;
-  conclude_units(units, steady_wall_s() - began_s, folder + "/" + log_name, context.out);
+  conclude_units(units, monotonic_s() - began_s, folder + "/" + log_name, context.out);
   RunEnd end(status_of(units));
   end.to_the_end = true;
   return end;

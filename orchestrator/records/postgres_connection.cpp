@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <cmath>
 
+#include "imu_io/base/deadline.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/records/sql_connection.h"
@@ -17,8 +17,6 @@ namespace turncal {
 namespace {
 
 constexpr double answer_s = 60.0;  // of a server that is there, to one statement
-
-double steady_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 // What libpq says in several lines, in one.
 std::string one_line(const char* said) {
@@ -80,13 +78,13 @@ SqlValue cell_of(const PGresult* rows, int row, int column) {
 class PostgresConnection : public SqlConnection {
  public:
   PostgresConnection(const std::string& name, const SqlPatience& patience)
-      : SqlConnection(name), until_s_(steady_s() + patience.all_s), connect_s_(patience.wait_s) {}
+      : SqlConnection(name), until_s_(monotonic_s() + patience.all_s), connect_s_(patience.wait_s) {}
   ~PostgresConnection() override { PQfinish(handle_); }
 
   Status open() {
     const char* const words[] = {"dbname", "application_name", "client_encoding", "connect_timeout", nullptr};
     const char* const values[] = {name().c_str(), "turncal", "UTF8", "0", nullptr};  // the deadline is ours
-    const double until_s = std::min(until_s_, steady_s() + connect_s_);
+    const double until_s = std::min(until_s_, monotonic_s() + connect_s_);
     handle_ = PQconnectStartParams(words, values, 1);
     if (!handle_) return device_error(name() + ": results database: cannot open: there is no memory");
     PQsetNoticeProcessor(
@@ -161,7 +159,7 @@ class PostgresConnection : public SqlConnection {
  private:
   bool ready(short events, double until_s) const {
     while (true) {
-      const double left_s = std::max(0.0, until_s - steady_s());
+      const double left_s = std::max(0.0, until_s - monotonic_s());
       pollfd one{PQsocket(handle_), events, 0};
       const int count = ::poll(&one, 1, static_cast<int>(std::ceil(1000.0 * std::min(left_s, 1e6))));
       if (count > 0) return true;
@@ -176,7 +174,7 @@ class PostgresConnection : public SqlConnection {
   }
   // Until the next result can be taken without waiting.
   Status answer(const std::string& sql) {
-    const double until_s = std::min(until_s_, steady_s() + answer_s);
+    const double until_s = std::min(until_s_, monotonic_s() + answer_s);
     while (true) {
       const int unsent = PQflush(handle_);
       if (unsent <= 0 && !PQisBusy(handle_)) return {};
@@ -190,7 +188,7 @@ class PostgresConnection : public SqlConnection {
   }
 
   PGconn* handle_ = nullptr;
-  double began_s_ = steady_s();
+  double began_s_ = monotonic_s();
   double until_s_, connect_s_;
   std::string given_up_;  // why nothing more is said
 };

@@ -39,13 +39,6 @@ std::string of_record(const ParameterFile& file, const std::string& key, const s
 
 std::string or_dash(const std::string& text) { return text.empty() ? "-" : text; }
 
-const char* certificate_unit(std::size_t parameter, const ParameterFile& file) {
-  if (parameter < 3) return "°/h";
-  if (parameter < 6) return "g";
-  if (parameter < 15) return file.gyro_increment == IncrementKind::pulses ? "″/pulse" : "1";
-  return "1";
-}
-
 using Facts = std::vector<std::pair<std::string, std::string>>;
 std::string fact_table(const std::string& title, const Facts& rows) {
   std::string html = "<section><h2>" + title + "</h2><table class=\"facts\">\n";
@@ -122,7 +115,8 @@ std::string result_table(const Certificate& c) {
     const std::string key(parameter_keys[i]);
     const UncertaintyBudget& u = c.budget[i];
     const double expanded = u.expanded();
-    table.row({html::name(key), html::text(certificate_unit(i, c.file)),
+    const std::string unit = unit_text(parameter_unit(key, c.file.gyro_increment), html::typo);
+    table.row({html::name(key), html::text(unit == "-" ? "1" : unit),
                html::number(value_with_sigma(c.file.parameters[static_cast<Eigen::Index>(i)], expanded, html::typo)),
                html::number(expanded, 2), html::number(u.estimate, 2),
                u.alias ? html::number(*u.alias, 2) : html::number("-"), html::number(u.gravity, 2),

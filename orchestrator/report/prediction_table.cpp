@@ -1,8 +1,6 @@
 #include "orchestrator/report/prediction_table.h"
 
 #include <algorithm>
-#include <cstdarg>
-#include <cstdio>
 #include <map>
 #include <set>
 
@@ -11,21 +9,6 @@
 namespace turncal {
 
 namespace {
-
-[[gnu::format(printf, 1, 2)]] std::string formatted(const char* format, ...) {
-  char text[200];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof text, format, arguments);
-  va_end(arguments);
-  return text;
-}
-
-const char* unit_of(int parameter, const RecordingInfo& info) {
-  if (parameter < 3) return "deg/h";
-  if (parameter < 6) return "g";
-  return parameter < 15 && info.gyro_increment == IncrementKind::pulses ? "arcsec/pulse" : "-";
-}
 
 std::string row_name(const PredictedEffect& effect) {
   std::string name = effect.column.key();
@@ -65,7 +48,8 @@ void print_sigmas(const std::vector<NamedPrediction>& columns, const RecordingIn
   for (int k = 0; k < parameter_count; ++k) {
     const auto index = static_cast<std::size_t>(k);
     if (!parameter_is_free[index]) continue;
-    out << formatted("%-5s %-13s", std::string(parameter_keys[index]).c_str(), unit_of(k, info));
+    out << formatted("%-5s %-13s", std::string(parameter_keys[index]).c_str(),
+                     parameter_unit(parameter_keys[index], info.gyro_increment));
     const Prediction& first = columns.front().prediction;
     for (std::size_t c = 0; c < columns.size(); ++c) {
       const Prediction& p = columns[c].prediction;

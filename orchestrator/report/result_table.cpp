@@ -4,16 +4,11 @@
 #include <cstdio>
 #include <string>
 
+#include "orchestrator/figures/report_format.h"
+
 namespace turncal {
 
 namespace {
-
-const char* unit_of(std::size_t i, const ParameterFile& file) {
-  if (i < 3) return "deg/h";
-  if (i < 6) return "g";
-  if (i < 15) return file.gyro_increment == IncrementKind::pulses ? "arcsec/pulse" : "-";
-  return "-";
-}
 
 std::string number(const char* format, double value) {
   char text[40];
@@ -35,8 +30,8 @@ void print_results(const ParameterFile& file, const std::optional<ParameterVecto
   out << line;
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     const double estimate = file.parameters[static_cast<Eigen::Index>(i)];
-    std::snprintf(line, sizeof line, "%-5s %-13s %16.10f", std::string(parameter_keys[i]).c_str(), unit_of(i, file),
-                  estimate);
+    std::snprintf(line, sizeof line, "%-5s %-13s %16.10f", std::string(parameter_keys[i]).c_str(),
+                  parameter_unit(parameter_keys[i], file.gyro_increment), estimate);
     out << line;
     const std::optional<double>& sigma = file.sigma[i];
     double error = 0.0;

@@ -1,7 +1,6 @@
 #include "orchestrator/report/verification_report.h"
 
 #include <algorithm>
-#include <cstdarg>
 #include <cstdio>
 #include <utility>
 
@@ -10,6 +9,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 namespace {
@@ -22,15 +22,6 @@ void add_key(const std::string& key, double value, std::string& text) { add_key(
 void add_figure(const std::string& key, const NorthFigure& figure, std::string& text) {
   add_key(key + "_deg", figure.value_deg, text);
   add_key(key + "_sigma_deg", figure.sigma_deg, text);
-}
-
-[[gnu::format(printf, 2, 3)]] void print_text(std::ostream& out, const char* format, ...) {
-  char text[240];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof text, format, arguments);
-  va_end(arguments);
-  out << text;
 }
 
 // A list in a file: key.1, key.2 and so on.
@@ -222,36 +213,36 @@ void print_verification(const VerificationReport& report, std::ostream& out) {
     out << report.filled_samples << " samples lost or bad, filled in from their neighbours\n";
   print_faults(report.faults, out);
   for (const std::string& alignment : report.left_out) out << "left out: " << alignment << '\n';
-  print_text(out, "Unit %s, alignments of %.0f s; the table's zero is at a heading of %.4f deg. deg:\n\n",
-             report.info.unit_serial.c_str(), report.align_s, report.found.zero_deg);
+  out << formatted("Unit %s, alignments of %.0f s; the table's zero is at a heading of %.4f deg. deg:\n\n",
+                   report.info.unit_serial.c_str(), report.align_s, report.found.zero_deg);
   for (const NorthPosition& position : report.found.positions) {
-    print_text(out, "%7.1f %22s %12s %12s\n", position.table_deg, "heading", "roll", "pitch");
+    out << formatted("%7.1f %22s %12s %12s\n", position.table_deg, "heading", "roll", "pitch");
     for (std::size_t k = 0; k < position.readings.size(); ++k) {
       const std::array<double, 3>& x = position.readings[k].angle_deg;
-      print_text(out, "  %-15zu %12.6f %12.6f %12.6f\n", k + 1, x[0], x[1], x[2]);
+      out << formatted("  %-15zu %12.6f %12.6f %12.6f\n", k + 1, x[0], x[1], x[2]);
     }
     for (const auto& [name, values] :
          {std::pair{"mean", &position.mean_deg}, std::pair{"deviation", &position.deviation_deg},
           std::pair{"sigma, noise", &position.noise_sigma_deg}})
-      print_text(out, "  %-15s %12.6f %12.6f %12.6f\n", name, (*values)[0], (*values)[1], (*values)[2]);
+      out << formatted("  %-15s %12.6f %12.6f %12.6f\n", name, (*values)[0], (*values)[1], (*values)[2]);
     out << "\n";
   }
   const NorthSeeking& found = report.found;
-  print_text(out,
-             "heading  largest deviation %.6f +- %.6f, means off the table by %.6f +- %.6f deg (rms); limit %g: %s\n",
-             found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
-             found.mean_heading.sigma_deg, report.heading_limit_deg, std::string(to_string(report.heading)).c_str());
-  print_text(out, "level    largest deviation of roll %.6f, of pitch %.6f deg; limit %g: %s\n",
-             found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
-             std::string(to_string(report.level)).c_str());
+  out << formatted(
+      "heading  largest deviation %.6f +- %.6f, means off the table by %.6f +- %.6f deg (rms); limit %g: %s\n",
+      found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
+      found.mean_heading.sigma_deg, report.heading_limit_deg, std::string(to_string(report.heading)).c_str());
+  out << formatted("level    largest deviation of roll %.6f, of pitch %.6f deg; limit %g: %s\n",
+                   found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
+                   std::string(to_string(report.level)).c_str());
   out << "         what turns every reading alike, as an accelerometer bias does, it cannot see\n";
   out << "latitude " << latitude_words(report.felt, report.info.latitude_deg) << ": " << to_string(report.latitude)
       << "\n";
   out << "gravity  " << gravity_words(report.felt, report.info.gravity_mps2) << ": " << to_string(report.gravity)
       << "\n";
   if (report.noise_assumed) out << "noise    " << assumed_noise_words << "\n";
-  print_text(out, "         a unit with nothing but this noise is above a limit in %.1f of 100 verifications\n",
-             100.0 * report.false_fail);
+  out << formatted("         a unit with nothing but this noise is above a limit in %.1f of 100 verifications\n",
+                   100.0 * report.false_fail);
   if (const std::string undecided = undecided_words(report); !undecided.empty())
     out << "         " << undecided << "\n";
   if (!report.trusted) out << not_trusted_words << "\n";
@@ -277,14 +268,14 @@ std::string format_references(const ReferenceReport& report) {
 }
 
 void print_references(const ReferenceReport& report, std::ostream& out) {
-  print_text(out, "%-12s %12s %12s %12s   error, deg\n", "reading", "heading", "roll", "pitch");
+  out << formatted("%-12s %12s %12s %12s   error, deg\n", "reading", "heading", "roll", "pitch");
   for (std::size_t row = 0; row < report.found.error_deg.size(); ++row) {
     const std::array<double, 3>& x = report.found.error_deg[row];
-    print_text(out, "%-12zu %12.6f %12.6f %12.6f%s\n", row + 1, x[0], x[1], x[2], row == 0 ? "   bound" : "");
+    out << formatted("%-12zu %12.6f %12.6f %12.6f%s\n", row + 1, x[0], x[1], x[2], row == 0 ? "   bound" : "");
   }
   for (const auto& [name, values] : {std::pair{"worst", &report.found.worst_deg},
                                      std::pair{"rms", &report.found.rms_deg}, std::pair{"limit", &report.limit_deg}})
-    print_text(out, "%-12s %12.6f %12.6f %12.6f\n", name, (*values)[0], (*values)[1], (*values)[2]);
+    out << formatted("%-12s %12.6f %12.6f %12.6f\n", name, (*values)[0], (*values)[1], (*values)[2]);
   out << "verdict  " << (report.pass ? "pass" : "fail") << "\n";
 }
 

@@ -11,6 +11,7 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
+#include "imu_io/base/deadline.h"
 #include "imu_io/base/key_value.h"
 #include "orchestrator/records/journal_record.h"
 #include "orchestrator/service/operators.h"
@@ -93,7 +94,7 @@ struct ServicePage::State {
 
   PageAnswer post(const PagePost& request) {
     if (request.path != "/act") return said(404, "Not Found");
-    const double now_s = steady_wall_s();
+    const double now_s = monotonic_s();
     const std::size_t who = std::hash<std::string>{}(request.authorization);
     const bool known = welcome.contains(who);
     if (!known && now_s - password_s < between_passwords_s) return said(429, "too soon: try again in a second");

@@ -9,6 +9,8 @@
 #include <thread>
 #include <vector>
 
+#include "imu_io/base/deadline.h"
+
 extern char** environ;
 
 namespace turncal {
@@ -51,7 +53,7 @@ Status run_hook(const HookCommands& commands, const HookCall& call, double time_
     ::execve(shell.c_str(), arguments, environment.data());
     ::_exit(127);
   }
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(time_s);
+  const Deadline deadline(time_s);
   for (;;) {
     int status = 0;
     const pid_t ended = ::waitpid(pid, &status, WNOHANG);
@@ -61,7 +63,7 @@ Status run_hook(const HookCommands& commands, const HookCall& call, double time_
                                       : "was ended by signal " + std::to_string(WTERMSIG(status)));
     }
     if (ended < 0 && errno != EINTR) return failed(std::string("cannot be waited for: ") + std::strerror(errno));
-    const bool late = std::chrono::steady_clock::now() >= deadline;
+    const bool late = deadline.passed();
     if (late || (give_up && give_up())) {
       ::kill(-pid, SIGKILL);
       ::waitpid(pid, &status, 0);

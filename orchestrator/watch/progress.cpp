@@ -61,10 +61,6 @@ std::string format_progress(const RunSnapshot& s) {
   return text;
 }
 
-double steady_wall_s() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
 double wall_utc_s() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
 }

@@ -44,8 +44,7 @@ std::string phase_words(const RunSnapshot& snapshot, bool by_hand);
 bool waits_for_operator(const RunSnapshot& snapshot, bool by_hand);
 std::string format_progress(const RunSnapshot& snapshot);
 std::string format_duration(double seconds);  // 1:23:45
-double steady_wall_s();
-double wall_utc_s();       // seconds since 1970-01-01 UTC
-bool stdout_takes_more();  // false: a pipe nobody reads, a terminal that was stopped
+double wall_utc_s();                          // seconds since 1970-01-01 UTC
+bool stdout_takes_more();                     // false: a pipe nobody reads, a terminal that was stopped
 
 }  // namespace turncal

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <string_view>
 
+#include "imu_io/base/deadline.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -48,7 +49,7 @@ void ServiceWatch::on_transition(const TransitionRecord& record) {
 }
 
 void ServiceWatch::on_progress(const RunSnapshot& snapshot) {
-  const double now_s = steady_wall_s();
+  const double now_s = monotonic_s();
   const bool unwatched = snapshot.state == RunState::calibrating || is_final(snapshot.state);
   if (socket_ < 0 || unwatched || now_s - last_ping_s_ < 1.0) return;
   last_ping_s_ = now_s;

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <thread>
 
+#include "imu_io/base/deadline.h"
 #include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
 
@@ -28,11 +29,11 @@ StatusPage::StatusPage() : state_(std::make_unique<State>()) {}
 StatusPage::~StatusPage() = default;
 
 void StatusPage::say_goodbye() {
-  const double began_s = steady_wall_s();
+  const double began_s = monotonic_s();
   if (began_s - state_->polled_s > 5.0) return;
   state_->fresh_s = began_s;
   const long polls = state_->polls;
-  while (state_->polls == polls && steady_wall_s() - began_s < 3.0)
+  while (state_->polls == polls && monotonic_s() - began_s < 3.0)
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   std::this_thread::sleep_for(std::chrono::milliseconds(100));  // the answer is on its way
 }
@@ -55,7 +56,7 @@ Result<std::unique_ptr<StatusPage>> StatusPage::open(const std::string& address,
   };
   const auto newest = std::make_shared<Newest>();
   const auto status = [&run, &state, newest]() -> const std::string& {
-    const double now_s = steady_wall_s();
+    const double now_s = monotonic_s();
     if (now_s - newest->rendered_s > shown_for_s || newest->rendered_s < state.fresh_s) *newest = {run.json(), now_s};
     return newest->json;
   };
@@ -67,7 +68,7 @@ Result<std::unique_ptr<StatusPage>> StatusPage::open(const std::string& address,
     }
     if (path != "/status.json") return {};
     PageText text{"application/json", status()};
-    state.polled_s = steady_wall_s();
+    state.polled_s = monotonic_s();
     ++state.polls;
     return text;
   };

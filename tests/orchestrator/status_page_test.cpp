@@ -7,6 +7,7 @@
 #include <new>
 #include <thread>
 
+#include "imu_io/base/deadline.h"
 #include "orchestrator/watch/live_status.h"
 #include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
@@ -280,7 +281,7 @@ TEST(LiveStatus, HeadlineIsTheStateAsItIs) {
   at.eta_s = 100.0;
   at.end_utc_s = at.utc_s + 50.0;  // twins at twice the speed
   {
-    LiveStatus status(run, steady_wall_s);
+    LiveStatus status(run, monotonic_s);
     status.on_progress(at);
     EXPECT_TRUE(says(status, "Running: step 3/14, moving", "good")) << status.json();
     EXPECT_NE(status.json().find("\"eta_utc\":\"2026-01-01T00:00:50Z\""), std::string::npos) << status.json();
@@ -296,7 +297,7 @@ TEST(LiveStatus, HeadlineIsTheStateAsItIs) {
   }
   run.by_hand = true;
   at.units.clear();
-  LiveStatus status(run, steady_wall_s);
+  LiveStatus status(run, monotonic_s);
   status.on_progress(at);
   EXPECT_TRUE(says(status, "Waits for the operator: step 3/14, turn pitch to 90.00 deg", "attention")) << status.json();
   EXPECT_NE(status.json().find("\"eta_utc\":\"\""), std::string::npos) << "nobody knows how long a person takes";
@@ -324,7 +325,7 @@ TEST(LiveStatus, SaysWhatAPauseWaitsFor) {
 TEST(LiveStatus, TextsAreSafeInsideThePage) {
   LiveRun run = a_run();
   run.unit = "</script><b>\"\\";
-  LiveStatus status(run, steady_wall_s);
+  LiveStatus status(run, monotonic_s);
   const std::string json = status.json();
   EXPECT_EQ(json.find("</script>"), std::string::npos);
   EXPECT_NE(json.find("\\u003c/script>\\u003cb>"), std::string::npos) << json;
@@ -333,7 +334,7 @@ TEST(LiveStatus, TextsAreSafeInsideThePage) {
 
 // One second of a dwell is one point, in deg/s and m/s^2.
 TEST(LiveStatus, TheDwellSecondBySecond) {
-  LiveStatus status(a_run(), steady_wall_s);
+  LiveStatus status(a_run(), monotonic_s);
   RecordingInfo info;
   info.sample_period_s = 0.5;
   info.gyro_increment = IncrementKind::physical;

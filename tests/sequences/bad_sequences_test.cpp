@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 #include <set>
 #include <string>
 
@@ -138,14 +139,18 @@ TEST(BadSequences, EveryFileOfTheFolderIsInTheTable) {
 TEST(BadSequences, UnreadableFilesAreNamed) {
   const Result<Sequence> missing = read_sequence(folder + "no_such_file.seq");
   ASSERT_FALSE(missing.ok());
-  EXPECT_EQ(missing.error().message,
-            folder + "no_such_file.seq: cannot read the sequence file: No such file or directory");
+  EXPECT_EQ(missing.error().message, folder + "no_such_file.seq: cannot open: No such file or directory");
   const Result<Sequence> a_folder = read_sequence(folder);
   ASSERT_FALSE(a_folder.ok());
-  EXPECT_EQ(a_folder.error().message, folder + ": cannot read the sequence file: Is a directory");
+  EXPECT_EQ(a_folder.error().message, folder + ": not a regular file");
   const Result<Sequence> endless = read_sequence("/dev/zero");
   ASSERT_FALSE(endless.ok());
-  EXPECT_EQ(endless.error().message, "/dev/zero: found more than 1000000 bytes, expected a sequence file");
+  EXPECT_EQ(endless.error().message, "/dev/zero: not a regular file");
+  const std::string large = testing::TempDir() + "turncal_large.seq";
+  std::ofstream(large) << std::string(1'000'001, '#');
+  const Result<Sequence> too_large = read_sequence(large);
+  ASSERT_FALSE(too_large.ok());
+  EXPECT_EQ(too_large.error().message, large + ": 1000001 bytes: expected at most 1000000");
 }
 
 }  // namespace

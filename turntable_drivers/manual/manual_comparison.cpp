@@ -1,13 +1,13 @@
 // An answer of the operator compared with what the unit senses: gravity for the tilt, the gyros for the turn.
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "turntable_drivers/manual/manual_turntable.h"
 
 namespace turncal {
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
 // The mean of gravity is of one second in halves that are complete: by then all of it is of after the answer.
 constexpr double gravity_settle_s = 1.6;
 constexpr double gravity_deadline_s = 10.0;
@@ -74,7 +74,7 @@ std::optional<double> ManualTurntable::felt_deg(Axis axis) const {
   const std::optional<std::array<double, 3>> felt = turn_sense_();
   const Hand &pitch = hands_[index(Axis::pitch)], &roll = hands_[index(Axis::roll)];
   if (!felt || (axis != Axis::roll && !roll.known) || (axis == Axis::heading && !pitch.known)) return {};
-  const double p = pitch.position_deg * pi / 180.0, r = roll.position_deg * pi / 180.0;
+  const double p = pitch.position_deg * std::numbers::pi / 180.0, r = roll.position_deg * std::numbers::pi / 180.0;
   // The body axis about which + turns: heading is about -y of the frame n, pitch about z of the middle ring, roll about x.
   const std::array<double, 3> about =
       axis == Axis::roll    ? std::array{1.0, 0.0, 0.0}
@@ -110,8 +110,8 @@ std::optional<std::string> ManualTurntable::gravity_objection(Axis axis, double 
   const Axis other = axis == Axis::pitch ? Axis::roll : Axis::pitch;
   const std::optional<std::array<double, 3>> sensed = sense_();
   const double other_deg = hands_[index(other)].position_deg;
-  const double pitch = (axis == Axis::pitch ? angle_deg : other_deg) * pi / 180.0;
-  const double roll = (axis == Axis::roll ? angle_deg : other_deg) * pi / 180.0;
+  const double pitch = (axis == Axis::pitch ? angle_deg : other_deg) * std::numbers::pi / 180.0;
+  const double roll = (axis == Axis::roll ? angle_deg : other_deg) * std::numbers::pi / 180.0;
   const std::array<double, 3> expected = {std::sin(pitch), std::cos(pitch) * std::cos(roll),
                                           -std::cos(pitch) * std::sin(roll)};
   double along = 0.0, squared = 0.0;
@@ -120,7 +120,7 @@ std::optional<std::string> ManualTurntable::gravity_objection(Axis axis, double 
     squared += (*sensed)[i] * (*sensed)[i];
   }
   if (!(squared > 0.0)) return texts_.say("wrong.no_gravity");
-  const double away_deg = std::acos(std::clamp(along / std::sqrt(squared), -1.0, 1.0)) * 180.0 / pi;
+  const double away_deg = std::acos(std::clamp(along / std::sqrt(squared), -1.0, 1.0)) * 180.0 / std::numbers::pi;
   if (away_deg <= settings_.gravity_tolerance_deg) return {};
   return texts_.say("wrong.gravity", {{"away", texts_.shown(away_deg)},
                                       {"axis", name(axis)},

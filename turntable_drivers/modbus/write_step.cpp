@@ -8,14 +8,6 @@
 namespace turncal {
 namespace {
 
-std::vector<std::string_view> words_of(std::string_view text) {
-  std::vector<std::string_view> words;
-  for (const std::string_view part : split(text, ' ')) {
-    if (!part.empty()) words.push_back(part);
-  }
-  return words;
-}
-
 // position, rate.pitch, ...
 bool read_quantity(std::string_view text, WriteOperand& operand) {
   for (const Axis axis : all_axes) {
@@ -40,7 +32,7 @@ bool read_quantity(std::string_view text, WriteOperand& operand) {
 
 // TYPE VALUE
 std::optional<WriteOperand> operand_of(std::string_view text) {
-  const auto words = words_of(text);
+  const auto words = split_words(text);
   if (words.size() != 2) return {};
   const std::optional<WordType> type = word_type_of(words[0]);
   if (!type) return {};
@@ -82,7 +74,7 @@ std::optional<long> whole_number(std::string_view text) {
 
 std::optional<WriteStep> parse_write_step(std::string_view text) {
   WriteStep step;
-  auto words = words_of(text);
+  auto words = split_words(text);
   if (words.size() == 2 && words[0] == "wait") {
     const auto seconds = parse_number(words[1]);
     if (!seconds || !(*seconds > 0.0 && *seconds <= longest_pause_s)) return {};

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 namespace {
@@ -21,16 +22,6 @@ Status take(const ParameterFile& file, const std::string& file_name, const std::
   if (!number || *number < 0.0) return bad_value(file_name, key, *text, "a number of 0 or more");
   value = *number * unit;
   return {};
-}
-
-std::vector<std::string_view> words_of(std::string_view text) {
-  std::vector<std::string_view> words;
-  while (!text.empty()) {
-    const std::size_t end = std::min(text.find(' '), text.size());
-    if (end > 0) words.push_back(text.substr(0, end));
-    text.remove_prefix(std::min(end + 1, text.size()));
-  }
-  return words;
 }
 
 }  // namespace
@@ -82,7 +73,7 @@ Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std:
     const std::string* const text = find_further(file, key);
     if (text == nullptr) continue;
     rows.push_back(k);
-    const std::vector<std::string_view> words = words_of(*text);
+    const std::vector<std::string_view> words = split_words(*text);
     if (words.size() != rows.size())
       return bad_value(file_name, key, *text, (std::to_string(rows.size()) + " numbers").c_str());
     for (std::size_t j = 0; j < words.size(); ++j) {
