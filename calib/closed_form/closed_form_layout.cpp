@@ -126,8 +126,8 @@ LegMotion ClosedFormLayout::navigate(const Leg& leg, const SensorModel& model) c
 
 Status ClosedFormLayout::check_site() const {
   const RecordingInfo& info = recording_.info;
-  if (!(info.gravity_mps2 > 9.5 && info.gravity_mps2 < 10.0))
-    return input_error("gravity_mps2 = " + fixed(info.gravity_mps2, 4) + ": expected 9.5 to 10");
+  if (!(info.gravity_mps2 > 0.0))
+    return input_error("gravity_mps2 = " + fixed(info.gravity_mps2, 4) + ": expected more than 0");
   if (!(std::abs(info.latitude_deg) <= 90.0))
     return input_error("latitude_deg = " + fixed(info.latitude_deg, 4) + ": expected -90 to 90");
   if (!(info.sample_period_s > 0.0))

@@ -12,10 +12,6 @@ namespace {
 
 constexpr int fold_count = 4;
 
-// The plain velocity error is taken where it speaks of the model and not yet of the angle random walk, which turns into
-// metres a second after minutes: in the first seconds of each dwell.
-constexpr int velocity_seconds = 20;
-
 struct Sums {
   HoldoutError error;
   double velocity_square = 0.0;
@@ -24,7 +20,7 @@ struct Sums {
 // `says_nothing`: the model is open there, and its innovations are not counted.
 void add(const CompressedRecording& recording, const std::vector<Innovation>& innovations, bool says_nothing,
          Sums& sums) {
-  int second = 0;
+  std::size_t second = 0;
   std::size_t previous = 0;
   if (says_nothing) {
     const double none = std::numeric_limits<double>::quiet_NaN();

@@ -16,6 +16,10 @@
 
 namespace turncal {
 
+// The plain velocity error is taken where it speaks of the model and not yet of the angle random walk, which turns into
+// metres a second after minutes: in the first seconds of each dwell.
+inline constexpr std::size_t velocity_seconds = 20;
+
 EffectModel effect_model_of(const JointResult& result, double latitude_deg);
 
 // How the filter is to be run on a holdout: its own start, heading and faults.

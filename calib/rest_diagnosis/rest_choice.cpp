@@ -99,7 +99,7 @@ void note_aliases(const RestDiagnosisModel& m, const RestScores& scores, int cho
     const bool close = scores.of(chosen).statistic - scores.of(k).statistic < m.options.alias_margin &&
                        scores.of(k).statistic > m.options.alias_margin &&
                        scores.correlation(chosen, k) > rest_limits.kindred_correlation;
-    if (!close && scores.correlation(chosen, k) < 0.97) continue;
+    if (!close && scores.correlation(chosen, k) < SelectionLimits{}.alias_correlation) continue;
     const std::string name(other.entry->name);
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
   }

@@ -6,7 +6,6 @@
 #include "calib/model/parameters.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/site_range.h"
-#include "imu_io/recordings/recording_check.h"
 
 namespace turncal {
 namespace {
@@ -90,7 +89,7 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   map.temperature_column = file.text_or("temperature.column", "");
   map.temperature_scale = file.number_or("temperature.scale", 1.0);
   map.temperature_offset = file.number_or("temperature.offset", 0.0);
-  map.gravity_mps2 = file.number("gravity_mps2", between(min_gravity_mps2, max_gravity_mps2));
+  map.gravity_mps2 = file.number("gravity_mps2", recorded_gravity_mps2);
   map.latitude_deg = file.number_or("latitude_deg", 0.0, site_latitude_deg);
   map.unit_serial = file.text("unit_serial");
   if (Status status = file.check_all_used(); !status) return status.error();

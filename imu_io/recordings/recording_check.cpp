@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/site_range.h"
 #include "imu_io/base/text_pieces.h"
 
 namespace turncal {
@@ -38,10 +39,10 @@ Status check_info(const RecordingInfo& info, const std::string& where) {
   if (!(info.sample_period_s > 0.0) || !std::isfinite(info.sample_period_s)) {
     return defect(where, "sample_period_s", format_number(info.sample_period_s), "a number > 0");
   }
-  if (!(std::abs(info.latitude_deg) <= 90.0)) {
+  if (!site_latitude_deg.contains(info.latitude_deg)) {
     return defect(where, "latitude_deg", format_number(info.latitude_deg), "a number between -90 and 90");
   }
-  if (!(info.gravity_mps2 >= min_gravity_mps2 && info.gravity_mps2 <= max_gravity_mps2)) {
+  if (!recorded_gravity_mps2.contains(info.gravity_mps2)) {
     return defect(where, "gravity_mps2", format_number(info.gravity_mps2), "a number between 9 and 11");
   }
   if (!std::isfinite(info.accel_pulse_mps) || info.accel_pulse_mps < 0.0 ||

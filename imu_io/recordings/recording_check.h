@@ -12,9 +12,6 @@
 
 namespace turncal {
 
-// Accepted gravity at the site; a value outside is a slip of unit or of pen.
-inline constexpr double min_gravity_mps2 = 9.0;
-inline constexpr double max_gravity_mps2 = 11.0;
 // Counters stay within +-max_counter, so that differences and ends cannot overflow.
 inline constexpr std::int64_t max_counter = std::int64_t{1} << 62;
 constexpr bool is_counter(std::int64_t value) { return value >= -max_counter && value <= max_counter; }

@@ -30,7 +30,7 @@ Result<RecordingInfo> read_info(const std::string& path) {
   if (file->integer("format") != 1) file->reject("format", "1");
   info.sample_period_s = file->number("sample_period_s", positive);
   info.latitude_deg = file->number("latitude_deg", site_latitude_deg);
-  info.gravity_mps2 = file->number("gravity_mps2", between(min_gravity_mps2, max_gravity_mps2));
+  info.gravity_mps2 = file->number("gravity_mps2", recorded_gravity_mps2);
   info.unit_serial = file->text("unit_serial");
   const auto kind = [](const std::string& name) {
     return name == "pulses" ? IncrementKind::pulses : IncrementKind::physical;

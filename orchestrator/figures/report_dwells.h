@@ -47,8 +47,7 @@ std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const Com
 std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<ResidualPoint>& points);
 inline bool before_any_rotation(const ResidualPoint& point) { return point.since_rotation_s > 1e6; }
 
-// rms of the residual velocity over the first seconds of every dwell, as on held-out data (calib/diagnosis/holdout.cpp). NaN: none.
-inline constexpr std::size_t velocity_seconds = 20;
+// rms of the residual velocity over the first velocity_seconds of every dwell, as on held-out data (holdout.h). NaN: none.
 double velocity_rms_mps(const Diagnosis& diagnosis, bool after);
 
 }  // namespace turncal

@@ -9,6 +9,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
+#include "imu_io/base/site_range.h"
 #include "orchestrator/figures/report_format.h"
 
 namespace turncal {
@@ -133,7 +134,7 @@ Result<VerificationReport> read_verification(const std::string& path) {
   conf.integer("format", 1, 1);
   report.info.unit_serial = conf.text("unit_serial");
   report.info.simulated = conf.boolean_or("simulated", false);
-  report.info.latitude_deg = conf.number("latitude_deg", between(-90.0, 90.0));
+  report.info.latitude_deg = conf.number("latitude_deg", site_latitude_deg);
   report.recording_hash = conf.text("recording_hash");
   report.parameters = conf.text("parameters");
   report.calibration_hash = conf.text("calibration_hash");
