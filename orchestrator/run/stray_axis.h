@@ -23,17 +23,19 @@ std::optional<std::string> stray_axis(const TableStatus& axes, const AxisTriple&
                                       const std::optional<Move>& move, double standing_deg,
                                       double position_tolerance_deg);
 
-// How far each axis turns while it looks for its zero, by its rate and by its angle, whichever says more: the angle may be set anew on the way, and a rate
-// may not be told. A search goes there and back within its travel, and needs no more than a turn beyond it.
+// Whether the axes look for their zero. How far each turns meanwhile counts by its rate and by its angle, whichever says more: the angle may be
+// set anew on the way, and a rate may not be told. A search goes there and back within its travel, and needs no more than a turn beyond it.
+// A drive that was told to, and has not begun, is not waited for until the whole search should be over.
 class HomingWatch {
  public:
   explicit HomingWatch(const std::array<AxisLimits, 3>& limits) : limits_(limits) {}
-  // What is said of an axis that has turned further; nothing: all is well.
+  // What is said of an axis that has turned further, or does not begin; nothing: all is well.
   std::optional<std::string> add(const TableStatus& axes);
 
  private:
   std::array<AxisLimits, 3> limits_;
   AxisTriple turned_deg_{};
+  double idle_s_ = 0.0;  // since any of them turned
   std::optional<TableStatus> before_;
 };
 

@@ -96,7 +96,7 @@ Result<AxisStatus> SerialTurntable::status(Axis axis) {
   const bool turns_known = dialect_.of(axis).modulo_deg == 0.0 || memory.home_called;
   const bool homed = reports_homed ? flags[DriveBit::homed].value_or(false)
                                    : memory.homed || (memory.home_called && report.in_position && !report.moving);
-  // Without a flag of its own, "arrived" may be the old one: it counts from the fourth reading on, or once it was seen gone.
+  // Without a flag of its own, "arrived" may be the old one: see axis_memory.h.
   report.homed = memory.judge_homed(homed && turns_known,
                                     report.moving || (!reports_homed && !report.in_position && !memory.homed));
   report.limit = flags[DriveBit::limit_positive].value_or(false) || flags[DriveBit::limit_negative].value_or(false);

@@ -163,7 +163,7 @@ Status SerialTurntable::home() {
   for (const Axis axis : all_axes)
     if (const Result<AxisStatus> now = ready(axis); !now) return now.error();
   way_ = {};
-  for (AxisMemory& memory : memory_) memory.homing_began();
+  for (AxisMemory& memory : memory_) memory.homing_began(true);
   targets_void_ = true;
   return carry_out_for_all(DialectOperation::home);
 }

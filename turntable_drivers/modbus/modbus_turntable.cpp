@@ -107,7 +107,7 @@ Status ModbusTurntable::home() {
     if (const Result<AxisStatus> now = ready(axis); !now) return now.error();
   for (const Axis axis : all_axes) {
     AxisMemory& memory = memory_[index(axis)];
-    memory.homing_began();
+    memory.homing_began(!map_.home_by_encoder);
     if (map_.home_by_encoder || !is_due(DriveOperation::home, axis)) continue;
     targets_void_ = true;
     if (Status status = write_list(axis, DriveOperation::home, {}); !status) return status;

@@ -4,8 +4,8 @@
 //   plausible_rate_degps allows (and 1 deg).
 // - A device that tells no rate: it comes from two positions at least 50 ms apart, since one count in 1 ms would be a motion; NaN
 //   (unknown, which is "not arrived") until there are two.
-// - After a command to home, homed counts when the homing was seen to begin, or from the fourth reading on: the flag may be the
-//   old one.
+// - After a command to home the flag may be the old one: homed counts when the homing was seen to begin (the flag gone, the axis turning or
+//   elsewhere), or from the third reading on of an axis that stands at its zero.
 #pragma once
 
 #include <algorithm>
@@ -24,6 +24,7 @@ struct AxisMemory {
   bool home_called = false;  // since the link was opened
   int homing_polls = 0;
   bool homing_seen = false;
+  std::optional<double> homing_from_deg;
   bool arrived_seen = false;  // of a flag that shows for a moment only
   double heartbeat_s = -1e9;
   std::optional<bool> drive_on;  // as last read; empty: not read since it was connected or switched on
@@ -44,18 +45,25 @@ struct AxisMemory {
     position_deg = angle_deg;
     read_s = now_s;
   }
-  void homing_began() {
+  // searches: the axis has to turn to find its zero.
+  void homing_began(bool searches) {
     home_called = true;
     homed = false;
     homing_polls = 3;
-    homing_seen = false;
+    homing_seen = !searches;
+    homing_from_deg = position_deg;
   }
+  // REQUIRES: note() has the position of this reading.
   bool judge_homed(bool device_says, bool moving) {
-    if (homing_polls > 0) {
-      --homing_polls;
-      homing_seen = homing_seen || moving || !device_says;
-      if (homing_seen) homing_polls = 0;
-      homed = device_says && homing_polls == 0 && !(moving && homing_seen);
+    constexpr double stands_deg = 1.0;
+    const auto is_at = [&](double angle_deg) {
+      return position_deg && std::abs(*position_deg - angle_deg) <= stands_deg;
+    };
+    if (home_called && !homing_seen) {
+      homing_polls = std::max(0, homing_polls - 1);
+      homing_seen = moving || !device_says || (homing_from_deg && !is_at(*homing_from_deg));
+      homed = device_says && !moving && (homing_seen || (homing_polls == 0 && is_at(0.0)));
+      homing_seen = homing_seen || homed;
       return homed;
     }
     homed = device_says;

@@ -45,5 +45,38 @@ TEST(HomingWatch, AnAxisThatPassesItsZeroIsSaidByItsRate) {
   EXPECT_NEAR(time_s, 20.0, 0.5) << "twice its travel of 20 deg";
 }
 
+// One axis after the other, each within its time; then one whose drive never begins.
+TEST(HomingWatch, AnAxisThatDoesNotBeginIsSaid) {
+  HomingWatch watch(limits);
+  double time_s = 0.0;
+  TableStatus axes = at(time_s, 50.0, 7.0);
+  for (AxisStatus& axis : axes) {
+    axis.homed = axis.moving = false;
+    axis.rate_degps = std::numeric_limits<double>::quiet_NaN();  // not told
+  }
+  const auto pass = [&](double seconds) {
+    std::optional<std::string> said;
+    for (const double end_s = time_s + seconds; !said && time_s < end_s;) {
+      for (AxisStatus& axis : axes) axis.time_s = time_s;
+      said = watch.add(axes);
+      time_s += 0.5;
+    }
+    return said;
+  };
+  EXPECT_EQ(pass(19.0), std::nullopt);
+  axes[0].moving = true;
+  EXPECT_EQ(pass(30.0), std::nullopt);
+  axes[0].homed = true;
+  axes[0].moving = false;
+  EXPECT_EQ(pass(19.0), std::nullopt);
+  axes[2].position_deg = 3.0;  // it moved
+  EXPECT_EQ(pass(19.0), std::nullopt);
+  axes[2].homed = true;
+  EXPECT_EQ(pass(19.0).value_or(""),
+            "pitch does not look for its zero: it stands at 7.0000 deg, and nothing has turned for 20 s");
+  axes[1].homed = true;
+  EXPECT_EQ(pass(30.0), std::nullopt);
+}
+
 }  // namespace
 }  // namespace turncal
