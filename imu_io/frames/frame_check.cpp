@@ -22,6 +22,7 @@ void read_crc(FrameKeys& keys, CrcParameters& crc) {
   };
   crc.width = width;
   crc.polynomial = read_bits("crc.polynomial", std::nullopt);
+  if (crc.polynomial % 2 == 0) file.reject("crc.polynomial", "an odd number: the term 1 is in every polynomial");
   crc.initial = read_bits("crc.initial", 0);
   crc.final_xor = read_bits("crc.final_xor", 0);
   crc.reflect_input = file.boolean_or("crc.reflect_input", false);

@@ -8,6 +8,7 @@
 
 #include "imu_io/base/key_value.h"
 #include "imu_io/frames/frame_keys.h"
+#include "imu_io/frames/frame_layout.h"
 #include "imu_io/lines/serial_keys.h"
 
 namespace turncal {
@@ -146,7 +147,8 @@ FrameVariant read_variant(FrameKeys& keys, const std::string& name, const FrameD
     FrameScalar scalar;
     scalar.places = keys.fields("temperature", "i16", 0);
     scalar.zero = file.number_or(keys.name("temperature.zero"), 0.0);
-    scalar.scale = file.number_or(keys.name("temperature.scale"), 1.0);
+    scalar.scale = file.number_or(keys.name("temperature.scale"), 1.0, between(-100.0, 100.0));
+    if (scalar.scale == 0.0) file.reject(keys.name("temperature.scale"), "a number other than 0");
     if (keys.has("temperature.when")) {
       scalar.when = keys.bits("temperature.when", std::nullopt);
       if (!variant.multiplexer) file.reject(keys.name("temperature.when"), "a key mux.offset beside it");
@@ -196,55 +198,6 @@ ByteStuffing read_stuffing(FrameKeys& keys, const FrameDescription& frame) {
   return stuffing;
 }
 
-// Everything inside its frame, and nothing contradicting.
-void check_layout(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
-  const auto inside = [&](const FrameField& field, const char* key) {
-    if (field.offset + static_cast<std::size_t>(field.form.bytes) <= variant.length) return;
-    const FrameKeys keys(file, variant.name);
-    file.reject(keys.name(key), "a place inside the frame of " + std::to_string(variant.length) + " bytes");
-  };
-  const auto triad_inside = [&](const FrameTriad& triad, const char* key, const char* down) {
-    for (const FrameField& field : triad.element) inside(field, key);
-    if (!triad.down) return;
-    for (const FrameField& field : *triad.down) inside(field, down);
-  };
-  if (variant.has_gyro) triad_inside(variant.gyro, "gyro.offset", "gyro.down");
-  if (variant.has_accel) triad_inside(variant.accel, "accel.offset", "accel.down");
-  if (variant.temperature) {
-    for (const FrameField& field : variant.temperature->places) inside(field, "temperature.offset");
-  }
-  if (variant.counter) inside(variant.counter->field, "counter.offset");
-  for (const FrameStatus& status : variant.status) inside(status.field, "status.offset");
-  if (variant.multiplexer) inside(*variant.multiplexer, "mux.offset");
-  if (frame.id) inside(*frame.id, "id.offset");
-  if (frame.length) inside(*frame.length, "length.offset");
-  if (frame.sync.size() + frame.tail.size() > variant.length) {
-    file.reject("length", "room for sync and tail");
-  }
-  if (frame.check.kind != CheckKind::none) {
-    const std::size_t place = check_offset(frame.check, variant.length);
-    if (place + static_cast<std::size_t>(frame.check.bytes()) + frame.tail.size() > variant.length ||
-        frame.check.start + frame.check.gap >= place) {
-      file.reject("check.offset", "a place inside the frame, after what the check covers and before the tail");
-    } else if (frame.check.of_words && frame.check.pad % 2 != 0 &&
-               (place - frame.check.gap - frame.check.start) % 2 != 0) {
-      file.reject("check.offset", "a whole number of 16-bit words covered, or check.pad = 2");
-    }
-  }
-  const FrameVariant& first = frame.variants.front();
-  if (!frame.split && (variant.gyro.pulses != first.gyro.pulses || variant.accel.pulses != first.accel.pulses)) {
-    file.reject("variants", "variants of the same increments: pulses or not");
-  }
-  if (variant.counter.has_value() != first.counter.has_value()) file.reject("variants", "all with a counter or none");
-  if (variant.counter &&
-      (variant.counter->modulus != first.counter->modulus || variant.counter->step != first.counter->step)) {
-    file.reject("variants", "variants that count alike");
-  }
-  for (const FrameVariant& other : frame.variants) {
-    if (&other != &variant && other.id == variant.id) file.reject("variants", "a different id for each variant");
-  }
-}
-
 Result<FrameDescription> frame_from(KeyValueFile& file) {
   FrameDescription frame;
   frame.file = file.file_name();
@@ -257,6 +210,8 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
   frame.sync_mask = keys.bytes("sync.mask");
   if (!file.has("sync.mask")) frame.sync_mask.assign(frame.sync.size(), std::byte{0xFF});
   if (frame.sync_mask.size() != frame.sync.size()) file.reject("sync.mask", "as many bytes as sync");
+  if (std::all_of(frame.sync_mask.begin(), frame.sync_mask.end(), [](std::byte b) { return b == std::byte{0}; }))
+    file.reject("sync.mask", "at least one bit: without any every byte begins a frame");
   frame.tail = keys.bytes("tail");
   if (file.has("id.offset")) frame.id = keys.field("id", "u8");
   if (file.has("length.offset")) {
@@ -269,6 +224,7 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
   frame.check = read_frame_check(keys);
   KeyTable table(file);
   read_serial_keys(table, "line", frame.line);
+  if (frame.line.data_bits != 8) file.reject("line.data_bits", "8: a frame is of whole bytes");
   for (const std::string& name : file.list_or("variants", {""})) {
     FrameKeys own(file, name);
     frame.variants.push_back(read_variant(own, name, frame));

@@ -1,5 +1,9 @@
 #include "imu_io/units/serial_imu_config.h"
 
+#include <algorithm>
+#include <cmath>
+
+#include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/frames/builtin_frames.h"
@@ -49,7 +53,20 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
   if (file.has("imu.accel_pulse_mps") && config.frame.accel_pulse_mps == 0.0) {
     file.reject("imu.accel_pulse_mps", "no such key: the frame's accelerometers do not send pulses");
   }
-  keys.number("imu.accel_pulse_mps", config.frame.accel_pulse_mps, positive);
+  keys.number("imu.accel_pulse_mps", config.frame.accel_pulse_mps, between(1e-9, 1.0));
+  if (line && line->kind == LineKind::serial) {
+    const SerialSettings& serial = config.frame.line;
+    const int bits = 1 + serial.data_bits + (serial.parity == SerialParity::none ? 0 : 1) + serial.stop_bits;
+    std::size_t bytes = config.frame.split ? 0 : config.frame.variants.front().length;
+    for (const FrameVariant& variant : config.frame.variants)
+      bytes = config.frame.split ? bytes + variant.length : std::min(bytes, variant.length);
+    const double needed = static_cast<double>(bits) * static_cast<double>(bytes) / config.frame.sample_period_s;
+    if (needed > static_cast<double>(serial.baud))
+      file.reject(file.has("imu.baud") ? "imu.baud" : "imu.frame",
+                  "a line of at least " + format_number(std::ceil(needed)) + " baud, for " + std::to_string(bytes) +
+                      " bytes each " + format_number(config.frame.sample_period_s) + " s; it has " +
+                      std::to_string(serial.baud));
+  }
   if (Status status = file.status(); !status) return status.error();
   return config;
 }

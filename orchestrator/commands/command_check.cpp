@@ -174,7 +174,7 @@ void add_check_command(CommandLine& line, CommandContext& context) {
   command.option("--override-due", options->overdue_reason, "accept a table whose calibration is overdue, as run does");
   command.option("--out", options->out, "folder that a run is to write to: can it, and is there room?");
   command.option("--unit", options->units, "serial number of a unit to be run").one_word_each();
-  command.runs(context, [options, &context]() -> Status {
+  command.prints(context, [options, &context]() -> Status {
     context.exit_code = run_check(*options, context.out, context.err);
     return {};
   });

@@ -95,7 +95,7 @@ void add_database_command(CommandLine& line, CommandContext& context) {
       .required();
   command.option("other", options->other, "for copy: the database that the rows are added to, each once");
   command.option("--out", options->out, "file for the backup");
-  command.runs(context, [options, &context] { return run_database(*options, context.out); });
+  command.prints(context, [options, &context] { return run_database(*options, context.out); });
 }
 
 }  // namespace turncal

@@ -263,7 +263,7 @@ void add_history_command(CommandLine& line, CommandContext& context) {
   command.option("--csv", options->csv, "writes the calibrations with all values to this file");
   command.option("--format", options->format, "print the calibrations with all values in this form")
       .one_of(data_formats);
-  command.runs(context, [options, &context] { return show_history(*options, context.out); });
+  command.prints(context, [options, &context] { return show_history(*options, context.out); });
 }
 
 void add_restore_command(CommandLine& line, CommandContext& context) {
@@ -274,7 +274,7 @@ void add_restore_command(CommandLine& line, CommandContext& context) {
   command.option("--unit", options->unit, "serial number of the unit").required();
   command.option("--version", options->version, "the version to bring back; without it they are listed").positive();
   command.flag("--simulated", options->simulated, "of the dry runs");
-  command.runs(context, [options, &context] { return restore(*options, context.out); });
+  command.prints(context, [options, &context] { return restore(*options, context.out); });
 }
 
 }  // namespace turncal

@@ -19,7 +19,7 @@
 namespace turncal {
 namespace {
 
-// A pipe that nobody reads any more (| head -1): who was there wanted no more of it.
+// A pipe that nobody reads any more (| head -1): what is made goes on.
 bool reader_has_left() {
   pollfd output{STDOUT_FILENO, POLLOUT, 0};
   return ::poll(&output, 1, 0) == 1 && (output.revents & POLLERR) != 0;
@@ -120,6 +120,13 @@ void Command::runs(CommandContext& context, std::function<Status()> job) const {
   });
 }
 
+void Command::prints(CommandContext& context, std::function<Status()> job) const {
+  runs(context, [&context, job = std::move(job)] {
+    context.output_is_result = true;
+    return job();
+  });
+}
+
 Command CommandLine::command(const std::string& name, const std::string& help) {
   const Command command(app_.add_subcommand(name, help));
   command.flag("--quiet", context_.quiet, "print nothing but errors");
@@ -153,7 +160,7 @@ int run_command_line(int argc, const char* const* argv, const std::vector<AddCom
   }
   if (context.quiet) context.out.rdbuf(out);
   context.out.flush();
-  if (!context.out && context.exit_code == 0 && !reader_has_left())
+  if (!context.out && context.exit_code == 0 && (context.output_is_result || !reader_has_left()))
     context.fail(device_error("standard output: not all could be written"));
   return context.exit_code;
 }

@@ -48,6 +48,8 @@ class Command {
 
   // What the command does. An error is said and becomes the exit code.
   void runs(CommandContext& context, std::function<Status()> job) const;
+  // The same; what it prints is its result, and whoever goes before the end has not got it.
+  void prints(CommandContext& context, std::function<Status()> job) const;
 
  private:
   CLI::App* app_;

@@ -124,7 +124,7 @@ void add_predict_command(CommandLine& line, CommandContext& context) {
   command.option("--temperature-tau", request->temperature_tau_s, "its time constant, s").default_in_help();
   command.option("--navigate", request->navigate, "drift of free navigation after this time: 1h, 90min, 5400s");
   command.option("--align", request->align_s, "alignment before it, s").range(20.0, 86400.0).default_in_help();
-  command.runs(context, [request, &context] { return run_predict(*request, context.out); });
+  command.prints(context, [request, &context] { return run_predict(*request, context.out); });
 }
 
 }  // namespace turncal

@@ -117,7 +117,7 @@ void add_journal_command(CommandLine& line, CommandContext& context) {
   const Command command = line.command("journal", "print the journal of a run, one line a record");
   command.option("folder", options->folder, "the run's folder").required();
   command.option("--format", options->format, "print every field of every record in this form").one_of(data_formats);
-  command.runs(context, [options, &context]() -> Status {
+  command.prints(context, [options, &context]() -> Status {
     const std::string path = options->folder + "/" + journal_name;
     if (!options->format.empty()) {
       const Result<DataTable> table = journal_as_table(path);

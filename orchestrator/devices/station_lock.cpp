@@ -1,5 +1,6 @@
 #include "orchestrator/devices/station_lock.h"
 
+#include <ifaddrs.h>
 #include <netdb.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -7,8 +8,10 @@
 
 #include <array>
 #include <cctype>
+#include <cstring>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <utility>
 
 namespace turncal {
@@ -20,15 +23,31 @@ const std::string& lock_folder() {
   return folder;
 }
 
-// Every address by which this machine reaches itself: 0.0.0.0, 127.x, ::, ::1, and 127.x as IPv6 has it.
+// An address as IPv6 has it, IPv4 as mapped into it; nothing of any other family.
+std::optional<in6_addr> as_ipv6(const sockaddr* address) {
+  if (address == nullptr) return {};
+  if (address->sa_family == AF_INET6) return reinterpret_cast<const sockaddr_in6*>(address)->sin6_addr;
+  if (address->sa_family != AF_INET) return {};
+  in6_addr mapped{};
+  mapped.s6_addr[10] = mapped.s6_addr[11] = 0xFF;
+  std::memcpy(&mapped.s6_addr[12], &reinterpret_cast<const sockaddr_in*>(address)->sin_addr, 4);
+  return mapped;
+}
+
+// Every address by which this machine reaches itself: 0.0.0.0, 127.x, ::, ::1, those of its interfaces, and IPv4 as IPv6 has it.
 bool is_this_machine(const sockaddr& address) {
-  if (address.sa_family == AF_INET) {
-    const auto host = ntohl(reinterpret_cast<const sockaddr_in&>(address).sin_addr.s_addr);
-    return host == INADDR_ANY || host >> 24 == 127;
+  const std::optional<in6_addr> host = as_ipv6(&address);
+  if (!host) return false;
+  const bool mapped = IN6_IS_ADDR_V4MAPPED(&*host) && (host->s6_addr[12] == 127 || host->s6_addr[12] == 0);
+  if (mapped || IN6_IS_ADDR_UNSPECIFIED(&*host) || IN6_IS_ADDR_LOOPBACK(&*host)) return true;
+  ifaddrs* first = nullptr;
+  if (::getifaddrs(&first) != 0) return false;
+  const std::unique_ptr<ifaddrs, void (*)(ifaddrs*)> freed(first, ::freeifaddrs);
+  for (const ifaddrs* one = first; one != nullptr; one = one->ifa_next) {
+    const std::optional<in6_addr> own = as_ipv6(one->ifa_addr);
+    if (own && IN6_ARE_ADDR_EQUAL(&*own, &*host)) return true;
   }
-  const in6_addr& host = reinterpret_cast<const sockaddr_in6&>(address).sin6_addr;
-  const bool mapped = IN6_IS_ADDR_V4MAPPED(&host) && (host.s6_addr[12] == 127 || host.s6_addr[12] == 0);
-  return mapped || IN6_IS_ADDR_UNSPECIFIED(&host) || IN6_IS_ADDR_LOOPBACK(&host);
+  return false;
 }
 
 // HOST:PORT with the first address that the system has for HOST; what cannot be looked up as it is written.

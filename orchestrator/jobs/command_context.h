@@ -14,8 +14,9 @@ struct CommandContext {
   bool out_is_terminal = false;
   int terminal_columns = 80;  // meaningful when out is a terminal
   bool quiet = false;         // nothing is to be printed but errors
-  std::string tag = {};       // of errors: "[dry run] ", "[simulated] " or nothing
-  int exit_code = 0;          // what the command that ran has to say
+  bool output_is_result = false;
+  std::string tag = {};  // of errors: "[dry run] ", "[simulated] " or nothing
+  int exit_code = 0;     // what the command that ran has to say
 
   // One line on err; sets the exit code.
   void fail(const Error& error);

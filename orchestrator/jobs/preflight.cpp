@@ -13,6 +13,7 @@
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/records/station_records.h"
 #include "orchestrator/station/due_date.h"
+#include "turntable_drivers/ascii/move_sentence.h"
 #include "turntable_drivers/modbus/move_words.h"
 
 namespace turncal {
@@ -68,14 +69,17 @@ Status check_plausible(const StationConfig& station, const Plan& plan) {
                      to_string(axis));
 }
 
-// The registers of a map hold every move of the plan, and tell the axis to the tolerance.
-Status check_registers(const StationConfig& station, const Plan& plan) {
-  if (!station.table.map) return {};
-  const RegisterMap& map = *station.table.map;
+// The registers of a map, or the sentences of a dialect, hold every move of the plan, and tell the axis to the tolerance.
+Status check_moves(const StationConfig& station, const Plan& plan) {
+  const auto& map = station.table.map;
+  const auto& dialect = station.table.dialect;
+  if (!map && !dialect) return {};
+  const std::string& file = map ? map->file : dialect->file;
   for (const Axis axis : all_axes) {
-    const double count_deg = 1.0 / map.of(axis).counts_per_degree;
-    if (is_floating(map.of(axis).position.type) || 0.5 * count_deg <= station.motion.position_tolerance_deg) continue;
-    return input_error(map.file + ": axis." + to_string(axis) + ".counts_per_degree: a count is " +
+    if (!map) break;
+    const double count_deg = 1.0 / map->of(axis).counts_per_degree;
+    if (is_floating(map->of(axis).position.type) || 0.5 * count_deg <= station.motion.position_tolerance_deg) continue;
+    return input_error(file + ": axis." + to_string(axis) + ".counts_per_degree: a count is " +
                        format_number(count_deg) + " deg: expected at most twice motion.position_tolerance_deg");
   }
   for (const PlannedItem& item : plan.items) {
@@ -85,8 +89,10 @@ Status check_registers(const StationConfig& station, const Plan& plan) {
       moves[static_cast<std::size_t>(axis)] = {item.commanded_deg[axis], 0.0, item.rate_degps,
                                                item.acceleration_degps2};
     moves[static_cast<std::size_t>(item.axis)].distance_deg = item.to_deg - item.from_deg;
-    if (const Status fits = check_move(map, item.axis, moves); !fits)
-      return input_error(map.file + ": " + fits.error().message + ", for " + to_string(item.axis) + " to " +
+    const Status fits = map ? check_move(*map, item.axis, moves)
+                            : check_move(*dialect, item.axis, moves, station.motion.position_tolerance_deg);
+    if (!fits)
+      return input_error(file + ": " + fits.error().message + ", for " + to_string(item.axis) + " to " +
                          format_number(item.to_deg) + " deg at " + format_number(item.rate_degps) + " deg/s");
   }
   return {};
@@ -128,7 +134,7 @@ std::vector<Error> preflight(const Preflight& run) {
   add(check_due(station, run.utc_s, run.overdue_reason));
   if (station.table.driver != TableDriver::manual) {
     add(check_plausible(station, run.plan));
-    add(check_registers(station, run.plan));
+    add(check_moves(station, run.plan));
   }
   if (!run.folder.empty()) {
     add(check_folder_writable(run.folder));

@@ -51,6 +51,8 @@ std::vector<int> version_numbers(const std::string& folder) {
 }
 
 Error no_version(const std::string& what, const std::string& store, const std::string& unit, bool simulated) {
+  std::error_code error;
+  if (!fs::is_directory(store, error)) return input_error(store + ": there is no such folder: expected a record.store");
   const bool other = !version_numbers(unit_folder(store, unit, !simulated)).empty();
   return input_error(
       what + ": there is no such version of unit '" + unit + "'" +

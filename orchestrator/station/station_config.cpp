@@ -31,6 +31,15 @@ std::string beside(const KeyValueFile& file, const std::string& path) {
   return (std::filesystem::path(file.file_name()).parent_path() / path).string();
 }
 
+// `described`: the key of the file that it is from, unless table.address says it. None yet: whoever opens the line says so.
+void check_address(KeyValueFile& file, const std::string& described, const std::string& address, bool tcp) {
+  const bool good = address.empty() || (tcp ? parse_line("tcp:" + address).has_value() : address.starts_with('/'));
+  if (!good)
+    file.reject(file.has("table.address") ? "table.address" : described,
+                "a table at " + std::string(tcp ? "HOST:PORT" : "a serial device, /dev/serial/by-id/...") +
+                    ", not at " + address);
+}
+
 // Defects of a map or dialect come with their own file and line; those of this file stay with it, as with all its keys.
 Status read_table(KeyValueFile& file, TableConfig& table) {
   const std::string driver = file.one_of("table.driver", {"mock", "modbus", "serial", "manual"});
@@ -61,6 +70,7 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
     if (!map) return map.error();
     table.map = std::move(*map);
     if (!address.empty()) table.map->link.address = address;
+    check_address(file, "table.map", table.map->link.address, table.map->link.tcp);
     table.map->simulated = table.simulated;
     return {};
   }
@@ -71,6 +81,7 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   if (!dialect) return dialect.error();
   table.dialect = std::move(*dialect);
   if (!address.empty()) table.dialect->link.address = address;
+  check_address(file, "table.dialect", table.dialect->link.address, table.dialect->link.tcp);
   table.dialect->simulated = table.simulated;
   return {};
 }

@@ -74,6 +74,10 @@ TEST(SerialImuConfig, OneLineForEachMistake) {
   EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = stim300\nimu.accel_pulse_mps = 1\n"),
                "a.station:3: key 'imu.accel_pulse_mps' = '1': expected no such key: the frame's accelerometers do not "
                "send pulses");
+  EXPECT_ERROR(
+      parse("imu.device = /dev/x\nimu.frame = laser_gyro\nimu.baud = 57600\n"),
+      "a.station:3: key 'imu.baud' = '57600': expected a line of at least 72000 baud, for 36 bytes each 0.005 s; "
+      "it has 57600");
   const auto unknown = parse("imu.device = /dev/x\nimu.frame = stim\n");
   ASSERT_FALSE(unknown.ok());
   EXPECT_TRUE(unknown.error().message.starts_with(

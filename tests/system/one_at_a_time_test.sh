@@ -66,6 +66,12 @@ for _ in $(seq 200); do grep -qs 'samples/s' first.out && break; sleep 0.1; done
 sed "s|^table.address = 127.0.0.1:|table.address = 127.1:|" other.station > short.station  # and under another name
 "$binary" monitor --station short.station > said.out 2> said.err && fail "a table under another name is open to two"
 grep -q "in use by another process ($first)" said.err || fail "under another name: $(cat said.err)"
+lan=$(hostname -I 2> /dev/null | cut -d' ' -f1)
+if [ -n "$lan" ]; then  # an address of a network card of this machine is this machine
+  sed "s|^table.address = 127.0.0.1:|table.address = $lan:|" other.station > lan.station
+  "$binary" monitor --station lan.station > said.out 2> said.err && fail "a table under the address of a card is open to two"
+  grep -q "in use by another process ($first)" said.err || fail "under $lan: $(cat said.err)"
+fi
 for command in "monitor --station other.station" "run --station other.station --unit A --out a --sequence short.seq --capture-only" "commission --station other.station"; do
   code=0; "$binary" $command > said.out 2> said.err || code=$?
   [ "$code" = 50 ] && grep -q "$address: .*in use by another process ($first)" said.err || fail "code $code: $command: $(cat said.err)"

@@ -4,6 +4,7 @@
 
 #include "tests/turntable_drivers/dialect_station.h"
 #include "tests/turntable_drivers/table_contract.h"
+#include "turntable_drivers/ascii/move_sentence.h"
 
 namespace turncal {
 namespace {
@@ -209,8 +210,78 @@ TEST(DialectForms, DefectsAreNamed) {
   expect("link.echo = true", "link.echo = false", "link.echo_terminator");
   expect("stop.1.expect = OK", "stop.1.expect = OK\\nOK", "a stop waits for no more");
   expect("{axis:1}", "{axis}", "unless they have a width");
-  expect("axis.pitch.rate_scale = 60", "axis.pitch.rate_scale = 0", "a number > 0");
+  expect("axis.pitch.rate_scale = 60", "axis.pitch.rate_scale = 0", "a number between");
   expect("number.plus = true", "number.plus = yes", "true or false");
+  // What a run has to be told must be sayable.
+  expect("status.bit.in_position = 2", "status.bit.in_position = 1",
+         "a status that can say of an axis that it has arrived");
+  expect("status.bit.fault = 5", "status.bit.fault = 0", "a status that can say of an axis that it has arrived");
+  expect("status.bit.homed = 3", "status.bit.homed = 0", "on and not homed");
+  expect("status.bit.enabled = 0", "status.bit.enabled = 1", "'status.bit.moving'");
+  expect("{rate:13}", "1", "{rate} in a sentence of a move");
+  expect("{status.roll:4}", "{*:4}", "with {status}, or with {status.heading}");
+  expect("{position.roll:12}", "{*:12}", "with {position}, or with {position.heading}");
+  expect("axis.roll.name = 3", "axis.roll.name = 3a", "a column that the name of an axis fits: '3a'");
+  expect("error.texts = ERR", "error.texts = ERR, 2", "texts that no number holds");
+  expect("link.terminator_in = \\r\\n", "link.terminator_in = 0", "a text that no number holds");
+  expect("error.texts = ERR", "error.texts = K", "an answer without 'K'");
+  expect("axis.heading.units_per_degree = 10", "axis.heading.units_per_degree = 1e-9",
+         "a number between 1e-06 and 1000000000");
+  expect("axis.pitch.modulo_deg = 360", "axis.pitch.modulo_deg = 5", "0, or a circle of 90 to 3600 deg");
+  expect("link.quiet_s = 0.1", "link.quiet_s = 1e-9", "a number between 0.001 and 60");
+}
+
+TEST(DialectForms, ADoneBitMayBeBothArrivedAndAtRest) {
+  std::string text = form_text();
+  text.replace(text.find("status.bit.moving = 1"), 21, "status.bit.moving = 2\nstatus.active_low = moving");
+  const Result<Dialect> dialect = parse_dialect(text, "my.dialect");
+  EXPECT_TRUE(dialect.ok()) << dialect.error().message;
+}
+
+// A code for each state: none may be missing.
+TEST(DialectForms, CodesSayEveryState) {
+  const auto with = [](const std::string& codes) {
+    std::string text = form_text();
+    text.erase(text.find("status.kind"));
+    const Result<Dialect> dialect = parse_dialect(text + "status.kind = codes\n" + codes, "my.dialect");
+    return dialect.ok() ? "" : dialect.error().message;
+  };
+  EXPECT_EQ(with("status.code.0 = in_position\nstatus.code.1 = moving\n"), "");
+  EXPECT_EQ(with("status.code.0 = none\nstatus.code.1 = in_position, enabled\nstatus.code.2 = moving, enabled\n"), "");
+  EXPECT_NE(with("status.code.0 = in_position, moving\n").find("has arrived"), std::string::npos);
+  EXPECT_NE(with("status.code.1 = in_position, enabled\nstatus.code.2 = moving\n").find("that it moves"),
+            std::string::npos);
+  EXPECT_NE(with("status.code.1 = in_position, enabled\nstatus.code.2 = moving, enabled\n").find("off and at rest"),
+            std::string::npos);
+}
+
+// Sentences, columns and decimals that cannot tell or show a move, said before one is made.
+TEST(DialectForms, AMoveIsToldAndShownToTheTolerance) {
+  const auto said = [](const std::string& what, const std::string& with, double rate_degps = 20.0,
+                       double distance_deg = 22.5) {
+    std::string text = form_text();
+    if (!what.empty()) text.replace(text.find(what), what.size(), with);
+    const Dialect dialect = parsed(text, "my.dialect");
+    Moves moves;
+    moves[0] = {distance_deg, distance_deg, rate_degps, 50.0};
+    const Status status = check_move(dialect, Axis::heading, moves, 0.01);
+    return status ? "" : status.error().message;
+  };
+  const std::string scale = "axis.heading.units_per_degree = 10";
+  EXPECT_EQ(said("", ""), "");
+  EXPECT_EQ(said("number.decimals = 4", "number.decimals = 0"), "") << "225 units";
+  EXPECT_NE(
+      said("number.decimals = 4", "number.decimals = 0", 20.0, 22.55).find("number.decimals = 0: tells 225.5 as 226"),
+      std::string::npos);
+  EXPECT_NE(
+      said(scale,
+           "axis.heading.units_per_degree = 0.0001\naxis.heading.rate_scale = 1\naxis.heading.acceleration_scale = 1")
+          .find("expected an angle told to motion.position_tolerance_deg"),
+      std::string::npos);
+  EXPECT_NE(said("", "", 1e-6).find("number.decimals or a scale with which the rate"), std::string::npos);
+  EXPECT_NE(said("{distance:12}", "{distance:4}").find("numbers that fit"), std::string::npos);
+  EXPECT_NE(said("{position.heading:12}", "{position.heading:3}").find("cannot show"), std::string::npos);
+  EXPECT_NE(said("{position.heading:12}", "{position.heading:6}").find("cannot show"), std::string::npos);
 }
 
 }  // namespace

@@ -57,7 +57,8 @@ TEST(Sentence, Escapes) {
 
 const std::string minimal =
     "format = 1\nname = x\nlink.kind = serial\naxis.heading.name = 1\naxis.pitch.name = 2\naxis.roll.name = 3\n"
-    "home.1 = H {axis}\nmove.1 = M {axis} {position}\nstatus.1 = S {axis}\nstatus.1.expect = {position} {status}\n"
+    "home.1 = H {axis}\nmove.1 = M {axis} {position} {rate}\nstatus.1 = S {axis}\nstatus.1.expect = {position} "
+    "{status}\n"
     "stop.1 = X {axis}\nabort.1 = O {axis}\nstatus.kind = codes\nstatus.code.1 = in_position\nstatus.code.0 = none\n";
 
 std::string error_of(const std::string& what, const std::string& with) {

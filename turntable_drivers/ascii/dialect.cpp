@@ -7,6 +7,7 @@
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/lines/serial_keys.h"
+#include "turntable_drivers/ascii/dialect_check.h"
 #include "turntable_drivers/ascii/sentence_clash.h"
 
 namespace turncal {
@@ -74,7 +75,6 @@ std::uint32_t crc_number(KeyValueFile& file, const std::string& key, std::option
 }
 
 void read_link(KeyValueFile& file, DialectLink& link) {
-  constexpr NumberRange some_time{0.0, 60.0, true};
   KeyTable keys(file);
   link.tcp = file.one_of("link.kind", {"serial", "tcp"}) == "tcp";
   keys.text("link.address", link.address);
@@ -93,14 +93,16 @@ void read_link(KeyValueFile& file, DialectLink& link) {
   keys.chosen("link.check", link.check, {"none", "sum8", "xor", "crc16"});
   if (link.check == SentenceCheck::crc16) {
     link.crc.polynomial = crc_number(file, "link.crc.polynomial", {});
+    if (link.crc.polynomial % 2 == 0)
+      file.reject("link.crc.polynomial", "an odd number: the term 1 is in every polynomial");
     link.crc.initial = crc_number(file, "link.crc.initial", 0);
     link.crc.final_xor = crc_number(file, "link.crc.final_xor", 0);
     keys.flag("link.crc.reflect_input", link.crc.reflect_input);
     keys.flag("link.crc.reflect_output", link.crc.reflect_output);
   }
   keys.text("link.check_mark", link.check_mark);
-  keys.number("link.reply_timeout_s", link.reply_timeout_s, some_time);
-  keys.number("link.quiet_s", link.quiet_s, some_time);
+  keys.number("link.reply_timeout_s", link.reply_timeout_s, link_wait_range);
+  keys.number("link.quiet_s", link.quiet_s, link_wait_range);
   keys.number("link.gap_s", link.gap_s, between(0.0, 0.05));
   keys.whole("link.read_retries", link.read_retries, 0, 10);
 }
@@ -163,17 +165,6 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
                   "unless way = shorter");
     }
   }
-  bool reports_position = false;
-  for (const Exchange& exchange : dialect.of(DialectOperation::status).exchanges) {
-    if (!exchange.expect) continue;
-    reports_position = reports_position || exchange.expect->has("position") ||
-                       (exchange.expect->has("position.heading") && exchange.expect->has("position.pitch") &&
-                        exchange.expect->has("position.roll"));
-  }
-  if (!reports_position && file.has("status.1")) {
-    file.reject("status.1",
-                "an answer (status.1.expect) with {position}, or with {position.heading}, .pitch and .roll");
-  }
 }
 
 void read_status(KeyValueFile& file, DialectStatus& status) {
@@ -222,13 +213,13 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
     axis.name = file.text(prefix + "name");
     axis.sign = file.one_of_or(prefix + "sign", "1", {"1", "-1"}) == "-1" ? -1 : 1;
     keys.number(prefix + "zero_deg", axis.zero_deg, between(-360.0, 360.0));
-    keys.number(prefix + "units_per_degree", axis.units_per_degree, positive);
-    keys.number(prefix + "modulo_deg", axis.modulo_deg, between(0.0, 3600.0));
+    keys.number(prefix + "units_per_degree", axis.units_per_degree, scale_range);
+    axis.modulo_deg = circle_deg(file, prefix + "modulo_deg");
     keys.chosen(prefix + "way", axis.shorter_way, {"told", "shorter"});
     if (axis.shorter_way && axis.modulo_deg == 0.0) file.reject(prefix + "way", "no such key without modulo_deg");
-    axis.rate_scale = file.number_or(prefix + "rate_scale", axis.units_per_degree, positive);
-    axis.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", axis.rate_scale, positive);
-    axis.acceleration_scale = file.number_or(prefix + "acceleration_scale", axis.units_per_degree, positive);
+    axis.rate_scale = file.number_or(prefix + "rate_scale", axis.units_per_degree, scale_range);
+    axis.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", axis.rate_scale, scale_range);
+    axis.acceleration_scale = file.number_or(prefix + "acceleration_scale", axis.units_per_degree, scale_range);
   }
   keys.whole("number.decimals", dialect.decimals, 0, 9);
   keys.flag("number.plus", dialect.plus);
@@ -248,6 +239,8 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
   if (file.has("error.texts")) dialect.errors = file.list("error.texts");
   read_status(file, dialect.status);
   if (Status status = file.check_all_used(); !status) return status.error();
+  check_dialect(file, dialect);
+  if (Status status = file.status(); !status) return status.error();
   if (const auto clash = sentence_clash(dialect)) return file.error_at(clash->key, clash->expected);
   return dialect;
 }

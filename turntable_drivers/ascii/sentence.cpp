@@ -95,6 +95,12 @@ std::vector<std::string> SentenceTemplate::names() const {
   return result;
 }
 
+std::size_t SentenceTemplate::width_of(std::string_view name) const {
+  const auto place =
+      std::find_if(pieces_.begin(), pieces_.end(), [&](const Piece& piece) { return piece.name == name; });
+  return place == pieces_.end() ? 0 : place->width;
+}
+
 std::string check_digits(std::string_view body, SentenceCheck check, const CrcParameters& crc) {
   constexpr const char* digits = "0123456789ABCDEF";
   if (check == SentenceCheck::crc16) {

@@ -27,6 +27,7 @@ class SentenceTemplate {
   std::optional<std::map<std::string, std::string>> match(std::string_view sentence) const;
   bool has(std::string_view name) const;
   std::vector<std::string> names() const;
+  std::size_t width_of(std::string_view name) const;  // 0: any
   const std::string& text() const { return text_; }
   int lines() const;  // of a sentence that matches
 

@@ -24,7 +24,7 @@ Result<SerialTurntable::Reading> SerialTurntable::read_once(Axis axis) {
   Reading reading;
   bool status_read = false;
   for (const Exchange& exchange : dialect_.of(DialectOperation::status).exchanges) {
-    const Result<Values> values = talk(exchange, axis, commands_);
+    const Result<Values> values = talk(exchange, axis, moves_);
     if (!values) return values.error();
     const auto answered = [&](const std::string& name) {
       return values->count(name) != 0 || values->count(name + suffix) != 0;

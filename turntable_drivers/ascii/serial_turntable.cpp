@@ -11,22 +11,6 @@
 namespace turncal {
 namespace {
 
-std::string fixed(double value, int decimals, bool plus) {
-  char text[64];
-  std::snprintf(text, sizeof text, plus ? "%+.*f" : "%.*f", decimals, value);
-  // "-0.0000" confuses some parsers.
-  bool zero = true;
-  for (const char* c = text; *c != '\0'; ++c) zero = zero && (*c == '-' || *c == '0' || *c == '.');
-  return zero && text[0] == '-' ? (plus ? "+" : "") + std::string(text + 1) : text;
-}
-
-// From 0 to below a turn, as it is written with so many decimals.
-double on_circle(double units, double turn, int decimals) {
-  const double grain = std::pow(10.0, -decimals);
-  const double remainder = grain * std::round((units - turn * std::floor(units / turn)) / grain);
-  return remainder >= turn ? 0.0 : remainder;
-}
-
 constexpr double longest_leg = 0.45;  // of a circle
 constexpr double leg_done_deg = 0.5;  // near enough for the next, which is told as an angle and not as a distance
 
@@ -39,36 +23,8 @@ SerialTurntable::SerialTurntable(Dialect dialect, const Clock& clock, const std:
 
 // ---- exchanges ----
 
-std::string SerialTurntable::filled(const SentenceTemplate& sentence, Axis axis,
-                                    const std::array<Command, 3>& commands) const {
-  return sentence.fill([&](const std::string& name) -> std::string {
-    if (name == "axis") return dialect_.of(axis).name;
-    Axis which = axis;
-    std::string quantity = name;
-    for (const Axis other : all_axes) {
-      const std::string suffix = std::string(".") + to_string(other);
-      if (!name.ends_with(suffix)) continue;
-      which = other;
-      quantity = name.substr(0, name.size() - suffix.size());
-    }
-    const DialectAxis& scale = dialect_.of(which);
-    const Command& command = commands[index(which)];
-    const auto number = [&](double value) { return fixed(value, dialect_.decimals, dialect_.plus); };
-    if (quantity == "position") {
-      const double units = scale.sign * scale.units_per_degree * (command.position_deg - scale.zero_deg);
-      return number(scale.shorter_way ? on_circle(units, scale.units_per_degree * scale.modulo_deg, dialect_.decimals)
-                                      : units);
-    }
-    if (quantity == "distance") return number(scale.sign * scale.units_per_degree * command.distance_deg);
-    if (quantity == "rate") return number(scale.rate_scale * command.rate_degps);
-    if (quantity == "acceleration") return number(scale.acceleration_scale * command.acceleration_degps2);
-    return "";
-  });
-}
-
-Result<SerialTurntable::Values> SerialTurntable::talk(const Exchange& exchange, Axis axis,
-                                                      const std::array<Command, 3>& commands) {
-  const std::string body = filled(exchange.send, axis, commands);
+Result<SerialTurntable::Values> SerialTurntable::talk(const Exchange& exchange, Axis axis, const Moves& moves) {
+  const std::string body = filled(dialect_, exchange.send, axis, moves);
   const Result<std::string> answer = line_.exchange(body, lines_of(exchange));
   const auto about = [&](const std::string& what) { return axis_error(axis, "'" + visible(body) + "': " + what); };
   if (!answer) return Error{answer.error().kind, about(answer.error().message).message};
@@ -87,9 +43,9 @@ Result<SerialTurntable::Values> SerialTurntable::talk(const Exchange& exchange, 
   return *values;
 }
 
-Status SerialTurntable::carry_out(DialectOperation operation, Axis axis, const std::array<Command, 3>& commands) {
+Status SerialTurntable::carry_out(DialectOperation operation, Axis axis, const Moves& moves) {
   for (const Exchange& exchange : dialect_.of(operation).exchanges) {
-    const Result<Values> values = talk(exchange, axis, commands);
+    const Result<Values> values = talk(exchange, axis, moves);
     if (!values) return Error{values.error().kind, std::string(to_string(operation)) + ": " + values.error().message};
   }
   return {};
@@ -97,7 +53,7 @@ Status SerialTurntable::carry_out(DialectOperation operation, Axis axis, const s
 
 Status SerialTurntable::carry_out_for_all(DialectOperation operation) {
   for (const Axis axis : all_axes) {
-    if (Status status = carry_out(operation, axis, commands_); !status) return status;
+    if (Status status = carry_out(operation, axis, moves_); !status) return status;
     if (!dialect_.of(operation).each_axis) break;
   }
   return {};
@@ -119,7 +75,7 @@ Status SerialTurntable::connect() {
     if (!reading) {
       status = reading.error();
     } else {
-      commands_[index(axis)] = {reading->position_deg};
+      moves_[index(axis)] = {reading->position_deg};
     }
   }
   if (!status) {
@@ -135,7 +91,7 @@ Result<TableIdentity> SerialTurntable::identify() {
   std::string description = dialect_.name + " at " + dialect_.link.address;
   for (const Exchange& exchange : dialect_.of(DialectOperation::identify).exchanges) {
     const Result<std::string> answer =
-        line_.exchange(filled(exchange.send, Axis::heading, commands_), lines_of(exchange));
+        line_.exchange(filled(dialect_, exchange.send, Axis::heading, moves_), lines_of(exchange));
     if (!answer) return answer.error();
     description += ", " + visible(*answer);
   }
@@ -176,24 +132,24 @@ Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rat
     for (const Axis other : all_axes) {
       const Result<AxisStatus> there = other == axis ? now : status(other);
       if (!there) return there.error();
-      commands_[index(other)].position_deg = there->position_deg;
+      moves_[index(other)].position_deg = there->position_deg;
     }
     targets_void_ = false;
   }
   way_[index(axis)].reset();
   if (dialect_.of(axis).shorter_way) {
-    way_[index(axis)] = {position_deg, rate_degps, acceleration_degps2, 0.0};
+    way_[index(axis)] = {position_deg, 0.0, rate_degps, acceleration_degps2};
     return send_leg(axis, now->position_deg);
   }
-  return send_move(axis, {position_deg, rate_degps, acceleration_degps2, position_deg - now->position_deg});
+  return send_move(axis, {position_deg, position_deg - now->position_deg, rate_degps, acceleration_degps2});
 }
 
 Status SerialTurntable::send_leg(Axis axis, double from_deg) {
   // Taken away while it is sent: what goes wrong looks at the axis, and must not send another.
-  const std::optional<Command> way = std::exchange(way_[index(axis)], {});
+  const std::optional<MoveNumbers> way = std::exchange(way_[index(axis)], {});
   const double left_deg = way->position_deg - from_deg;
   const double legs = std::ceil(std::abs(left_deg) / (longest_leg * dialect_.of(axis).modulo_deg));
-  Command leg = *way;
+  MoveNumbers leg = *way;
   if (legs > 1.0) leg.position_deg = from_deg + left_deg / legs;
   leg.distance_deg = leg.position_deg - from_deg;
   if (Status status = send_move(axis, leg); !status) return status;
@@ -203,31 +159,25 @@ Status SerialTurntable::send_leg(Axis axis, double from_deg) {
 
 // REQUIRES: the report is the axis's own reading.
 Status SerialTurntable::go_on(Axis axis, AxisStatus& report) {
-  std::optional<Command>& way = way_[index(axis)];
+  std::optional<MoveNumbers>& way = way_[index(axis)];
   if (!way) return {};
   if (refusal_of_state(report) && !report.moving) way.reset();  // a fault, an emergency stop, a drive that is off
   if (!way) return {};
   const bool done = report.in_position && !report.moving &&
-                    std::abs(report.position_deg - commands_[index(axis)].position_deg) <= leg_done_deg;
+                    std::abs(report.position_deg - moves_[index(axis)].position_deg) <= leg_done_deg;
   report.in_position = false;
   report.moving = true;
   return done ? send_leg(axis, report.position_deg) : Status{};
 }
 
-Status SerialTurntable::send_move(Axis axis, const Command& command) {
-  std::array<Command, 3> commands = commands_;
-  for (Command& other : commands) other.distance_deg = 0.0;
-  commands[index(axis)] = command;
-  for (const Exchange& exchange : dialect_.of(DialectOperation::move).exchanges) {
-    const std::string body = filled(exchange.send, axis, commands);
-    if (!exchange.send.match(body)) {
-      return axis_error(axis, "the device cannot be told '" + visible(body) + "': expected numbers that fit '" +
-                                  exchange.send.text() + "'");
-    }
-  }
-  const Status sent = carry_out(DialectOperation::move, axis, commands);
+Status SerialTurntable::send_move(Axis axis, const MoveNumbers& move) {
+  Moves moves = moves_;
+  for (MoveNumbers& other : moves) other.distance_deg = 0.0;
+  moves[index(axis)] = move;
+  if (Status status = check_sentences(dialect_, axis, moves); !status) return axis_error(axis, status.error().message);
+  const Status sent = carry_out(DialectOperation::move, axis, moves);
   if (sent) {
-    commands_ = commands;
+    moves_ = moves;
     return {};
   }
   if (sent.error().kind == ErrorKind::aborted || !line_.is_open()) return sent;
@@ -257,14 +207,14 @@ Status SerialTurntable::halt(bool off) {
       if (i >= steps.exchanges.size() || (!steps.each_axis && axis != Axis::heading)) continue;
       more += i + 1 < steps.exchanges.size() ? 1 : 0;
       const Exchange& exchange = steps.exchanges[i];
-      if (!line_.send_at_once(filled(exchange.send, axis, commands_), exchange.expect, stop_ack_s))
+      if (!line_.send_at_once(filled(dialect_, exchange.send, axis, moves_), exchange.expect, stop_ack_s))
         taken[index(axis)] = false;
     }
   }
   Status first_failure;
   for (const Axis axis : all_axes) {
     if (taken[index(axis)]) continue;
-    if (Status status = carry_out(operation_of(axis), axis, commands_); !status && first_failure.ok())
+    if (Status status = carry_out(operation_of(axis), axis, moves_); !status && first_failure.ok())
       first_failure = status;
   }
   targets_void_ = true;

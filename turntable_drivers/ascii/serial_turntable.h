@@ -19,6 +19,7 @@
 #include <string>
 
 #include "turntable_drivers/ascii/dialect.h"
+#include "turntable_drivers/ascii/move_sentence.h"
 #include "turntable_drivers/ascii/text_line.h"
 #include "turntable_drivers/table/described_turntable.h"
 
@@ -41,9 +42,6 @@ class SerialTurntable : public DescribedTurntable {
   Status commission(const AxisTriple& known_deg, double tolerance_deg);
 
  private:
-  struct Command {
-    double position_deg = 0.0, rate_degps = 1.0, acceleration_degps2 = 1.0, distance_deg = 0.0;
-  };
   using Values = std::map<std::string, std::string>;
   struct Reading {
     double position_deg = 0.0;
@@ -53,16 +51,15 @@ class SerialTurntable : public DescribedTurntable {
   bool lost() const override { return lost_ || !line_.is_open(); }
   std::string lost_reason() const override { return lost_reason_; }
   Status halt(bool off) override;
-  std::string filled(const SentenceTemplate& sentence, Axis axis, const std::array<Command, 3>& commands) const;
   // One exchange; the values of the answer, checked for errors of the device and for the axis.
-  Result<Values> talk(const Exchange& exchange, Axis axis, const std::array<Command, 3>& commands);
+  Result<Values> talk(const Exchange& exchange, Axis axis, const Moves& moves);
   Status carry_out(DialectOperation operation, Axis axis,
-                   const std::array<Command, 3>& commands);  // of one axis, or the table
+                   const Moves& moves);  // of one axis, or the table
   Status carry_out_for_all(DialectOperation operation);
   Result<Reading> read_once(Axis axis);
   Result<Reading> read(Axis axis, bool believed_only);
   // In legs, of a circle the shorter way.
-  Status send_move(Axis axis, const Command& command);
+  Status send_move(Axis axis, const MoveNumbers& move);
   Status send_leg(Axis axis, double from_deg);
   Status go_on(Axis axis, AxisStatus& report);
   Result<double> number(Axis axis, const Values& values, const std::string& quantity) const;
@@ -71,9 +68,9 @@ class SerialTurntable : public DescribedTurntable {
   TextLine line_;
   bool lost_ = false;
   std::string lost_reason_;
-  bool commanded_on_ = false;                  // enable was sent, and no abort was taken since
-  std::array<Command, 3> commands_;            // the last of each axis
-  std::array<std::optional<Command>, 3> way_;  // what the present leg is a part of
+  bool commanded_on_ = false;                      // enable was sent, and no abort was taken since
+  Moves moves_;                                    // the last of each axis
+  std::array<std::optional<MoveNumbers>, 3> way_;  // what the present leg is a part of
 };
 
 }  // namespace turncal

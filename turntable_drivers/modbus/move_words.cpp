@@ -26,8 +26,8 @@ Result<std::vector<std::uint16_t>> words_of(const RegisterMap& map, const WriteS
         break;
     }
     const std::optional<Words> encoded = encode_words(value, operand.type, map.layout);
-    const bool vanishes =
-        operand.kind == WriteOperand::Kind::rate && !is_floating(operand.type) && std::round(value) == 0.0;
+    const bool of_motion = operand.kind == WriteOperand::Kind::rate || operand.kind == WriteOperand::Kind::acceleration;
+    const bool vanishes = of_motion && !is_floating(operand.type) && std::round(value) == 0.0;
     if (!encoded || vanishes) {
       return input_error("the drive cannot be told " + format_number(value) + " in register " +
                          std::to_string(step.address));

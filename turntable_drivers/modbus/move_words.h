@@ -1,21 +1,16 @@
 // The numbers of a move as registers: what the drive is told, and whether its registers can hold it and read it back. Pure functions.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
 #include "calib/types/status.h"
 #include "turntable_drivers/modbus/register_map.h"
+#include "turntable_drivers/table/move_numbers.h"
 
 namespace turncal {
 
-struct MoveNumbers {
-  double position_deg = 0.0, distance_deg = 0.0, rate_degps = 0.0, acceleration_degps2 = 0.0;
-};
-using Moves = std::array<MoveNumbers, 3>;  // by Axis
-
-// Of one step of a list. An error: a number does not fit its type, or a rate rounds to nothing.
+// Of one step of a list. An error: a number does not fit its type, or a rate or an acceleration rounds to nothing.
 Result<std::vector<std::uint16_t>> words_of(const RegisterMap& map, const WriteStep& step, Axis axis,
                                             const Moves& moves);
 

@@ -8,6 +8,7 @@
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/lines/serial_keys.h"
+#include "turntable_drivers/modbus/map_check.h"
 #include "turntable_drivers/modbus/write_clash.h"
 
 namespace turncal {
@@ -53,7 +54,6 @@ WriteList write_list(KeyValueFile& file, const std::string& key, const WordLayou
 }
 
 void read_link(KeyValueFile& file, ModbusLinkSettings& link) {
-  constexpr NumberRange some_time{0.0, 60.0, true};
   const std::string kind = file.one_of("link.kind", {"tcp", "rtu", "rtu_tcp"});
   link.tcp = kind != "rtu";
   link.rtu_frames = kind == "rtu_tcp";
@@ -61,9 +61,9 @@ void read_link(KeyValueFile& file, ModbusLinkSettings& link) {
   keys.text("link.address", link.address);
   read_serial_keys(keys, "link", link.serial, !link.tcp);
   if (link.serial.data_bits != 8) file.reject("link.data_bits", "8, as RTU has it");
-  keys.number("link.response_timeout_s", link.response_timeout_s, some_time);
-  keys.number("link.byte_timeout_s", link.byte_timeout_s, some_time);
-  keys.number("link.quiet_s", link.quiet_s, some_time);
+  keys.number("link.response_timeout_s", link.response_timeout_s, link_wait_range);
+  keys.number("link.byte_timeout_s", link.byte_timeout_s, link_wait_range);
+  keys.number("link.quiet_s", link.quiet_s, link_wait_range);
   keys.number("link.gap_s", link.gap_s, between(0.0, 0.05));
   keys.whole("link.read_retries", link.read_retries, 0, 10);
 }
@@ -77,13 +77,13 @@ void read_axes(KeyValueFile& file, RegisterMap& map) {
     if (file.has(prefix + "address_offset")) {
       axis.address_offset = static_cast<int>(hex_or_decimal(file, prefix + "address_offset", 0, 65535));
     }
-    axis.counts_per_degree = file.number(prefix + "counts_per_degree", positive);
+    axis.counts_per_degree = file.number(prefix + "counts_per_degree", scale_range);
     axis.sign = file.one_of_or(prefix + "sign", "1", {"1", "-1"}) == "-1" ? -1 : 1;
     keys.number(prefix + "zero_deg", axis.zero_deg, between(-360.0, 360.0));
-    keys.number(prefix + "modulo_deg", axis.modulo_deg, between(0.0, 3600.0));
-    axis.rate_scale = file.number_or(prefix + "rate_scale", axis.counts_per_degree, positive);
-    axis.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", axis.rate_scale, positive);
-    axis.acceleration_scale = file.number_or(prefix + "acceleration_scale", axis.counts_per_degree, positive);
+    axis.modulo_deg = circle_deg(file, prefix + "modulo_deg");
+    axis.rate_scale = file.number_or(prefix + "rate_scale", axis.counts_per_degree, scale_range);
+    axis.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", axis.rate_scale, scale_range);
+    axis.acceleration_scale = file.number_or(prefix + "acceleration_scale", axis.counts_per_degree, scale_range);
     axis.code = static_cast<int>(file.integer_or(prefix + "code", static_cast<int>(which) + 1, 0, 65535));
   }
 }
@@ -280,6 +280,8 @@ Result<RegisterMap> map_from(KeyValueFile& file) {
   }
   // A misspelt key first: it would show up as another that is missing.
   if (Status status = file.check_all_used(); !status) return status.error();
+  check_map(file, map);
+  if (Status status = file.status(); !status) return status.error();
   if (const std::optional<WriteClash> clash = write_clash(map)) {
     file.reject(clash->key, clash->expected);
     if (Status status = file.check_all_used(); !status) return status.error();

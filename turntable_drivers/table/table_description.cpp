@@ -12,9 +12,15 @@ void read_table_description(KeyValueFile& file, TableDescription& description) {
   keys.flag("verified_on_hardware", description.verified_on_hardware);
   keys.flag("commissioned", description.commissioned);
   keys.flag("switch_off", description.can_switch_off);
-  keys.number("moving.rate_degps", description.moving_rate_degps, positive);
-  keys.number("plausible.angle_deg", description.plausible_deg, positive);
-  keys.number("plausible.rate_degps", description.plausible_rate_degps, positive);
+  keys.number("moving.rate_degps", description.moving_rate_degps, between(1e-6, 1.0));
+  keys.number("plausible.angle_deg", description.plausible_deg, between(1.0, 1e6));
+  keys.number("plausible.rate_degps", description.plausible_rate_degps, between(1.0, 1e5));
+}
+
+double circle_deg(KeyValueFile& file, const std::string& key) {
+  const double circle = file.number_or(key, 0.0, between(0.0, 3600.0));
+  if (circle != 0.0 && !(circle >= 90.0)) file.reject(key, "0, or a circle of 90 to 3600 deg");
+  return circle;
 }
 
 }  // namespace turncal

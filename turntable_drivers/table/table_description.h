@@ -19,6 +19,13 @@ struct TableDescription {
   double plausible_rate_degps = 400.0;  // nor is one that the axis cannot have reached since the last
 };
 
+// Beyond these no table is: a number outside is a slip of the pen.
+inline constexpr NumberRange scale_range{1e-6, 1e9};        // counts or units for a degree, a deg/s, a deg/s^2
+inline constexpr NumberRange link_wait_range{0.001, 60.0};  // seconds
+
 void read_table_description(KeyValueFile& file, TableDescription& description);
+
+// A circle of the device's positions; 0: it counts turns.
+double circle_deg(KeyValueFile& file, const std::string& key);
 
 }  // namespace turncal

@@ -154,6 +154,29 @@ TEST(ModbusForms, DefectsAreNamed) {
   expect(select, "status2.scope = table", "status2.scope = none", "axis or table");
   expect(select, "axis.roll.code = 30", "axis.roll.code = -1", "between 0 and 65535");
   expect(select, "axis.roll.code = 30", "axis.roll.name = 3", "axis.roll.name");
+  // What a run has to be told must be sayable.
+  expect(block, "axis.pitch.bit.in_position.mask = 0x020",
+         "axis.pitch.bit.in_position.mask = 0x020\nbit.remote.mask = "
+         "0x002\nbit.remote.active = low\nbit.remote.address = 0x100",
+         "'bit.remote.mask'");
+  expect(block, "axis.roll.bit.homed.mask = 0x400", "axis.roll.bit.homed.mask = 0x004", "not those of bit.enabled");
+  expect(block, "bit.moving.codes = 2", "bit.moving.codes = 7", "a status that can say of an axis that it moves");
+  expect(block, "axis.roll.bit.homed.mask = 0x400", "axis.roll.bit.homed.mask = 0x040", "'axis.roll.bit.homed.mask'");
+  expect(block, "axis.roll.bit.in_position.mask = 0x040", "axis.roll.bit.in_position.mask = 0xFC",
+         "not those of bit.enabled");
+  expect(select, "axis.roll.address_offset = 0x200", "axis.roll.address_offset = 0xFFFF",
+         "at most 65513: the last register used is 22 without it");
+  expect(select, "heartbeat.address = 0x960\nheartbeat.scope = table", "heartbeat.address = 0x12", "heartbeat.address");
+  expect(select, "bit.in_position.codes = 1, 3", "bit.in_position.codes = 2, 9", "that it has arrived");
+  expect(select, "bit.enabled.codes = 1, 2, 3", "bit.enabled.codes = 1, 3", "that it moves");
+  expect(select, "rate.address = 0x13", "rate.address = 0x12", "a register of its own: the position is there");
+  expect(select, "bit.fault.address = 0x10", "bit.fault.address = 0x11",
+         "a register of its own: the position is there");
+  expect(block, "axis.pitch.sign = -1", "axis.pitch.sign = -1\naxis.pitch.modulo_deg = 1e-3", "a circle of 90 to 3600");
+  expect(block, "link.quiet_s = 0.1", "link.quiet_s = 0.1\nmoving.rate_degps = 500", "between 1e-06 and 1");
+  expect(block, "link.quiet_s = 0.1", "link.quiet_s = 0.1\nplausible.angle_deg = 1e-6", "between 1 and 1000000");
+  expect(select, "axis.pitch.counts_per_degree = 10000", "axis.pitch.counts_per_degree = 1e99",
+         "between 1e-06 and 1000000000");
 }
 
 }  // namespace

@@ -183,6 +183,8 @@ TEST(RegisterMap, AMoveThatTheRegistersCannotHoldIsSaid) {
             "write.move: the drive cannot be told 90000000000 in register 528");
   EXPECT_NE(said_of(counts, counts + "\naxis.heading.rate_scale = 1e-4", 90.0, 1.0).find("cannot be told"),
             std::string::npos);
+  EXPECT_NE(said_of(counts, counts + "\naxis.heading.acceleration_scale = 1e-3", 90.0, 1.0).find("cannot be told 0.01"),
+            std::string::npos);
   EXPECT_NE(said_of(move, "s32 position + u16 rate", 90.0, 10.0).find("cannot be told 100000"), std::string::npos);
   EXPECT_NE(said_of(move, "u16 position + u32 rate", 7.0, 1.0).find("cannot be told 70000"), std::string::npos);
   EXPECT_NE(said_of("position.address = 0x100", "position.address = 0x100\nposition.type = u16", 7.0, 1.0)
@@ -242,7 +244,8 @@ TEST(RegisterMap, AxesThatCannotBeToldApartAreRefused) {
       error_of("axis.pitch.unit = 2", "axis.pitch.unit = 1").find("not those of axis.heading: both read one position"),
       std::string::npos);
   EXPECT_NE(error_of("axis.roll.unit = 3", "axis.roll.unit = 2").find("'axis.roll.unit'"), std::string::npos);
-  EXPECT_NE(error_of("axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.position.address = 0x102")
+  EXPECT_NE(error_of("axis.pitch.unit = 2",
+                     "axis.pitch.unit = 1\naxis.pitch.position.address = 0x102\naxis.pitch.rate.address = 0x100")
                 .find("one write.move moves both"),
             std::string::npos);
   const auto with_offset = [](const std::string& offset) {
