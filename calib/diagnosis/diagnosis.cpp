@@ -7,6 +7,7 @@
 #include "calib/diagnosis/diagnosis_model.h"
 #include "calib/diagnosis/effect_gate.h"
 #include "calib/diagnosis/effect_selection.h"
+#include "calib/diagnosis/felt_latitude.h"
 #include "calib/diagnosis/holdout.h"
 #include "calib/diagnosis/lack_of_fit.h"
 #include "calib/diagnosis/name_check.h"
@@ -210,14 +211,6 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
     leave_unexplained(m, d);
     return;
   }
-  if (d.holdout_after.observations > 0 && d.holdout_after.normalised_rms > m.options.limits.gate.highest_error) {
-    std::snprintf(text, sizeof text, "the held-out error is %.3g times what noise explains",
-                  d.holdout_after.normalised_rms);
-    d.reason = text;
-    d.unexplained_pattern = "";
-    leave_unexplained(m, d);
-    return;
-  }
   d.trusted = true;
   d.fitted_covariance = m.current.covariance;
   widen(m.current, what_may_be(m, d), 1.0);
@@ -322,6 +315,10 @@ Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& o
   gate_effects(m, d);
   check_names(m, d);
   judge(m, d);
+  // A latitude that is far off is no small effect: it goes into the noise, and the gyros' biases stay open.
+  if (!d.trusted && !d.base.undetermined.empty() && recordings.parts.size() == 1)
+    if (const std::string wrong = wrong_latitude(m.recording, d.base); !wrong.empty())
+      d.reason = wrong + "; " + d.reason;
   collect_residuals(m, d);
   d.effect_names = strongest_first(m.current);
   d.extended = m.current;

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include <Eigen/LU>
 
 #include "calib/joint/score_algebra.h"
+#include "calib/model/limits.h"
 
 namespace turncal {
 namespace {
@@ -75,6 +77,17 @@ std::optional<FeltLatitude> felt_latitude(const CompressedRecording& recording, 
   }
   if (!(std::abs(latitude) <= 0.5 * pi)) return {};
   return FeltLatitude{latitude, 1.0 / std::sqrt(weight)};
+}
+
+std::string wrong_latitude(const CompressedRecording& recording, const JointResult& fit) {
+  const std::optional<FeltLatitude> felt = felt_latitude(recording, fit);
+  const double stated_deg = recording.info.latitude_deg;
+  if (!felt || !felt->speaks_against(stated_deg * rad_per_deg, latitude_limits.least_deg)) return "";
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "the gyros feel the earth turn as at a latitude of %.3f +- %.3f deg, the recording says %.10g",
+                felt->latitude_rad / rad_per_deg, felt->sigma_rad / rad_per_deg, stated_deg);
+  return text;
 }
 
 }  // namespace turncal

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "calib/joint/joint_estimate.h"
@@ -22,5 +23,9 @@ std::vector<EffectColumn> latitude_columns();
 // Of the estimate `fit` of the recording. Nothing where rests and turns do not tell, where parameters stay open with the earth's rate free,
 // too, or where the fit was made without those candidates.
 std::optional<FeltLatitude> felt_latitude(const CompressedRecording& recording, const JointResult& fit);
+
+// "the gyros feel the earth turn as at a latitude of 40.01 +- 0.01 deg, the recording says 50"; empty: nothing speaks against it. The
+// diagnosis finds the same as the effect earth_rate where it is small enough to be one.
+std::string wrong_latitude(const CompressedRecording& recording, const JointResult& fit);
 
 }  // namespace turncal

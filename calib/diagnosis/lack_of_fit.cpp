@@ -9,6 +9,7 @@
 #include "calib/diagnosis/holdout.h"
 #include "calib/diagnosis/nameless_families.h"
 #include "calib/diagnosis/segment_scores.h"
+#include "calib/joint/joined_recordings.h"
 #include "calib/joint/motion_step.h"
 #include "calib/joint/score_algebra.h"
 #include "calib/model/attitude.h"
@@ -268,6 +269,63 @@ void Tester::innovations(const FilterResult& pass) {
   if (test.degrees > 0) add(std::move(test));
 }
 
+// How far chi2 falls when it is minimised over the parameters, c' A^-1 c, and along how many directions.
+struct Fall {
+  double chi_square = 0.0;
+  int rank = 0;
+};
+Fall fall_of(const MatrixXd& A, const VectorXd& c, const LackOfFitLimits& limits) {
+  const VectorXd scale = A.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * A * scale.asDiagonal());
+  const VectorXd along = eigen.vectors.transpose() * scale.cwiseProduct(c);
+  Fall fall;
+  for (Eigen::Index k = 0; k < along.size(); ++k) {
+    if (eigen.values[k] < limits.open_direction) continue;
+    fall.chi_square += along[k] * along[k] / eigen.values[k];
+    ++fall.rank;
+  }
+  return fall;
+}
+
+// Of several recordings fitted together: what chi2 falls by when each has all its parameters for itself, as in several_recordings.h.
+void test_recordings(const FitPass& pass, const JointResult& fit, Tester& tester) {
+  struct Part {
+    MatrixXd A;
+    VectorXd c;
+  };
+  const auto n = static_cast<Eigen::Index>(pass.columns.size());
+  const Part nothing = {MatrixXd::Zero(n, n), VectorXd::Zero(n)};
+  std::vector<Part> parts = {nothing};
+  for (const FilterStep& step : pass.filter.steps) {
+    if (step.begins_recording) parts.push_back(nothing);
+    if (!step.observed) continue;
+    const MatrixXd N = step.N(pass.columns, Eigen::all);
+    parts.back().A += N * step.S_inverse * N.transpose();
+    parts.back().c += N * step.S_inverse * step.nu;
+  }
+  if (parts.size() < 2) return;
+  std::vector<int> own;  // places in pass.columns: one recording alone has its biases, and no turn-on besides
+  for (int k = 0; k < n; ++k)
+    if (const int column = pass.columns[static_cast<std::size_t>(k)] - parameter_count;
+        column < 0 || !is_turn_on(fit.effects[static_cast<std::size_t>(column)].column))
+      own.push_back(k);
+  Part all = nothing;
+  LackOfFitTest test;
+  test.family = "recordings, parameters";
+  test.what = "parameters of the recordings against each other";
+  for (const Part& part : parts) {
+    const Fall alone = fall_of(part.A(own, own), part.c(own), tester.limits());
+    test.chi_square += alone.chi_square;
+    test.degrees += alone.rank;
+    all.A += part.A;
+    all.c += part.c;
+  }
+  const Fall together = fall_of(all.A, all.c, tester.limits());
+  test.chi_square -= together.chi_square;
+  test.degrees -= together.rank;
+  if (test.degrees > 0) tester.add(std::move(test));
+}
+
 // The holdout with the fit as a prior, its six biases free.
 void test_holdout(const CompressedRecording& holdout, const std::string& name, const JointResult& fit,
                   const NoiseModel& noise, const MatrixXd& information, const std::vector<int>& columns,
@@ -292,32 +350,27 @@ void test_holdout(const CompressedRecording& holdout, const std::string& name, c
   const SegmentScores scores(pass.recording, pass.filter, pass.columns, fit.reference_temperature_c, tester.limits(),
                              prior);
   tester.pieces(scores, name + ", ");
-  // What the holdout says of the parameters that it shares with the fit, against what the fit says. Minimised over the parameters
-  // chi2 falls by c' M^-1 c: with M = A alone, and with what the fit knows added, M = A + P; the difference is chi2.
+  // What the holdout says of the parameters that it shares with the fit, against what the fit says: what chi2 falls by alone, less what
+  // it falls by with what the fit knows added, A + P.
   const MatrixXd A = pass.filter.information(pass.columns, pass.columns);
   const VectorXd c = pass.filter.gradient(pass.columns);
-  int rank = 0;
-  const auto fall = [&](const MatrixXd& M) {
-    const VectorXd scale = M.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-    const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * M * scale.asDiagonal());
-    const VectorXd along = eigen.vectors.transpose() * scale.cwiseProduct(c);
-    double sum = 0.0;
-    rank = 0;
-    for (Eigen::Index k = 0; k < along.size(); ++k) {
-      if (eigen.values[k] < tester.limits().open_direction) continue;
-      sum += along[k] * along[k] / eigen.values[k];
-      ++rank;
-    }
-    return sum;
-  };
   LackOfFitTest agreement;
   agreement.family = name + ", parameters";
   agreement.what = "parameters of the " + name + " against those of the fit";
-  agreement.chi_square = -fall(A + prior);
-  agreement.chi_square += fall(A);
+  const Fall alone = fall_of(A, c, tester.limits());
+  const Fall with_fit = fall_of(A + prior, c, tester.limits());
+  agreement.chi_square = alone.chi_square - with_fit.chi_square;
   const auto free = std::count_if(biases.begin(), biases.end(), [&](int k) { return A(k, k) > 0.0; });
-  agreement.degrees = rank - static_cast<int>(free);
+  agreement.degrees = alone.rank - static_cast<int>(free);
   if (agreement.degrees > 0) tester.add(std::move(agreement));
+  // What is left then. A parameter that the fit leaves wide may be elsewhere in the holdout at no cost.
+  LackOfFitTest level;
+  level.family = name + ", level";
+  level.what = "error on the " + name;
+  level.chi_square = pass.filter.chi_square - with_fit.chi_square;
+  level.degrees = static_cast<double>(pass.filter.observations) - static_cast<double>(free);
+  level.inflation = std::pow(GateLimits{}.highest_error, 2);
+  if (level.degrees > 0) tester.add(std::move(level));
 }
 
 LackOfFit tests_at(const CompressedRecording& recording, const JointResult& fit, const NoiseModel& noise,
@@ -332,6 +385,7 @@ LackOfFit tests_at(const CompressedRecording& recording, const JointResult& fit,
   tester.pieces(scores, "");
   tester.contrasts(scores);
   tester.families(scores);
+  test_recordings(pass, fit, tester);
   FilterSetup seconds = setup;
   seconds.with_columns = false;
   seconds.keep_steps = true;

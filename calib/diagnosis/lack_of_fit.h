@@ -11,6 +11,7 @@
 //   angle, scatter, walk, temperature   the families without a name (nameless_families.h): biases and scale factors with the angles of
 //               the table, from turn to turn, wandering, with temperature
 //   innovations their correlation from second to second
+//   recordings  of several fitted together: parameters of their own for each
 //   holdout     rest and turns of the holdout, with the fit's covariance as a prior and biases of its own; its level
 // The omnibus fires when any of them has a probability below its share of `LackOfFitLimits::family_wise`.
 // Limits beyond the plain chi2 ones, and what they were calibrated on: LackOfFitLimits.

@@ -86,7 +86,9 @@ JointResult JointRun::run() {
   if (options_.faults_of) {
     iterate(0.3, 1, close_by);  // beside a finished fit one step is most of the way
   } else if (!settle()) {
-    r.message = "the estimate does not settle: the recording contradicts the model (wrong segments, signs or units?)";
+    const std::string wrong = wrong_table_axes(recording_, r.setup.mounting);
+    r.message = "the estimate does not settle: " +
+                (wrong.empty() ? "the recording contradicts the model (wrong segments, signs or units?)" : wrong);
     return r;
   }
   if (options_.one_step) {

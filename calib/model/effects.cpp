@@ -62,7 +62,7 @@ const EffectEntry* find_effect(std::string_view name) {
 
 double absurd_magnitude(const EffectEntry& entry, double duration_s) {
   if (entry.unit == "mm") return 1000.0;
-  if (entry.unit == "ms") return 100.0;
+  if (entry.unit == "ms" || entry.unit == "%") return 100.0;
   const double largest = entry.unit.starts_with("deg") || entry.unit.starts_with("arcsec") ? 1e4 : 1e5;
   return entry.name.ends_with("_drift") && duration_s > 0.0 ? largest * std::max(1.0, 3600.0 / duration_s) : largest;
 }

@@ -124,7 +124,7 @@ struct ClippingLimits {
   // One and the same extreme value, as often in a row and in all. Three in a row within a band of many equally likely values is a chance
   // of one in the band's width squared.
   std::int64_t shortest_run = 3, fewest = 6;
-  // It is at least this part of all samples within about 1 % of it: a turn that only comes near its peak passes through many values.
+  // Part of all samples within about 1 % of it: a turn passes through many values. And of the fastest that the gyro reads in any turn.
   double of_band = 0.5;
   // And so many of the smallest steps that the channel makes: a coarse channel repeats itself anyway.
   double least_steps = 50.0;

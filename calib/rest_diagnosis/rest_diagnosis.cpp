@@ -10,6 +10,7 @@
 #include "calib/rest_diagnosis/rest_gate.h"
 #include "calib/rest_diagnosis/rest_name_check.h"
 #include "calib/rests/rest_units.h"
+#include "calib/statistics/unit_slip.h"
 
 namespace turncal {
 namespace {
@@ -187,27 +188,6 @@ bool select_one(RestDiagnosisModel& m, RestDiagnosis& d, bool& table_filled) {
   return true;
 }
 
-// The accelerometers' axes are the body's; a gyro that is found far from its own was connected otherwise. A reversed accelerometer makes
-// the frame left-handed, and two gyros turn the other way in it.
-std::string wrong_axes(const RestData& data, const RestFit& base) {
-  const Eigen::Matrix3d n = base.parameters.n / start_parameters(data.recording->info).n(0, 0);
-  constexpr double far = 0.5;  // of the scale factor: 30 deg from its axis
-  if ((n - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < far) return {};
-  std::string wrong;
-  for (int i = 0; i < 3; ++i) {
-    int most = 0;
-    n.row(i).cwiseAbs().maxCoeff(&most);
-    // Not one gyro for each axis: the fit has ended elsewhere.
-    if (n.row(i).cwiseAbs().sum() > (1.0 + far) * std::abs(n(i, most)) || std::abs(n(i, most)) < far)
-      return "signs or axes: no turn carries gravity from rest to rest as the gyros read it";
-    if (most == i && n(i, i) > 0.0) continue;
-    wrong += wrong.empty() ? "signs or axes: " : ", ";
-    wrong += std::string("the rate about ") + "xyz"[i] + " is what gyro " + "xyz"[most] + " reads" +
-             (n(i, most) < 0.0 ? ", reversed" : "");
-  }
-  return wrong;
-}
-
 }  // namespace
 
 // Rows that are left over after the base fit are all that can speak for a name.
@@ -224,7 +204,8 @@ std::string why_not_tested(const RestData& data, const RestFit& base, const Rest
     why += (why.empty() ? "" : "; ") + std::string("not determined:");
     for (const std::string& key : base.undetermined) why += " " + key;
   }
-  if (why.empty()) why = wrong_axes(data, base);
+  // A reversed accelerometer makes the body's frame left-handed, and two gyros turn the other way in it.
+  if (why.empty()) why = wrong_axes(base.parameters.n / start_parameters(data.recording->info).n(0, 0));
   if (!why.empty()) return why;
   return hangs_on_single_rests(RestKind::direction, base.left_out.direction_rms_rad, base.errors.direction_rms_rad,
                                options.most_leverage);

@@ -84,55 +84,74 @@ void ClippingFinder::note(std::vector<DataEvent>& events) {
 
 namespace {
 
-// In one turn, by its blocks; count 0: the axis does not repeat its highest value.
-ClippedRun repeated(const CompressedRecording& recording, const TableTurn& turn, int axis) {
-  const auto mean = [&](std::size_t k) {
-    const Block& b = recording.blocks[k];
-    return b.samples > 0 && b.missing == 0 ? b.gyro[axis] / b.samples : 0.0;
-  };
+// Increments a sample; 0 beside a gap.
+double mean(const Block& b, int axis) { return b.samples > 0 && b.missing == 0 ? b.gyro[axis] / b.samples : 0.0; }
+
+// What the axis repeats at its highest in one turn, increments a sample, above zero; 0: it does not repeat itself.
+double repeated(const CompressedRecording& recording, const TableTurn& turn, int axis) {
   double extreme = 0.0;
   for (std::size_t k = turn.first; k < turn.end; ++k)
-    if (std::abs(mean(k)) > std::abs(extreme)) extreme = mean(k);
+    if (const double x = mean(recording.blocks[k], axis); std::abs(x) > std::abs(extreme)) extreme = x;
   const bool counted = recording.info.gyro_increment == IncrementKind::pulses;
-  if (extreme == 0.0 || (counted && std::abs(extreme - std::round(extreme)) > same * std::abs(extreme))) return {};
-  ClippedRun longest, run;
-  std::int64_t near = 0;
+  if (extreme == 0.0 || (counted && std::abs(extreme - std::round(extreme)) > same * std::abs(extreme))) return 0.0;
+  std::int64_t longest = 0, run = 0, near = 0;
   for (std::size_t k = turn.first; k < turn.end; ++k) {
-    const std::int64_t samples = recording.blocks[k].samples;
-    if (mean(k) / extreme > 1.0 - clipping_limits.short_by) near += samples;
-    if (std::abs(mean(k) - extreme) > same * std::abs(extreme)) {
-      run.count = 0;
-      continue;
-    }
-    if (run.count == 0) run = {axis, recording.blocks[k].start_sample, 0, extreme};
-    run.count += samples;
-    if (run.count > longest.count) longest = run;
+    const double x = mean(recording.blocks[k], axis);
+    if (x / extreme > 1.0 - clipping_limits.short_by) near += recording.blocks[k].samples;
+    run = std::abs(x - extreme) > same * std::abs(extreme) ? 0 : run + recording.blocks[k].samples;
+    longest = std::max(longest, run);
   }
-  const bool most = static_cast<double>(longest.count) >= clipping_limits.of_band * static_cast<double>(near);
-  return longest.count >= clipping_limits.fewest && most ? longest : ClippedRun{};
+  const bool most = static_cast<double>(longest) >= clipping_limits.of_band * static_cast<double>(near);
+  return longest >= clipping_limits.fewest && most ? std::abs(extreme) : 0.0;
 }
 
 }  // namespace
 
 std::vector<DataEvent> clipped_turns(const CompressedRecording& recording) {
   struct Suspect {
-    ClippedRun run;
+    double end;  // of the range
+    int axis;
     double felt;
   };
+  const std::vector<Block>& blocks = recording.blocks;
+  const auto turns = [&](std::size_t k) {
+    return recording.segments[static_cast<std::size_t>(blocks[k].segment)].kind == SegmentKind::rotate;
+  };
+  std::array<double, 3> fastest{};
+  for (std::size_t k = 0; k < blocks.size(); ++k)
+    for (int axis = 0; axis < 3 && turns(k); ++axis)
+      fastest[static_cast<std::size_t>(axis)] =
+          std::max(fastest[static_cast<std::size_t>(axis)], std::abs(mean(blocks[k], axis)));
   std::vector<Suspect> suspects;
   double whole = 0.0;  // what a turn that does not repeat itself adds up to: the scale factor may be far from nominal
   for (const TableTurn& turn : table_turns(recording)) {
-    const double felt = turn.felt_rad / turn.commanded_rad;
+    const double felt = turn.felt_rad() / turn.commanded_rad;
     const std::size_t before = suspects.size();
-    for (int axis = 0; axis < 3; ++axis)
-      if (const ClippedRun run = repeated(recording, turn, axis); run.count > 0) suspects.push_back({run, felt});
+    for (int axis = 0; axis < 3; ++axis) {
+      const double end = repeated(recording, turn, axis);
+      if (end > clipping_limits.of_band * fastest[static_cast<std::size_t>(axis)] && end > 0.0)
+        suspects.push_back({end, axis, felt});
+    }
     if (suspects.size() == before) whole = std::max(whole, felt);
   }
   if (whole == 0.0) whole = 1.0;
+  std::erase_if(suspects, [&](const Suspect& s) { return s.felt >= (1.0 - clipping_limits.short_by) * whole; });
+  // Where a gyro has clipped once it clips whenever it reads as much, be the turn short by little or about several axes.
   std::vector<DataEvent> events;
-  for (const Suspect& s : suspects)
-    if (s.felt < (1.0 - clipping_limits.short_by) * whole)
-      events.push_back({DataEvent::Kind::invalid, s.run.sample, s.run.count, s.run.axis, s.run.value});
+  for (int axis = 0; axis < 3; ++axis) {
+    int segment = -1;
+    for (std::size_t k = 0; k < blocks.size(); ++k) {
+      const bool clipped = turns(k) && std::any_of(suspects.begin(), suspects.end(), [&](const Suspect& s) {
+                             return s.axis == axis && std::abs(std::abs(mean(blocks[k], axis)) - s.end) <= same * s.end;
+                           });
+      if (!clipped) continue;
+      if (blocks[k].segment != segment)
+        events.push_back({DataEvent::Kind::invalid, blocks[k].start_sample, 0, axis, std::abs(mean(blocks[k], axis))});
+      segment = blocks[k].segment;
+      events.back().count = blocks[k].start_sample + blocks[k].samples - events.back().sample;
+    }
+  }
+  std::sort(events.begin(), events.end(), [](const DataEvent& a, const DataEvent& b) { return a.sample < b.sample; });
   return events;
 }
 

@@ -56,7 +56,7 @@ class ClippingFinder {
   bool any_ = false;
 };
 
-// Of a recording with table angles: an event for each axis that clipped in a turn, in time order.
+// Of a recording with table angles: an event for each axis that clipped in a turn, in time order; its size is the end of the range.
 std::vector<DataEvent> clipped_turns(const CompressedRecording& recording);
 
 // "gyro x clipped at 8 deg/s", by the nominal scale.

@@ -39,6 +39,19 @@ void leave_out_turning(const RecordingInfo& info, std::span<Block> blocks) {
 // Neighbouring blocks of a turn at one rate go together up to this: gravity is exact there to the fifth order (block_motion.h).
 constexpr double steady_angle_rad = 0.05, steady_s = 0.5;
 
+Eigen::Matrix<double, 6, 1> channels_of(const ImuSample& sample) {
+  Eigen::Matrix<double, 6, 1> all;
+  all << sample.gyro[0], sample.gyro[1], sample.gyro[2], sample.accel[0], sample.accel[1], sample.accel[2];
+  return all;
+}
+
+// Before or after the sample that is to come: in the segment of the last one, or in its own.
+bool turns_beside(const CompressedRecording& recording, const Block& open) {
+  if (recording.segments.back().kind == SegmentKind::rotate) return true;
+  if (open.samples > 0 || recording.blocks.empty()) return false;
+  return recording.segments[static_cast<std::size_t>(recording.blocks.back().segment)].kind == SegmentKind::rotate;
+}
+
 bool at_one_rate(const Block& a, const Block& b) {
   // Of a long block: 4e-4 of the 2.8 m/s gained is of the third order, and that part of it unknown.
   constexpr double alike = 0.003;
@@ -176,6 +189,8 @@ void Compressor::add_one(const ImuSample& sample) {
   const auto missing = static_cast<std::int32_t>(std::min<std::int64_t>(gap, 1 << 20));
   if ((sample.flags & sample_flag_invalid) != 0)
     recording_.events.push_back({DataEvent::Kind::invalid, sample.counter, 1, -1, 0.0});
+  // Across a gap in a turn the neighbours are others: a turn goes on meanwhile.
+  if (missing > 0 && turns_beside(recording_, block_)) last_ = before_last_ = channels_of(sample);
   look_for_glitch(sample);
   next_counter_ = sample.counter + 1;
   ++recording_.samples;
@@ -261,8 +276,7 @@ void Compressor::close_block() {
 }
 
 void Compressor::look_for_glitch(const ImuSample& sample) {
-  Eigen::Matrix<double, 6, 1> now;
-  now << sample.gyro[0], sample.gyro[1], sample.gyro[2], sample.accel[0], sample.accel[1], sample.accel[2];
+  const Eigen::Matrix<double, 6, 1> now = channels_of(sample);
   if (history_ >= 2) {
     const Eigen::Matrix<double, 6, 1> second_difference = last_ - 0.5 * (now + before_last_);
     const Eigen::Matrix<double, 6, 1> square = second_difference.cwiseAbs2();

@@ -25,14 +25,14 @@ std::vector<TableTurn> table_turns(const CompressedRecording& recording) {
                                       std::abs(to.pitch_deg - from.pitch_deg), std::abs(to.roll_deg - from.roll_deg)};
     const double sum = by[0] + by[1] + by[2];
     const bool one_axis = by[0] == sum || by[1] == sum || by[2] == sum;
-    if (one_axis && sum >= least_turn_deg) turns.push_back({first, end, sum * rad_per_deg, gyro_rad * felt.norm()});
+    if (one_axis && sum >= least_turn_deg) turns.push_back({first, end, sum * rad_per_deg, gyro_rad * felt});
   }
   return turns;
 }
 
 double felt_of_commanded(const CompressedRecording& recording) {
   std::vector<double> ratios;
-  for (const TableTurn& turn : table_turns(recording)) ratios.push_back(turn.felt_rad / turn.commanded_rad);
+  for (const TableTurn& turn : table_turns(recording)) ratios.push_back(turn.felt_rad() / turn.commanded_rad);
   return ratios.size() < 3 ? std::numeric_limits<double>::quiet_NaN() : median(ratios);
 }
 

@@ -12,7 +12,9 @@ namespace turncal {
 struct TableTurn {
   std::size_t first = 0, end = 0;  // blocks
   double commanded_rad = 0.0;      // above zero
-  double felt_rad = 0.0;           // by the nominal scale; the axis stands still in the unit, so the sums add up
+  Eigen::Vector3d felt =
+      Eigen::Vector3d::Zero();  // by the nominal scale; the axis stands still in the unit, so the sums add up
+  double felt_rad() const { return felt.norm(); }
 };
 // Of one axis by 20 deg and more, in the order in which they came.
 std::vector<TableTurn> table_turns(const CompressedRecording& recording);

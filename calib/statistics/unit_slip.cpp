@@ -4,6 +4,10 @@
 #include <cstdio>
 #include <vector>
 
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/median.h"
 #include "calib/statistics/table_turns.h"
@@ -58,6 +62,47 @@ const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio) {
   for (const UnitSlip& slip : slips)
     if (std::abs(ratio / slip.factor - 1.0) < slip_nearness) return &slip;
   return nullptr;
+}
+
+std::string wrong_axes(const Eigen::Matrix3d& n) {
+  constexpr double far = 0.5;  // of the scale factor: 30 deg from its axis
+  if ((n - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < far) return {};
+  std::string wrong;
+  for (int i = 0; i < 3; ++i) {
+    int most = 0;
+    n.row(i).cwiseAbs().maxCoeff(&most);
+    // Not one gyro for each axis: the fit has ended elsewhere.
+    if (n.row(i).cwiseAbs().sum() > (1.0 + far) * std::abs(n(i, most)) || std::abs(n(i, most)) < far)
+      return "signs or axes: no turn carries gravity from rest to rest as the gyros read it";
+    if (most == i && n(i, i) > 0.0) continue;
+    wrong += wrong.empty() ? "signs or axes: " : ", ";
+    wrong += std::string("the rate about ") + "xyz"[i] + " is what gyro " + "xyz"[most] + " reads" +
+             (n(i, most) < 0.0 ? ", reversed" : "");
+  }
+  return wrong;
+}
+
+std::string wrong_table_axes(const CompressedRecording& recording, const Eigen::Matrix3d& mounting) {
+  const auto attitude = [&](const Segment& s) {
+    return Eigen::Matrix3d(
+        attitude_from_angles(s.heading_deg * rad_per_deg, s.pitch_deg * rad_per_deg, s.roll_deg * rad_per_deg) *
+        mounting);
+  };
+  Eigen::Matrix3d turned = Eigen::Matrix3d::Zero(), felt = Eigen::Matrix3d::Zero();
+  for (const TableTurn& turn : table_turns(recording)) {
+    // A hundredth of the turn: its direction, however often it goes round.
+    const auto segment = static_cast<std::size_t>(recording.blocks[turn.first].segment);
+    const Segment& from = recording.segments[segment - 1];
+    Segment begun = recording.segments[segment];
+    begun.heading_deg = from.heading_deg + 0.01 * (begun.heading_deg - from.heading_deg);
+    begun.pitch_deg = from.pitch_deg + 0.01 * (begun.pitch_deg - from.pitch_deg);
+    begun.roll_deg = from.roll_deg + 0.01 * (begun.roll_deg - from.roll_deg);
+    const Eigen::AngleAxisd first(Eigen::Matrix3d(attitude(from).transpose() * attitude(begun)));
+    turned += turn.commanded_rad * first.axis() * turn.felt.transpose();
+    felt += turn.felt * turn.felt.transpose();
+  }
+  const Eigen::FullPivLU<Eigen::Matrix3d> lu(felt);
+  return lu.rcond() > 1e-3 ? wrong_axes(turned * lu.inverse()) : "";
 }
 
 std::string wrong_table_units(const CompressedRecording& recording) {

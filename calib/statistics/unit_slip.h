@@ -1,4 +1,5 @@
-// Units that are plainly wrong: a factor that no sensor's scale is off by, and that two units differ by.
+// Units that are plainly wrong: a factor that no sensor's scale is off by, and that two units differ by. And gyros that are connected
+// otherwise: what carries one direction of gravity into the next is not their rate but that of another axis, or the reverse.
 #pragma once
 
 #include <span>
@@ -21,5 +22,10 @@ const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio);
 // Of a recording with table angles whose increments are in physical units: gravity at rest, by the median second, and what the gyros
 // add up to in the table's turns (table_turns.h), by the median turn. One sentence; empty: nothing is plainly wrong.
 std::string wrong_table_units(const CompressedRecording& recording);
+
+// Of rate = n * reading, n over the nominal scale: which gyro reads which axis, where that is not its own; empty: each its own.
+std::string wrong_axes(const Eigen::Matrix3d& n);
+// The same of a recording with table angles, by its turns.
+std::string wrong_table_axes(const CompressedRecording& recording, const Eigen::Matrix3d& mounting);
 
 }  // namespace turncal

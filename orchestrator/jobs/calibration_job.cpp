@@ -65,18 +65,6 @@ void note_joint(const JointResult& result, double sample_period_s, std::vector<s
   }
 }
 
-// The diagnosis finds the same as the effect earth_rate.
-std::string wrong_latitude(const CompressedRecording& recording, const JointResult& result) {
-  const std::optional<FeltLatitude> felt = felt_latitude(recording, result);
-  const double stated_deg = recording.info.latitude_deg;
-  if (!felt || !felt->speaks_against(stated_deg * rad_per_deg, latitude_limits.least_deg)) return "";
-  char text[200];
-  std::snprintf(text, sizeof text,
-                "the gyros feel the earth turn as at a latitude of %.3f +- %.3f deg, the recording says %.10g",
-                felt->latitude_rad / rad_per_deg, felt->sigma_rad / rad_per_deg, stated_deg);
-  return text;
-}
-
 // "gyro x clipped at 8 deg/s in 14 turns"; empty: none did.
 std::string clipped_gyros(const CompressedRecording& recording) {
   std::map<std::string, int> turns;

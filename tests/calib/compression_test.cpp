@@ -358,6 +358,32 @@ TEST(CompressionEvents, AGlitchInMidTurnIsSeenAndTheTurnItselfIsNot) {
   EXPECT_EQ(r.events[0].axis, 1);
 }
 
+// Gravity goes from one axis to another by 2 pulses a sample; after half a second that was lost it is elsewhere, which is no glitch.
+TEST(CompressionEvents, AGapInATurnIsNoGlitch) {
+  for (const std::size_t border : {4000u, 1850u}) {  // the turn ends in the gap, too
+    std::vector<ImuSample> samples = quiet_samples(4000, 9);
+    for (std::size_t i = 0; i < samples.size(); ++i)
+      samples[i].accel[0] += 2.0 * static_cast<double>(std::min(i, border));
+    samples.erase(samples.begin() + 1800, samples.begin() + 1900);
+    const auto at = static_cast<std::int64_t>(border);
+    const CompressedRecording r =
+        compress(pulses_info(), {segment(SegmentKind::rotate, 0, at), segment(SegmentKind::still, at, 4000)}, samples);
+    ASSERT_EQ(r.events.size(), 1u) << border;
+    EXPECT_EQ(r.events[0].kind, Kind::gap);
+  }
+}
+
+// At rest nothing goes on in a gap: what stands out beside it is a glitch.
+TEST(CompressionEvents, AGlitchBesideAGapAtRestIsSeen) {
+  std::vector<ImuSample> samples = quiet_samples(4000, 9);
+  samples[1900].accel[0] += 100.0;
+  samples.erase(samples.begin() + 1800, samples.begin() + 1900);
+  const CompressedRecording r = compress(pulses_info(), {segment(SegmentKind::still, 0, 4000)}, samples);
+  ASSERT_EQ(r.events.size(), 2u);
+  EXPECT_EQ(r.events[0].kind, Kind::gap);
+  EXPECT_EQ(r.events[1].kind, Kind::accel_glitch);
+}
+
 TEST(CompressionEvents, KindsHaveNames) {
   EXPECT_STREQ(to_string(Kind::gap), "gap");
   EXPECT_STREQ(to_string(Kind::accel_glitch), "accelerometer glitch");

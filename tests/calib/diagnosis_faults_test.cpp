@@ -306,5 +306,15 @@ TEST(DiagnosisFaults, NothingDeterminedIsNotTested) {
   EXPECT_EQ(diagnose(empty).verdict, Verdict::not_tested);
 }
 
+// A latitude so far off that it hides in the noise is in the reason.
+TEST(DiagnosisFaults, ALatitudeOfTheOtherHemisphereIsSaid) {
+  CompressedRecording recording = clean().recording;
+  recording.info.latitude_deg = -recording.info.latitude_deg;
+  const Diagnosis d = diagnose(recording, {});
+  EXPECT_FALSE(d.trusted) << told(d);
+  EXPECT_NE(d.reason.find("as at a latitude of"), std::string::npos) << told(d);
+  EXPECT_TRUE(d.effect_names.empty()) << told(d);
+}
+
 }  // namespace
 }  // namespace turncal

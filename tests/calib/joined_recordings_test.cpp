@@ -149,7 +149,6 @@ TEST_P(JoinedRecordingsOf, OneUnitMayDriftInOneOfThem) {
   for (int k = 6; k < parameter_count; ++k) EXPECT_LE(std::abs(error[k]), 4.5 * d.extended.sigma[k]) << k;
 }
 
-// One recording joined with nothing is that recording.
 // At one noise the estimates of two recordings, added up, are what one fit of both finds; each at its own they weigh the recordings better.
 TEST_P(JoinedRecordingsOf, OneUnitAreWhatTheirEstimatesAddUpTo) {
   const Made made = make(GetParam());
@@ -170,6 +169,36 @@ TEST_P(JoinedRecordingsOf, OneUnitAreWhatTheirEstimatesAddUpTo) {
   }
 }
 
+// An accelerometer that was bent between them, which is no scale factor: they contradict each other, as `combine_recordings` says.
+TEST_P(JoinedRecordingsOf, OneUnitAreTestedAgainstEachOther) {
+  Made made = make(GetParam());
+  const auto agreement = [](const Diagnosis& d) {
+    const auto& tests = d.lack_of_fit.tests;
+    const auto test = std::find_if(tests.begin(), tests.end(),
+                                   [](const LackOfFitTest& t) { return t.family == "recordings, parameters"; });
+    return test == tests.end() ? LackOfFitTest() : *test;
+  };
+  const auto of_estimates = [&](const NoiseModel& noise) {
+    JointOptions at;
+    at.noise = noise;
+    return combine_recordings({joint_estimate(made.first, at), joint_estimate(made.second, at)});
+  };
+  const Diagnosis whole = diagnose_both(made);
+  EXPECT_EQ(agreement(whole).degrees, 15.0);
+  EXPECT_NEAR(agreement(whole).chi_square / of_estimates(whole.base.noise).disagreement, 1.0, 0.1);
+  disturb(made.second, made.truth, [](const DisturbedMoment& m) {
+    AddedReading added;
+    added.accel_mps2.y() = 20e-6 * standard_gravity_mps2 * m.force_g.z();
+    return added;
+  });
+  const Diagnosis d = diagnose_both(made);
+  EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
+  EXPECT_FALSE(d.trusted);
+  EXPECT_LT(agreement(d).log10_p, d.lack_of_fit.log10_limit);
+  EXPECT_FALSE(of_estimates(d.base.noise).agree);
+}
+
+// One recording joined with nothing is that recording.
 TEST(JoinedRecordings, OfOneAreIt) {
   const Made made = make(64);
   const JoinedRecordings one = join_recordings({&made.first});

@@ -258,6 +258,33 @@ TEST(JointConditions, AUnitMountedAnotherWayIsSeenAndCalibrated) {
   EXPECT_TRUE(r.undetermined.empty());
 }
 
+// One gyro, all of them, or two that are exchanged: the table's turns say which.
+TEST(JointConditions, GyrosThatReadAnotherAxisAreSaid) {
+  struct Case {
+    Eigen::Matrix3d reads;  // of the true rates
+    const char* said;
+  };
+  Eigen::Matrix3d one = Eigen::Matrix3d::Identity(), exchanged = Eigen::Matrix3d::Zero();
+  one(2, 2) = -1.0;
+  exchanged(0, 1) = exchanged(1, 0) = exchanged(2, 2) = 1.0;
+  const Case cases[] = {
+      {one, "the rate about z is what gyro z reads, reversed"},
+      {-Eigen::Matrix3d::Identity(), "the rate about x is what gyro x reads, reversed, the rate about y"},
+      {exchanged, "the rate about x is what gyro y reads, the rate about y is what gyro x reads"}};
+  for (const Case& c : cases) {
+    CompressedRecording recording = clean().recording;
+    for (Block& b : recording.blocks) {
+      b.gyro = c.reads * b.gyro;
+      b.gyro_time = c.reads * b.gyro_time;
+      b.coning = c.reads.determinant() * (c.reads * b.coning);
+      b.sculling = c.reads * b.sculling;
+    }
+    const JointResult r = joint_estimate(recording);
+    EXPECT_FALSE(r.converged) << c.said;
+    EXPECT_NE(r.message.find(c.said), std::string::npos) << r.message;
+  }
+}
+
 TEST(JointConditions, GravityWithTheWrongSignIsRefused) {
   CompressedRecording recording = clean().recording;
   for (Block& b : recording.blocks) {

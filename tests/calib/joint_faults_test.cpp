@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "calib/joint/joint_estimate.h"
+#include "calib/statistics/clipping.h"
 #include "tests/nees.h"
 #include "tests/rig_recorder.h"
 
@@ -132,6 +133,34 @@ TEST(BadDataNone, ClippedTurnsAreNamedAndSetAside) {
       const double sigma = r.sigma[static_cast<Eigen::Index>(6 + 4 * axis)];
       EXPECT_EQ(sigma > 1e-5, lost) << "gyro " << axis << ": " << sigma;
     }
+  }
+}
+
+// Turns about an axis that lies between two gyros, and some that a gyro hardly comes to its end in: each turn in which it does is set
+// aside, and no gyro but that one.
+TEST(BadDataNone, EveryTurnThatClipsIsSetAside) {
+  for (const std::size_t axis : {std::size_t{1}, std::size_t{2}}) {
+    const double limit = std::floor(9.0 * 3600.0 * 0.005 / 0.93292);
+    std::vector<std::int64_t> clipped;  // counters
+    RigRecorderOptions options;
+    options.alter = [&](std::span<ImuSample> samples) {
+      for (ImuSample& sample : samples)
+        if (double& x = sample.gyro[axis]; std::abs(x) > limit) {
+          x = std::copysign(limit, x);
+          clipped.push_back(sample.counter);
+        }
+    };
+    const CompressedRecording made = record_on_rig(must_read_sequence("holdout.seq"), unit(), options).recording;
+    const std::vector<DataEvent> events = clipped_turns(made);
+    for (const DataEvent& event : events) EXPECT_EQ(event.axis, static_cast<int>(axis)) << event.sample;
+    for (const Segment& s : made.segments) {
+      const auto within = [&](std::int64_t sample) { return s.start_sample <= sample && sample < s.end_sample; };
+      const bool is = std::count_if(clipped.begin(), clipped.end(), within) > 40;  // two blocks of a turn
+      const bool found =
+          std::any_of(events.begin(), events.end(), [&](const DataEvent& e) { return within(e.sample); });
+      EXPECT_TRUE(found || !is) << "gyro " << axis << " at sample " << s.start_sample;
+    }
+    EXPECT_GT(events.size(), 3u);
   }
 }
 

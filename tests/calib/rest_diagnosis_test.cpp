@@ -120,6 +120,7 @@ TEST(RestDiagnosis, AbsurdMagnitudesAreStruckOut) {
   EXPECT_EQ(absurd_magnitude(*find_effect("gyro_bias_drift"), 360.0), 1e5);
   EXPECT_EQ(absurd_magnitude(*find_effect("gyro_bias_drift")), 1e4);
   EXPECT_EQ(absurd_magnitude(*find_effect("gyro_g_sensitivity"), 360.0), 1e4);
+  EXPECT_EQ(absurd_magnitude(*find_effect("gyro_lock_in"), 360.0), 100.0);  // %
 }
 
 // Undeclared disturbances: a curve in time, steps, a curve with force, and a scale factor that goes up and down.
