@@ -6,6 +6,7 @@
 #include "orchestrator/line_report/history_table.h"
 #include "orchestrator/line_report/shift_page.h"
 #include "orchestrator/records/output_folder.h"
+#include "orchestrator/report/pdf.h"
 #include "orchestrator/report/report_page.h"
 
 namespace turncal {
