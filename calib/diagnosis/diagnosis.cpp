@@ -311,7 +311,10 @@ Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& o
   }
   d.verdict = Verdict::clean;
   select_effects(m, d);
-  if (!m.chosen.empty()) m.current = joint_estimate(m.recording, m.estimate_options(m.chosen, &m.current));
+  // Of data that fit nothing even the start may not be found again: then the trial that chose them stands.
+  if (!m.chosen.empty())
+    if (JointResult again = joint_estimate(m.recording, m.estimate_options(m.chosen, &m.current)); again.converged)
+      m.current = std::move(again);
   gate_effects(m, d);
   check_names(m, d);
   judge(m, d);
