@@ -113,6 +113,37 @@ Eigen::VectorXd UnitWeights::diagonal(const Eigen::MatrixXd& X) const {
   return result;
 }
 
+double recording_variance(const ComponentData& data) {
+  double degrees = 0.0;
+  const auto scatter = [&](double more) {
+    double square = 0.0;
+    degrees = 0.0;
+    const auto count = static_cast<Eigen::Index>(data.unit.size());
+    for (Eigen::Index i = 0; i < count;) {
+      const int unit = data.unit[static_cast<std::size_t>(i)];
+      double w = 0.0, wy = 0.0, wyy = 0.0, n = 0.0;
+      for (; i < count && data.unit[static_cast<std::size_t>(i)] == unit; ++i) {
+        if (!std::isfinite(data.v[i])) continue;
+        const double own = 1.0 / (data.v[i] + more);
+        w += own, wy += own * data.y[i], wyy += own * data.y[i] * data.y[i], n += 1.0;
+      }
+      if (n < 2.0) continue;
+      square += std::max(0.0, wyy - wy * wy / w);
+      degrees += n - 1.0;
+    }
+    return square;
+  };
+  if (scatter(0.0) <= degrees) return 0.0;
+  // It falls with sigma_r^2: halved in its logarithm.
+  const Range range = range_of(data);
+  double low = std::log(1e-6 * range.smallest), high = std::log(16.0 * range.largest);
+  for (int k = 0; k < 60; ++k) {
+    const double middle = 0.5 * (low + high);
+    (scatter(std::exp(middle)) > degrees ? low : high) = middle;
+  }
+  return std::exp(0.5 * (low + high));
+}
+
 double unit_variance(const ComponentData& data, const Eigen::MatrixXd& X) {
   const Range range = range_of(data);
   const Eigen::MatrixXd none(data.y.size(), 0);

@@ -1,11 +1,16 @@
 // One component of one effect over a fleet: what is common to all, to a station, to a lot, and of a unit.
 //
 // Recording i of unit u says y_i with variance v_i (s / Q and 1 / Q of unit_statistics.h). The model:
-//   y_i = sum_j x_ij beta_j + sum_f g_f(level of i in factor f) + b_u + e_i,   e_i ~ N(0, v_i), b_u ~ N(0, sigma_b^2), g_f ~ N(0, sigma_f^2)
+//   y_i = sum_j x_ij beta_j + sum_f g_f(level of i in factor f) + b_u + r_i + e_i,
+//   e_i ~ N(0, v_i), b_u ~ N(0, sigma_b^2), g_f ~ N(0, sigma_f^2); r_i ~ N(0, sigma_r^2): what a unit changes by from one recording to the next, as a bias
+//   does when it is switched on
 // beta, fixed: what is tested. Variances by restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545; Searle, Casella and
 // McCulloch, Variance Components, Wiley 1992, ch. 6), of which V is block-diagonal by unit, and the factors come in by Woodbury.
 //
-// Not modelled: units that differ in their variance; values of a unit that change between its recordings.
+// sigma_r^2 by moments from units with several recordings (Mandel and Paule, Anal. Chem. 42 (1970) 1194): sum (y - mean of the unit)^2 / (v +
+// sigma_r^2) is their degrees of freedom. A change at a level that the same units went through is in it too, and then has less weight.
+//
+// Not modelled: units that differ in their variances; values of a unit that drift from recording to recording.
 #pragma once
 
 #include <vector>
@@ -38,7 +43,10 @@ struct UnitWeights {
   double log_determinant_ = 0.0;
 };
 
-// sigma_b^2 by restricted likelihood beside the columns of X.
+// sigma_r^2; 0 where no unit has two recordings.
+double recording_variance(const ComponentData& data);
+
+// sigma_b^2 by restricted likelihood beside the columns of X. The variances of data have sigma_r^2 in them.
 double unit_variance(const ComponentData& data, const Eigen::MatrixXd& X);
 
 // sigma_b^2 first, then sigma_f^2 of each factor, beside a common mean. `factors`: of each the level of every recording.

@@ -4,7 +4,7 @@
 // scatters besides (component_model.h). With N recordings a common effect of 1 / sqrt(N) of what one recording shows is seen.
 //
 // 1. Forward selection over component x (all, each level of each factor): z = beta / sigma of a generalised least squares fit, sigma_b^2 by
-//    restricted likelihood beside all levels of that factor. p by Student's t with the units' degrees of freedom, times the number of tests (Bonferroni).
+//    restricted likelihood beside all levels of that factor, and what units change by from recording to recording. p by Student's t with the units' degrees of freedom, times the number of tests (Bonferroni).
 //    The best is taken off the scores of those it is common to (s - Q beta), so that its aliases do not follow it, and all is tested again.
 // 2. The same for what began or grew at one level of a factor: a step or a ramp from a day t0 on, with half of the false alarms; a change of shape
 //    must be better than a constant by `shape_margin`. t0 has an interval by likelihood.

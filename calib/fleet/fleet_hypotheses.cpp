@@ -30,6 +30,19 @@ Eigen::MatrixXd used(const ComponentData& data, const Eigen::MatrixXd& X) {
   return X(Eigen::all, columns);
 }
 
+// How many units say something.
+double units_of(const ComponentData& data) {
+  double units = 0.0;
+  for (std::size_t i = 0; i < data.unit.size();) {
+    const int unit = data.unit[i];
+    bool says = false;
+    for (; i < data.unit.size() && data.unit[i] == unit; ++i)
+      says |= std::isfinite(data.v[static_cast<Eigen::Index>(i)]);
+    units += says;
+  }
+  return units;
+}
+
 std::vector<double> begins(const FleetScores& scores, std::size_t factor, int level) {
   std::vector<double> days;
   for (std::size_t i = 0; i < scores.size(); ++i)
@@ -89,8 +102,8 @@ Hypotheses all_hypotheses(const FleetScores& scores, const FleetOptions& options
 Component::Component(ComponentData the_data, const Eigen::MatrixXd& beside, bool others)
     : data(std::move(the_data)), from_others(others), weights(data, 0.0) {
   const Eigen::MatrixXd X = used(data, beside);
-  const auto says = static_cast<double>((data.v.array() < std::numeric_limits<double>::infinity()).count());
-  degrees = says - static_cast<double>(X.cols());
+  data.v.array() += recording_variance(data);
+  degrees = units_of(data) - static_cast<double>(X.cols());
   if (X.cols() == 0 || degrees < 1.0) return;
   variance = unit_variance(data, X);
   weights = UnitWeights(data, variance);

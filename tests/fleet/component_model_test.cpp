@@ -48,6 +48,25 @@ TEST(ComponentModel, FindsTheScatterOfUnits) {
   EXPECT_NEAR(sum / seeds, unit_sigma * unit_sigma, 0.1 * unit_sigma * unit_sigma);
 }
 
+// 100 units with two recordings each, that change by 5 in between where noise is 1: relative error of the variance sqrt(2 / 100) = 0.14.
+TEST(ComponentModel, FindsWhatUnitsChangeBy) {
+  double sum = 0.0, none = 0.0;
+  constexpr int seeds = 20;
+  for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
+    std::vector<int> station;
+    ComponentData d = drawn(seed, 100, 2, {0}, station);
+    none += recording_variance(d);
+    std::mt19937_64 random(seed + 100);
+    std::normal_distribution<double> change(0.0, 5.0);
+    for (double& y : d.y) y += change(random);
+    sum += recording_variance(d);
+  }
+  EXPECT_NEAR(sum / seeds, 25.0, 0.1 * 25.0);
+  EXPECT_LT(none / seeds, 0.15);
+  std::vector<int> station;
+  EXPECT_EQ(recording_variance(drawn(1, 100, 1, {0}, station)), 0.0);
+}
+
 // The mean of 100 units with two recordings each: variance (4 + 1 / 2) / 100, though there are 200 numbers.
 TEST(ComponentModel, RecordingsOfOneUnitAreNotIndependent) {
   std::vector<int> station;
