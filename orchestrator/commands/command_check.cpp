@@ -90,6 +90,10 @@ std::string caution_of(const TableConfig& table) {
   return table.map ? caution_of(*table.map) : table.dialect ? caution_of(*table.dialect) : "";
 }
 
+bool is_commissioned(const TableConfig& table) {
+  return (!table.map || table.map->commissioned) && (!table.dialect || table.dialect->commissioned);
+}
+
 // What is left to be done at the station itself before a run can begin, a line each.
 std::vector<std::string> left_to_do(const StationConfig& station) {
   std::vector<std::string> lines;
@@ -101,7 +105,7 @@ std::vector<std::string> left_to_do(const StationConfig& station) {
   if (table.map) unset("table.address", table.map->link.address);
   if (table.dialect) unset("table.address", table.dialect->link.address);
   if (station.imu) unset("imu.device", station.imu->settings.device);
-  if ((table.map && !table.map->commissioned) || (table.dialect && !table.dialect->commissioned))
+  if (!is_commissioned(table))
     lines.push_back("the table is not commissioned: turncal commission comes before the first run");
   return lines;
 }

@@ -28,5 +28,7 @@ void print_plan(const Sequence& sequence, const StationConfig& station, const Pl
 
 // What check and commission warn of in the table's map or dialect; else empty.
 std::string caution_of(const TableConfig& table);
+// Whether its map or dialect, where it has one, says so.
+bool is_commissioned(const TableConfig& table);
 
 }  // namespace turncal

@@ -21,10 +21,6 @@ struct Options {
   CommissioningSettings settings;
 };
 
-bool is_commissioned(const StationConfig& station) {
-  return station.table.map ? station.table.map->commissioned : station.table.dialect->commissioned;
-}
-
 // switched_on: whether the drives were. said_last: what is said once the table was left.
 Status commission(const Options& options, const StationConfig& station, LiveDevices& live, std::ostream& out,
                   bool& switched_on, std::string& said_last) {
@@ -45,12 +41,12 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
     if (Status status = live.commission_table(known, options.tolerance_deg); !status) return status;
     if (!connected) return connected;
     out << "every axis reads where it stands; no other word order, sign or scale would" << std::endl;
-  } else if (!is_commissioned(station)) {
+  } else if (!is_commissioned(station.table)) {
     return input_error(
         "the table is not commissioned: expected --heading, --pitch and --roll, the angles (not 0) at which its axes "
         "stand");
   }
-  if (!is_commissioned(station)) {
+  if (!is_commissioned(station.table)) {
     said_last = "write commissioned = true into your copy of the table's file, then call this again without angles";
     return {};
   }
