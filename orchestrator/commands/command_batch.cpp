@@ -200,6 +200,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
   check.units = {"X"};
   const Result<PreparedRun> prepared = prepare(check);
   if (!prepared) return prepared.error();
+  context.tag = tag_of(*prepared);
   if (options.at_once > places(*prepared)) {
     return input_error("--at-once " + std::to_string(options.at_once) + ": expected at most " +
                        std::to_string(places(*prepared)) + ", the places on the table");
@@ -207,7 +208,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
   if (Status status = check_sequence(*prepared); !status) return status;
   const Result<LockFile> queue = hold_queue(options.queue);
   if (!queue) return queue.error();
-  const std::string tag = options.request.dry_run ? "[dry run] [batch] " : "[batch] ";
+  const std::string tag = context.tag + "[batch] ";
   for (;;) {
     const Result<Turn> turn = next_turn(options);
     if (!turn) return turn.error();

@@ -55,6 +55,7 @@ class LiveDevices {
   // At rest with its drives off, read back; an error: that of what was done, with how it was left, or that it could not be verified.
   // Nobody may use the table afterwards.
   Status leave_table(Status done, const std::string& how_left = "");
+  void give_table_up() { table_->give_up(); }
 
   // Of a table turned by hand: what its operator is told; else null. The sequence must outlive the devices.
   OperatorPrompts* prompts();

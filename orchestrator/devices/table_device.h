@@ -27,6 +27,8 @@ class TableDevice {
   Turntable& table() { return limited_; }
   // Leaves it now, so that a failure can be told; it is not done again.
   Status leave();
+  // A stop could not be verified in its time, and was said to be: nothing more is tried.
+  void give_up() { left_ = true; }
   // Of a table turned by hand, to say why a move is asked for; else null.
   ManualTurntable* manual() { return dynamic_cast<ManualTurntable*>(driver_.get()); }
   // The driver's comparison with known angles; an error for a driver that has none.

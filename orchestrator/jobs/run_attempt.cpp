@@ -251,6 +251,7 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
                   .go_on_with = a.run.request.until_sigma ? decltype(StationHooks::go_on_with)(go_on_with) : nullptr});
   running = &run;
   const RunOutcome outcome = run.run();
+  if (outcome.stop_failed && run_devices.live) run_devices.live->give_table_up();
   for (std::size_t i = 0; run_devices.live && i < a.units.size(); ++i) {
     a.log.line("unit " + a.units[i].run.unit() + ": " + run_devices.live->unit_summary(i));
   }

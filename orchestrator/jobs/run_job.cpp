@@ -328,8 +328,8 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   if (!held) return held.error();
   const Result<JournalContents> contents = read_journal(path);
   if (!contents) return contents.error();
-  if (contents->begin_value("live") != "true") context.tag = dry_run_tag;
-  const LinePrefix marked(context.out, std::string(tag_of(*contents)));
+  context.tag = tag_of(*contents);
+  const LinePrefix marked(context.out, context.tag);
   const Result<RunRequest> request = request_again(*contents, now);
   if (!request) return request.error();
   if (is_over(*contents)) return say_over(*contents, folder, context.out);

@@ -23,9 +23,9 @@ constexpr std::array<std::string_view, run_action_count> action_names = {
     "watch_settling", "watch_moving", "close_move",      "begin_dwell", "close_dwell",  "discard_dwell", "discard_move",
     "finish_step",    "calibrate",    "stop_table",      "abort_table", "announce"};
 
-constexpr std::array<std::string_view, run_guard_count> guard_names = {
-    "always",      "rest_due", "no_rest_due",     "repeats_left", "no_repeats_left",
-    "by_operator", "by_error", "by_interruption", "abort_sent",   "abort_not_sent"};
+constexpr std::array<std::string_view, run_guard_count> guard_names = {"always",       "rest_due",        "no_rest_due",
+                                                                       "repeats_left", "no_repeats_left", "by_operator",
+                                                                       "by_error",     "by_interruption"};
 
 }  // namespace
 
@@ -39,8 +39,6 @@ bool holds(RunGuard guard, const RunGuards& guards) {
     case RunGuard::by_operator: return guards.stop_cause == StopCause::by_operator;
     case RunGuard::by_error: return guards.stop_cause == StopCause::error;
     case RunGuard::by_interruption: return guards.stop_cause == StopCause::interruption;
-    case RunGuard::abort_sent: return guards.abort_sent;
-    case RunGuard::abort_not_sent: return !guards.abort_sent;
   }
   return false;
 }

@@ -108,11 +108,9 @@ enum class RunGuard {
   no_repeats_left,
   by_operator,  // why the table is being stopped
   by_error,
-  by_interruption,
-  abort_sent,  // the fastest stop went out already
-  abort_not_sent
+  by_interruption
 };
-inline constexpr int run_guard_count = 10;
+inline constexpr int run_guard_count = 8;
 
 // Why the table is being stopped.
 enum class StopCause { error, by_operator, interruption };
@@ -122,7 +120,6 @@ struct RunGuards {
   bool rest_due = false;
   bool repeats_left = true;
   StopCause stop_cause = StopCause::error;
-  bool abort_sent = false;
 };
 
 // A set of states or events as bits, so that one row can say "from any of these".
@@ -220,8 +217,7 @@ inline constexpr TransitionRow rows[] = {
   {stopping,       stopped_verified,   by_interruption, interrupted, announce},
   {stopping,       operator_stop,      always,          stopping,    abort_table},
   {stopping,       end_wanted,         always,          stopping,    abort_table},
-  {stopping,       deadline,           abort_not_sent,  stopping,    abort_table},
-  {stopping,       deadline,           abort_sent,      failed,      announce},
+  {stopping,       deadline,           always,          failed,      announce},
   {connecting,     connect_failed,     always,          failed,      announce},
   {{idle, connecting},
                    operator_stop,      always,          aborted,     announce},

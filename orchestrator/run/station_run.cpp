@@ -82,6 +82,7 @@ RunOutcome StationRun::outcome() const {
   outcome.repeated_dwells = repeated_dwells_;
   outcome.repeated_moves = repeated_moves_;
   outcome.moved = commanded_to_move_;
+  outcome.stop_failed = stop_failed_;
   for (const UnitLane& lane : lanes_) {
     const RecordingPoint at = lane.point();
     outcome.units.push_back({at.next_sample, at.lost_samples, at.duplicate_samples, lane.failure()});
@@ -96,8 +97,7 @@ void StationRun::handle(RunEvent event) {
     const RunGuards guards{.rest_due = rest_due_,
                            .repeats_left = any_living(
                                [this](const UnitLane& lane) { return lane.repeats < job_.station.dwell.max_repeats; }),
-                           .stop_cause = stop_cause_,
-                           .abort_sent = abort_sent_};
+                           .stop_cause = stop_cause_};
     const Transition transition = next(state_, now, guards);
     if (transition.outcome == Transition::Outcome::ignored) {
       detail_.clear();
@@ -120,8 +120,10 @@ void StationRun::handle(RunEvent event) {
         first_error_ = Error{raised_kind_, place() + ": " + record.detail};
         stop_cause_ = StopCause::by_operator;
       } else if (transition.to == RunState::failed && now == RunEvent::deadline) {
-        first_error_->message += "; " + stop_.not_verified("");
+        record.detail = stop_.not_verified("");
+        first_error_->message += "; " + record.detail;
         first_error_->kind = ErrorKind::device;
+        stop_failed_ = true;
       } else if (transition.to == RunState::failed && now == RunEvent::stopped_verified &&
                  !devices_.table.needs_operator()) {
         first_error_->message += "; " + how_it_rests(devices_.table);

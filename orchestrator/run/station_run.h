@@ -100,8 +100,9 @@ struct RunOutcome {
   RunState state = RunState::failed;
   Error error{ErrorKind::internal, "the run did not end"};  // meaningful unless done
   int repeated_dwells = 0;
-  int repeated_moves = 0;  // of this session
-  bool moved = false;      // the table was homed or sent somewhere
+  int repeated_moves = 0;    // of this session
+  bool moved = false;        // the table was homed or sent somewhere
+  bool stop_failed = false;  // could not be verified in its time: the table may move, its drives may be on
   struct Unit {
     std::int64_t recorded_samples = 0;    // periods, lost ones included
     std::uint64_t lost_samples = 0;       // by the unit's counter, from the first recorded sample on
@@ -213,7 +214,7 @@ class StationRun {
   ErrorKind raised_kind_ = ErrorKind::internal;
   StopCause stop_cause_ = StopCause::error;
   bool pause_told_ = false;
-  bool abort_sent_ = false;
+  bool stop_failed_ = false;
   bool home_sent_ = false;
   std::optional<HomingWatch> homing_;
   bool commanded_to_move_ = false;  // homing or a move was sent

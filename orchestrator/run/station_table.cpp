@@ -120,19 +120,16 @@ StationRun::MaybeEvent StationRun::stop_table() {
     if (item.kind == SequenceItem::Kind::move) brake_s = std::max(brake_s, item.rate_degps / item.acceleration_degps2);
   }
   const double now_s = devices_.clock.now_s();
-  stop_.begin();
-  // Whether it was taken is judged by what the axes do until the deadline.
-  abort_sent_ = !stop_.stop(now_s).ok();
-  // What does not brake is not left to turn: the fastest stop follows. Drives that only have to go off have more time.
   const MotionConfig& motion = job_.station.motion;
-  const bool brakes = state_ != RunState::parking && !abort_sent_;
-  phase_deadline_s_ = now_s + 2.0 * brake_s + (brakes ? motion.stall_s : motion.deadline_margin_s);
+  brake_s = 2.0 * brake_s + motion.stall_s;
+  stop_.begin(now_s, brake_s);
+  // Whether it was taken is judged by what the axes do until the deadline.
+  static_cast<void>(stop_.stop(now_s).ok());
+  phase_deadline_s_ = now_s + brake_s + motion.deadline_margin_s;
   return std::nullopt;
 }
 
 StationRun::MaybeEvent StationRun::abort_table() {
-  abort_sent_ = true;
-  phase_deadline_s_ = devices_.clock.now_s() + job_.station.motion.deadline_margin_s;
   static_cast<void>(stop_.abort(devices_.clock.now_s()).ok());
   return std::nullopt;
 }

@@ -236,11 +236,16 @@ TEST_F(Mounting, NobodyToAskEndsTheBatchBeforeTheFirstUnit) {
   EXPECT_EQ(file_text(folder_ / "told").find("SN1 unit SN1 is not mounted"), 0u);
   EXPECT_EQ(outcomes(), "");
   EXPECT_FALSE(fs::exists(folder_ / "units"));
+  const ProgramResult twin = live("table.simulated = true\n");
+  EXPECT_TRUE(twin.err.starts_with("[simulated] turncal: unit SN1 is not mounted")) << twin.err;
 }
 
 TEST_F(Mounting, HookMountsOrStopsTheBatch) {
-  const ProgramResult mounted = live("hook.mount = echo \"$TURNCAL_EVENT $TURNCAL_UNIT\" >> mounts\n");
+  const ProgramResult mounted =
+      live("table.simulated = true\nhook.mount = echo \"$TURNCAL_EVENT $TURNCAL_UNIT\" >> mounts\n");
   EXPECT_EQ(mounted.code, 50) << "mounted: on to the table, which does not answer: " << mounted.err;
+  EXPECT_TRUE(mounted.err.starts_with("[simulated] turncal: ")) << mounted.err;
+  EXPECT_TRUE(mounted.out.starts_with("[simulated] [batch] ")) << mounted.out;
   EXPECT_EQ(file_text(folder_ / "mounts"), "mount SN1\n");
   const ProgramResult failed = live("hook.mount = exit 4\n" + told_hook);
   EXPECT_EQ(failed.code, 75);

@@ -184,6 +184,22 @@ TEST_F(Run, OutputThatIsNotReadDoesNotHoldItUp) {
   EXPECT_NE(said.find("Dry run complete"), std::string::npos);
 }
 
+// What a run prints is not its result: the unit's outcome and the exit code do not depend on whether anybody reads it.
+TEST_F(Run, AReaderThatGoesAwayChangesNothing) {
+  const std::string fifo = folder_.string() + ".out";
+  ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
+  const int reader = ::open(fifo.c_str(), O_RDONLY | O_NONBLOCK);
+  const pid_t pid = start(dry_run("out", {"--verbose", "--pace", "200"}));
+  char first = 0;
+  for (int i = 0; i < 1000 && ::read(reader, &first, 1) <= 0; ++i) ::usleep(10'000);
+  ::close(reader);
+  int status = 0;
+  ASSERT_EQ(::waitpid(pid, &status, 0), pid);
+  std::filesystem::remove(fifo);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "out/parameters.conf"));
+}
+
 TEST_F(Run, Refusals) {
   expect_refused({"run", "--unit", "SN1", "--out", "out"}, "--dry-run");
   expect_refused({"run", "--unit", "SN1", "--out", "out", "--rig", write("r.rig", "seed = 1\n")}, "--rig");

@@ -206,6 +206,21 @@ TEST_F(TableProgram, CommissionThatFailsSaysHowTheTableWasLeft) {
   EXPECT_TRUE(drives.all_off());
 }
 
+// Said once, when the run's own time for a stop is over: nothing is tried a second time by whoever leaves the table.
+TEST_F(TableProgram, RunThatCannotVerifyItsStopSaysSoInItsTime) {
+  const std::string station = file_text(path("level.station"));
+  write("level.station", station + "imu.timeout_s = 1\nmotion.stall_s = 1\nmotion.deadline_margin_s = 2\n");
+  drives.refuses_off = 1'000'000;
+  const double began_s = monotonic_s();
+  const ProgramResult result = run({"run", "--station", "level.station", "--unit", "U", "--out", "run"});
+  EXPECT_EQ(result.code, 50);
+  EXPECT_NE(result.err.find("no sample from the IMU"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("THE STOP COULD NOT BE VERIFIED"), std::string::npos) << result.err;
+  EXPECT_NE(result.out.find("stopping -> failed  deadline: THE STOP COULD NOT BE VERIFIED"), std::string::npos)
+      << result.out;
+  EXPECT_LT(monotonic_s() - began_s, 9.0) << "1 s of silence, 1 + 2 s of stop, and the ramps";
+}
+
 // Bounded by what docs/tables.md says of a program that leaves a table.
 TEST_F(TableProgram, CommissionThatCannotVerifyItsStopEndsAfterTenSeconds) {
   drives.refuses_off = 1'000'000;

@@ -15,7 +15,9 @@ bool drives_on(const TableStatus& axes) {
 
 }  // namespace
 
-void TableStop::begin() {
+void TableStop::begin(double now_s, double brake_s) {
+  brake_s_ = brake_s;
+  brakes_until_s_ = now_s + brake_s;
   abort_taken_ = false;
   stands_.reset();
   repeat_at_s_ = reconnect_at_s_ = 0.0;
@@ -26,12 +28,14 @@ void TableStop::begin() {
 }
 
 Status TableStop::stop(double now_s) {
+  brakes_until_s_ = now_s + brake_s_;
   const Status stopped = table_.stop_all();
   return stopped ? stopped : abort(now_s);
 }
 
 Status TableStop::abort(double now_s) {
   repeat_at_s_ = now_s + repeat_s;
+  brakes_until_s_ = now_s;
   const Status aborted = table_.abort_all();
   abort_taken_ = abort_taken_ || aborted.ok();
   return aborted;
@@ -61,12 +65,12 @@ bool TableStop::look(const TableStatus* axes, double now_s) {
   }
   if (seen == Motion::stands) {
     if (drives_on(*axes) ? abort_taken_ && !table_.can_switch_off() : !table_.was_switched_on()) return true;
-  } else if (axes != nullptr && !abort_taken_) {
-    return false;  // it brakes
+  } else if (axes != nullptr && now_s < brakes_until_s_) {
+    return false;
   }
   // Whether it is taken is judged by what the axes do.
   if (now_s >= repeat_at_s_) static_cast<void>(abort(now_s).ok());
-  if (axes == nullptr) reconnect(now_s);
+  if (axes == nullptr && !table_.answers()) reconnect(now_s);
   return false;
 }
 
@@ -101,7 +105,8 @@ Status leave_off(Turntable& table, const StopTime& time) {
   if (table.needs_operator() || !table.was_connected()) return {};
   TableStop stop(table, time.standing_rate_degps);
   const double began_s = time.now_s();
-  bool stop_sent = false, abort_sent = false;
+  stop.begin(began_s, time.brake_s);
+  bool stop_sent = false;
   std::optional<Error> unread;  // why nothing can be read, the first reason
   for (;;) {
     TableStatus axes{};
@@ -125,9 +130,6 @@ Status leave_off(Turntable& table, const StopTime& time) {
       static_cast<void>(stop.stop(now_s).ok());
     } else if (stop.look(readable ? &axes : nullptr, now_s)) {
       return {};
-    } else if (moves && !abort_sent && now_s - began_s > time.brake_s) {
-      abort_sent = true;
-      static_cast<void>(stop.abort(now_s).ok());
     }
     if (now_s - began_s > time.deadline_s) break;
     time.wait(time.poll_s);

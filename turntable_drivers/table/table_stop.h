@@ -1,7 +1,7 @@
 // How a table is left: at rest, every drive off, and both read back. One rule for a run that stops, a command that is over and a
 // program that unwinds.
 //
-//   stop      the braking stop to every axis; where one does not take it, the fastest
+//   stop      the braking stop to every axis; the fastest where one does not take it, or the table still turns when it should have braked
 //   off       once every axis reads at rest: the fastest stop, drives off
 //   verified  every axis reads at rest, and its drive off by the drive's own word (not where the device cannot switch it off), after the order to go
 //             off was taken: whoever switched drives on sends it, whatever they say of themselves
@@ -10,7 +10,7 @@
 // nor a position that is read anew faster than the device finds a new one.
 //
 // What cannot be read is not waited for: the fastest stop goes out to every axis at once and again every repeat_s, with attempts to open
-// the link anew in between, for as long as the caller goes on. It is repeated likewise while a drive that was told reads on.
+// a link anew that is lost in between, for as long as the caller goes on. It is repeated likewise while a drive that was told reads on.
 // A motion is never taken up again.
 #pragma once
 
@@ -27,7 +27,8 @@ class TableStop {
   // The table must outlive this. Faster than that is no rest.
   TableStop(Turntable& table, double standing_rate_degps) : table_(table), standing_rate_degps_(standing_rate_degps) {}
 
-  void begin();                // of another stop: what was sent before does not count
+  // Of another stop: what was sent before does not count. brake_s: so long may a stop that was taken last.
+  void begin(double now_s, double brake_s);
   Status stop(double now_s);   // an error: some axis did not take it
   Status abort(double now_s);  // likewise
   // What was read just now; null: some axis could not be. True: verified.
@@ -47,6 +48,8 @@ class TableStop {
   double standing_rate_degps_;
   bool abort_taken_ = false;           // by every axis
   std::optional<TableStatus> stands_;  // since then
+  double brake_s_ = 0.0;
+  double brakes_until_s_ = 0.0;
   double repeat_at_s_ = 0.0;
   double reconnect_at_s_ = 0.0;
   double reconnect_wait_s_ = repeat_s;

@@ -140,5 +140,22 @@ TEST(StationRun, ATableThatDoesNotBrakeGetsTheFastestStop) {
       << "twice the ramp, and a little";
 }
 
+// Nor is one left to turn that takes the stop only when its link is back.
+TEST(StationRun, ATableThatDoesNotBrakeWhenItsLinkIsBackGetsTheFastestStop) {
+  RigFault lost = table_fault(RigFaultKind::link_lost, 9.0);
+  lost.duration_s = 1.0;
+  RigStation s(two_steps_text, rig_with({lost}));
+  const StationDevices devices = s.devices.devices();
+  UnbrakedTable table(devices.table);
+  s.devices.imu.describe(s.info);
+  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
+  StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
+                 {&s.watcher, &s.stop_requests, {}, nullptr});
+  const RunOutcome outcome = run.run();
+  EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified)) << outcome.error.message;
+  EXPECT_TRUE(s.at_rest());
+  EXPECT_LT(s.rig.axis(Axis::pitch).position_deg, 80.0) << "before its target";
+}
+
 }  // namespace
 }  // namespace turncal
