@@ -176,7 +176,7 @@ void FrameDecoder::handle_stray(double raw) {
   if (steps < 0.0) steps += modulus_ / step_;
   strays_in_row_ = strays_in_row_ > 0 && std::abs(steps - 1.0) <= 0.25 ? strays_in_row_ + 1 : 1;
   stray_raw_ = raw;
-  if (strays_in_row_ >= strays_for_restart) restart("the unit's counter started again");
+  if (strays_in_row_ >= strays_for_restart) restart("the unit's counter started again, or ran ahead of the time,");
 }
 
 void FrameDecoder::restart(const std::string& reason) {

@@ -178,7 +178,7 @@ Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) 
     }
     if (restarted_) {
       return lost(decoder_.restart_reason() + " after sample " + std::to_string(last_counter_) +
-                  ": it was switched off or reset");
+                  ": it was switched off or reset, or samples were lost while its line was behind");
     }
     const auto received = receive(deadline.left_s());
     if (!received) {

@@ -199,7 +199,7 @@ inline constexpr TransitionRow rows[] = {
                    pause_wanted,       always,          stopping,    stop_table},
 
   {moving,         stall,              always,          stopping,    stop_table},
-  {{homing, moving, settling, dwelling, parking},
+  {{homing, moving, settling, dwelling},
                    deadline,           always,          stopping,    stop_table},
   {live_states,    table_fault,        always,          stopping,    stop_table},
   {live_states,    e_stop,             always,          stopping,    stop_table},
@@ -217,7 +217,8 @@ inline constexpr TransitionRow rows[] = {
   {stopping,       stopped_verified,   by_interruption, interrupted, announce},
   {stopping,       operator_stop,      always,          stopping,    abort_table},
   {stopping,       end_wanted,         always,          stopping,    abort_table},
-  {stopping,       deadline,           always,          failed,      announce},
+  {{stopping, parking},
+                   deadline,           always,          failed,      announce},
   {connecting,     connect_failed,     always,          failed,      announce},
   {{idle, connecting},
                    operator_stop,      always,          aborted,     announce},

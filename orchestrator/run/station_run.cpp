@@ -119,14 +119,14 @@ void StationRun::handle(RunEvent event) {
       } else if (now == RunEvent::operator_stop && stop_cause_ == StopCause::interruption) {
         first_error_ = Error{raised_kind_, place() + ": " + record.detail};
         stop_cause_ = StopCause::by_operator;
-      } else if (transition.to == RunState::failed && now == RunEvent::deadline) {
-        record.detail = stop_.not_verified("");
-        first_error_->message += "; " + record.detail;
-        first_error_->kind = ErrorKind::device;
-        stop_failed_ = true;
       } else if (transition.to == RunState::failed && now == RunEvent::stopped_verified &&
                  !devices_.table.needs_operator()) {
         first_error_->message += "; " + how_it_rests(devices_.table);
+      }
+      if (transition.to == RunState::failed && now == RunEvent::deadline) {
+        stop_failed_ = true;
+        record.detail = stop_.not_verified("");
+        first_error_ = Error{ErrorKind::device, first_error_->message + "; " + record.detail};
       }
     }
     // Where nothing changes, the poll that is due stays due.

@@ -63,7 +63,7 @@ TEST(RunProperties, TransitionTable) {
       if (state == RunState::calibrating && event == RunEvent::calibration_ok) results_durable = true;
       // With the drives on, the only ways out are a verified stop, or one that could not be verified in its time.
       if (is_final(t.to) && (live_states.contains(state) || state == RunState::stopping)) {
-        RC_ASSERT(state == RunState::stopping);
+        RC_ASSERT(state == RunState::stopping || (state == RunState::parking && event == RunEvent::deadline));
         RC_ASSERT(event == RunEvent::stopped_verified || event == RunEvent::deadline);
       }
       if (t.to == RunState::done && state != RunState::done) RC_ASSERT(sealed && results_durable);

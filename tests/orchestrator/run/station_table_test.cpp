@@ -118,6 +118,35 @@ class UnbrakedTable : public LimitedTurntable {
   Status stop_all() override { return {}; }
 };
 
+// One that acknowledges the order to go off and stays on.
+class KeptOnTable : public LimitedTurntable {
+ public:
+  explicit KeptOnTable(Turntable& table) : LimitedTurntable(table, {}) {}
+  Status abort_all() override { return {}; }
+};
+
+TEST(StationRun, DrivesThatStayOnAtTheEndAreSaidOnce) {
+  RigStation s(two_steps_text);
+  const StationDevices devices = s.devices.devices();
+  KeptOnTable table(devices.table);
+  s.devices.imu.describe(s.info);
+  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
+  double parks_s = 0.0;
+  s.watcher.on_tick = [&](const RunSnapshot& at) {
+    if (parks_s == 0.0 && at.state == RunState::parking) parks_s = at.time_s;
+  };
+  StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
+                 {&s.watcher, &s.stop_requests, {}, nullptr});
+  const RunOutcome outcome = run.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_TRUE(outcome.stop_failed);
+  EXPECT_FALSE(s.sink.finished) << "nothing is made of it";
+  EXPECT_NE(outcome.error.message.find("did not switch off; THE STOP COULD NOT BE VERIFIED"), std::string::npos)
+      << outcome.error.message;
+  EXPECT_LT(s.clock.now_s() - parks_s,
+            2.0 * 10.0 / 20.0 + s.station.motion.stall_s + s.station.motion.deadline_margin_s + 1.0);
+}
+
 TEST(StationRun, ATableThatDoesNotBrakeGetsTheFastestStop) {
   RigStation s(two_steps_text);
   const StationDevices devices = s.devices.devices();
