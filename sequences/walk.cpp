@@ -66,4 +66,52 @@ Walk walk_of(const Sequence& sequence) {
   return walk;
 }
 
+Travel travel_of(const AxisLimits& limits) {
+  Travel travel{std::ceil(limits.soft_min_deg), std::floor(limits.soft_max_deg), 0.0};
+  if (travel.low_deg > travel.high_deg) travel.low_deg = travel.high_deg = limits.soft_min_deg;
+  travel.longest_turn_deg = travel.high_deg - travel.low_deg;
+  if (limits.wrap_deg > 0.0) travel.longest_turn_deg = std::min(travel.longest_turn_deg, std::floor(limits.wrap_deg));
+  return travel;
+}
+
+Walk on_table(const Walk& walk, const PlanLimits& limits) {
+  Walk fitted;
+  fitted.first_rest_samples = walk.first_rest_samples;
+  std::array<Travel, 3> free{};  // what travel and, by the way so far, the cable leave
+  const auto stands = [&](Axis axis, double deg) {
+    const double wrap_deg = limits[axis].wrap_deg;
+    Travel& travel = free[index(axis)];
+    if (wrap_deg <= 0.0) return;
+    travel.low_deg = std::max(travel.low_deg, deg - wrap_deg);
+    travel.high_deg = std::min(travel.high_deg, deg + wrap_deg);
+  };
+  for (const Axis axis : all_axes) {
+    const Travel travel = free[index(axis)] = travel_of(limits[axis]);
+    double deg = walk.start_deg[axis];
+    if (deg > travel.high_deg) deg -= 360.0 * std::ceil((deg - travel.high_deg) / 360.0);
+    if (deg < travel.low_deg) deg += 360.0 * std::ceil((travel.low_deg - deg) / 360.0);
+    if (deg > travel.high_deg)  // between two turns of the travel: the nearer end
+      deg = deg - travel.high_deg < travel.low_deg - (deg - 360.0) ? travel.high_deg : travel.low_deg;
+    fitted.start_deg[axis] = deg;
+    stands(axis, fitted.start_deg[axis]);
+  }
+  AxisTriple at = fitted.start_deg;
+  for (Leg leg : walk.legs) {
+    const Travel& travel = free[index(leg.axis)];
+    double& deg = at[leg.axis];
+    const double up = std::floor(travel.high_deg - deg), down = std::floor(deg - travel.low_deg);
+    const double size = std::abs(leg.turn_deg);
+    if (leg.turn_deg > 0.0 ? size > up : size > down) {
+      const bool other_way = leg.turn_deg > 0.0 ? size <= down : size <= up;
+      leg.turn_deg = other_way ? -leg.turn_deg : up >= down ? up : -down;
+    }
+    if (leg.turn_deg == 0.0) continue;
+    leg.rate_degps = std::min(leg.rate_degps, limits[leg.axis].max_rate_degps);
+    deg += leg.turn_deg;
+    stands(leg.axis, deg);
+    fitted.legs.push_back(leg);
+  }
+  return fitted;
+}
+
 }  // namespace turncal

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "calib/types/axis.h"
+#include "sequences/plan.h"
 #include "sequences/sequence.h"
 
 namespace turncal {
@@ -38,5 +39,15 @@ std::string sequence_text(const Walk& walk, const WalkHeader& header);
 
 // The turns and rests of a sequence; moves to initial positions are turns like the others.
 Walk walk_of(const Sequence& sequence);
+
+// Where an axis may stand, in whole degrees, and how far it may turn at once: travel and cable. 0: it cannot turn.
+struct Travel {
+  double low_deg = 0.0, high_deg = 0.0, longest_turn_deg = 0.0;
+};
+Travel travel_of(const AxisLimits& limits);
+
+// As near to a walk as a table comes. It begins in the same pose, or the nearest that the travel allows; a turn that travel or cable forbid goes
+// the other way, or as far as it may, or is left out, and its rest with it; none is faster than its axis.
+Walk on_table(const Walk& walk, const PlanLimits& limits);
 
 }  // namespace turncal

@@ -98,6 +98,7 @@ void Tester::sum_and_worst(const std::string& family, const std::string& what, c
     std::snprintf(text, sizeof text, "%s at %.0f s (step %d)", what.c_str(), piece.begin_s,
                   recording_.segments[piece.segment].step);
     worst.what = text;
+    worst.begin_s = piece.begin_s;
     worst.shift = test.shift * ranked.estimate;
   }
   if (tries == 0) return;

@@ -27,13 +27,15 @@ namespace {
 
 constexpr double longest_design_s = 43200.0;  // that is looked for, with --sigma
 constexpr const char* longest_extra_legs = "10min";
+constexpr double usual_acceleration_degps2 = 20.0;                     // where the table may
 constexpr std::string_view first_words = "# Found by turncal design";  // of the file
 
 struct DesignOptions {
   PlannedSite site;
   std::string time, sigma, separate, from, start, out, criterion = "mean";
   std::vector<std::string> effects, axes, rates;
-  double acceleration_degps2 = 20.0, least_rest_s = 10.0;
+  std::optional<double> acceleration_degps2;
+  double least_rest_s = 10.0;
   int seed = 1, tries = 1500;
 };
 
@@ -52,11 +54,14 @@ Status choose(const DesignOptions& options, DesignTask& task) {
       return input_error("--rate " + text + ": expected deg/s from 0.1 to 1000");
     task.rates_degps.push_back(*rate);
   }
+  task.acceleration_degps2 = options.acceleration_degps2.value_or(usual_acceleration_degps2);
   for (const Axis axis : all_axes) {
     if (!task.turns[index(axis)]) continue;
     const AxisLimits& limits = task.limits[axis];
+    if (!options.acceleration_degps2)
+      task.acceleration_degps2 = std::min(task.acceleration_degps2, limits.max_acceleration_degps2);
     for (const double rate : task.rates_degps)
-      if (rate > limits.max_rate_degps)
+      if (!options.rates.empty() && rate > limits.max_rate_degps)
         return input_error("--rate " + format_number(rate) + ": expected at most " +
                            format_number(limits.max_rate_degps) + ", what the table's " + to_string(axis) +
                            " axis may do");
@@ -133,6 +138,7 @@ class Designer {
       return input_error("expected --time or --sigma, one of them");
     // Before minutes of search, not after them.
     if (Status status = check_replaceable(options_.out, first_words); !status) return status;
+    if (const Result<AtomicFile> writable = AtomicFile::create(options_.out); !writable) return writable.error();
     const Result<PlannedUnit> unit = planned_unit(options_.site);
     if (!unit) return unit.error();
     if (Status status = prepare(*unit); !status) return status;
@@ -146,7 +152,7 @@ class Designer {
         if (task_.time_s > longest_design_s)
           return Error{ErrorKind::unit_failed,
                        options_.sigma + ": no sequence of 12 h was found that gives these sigmas"};
-        context_.err << "looking for " << format_duration(task_.time_s) << std::endl;
+        says("looking for " + format_duration(task_.time_s));
         if (Status status = search(); !status) return status;
         if (reaches(columns_.back().prediction, task_.aim)) break;
         columns_.pop_back();
@@ -175,6 +181,10 @@ class Designer {
   }
 
  private:
+  void says(const std::string& progress) const {
+    if (!context_.quiet) context_.err << progress << std::endl;
+  }
+
   // The shortest legs that tell the class of an effect apart, after the recording it was found in.
   Status separate() {
     const Result<double> time_s = parse_time_s("--time", options_.time.empty() ? longest_extra_legs : options_.time);
@@ -184,7 +194,7 @@ class Designer {
     if (Status status = check_data(*loaded); !status) return status;
     if (loaded->by_hand)
       return input_error(options_.from + ": " + no_table_angles + ": expected a recording made on a table");
-    context_.err << "diagnosing " << options_.from << std::endl;
+    says("diagnosing " + options_.from);
     const Diagnosis diagnosis = diagnose(loaded->data);
     const auto found = diagnosis.aliases.find(options_.separate);
     if (found == diagnosis.aliases.end() || found->second.empty()) {
@@ -200,9 +210,8 @@ class Designer {
     task_.info = loaded->data.info;
     task_.limits.sample_period_s = task_.info.sample_period_s;
     task_.time_s = *time_s;
-    const Result<ExtraLegs> legs = find_extra_legs(separation, task_, [&](double longest_s) {
-      context_.err << "looking for " << format_duration(longest_s) << std::endl;
-    });
+    const Result<ExtraLegs> legs = find_extra_legs(
+        separation, task_, [&](double longest_s) { says("looking for " + format_duration(longest_s)); });
     if (!legs) return legs.error();
     std::string open;
     double least = separating_gain;
@@ -228,7 +237,7 @@ class Designer {
   // How far from the best; empty where a parameter that counts is open, or the turns leave it open.
   std::string bound_text(const Prediction& prediction) {
     if (!open_parameters(prediction, task_.aim).empty()) return {};
-    context_.err << "looking for what no walk can be better than" << std::endl;
+    says("looking for what no walk can be better than");
     if (!options_.sigma.empty()) task_.criterion = AimAt::worst;
     const std::optional<double> least = design_bound(task_);
     if (!least) return {};
@@ -269,7 +278,6 @@ class Designer {
     task_.predict.noise = noise_model(options_.site);
     task_.predict.unit = unit.parameters;
     task_.predict.effects = !options_.effects.empty();
-    task_.acceleration_degps2 = options_.acceleration_degps2;
     task_.least_rest_s = options_.least_rest_s;
     task_.effects = options_.effects;
     task_.seed = static_cast<std::uint64_t>(options_.seed);
@@ -281,7 +289,7 @@ class Designer {
       if (const std::optional<double> most = unit.station.limits.sigma_max[static_cast<std::size_t>(k)])
         task_.aim[k] = *most;
     task_.effect_aims = columns_.front().prediction.effects;
-    task_.start = walk_of(*start);
+    task_.start = on_table(walk_of(*start), task_.limits);
     return choose(options_, task_);
   }
 
@@ -300,9 +308,9 @@ class Designer {
       printed_s = now_s;
       const double left_s = (now_s - began_s) / progress.done * (progress.tries - progress.done);
       char text[160];
-      std::snprintf(text, sizeof text, "tried %d of %d  cost %.4f  %zu legs  %s left\n", progress.done, progress.tries,
+      std::snprintf(text, sizeof text, "tried %d of %d  cost %.4f  %zu legs  %s left", progress.done, progress.tries,
                     progress.cost, progress.legs, format_duration(left_s).c_str());
-      context_.err << text << std::flush;
+      says(text);
       return true;
     });
     if (!found) return found.error();
@@ -339,8 +347,9 @@ void add_design_command(CommandLine& line, CommandContext& context) {
       .default_in_help();
   command.option("--effects", options->effects, "effects of the catalogue that it should show");
   command.option("--axes", options->axes, "axes that may turn: heading, pitch, roll; default: all");
-  command.option("--rate", options->rates, "rates to choose from, deg/s; default: 10");
-  command.option("--acceleration", options->acceleration_degps2, "deg/s^2").positive().default_in_help();
+  command.option("--rate", options->rates, "rates to choose from, deg/s; default: 10, or what the axis may");
+  command.option("--acceleration", options->acceleration_degps2, "deg/s^2; default: 20, or what the table may")
+      .positive();
   command.option("--least-rest", options->least_rest_s, "of a rest, s").range(2.0, 3600.0).default_in_help();
   command.option("--seed", options->seed, "of the search").range(0, 1000000000).default_in_help();
   command.option("--tries", options->tries, "walks to judge").range(1, 1000000).default_in_help();

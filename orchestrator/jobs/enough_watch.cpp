@@ -34,6 +34,7 @@ const KnownSoFar& least_known(const std::vector<KnownSoFar>& units) {
     return worst ? worst->ratio() : std::numeric_limits<double>::infinity();
   };
   return *std::max_element(units.begin(), units.end(), [&](const KnownSoFar& a, const KnownSoFar& b) {
+    if (a.again != b.again) return b.again;
     if (a.why_not.empty() != b.why_not.empty()) return b.why_not.empty() < a.why_not.empty();
     return rank(a) < rank(b);
   });
@@ -45,6 +46,23 @@ const NeededSigma* KnownSoFar::worst() const {
   const auto found = std::max_element(sigmas.begin(), sigmas.end(),
                                       [](const NeededSigma& a, const NeededSigma& b) { return a.ratio() < b.ratio(); });
   return found == sigmas.end() ? nullptr : &*found;
+}
+
+bool last_dwell_again(const Segments& segments, double sample_period_s, double misfit_at_s, int max_repeats) {
+  int dwells = 0;  // in the last pose; a run that was taken up settles again between them
+  auto first = segments.end();
+  const auto same_pose = [&](const Segment& segment) {
+    const Segment& last = segments.back();
+    return segment.heading_deg == last.heading_deg && segment.pitch_deg == last.pitch_deg &&
+           segment.roll_deg == last.roll_deg;
+  };
+  for (auto at = segments.end(); at != segments.begin() && same_pose(*std::prev(at));) {
+    if ((--at)->kind == SegmentKind::rotate) continue;
+    first = at;
+    ++dwells;
+  }
+  return dwells > 0 && dwells <= max_repeats &&
+         misfit_at_s >= (static_cast<double>(first->start_sample) - 0.5) * sample_period_s;
 }
 
 EnoughWatch::EnoughWatch(const PreparedRun& run, const Plan& plan, const std::vector<UnitRun>& units,
@@ -63,8 +81,9 @@ Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item
   const std::vector<KnownSoFar> units = running_.get();
   const bool enough = !units.empty() && std::all_of(units.begin(), units.end(),
                                                     [](const KnownSoFar& unit) { return unit.why_not.empty(); });
-  if (Status status = note(units, next_item, enough); !status) return status.error();
-  return std::optional(enough ? end_item_ : next_item);
+  const bool again = std::any_of(units.begin(), units.end(), [](const KnownSoFar& unit) { return unit.again; });
+  if (Status status = note(units, next_item, enough, again); !status) return status.error();
+  return std::optional(enough ? end_item_ : again ? next_item - 1 : next_item);
 }
 
 std::vector<KnownSoFar> EnoughWatch::estimate(std::size_t done_items) {
@@ -90,11 +109,18 @@ KnownSoFar EnoughWatch::estimate(const UnitRun& unit, std::size_t done_items) {
     return known;
   }
   known.sigmas = needed_sigmas(output->file, run_.station.stop_sigma, run_.station.limits);
+  known.again = last_dwell_again(loaded->data.segments, loaded->data.info.sample_period_s, output->misfit_at_s,
+                                 run_.station.dwell.max_repeats);
   const NeededSigma* const worst = known.worst();
-  if (worst && worst->needed == 0.0)
+  if (known.again)
+    known.why_not = output->distrust;
+  else if (worst && worst->needed == 0.0)
     known.why_not = std::string(parameter_keys[worst->parameter]) + " is beyond its limit";
   else if (worst && worst->ratio() > 1.0)
     known.why_not = ratio_text(*worst);
+  else if (const auto most = run_.station.limits.residual_max; most && output->fit->normalised_rms > *most)
+    known.why_not =
+        "residual " + significant(output->fit->normalised_rms, 3) + ", limit.residual_max " + significant(*most, 3);
   else if (!is_trusted(output->file))
     known.why_not = output->distrust.empty() ? "too little to test the fit by" : output->distrust;
   if (!known.why_not.empty() && worst && worst->needed > 0.0)
@@ -132,7 +158,7 @@ std::optional<std::size_t> EnoughWatch::expected_end(const std::vector<NeededSig
   return *found - 1;
 }
 
-Status EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough) {
+Status EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough, bool again) {
   if (units.empty()) return {};
   const KnownSoFar& least = least_known(units);
   const NeededSigma* const worst = least.worst();
@@ -146,6 +172,9 @@ Status EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_
   std::string line;
   if (enough) {
     line = after + "enough is known; " + format_duration(left_s(next_item, end_item_)) + " of the plan is left out";
+  } else if (again) {
+    line = after + "this dwell disagrees with the others and is repeated" +
+           (units.size() > 1 ? ", by unit " + least.unit : "") + ": " + least.why_not;
   } else {
     line = after + "not yet enough" + (units.size() > 1 ? " of unit " + least.unit : "") + ": " + least.why_not;
     if (least.end)
@@ -157,6 +186,7 @@ Status EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_
   tell_(line, least);
   return journal_.append(JournalType::estimate, {{"item", std::to_string(next_item - 1)},
                                                  {"enough", enough ? "true" : "false"},
+                                                 {"again", again ? "true" : "false"},
                                                  {"unit", units.size() > 1 ? least.unit : ""},
                                                  {"worst", worst ? std::string(parameter_keys[worst->parameter]) : ""},
                                                  {"sigma", worst ? format_number(worst->sigma) : ""},

@@ -1,9 +1,11 @@
 // When does a run know enough? After every completed dwell the units are calibrated from what is recorded so far, by the same function
 // and from the same samples as at the end, and the run ends (or goes on to its north seeking) when for every unit
-//   every parameter that the station names is known as well as it has to be (orchestrator/station/needed_sigma.h), and
+//   every parameter that the station names is known as well as it has to be (orchestrator/station/needed_sigma.h),
+//   the residual is not above limit.residual_max, and
 //   the fit passes its lack-of-fit tests: data that disagree with the model are no reason to trust its sigmas sooner.
-// Otherwise it goes on, to its planned end at the latest. Where the end will be is predicted: the sigmas scale from now as those of the
-// plan do (calib/prediction/predict.h).
+// A dwell whose own data disagree with the model is repeated, dwell.max_repeats times: it is longer then, and what passes is
+// outweighed. Otherwise the run goes on, to its planned end at the latest. Where the end will be is predicted: the sigmas scale
+// from now as those of the plan do (calib/prediction/predict.h).
 //
 // The estimate runs beside the capture in a thread of its own and is waited for, so that the answer depends on the samples alone
 // and a run that was interrupted ends where it would have ended.
@@ -28,9 +30,14 @@ struct KnownSoFar {
   std::string unit;
   std::vector<NeededSigma> sigmas;   // empty: not determined yet
   std::string why_not;               // to end; empty: enough is known
+  bool again = false;                // its last dwell disagrees with the rest, and may be repeated
   std::optional<std::size_t> end;    // index of the item after which it is expected to be; empty: not by this plan
   const NeededSigma* worst() const;  // null: there is none
 };
+
+// Whether what disagrees at this time lies in the last dwell or at the turn before it, and fewer repeats than these have been made
+// of it.
+bool last_dwell_again(const Segments& segments, double sample_period_s, double misfit_at_s, int max_repeats);
 
 class EnoughWatch {
  public:
@@ -50,7 +57,7 @@ class EnoughWatch {
   const ParameterVector& planned_sigmas(std::size_t items, const JointResult& fit);
   std::optional<std::size_t> expected_end(const std::vector<NeededSigma>& sigmas, std::size_t done_items,
                                           const JointResult& fit);
-  Status note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough);
+  Status note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough, bool again);
 
   const PreparedRun& run_;
   const Plan& plan_;

@@ -60,7 +60,10 @@ StationRun::MaybeEvent StationRun::leave_out() {
   while (true) {
     const Result<std::optional<std::size_t>> next = hooks_.go_on_with(item_);
     if (!next) return keep(next.error());
-    if (*next && **next > item_) {
+    if (*next && **next < item_) {  // the dwell once more
+      --item_;
+      asked_of_item_ = item_;
+    } else if (*next && **next > item_) {
       item_ = std::min(**next, items.size());
       if (item_ < items.size()) commanded_deg_ = items[item_ - 1].commanded_deg;
     }

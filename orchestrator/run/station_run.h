@@ -91,7 +91,7 @@ struct StationHooks {
   // Of the contents of the recordings, by unit, when nothing more comes: what the journal keeps before they are sealed.
   std::function<Result<std::vector<std::string>>()> content_hashes = nullptr;
   // Asked after every completed dwell, again and again until it answers: which item comes next. next_item is the one that the plan
-  // has there; a later one leaves out what lies between, items.size() ends the run. Samples are read
+  // has there; a later one leaves out what lies between, items.size() ends the run, an earlier one repeats the dwell. Samples are read
   // and the table is watched between two calls.
   std::function<Result<std::optional<std::size_t>>(std::size_t next_item)> go_on_with = nullptr;
 };

@@ -149,8 +149,9 @@ struct RigStation {
     devices.imu.describe(info);
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     EXPECT_TRUE(plan.ok()) << plan.violations.front();
-    StationRun station_run(devices.devices(), {sequence, plan, station, "SN1", resume, taken_up}, sink,
-                           {&watcher, &stop_requests, calibrate, journal, &pause_requests, &end_requests});
+    StationRun station_run(
+        devices.devices(), {sequence, plan, station, "SN1", resume, taken_up}, sink,
+        {&watcher, &stop_requests, calibrate, journal, &pause_requests, &end_requests, {}, go_on_with});
     return station_run.run();
   }
   // Every axis of the rig itself, not of what the table says.
@@ -173,6 +174,7 @@ struct RigStation {
   std::atomic<int> stop_requests{0}, pause_requests{0}, end_requests{0};
   std::function<Status()> calibrate;
   RunJournal* journal = nullptr;
+  decltype(StationHooks::go_on_with) go_on_with;
   std::optional<ResumePoint> resume;
   bool taken_up = false;
 };

@@ -115,13 +115,33 @@ TEST(SequenceDesign, KeepsToTheAxesAndTheTravelOfTheTable) {
   }
 }
 
+// What the fourteen steps need, and this table has not: their start, their turns, their rate. Whole turns are the same pose.
+TEST(SequenceDesign, IsFoundForATableThatCannotDoTheFourteenSteps) {
+  DesignTask task = task_of(1500.0);
+  task.limits.axis[index(Axis::heading)] = {
+      .soft_min_deg = 20.0, .soft_max_deg = 65.0, .max_rate_degps = 4.0, .wrap_deg = 0.0};
+  task.limits.axis[index(Axis::pitch)] = {.soft_min_deg = -540.0, .soft_max_deg = -330.0, .wrap_deg = 180.0};
+  task.limits.axis[index(Axis::roll)] = {.soft_min_deg = -45.5, .soft_max_deg = 200.5, .wrap_deg = 100.0};
+  task.start = on_table(task.start, task.limits);
+  EXPECT_EQ(task.start.start_deg[Axis::heading], 20.0);
+  EXPECT_EQ(task.start.start_deg[Axis::pitch], -360.0);
+  const Result<Design> design = design_walk(task, go_on);
+  ASSERT_OK(design);
+  EXPECT_LT(design->cost, design->start_cost);
+  const Result<Sequence> sequence = sequence_of(*design);
+  ASSERT_OK(sequence);
+  const Plan plan = make_plan(*sequence, task.limits);
+  EXPECT_TRUE(plan.ok()) << plan.violations.front();
+  EXPECT_LE(plan.station_s, 1500.0);
+}
+
 TEST(SequenceDesign, SaysWhatCannotBe) {
   DesignTask task = task_of(1500.0);
   task.turns = {};
-  EXPECT_EQ(design_walk(task, go_on).error().message, "no axis may turn: expected one at least");
+  EXPECT_EQ(design_walk(task, go_on).error().message, "no axis may turn by a degree: expected one at least");
   task.turns = {true, true, true};
   task.time_s = 5.0;
-  EXPECT_NE(design_walk(task, go_on).error().message.find("no walk"), std::string::npos);
+  EXPECT_NE(design_walk(task, go_on).error().message.find("not even one turn of 30 deg"), std::string::npos);
 }
 
 TEST(SequenceDesign, ShowsTheEffectsThatAreAskedFor) {
@@ -189,7 +209,8 @@ TEST_F(DesignCommand, RefusesWhatCannotBe) {
   expect_refused({"design", "--time", "1h", "--out", "other.txt"}, "holds something else");
   expect_refused({"design", "--time", "1h", "--axes", "yaw", "--out", "x.seq"}, "expected heading, pitch or roll");
   expect_refused({"design", "--time", "1h", "--rate", "500", "--out", "x.seq"}, "expected at most 100");
-  expect_refused({"design", "--time", "5s", "--out", "x.seq"}, "no walk");
+  expect_refused({"design", "--time", "5s", "--out", "x.seq"}, "not even one turn of 30 deg");
+  expect_refused({"design", "--time", "1h", "--out", "missing/x.seq"}, "missing/x.seq: ");
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "orchestrator/jobs/enough_watch.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {
@@ -36,6 +37,31 @@ TEST(NeededSigma, IsTheLeastOfWhatIsAskedAndOfWhereTheGuardBandEnds) {
   stop[0].reset();
   limits.sigma_max[0].reset();
   EXPECT_TRUE(needed_sigmas(file_with(0, 0.999, 0.1), stop, limits).empty());
+}
+
+TEST(LastDwellAgain, OnlyWhereItIsTheOneThatDisagrees) {
+  const auto segment = [](SegmentKind kind, std::int64_t start, double heading_deg) {
+    Segment one;
+    one.kind = kind;
+    one.heading_deg = heading_deg;
+    one.start_sample = start;
+    one.end_sample = start + 2000;
+    return one;
+  };
+  Segments segments = {segment(SegmentKind::align, 0, 0.0), segment(SegmentKind::rotate, 2000, 90.0),
+                       segment(SegmentKind::still, 4000, 90.0)};
+  const auto again = [&](double misfit_at_s) { return last_dwell_again(segments, 0.005, misfit_at_s, 2); };
+  EXPECT_TRUE(again(20.0)) << "the turn ends there, or the dwell begins";
+  EXPECT_TRUE(again(29.0));
+  EXPECT_FALSE(again(3.0)) << "an earlier dwell: nobody goes back for it";
+  EXPECT_FALSE(again(-1.0)) << "nothing disagrees, or not at one place";
+  segments.push_back(segment(SegmentKind::rotate, 6000, 90.0));  // settled again after an interruption
+  segments.push_back(segment(SegmentKind::still, 6100, 90.0));
+  EXPECT_TRUE(again(20.0)) << "made twice, it still does";
+  segments.push_back(segment(SegmentKind::still, 8100, 90.0));
+  EXPECT_FALSE(again(20.0)) << "repeated twice: it is not believed, but the run goes on";
+  segments.push_back(segment(SegmentKind::rotate, 10100, 180.0));
+  EXPECT_FALSE(again(49.0));
 }
 
 const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";

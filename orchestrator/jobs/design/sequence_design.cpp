@@ -8,6 +8,7 @@
 #include <set>
 
 #include "calib/prediction/design_bound.h"
+#include "imu_io/base/format_number.h"
 #include "orchestrator/jobs/sequence_coverage.h"
 
 namespace turncal {
@@ -34,22 +35,41 @@ struct SharedWalk {
   std::vector<SharedLeg> legs;
 };
 
+std::vector<Axis> axes_of(const DesignTask& task) {
+  std::vector<Axis> axes;
+  for (const Axis axis : all_axes)
+    if (task.turns[index(axis)] && travel_of(task.limits[axis]).longest_turn_deg > 0.0) axes.push_back(axis);
+  return axes;
+}
+
+double rate_on(const DesignTask& task, Axis axis, double rate_degps) {
+  return std::min(rate_degps, task.limits[axis].max_rate_degps);
+}
+
 class Search {
  public:
-  explicit Search(const DesignTask& task) : task_(task), random_(task.seed) {
-    for (const Axis axis : all_axes)
-      if (task.turns[index(axis)]) axes_.push_back(axis);
-  }
+  explicit Search(const DesignTask& task) : task_(task), random_(task.seed), axes_(axes_of(task)) {}
 
   Result<Design> run(const std::function<bool(const DesignProgress&)>& progress) {
-    if (axes_.empty()) return input_error("no axis may turn: expected one at least");
+    if (axes_.empty()) return input_error("no axis may turn by a degree: expected one at least");
     SharedWalk now = begin();
     std::optional<double> cost = judge(now);
-    while (!cost && !now.legs.empty()) {  // too long, or not for this table: fewer legs
+    while (!cost && !now.legs.empty()) {  // too long: fewer legs
       now.legs.pop_back();
       cost = judge(now);
     }
-    if (!cost) return input_error("no walk from the start position fits into the time and the limits of the table");
+    const double least_deg = *std::ranges::min_element(turns_deg);
+    for (std::size_t k = 0; !cost && k < axes_.size(); ++k) {
+      now.legs = {leg_of(axes_[k], least_deg, *std::ranges::max_element(task_.rates_degps), 1)};
+      now.first_share = 1;
+      if (now.start_deg[axes_[k]] + now.legs[0].turn_deg > travel_of(task_.limits[axes_[k]]).high_deg)
+        now.legs[0].turn_deg *= -1.0;
+      cost = judge(now);
+    }
+    if (!cost)
+      return input_error("not even one turn of " + format_number(least_deg) + " deg with rests of " +
+                         format_number(task_.least_rest_s) + " s before and after it fits into " +
+                         format_number(task_.time_s) + " s");
     Design design;
     design.start_cost = *cost;
     SharedWalk best = now;
@@ -90,19 +110,28 @@ class Search {
     walk.start_deg = task_.start.start_deg;
     walk.first_share = share(task_.start.first_rest_samples);
     for (const Leg& leg : task_.start.legs) {
-      if (!task_.turns[index(leg.axis)]) continue;
+      if (std::ranges::find(axes_, leg.axis) == axes_.end()) continue;
       const bool offered = std::ranges::find(task_.rates_degps, leg.rate_degps) != task_.rates_degps.end();
       const int least = !walk.legs.empty() && walk.legs.back().share == 0 ? 1 : 0;
-      walk.legs.push_back({leg.axis, leg.turn_deg, offered ? leg.rate_degps : task_.rates_degps.front(),
+      walk.legs.push_back({leg.axis, leg.turn_deg,
+                           offered ? leg.rate_degps : rate_on(task_, leg.axis, task_.rates_degps.front()),
                            std::max(least, share(leg.rest_samples))});
     }
     return walk;
   }
 
   SharedLeg any_leg() {
-    const double turn_deg = turns_deg[below(turns_deg.size())];
-    return {axes_[below(axes_.size())], below(2) == 0 ? turn_deg : -turn_deg,
-            task_.rates_degps[below(task_.rates_degps.size())], 1 + static_cast<int>(below(3))};
+    const double size_deg = turns_deg[below(turns_deg.size())];
+    const Axis axis = axes_[below(axes_.size())];
+    const double turn_deg = below(2) == 0 ? size_deg : -size_deg;
+    const double rate_degps = task_.rates_degps[below(task_.rates_degps.size())];
+    return leg_of(axis, turn_deg, rate_degps, 1 + static_cast<int>(below(3)));
+  }
+
+  // As far and as fast as the axis may, if that is less.
+  SharedLeg leg_of(Axis axis, double turn_deg, double rate_degps, int share) const {
+    const double most_deg = travel_of(task_.limits[axis]).longest_turn_deg;
+    return {axis, std::clamp(turn_deg, -most_deg, most_deg), rate_on(task_, axis, rate_degps), share};
   }
 
   SharedWalk changed(SharedWalk walk) {
@@ -185,10 +214,8 @@ class Search {
     info.sample_period_s = judged_period_s;
     PredictOptions options = task_.predict;
     options.effects = !task_.effects.empty();
-    const Prediction prediction = predict(info, planned_motion(*sequence, plan), options);
-    if (!prediction.valid) return std::nullopt;
     ++judged_;
-    return cost_of(prediction);
+    return cost_of(predict(info, planned_motion(*sequence, plan), options));
   }
 
   double cost_of(const Prediction& prediction) const {
@@ -201,7 +228,8 @@ class Search {
     };
     for (int k = 0; k < parameter_count; ++k) {
       if (task_.aim[k] <= 0.0) continue;
-      const bool known = prediction.determined[static_cast<std::size_t>(k)] && prediction.sigma[k] > 0.0;
+      const bool known =
+          prediction.valid && prediction.determined[static_cast<std::size_t>(k)] && prediction.sigma[k] > 0.0;
       add(known ? std::log(prediction.sigma[k] / task_.aim[k]) : undetermined_cost);
     }
     for (std::size_t k = 0; k < prediction.effects.size() && k < task_.effect_aims.size(); ++k) {
@@ -229,22 +257,28 @@ std::optional<double> design_bound(const DesignTask& task) {
   bound.settle_s = task.limits.settle_s;
   bound.least_rest_s = task.least_rest_s;
   bound.acceleration_degps2 = task.acceleration_degps2;
-  bound.rates_degps = task.rates_degps;
   bound.aim = task.aim;
   bound.worst = task.criterion == AimAt::worst;
-  for (const Axis axis : all_axes) {
+  std::set<double> turns, rates;
+  for (const Axis axis : all_axes) bound.poses_deg[index(axis)] = {task.start.start_deg[axis]};
+  for (const Axis axis : axes_of(task)) {
+    const Travel travel = travel_of(task.limits[axis]);
     std::vector<double>& poses = bound.poses_deg[index(axis)];
-    const double start_deg = task.start.start_deg[axis];
-    const AxisLimits& limits = task.limits[axis];
-    for (double deg = start_deg; deg < start_deg + 360.0; deg += pose_step_deg) {
-      const double lowest = deg - 360.0 * std::floor((deg - limits.soft_min_deg) / 360.0);
-      if (deg == start_deg || (task.turns[index(axis)] && lowest <= limits.soft_max_deg)) poses.push_back(deg);
-    }
+    const double start_deg = poses.front();
+    const auto add = [&](double deg) {
+      const double lowest = deg - 360.0 * std::floor((deg - travel.low_deg) / 360.0);
+      if (lowest <= travel.high_deg) poses.push_back(deg);
+    };
+    for (double deg = start_deg + pose_step_deg; deg < start_deg + 360.0; deg += pose_step_deg) add(deg);
+    if (travel.longest_turn_deg < pose_step_deg)
+      for (const double deg : {start_deg - travel.longest_turn_deg, start_deg + travel.longest_turn_deg}) add(deg);
+    for (const double size_deg : turns_deg) turns.insert(std::min(size_deg, travel.longest_turn_deg));
+    for (const double rate : task.rates_degps) rates.insert(rate_on(task, axis, rate));
   }
-  std::set<double> turns(turns_deg.begin(), turns_deg.end());
   for (const Leg& leg : task.start.legs)
     if (leg.turn_deg != 0.0) turns.insert(std::abs(leg.turn_deg));
   bound.turns_deg.assign(turns.begin(), turns.end());
+  bound.rates_degps.assign(rates.begin(), rates.end());
   return least_log_sigma(bound);
 }
 

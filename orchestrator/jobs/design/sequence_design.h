@@ -37,7 +37,7 @@ struct DesignTask {
   PredictOptions predict;                       // its noise
   double time_s = 0.0;                          // of the whole run, the way to the start not counted
   std::array<bool, 3> turns{true, true, true};  // which axes may turn, indexed by Axis
-  std::vector<double> rates_degps{10.0};        // to choose from; the first is that of the file
+  std::vector<double> rates_degps{10.0};        // to choose from, as far as the axis may; the first is that of the file
   double acceleration_degps2 = 20.0;
   double least_rest_s = 10.0;
   ParameterVector aim;  // sigma, file units; 0: this parameter does not count
@@ -46,7 +46,7 @@ struct DesignTask {
   std::function<double(const PlannedMotion&, double sample_period_s)> judged_by;
   std::vector<std::string> effects;          // names of the catalogue
   std::vector<PredictedEffect> effect_aims;  // what is aimed at: `detectable` of each component
-  Walk start;                                // where the search begins
+  Walk start;                                // where the search begins: one that the table can make (on_table())
   std::uint64_t seed = 1;
   int tries = 1500;
 };
@@ -64,7 +64,7 @@ struct Design {
   int judged = 0;  // walks that the table can run
 };
 
-// Errors (input): no walk that begins at `start` fits into the time; no axis may turn. progress is called now and then and ends the search
+// Errors (input): not even a rest fits into the time; no axis may turn. progress is called now and then and ends the search
 // by returning false.
 Result<Design> design_walk(const DesignTask& task, const std::function<bool(const DesignProgress&)>& progress);
 

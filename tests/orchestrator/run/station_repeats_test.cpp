@@ -1,6 +1,7 @@
 // Dwells and moves that do not count are done again, whole.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -91,6 +92,32 @@ TEST(StationRun, KnockRepeatsTheDwell) {
   const RunOutcome outcome = s.run();
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_dwells, 1);
+}
+
+TEST(StationRun, ADwellThatIsNotBelievedIsMadeOnceMore) {
+  RigStation s(two_steps_text);
+  DwellJournal journal;
+  s.journal = &journal;
+  std::vector<std::size_t> asked;
+  s.go_on_with = [&](std::size_t next_item) {
+    asked.push_back(next_item);
+    const bool again = next_item == 3 && std::ranges::count(asked, 3U) < 3;
+    return Result<std::optional<std::size_t>>(again ? next_item - 1 : next_item);
+  };
+  const RunOutcome outcome = s.run();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(asked, (std::vector<std::size_t>{1, 3, 3, 3, 5})) << "after each time that it is made";
+  std::vector<SegmentKind> kinds;
+  for (const Segment& segment : s.sink.segments) kinds.push_back(segment.kind);
+  EXPECT_EQ(std::ranges::count(kinds, SegmentKind::still), 3);
+  for (const Segment& segment : s.sink.segments)
+    if (segment.kind == SegmentKind::still) {
+      EXPECT_EQ(segment.end_sample - segment.start_sample, 2000);
+      EXPECT_EQ(segment.pitch_deg, 90.0);
+    }
+  ASSERT_EQ(journal.dwells.size(), 5U);
+  EXPECT_EQ(journal.dwells[1].item, journal.dwells[3].item);
+  EXPECT_EQ(s.watcher.count(RunEvent::move_next), 2) << "the table stays where it is";
 }
 
 TEST(StationRun, TooManyRepeatsEndTheRun) {
