@@ -104,7 +104,6 @@ struct LackOfFitTest {
   double tries = 1.0;      // of which this is the worst
   double inflation = 1.0;  // LackOfFitLimits
   double log10_p = 0.0;    // of chi_square / inflation, times tries
-  double begin_s = -1.0;   // where it is that of one piece: of the piece; else below zero
   Eigen::VectorXd shift;   // what explaining it away does to the free parameters and effects (empty: not known)
 };
 struct LackOfFit {

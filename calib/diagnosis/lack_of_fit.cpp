@@ -24,8 +24,6 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-const std::vector<int> bias_dims = {0, 1, 2, 3, 4, 5};
-const std::vector<int> jump_dims = {6, 7, 8, 9, 10, 11};
 constexpr const char* channels[] = {"gyro x",          "gyro y",          "gyro z",
                                     "accelerometer x", "accelerometer y", "accelerometer z"};
 
@@ -98,7 +96,6 @@ void Tester::sum_and_worst(const std::string& family, const std::string& what, c
     std::snprintf(text, sizeof text, "%s at %.0f s (step %d)", what.c_str(), piece.begin_s,
                   recording_.segments[piece.segment].step);
     worst.what = text;
-    worst.begin_s = piece.begin_s;
     worst.shift = test.shift * ranked.estimate;
   }
   if (tries == 0) return;

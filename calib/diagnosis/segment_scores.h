@@ -27,6 +27,7 @@
 namespace turncal {
 
 inline constexpr int piece_dims = 12;  // bias of gyro x y z, of accelerometer x y z (body); jump of psi and v (n frame)
+inline const std::vector<int> bias_dims = {0, 1, 2, 3, 4, 5}, jump_dims = {6, 7, 8, 9, 10, 11};
 
 struct Turn {                                           // between two pieces, a segment at a time
   int turn = 0;                                         // its number, from 1

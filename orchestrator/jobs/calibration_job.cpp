@@ -75,9 +75,8 @@ std::string clipped_gyros(const CompressedRecording& recording) {
   return all;
 }
 
-// What speaks against its sigmas; empty: nothing does, be it that there is too little to judge by. at_s: see misfit_at_s.
-std::string distrust_of(const CompressedRecording& recording, const JointResult& result, bool test_fit,
-                        double* at_s = nullptr) {
+// What speaks against its sigmas; empty: nothing does, be it that there is too little to judge by.
+std::string distrust_of(const CompressedRecording& recording, const JointResult& result, bool test_fit) {
   if (result.whiteness.level == 0.0) return "";  // too few seconds at rest
   // Quieter than the noise model, correlated or not: its sigmas are too large, if anything.
   if (!result.whiteness.white && result.whiteness.level > 1.0) return result.whiteness.message;
@@ -85,12 +84,6 @@ std::string distrust_of(const CompressedRecording& recording, const JointResult&
   if (const std::string wrong = wrong_latitude(recording, result); !wrong.empty()) return wrong;
   const LackOfFit fit = test_lack_of_fit(recording, result, {}, LackOfFitLimits{});
   if (fit.passed) return "";
-  double least = fit.log10_limit;
-  for (const LackOfFitTest& test : fit.tests)
-    if (at_s != nullptr && test.begin_s >= 0.0 && test.log10_p < least) {
-      least = test.log10_p;
-      *at_s = test.begin_s;
-    }
   char text[200];
   std::snprintf(text, sizeof text, "the model does not fit: %s, chi-square %.1f of %.0f", fit.worst.what.c_str(),
                 fit.worst.chi_square, fit.worst.degrees);
@@ -121,7 +114,7 @@ Status joint(const CompressedRecording& recording, const CalibrationRequest& req
   if (!open.empty() && !request.partial)
     return not_determined("this recording does not determine " + open + ": " + why_open(recording, result));
   describe_estimate(result, recording, false, output.file);
-  output.distrust = distrust_of(recording, result, request.test_fit, &output.misfit_at_s);
+  output.distrust = distrust_of(recording, result, request.test_fit);
   describe_trust(result.whiteness.level > 0.0 && output.distrust.empty(), output.file);
   note_joint(result, recording.info.sample_period_s, output.notes);
   if (!output.distrust.empty())

@@ -34,7 +34,6 @@ struct CalibrationOutput {
   std::optional<double> min_temperature_c, max_temperature_c;  // of the blocks of a few samples up to a second
   std::vector<std::string> notes;  // for the operator: what the data lacked, how the solution went
   std::optional<JointResult> fit;  // of the joint estimate: what a diagnosis begins with
-  double misfit_at_s = -1.0;  // of the rest or turn that by itself disagrees most with the model; below zero: none does
   std::string
       distrust;  // what speaks against its sigmas; quality.trusted is false without it where there is too little to judge
 };

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "calib/diagnosis/last_rest.h"
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/report_format.h"
@@ -48,21 +49,16 @@ const NeededSigma* KnownSoFar::worst() const {
   return found == sigmas.end() ? nullptr : &*found;
 }
 
-bool last_dwell_again(const Segments& segments, double sample_period_s, double misfit_at_s, int max_repeats) {
-  int dwells = 0;  // in the last pose; a run that was taken up settles again between them
-  auto first = segments.end();
+bool repeats_left(const Segments& segments, int max_repeats) {
   const auto same_pose = [&](const Segment& segment) {
     const Segment& last = segments.back();
     return segment.heading_deg == last.heading_deg && segment.pitch_deg == last.pitch_deg &&
            segment.roll_deg == last.roll_deg;
   };
-  for (auto at = segments.end(); at != segments.begin() && same_pose(*std::prev(at));) {
-    if ((--at)->kind == SegmentKind::rotate) continue;
-    first = at;
-    ++dwells;
-  }
-  return dwells > 0 && dwells <= max_repeats &&
-         misfit_at_s >= (static_cast<double>(first->start_sample) - 0.5) * sample_period_s;
+  int dwells = 0;  // in the last pose; a run that was taken up settles again between them
+  for (auto at = segments.rbegin(); at != segments.rend() && same_pose(*at); ++at)
+    if (at->kind != SegmentKind::rotate) ++dwells;
+  return dwells > 0 && dwells <= max_repeats;
 }
 
 EnoughWatch::EnoughWatch(const PreparedRun& run, const Plan& plan, const std::vector<UnitRun>& units,
@@ -103,18 +99,24 @@ KnownSoFar EnoughWatch::estimate(const UnitRun& unit, std::size_t done_items) {
     return known;
   }
   const Result<CalibrationOutput> output = calibrate_recording(*loaded, {});
+  if (repeats_left(loaded->data.segments, run_.station.dwell.max_repeats)) {
+    CalibrationRequest in_part;  // a bad dwell may leave parameters open
+    in_part.partial = true;
+    in_part.test_fit = false;
+    const Result<CalibrationOutput> partly = output ? output : calibrate_recording(*loaded, in_part);
+    known.again = partly.ok() && last_rest_disagrees(loaded->data, *partly->fit);
+    if (known.again) known.why_not = "this dwell, or the turn before it, disagrees with the others";
+  }
   if (!output) {
+    if (known.again) return known;
     known.why_not = output.error().message;
     if (known.why_not.starts_with(loaded->path + ": ")) known.why_not.erase(0, loaded->path.size() + 2);
     return known;
   }
   known.sigmas = needed_sigmas(output->file, run_.station.stop_sigma, run_.station.limits);
-  known.again = last_dwell_again(loaded->data.segments, loaded->data.info.sample_period_s, output->misfit_at_s,
-                                 run_.station.dwell.max_repeats);
   const NeededSigma* const worst = known.worst();
-  if (known.again)
-    known.why_not = output->distrust;
-  else if (worst && worst->needed == 0.0)
+  if (known.again) return known;
+  if (worst && worst->needed == 0.0)
     known.why_not = std::string(parameter_keys[worst->parameter]) + " is beyond its limit";
   else if (worst && worst->ratio() > 1.0)
     known.why_not = ratio_text(*worst);
@@ -173,8 +175,7 @@ Status EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_
   if (enough) {
     line = after + "enough is known; " + format_duration(left_s(next_item, end_item_)) + " of the plan is left out";
   } else if (again) {
-    line = after + "this dwell disagrees with the others and is repeated" +
-           (units.size() > 1 ? ", by unit " + least.unit : "") + ": " + least.why_not;
+    line = after + least.why_not + (units.size() > 1 ? ", of unit " + least.unit : "") + ": it is made once more";
   } else {
     line = after + "not yet enough" + (units.size() > 1 ? " of unit " + least.unit : "") + ": " + least.why_not;
     if (least.end)

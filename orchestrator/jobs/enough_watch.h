@@ -3,7 +3,7 @@
 //   every parameter that the station names is known as well as it has to be (orchestrator/station/needed_sigma.h),
 //   the residual is not above limit.residual_max, and
 //   the fit passes its lack-of-fit tests: data that disagree with the model are no reason to trust its sigmas sooner.
-// A dwell whose own data disagree with the model is repeated, dwell.max_repeats times: it is longer then, and what passes is
+// A dwell that disagrees with all the others (calib/diagnosis/last_rest.h) is repeated, dwell.max_repeats times: it is longer then, and what passes is
 // outweighed. Otherwise the run goes on, to its planned end at the latest. Where the end will be is predicted: the sigmas scale
 // from now as those of the plan do (calib/prediction/predict.h).
 //
@@ -35,9 +35,8 @@ struct KnownSoFar {
   const NeededSigma* worst() const;  // null: there is none
 };
 
-// Whether what disagrees at this time lies in the last dwell or at the turn before it, and fewer repeats than these have been made
-// of it.
-bool last_dwell_again(const Segments& segments, double sample_period_s, double misfit_at_s, int max_repeats);
+// Whether the dwell in the last pose may be made once more.
+bool repeats_left(const Segments& segments, int max_repeats);
 
 class EnoughWatch {
  public:

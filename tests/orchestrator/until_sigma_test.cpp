@@ -1,9 +1,11 @@
 // A run that ends when it knows enough: when, with what, and the same after every kill.
 #include "orchestrator/station/needed_sigma.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "orchestrator/jobs/enough_watch.h"
+#include "orchestrator/jobs/loaded_recording.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {
@@ -39,29 +41,25 @@ TEST(NeededSigma, IsTheLeastOfWhatIsAskedAndOfWhereTheGuardBandEnds) {
   EXPECT_TRUE(needed_sigmas(file_with(0, 0.999, 0.1), stop, limits).empty());
 }
 
-TEST(LastDwellAgain, OnlyWhereItIsTheOneThatDisagrees) {
-  const auto segment = [](SegmentKind kind, std::int64_t start, double heading_deg) {
+TEST(RepeatsLeft, AreOfThePoseAlsoAcrossAnInterruption) {
+  const auto segment = [](SegmentKind kind, double heading_deg) {
     Segment one;
     one.kind = kind;
     one.heading_deg = heading_deg;
-    one.start_sample = start;
-    one.end_sample = start + 2000;
     return one;
   };
-  Segments segments = {segment(SegmentKind::align, 0, 0.0), segment(SegmentKind::rotate, 2000, 90.0),
-                       segment(SegmentKind::still, 4000, 90.0)};
-  const auto again = [&](double misfit_at_s) { return last_dwell_again(segments, 0.005, misfit_at_s, 2); };
-  EXPECT_TRUE(again(20.0)) << "the turn ends there, or the dwell begins";
-  EXPECT_TRUE(again(29.0));
-  EXPECT_FALSE(again(3.0)) << "an earlier dwell: nobody goes back for it";
-  EXPECT_FALSE(again(-1.0)) << "nothing disagrees, or not at one place";
-  segments.push_back(segment(SegmentKind::rotate, 6000, 90.0));  // settled again after an interruption
-  segments.push_back(segment(SegmentKind::still, 6100, 90.0));
-  EXPECT_TRUE(again(20.0)) << "made twice, it still does";
-  segments.push_back(segment(SegmentKind::still, 8100, 90.0));
-  EXPECT_FALSE(again(20.0)) << "repeated twice: it is not believed, but the run goes on";
-  segments.push_back(segment(SegmentKind::rotate, 10100, 180.0));
-  EXPECT_FALSE(again(49.0));
+  Segments segments;
+  EXPECT_FALSE(repeats_left(segments, 2));
+  segments = {segment(SegmentKind::align, 0.0), segment(SegmentKind::rotate, 90.0)};
+  EXPECT_FALSE(repeats_left(segments, 2)) << "it has not been made at all";
+  segments.push_back(segment(SegmentKind::still, 90.0));
+  EXPECT_TRUE(repeats_left(segments, 2));
+  EXPECT_FALSE(repeats_left(segments, 0));
+  segments.push_back(segment(SegmentKind::rotate, 90.0));  // settled again after an interruption
+  segments.push_back(segment(SegmentKind::still, 90.0));
+  EXPECT_TRUE(repeats_left(segments, 2));
+  segments.push_back(segment(SegmentKind::still, 90.0));
+  EXPECT_FALSE(repeats_left(segments, 2)) << "it is not believed, but the run goes on";
 }
 
 const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
@@ -127,6 +125,51 @@ TEST_F(UntilSigma, GoesToThePlannedEndWhereItIsNeverEnough) {
   EXPECT_NE(whole.out.find("where 1.00e-06 is enough; the run goes to its planned end"), std::string::npos)
       << whole.out;
   EXPECT_EQ(records("whole", "dwell").size(), 51u);
+}
+
+// A gyro that drifts in one dwell, the 18th, and only then.
+TEST_F(UntilSigma, MakesADwellThatDisagreesOnceMoreAlsoAfterAKill) {
+  std::string rig = "seed = 5\n";
+  for (int k = 0; k < 190; ++k) {
+    const std::string fault = "fault." + std::to_string(k + 1) + ".";
+    rig += fault + "kind = gyro_glitch\n" + fault + "axis = x\n" + fault + "size_mrad = 0.002\n" + fault +
+           "sample = " + std::to_string(50700 + 5 * k) + "\n";
+  }
+  std::string asked = std::string(station_text) + "rig.file = drift.rig\n";
+  asked.replace(asked.find("3e-6"), 4, "4.5e-7");
+  write("drift.rig", rig);
+  const std::string station = write("mock.station", asked);
+  const ProgramResult drifted = run(begin("drifted", station));
+  EXPECT_NE(
+      drifted.out.find("after item 41 of 106: this dwell, or the turn before it, disagrees with the others: it is "
+                       "made once more"),
+      std::string::npos)
+      << drifted.out;
+  std::vector<std::string> again;
+  for (const std::string& estimate : records("drifted", "estimate"))
+    if (estimate.find("again = true") != std::string::npos) again.push_back(estimate);
+  ASSERT_EQ(again.size(), 1u) << "the second take agrees";
+  const Result<LoadedRecording> recorded = load_recording(path("drifted/recording.tcr"));
+  ASSERT_TRUE(recorded.ok()) << recorded.error().message;
+  EXPECT_EQ(
+      std::ranges::count_if(recorded->data.segments, [](const Segment& s) { return s.kind != SegmentKind::rotate; }),
+      std::ssize(records("drifted", "dwell")));
+  EXPECT_NE(again.front().find("enough = false"), std::string::npos);
+
+  // Killed where it was decided, and where the dwell was made: the same bytes.
+  const std::string recording = file_text(folder_ / "drifted/recording.tcr");
+  ASSERT_EQ(run_struck(begin("count", station), 0, "kill").code, drifted.code);
+  long points = 0;
+  std::istringstream(file_text(folder_.string() + ".count")) >> points;
+  std::filesystem::remove(folder_.string() + ".count");
+  for (const double part : {0.38, 0.40, 0.42}) {
+    SCOPED_TRACE(part);
+    const long point = std::lround(part * static_cast<double>(points));
+    ASSERT_EQ(run_struck(begin("killed", station), point, "kill").code, -1000 - SIGKILL);
+    EXPECT_EQ(run({"resume", "killed"}).code, drifted.code);
+    EXPECT_EQ(file_text(folder_ / "killed/recording.tcr"), recording);
+    std::filesystem::remove_all(folder_ / "killed");
+  }
 }
 
 TEST_F(UntilSigma, TwoUnitsEndWhenBothAreKnown) {

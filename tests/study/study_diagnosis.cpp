@@ -1,6 +1,6 @@
 // The acceptance study of the diagnosis (docs/diagnosis-study.md): seeded rig recordings, the estimator is never told.
 //
-//   study_diagnosis CASE SEED_FIRST SEED_COUNT [--times M] [--stages]
+//   study_diagnosis CASE SEED_FIRST SEED_COUNT [--times M] [--stages] [--sequence NAME]
 // CASE: none | none_drift | table_only | noise3_given | noise3 | EFFECT.COMPONENT | two | outside_NAME
 // One line a run: case seed verdict names named_right class_right detectable truth value sigma error_before error_after
 // holdout_before holdout_after worst_parameter_sigmas. scripts/study runs the whole table and counts.
@@ -186,15 +186,18 @@ void run_case(const Case& what, std::uint64_t seed, const Sequence& sequence, co
 
 int main(int argc, char** argv) {
   if (argc < 4) {
-    std::fprintf(stderr, "usage: study_diagnosis CASE SEED_FIRST SEED_COUNT [--times M] [--stages]\n");
+    std::fprintf(stderr,
+                 "usage: study_diagnosis CASE SEED_FIRST SEED_COUNT [--times M] [--stages] [--sequence NAME]\n");
     return 1;
   }
   turncal::Case what{argv[1]};
+  std::string name = "fourteen_step.seq";
   for (int k = 4; k < argc; ++k) {
     if (std::strcmp(argv[k], "--times") == 0 && k + 1 < argc) what.times = std::strtod(argv[k + 1], nullptr);
     if (std::strcmp(argv[k], "--stages") == 0) what.stages = true;
+    if (std::strcmp(argv[k], "--sequence") == 0 && k + 1 < argc) name = argv[k + 1];
   }
-  const turncal::Sequence sequence = turncal::must_read_sequence("fourteen_step.seq");
+  const turncal::Sequence sequence = turncal::must_read_sequence(name);
   const turncal::Sequence holdout = turncal::must_read_sequence("holdout.seq");
   const unsigned long first = std::strtoul(argv[2], nullptr, 10);
   const unsigned long count = std::strtoul(argv[3], nullptr, 10);

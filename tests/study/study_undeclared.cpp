@@ -1,6 +1,6 @@
 // Effects drawn at random, that nobody declared (docs/diagnosis-study.md): what does the diagnosis say of them?
 //
-//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--keep WORD] [--clean] [--tests] [--fit] [--sites] [--real-pulses]
+//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--keep WORD] [--clean] [--tests] [--fit] [--sites] [--real-pulses] [--sequence NAME]
 // --sites: every seed is at a latitude of its own, -65 to 65 deg; with --fit --tests a line says what latitude the gyros feel.
 // --only: effects are drawn until their description (column 3) holds the word, "gyro_scale" or "scatter".
 // --keep: of the effects drawn, those that hold the word are diagnosed: a part of a study, again.
@@ -244,12 +244,12 @@ int main(int argc, char** argv) {
     std::fprintf(stderr,
                  "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--keep WORD] "
                  "[--clean] [--tests] "
-                 "[--fit] [--sites] [--real-pulses]\n");
+                 "[--fit] [--sites] [--real-pulses] [--sequence NAME]\n");
     return 1;
   }
   int draws = 4;
   double largest = 30.0;
-  std::string only, keep;
+  std::string only, keep, name = "fourteen_step.seq";
   bool clean = false, tests = false, fit_only = false, real_pulses = false, sites = false;
   for (int k = 3; k < argc; ++k) {
     if (std::strcmp(argv[k], "--draws") == 0 && k + 1 < argc)
@@ -257,13 +257,14 @@ int main(int argc, char** argv) {
     if (std::strcmp(argv[k], "--largest") == 0 && k + 1 < argc) largest = std::strtod(argv[k + 1], nullptr);
     if (std::strcmp(argv[k], "--only") == 0 && k + 1 < argc) only = argv[k + 1];
     if (std::strcmp(argv[k], "--keep") == 0 && k + 1 < argc) keep = argv[k + 1];
+    if (std::strcmp(argv[k], "--sequence") == 0 && k + 1 < argc) name = argv[k + 1];
     clean = clean || std::strcmp(argv[k], "--clean") == 0;
     tests = tests || std::strcmp(argv[k], "--tests") == 0;
     real_pulses = real_pulses || std::strcmp(argv[k], "--real-pulses") == 0;
     sites = sites || std::strcmp(argv[k], "--sites") == 0;
     fit_only = fit_only || std::strcmp(argv[k], "--fit") == 0;
   }
-  const Sequence sequence = must_read_sequence("fourteen_step.seq");
+  const Sequence sequence = must_read_sequence(name);
   const Sequence second = must_read_sequence("holdout.seq");
   const std::uint64_t first = std::strtoull(argv[1], nullptr, 10), count = std::strtoull(argv[2], nullptr, 10);
   for (std::uint64_t seed = first; seed < first + count; ++seed) {
