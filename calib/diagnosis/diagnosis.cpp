@@ -35,29 +35,25 @@ void widen(JointResult& r, const std::vector<Eigen::VectorXd>& shifts, double fa
 // How far the free parameters go when another of its alias class stands in the place of a chosen effect. One pass, then linear.
 std::vector<Eigen::VectorXd> alias_shifts(const DiagnosisModel& m, const Diagnosis& d) {
   std::vector<Eigen::VectorXd> shifts;
-  std::vector<EffectColumn> columns, others;
+  std::vector<EffectColumn> others;
   std::vector<int> instead_of;  // index into m.current.effects
-  for (const EstimatedEffect& e : m.current.effects) columns.push_back(e.column);
   for (std::size_t k = 0; k < m.current.effects.size(); ++k)
     for (const SelectionStage& stage : d.stages) {
-      if (!stage.accepted || stage.chosen.key() != columns[k].key()) continue;
+      if (!stage.accepted || stage.chosen.key() != m.current.effects[k].column.key()) continue;
       for (const EffectColumn& other : stage.alias_columns) {
         others.push_back(other);
         instead_of.push_back(static_cast<int>(k));
       }
     }
   if (others.empty()) return shifts;
-  columns.insert(columns.end(), others.begin(), others.end());
-  EffectModel model = make_effect_model(columns, {m.recording.info.latitude_deg}, m.current.reference_temperature_c);
-  for (std::size_t k = 0; k < m.current.effects.size(); ++k)
-    model.values[static_cast<Eigen::Index>(k)] = m.current.effects[k].value;
+  const EffectModel model = effect_model_of(m.current, m.recording.info.latitude_deg, others);
   FilterSetup setup = m.current.setup;
   setup.narrow_columns = 0;
   const FilterResult pass = run_filter(m.recording, m.current.parameters, model, setup);
   Eigen::VectorXd ranges(parameter_count + model.columns);
-  ranges.head<parameter_count>() = m.current.ranges.head<parameter_count>();
-  for (std::size_t k = 0; k < columns.size(); ++k)
-    ranges[parameter_count + static_cast<Eigen::Index>(k)] = absurd_magnitude(*columns[k].entry);
+  ranges.head(m.current.ranges.size()) = m.current.ranges;
+  for (std::size_t k = 0; k < others.size(); ++k)
+    ranges[m.current.ranges.size() + static_cast<Eigen::Index>(k)] = absurd_magnitude(*others[k].entry);
   for (std::size_t i = 0; i < others.size(); ++i) {
     const int out = parameter_count + instead_of[i];
     const int in = parameter_count + static_cast<int>(m.current.effects.size() + i);
@@ -265,11 +261,9 @@ std::vector<std::string> strongest_first(const JointResult& fit) {
   std::sort(effects.begin(), effects.end(), [](const EstimatedEffect& a, const EstimatedEffect& b) {
     return std::abs(a.value) * b.sigma > std::abs(b.value) * a.sigma;
   });
-  std::vector<std::string> names;
-  for (const EstimatedEffect& e : effects)
-    if (std::find(names.begin(), names.end(), e.column.entry->name) == names.end())
-      names.emplace_back(e.column.entry->name);
-  return names;
+  std::vector<EffectColumn> columns;
+  for (const EstimatedEffect& e : effects) columns.push_back(e.column);
+  return names_of(columns);
 }
 
 }  // namespace
@@ -318,12 +312,15 @@ Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& o
   gate_effects(m, d);
   check_names(m, d);
   judge(m, d);
-  // A latitude that is far off is no small effect: it goes into the noise, and the gyros' biases stay open.
-  if (!d.trusted && !d.base.undetermined.empty() && recordings.parts.size() == 1)
-    if (const std::string wrong = wrong_latitude(m.recording, d.base); !wrong.empty())
-      d.reason = wrong + "; " + d.reason;
   collect_residuals(m, d);
   d.effect_names = strongest_first(m.current);
+  // A latitude that is far off goes into the noise, and the gyros' biases stay open; or it is a rate of the earth that is another.
+  const bool of_latitude =
+      (!d.trusted && !d.base.undetermined.empty()) ||
+      std::find(d.effect_names.begin(), d.effect_names.end(), "earth_rate") != d.effect_names.end();
+  if (of_latitude && recordings.parts.size() == 1)
+    if (const std::string wrong = wrong_latitude(m.recording, d.base); !wrong.empty())
+      d.reason = wrong + "; " + d.reason;
   d.extended = m.current;
   if (recordings.parts.size() > 1) {
     leave_what_is_common(d.base, recordings.parts.size());

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "calib/diagnosis/holdout.h"
 #include "calib/diagnosis/unexplained.h"
 #include "calib/joint/coarser_recording.h"
 #include "calib/statistics/distributions.h"
@@ -40,6 +41,7 @@ DiagnosisModel::DiagnosisModel(const JoinedRecordings& all, const DiagnosisOptio
   columns.insert(columns.end(), patterns.begin(), patterns.end());
   const double columns_count = static_cast<double>(columns.size());
   threshold = chi_square_1_limit(options.false_alarm / columns_count);
+  threshold_of_times = chi_square_1_limit(options.false_alarm / (columns_count * refined_values));
   near = chi_square_1_limit(options.limits.selection.near_family_wise / columns_count);
 }
 
@@ -79,11 +81,7 @@ double DiagnosisModel::misfit_beside_slow_noise(const std::vector<EffectColumn>&
 std::vector<Scores> DiagnosisModel::scores(const std::vector<EffectColumn>& candidates,
                                            const std::vector<NoiseModel>& noises) const {
   const int effects = static_cast<int>(current.effects.size());
-  std::vector<EffectColumn> all;
-  for (const EstimatedEffect& e : current.effects) all.push_back(e.column);
-  all.insert(all.end(), candidates.begin(), candidates.end());
-  EffectModel model = make_effect_model(all, {recording.info.latitude_deg}, current.reference_temperature_c);
-  for (int k = 0; k < effects; ++k) model.values[k] = current.effects[static_cast<std::size_t>(k)].value;
+  const EffectModel model = effect_model_of(current, recording.info.latitude_deg, candidates);
   FilterSetup setup = current.setup;
   setup.narrow_columns = static_cast<int>(std::count_if(candidates.begin(), candidates.end(), is_pattern));
   setup.narrow_against = parameter_count + effects;
@@ -98,6 +96,12 @@ std::vector<Scores> DiagnosisModel::scores(const std::vector<EffectColumn>& cand
   std::vector<Scores> scores;
   for (const FilterResult& pass : passes) scores.push_back(eliminate(pass.information, pass.gradient, base, added));
   return scores;
+}
+
+std::vector<EffectColumn> DiagnosisModel::chosen_without(const std::string& name) const {
+  std::vector<EffectColumn> without = chosen;
+  std::erase_if(without, [&](const EffectColumn& c) { return c.entry->name == name; });
+  return without;
 }
 
 NoiseModel DiagnosisModel::bare_noise() const {

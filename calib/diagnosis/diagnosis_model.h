@@ -35,6 +35,7 @@ struct DiagnosisModel {
   // One filter pass at `current` with candidates after its effects, and what each of them would bring.
   // At each of these, which may differ from the fitted one in bias instability only.
   std::vector<Scores> scores(const std::vector<EffectColumn>& candidates, const std::vector<NoiseModel>& noises) const;
+  std::vector<EffectColumn> chosen_without(const std::string& name) const;
   NoiseModel bare_noise() const;  // the fitted one without bias instability
 
   const JoinedRecordings& recordings;
@@ -42,8 +43,9 @@ struct DiagnosisModel {
   const DiagnosisOptions& options;
   std::vector<EffectColumn> catalogue;
   std::vector<EffectColumn> columns;
-  double threshold = 0.0;  // of 2 ln L, family-wise over all columns
-  double near = 0.0;       // likewise, SelectionLimits::near_family_wise
+  double threshold = 0.0;           // of 2 ln L, family-wise over all columns
+  double threshold_of_times = 0.0;  // likewise over all that a time or a period may be (unexplained.h, refined())
+  double near = 0.0;                // as `threshold`, SelectionLimits::near_family_wise
   std::vector<EffectColumn> chosen;
   JointResult current;
   // Fitted with what may be the truth as well: the pattern that explains the residual best, families that explain about as much as a

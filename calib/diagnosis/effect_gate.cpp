@@ -9,13 +9,6 @@ namespace turncal {
 
 namespace {
 
-std::vector<EffectColumn> chosen_without(const DiagnosisModel& m, const std::string& name) {
-  std::vector<EffectColumn> without;
-  for (const EffectColumn& c : m.chosen)
-    if (c.entry->name != name) without.push_back(c);
-  return without;
-}
-
 // The held-out data, in the order in which they are asked: holdout recordings, fitted ones left out in turn, dwells left out in turn.
 class Gate {
  public:
@@ -85,7 +78,7 @@ bool replaced_by_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name,
     for (const EffectColumn& rival : stage.rival_columns) {
       const std::string rival_name(rival.entry->name);
       if (std::find(d.gated_out.begin(), d.gated_out.end(), rival_name) != d.gated_out.end()) continue;
-      std::vector<EffectColumn> model = chosen_without(m, name);
+      std::vector<EffectColumn> model = m.chosen_without(name);
       model.push_back(rival);
       JointResult other = m.fit(model, m.current);
       if (!gate.confirms(other, without, rival.entry->of_one_run)) continue;
@@ -112,7 +105,7 @@ void gate_effects(DiagnosisModel& m, Diagnosis& d) {
   for (bool changed = true; changed && !m.chosen.empty();) {
     changed = false;
     for (const std::string& name : names_of(m.chosen)) {
-      const std::vector<EffectColumn> without = chosen_without(m, name);
+      const std::vector<EffectColumn> without = m.chosen_without(name);
       // Judged at the noise of m.current, so it is fitted at that, too.
       JointOptions at_noise = m.estimate_options(without, &m.current);
       at_noise.noise = m.current.noise;

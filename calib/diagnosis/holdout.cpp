@@ -90,9 +90,10 @@ HoldoutGain holdout_gain(const HoldoutError& without, const HoldoutError& with) 
   return result;
 }
 
-EffectModel effect_model_of(const JointResult& result, double latitude_deg) {
+EffectModel effect_model_of(const JointResult& result, double latitude_deg, const std::vector<EffectColumn>& more) {
   std::vector<EffectColumn> columns;
   for (const EstimatedEffect& e : result.effects) columns.push_back(e.column);
+  columns.insert(columns.end(), more.begin(), more.end());
   EffectModel model = make_effect_model(columns, {latitude_deg}, result.reference_temperature_c);
   for (std::size_t k = 0; k < result.effects.size(); ++k)
     model.values[static_cast<Eigen::Index>(k)] = result.effects[k].value;

@@ -20,7 +20,8 @@ namespace turncal {
 // metres a second after minutes: in the first seconds of each dwell.
 inline constexpr std::size_t velocity_seconds = 20;
 
-EffectModel effect_model_of(const JointResult& result, double latitude_deg);
+// `more`: columns after them, at zero.
+EffectModel effect_model_of(const JointResult& result, double latitude_deg, const std::vector<EffectColumn>& more = {});
 
 // How the filter is to be run on a holdout: its own start, heading and faults.
 FilterSetup holdout_setup(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise);

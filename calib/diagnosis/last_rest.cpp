@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/diagnosis/fit_pass.h"
+#include "calib/diagnosis/lack_of_fit.h"
 #include "calib/diagnosis/segment_scores.h"
 #include "calib/statistics/distributions.h"
 

@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "calib/diagnosis/candidate_list.h"
-#include "calib/diagnosis/fit_pass.h"
+#include "calib/diagnosis/lack_of_fit.h"
 #include "calib/diagnosis/nameless_families.h"
 
 namespace turncal {
@@ -78,10 +78,7 @@ void check_names(DiagnosisModel& m, Diagnosis& d) {
   const SelectionLimits& limits = m.options.limits.selection;
   const Holding holds = holding(m);
   for (const std::string& name : names_of(m.chosen)) {
-    std::vector<EffectColumn> without;
-    for (const EffectColumn& c : m.chosen)
-      if (c.entry->name != name) without.push_back(c);
-    const JointResult reduced = m.fit(without, m.current, &m.current.noise);
+    const JointResult reduced = m.fit(m.chosen_without(name), m.current, &m.current.noise);
     const double gain = minus_two_log_likelihood(reduced) - minus_two_log_likelihood(m.current);
     const FamilyFits all = families_at(m, reduced);
     NameCheck check{name, gain, "", 0.0};

@@ -17,8 +17,6 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr const char* axes[] = {"x", "y", "z"};
-
 // Where a function is asked for its value: a piece of rest, or a turn.
 struct Place {
   Vector3d table_rad;
@@ -37,7 +35,6 @@ struct Function {
 
 constexpr int harmonics = 4;
 constexpr int temperature_waves = 4;
-constexpr int rate_waves = 2;
 constexpr LackOfFitLimits limits;
 
 std::vector<Function> functions_of(const std::vector<Piece>& pieces) {
@@ -70,20 +67,14 @@ std::vector<Function> functions_of(const std::vector<Piece>& pieces) {
     for (const Turn& turn : piece.turns) fastest = fastest.cwiseMax(turn.rate_radps().cwiseAbs());
   for (int axis = 0; axis < 3; ++axis)
     if (fastest[axis] > limits.least_rate_radps)
-      all.push_back({"rate", std::string("with the rate about ") + axes[axis], 2 * rate_waves,
+      all.push_back({"rate", std::string("with the rate about ") + "xyz"[axis], 2 * curve_waves,
                      [axis, most = fastest[axis]](const Place& p, Eigen::Ref<VectorXd> v) {
-                       const double phase = 0.5 * pi * p.rate_radps[axis] / most;
-                       for (int k = 1; k <= rate_waves; ++k) {
-                         v[2 * k - 2] = std::sin(k * phase) / k;
-                         v[2 * k - 1] = (1.0 - std::cos(k * phase)) / k;
-                       }
+                       write_curve(p.rate_radps[axis] / most, v.data());
                      }});
   return all;
 }
 
 using Sensor = DisturbedSensor;
-constexpr const char* sensors[] = {"bias of gyro ", "scale factor of gyro ", "bias of accelerometer ",
-                                   "scale factor of accelerometer "};
 
 Weights::Part weights_on(const Piece& piece, Sensor sensor, int axis, const Function& f) {
   Weights::Part part;
@@ -121,6 +112,19 @@ Weights::Part weights_on(const Piece& piece, Sensor sensor, int axis, const Func
 
 }  // namespace
 
+std::string words_of(DisturbedSensor sensor, int axis) {
+  static constexpr const char* words[] = {"bias of gyro ", "scale factor of gyro ", "bias of accelerometer ",
+                                          "scale factor of accelerometer "};
+  return std::string(words[static_cast<int>(sensor)]) + "xyz"[axis];
+}
+
+void write_curve(double x, double* out) {
+  for (int k = 1; k <= curve_waves; ++k) {
+    out[2 * k - 2] = std::sin(0.5 * pi * k * x) / k;
+    out[2 * k - 1] = (1.0 - std::cos(0.5 * pi * k * x)) / k;
+  }
+}
+
 std::vector<Family> nameless_families(const std::vector<Piece>& pieces) {
   std::vector<Family> families;
   for (const Function& function : functions_of(pieces)) {
@@ -129,7 +133,7 @@ std::vector<Family> nameless_families(const std::vector<Piece>& pieces) {
       for (int axis = 0; axis < 3; ++axis)
         families.push_back(
             {f->kind,
-             sensors[static_cast<int>(sensor)] + std::string(axes[axis]) + " " + f->what,
+             words_of(sensor, axis) + " " + f->what,
              {f->count, [=](const Piece& piece) { return weights_on(piece, sensor, axis, *f); }, f->summed},
              sensor,
              axis});

@@ -25,6 +25,11 @@ namespace turncal {
 inline constexpr const char* temperature_curve = "temperature curve";
 
 enum class DisturbedSensor { gyro_bias, gyro_scale, accel_bias, accel_scale };
+// "scale factor of gyro x"
+std::string words_of(DisturbedSensor sensor, int axis);
+// What goes with a rate or a force by a curve, x up to +-1: two waves, odd and even, with sizes 1/k.
+inline constexpr int curve_waves = 2;
+void write_curve(double x, double* out);
 
 struct Family {
   std::string kind;                                     // "angle", "scatter", "walk", "temperature curve", "rate"

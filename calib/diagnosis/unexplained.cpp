@@ -96,7 +96,7 @@ std::vector<EffectColumn> refined(const EffectColumn& column, const std::vector<
   const bool step = column.entry->name.starts_with("bias step");
   if (!depends_on_time_only(column)) return columns;
   const double spacing = length_s(*parts[static_cast<std::size_t>(column.recording)]) / steps_in_run;
-  for (int k = -5; k <= 5; ++k) {
+  for (int k = -(refined_values / 2); k <= refined_values / 2; ++k) {
     columns.push_back(column);
     columns.back().tau_s = step ? column.tau_s + k * spacing / 8.0 : column.tau_s * std::pow(1.06, k);
   }

@@ -15,7 +15,8 @@ namespace turncal {
 
 // Columns for make_effect_model(), through the same machinery as the catalogue's. `parts`: JoinedRecordings; steps and waves are of one.
 std::vector<EffectColumn> pattern_columns(const std::vector<const CompressedRecording*>& parts);
-// The same pattern at finer steps of its time or period around the present one; empty where there is nothing to refine.
+// The same pattern at so many finer steps of its time or period around the present one; empty where there is nothing to refine.
+inline constexpr int refined_values = 11;
 std::vector<EffectColumn> refined(const EffectColumn& column, const std::vector<const CompressedRecording*>& parts);
 // A step or a wave in time: a drift or a temperature effect must do at least as well to be named.
 bool depends_on_time_only(const EffectColumn& pattern);

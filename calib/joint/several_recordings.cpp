@@ -23,9 +23,18 @@ struct Whole {
   std::vector<int> subset;  // of all columns
   Eigen::VectorXd begin;    // where the sums are about
   Eigen::VectorXd ranges;
-  Eigen::MatrixXd information;
-  Eigen::VectorXd gradient;
+  std::vector<Quadratic> parts;
+  Quadratic sum;
 };
+
+Quadratic sum_of(const std::vector<Quadratic>& parts) {
+  Quadratic sum = parts.front();
+  for (std::size_t k = 1; k < parts.size(); ++k) {
+    sum.A += parts[k].A;
+    sum.c += parts[k].c;
+  }
+  return sum;
+}
 
 Eigen::VectorXd own(const Eigen::VectorXd& all, const JointResult& estimate, std::size_t recording) {
   Eigen::VectorXd values(static_cast<Eigen::Index>(estimate.free.size()));
@@ -39,8 +48,7 @@ Whole add_up(const std::vector<JointResult>& estimates) {
   Whole w;
   w.begin.setZero(columns);
   w.ranges.setOnes(columns);
-  w.information.setZero(columns, columns);
-  w.gradient.setZero(columns);
+  const Quadratic nothing = {Eigen::MatrixXd::Zero(columns, columns), Eigen::VectorXd::Zero(columns)};
   w.begin.head<parameter_count>() = to_vector(estimates.front().parameters);
   for (std::size_t k = 0; k < estimates.size(); ++k)
     for (int column = 0; column < biases; ++column) {
@@ -55,15 +63,15 @@ Whole add_up(const std::vector<JointResult>& estimates) {
     const Eigen::MatrixXd I = information_of(e);
     const Eigen::VectorXd g =
         Eigen::VectorXd(e.last.gradient(e.free)) + I * (own(w.begin, e, k) - Eigen::VectorXd(at(e.free)));
-    for (std::size_t i = 0; i < e.free.size(); ++i) {
-      const int row = place(e.free[i], k);
-      w.gradient[row] += g[static_cast<Eigen::Index>(i)];
-      for (std::size_t j = 0; j < e.free.size(); ++j)
-        w.information(row, place(e.free[j], k)) += I(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
-    }
+    std::vector<int> places;
+    for (const int column : e.free) places.push_back(place(column, k));
+    Quadratic& part = w.parts.emplace_back(nothing);
+    part.A(places, places) = I;
+    part.c(places) = g;
   }
+  w.sum = sum_of(w.parts);
   for (int column = 0; column < columns; ++column)
-    if (w.information(column, column) > 0.0) w.subset.push_back(column);
+    if (w.sum.A(column, column) > 0.0) w.subset.push_back(column);
   return w;
 }
 
@@ -112,9 +120,29 @@ TurnOns turn_ons_of(const Eigen::VectorXd& values, const Eigen::MatrixXd& covari
   return result;
 }
 
+Fall fall_of(const Quadratic& q, const Eigen::VectorXd& ranges) {
+  std::vector<int> known;
+  for (int k = 0; k < static_cast<int>(q.c.size()); ++k)
+    if (q.A(k, k) > 0.0) known.push_back(k);
+  const SubsetSolution solution = solve_subset(q.A, q.c, known, ranges);
+  return {-solution.step.dot(Eigen::VectorXd(q.c(known))),
+          static_cast<int>(known.size()) - static_cast<int>(solution.undetermined.cols())};
+}
+
+Fall disagreement(const std::vector<Quadratic>& parts, const Eigen::VectorXd& ranges) {
+  Fall apart;
+  for (const Quadratic& part : parts) {
+    const Fall alone = fall_of(part, ranges);
+    apart.chi_square += alone.chi_square;
+    apart.degrees += alone.degrees;
+  }
+  const Fall together = fall_of(sum_of(parts), ranges);
+  return {apart.chi_square - together.chi_square, apart.degrees - together.degrees};
+}
+
 SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates) {
   const Whole w = add_up(estimates);
-  const SubsetSolution solution = solve_subset(w.information, w.gradient, w.subset, w.ranges);
+  const SubsetSolution solution = solve_subset(w.sum.A, w.sum.c, w.subset, w.ranges);
   Eigen::VectorXd all = w.begin;
   all(w.subset) += solution.step;
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(all.size(), all.size());
@@ -122,15 +150,9 @@ SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates) 
 
   SeveralRecordings result;
   const double n = static_cast<double>(estimates.size());
-  int known = 0;
-  for (std::size_t k = 0; k < estimates.size(); ++k) {
-    const JointResult& e = estimates[k];
-    const Eigen::VectorXd apart = own(all, e, k) - Eigen::VectorXd(to_vector(e.parameters)(e.free));
-    const Eigen::VectorXd gradient = Eigen::VectorXd(e.last.gradient(e.free)) + information_of(e) * apart;
-    result.disagreement += gradient.dot(e.covariance * gradient);  // along what it determines
-    known += static_cast<int>(e.free.size()) - static_cast<int>(e.undetermined.size());
-  }
-  result.degrees = known - static_cast<int>(w.subset.size() - static_cast<std::size_t>(solution.undetermined.cols()));
+  const Fall apart = disagreement(w.parts, w.ranges);
+  result.disagreement = apart.chi_square;
+  result.degrees = apart.degrees;
   result.p_value = chi_square_tail(result.disagreement, result.degrees);
   result.agree = result.p_value > agreement_limits.chance;
   if (!result.agree) covariance *= result.disagreement / std::max(result.degrees, 1);

@@ -5,8 +5,8 @@
 //   sum_i T_i' (I_i (T_i p - p_i) + g_i) = 0,  T_i picks what recording i knows of,
 // which is what one estimate from all seconds of all recordings would find (to second order in p_i - T_i p, some sigma), each at its own noise.
 //
-// The recordings agree when sum_i c_i' C_i c_i, c_i = I_i (T_i p - p_i) + g_i and C_i the covariance along what recording i determines, is
-// chi-square with sum_i rank - rank degrees of freedom.
+// The recordings agree when what chi-square falls by when each has all parameters for itself is chi-square with as many degrees of freedom
+// as that frees directions (disagreement()).
 // Turn-on repeatability of a bias: the scatter of its K values, less what their own sigmas explain (IEEE 952, 1293).
 // Not modelled: changes of scale factor or installation from day to day; they show in the agreement. Effects are not combined: for those
 // the recordings are joined (joined_recordings.h), which needs one noise for all.
@@ -47,6 +47,20 @@ JointResult estimate_beside(const CompressedRecording& recording, const Paramete
 
 // Of one estimate, about itself: everything that its covariance counts, or what the data say where directions are open.
 Eigen::MatrixXd information_of(const JointResult& estimate);
+
+// chi2 = .. + 2 c'x + x'A x about where x is zero.
+struct Quadratic {
+  Eigen::MatrixXd A;
+  Eigen::VectorXd c;
+};
+// What chi2 falls by at the best x, along the directions that it determines within `ranges` (determined.h).
+struct Fall {
+  double chi_square = 0.0;
+  int degrees = 0;
+};
+Fall fall_of(const Quadratic& q, const Eigen::VectorXd& ranges);
+// Of several that speak of the same columns: what their chi2 falls by when each has an x of its own.
+Fall disagreement(const std::vector<Quadratic>& parts, const Eigen::VectorXd& ranges);
 
 // At least two estimates without effects, each converged.
 SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates);

@@ -16,33 +16,22 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr int time_waves = 6, steps = 24, waves = 2;
+constexpr int time_waves = 6, steps = 24, waves = curve_waves;
 constexpr int of_time = 0, of_steps = time_waves, of_force = of_steps + steps, of_rate = of_force + 6 * waves,
               functions = of_rate + 6 * waves;
-constexpr const char* sensors[] = {"bias of gyro ", "scale factor of gyro ", "bias of accelerometer ",
-                                   "scale factor of accelerometer "};
-constexpr const char* axes[] = {"x", "y", "z"};
 
 struct RestFamily {
   std::string what;
   Index first = 0, count = 0;  // columns
 };
 
-// Two waves, odd and even, up to +-1.
-void write_waves(double x, double* out) {
-  for (int k = 1; k <= waves; ++k) {
-    out[2 * k - 2] = std::sin(0.5 * pi * k * x) / k;
-    out[2 * k - 1] = (1.0 - std::cos(0.5 * pi * k * x)) / k;
-  }
-}
-
 VectorXd functions_at(const BlockState& s, double duration_s, const Vector3d& fastest_radps) {
   VectorXd value(functions);
   for (int k = 1; k <= time_waves; ++k) value[of_time + k - 1] = std::cos(pi * k * s.time_s / duration_s) / k;
   for (int k = 0; k < steps; ++k) value[of_steps + k] = s.time_s * (steps + 1) >= duration_s * (k + 1) ? 1.0 : 0.0;
   for (int axis = 0; axis < 3; ++axis) {
-    write_waves(s.f_b[axis] / standard_gravity_mps2, &value[of_force + 2 * waves * axis]);
-    write_waves(s.w_b[axis] / fastest_radps[axis], &value[of_rate + 2 * waves * axis]);
+    write_curve(s.f_b[axis] / standard_gravity_mps2, &value[of_force + 2 * waves * axis]);
+    write_curve(s.w_b[axis] / fastest_radps[axis], &value[of_rate + 2 * waves * axis]);
   }
   return value;
 }
@@ -53,13 +42,13 @@ std::vector<RestFamily> families() {
   for (int sensor = 0; sensor < 4; ++sensor)
     for (int axis = 0; axis < 3; ++axis) {
       const Index first = (3 * sensor + axis) * functions;
-      const std::string what = std::string(sensors[sensor]) + axes[axis];
+      const std::string what = words_of(static_cast<DisturbedSensor>(sensor), axis);
       all.push_back({what + " with time", first + of_time, time_waves});
       all.push_back({what + " that wanders", first + of_steps, steps});
       for (int k = 0; k < steps; ++k) all.push_back({what + " that steps", first + of_steps + k, 1});
       for (int by = 0; by < 3; ++by) {
-        all.push_back({what + " with the force along " + axes[by], first + of_force + 2 * waves * by, 2 * waves});
-        all.push_back({what + " with the rate about " + axes[by], first + of_rate + 2 * waves * by, 2 * waves});
+        all.push_back({what + " with the force along " + "xyz"[by], first + of_force + 2 * waves * by, 2 * waves});
+        all.push_back({what + " with the rate about " + "xyz"[by], first + of_rate + 2 * waves * by, 2 * waves});
       }
     }
   return all;

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "calib/diagnosis/fit_pass.h"
+#include "calib/diagnosis/lack_of_fit.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
