@@ -29,9 +29,11 @@ struct Trial {
   JointResult fit;
   double gain = 0.0;        // the smaller one where the noise may be slow (of the best ones): what is accepted or not
   double plain_gain = 0.0;  // at the fitted noise: what decides between an effect and a pattern
+  double price = 0.0;       // the penalty: a time constant that nobody knows makes a name dear, and a doubt not
 };
 
-Nominee best(const DiagnosisModel& m, const Scores& s, bool patterns) {
+// `paid`: with the penalty.
+Nominee best(const DiagnosisModel& m, const Scores& s, bool patterns, bool paid = true) {
   Nominee top;
   for (int k = 0; k < static_cast<int>(m.columns.size()); ++k) {
     const EffectColumn& column = m.columns[static_cast<std::size_t>(k)];
@@ -39,7 +41,7 @@ Nominee best(const DiagnosisModel& m, const Scores& s, bool patterns) {
     const bool taken =
         std::any_of(m.chosen.begin(), m.chosen.end(), [&](const EffectColumn& c) { return c.key() == column.key(); });
     if (taken && !patterns) continue;
-    const double z_square = s.s[k] * s.s[k] / s.Q(k, k) - penalty(column, m.current.last.observations);
+    const double z_square = s.s[k] * s.s[k] / s.Q(k, k) - (paid ? penalty(column, m.current.last.observations) : 0.0);
     if (z_square > top.z_square) top = {k, z_square};
   }
   return top;
@@ -73,15 +75,17 @@ std::vector<Trial> nominate(const DiagnosisModel& m, const Scores& fitted, const
   for (const bool patterns : {false, true})
     for (const Scores* s : {&fitted, &bare}) {
       const Nominee nominee = best(m, *s, patterns);
-      if (nominee.candidate < 0 || nominee.z_square < m.near) continue;
       // A pattern matters only where it may beat the best effect; its time or period is not yet the right one.
       if (patterns && nominee.z_square < m.options.limits.selection.pattern_part * best(m, *s, false).z_square)
         continue;
-      std::vector<Nominee> nominees = {nominee};
-      if (!patterns) {
+      std::vector<Nominee> nominees;
+      if (nominee.z_square >= m.near) nominees.push_back(nominee);
+      if (!patterns && !nominees.empty()) {
         const std::vector<Nominee> rivals = rivals_of(m, nominee, *s);
         nominees.insert(nominees.end(), rivals.begin(), rivals.end());
       }
+      // And what is doubted the most.
+      if (const Nominee doubted = best(m, *s, patterns, false); doubted.z_square > m.near) nominees.push_back(doubted);
       for (const Nominee& one : nominees)
         if (std::none_of(trials.begin(), trials.end(),
                          [&](const Trial& t) { return t.nominee.candidate == one.candidate; }))
@@ -136,16 +140,18 @@ void fit_trials(const DiagnosisModel& m, const Scores& bare, std::vector<Trial>&
       JointResult other = m.fit(with(m, trial.column), m.current, &again.noise);
       if (minus_two_log_likelihood(other) < minus_two_log_likelihood(trial.fit)) trial.fit = std::move(other);
     }
-    trial.plain_gain =
-        without - minus_two_log_likelihood(trial.fit) - penalty(trial.column, m.current.last.observations);
+    trial.price = penalty(trial.column, m.current.last.observations);
+    trial.plain_gain = without - minus_two_log_likelihood(trial.fit) - trial.price;
     trial.gain = trial.plain_gain;
   }
 }
 
-Trial* best_of(std::vector<Trial>& trials, bool patterns) {
+// `paid`: this part of the price is not asked.
+Trial* best_of(std::vector<Trial>& trials, bool patterns, double paid = 0.0) {
   Trial* top = nullptr;
+  const auto gain = [paid](const Trial& t) { return t.plain_gain + paid * t.price; };
   for (Trial& trial : trials)
-    if (is_pattern(trial.column) == patterns && (!top || trial.plain_gain > top->plain_gain)) top = &trial;
+    if (is_pattern(trial.column) == patterns && (!top || gain(trial) > gain(*top))) top = &trial;
   return top;
 }
 
@@ -166,20 +172,24 @@ Trial* time_before_g(std::vector<Trial>& trials, Trial* top, double margin) {
 void hold_beside_slow_noise(const DiagnosisModel& m, std::initializer_list<Trial*> judged) {
   std::optional<double> without;
   for (Trial* trial : judged) {
-    if (!trial || trial->gain <= m.near || trial->gain >= m.options.limits.selection.surely) continue;
+    if (!trial || trial->gain + trial->price <= m.near || trial->gain >= m.options.limits.selection.surely) continue;
     if (!without) without = m.misfit_beside_slow_noise(m.chosen, m.current);
-    trial->gain = std::min(trial->gain, *without - m.misfit_beside_slow_noise(with(m, trial->column), trial->fit) -
-                                            penalty(trial->column, m.current.last.observations));
+    const double slow = m.misfit_beside_slow_noise(with(m, trial->column), trial->fit);
+    trial->gain = std::min(trial->gain, *without - slow - trial->price);
   }
 }
 
-// A gain with the noise fitted again may be the noise's: what gets a name is worth as much by its own sigma.
+// A gain with the noise fitted again may be the noise's: what is claimed is worth as much by its own sigma, and where its time or period
+// was looked for besides, more.
 bool stands_out(const DiagnosisModel& m, const Trial& trial) {
-  if (trial.gain < m.threshold) return false;
+  const bool timed = is_pattern(trial.column) && depends_on_time_only(trial.column);
+  const double threshold = timed ? m.threshold_of_times : m.threshold;
+  if (trial.gain < threshold) return false;
   const auto of_trial = [&trial](const EstimatedEffect& e) { return e.column.key() == trial.column.key(); };
   const auto& effects = trial.fit.effects;
   const auto e = std::find_if(effects.begin(), effects.end(), of_trial);
-  return e != effects.end() && e->value * e->value > m.threshold * e->sigma * e->sigma;
+  return e != effects.end() && e->value * e->value > threshold * e->sigma * e->sigma &&
+         std::abs(e->value) <= absurd_magnitude(*e->column.entry);
 }
 
 // A pattern without a name explains the residual best. Effects already found keep their names only if they stand beside it.
@@ -213,7 +223,9 @@ bool select_one(DiagnosisModel& m, Diagnosis& d) {
   Trial* effect = time_before_g(trials, best_of(trials, false), m.options.limits.selection.bic_margin);
   Trial* pattern = best_of(trials, true);
   if (!effect && !pattern) return false;
-  if (has_instability) hold_beside_slow_noise(m, {effect, pattern});
+  Trial* doubted = best_of(trials, false, 1.0);
+  if (doubted == effect) doubted = nullptr;
+  if (has_instability) hold_beside_slow_noise(m, {effect, pattern, doubted});
 
   SelectionStage stage;
   Trial& winner = effect ? *effect : *pattern;
@@ -223,7 +235,10 @@ bool select_one(DiagnosisModel& m, Diagnosis& d) {
   stage.gain = winner.gain;
   stage.threshold = m.threshold;
   const double margin = pattern && depends_on_time_only(pattern->column) ? 0.0 : m.options.limits.selection.bic_margin;
-  if (pattern && pattern->gain > m.threshold && pattern->plain_gain > (effect ? effect->plain_gain : 0.0) + margin) {
+  const bool claimed = effect && stands_out(m, *effect);
+  const bool better =
+      pattern && pattern->gain > m.threshold && pattern->plain_gain > (effect ? effect->plain_gain : 0.0) + margin;
+  if (better && (claimed || stands_out(m, *pattern))) {
     stage.chosen = pattern->column;
     stage.gain = pattern->gain;
     stage.note =
@@ -232,10 +247,10 @@ bool select_one(DiagnosisModel& m, Diagnosis& d) {
     stop_unexplained(m, d, *pattern);
     return false;
   }
-  if (!effect || !stands_out(m, *effect)) {
+  if (!claimed) {
     stage.note = "not accepted: the likelihood gains less than the threshold, or the effect is fewer of its sigmas";
-    for (const Trial* trial : {effect, pattern})
-      if (trial && trial->gain > m.near) m.beside.push_back(trial->fit.parameters);
+    for (const Trial* trial : {effect, pattern, doubted})
+      if (trial && trial->gain + trial->price > m.near) m.beside.push_back(trial->fit.parameters);
     d.stages.push_back(stage);
     return false;
   }

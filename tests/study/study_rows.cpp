@@ -1,7 +1,8 @@
 // The faults by which the diagnosis was once caught out (docs/diagnosis-study.md), each drawn anew: axis, sign, size, time constant, unit.
 //
 //   study_rows SEED_FIRST SEED_COUNT [ROW]
-// One line a run: seed row size verdict trusted names(aliases) worst_parameter_sigmas parameter. `size` in ppm, ug or 0.01 deg/h.
+// One line a run: seed row size verdict trusted names(aliases) worst_parameter_sigmas parameter settled_sigmas parameter. `size` in ppm, ug
+// or 0.01 deg/h. The truth of a parameter is what it is over the whole recording; settled: without what was laid on (a creep: in the end).
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -16,6 +17,7 @@
 namespace turncal {
 namespace {
 
+using Eigen::Vector3d;
 using Random = std::mt19937_64;
 constexpr double ug = 9.80665e-6, centi_degph = 0.01 * pi / 180.0 / 3600.0;
 
@@ -39,15 +41,20 @@ AddedReading accel(int axis, double micro_g) {
   return a;
 }
 
-Disturbance creep(int axis, double size, double tau_s, Random&) {
-  return [=, force = 0.0, left = 0.0, time = 1e9](const DisturbedMoment& m) mutable {
-    if (m.time_s < time) left = 0.0, force = m.force_g[axis], time = m.time_s;
-    left = left * std::exp(-(m.time_s - time) / tau_s) + (m.force_g[axis] - force);
-    force = m.force_g[axis];
+// What a reading lags behind the force or the rate along its axis: c times (now - lagged by tau).
+Disturbance creep(Vector3d DisturbedMoment::*of, Vector3d AddedReading::*reads, int axis, double size, double tau_s) {
+  return [=, last = 0.0, left = 0.0, time = 1e9](const DisturbedMoment& m) mutable {
+    const double now = (m.*of)[axis];
+    if (m.time_s < time) left = 0.0, last = now, time = m.time_s;
+    left = left * std::exp(-(m.time_s - time) / tau_s) + (now - last);
+    last = now;
     time = m.time_s;
-    return accel(axis, size * left);
+    AddedReading added;
+    (added.*reads)[axis] = size * left;
+    return added;
   };
 }
+double creep_tau_s(Random& r) { return std::exp(uniform(r, std::log(60.0), std::log(900.0))); }
 
 const Row rows[] = {
     {"none", 0.0, 0.0, nullptr},
@@ -76,7 +83,14 @@ const Row rows[] = {
          return gyro(axis, 1e-6 * size * std::normal_distribution<double>()(own) * m.rate_radps[axis]);
        };
      }},
-    {"creep", 10.0, 20.0, creep},
+    {"creep", 5.0, 30.0,
+     [](int axis, double size, double, Random& r) {
+       return creep(&DisturbedMoment::force_g, &AddedReading::accel_mps2, axis, ug * size, creep_tau_s(r));
+     }},
+    {"gyro_creep", 5.0, 30.0,
+     [](int axis, double size, double, Random& r) {
+       return creep(&DisturbedMoment::rate_radps, &AddedReading::gyro_radps, axis, 1e-6 * size, creep_tau_s(r));
+     }},
     {"lock_in", 2.0, 4.0,  // per cent
      [](int axis, double size, double, Random&) -> Disturbance {
        return [=](const DisturbedMoment& m) {
@@ -113,9 +127,12 @@ void run(std::uint64_t seed, const Row& row) {
   for (int k = 0; in_rig && k < 6; ++k)
     again.truth[static_cast<std::size_t>(k)] = truth[k] + uniform(r, -1.0, 1.0) * (k < 3 ? 0.03 : 30e-6);
   RigRecording held = record_on_rig(must_read_sequence("holdout.seq"), again);
+  ParameterVector settled = truth;
   if (row.draw != nullptr) {
     const Disturbance whole = row.draw(axis, size, tau_s, r);
     const Disturbance rest = without_parameters(whole, made.recording, made.truth);
+    const auto laid_on = [&whole](std::size_t, const DisturbedMoment& m) { return whole(m); };
+    settled -= as_parameters(taken_up(laid_on, made.recording, made.truth), made.truth);
     disturb(made.recording, made.truth, rest);
     disturb(held.recording, made.truth, rest);
   }
@@ -131,13 +148,20 @@ void run(std::uint64_t seed, const Row& row) {
   }
   Eigen::Index at = 0;
   // The rig's truth is that of the named effect; what is laid on has been freed of what the parameters take up.
-  ParameterVector error = to_vector(d.extended.parameters) - truth;
-  for (int k = 0; k < parameter_count; ++k) error[k] = d.extended.sigma[k] > 0.0 ? error[k] / d.extended.sigma[k] : 0.0;
-  if (!in_rig) error = errors_in_sigmas(d.extended, made.recording, made.truth);
-  const double worst = error.cwiseAbs().maxCoeff(&at);
-  std::printf("%llu %s.%c %.1f %s %d %s %.2f %s\n", static_cast<unsigned long long>(seed), row.name, "xyz"[axis], size,
-              to_string(d.verdict), d.trusted, names.empty() ? "-" : names.c_str(), worst,
-              std::string(parameter_keys[static_cast<std::size_t>(at)]).c_str());
+  const auto beyond = [&d](const ParameterVector& right) {
+    ParameterVector error = to_vector(d.extended.parameters) - right;
+    for (int k = 0; k < parameter_count; ++k)
+      error[k] = d.extended.sigma[k] > 0.0 ? error[k] / d.extended.sigma[k] : 0.0;
+    return error;
+  };
+  Eigen::Index at_settled = 0;
+  const double worst =
+      (in_rig ? beyond(truth) : errors_in_sigmas(d.extended, made.recording, made.truth)).cwiseAbs().maxCoeff(&at);
+  const double worst_settled = beyond(settled).cwiseAbs().maxCoeff(&at_settled);
+  std::printf("%llu %s.%c %.1f %s %d %s %.2f %s %.2f %s\n", static_cast<unsigned long long>(seed), row.name,
+              "xyz"[axis], size, to_string(d.verdict), d.trusted, names.empty() ? "-" : names.c_str(), worst,
+              std::string(parameter_keys[static_cast<std::size_t>(at)]).c_str(), worst_settled,
+              std::string(parameter_keys[static_cast<std::size_t>(at_settled)]).c_str());
   std::fflush(stdout);
 }
 

@@ -229,6 +229,24 @@ void report_seen(std::uint64_t seed, int draw, const CompressedRecording& clean,
               std::sqrt(std::max(left, 0.0)), largest, std::string(parameter).c_str());
 }
 
+// A unit that wanders: its biases over the whole recording, by the same unit with the same noise and no walk.
+Parameters truth_over(const RigRecording& made, const Sequence& sequence, RigConfig config) {
+  Parameters truth = made.truth;
+  double& gyro = config.noise.gyro_rate_random_walk_degph_per_rt_h;
+  double& accel = config.noise.accel_acceleration_random_walk_ug_per_rt_h;
+  if (gyro == 0.0 && accel == 0.0) return truth;
+  gyro = accel = 0.0;
+  const RigRecording steady = record_on_rig(sequence, config);
+  Vector3d turned = Vector3d::Zero(), pushed = Vector3d::Zero();
+  double time_s = 0.0;
+  for (const Block& b : made.recording.blocks) turned += b.gyro, pushed += b.accel, time_s += b.duration_s;
+  for (const Block& b : steady.recording.blocks) turned -= b.gyro, pushed -= b.accel;
+  const SensorModel model = sensor_model(made.truth, made.recording.info);
+  truth.N0_degph += model.gyro_scale * turned / time_s / radps_per_degph;
+  truth.A0_g += model.accel_scale * pushed / time_s / standard_gravity_mps2;
+  return truth;
+}
+
 void report_latitude(std::uint64_t seed, const FeltLatitude& felt, double truth_deg) {
   const double off_deg = felt.latitude_rad / rad_per_deg - truth_deg, sigma_deg = felt.sigma_rad / rad_per_deg;
   std::printf("latitude %llu %.3f %.5f %.5f %.3f %d\n", static_cast<unsigned long long>(seed), truth_deg, off_deg,
@@ -303,6 +321,7 @@ int main(int argc, char** argv) {
     RigConfig again = config;
     again.noise_seed = 600000 + seed;
     const RigRecording held = record_on_rig(second, again);
+    const Parameters truth = truth_over(made, sequence, config);
     for (int k = 0; k < static_cast<int>(effects.size()); ++k) {
       const Drawn& drawn = effects[static_cast<std::size_t>(k)];
       if (!kept(drawn)) continue;
@@ -324,10 +343,10 @@ int main(int argc, char** argv) {
         d.lack_of_fit = test_lack_of_fit(recording, d.extended, {&holdout}, options.limits.fit);
         d.trusted = d.lack_of_fit.passed;
         d.verdict = d.trusted ? Verdict::clean : Verdict::unexplained;
-        report(seed, k, drawn, d, recording, made.truth, tests);
+        report(seed, k, drawn, d, recording, truth, tests);
         continue;
       }
-      report(seed, k, drawn, diagnose(recording, options), recording, made.truth, tests);
+      report(seed, k, drawn, diagnose(recording, options), recording, truth, tests);
       if (tests && !clean) report_seen(seed, k, made.recording, recording, joint_estimate(made.recording));
     }
   }
