@@ -49,9 +49,9 @@ double widened_by_unseen_instability(const JointResult& fit) {
 }
 
 std::optional<FeltRate> felt_rate(const CompressedRecording& recording, const JointResult& fit) {
-  if (!fit.converged || !fit.undetermined.empty()) return with_free_rate(recording);
   const int north = parameter_count + static_cast<int>(fit.effects.size());
-  if (fit.last.information.rows() != north + 2) return {};
+  if (!fit.converged || !fit.undetermined.empty() || fit.last.information.rows() != north + 2)
+    return with_free_rate(recording);
   const Scores scores = eliminate(fit.last.information, fit.last.gradient, fit.free, {north, north + 1});
   if (!(scores.Q.determinant() > 0.0)) return {};
   return FeltRate{rate_at(recording.info.latitude_deg * rad_per_deg) + scores.Q.inverse() * scores.s,

@@ -20,12 +20,12 @@ namespace turncal {
 // The candidates that the estimate has to be made with (JointOptions::candidates).
 std::vector<EffectColumn> latitude_columns();
 
-// Of the estimate `fit` of the recording. Nothing where rests and turns do not tell, where parameters stay open with the earth's rate free,
-// too, or where the fit was made without those candidates.
+// Of the estimate `fit` of the recording; where it was made without those candidates, or parameters stay open, the recording is fitted again.
+// Nothing where rests and turns do not tell, or where parameters stay open with the earth's rate free, too.
 std::optional<FeltLatitude> felt_latitude(const CompressedRecording& recording, const JointResult& fit);
 
 // "the gyros feel the earth turn as at a latitude of 40.01 +- 0.01 deg, the recording says 50"; empty: nothing speaks against it. The
-// diagnosis finds the same as the effect earth_rate where it is small enough to be one.
+// diagnosis finds the same as the effect earth_rate, or nothing that it could name.
 std::string wrong_latitude(const CompressedRecording& recording, const JointResult& fit);
 
 }  // namespace turncal

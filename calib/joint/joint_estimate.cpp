@@ -85,11 +85,18 @@ JointResult JointRun::run() {
 
   if (options_.faults_of) {
     iterate(0.3, 1, close_by);  // beside a finished fit one step is most of the way
-  } else if (!settle()) {
-    const std::string wrong = wrong_table_axes(recording_, r.setup.mounting);
-    r.message = "the estimate does not settle: " +
-                (wrong.empty() ? "the recording contradicts the model (wrong segments, signs or units?)" : wrong);
-    return r;
+  } else {
+    const bool settled = settle();
+    // What reads other axes than the record says may settle as well.
+    const Parameters from = from_vector(begin);
+    const bool upright = (r.parameters.a * from.a.inverse()).diagonal().minCoeff() > 0.0;
+    const std::string wrong = settled && upright ? wrong_axes(r.parameters.n * from.n.inverse())
+                                                 : wrong_table_axes(recording_, r.setup.mounting);
+    if (!settled || !upright || !wrong.empty()) {
+      r.message = (settled ? "" : "the estimate does not settle: ") +
+                  (wrong.empty() ? "the recording contradicts the model (wrong segments, signs or units?)" : wrong);
+      return r;
+    }
   }
   if (options_.one_step) {
     r.converged = true;

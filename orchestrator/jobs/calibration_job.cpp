@@ -44,14 +44,22 @@ Status closed_form(const CompressedRecording& recording, CalibrationOutput& outp
   return {};
 }
 
+}  // namespace
+
+void note_mounting(const JointResult& result, std::vector<std::string>& notes) {
+  if (!result.start.mounting_text.empty())
+    notes.push_back("the unit is mounted " + result.start.mounting_text + " against the table's axes");
+}
+
+namespace {
+
 void note_joint(const JointResult& result, double sample_period_s, std::vector<std::string>& notes) {
   char text[200];
   std::snprintf(text, sizeof text, "joint estimate: settled after %d iterations; normalised residual %.4f%s",
                 result.iterations, result.normalised_rms,
                 result.whiteness.white ? "" : ", NOT WHITE: the noise model does not explain the residual");
   notes.push_back(text);
-  if (!result.start.mounting_text.empty())
-    notes.push_back("the unit is mounted " + result.start.mounting_text + " against the table's axes");
+  note_mounting(result, notes);
   for (const Fault& fault : result.faults) {
     std::snprintf(text, sizeof text, " at sample %lld (%.3f s): ", static_cast<long long>(fault.first_sample),
                   static_cast<double>(fault.first_sample) * sample_period_s);

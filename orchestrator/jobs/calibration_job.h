@@ -38,6 +38,9 @@ struct CalibrationOutput {
       distrust;  // what speaks against its sigmas; quality.trusted is false without it where there is too little to judge
 };
 
+// Where the unit is mounted another way than the table's axes.
+void note_mounting(const JointResult& result, std::vector<std::string>& notes);
+
 // Parameters stay open: of the kind of the verdict not_tested, so that one outcome has one exit code.
 Error not_determined(const std::string& what);
 

@@ -72,6 +72,7 @@ Result<DiagnosisOutput> of_table(const Recordings& recordings, const JoinedRecor
   Diagnosis diagnosis = diagnose(joined, settings);
   if (diagnosis.verdict == Verdict::not_tested)
     return Error{ErrorKind::unit_failed, recording.path + ": " + diagnosis.reason};
+  note_mounting(diagnosis.base, context.notes);
   if (recordings.size() > 1)
     for (std::string& line : turn_on_words(diagnosis.each.turn_ons)) context.notes.push_back(std::move(line));
   context.false_alarm = settings.false_alarm;
