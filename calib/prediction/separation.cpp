@@ -130,7 +130,7 @@ std::vector<AliasPair> Separation::pairs(const PlannedMotion* motion, double sam
   std::vector<AliasPair> pairs;
   for (std::size_t i = 0; i < names_.size(); ++i) {
     for (std::size_t j = 0; j < names_.size(); ++j) {
-      if (i == j || strongest_[i] < 0 || strongest_[j] < 0) continue;
+      if (i == j || (i != 0 && j != 0) || strongest_[i] < 0 || strongest_[j] < 0) continue;
       AliasPair pair{names_[i], names_[j]};
       pair.correlation = multiple_correlation(scores, strongest_[i], groups[j]);
       pair.gain = std::pow(std::max(values_[i], 0.0), 2) * scores.Q(strongest_[i], strongest_[i]) *

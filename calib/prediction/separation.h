@@ -34,7 +34,7 @@ class Separation {
   Separation(const CompressedRecording& recording, const Diagnosis& diagnosis, const std::string& name);
 
   const std::vector<std::string>& members() const { return names_; }  // the chosen one first
-  // Every ordered pair, beside what the recording says already; motion at `sample_period_s`; nullptr: nothing more is recorded.
+  // Of the chosen one with each of the others, either being the truth, beside what the recording says already; motion at `sample_period_s`; nullptr: nothing more is recorded.
   std::vector<AliasPair> pairs(const PlannedMotion* motion, double sample_period_s) const;
 
  private:

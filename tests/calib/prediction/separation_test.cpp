@@ -77,6 +77,8 @@ TEST(Separation, NoMotionTellsTheEarthRateFromTheSamplePeriod) {
       "  rotate H +45\n  dwell 1000\n  rotate P +45\n  dwell 1000\n  rotate R +90\n  dwell 1000\n  rotate H +90\n  "
       "dwell "
       "1000\n  rotate P -90\n  dwell 1000\n");
+  EXPECT_EQ(separation.pairs(&motion, 0.05).size(), 2 * (separation.members().size() - 1))
+      << "two aliases that are alike do not count";
   bool seen = false;
   for (const AliasPair& pair : separation.pairs(&motion, 0.05)) {
     if (pair.truth != "sample_period" || pair.other != "earth_rate") continue;
