@@ -118,13 +118,15 @@ StationRun::MaybeEvent StationRun::catch_up() {
 bool StationRun::apart() const {
   std::int64_t least = std::numeric_limits<std::int64_t>::max(), most = 0;
   double period_s = 1.0;
+  const double late_s = 0.5 * job_.station.motion.settle_s, now_s = devices_.clock.now_s();
   for (const UnitLane& lane : lanes_) {
     if (!lane.alive() || !lane.is_open()) continue;
+    if (now_s - lane.last_sample_s() > late_s) return true;
     least = std::min(least, lane.came_in_segment());
     most = std::max(most, lane.came_in_segment());
     period_s = lane.sample_period_s();
   }
-  const double allowed = std::max(0.5 * job_.station.motion.settle_s / period_s, 2.0);
+  const double allowed = std::max(late_s / period_s, 2.0);
   return least <= most && static_cast<double>(most - least) > allowed;
 }
 

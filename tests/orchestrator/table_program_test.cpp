@@ -134,7 +134,9 @@ TEST_F(TableProgram, MonitorSaysThatItCouldNotReadTheTableAtLast) {
 TEST_F(TableProgram, MonitorThatIsToldToEndDoesNotCallTheLineLost) {
   for (int i = 0; i < 10; ++i) {
     const pid_t pid = start({"monitor", "--station", "level.station"});
-    ::usleep(1'300'000 + 70'000 * i);
+    const auto reads = [this] { return file_text(folder_.string() + ".out").find("not ready") != std::string::npos; };
+    for (int k = 0; k < 2000 && !reads(); ++k) ::usleep(10'000);
+    ::usleep(300'000 + 70'000 * i);
     ::kill(pid, SIGTERM);
     const ProgramResult result = finish(pid);
     EXPECT_EQ(result.code, 0) << result.err;

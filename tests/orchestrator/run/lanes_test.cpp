@@ -135,6 +135,19 @@ TEST(Lanes, ADwellWaitsForAUnitThatIsFarBehind) {
   EXPECT_TRUE(s.dropouts.serials.empty());
 }
 
+// The same of a unit that is alone: a line that is silent when the table has settled still holds the turn.
+TEST(Lanes, ADwellWaitsForTheOnlyUnit) {
+  Lanes s(1);
+  s.station.imu_timeout_s = 20.0;
+  LateImu unit(s.devices_of_all.group.imu(0), 0);
+  s.sources[0] = &unit;
+  s.watcher.on_tick = [&](const RunSnapshot& at) { unit.late = at.time_s > 10.0 && at.time_s < 19.0 ? 1'000'000 : 0; };
+  const RunOutcome outcome = s.run_all();
+  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_EQ(outcome.repeated_dwells, 0);
+  EXPECT_EQ(outcome.units[0].lost_samples, 0u);
+}
+
 TEST(Lanes, DefectInTheFirstSamplesOfADwellLeavesTheOthersWhole) {
   // Bad for the whole run from the middle of the second dwell on: its second and third attempt fail with their first samples.
   for (const int bad : {1, 2}) {
