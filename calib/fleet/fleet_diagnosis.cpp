@@ -43,10 +43,13 @@ std::vector<Deviation> worst_deviations(const FleetScores& scores) {
   return worst;
 }
 
+double unit_limit(const FleetScores& scores, const FleetOptions& options) {
+  return chi_square_1_limit(options.unit_false_alarm / static_cast<double>(scores.size() * scores.effects()));
+}
+
 std::vector<Deviation> set_units_aside(FleetScores& scores, const FleetOptions& options) {
   std::vector<Deviation> all;
-  const double limit =
-      chi_square_1_limit(options.unit_false_alarm / static_cast<double>(scores.size() * scores.effects()));
+  const double limit = unit_limit(scores, options);
   for (int round = 0; round < options.max_of_unit; ++round) {
     bool any = false;
     for (const Deviation& w : worst_deviations(scores)) {
@@ -66,6 +69,40 @@ void restore(FleetScores& scores, const std::vector<Deviation>& units) {
     scores.set_aside(w->member, w->component, false);
     scores.subtract(w->member, w->component, -w->value);
   }
+}
+
+struct Explanation {
+  std::vector<Selected> chosen;
+  std::vector<Deviation> units;
+};
+
+// Units that stand out hide what is common, and may pass for it; what is common makes all units of a station stand out. So one is
+// looked for beside the other until nothing changes, and first of all what is common: without what changes with time, or with it.
+Explanation search(FleetScores& scores, const FleetOptions& options, bool with_shapes, FleetDiagnosis& d) {
+  std::vector<Selected> chosen = select_common(scores, options, with_shapes, d);
+  std::vector<Deviation> units = set_units_aside(scores, options);
+  for (int round = 0; round < 4; ++round) {
+    put_back(scores, chosen);
+    chosen = select_common(scores, options, true, d);
+    restore(scores, units);
+    std::vector<Deviation> again = set_units_aside(scores, options);
+    const bool same = again.size() == units.size() &&
+                      std::equal(again.begin(), again.end(), units.begin(), [](const Deviation& a, const Deviation& b) {
+                        return a.member == b.member && a.component == b.component;
+                      });
+    units = std::move(again);
+    if (same) break;
+  }
+  return {std::move(chosen), std::move(units)};
+}
+
+// What an explanation takes off chi-square, less what each part of it would have to take off to be believed by itself. Parameters
+// have no chi-square, and what they do follows the effects: they do not count.
+double worth(const Explanation& e, const FleetScores& scores, const FleetOptions& options, const FleetDiagnosis& d) {
+  const auto effects = std::count_if(e.chosen.begin(), e.chosen.end(),
+                                     [&](const Selected& s) { return !scores.is_parameter(s.found.component); });
+  return scores.explained() - static_cast<double>(e.units.size()) * unit_limit(scores, options) -
+         static_cast<double>(effects) * chi_square_1_limit(options.false_alarm / static_cast<double>(d.tests));
 }
 
 void summarise(const FleetScores& scores, const FleetOptions& options, FleetDiagnosis& d) {
@@ -152,22 +189,17 @@ FleetDiagnosis diagnose_fleet(const std::vector<FleetMember>& members, const Fle
   FleetScores scores(members, options.factors.size());
   FleetDiagnosis d;
   for (std::size_t f = 0; f < options.factors.size(); ++f) d.levels.push_back(scores.levels(f));
-  // Units that stand out hide what is common, and may pass for it; what is common makes all units of a station stand out. So one is
-  // looked for beside the other until nothing changes, and first of all what is common and does not change.
-  std::vector<Selected> chosen = select_common(scores, options, false, d);
-  std::vector<Deviation> units = set_units_aside(scores, options);
-  for (int round = 0; round < 4; ++round) {
-    put_back(scores, chosen);
-    chosen = select_common(scores, options, true, d);
-    restore(scores, units);
-    std::vector<Deviation> again = set_units_aside(scores, options);
-    const bool same = again.size() == units.size() &&
-                      std::equal(again.begin(), again.end(), units.begin(), [](const Deviation& a, const Deviation& b) {
-                        return a.member == b.member && a.component == b.component;
-                      });
-    units = std::move(again);
-    if (same) break;
+  Explanation best = search(scores, options, true, d);
+  // Units may pass for what changes with time, and the end of a steep ramp for units: the other way round as well.
+  if (!best.units.empty()) {
+    FleetScores other_scores(members, options.factors.size());
+    Explanation other = search(other_scores, options, false, d);
+    if (worth(other, other_scores, options, d) > worth(best, scores, options, d) - options.shape_margin) {
+      scores = std::move(other_scores);
+      best = std::move(other);
+    }
   }
+  auto& [chosen, units] = best;
   settle(scores, chosen);
   for (const Selected& s : chosen) {
     FleetEffect effect = s.effect;

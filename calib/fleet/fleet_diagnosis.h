@@ -10,6 +10,7 @@
 //    must be better than a constant by `shape_margin`. t0 has an interval by likelihood.
 // 3. Units that stand out from what is common by more than a family-wise limit, in units of their own sigma and the robust scatter of all. The
 //    component that explains most is theirs and is taken off their scores; then 1 and 2 again, until nothing changes.
+//    Begun with 1 and 2, and begun with 1 alone: of the two the better by chi-square and number of parts (Rissanen, Automatica 14 (1978) 465).
 // 4. Parameters are tested like effects, but against the other levels, since a fleet has no zero of theirs.
 // 5. Lack of fit: what is left at each level along directions whose noise is not shared, as chi-square.
 //

@@ -124,6 +124,7 @@ void FleetScores::subtract(std::size_t member, std::size_t component, double val
     return;
   }
   const UnitStatistics& u = members_[member]->statistics;
+  explained_ += value * (2.0 * s_[member][k] - value * static_cast<double>(u.Q(k, k)));
   s_[member] -= u.Q.col(k).cast<double>() * value;
   value_[member] += u.moves.col(k).cast<double>() * value;
 }

@@ -33,6 +33,8 @@ class FleetScores {
 
   // `value` units of the component in this recording are explained: off its scores, or, negative, back.
   void subtract(std::size_t member, std::size_t component, double value);
+  // By how much chi-square of all recordings' scores is less for what is off them now; parameters have none.
+  double explained() const { return explained_; }
   void set_aside(std::size_t member, std::size_t component, bool aside) { aside_[member][component] = aside; }
 
  private:
@@ -42,6 +44,7 @@ class FleetScores {
   std::vector<std::size_t> given_;
   std::vector<Eigen::VectorXd> s_;      // of each member, less what was taken off
   std::vector<ParameterVector> value_;  // likewise
+  double explained_ = 0.0;
   std::vector<std::string> components_;
   std::size_t effects_ = 0;
   std::vector<std::vector<int>> columns_;  // of each layout: the column of each component, or -1

@@ -14,6 +14,14 @@ FleetDiagnosis diagnose(std::uint64_t seed, const std::function<DrawnEffects(con
   return diagnose_fleet(drawn_fleet(seed, units, stations, add), {});
 }
 
+std::string drawn_column(std::mt19937_64& random) {
+  const UnitStatistics& one = statistics_of_one();
+  for (;;) {
+    const auto k = std::uniform_int_distribution<Eigen::Index>(0, one.Q.rows() - 1)(random);
+    if (one.Q(k, k) > 0.0F) return one.columns[static_cast<std::size_t>(k)];
+  }
+}
+
 TEST(FleetDiagnosis, FindsNothingInACleanFleet) {
   int found = 0, outstanding = 0, unexplained = 0;
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
@@ -53,15 +61,11 @@ TEST(FleetDiagnosis, DoesNotBlameAStationForItsUnits) {
   std::size_t listed = 0, meant = 0;
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
     const FleetDiagnosis d = diagnose(200 + seed, [&](const DrawnUnit& u) {
-      const UnitStatistics& one = statistics_of_one();
       if (std::uniform_real_distribution<>()(u.random) > 0.1) return DrawnEffects{};
-      int k = 0;
-      do k = std::uniform_int_distribution<>(0, static_cast<int>(one.columns.size()) - 1)(u.random);
-      while (one.Q(k, k) == 0.0F);
+      const std::string key = drawn_column(u.random);
       ++meant;
       const double size = std::exp(std::uniform_real_distribution<>(std::log(5.0), std::log(50.0))(u.random));
-      return DrawnEffects{
-          {one.columns[static_cast<std::size_t>(k)], size * sigma_of(one.columns[static_cast<std::size_t>(k)])}};
+      return DrawnEffects{{key, size * sigma_of(key)}};
     });
     blamed += !d.effects.empty();
     listed += d.units.size();
@@ -105,6 +109,32 @@ TEST(FleetDiagnosis, DatesTheDriftOfAStation) {
   }
   EXPECT_GE(dated, 17);
   EXPECT_LE(sum / seeds, 7.0);
+}
+
+// Its last recordings stand out by themselves, and what is left of it without them is no ramp.
+TEST(FleetDiagnosis, DatesASteepDrift) {
+  int dated = 0, to_a_week = 0, blamed = 0;
+  for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
+    std::mt19937_64 random(seed);
+    const std::string key = drawn_column(random);
+    const double begin = std::uniform_real_distribution<>(40.0, 120.0)(random);
+    const double days_a_sigma = std::uniform_real_distribution<>(2.0, 6.0)(random);
+    const FleetDiagnosis d = diagnose(500 + seed, [&](const DrawnUnit& u) {
+      return u.station == "S2" ? DrawnEffects{{key, sigma_of(key) * std::max(0.0, u.day - begin) / days_a_sigma}}
+                               : DrawnEffects{};
+    });
+    bool first = true;
+    for (const FleetEffect& e : d.effects) {
+      blamed += e.level != "S2";
+      if (e.level != "S2" || e.shape == FleetShape::constant || !first) continue;
+      first = false;
+      dated += e.begin_low <= begin && e.begin_high >= begin;
+      to_a_week += std::abs(e.begin_day - begin) <= 7.0;
+    }
+  }
+  EXPECT_EQ(blamed, 0);
+  EXPECT_GE(dated, 18);
+  EXPECT_GE(to_a_week, 18);
 }
 
 }  // namespace
