@@ -64,7 +64,7 @@ class Unit {
   // No sample of an ideal unit stands out, however hard the table accelerates.
   static CompressionOptions undisturbed() {
     CompressionOptions options;
-    options.glitch_counts_min = std::numeric_limits<double>::infinity();
+    options.glitch.counts_min = std::numeric_limits<double>::infinity();
     return options;
   }
   ImuSample sense(const Vector3d& dtheta_b, const Vector3d& dv_b) const {

@@ -152,7 +152,7 @@ CompressionOptions rest_compression_options() {
   CompressionOptions options;
   options.static_block_s = 0.25;
   options.block_angle_rad = 0.04;  // third-order coning is 1e-7 rad a block at this size, far below any noise here
-  options.glitch_counts_min = std::numeric_limits<double>::infinity();  // a hand jerks: what it does is no glitch
+  options.glitch.counts_min = std::numeric_limits<double>::infinity();  // a hand jerks: what it does is no glitch
   options.leaves_out_turning = false;                                   // rests were chosen to be still
   return options;
 }

@@ -10,9 +10,6 @@
 namespace turncal {
 namespace {
 
-// What one count of the gyros is, rad, before anything is measured.
-constexpr double nominal_gyro_pulse_rad = 0.932920 * rad_per_arcsec;
-
 // In a segment called at rest the unit may still turn (a table that settles, a hand that lets go late). What turns faster
 // than this against the median of its segment is no rest, nor are the blocks before and after it.
 constexpr double turning_radps = 0.003;
@@ -39,12 +36,6 @@ void leave_out_turning(const RecordingInfo& info, std::span<Block> blocks) {
 // Neighbouring blocks of a turn at one rate go together up to this: gravity is exact there to the fifth order (block_motion.h).
 constexpr double steady_angle_rad = 0.05, steady_s = 0.5;
 
-Eigen::Matrix<double, 6, 1> channels_of(const ImuSample& sample) {
-  Eigen::Matrix<double, 6, 1> all;
-  all << sample.gyro[0], sample.gyro[1], sample.gyro[2], sample.accel[0], sample.accel[1], sample.accel[2];
-  return all;
-}
-
 // Before or after the sample that is to come: in the segment of the last one, or in its own.
 bool turns_beside(const CompressedRecording& recording, const Block& open) {
   if (recording.segments.back().kind == SegmentKind::rotate) return true;
@@ -58,22 +49,6 @@ bool at_one_rate(const Block& a, const Block& b) {
   const Eigen::Vector3d rate = a.gyro / a.duration_s;
   return (b.gyro / b.duration_s - rate).norm() < alike * rate.norm();
 }
-
-}  // namespace
-
-const char* to_string(DataEvent::Kind kind) {
-  switch (kind) {
-    case DataEvent::Kind::gap: return "gap";
-    case DataEvent::Kind::duplicate: return "duplicate";
-    case DataEvent::Kind::invalid: return "invalid";
-    case DataEvent::Kind::gyro_glitch: return "gyro glitch";
-    case DataEvent::Kind::accel_glitch: return "accelerometer glitch";
-    case DataEvent::Kind::temperature: return "impossible temperature";
-  }
-  return "?";
-}
-
-namespace {
 
 // A thermometer that is read more seldom than a block lasts: linear in time between the blocks that have a value, constant before the
 // first and after the last.
@@ -129,18 +104,11 @@ Block merge(const Block& a, const Block& b) {
 }
 
 Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& options)
-    : options_(options), spikes_(info) {
+    : options_(options), spikes_(info), glitches_(info, options.glitch) {
   recording_.info = info;
   static_block_samples_ = std::max(1, static_cast<int>(std::lround(options.static_block_s / info.sample_period_s)));
   static_counts_ = options.static_angle_rad / nominal_gyro_rad(info);
   rotation_counts_ = options.block_angle_rad / nominal_gyro_rad(info);
-  // So many nominal pulses (0.0005 m/s where the increments are not counted), and what a table accelerates by at most.
-  constexpr double most_radps2 = 7.0;
-  const double pulse_mps = info.accel_increment == IncrementKind::pulses ? 1.0 : 0.0005;
-  const double turn_rad = 0.5 * most_radps2 * info.sample_period_s * info.sample_period_s;
-  const double gyro_rad = std::max(options.glitch_counts_min * nominal_gyro_pulse_rad, turn_rad);
-  least_glitch_square_.head<3>().setConstant(std::pow(gyro_rad / nominal_gyro_rad(info), 2));
-  least_glitch_square_.tail<3>().setConstant(std::pow(options.glitch_counts_min * pulse_mps, 2));
 }
 
 void Compressor::begin_segment(const Segment& segment) {
@@ -190,8 +158,8 @@ void Compressor::add_one(const ImuSample& sample) {
   if ((sample.flags & sample_flag_invalid) != 0)
     recording_.events.push_back({DataEvent::Kind::invalid, sample.counter, 1, -1, 0.0});
   // Across a gap in a turn the neighbours are others: a turn goes on meanwhile.
-  if (missing > 0 && turns_beside(recording_, block_)) last_ = before_last_ = channels_of(sample);
-  look_for_glitch(sample);
+  if (missing > 0 && turns_beside(recording_, block_)) glitches_.forget_neighbours(sample);
+  glitches_.add(sample, recording_.events);
   next_counter_ = sample.counter + 1;
   ++recording_.samples;
 
@@ -273,41 +241,6 @@ void Compressor::close_block() {
     recording_.blocks.push_back(block_);
   block_ = Block{};
   temperature_sum_ = 0.0;
-}
-
-void Compressor::look_for_glitch(const ImuSample& sample) {
-  const Eigen::Matrix<double, 6, 1> now = channels_of(sample);
-  if (history_ >= 2) {
-    const Eigen::Matrix<double, 6, 1> second_difference = last_ - 0.5 * (now + before_last_);
-    const Eigen::Matrix<double, 6, 1> square = second_difference.cwiseAbs2();
-    const Eigen::Matrix<double, 6, 1> limit =
-        (options_.glitch_ratio * options_.glitch_ratio * mean_square_).cwiseMax(least_glitch_square_);
-    const bool suspect = history_ > 50 && (square.array() > limit.array()).any();
-    // mean square with a memory of about 100 samples; a suspect does not spoil the scale it is measured against
-    if (!suspect) mean_square_ += (square - mean_square_) * 0.01;
-    for (int channel = 0; suspect && channel < 6; ++channel) {
-      const double value = second_difference[channel];
-      if (square[channel] > limit[channel]) {
-        // The sample in the middle stands out; its two neighbours see half of it with the other sign.
-        const auto kind = channel < 3 ? DataEvent::Kind::gyro_glitch : DataEvent::Kind::accel_glitch;
-        auto known = recording_.events.rbegin();
-        while (known != recording_.events.rend() && known->sample >= sample.counter - 3 &&
-               !(known->kind == kind && known->axis == channel % 3))
-          ++known;
-        if (known == recording_.events.rend() || known->sample < sample.counter - 3) {
-          recording_.events.push_back({kind, sample.counter - 1, 1, channel % 3, value});
-        } else if (std::abs(value) > std::abs(known->size)) {
-          known->sample = sample.counter - 1;
-          known->size = value;
-        }
-      } else {
-        mean_square_[channel] += (square[channel] - mean_square_[channel]) * 0.01;
-      }
-    }
-  }
-  before_last_ = last_;
-  last_ = now;
-  if (history_ < 1000) ++history_;
 }
 
 CompressedRecording Compressor::take() {

@@ -26,6 +26,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "calib/statistics/glitches.h"
 #include "calib/statistics/implausible.h"
 #include "calib/types/recording_types.h"
 
@@ -50,16 +51,6 @@ struct Block {
 // The block that two consecutive blocks make together (exact).
 Block merge(const Block& first, const Block& second);
 
-struct DataEvent {
-  enum class Kind { gap, duplicate, invalid, gyro_glitch, accel_glitch, temperature } kind = Kind::gap;
-  std::int64_t sample = 0;  // counter
-  std::int64_t count = 1;   // samples concerned
-  int axis = -1;            // 0 1 2, or -1
-  double size = 0.0;  // glitches: in counts above the neighbours, or as it came where it was left out; temperature: C
-  bool left_out = false;  // it is in no block
-};
-const char* to_string(DataEvent::Kind kind);
-
 struct CompressedRecording {
   RecordingInfo info;
   Segments segments;          // in the order in which they came, contiguous
@@ -74,9 +65,7 @@ struct CompressionOptions {
   double static_angle_rad = 0.1;
   double block_angle_rad = 0.012;
   int block_samples = 20;
-  // A sample is a glitch when it stands this many typical second differences (rms, and counts) from its neighbours.
-  double glitch_ratio = 12.0;
-  double glitch_counts_min = 20.0;
+  GlitchLimits glitch;
   bool leaves_out_turning = true;  // what still turns in a rest is no rest
 };
 
@@ -95,7 +84,6 @@ class Compressor {
  private:
   void close_block();
   void add_one(const ImuSample& sample);
-  void look_for_glitch(const ImuSample& sample);
   bool leave_out(const ImuSample& sample);
   void add_temperature(const ImuSample& sample);
 
@@ -116,12 +104,7 @@ class Compressor {
   double temperature_sum_ = 0.0;    // over the block
   double temperature_total_ = 0.0;  // over the recording
   std::int64_t temperature_count_ = 0;
-  // Glitch detection: the last two samples and a running mean square of second differences for each of six channels.
-  Eigen::Matrix<double, 6, 1> last_ = Eigen::Matrix<double, 6, 1>::Zero();
-  Eigen::Matrix<double, 6, 1> before_last_ = Eigen::Matrix<double, 6, 1>::Zero();
-  Eigen::Matrix<double, 6, 1> mean_square_ = Eigen::Matrix<double, 6, 1>::Zero();
-  Eigen::Matrix<double, 6, 1> least_glitch_square_;  // below this nothing is a glitch
-  int history_ = 0;
+  GlitchFinder glitches_;
 };
 
 // Feeds a stream of sample chunks to a Compressor and opens and closes the listed segments where they lie.

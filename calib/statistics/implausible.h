@@ -2,7 +2,7 @@
 //
 // A gyro beyond 100 rad/s or an accelerometer beyond 200 m/s^2, by the nominal scale, and more than eight times what the channel ever gave
 // before: so a unit whose scale is far from the nominal one is not taken for faulty. What lasts for more than five samples is believed: it
-// is no spike, whatever it is. What is smaller than that is look_for_glitch's to see (compression.h).
+// is no spike, whatever it is. What is smaller than that is for GlitchFinder to see (glitches.h).
 #pragma once
 
 #include <array>

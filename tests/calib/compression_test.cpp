@@ -358,6 +358,33 @@ TEST(CompressionEvents, AGlitchInMidTurnIsSeenAndTheTurnItselfIsNot) {
   EXPECT_EQ(r.events[0].axis, 1);
 }
 
+// A table that begins and ends to accelerate at once, wherever in a sample, and a unit that counts finely: 20 to 900 pulses at each corner.
+TEST(CompressionEvents, TheCornersOfATrapezoidAreNoGlitches) {
+  std::mt19937_64 random(5);
+  for (int turn = 0; turn < 50; ++turn) {
+    const auto between = [&](double a, double b) { return std::uniform_real_distribution<>(a, b)(random); };
+    const double slope = std::exp(between(std::log(80.0), std::log(4000.0))) * (between(-1.0, 1.0) < 0.0 ? -1.0 : 1.0);
+    const double corner[] = {1000.0 + between(0.0, 1.0), 1400.0 + between(0.0, 1.0), 2400.0 + between(0.0, 1.0),
+                             2800.0 + between(0.0, 1.0)};
+    const auto angle = [&](double t) {
+      double sum = 0.0;
+      for (int k = 0; k < 4; ++k)
+        sum += (k == 0 || k == 3 ? 0.5 : -0.5) * slope * std::pow(std::max(0.0, t - corner[k]), 2);
+      return sum;
+    };
+    std::vector<ImuSample> samples = quiet_samples(4000, 7);
+    for (std::size_t i = 0; i < samples.size(); ++i)
+      samples[i].gyro[1] += angle(static_cast<double>(i) + 1.0) - angle(static_cast<double>(i));
+    const Segments segments = {segment(SegmentKind::rotate, 0, 4000)};
+    EXPECT_TRUE(compress(pulses_info(), segments, samples).events.empty()) << turn;
+    const auto place = static_cast<std::size_t>(between(1010.0, 1390.0));
+    samples[place].gyro[1] += 1.0 * std::abs(slope) + 100.0;
+    const CompressedRecording r = compress(pulses_info(), segments, samples);
+    ASSERT_EQ(r.events.size(), 1u) << turn;
+    EXPECT_EQ(r.events[0].sample, static_cast<std::int64_t>(place));
+  }
+}
+
 // Gravity goes from one axis to another by 2 pulses a sample; after half a second that was lost it is elsewhere, which is no glitch.
 TEST(CompressionEvents, AGapInATurnIsNoGlitch) {
   for (const std::size_t border : {4000u, 1850u}) {  // the turn ends in the gap, too
