@@ -53,6 +53,7 @@ class Builder {
   void add_leg(std::size_t index, const RestState& from, const RestState& to, const Matrix3d& C_end,
                const Matrix3Xd& turns);
   Matrix3d navigate(const RestLeg& leg, const RestState& from, Matrix3Xd& turns);
+  void take_off_horizontal_earth_rate();
 
   const RestData& data_;
   const CompressedRecording& recording_;
@@ -64,6 +65,14 @@ class Builder {
   RestSystem system_;
   std::vector<double> residual_, white_;
   std::vector<Eigen::RowVectorXd> rows_;
+  // What rows feel of h: the three of gyros at a rest, the two of a leg.
+  struct Horizontal {
+    std::size_t row;
+    Eigen::MatrixX2d felt;
+    int stretch;  // of legs without a fault
+  };
+  std::vector<Horizontal> gyros_feel_, legs_feel_;
+  int stretch_ = 0;
 };
 
 void Builder::add_row(RestKind kind, int owner, double residual, const Eigen::RowVectorXd& columns,
@@ -185,6 +194,8 @@ void Builder::add_rest(std::size_t index, const RestState& state) {
   }
   const double edge_s = std::min(rest.first_edge.duration_s, rest.last_edge.duration_s);
   const double tilt = accel_white.squaredNorm() / 3.0 / edge_s / std::pow(recording_.info.gravity_mps2, 2);
+  const Matrix3d C_bn = state.C_nb.transpose();
+  gyros_feel_.push_back({residual_.size(), C_bn(Eigen::all, {0, 2}), stretch_});
   for (int axis = 0; axis < 3; ++axis) {
     if (p_ > 0) columns = w_columns.row(axis);
     add_row(RestKind::gyro, owner, w[axis], columns,
@@ -245,6 +256,8 @@ void Builder::add_leg(std::size_t index, const RestState& from, const RestState&
     const Matrix3Xd end = C.transpose() * (du + skew(u) * turns);
     columns = basis * (end - unit_columns(to.first_edge));
   }
+  const Matrix3d C_bn = to.C_nb.transpose();
+  legs_feel_.push_back({residual_.size(), leg.duration_s * basis * skew(v) * C_bn(Eigen::all, {0, 2}), stretch_});
   const double gyro = (model_.gyro_scale * data_.gyro_white).squaredNorm() / 3.0 * leg.duration_s;
   const double accel =
       (model_.accel_scale * data_.accel_white).squaredNorm() / 3.0 / std::pow(recording_.info.gravity_mps2, 2) *
@@ -253,6 +266,53 @@ void Builder::add_leg(std::size_t index, const RestState& from, const RestState&
   for (int k = 0; k < 2; ++k) {
     if (p_ > 0) row = columns.row(k);
     add_row(RestKind::direction, static_cast<int>(index), residual[k], row, gyro + accel);
+  }
+}
+
+// h = (H'H + lambda I)^-1 H'w of each stretch from its gyro rows, and rows and columns less H h: variable projection (Golub and Pereyra, SIAM J.
+// Numer. Anal. 10 (1973) 413) with weights that are alike. lambda = 2 sigma^2 / w_h^2, sigma^2 the mean square that is left, or of the white
+// noise if that is more.
+void Builder::take_off_horizontal_earth_rate() {
+  const double w_h = earth_rate_n(recording_.info.latitude_deg)[0];
+  const auto rows_of = [&](const Horizontal& h) {  // the columns, the residual
+    Eigen::MatrixXd all(h.felt.rows(), p_ + 1);
+    for (Eigen::Index k = 0; k < all.rows(); ++k) {
+      const std::size_t row = h.row + static_cast<std::size_t>(k);
+      if (p_ > 0) all.row(k).head(p_) = rows_[row];
+      all(k, p_) = residual_[row];
+    }
+    return all;
+  };
+  for (int stretch = 0; stretch <= stretch_; ++stretch) {
+    Eigen::Matrix2d HH = Eigen::Matrix2d::Zero();
+    Eigen::Matrix2Xd Hw = Eigen::Matrix2Xd::Zero(2, p_ + 1);
+    double white = 0.0, square = 0.0, count = 0.0;
+    for (const Horizontal& h : gyros_feel_) {
+      if (h.stretch != stretch) continue;
+      const Eigen::MatrixXd all = rows_of(h);
+      HH += h.felt.transpose() * h.felt;
+      Hw += h.felt.transpose() * all;
+      square += all.col(p_).squaredNorm();
+      for (std::size_t k = 0; k < 3; ++k) white += white_[h.row + k];
+      count += 3.0;
+    }
+    const auto solve = [&](double variance) -> Eigen::Matrix2Xd {
+      return (HH + 2.0 * variance / (w_h * w_h) * Eigen::Matrix2d::Identity()).inverse() * Hw;
+    };
+    if (!(count > 0.0) || !(white > 0.0)) continue;
+    const Eigen::Vector2d first = solve(white / count).col(p_);
+    const double left = square - 2.0 * first.dot(Hw.col(p_)) + first.dot(HH * first);
+    const Eigen::Matrix2Xd h_and_columns = solve(std::max(white, left) / count);
+    for (const auto* feel : {&gyros_feel_, &legs_feel_})
+      for (const Horizontal& h : *feel) {
+        if (h.stretch != stretch) continue;
+        const Eigen::MatrixXd less = rows_of(h) - h.felt * h_and_columns;
+        for (Eigen::Index k = 0; k < less.rows(); ++k) {
+          const std::size_t row = h.row + static_cast<std::size_t>(k);
+          if (p_ > 0) rows_[row] = less.row(k).head(p_);
+          residual_[row] = less(k, p_);
+        }
+      }
   }
 }
 
@@ -268,11 +328,13 @@ RestSystem Builder::build() {
     const RestLeg& leg = data_.legs[k - 1];
     Matrix3Xd turns;
     const Matrix3d C = navigate(leg, from, turns);
+    if (!leg.fault.empty()) ++stretch_;
     RestState to = rest_state(data_.rests[k], from.C_nb * C);
     add_rest(k, to);
     if (leg.fault.empty()) add_leg(k - 1, from, to, C, turns);
     from = std::move(to);
   }
+  take_off_horizontal_earth_rate();
   const Eigen::Index rows = static_cast<Eigen::Index>(residual_.size());
   system_.residual = Eigen::Map<const Eigen::VectorXd>(residual_.data(), rows);
   system_.white_variance = Eigen::Map<const Eigen::VectorXd>(white_.data(), rows);

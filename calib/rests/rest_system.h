@@ -2,16 +2,21 @@
 //
 // For given parameters and effects (w = G x gyro - b - Rg e, f = A x accel - f0 - Ra e, e the effects' values):
 //   norm       |f_k| - g                                             one a rest, m/s^2
-//   gyro       w_k - d_k - w_ie sin(latitude) u_k                    three a rest, rad/s; d_k is what the rest crept:
-//              d_k = (u_last - u_first) x u / T, the turn of gravity between its edges seen by the accelerometers
-//   direction  B (C_k' u_k,last - u_k+1,first)                       two a leg, rad; C_k the product of the leg's
-//   blocks
+//   gyro       w_k - d_k - w_ie sin(latitude) u_k - C_bn,k h         three a rest, rad/s; d_k is what the rest crept:
+//              d_k = (u_last - u_first) x u / T, the turn of gravity between its edges seen by the accelerometers;
+//              h the horizontal earth rate, below
+//   direction  B (C_k' u_k,last + T h_b x u_k+1 - u_k+1,first)       two a leg of T seconds, rad; C_k the product of the leg's
+//   blocks, h_b = C_bn,k+1 h
 // with u = f / |f|, and B two axes across u_k+1. Derivatives: a turn dr of a block moves the end by
 // -C_k' (C_before Jl(r) dr x u_k); the same sum serves parameters and effects.
 //
 // Columns: the 21 free parameters (order of Table 1, file units), then the effects. The basis B and d_k are held for
-// the derivative. Not modelled: the horizontal earth rate (heading is unknown; 0.004 deg/s at most), creep inside an
-// edge.
+// the derivative.
+//
+// h: the gyros carry the heading from rest to rest, but where it began is not known. So h has two components for each stretch of legs without a
+// fault, drawn from N(0, (w_ie cos(latitude))^2 / 2), and the best h for these parameters is taken off rows and columns: what it is is not
+// needed, and where gyros are too noisy to feel it h is near zero. Two observations a stretch are spent on it that are counted as redundant.
+// Not modelled: the derivative of C_bn,k, creep inside an edge.
 #pragma once
 
 #include <Eigen/Core>

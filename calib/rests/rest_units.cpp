@@ -8,10 +8,20 @@
 #include "calib/model/limits.h"
 #include "calib/model/parameters.h"
 #include "calib/rests/rest_start.h"
+#include "calib/rests/rest_system.h"
+#include "calib/statistics/linear_algebra.h"
 #include "calib/statistics/median.h"
 #include "calib/statistics/unit_slip.h"
 
 namespace turncal {
+namespace {
+
+// So many sigma from no error at all (by chance once in 10^6), and from the other sign.
+constexpr double surely = 5.0, near_by = 3.0;
+constexpr Eigen::Index fewest_rows = 30;
+
+}  // namespace
+
 std::string wrong_accelerometer_unit(const RestData& data) {
   if (data.rests.empty()) return {};
   const RecordingInfo& info = data.recording->info;
@@ -50,6 +60,45 @@ std::string wrong_gyro_unit(const RestData& data) {
       "gravity's direction after a turn is off by %.2g rad as given and by %.2g rad with the rates divided by "
       "%.3g: the gyros look %s",
       as_given, best_misfit, best->factor, best->words);
+  return text;
+}
+
+// The gyro rows at rest are r = k c - db, c = w_ie sin(latitude) u as it is taken off, db an error of the biases. k = 0 as it should be, -2 with the
+// other sign.
+std::string wrong_vertical(const RestData& data, const Parameters& fitted) {
+  CompressedRecording other_side{data.recording->info, {}, data.recording->blocks, {}, 0, 0.0};
+  other_side.info.latitude_deg = -other_side.info.latitude_deg;
+  RestData other = data;
+  other.recording = &other_side;
+  const RestSystem as_given = make_rest_system(data, fitted, EffectModel{}, true);
+  const RestSystem reversed = make_rest_system(other, fitted, EffectModel{}, false);
+  std::vector<Eigen::Index> rows;
+  for (std::size_t k = 0; k < as_given.kind.size(); ++k)
+    if (as_given.kind[k] == RestKind::gyro) rows.push_back(static_cast<Eigen::Index>(k));
+  const auto count = static_cast<Eigen::Index>(rows.size());
+  if (count < fewest_rows) return {};
+  Eigen::MatrixXd of_bias(count, 3);  // the columns of N0 come first
+  Eigen::VectorXd r(count), c(count);
+  for (Eigen::Index k = 0; k < count; ++k) {
+    const Eigen::Index row = rows[static_cast<std::size_t>(k)];
+    of_bias.row(k) = as_given.jacobian.row(row).head(3);
+    r[k] = as_given.residual[row];
+    c[k] = 0.5 * (reversed.residual[row] - r[k]);
+  }
+  const Eigen::MatrixXd B = column_space(of_bias);
+  r -= B * (B.transpose() * r);
+  c -= B * (B.transpose() * c);
+  const double information = c.squaredNorm();
+  if (!(information > 0.0)) return {};
+  const double k = c.dot(r) / information;
+  const double sigma = std::sqrt((r - k * c).squaredNorm() / (static_cast<double>(count - 4) * information));
+  if (!(std::abs(k) > surely * sigma) || std::abs(k + 2.0) > near_by * sigma) return {};
+  char text[240];
+  std::snprintf(text, sizeof text,
+                "the gyros at rest feel %.2f +- %.2f of the vertical earth rate of latitude %.6g deg: expected the "
+                "other sign of the "
+                "latitude, or accelerometers that read specific force (up at rest), not gravity",
+                1.0 + k, sigma, data.recording->info.latitude_deg);
   return text;
 }
 

@@ -8,6 +8,7 @@
 
 #include <string>
 
+#include "calib/model/parameters.h"
 #include "calib/rests/rest_data.h"
 
 namespace turncal {
@@ -17,5 +18,7 @@ std::string wrong_accelerometer_unit(const RestData& data);
 std::string wrong_gyro_unit(const RestData& data);
 // Both.
 std::string wrong_units(const RestData& data);
+// The vertical earth rate at rest has the other sign: that of the latitude, or accelerometers that read gravity and not specific force.
+std::string wrong_vertical(const RestData& data, const Parameters& fitted);
 
 }  // namespace turncal

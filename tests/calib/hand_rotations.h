@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <functional>
+#include <optional>
 #include <random>
 #include <vector>
 
@@ -32,6 +33,7 @@ struct HandPlan {
   unsigned seed = 1;
   double scale_accel = 1.0;                              // of what is written: another unit
   Eigen::Vector3d fixed_axis = Eigen::Vector3d::Zero();  // not zero: every turn is about it
+  std::optional<double> latitude_deg = {};               // none: an earth that stands still
   // Added to the true rate (rad/s) and specific force (m/s^2), of true w, f and time.
   std::function<void(const Eigen::Vector3d&, const Eigen::Vector3d&, double, Eigen::Vector3d&, Eigen::Vector3d&)>
       effect = nullptr;
@@ -45,6 +47,11 @@ inline HandData make_hand_data(const HandPlan& plan) {
   data.info.sample_period_s = plan.period_s;
   data.info.gravity_mps2 = 9.81;
   data.info.unit_serial = "hand";
+  data.info.latitude_deg = plan.latitude_deg.value_or(0.0);
+  const Eigen::Vector3d earth = plan.latitude_deg
+                                    ? 7.292115e-5 * Eigen::Vector3d(std::cos(*plan.latitude_deg * M_PI / 180.0),
+                                                                    std::sin(*plan.latitude_deg * M_PI / 180.0), 0.0)
+                                    : Eigen::Vector3d(Eigen::Vector3d::Zero());
   data.info.gyro_increment = IncrementKind::physical;
   data.info.accel_increment = IncrementKind::physical;
   data.truth.n = Eigen::Matrix3d::Identity();
@@ -65,7 +72,8 @@ inline HandData make_hand_data(const HandPlan& plan) {
   Eigen::Matrix3d C_nb = Eigen::Matrix3d::Identity();
   const Eigen::Vector3d up = Eigen::Vector3d::UnitY() * data.info.gravity_mps2;
 
-  const auto emit = [&](const Eigen::Vector3d& w, const Eigen::Vector3d& f) {
+  const auto emit = [&](const Eigen::Vector3d& turn, const Eigen::Vector3d& f) {
+    const Eigen::Vector3d w = turn + C_nb.transpose() * earth;
     const double t = (static_cast<double>(data.samples.size()) + 0.5) * dt;
     Eigen::Vector3d extra_w = Eigen::Vector3d::Zero();
     Eigen::Vector3d extra_f = Eigen::Vector3d::Zero();

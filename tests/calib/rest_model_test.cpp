@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "calib/model/effects.h"
+#include "calib/rests/rest_units.h"
 #include "tests/calib/compress.h"
 #include "tests/calib/hand_rotations.h"
 
@@ -34,6 +35,7 @@ std::unique_ptr<Prepared> prepare(const HandPlan& plan) {
 
 TEST(RestSystem, JacobianAgreesWithDifferences) {
   const auto p = prepare({.rests = 6, .rest_s = 3.0});
+  p->recording.info.latitude_deg = 90.0;  // no horizontal earth rate: what is held fixed for it is in no column
   EffectModel effects = model_of("gyro_g_sensitivity");
   for (int k = 0; k < effects.columns; ++k) effects.values[k] = 40.0 * (k - 4);
   const Parameters at = p->hand.truth;
@@ -78,6 +80,55 @@ TEST(RestModel, FindsTheTruthWithinItsSigmas) {
   }
   // 210 squares with mean 1: sigma of the mean sqrt(2/210) = 0.1; the floors of ten small samples widen it to 0.15.
   EXPECT_NEAR(sum / count, 1.0, 0.45);
+}
+
+// Gyros that feel the horizontal earth rate: without it the gyros at rest come to 9 times their noise, the direction after a turn to 3.
+TEST(RestModel, TakesTheHorizontalEarthRateOff) {
+  double sum = 0.0;
+  int count = 0;
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    const auto p =
+        prepare({.gyro_noise_radps = 5e-5, .accel_noise_mps2 = 0.002, .seed = seed, .latitude_deg = 45.0 - 9.0 * seed});
+    const Result<RestFit> fit = fit_rests(p->data, EffectModel{});
+    ASSERT_TRUE(fit.ok());
+    ASSERT_TRUE(fit->converged) << fit->message;
+    for (const RestKind kind : {RestKind::gyro, RestKind::direction})
+      EXPECT_LT(fit->white_ratio[static_cast<std::size_t>(kind)], 1.4) << seed;
+    EXPECT_EQ(wrong_vertical(p->data, fit->parameters), "");
+    const ParameterVector error = to_vector(fit->parameters) - to_vector(p->hand.truth);
+    for (const int k : rest_parameter_indices()) {
+      EXPECT_LT(std::abs(error[k]), 5.0 * fit->sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
+      sum += std::pow(error[k] / fit->sigma[k], 2);
+      ++count;
+    }
+  }
+  EXPECT_NEAR(sum / count, 1.0, 0.45);
+}
+
+// The latitude's sign is wrong; all accelerometers read gravity. Of a unit too noisy to feel it nothing is said.
+TEST(RestModel, SaysWhenTheVerticalEarthRateHasTheOtherSign) {
+  for (const double latitude : {45.0, -35.0}) {
+    for (const bool accelerometers : {false, true}) {
+      HandData hand = make_hand_data({.gyro_noise_radps = 1e-4, .accel_noise_mps2 = 0.002, .latitude_deg = latitude});
+      if (accelerometers)
+        for (ImuSample& s : hand.samples)
+          for (double& f : s.accel) f = -f;
+      else
+        hand.info.latitude_deg = -latitude;
+      const CompressedRecording recording =
+          compress(hand.info, hand.segments, hand.samples, rest_compression_options());
+      const RestData data = make_rest_data(recording);
+      const Result<RestFit> fit = fit_rests(data, EffectModel{});
+      ASSERT_TRUE(fit.ok());
+      EXPECT_NE(wrong_vertical(data, fit->parameters).find("expected the other sign of the latitude"),
+                std::string::npos);
+    }
+  }
+  const auto noisy = prepare({.latitude_deg = 45.0});
+  noisy->recording.info.latitude_deg = -45.0;
+  const Result<RestFit> fit = fit_rests(noisy->data, EffectModel{});
+  ASSERT_TRUE(fit.ok());
+  EXPECT_EQ(wrong_vertical(noisy->data, fit->parameters), "");
 }
 
 TEST(RestModel, StartsFarFromTheTruth) {
