@@ -29,6 +29,7 @@ std::string wrong_accelerometer_unit(const RestData& data) {
   std::vector<double> norms;
   for (const Rest& rest : data.rests) norms.push_back((model.accel_scale * rest.whole.accel).norm());
   const double norm = median(norms);
+  if (info.accel_increment == IncrementKind::pulses) return wrong_pulse_weight(norm / info.gravity_mps2, info);
   const UnitSlip* const slip = slip_near(accel_slips(), norm / info.gravity_mps2);
   if (slip == nullptr) return {};
   char text[200];

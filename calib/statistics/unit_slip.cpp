@@ -38,13 +38,15 @@ std::string found(const char* what, double ratio, const UnitSlip* slip) {
   return text;
 }
 
-std::string wrong_accelerometers(const CompressedRecording& recording, const SensorModel& model) {
+std::string wrong_accelerometers(const CompressedRecording& recording) {
+  const SensorModel model = sensor_model(start_parameters(recording.info), recording.info);
   std::vector<double> ratios;
   for (const Block& block : recording.blocks)
     if (block.whole_second)
       ratios.push_back((model.accel_scale * block.accel).norm() / (block.duration_s * recording.info.gravity_mps2));
   if (ratios.empty()) return {};
   const double ratio = median(ratios);
+  if (recording.info.accel_increment == IncrementKind::pulses) return wrong_pulse_weight(ratio, recording.info);
   return found("gravity reads", ratio, slip_near(accel_slips(), ratio));
 }
 
@@ -62,6 +64,18 @@ const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio) {
   for (const UnitSlip& slip : slips)
     if (std::abs(ratio / slip.factor - 1.0) < slip_nearness) return &slip;
   return nullptr;
+}
+
+std::string wrong_pulse_weight(double gravity_ratio, const RecordingInfo& info) {
+  constexpr double far =
+      1.8;  // no accelerometer's scale factor is off by as much, and a weight that is twice too large shows
+  if (gravity_ratio < far && gravity_ratio > 1.0 / far) return {};
+  char text[160];
+  std::snprintf(
+      text, sizeof text,
+      "gravity reads %.4g times what is expected: accel_pulse_mps = %g is not what a pulse of this unit weighs",
+      gravity_ratio, info.accel_pulse_mps);
+  return text;
 }
 
 std::string wrong_axes(const Eigen::Matrix3d& n) {
@@ -107,9 +121,7 @@ std::string wrong_table_axes(const CompressedRecording& recording, const Eigen::
 
 std::string wrong_table_units(const CompressedRecording& recording) {
   const RecordingInfo& info = recording.info;
-  const SensorModel model = sensor_model(start_parameters(info), info);
-  std::string both;
-  if (info.accel_increment == IncrementKind::physical) both = wrong_accelerometers(recording, model);
+  std::string both = wrong_accelerometers(recording);
   const std::string gyros = info.gyro_increment == IncrementKind::physical ? wrong_gyros(recording) : std::string();
   if (!both.empty() && !gyros.empty()) both += "; ";
   return both + gyros;

@@ -171,6 +171,13 @@ TEST(DataFaults, UnitsThatAreWrongAreNamed) {
             std::string::npos);
   EXPECT_NE(physical(rad_per_deg, 1.0).find("as if they were in rad/s, not deg/s"), std::string::npos);
   EXPECT_NE(physical(1.0, 1.0 / standard_gravity_mps2).find("as if they were in g, not m/s^2"), std::string::npos);
+  for (const double factor : {0.1, 2.0, 10.0}) {
+    Recorded r = recorded();
+    r.info.accel_pulse_mps *= factor;
+    const Result<CalibrationOutput> output = calibrate_recording(Changed(r).loaded, {});
+    ASSERT_FALSE(output.ok()) << factor;
+    EXPECT_NE(output.error().message.find("is not what a pulse of this unit weighs"), std::string::npos);
+  }
 }
 
 // ---- in a run
