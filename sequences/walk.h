@@ -47,7 +47,7 @@ struct Travel {
 Travel travel_of(const AxisLimits& limits);
 
 // As near to a walk as a table comes. It begins in the same pose, or the nearest that the travel allows; a turn that travel or cable forbid goes
-// the other way, or as far as it may, or is left out, and its rest with it; none is faster than its axis.
+// the other way, or as far as either way allows, or is left out, and its rest with it; none is faster than its axis.
 Walk on_table(const Walk& walk, const PlanLimits& limits);
 
 }  // namespace turncal

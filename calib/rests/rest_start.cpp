@@ -79,13 +79,18 @@ class CoarseStart {
     }
     mean_ /= total_s;
   }
-  Parameters with_factor(double factor) const {
+  // rate = map * nominal scale * reading
+  Parameters with_map(const Eigen::Matrix3d& map) const {
     Parameters p = start_;
-    p.n = start_.n * factor;
-    for (int axis = 0; axis < 3; ++axis)
-      p.N0_degph[axis] = p.n(axis, axis) * unit_[6 + 4 * axis] * mean_[axis] / unit_[axis];
+    p.n = map * start_.n;
+    for (int i = 0; i < 3; ++i) {
+      double mean = 0.0;
+      for (int j = 0; j < 3; ++j) mean += p.n(i, j) * unit_[6 + 3 * i + j] * mean_[j];
+      p.N0_degph[i] = mean / unit_[i];
+    }
     return p;
   }
+  Parameters with_factor(double factor) const { return with_map(factor * Eigen::Matrix3d::Identity()); }
 
  private:
   Parameters start_;
@@ -125,9 +130,13 @@ Result<Parameters> coarse_rest_parameters(const RestData& data) {
 }
 
 double rest_misfit_rad(const RestData& data, double gyro_factor) {
+  return rest_misfit_rad(data, gyro_factor * Eigen::Matrix3d::Identity());
+}
+
+double rest_misfit_rad(const RestData& data, const Eigen::Matrix3d& gyro_map) {
   const double usable = static_cast<double>(
       std::count_if(data.legs.begin(), data.legs.end(), [](const RestLeg& leg) { return leg.fault.empty(); }));
-  return std::sqrt(direction_misfit(data, CoarseStart(data).with_factor(gyro_factor)) / std::max(1.0, usable));
+  return std::sqrt(direction_misfit(data, CoarseStart(data).with_map(gyro_map)) / std::max(1.0, usable));
 }
 
 }  // namespace turncal

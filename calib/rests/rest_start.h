@@ -18,5 +18,7 @@ Result<Parameters> coarse_rest_parameters(const RestData& data);
 // Angle by which gravity's direction is missed after a turn, rms over the legs without a fault, with the coarse accelerometers and the
 // nominal gyro scale times `gyro_factor`.
 double rest_misfit_rad(const RestData& data, double gyro_factor);
+// The same of gyros that are connected otherwise: rate = gyro_map * nominal scale * reading.
+double rest_misfit_rad(const RestData& data, const Eigen::Matrix3d& gyro_map);
 
 }  // namespace turncal

@@ -1,6 +1,7 @@
 #include "calib/rests/rest_units.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <vector>
@@ -103,10 +104,32 @@ std::string wrong_vertical(const RestData& data, const Parameters& fitted) {
   return text;
 }
 
+// The best of the 48 ways to connect three gyros, forwards or reversed, where the one given does not fit at all.
+std::string wrong_gyro_axes(const RestData& data) {
+  if (std::count_if(data.legs.begin(), data.legs.end(), [](const RestLeg& leg) { return leg.fault.empty(); }) < 3)
+    return {};
+  const double as_given = rest_misfit_rad(data, 1.0);
+  if (!(as_given > rest_limits.least_misfit_rad)) return {};
+  Eigen::Matrix3d best = Eigen::Matrix3d::Identity();
+  double best_misfit = rest_limits.of_misfit * as_given;
+  std::array<int, 3> axis = {0, 1, 2};
+  do {
+    for (int signs = 0; signs < 8; ++signs) {
+      Eigen::Matrix3d map = Eigen::Matrix3d::Zero();
+      for (int i = 0; i < 3; ++i) map(i, axis[static_cast<std::size_t>(i)]) = (signs >> i & 1) != 0 ? -1.0 : 1.0;
+      if (const double misfit = rest_misfit_rad(data, map); misfit < best_misfit) best = map, best_misfit = misfit;
+    }
+  } while (std::next_permutation(axis.begin(), axis.end()));
+  std::string wrong = wrong_axes(best);
+  if (!wrong.empty() && best.determinant() > 0.0) wrong += "; or one accelerometer is reversed, or two are exchanged";
+  return wrong;
+}
+
 std::string wrong_units(const RestData& data) {
   std::string both = wrong_accelerometer_unit(data);
   // Gravity's direction does not depend on the accelerometers' common scale.
-  const std::string gyro = wrong_gyro_unit(data);
+  std::string gyro = wrong_gyro_unit(data);
+  if (gyro.empty()) gyro = wrong_gyro_axes(data);
   if (!both.empty() && !gyro.empty()) both += "; ";
   return both + gyro;
 }

@@ -83,7 +83,14 @@ TEST(NotTested, SignsAndAxesAreSaid) {
     HandData swapped = reversed;
     for (ImuSample& sample : reversed.samples) sample.gyro[2] = -sample.gyro[2];
     for (ImuSample& sample : swapped.samples) std::swap(sample.gyro[0], sample.gyro[1]);
-    for (const HandData& hand : {reversed, swapped}) {
+    HandData all = swapped, left_handed = reversed;
+    for (ImuSample& sample : all.samples)
+      for (double& rate : sample.gyro) rate = -rate;
+    for (ImuSample& sample : left_handed.samples) {
+      sample.gyro[2] = -sample.gyro[2];
+      sample.accel[1] = -sample.accel[1];
+    }
+    for (const HandData& hand : {reversed, swapped, all, left_handed}) {
       const RestDiagnosis d = diagnosis_of(hand);
       EXPECT_EQ(d.verdict, Verdict::not_tested);
       EXPECT_TRUE(d.not_tested.starts_with("signs or axes: ")) << d.not_tested;

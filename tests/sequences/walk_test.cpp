@@ -72,15 +72,16 @@ TEST(Walk, OnATableThatTravelsLessItTurnsTheOtherWayOrLessFarOrNotAtAll) {
   limits.axis[index(Axis::roll)] = {.soft_min_deg = 200.2, .soft_max_deg = 200.9};
   Walk walk;
   walk.start_deg[Axis::heading] = 50.0;
-  walk.legs = {{Axis::heading, 90.0, 10.0, 100}, {Axis::heading, -360.0, 2.0, 200}, {Axis::pitch, 90.0, 10.0, 300},
-               {Axis::pitch, 90.0, 10.0, 400},   {Axis::pitch, -180.0, 10.0, 500},  {Axis::roll, 90.0, 10.0, 600}};
+  walk.first_rest_samples = 2000;
+  walk.legs = {{Axis::heading, 90.0, 10.0, 1000}, {Axis::heading, -360.0, 2.0, 2000}, {Axis::pitch, 90.0, 10.0, 3000},
+               {Axis::pitch, 90.0, 10.0, 4000},   {Axis::pitch, -180.0, 10.0, 5000},  {Axis::roll, 90.0, 10.0, 6000}};
   const Walk fitted = on_table(walk, limits);
   EXPECT_EQ(fitted.start_deg[Axis::heading], 45.0) << "the nearest";
   EXPECT_EQ(fitted.start_deg[Axis::pitch], 360.0) << "the same pose";
   EXPECT_EQ(fitted.start_deg[Axis::roll], 200.2) << "it has no travel to speak of";
   std::vector<double> turns;
   for (const Leg& leg : fitted.legs) turns.push_back(leg.turn_deg);
-  EXPECT_EQ(turns, (std::vector<double>{-90.0, 90.0, 90.0, -90.0, -30.0}));
+  EXPECT_EQ(turns, (std::vector<double>{-90.0, 90.0, 90.0, -90.0, 120.0}));
   EXPECT_EQ(fitted.legs[0].rate_degps, 4.0);
   EXPECT_EQ(fitted.legs[1].rate_degps, 2.0);
   const Result<Sequence> sequence = parse_sequence(sequence_text(fitted, header()), "walk.seq");
