@@ -182,7 +182,7 @@ Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) 
     }
     const auto received = receive(deadline.left_s());
     if (!received) {
-      const Error error = received.error();
+      const Error& error = received.error();
       close();
       return error;
     }

@@ -5,6 +5,7 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/deadline.h"
+#include "imu_io/base/format_number.h"
 #include "imu_io/base/line_prefix.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
