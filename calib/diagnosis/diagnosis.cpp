@@ -215,6 +215,13 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
     d.reason = "the base model explains the data";
     return;
   }
+  if (const std::string name = lost_in_its_class(m.current.effects); !name.empty()) {
+    d.trusted = false;
+    d.reason = name + " is no larger than what its alias class leaves open";
+    d.unexplained_pattern = looks_like(m, d.base);
+    leave_unexplained(m, d);
+    return;
+  }
   d.verdict = Verdict::extended;
   std::snprintf(text, sizeof text, "held-out error %.4f before, %.4f after", d.holdout_before.normalised_rms,
                 d.holdout_after.normalised_rms);
@@ -267,6 +274,18 @@ std::vector<std::string> strongest_first(const JointResult& fit) {
 }
 
 }  // namespace
+std::string lost_in_its_class(const std::vector<EstimatedEffect>& effects) {
+  constexpr double least = 2.0;
+  for (const EstimatedEffect& effect : effects) {
+    const auto clear = [&](const EstimatedEffect& e) {
+      return e.column.entry == effect.column.entry && std::abs(e.value) > least * e.sigma;
+    };
+    if (!is_turn_on(effect.column) && std::none_of(effects.begin(), effects.end(), clear))
+      return std::string(effect.column.entry->name);
+  }
+  return {};
+}
+
 const char* to_string(Verdict verdict) {
   switch (verdict) {
     case Verdict::clean: return "clean";

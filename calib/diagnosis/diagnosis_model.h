@@ -18,6 +18,9 @@ bool visible(const Scores& scores, int column);
 
 // Of the effects, each once.
 std::vector<std::string> names_of(const std::vector<EffectColumn>& columns);
+// The name of an effect none of whose components is twice the sigma that is handed out with it: another of its class, or of another
+// effect's, may take all of it. Effects that are alone come to six times and more. Empty: none.
+std::string lost_in_its_class(const std::vector<EstimatedEffect>& effects);
 // Those of a fit beyond the base model: turn-on columns are of the base model.
 std::vector<EffectColumn> columns_beyond_base(const JointResult& result);
 

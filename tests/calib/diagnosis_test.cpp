@@ -1,6 +1,7 @@
 // The diagnosis on rig recordings whose effect it is not told, and on the recordings of another simulator. The whole
 // acceptance table is a study (scripts/study, docs/diagnosis-study.md); these are the fast cases.
 #include "calib/diagnosis/diagnosis.h"
+#include "calib/diagnosis/diagnosis_model.h"
 
 #include <gtest/gtest.h>
 
@@ -177,6 +178,21 @@ INSTANTIATE_TEST_SUITE_P(
     Recordings, OtherSimulator,
     ::testing::Values(Case{"clean", Verdict::clean, {}}, Case{"undeclared-1", Verdict::extended, {"accel_delay"}},
                       Case{"undeclared-2", Verdict::extended, {"accel_second_order", "accel_bias_temperature"}}));
+
+TEST(Diagnosis, ANameIsClearByTheSigmaThatIsHandedOut) {
+  const auto effect = [](const char* name, int component, double value, double sigma) {
+    return EstimatedEffect{{find_effect(name), component, 0.0}, value, sigma};
+  };
+  const EstimatedEffect clear = effect("accel_bias_temperature", 1, -9.0, 1.5);
+  EXPECT_EQ(lost_in_its_class({}), "");
+  EXPECT_EQ(lost_in_its_class({clear}), "");
+  EXPECT_EQ(
+      lost_in_its_class({clear, effect("gyro_scale_drift", 0, -6.7, 4.6), effect("gyro_scale_drift", 2, 5.1, 7.5)}),
+      "gyro_scale_drift");
+  EXPECT_EQ(lost_in_its_class({effect("gyro_scale_drift", 0, -6.7, 4.6), effect("gyro_scale_drift", 2, -15.1, 7.5)}),
+            "")
+      << "one component is enough";
+}
 
 }  // namespace
 }  // namespace turncal
