@@ -81,7 +81,8 @@ struct Explanation {
 Explanation search(FleetScores& scores, const FleetOptions& options, bool with_shapes, FleetDiagnosis& d) {
   std::vector<Selected> chosen = select_common(scores, options, with_shapes, d);
   std::vector<Deviation> units = set_units_aside(scores, options);
-  for (int round = 0; round < 4; ++round) {
+  const bool settled = with_shapes && units.empty();  // the same would be selected again
+  for (int round = 0; round < 4 && !settled; ++round) {
     put_back(scores, chosen);
     chosen = select_common(scores, options, true, d);
     restore(scores, units);
