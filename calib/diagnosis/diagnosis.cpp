@@ -274,17 +274,6 @@ std::vector<std::string> strongest_first(const JointResult& fit) {
 }
 
 }  // namespace
-std::string lost_in_its_class(const std::vector<EstimatedEffect>& effects) {
-  constexpr double least = 2.0;
-  for (const EstimatedEffect& effect : effects) {
-    const auto clear = [&](const EstimatedEffect& e) {
-      return e.column.entry == effect.column.entry && std::abs(e.value) > least * e.sigma;
-    };
-    if (!is_turn_on(effect.column) && std::none_of(effects.begin(), effects.end(), clear))
-      return std::string(effect.column.entry->name);
-  }
-  return {};
-}
 
 const char* to_string(Verdict verdict) {
   switch (verdict) {

@@ -24,6 +24,18 @@ std::vector<std::string> names_of(const std::vector<EffectColumn>& columns) {
   return names;
 }
 
+std::string lost_in_its_class(const std::vector<EstimatedEffect>& effects) {
+  constexpr double least = 2.0;
+  for (const EstimatedEffect& effect : effects) {
+    const auto clear = [&](const EstimatedEffect& e) {
+      return e.column.entry == effect.column.entry && std::abs(e.value) > least * e.sigma;
+    };
+    if (!is_turn_on(effect.column) && std::none_of(effects.begin(), effects.end(), clear))
+      return std::string(effect.column.entry->name);
+  }
+  return {};
+}
+
 std::vector<EffectColumn> columns_beyond_base(const JointResult& result) {
   std::vector<EffectColumn> columns;
   for (const EstimatedEffect& e : result.effects)

@@ -7,15 +7,13 @@
 #include "calib/diagnosis/nameless_families.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/distributions.h"
+#include "calib/statistics/implausible.h"
 
 namespace turncal {
 namespace {
 
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-
-constexpr const char* channels[] = {"gyro x",          "gyro y",          "gyro z",
-                                    "accelerometer x", "accelerometer y", "accelerometer z"};
 
 // A quadratic form of normal numbers as a shifted and stretched chi2 with the same mean tr C, variance 2 tr C^2 and third cumulant
 // 8 tr C^3 (Buckley and Eagleson, Austral. J. Stat. 30A (1988) 150).
@@ -85,8 +83,9 @@ Family contrast(const std::string& kind, const std::string& what, int count,
 std::vector<Family> biases_with(const std::string& kind, int count, std::function<VectorXd(const Piece&)> at) {
   std::vector<Family> all;
   for (int channel = 0; channel < 6; ++channel)
-    all.push_back(contrast(kind, std::string("bias of ") + channels[channel] + " with " + kind, count,
-                           [=](const Piece& p, Of& of) { of.row(channel) = at(p).transpose(); }));
+    all.push_back(contrast(kind,
+                           std::string("bias of ") + channel_names[static_cast<std::size_t>(channel)] + " with " + kind,
+                           count, [=](const Piece& p, Of& of) { of.row(channel) = at(p).transpose(); }));
   return all;
 }
 
@@ -117,14 +116,16 @@ std::vector<Family> contrasts_over(double length_s) {
   constexpr int waves = 6;
   const std::string kind = "scale with time", of = "scale factor of ";
   for (int axis = 0; axis < 3; ++axis) {
-    all.push_back(contrast(kind, of + channels[3 + axis] + " with time", waves, [=](const Piece& p, Of& part) {
-      part.row(3 + axis) = up_of(p)[axis] * cosines(waves, middle_s(p)).transpose();
-    }));
-    all.push_back(contrast(kind, of + channels[axis] + " with time", waves, [=](const Piece& p, Of& part) {
-      const VectorXd wave = cosines(waves, p.begin_s);
-      part.middleRows<3>(6) = p.turned().col(axis) * wave.transpose();
-      part.middleRows<3>(9) = p.fallen().col(axis) * wave.transpose();
-    }));
+    all.push_back(contrast(kind, of + channel_names[static_cast<std::size_t>(3 + axis)] + " with time", waves,
+                           [=](const Piece& p, Of& part) {
+                             part.row(3 + axis) = up_of(p)[axis] * cosines(waves, middle_s(p)).transpose();
+                           }));
+    all.push_back(contrast(kind, of + channel_names[static_cast<std::size_t>(axis)] + " with time", waves,
+                           [=](const Piece& p, Of& part) {
+                             const VectorXd wave = cosines(waves, p.begin_s);
+                             part.middleRows<3>(6) = p.turned().col(axis) * wave.transpose();
+                             part.middleRows<3>(9) = p.fallen().col(axis) * wave.transpose();
+                           }));
   }
   return all;
 }

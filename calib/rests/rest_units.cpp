@@ -21,8 +21,6 @@ namespace {
 constexpr double surely = 5.0, near_by = 3.0;
 constexpr Eigen::Index fewest_rows = 30;
 
-}  // namespace
-
 std::string wrong_accelerometer_unit(const RestData& data) {
   if (data.rests.empty()) return {};
   const RecordingInfo& info = data.recording->info;
@@ -39,11 +37,7 @@ std::string wrong_accelerometer_unit(const RestData& data) {
   return text;
 }
 
-std::string wrong_gyro_unit(const RestData& data) {
-  if (std::count_if(data.legs.begin(), data.legs.end(), [](const RestLeg& leg) { return leg.fault.empty(); }) < 3)
-    return {};
-  const double as_given = rest_misfit_rad(data, 1.0);
-  if (!(as_given > rest_limits.least_misfit_rad)) return {};
+std::string wrong_gyro_unit(const RestData& data, double as_given) {
   const UnitSlip* best = nullptr;
   double best_misfit = as_given;
   for (const UnitSlip& slip : gyro_slips())
@@ -64,6 +58,35 @@ std::string wrong_gyro_unit(const RestData& data) {
       as_given, best_misfit, best->factor, best->words);
   return text;
 }
+
+// The best of the 48 ways to connect three gyros, forwards or reversed: a fit from the nominal scale does not come back from another. A reversed
+// accelerometer makes the body's frame left-handed, and two gyros turn the other way in it.
+std::string wrong_gyro_axes(const RestData& data, double as_given) {
+  Eigen::Matrix3d best = Eigen::Matrix3d::Identity();
+  double best_misfit = rest_limits.of_misfit * as_given;
+  std::array<int, 3> axis = {0, 1, 2};
+  do {
+    for (int signs = 0; signs < 8; ++signs) {
+      Eigen::Matrix3d map = Eigen::Matrix3d::Zero();
+      for (int i = 0; i < 3; ++i) map(i, axis[static_cast<std::size_t>(i)]) = (signs >> i & 1) != 0 ? -1.0 : 1.0;
+      if (const double misfit = rest_misfit_rad(data, map); misfit < best_misfit) best = map, best_misfit = misfit;
+    }
+  } while (std::next_permutation(axis.begin(), axis.end()));
+  std::string wrong = wrong_axes(best);
+  if (!wrong.empty() && best.determinant() > 0.0) wrong += "; or one accelerometer is reversed, or two are exchanged";
+  return wrong;
+}
+
+std::string wrong_gyros(const RestData& data) {
+  if (std::count_if(data.legs.begin(), data.legs.end(), [](const RestLeg& leg) { return leg.fault.empty(); }) < 3)
+    return {};
+  const double as_given = rest_misfit_rad(data, 1.0);
+  if (!(as_given > rest_limits.least_misfit_rad)) return {};
+  const std::string unit = wrong_gyro_unit(data, as_given);
+  return unit.empty() ? wrong_gyro_axes(data, as_given) : unit;
+}
+
+}  // namespace
 
 // The gyro rows at rest are r = k c - db, c = w_ie sin(latitude) u as it is taken off, db an error of the biases. k = 0 as it should be, -2 with the
 // other sign.
@@ -104,32 +127,10 @@ std::string wrong_vertical(const RestData& data, const Parameters& fitted) {
   return text;
 }
 
-// The best of the 48 ways to connect three gyros, forwards or reversed, where the one given does not fit at all.
-std::string wrong_gyro_axes(const RestData& data) {
-  if (std::count_if(data.legs.begin(), data.legs.end(), [](const RestLeg& leg) { return leg.fault.empty(); }) < 3)
-    return {};
-  const double as_given = rest_misfit_rad(data, 1.0);
-  if (!(as_given > rest_limits.least_misfit_rad)) return {};
-  Eigen::Matrix3d best = Eigen::Matrix3d::Identity();
-  double best_misfit = rest_limits.of_misfit * as_given;
-  std::array<int, 3> axis = {0, 1, 2};
-  do {
-    for (int signs = 0; signs < 8; ++signs) {
-      Eigen::Matrix3d map = Eigen::Matrix3d::Zero();
-      for (int i = 0; i < 3; ++i) map(i, axis[static_cast<std::size_t>(i)]) = (signs >> i & 1) != 0 ? -1.0 : 1.0;
-      if (const double misfit = rest_misfit_rad(data, map); misfit < best_misfit) best = map, best_misfit = misfit;
-    }
-  } while (std::next_permutation(axis.begin(), axis.end()));
-  std::string wrong = wrong_axes(best);
-  if (!wrong.empty() && best.determinant() > 0.0) wrong += "; or one accelerometer is reversed, or two are exchanged";
-  return wrong;
-}
-
 std::string wrong_units(const RestData& data) {
   std::string both = wrong_accelerometer_unit(data);
   // Gravity's direction does not depend on the accelerometers' common scale.
-  std::string gyro = wrong_gyro_unit(data);
-  if (gyro.empty()) gyro = wrong_gyro_axes(data);
+  const std::string gyro = wrong_gyros(data);
   if (!both.empty() && !gyro.empty()) both += "; ";
   return both + gyro;
 }

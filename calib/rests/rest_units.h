@@ -13,13 +13,8 @@
 
 namespace turncal {
 
-// One sentence; empty: nothing is plainly wrong, or there is nothing to judge by.
-std::string wrong_accelerometer_unit(const RestData& data);
-std::string wrong_gyro_unit(const RestData& data);
-// Gyros that read another axis, or the reverse, beyond what a fit from the nominal scale comes back from. A reversed accelerometer makes
-// the body's frame left-handed, and two gyros turn the other way in it.
-std::string wrong_gyro_axes(const RestData& data);
-// All three.
+// One sentence; empty: nothing is plainly wrong, or there is nothing to judge by. Of the accelerometers' unit, the gyros' unit, and gyros that read
+// another axis, or the reverse.
 std::string wrong_units(const RestData& data);
 // The vertical earth rate at rest has the other sign: that of the latitude, or accelerometers that read gravity and not specific force.
 std::string wrong_vertical(const RestData& data, const Parameters& fitted);

@@ -62,30 +62,38 @@ TEST(RestSystem, JacobianAgreesWithDifferences) {
   }
 }
 
-TEST(RestModel, FindsTheTruthWithinItsSigmas) {
+// Of all parameters of some fits; none may be beyond five.
+struct ErrorsInSigmas {
   double sum = 0.0;
   int count = 0;
+  void add(const RestFit& fit, const Parameters& truth) {
+    const ParameterVector error = to_vector(fit.parameters) - to_vector(truth);
+    for (const int k : rest_parameter_indices()) {
+      EXPECT_LT(std::abs(error[k]), 5.0 * fit.sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
+      sum += std::pow(error[k] / fit.sigma[k], 2);
+      ++count;
+    }
+  }
+  double mean_square() const { return sum / count; }
+};
+
+TEST(RestModel, FindsTheTruthWithinItsSigmas) {
+  ErrorsInSigmas errors;
   for (unsigned seed = 1; seed <= 10; ++seed) {
     const auto p = prepare({.seed = seed});
     const Result<RestFit> fit = fit_rests(p->data, EffectModel{});
     ASSERT_TRUE(fit.ok());
     ASSERT_TRUE(fit->converged) << fit->message;
     EXPECT_TRUE(fit->undetermined.empty());
-    const ParameterVector error = to_vector(fit->parameters) - to_vector(p->hand.truth);
-    for (const int k : rest_parameter_indices()) {
-      EXPECT_LT(std::abs(error[k]), 5.0 * fit->sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
-      sum += std::pow(error[k] / fit->sigma[k], 2);
-      ++count;
-    }
+    errors.add(*fit, p->hand.truth);
   }
   // 210 squares with mean 1: sigma of the mean sqrt(2/210) = 0.1; the floors of ten small samples widen it to 0.15.
-  EXPECT_NEAR(sum / count, 1.0, 0.45);
+  EXPECT_NEAR(errors.mean_square(), 1.0, 0.45);
 }
 
 // Gyros that feel the horizontal earth rate: without it the gyros at rest come to 9 times their noise, the direction after a turn to 3.
 TEST(RestModel, TakesTheHorizontalEarthRateOff) {
-  double sum = 0.0;
-  int count = 0;
+  ErrorsInSigmas errors;
   for (unsigned seed = 1; seed <= 10; ++seed) {
     const auto p =
         prepare({.gyro_noise_radps = 5e-5, .accel_noise_mps2 = 0.002, .seed = seed, .latitude_deg = 45.0 - 9.0 * seed});
@@ -95,14 +103,9 @@ TEST(RestModel, TakesTheHorizontalEarthRateOff) {
     for (const RestKind kind : {RestKind::gyro, RestKind::direction})
       EXPECT_LT(fit->white_ratio[static_cast<std::size_t>(kind)], 1.4) << seed;
     EXPECT_EQ(wrong_vertical(p->data, fit->parameters), "");
-    const ParameterVector error = to_vector(fit->parameters) - to_vector(p->hand.truth);
-    for (const int k : rest_parameter_indices()) {
-      EXPECT_LT(std::abs(error[k]), 5.0 * fit->sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
-      sum += std::pow(error[k] / fit->sigma[k], 2);
-      ++count;
-    }
+    errors.add(*fit, p->hand.truth);
   }
-  EXPECT_NEAR(sum / count, 1.0, 0.45);
+  EXPECT_NEAR(errors.mean_square(), 1.0, 0.45);
 }
 
 // The latitude's sign is wrong; all accelerometers read gravity. Of a unit too noisy to feel it nothing is said.
