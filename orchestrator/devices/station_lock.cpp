@@ -70,11 +70,13 @@ std::string numeric(const std::string& device) {
   return (is_this_machine(*found->ai_addr) ? std::string("127.0.0.1") : std::string(host.data())) + ":" + port.data();
 }
 
+// The last link is not followed: what it leads to is another device after the adapter has come back.
 std::string one_name_of(const std::string& device) {
   if (!device.starts_with("/")) return numeric(device);
+  const std::filesystem::path name = device;
   std::error_code error;
-  const std::filesystem::path real = std::filesystem::canonical(device, error);
-  return error ? device : real.string();
+  const std::filesystem::path folder = std::filesystem::canonical(name.parent_path(), error);
+  return error ? device : (folder / name.filename()).string();
 }
 
 }  // namespace

@@ -1,5 +1,8 @@
-// One process at a time on a station's devices: its table and its units, over TCP as well as on serial lines. (A serial port keeps a
-// second one away by itself, a TCP table may take both.) Taken before anything is opened, let go when the process ends, however.
+// One process at a time on a station's devices: its table and its units, over TCP as well as on serial lines. Taken before anything is
+// opened, let go when the process ends, however.
+//
+// A device in /dev goes by the name that the station says, not by what its links lead to: who has lost its line still holds the name, and
+// ttyUSB0 may be another station's adapter by then. Two names of one port are kept apart by the port (SerialPort).
 //
 // A lock file of this machine for each device, below /run/lock: another machine at the same table is not seen. The name of a table's host is
 // that of its address; all addresses by which this machine reaches itself are one.
@@ -22,7 +25,7 @@ class StationLock {
   std::vector<LockFile> locks_;
 };
 
-// The lock file of a device: a path (links are followed) or HOST:PORT.
+// The lock file of a device: a path or HOST:PORT.
 std::string lock_path_of(const std::string& device);
 
 }  // namespace turncal

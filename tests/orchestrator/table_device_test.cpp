@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
@@ -32,6 +33,28 @@ TEST(StationLock, EveryNameOfThisMachineIsOneLock) {
     EXPECT_EQ(lock_path_of(std::string(name) + ":15020"), lock) << name;
   for (const char* const other : {"127.0.0.1:15021", "192.0.2.1:15020", "2001:db8::1:15020", "/dev/null"})
     EXPECT_NE(lock_path_of(other), lock) << other;
+}
+
+// An adapter was pulled out while a process holds its name, and the next one got its number.
+TEST(StationLock, ANumberThatIsGivenOutAgainIsAnotherDevice) {
+  const test::TemporaryFolder folder;
+  const auto station_at = [&](const char* const name) {
+    StationConfig station = default_station_config();
+    station.imu.emplace().settings.device = folder / name;
+    return station;
+  };
+  std::filesystem::create_symlink("/dev/null", folder / "first");
+  const Result<StationLock> first = StationLock::acquire(station_at("first"));
+  ASSERT_TRUE(first.ok()) << first.error().message;
+  std::filesystem::remove(folder / "first");
+  std::filesystem::create_symlink("/dev/null", folder / "second");
+  const Result<StationLock> second = StationLock::acquire(station_at("second"));
+  EXPECT_TRUE(second.ok()) << second.error().message;
+  EXPECT_FALSE(StationLock::acquire(station_at("first")).ok()) << "the name is still held";
+
+  std::filesystem::create_directory_symlink(folder / ".", folder / "here");
+  EXPECT_EQ(lock_path_of(folder / "here/second"), lock_path_of(folder / "second"))
+      << "of folders the links are followed";
 }
 
 TEST(TableDevice, ShippedExamplesAreReadAndMade) {
