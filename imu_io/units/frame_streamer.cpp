@@ -51,20 +51,23 @@ Status FrameStreamer::start(double now_s) {
   return {};
 }
 
-Status FrameStreamer::send(std::span<const ImuSample> samples) {
+Status FrameStreamer::encode(std::span<const ImuSample> samples) {
   bytes_.clear();
   for (const ImuSample& sample : samples) {
     if (Status status = encoder_.append(sample, bytes_); !status) return status;
   }
+  return {};
+}
+
+void FrameStreamer::send(std::size_t samples) {
   // A listener that does not read loses what it has no room for. It is waited for once, not at every batch: time goes on.
   const bool sent = line_.write_all(bytes_, listener_reads_ ? patience_s_ : 0.0).ok();
   listener_reads_ = sent;
   if (sent) {
-    frames_sent_ += samples.size();
+    frames_sent_ += samples;
   } else {
     ++batches_dropped_;
   }
-  return {};
 }
 
 Status FrameStreamer::answer_requests() {
@@ -77,8 +80,7 @@ Status FrameStreamer::answer_requests() {
     const auto at = std::search(asked_.begin(), asked_.end(), frame_.request.begin(), frame_.request.end());
     if (at == asked_.end()) break;
     asked_.erase(asked_.begin(), at + static_cast<std::ptrdiff_t>(frame_.request.size()));
-    if (!last_) continue;
-    if (Status status = send({&*last_, 1}); !status) return status;
+    if (!bytes_.empty()) send(1);
   }
   if (asked_.size() > frame_.request.size()) {
     asked_.erase(asked_.begin(), asked_.end() - static_cast<std::ptrdiff_t>(frame_.request.size()));
@@ -97,9 +99,15 @@ Result<std::size_t> FrameStreamer::pump(double now_s) {
     if (!got) return got.error();
     steps_ += count;
     passed += count;
-    if (*got > 0) last_ = samples_[*got - 1];
-    if (!frame_.request.empty()) continue;
-    if (Status status = send(std::span<const ImuSample>(samples_).first(*got)); !status) return status.error();
+    const std::span<const ImuSample> made = std::span<const ImuSample>(samples_).first(*got);
+    if (frame_.request.empty()) {
+      if (Status status = encode(made); !status) return status.error();
+      send(made.size());
+      continue;
+    }
+    // Each, since totals go on; the last one stays to be asked for.
+    for (const ImuSample& sample : made)
+      if (Status status = encode({&sample, 1}); !status) return status.error();
   }
   if (Status status = answer_requests(); !status) return status.error();
   return passed;

@@ -2,7 +2,7 @@
 //
 // pump(now) sends what a unit that runs `speedup` times faster than the clock would have sent by `now`; the source's time
 // passes by as much. As on a real line, what nobody listens to or does not read in time is lost, while time goes on.
-// Of a unit that answers requests every one that has come is answered with the last sample.
+// Of a unit that answers requests every one that has come is answered with the last sample: the same bytes until the next one.
 // In time: within patience_s of the host. A line's buffer that lasts half a second at a unit's pace lasts a fiftieth of that at 50 times
 // the pace, so a faster twin needs more patience; what its time fell behind meanwhile it catches up.
 // Errors: kind input where source and frame do not fit (period, increments, pulse weight), or a sample does not fit the frame.
@@ -34,7 +34,8 @@ class FrameStreamer {
   std::uint64_t batches_dropped() const { return batches_dropped_; }
 
  private:
-  Status send(std::span<const ImuSample> samples);
+  Status encode(std::span<const ImuSample> samples);
+  void send(std::size_t samples);  // what was encoded last
   Status answer_requests();
 
   ImuSource& source_;
@@ -46,9 +47,8 @@ class FrameStreamer {
   double start_s_ = 0.0;
   std::uint64_t steps_ = 0;  // periods that have passed
   std::vector<ImuSample> samples_;
-  std::vector<std::byte> bytes_;
-  std::vector<std::byte> asked_;  // what has come and is no whole request yet
-  std::optional<ImuSample> last_;
+  std::vector<std::byte> bytes_;                // of what was encoded last
+  std::vector<std::byte> asked_;                // what has come and is no whole request yet
   std::atomic<std::uint64_t> frames_sent_ = 0;  // read by who waits for them, from another thread
   std::uint64_t batches_dropped_ = 0;
   bool listener_reads_ = true;

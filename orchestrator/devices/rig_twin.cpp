@@ -7,6 +7,7 @@
 #include <mutex>
 #include <thread>
 
+#include "calib/model/parameters.h"
 #include "imu_io/base/deadline.h"
 #include "imu_io/base/format_number.h"
 #include "turntable_drivers/twins/dialect_twin.h"
@@ -20,26 +21,52 @@ namespace {
 constexpr double unit_patience_s = 5.0;  // of the host, for a station that is busy
 constexpr int unit_pause_ms = 1;
 
+// The rig's pulses, or rad and m/s of their nominal weight where the station's unit sends those.
 class GuardedImu : public ImuSource {
  public:
-  GuardedImu(ImuSource& source, std::mutex& mutex) : source_(source), mutex_(mutex) {}
+  GuardedImu(ImuSource& source, std::mutex& mutex, const FrameDescription& frame, const RigConfig& rig)
+      : source_(source), mutex_(mutex) {
+    if (!frame.gyro().pulses) gyro_ = {IncrementKind::physical, rig.gyro_pulse_arcsec * rad_per_arcsec};
+    if (!frame.accel().pulses) accel_ = {IncrementKind::physical, rig.accel_pulse_mps};
+  }
   Status open() override {
     const std::lock_guard lock(mutex_);
     return source_.open();
   }
   Result<ImuIdentity> identify() override { return source_.identify(); }
-  void describe(RecordingInfo& info) const override { source_.describe(info); }
+  void describe(RecordingInfo& info) const override {
+    source_.describe(info);
+    info.gyro_increment = gyro_.kind;
+    info.accel_increment = accel_.kind;
+  }
   Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
     const std::lock_guard lock(mutex_);
-    return source_.read(out, timeout_s);
+    const Result<std::size_t> count = source_.read(out, timeout_s);
+    if (!count) return count;
+    for (ImuSample& sample : out.first(*count)) {
+      for (double& value : sample.gyro) value *= gyro_.weight;
+      for (double& value : sample.accel) value *= accel_.weight;
+    }
+    return count;
   }
   ImuLinkCounters counters() const override { return source_.counters(); }
   void close() override { source_.close(); }
 
  private:
+  struct Increment {
+    IncrementKind kind = IncrementKind::pulses;
+    double weight = 1.0;
+  };
   ImuSource& source_;
   std::mutex& mutex_;
+  Increment gyro_, accel_;
 };
+
+// A table that knows its zero is a rig that does.
+RigConfig as_the_table(RigConfig rig, const StationConfig& station) {
+  if (station.table.map && station.table.map->home_by_encoder) rig.table.absolute_encoder = true;
+  return rig;
+}
 
 std::string port_of(const std::string& address) { return address.substr(address.rfind(':') + 1); }
 
@@ -80,7 +107,7 @@ Result<std::unique_ptr<RigTwin>> RigTwin::open(const StationConfig& station, con
     return input_error("station '" + station.name + "': a twin needs table.driver = modbus or serial");
   }
   if (!station.imu) return input_error("station '" + station.name + "': a twin needs imu.driver = serial");
-  std::unique_ptr<RigTwin> twin(new RigTwin(rig, station.imu_places()));
+  std::unique_ptr<RigTwin> twin(new RigTwin(as_the_table(rig, station), station.imu_places()));
   if (Status status = twin->open_table(station, settings.table); !status) return status.error();
   for (std::size_t unit = 0; unit < station.imu_places(); ++unit) {
     if (Status status = twin->open_line(station, unit, settings.speed_up); !status) return status.error();
@@ -94,7 +121,8 @@ Status RigTwin::open_line(const StationConfig& station, std::size_t unit, double
   if (!line) return line.error();
   auto unit_line = std::make_unique<UnitLine>();
   unit_line->line = std::move(*line);
-  unit_line->guarded = std::make_unique<GuardedImu>(group_.imu(unit), server_->mutex);
+  unit_line->guarded =
+      std::make_unique<GuardedImu>(group_.imu(unit), server_->mutex, station.imu->frame, group_.rig(unit).config());
   unit_line->streamer = std::make_unique<FrameStreamer>(*unit_line->guarded, station.imu->frame, *unit_line->line,
                                                         speed_up, unit_patience_s);
   lines_.push_back(std::move(unit_line));

@@ -16,7 +16,10 @@ Result<RigConfig> rig_of(const StationConfig& station, const std::string& file) 
   RigConfig rig = default_rig_config();
   rig.site.latitude_deg = station.latitude_deg;
   rig.site.gravity_mps2 = station.gravity_mps2;
-  if (station.imu) rig.sample_period_s = station.imu->frame.sample_period_s;
+  if (station.imu) {
+    rig.sample_period_s = station.imu->frame.sample_period_s;
+    if (station.imu->frame.accel().pulses) rig.accel_pulse_mps = station.imu->frame.accel_pulse_mps;
+  }
   const std::string& path = file.empty() ? station.rig_file : file;
   if (path.empty()) return rig;
   const double period_s = rig.sample_period_s;

@@ -153,14 +153,15 @@ TEST_P(TwinForms, WhatTheTwinSpeaksIsUnderstood) {
 
 const std::vector<std::string> no_keys;
 const std::vector<std::string> asked_keys = {"request = 05 4D", "request.period_s = 0.002"};
+const std::vector<std::string> asked_totals = {"request = 05 4D", "request.period_s = 0.002", "gyro.kind = cumulative"};
 INSTANTIATE_TEST_SUITE_P(
     All, TwinForms,
     testing::Values(Spoken{"pty_escape", "pty", {"stuffing = escape", "sync = 7E 90"}},
                     Spoken{"pty_slip", "pty", {"stuffing = slip", "sync = C0 01"}},
                     Spoken{"pty_repeat", "pty", {"stuffing = repeat", "stuffing.byte = 10", "sync = 10 02"}},
                     Spoken{"pty_cobs", "pty", {"stuffing = cobs", "sync = 00"}}, Spoken{"pty_asked", "pty", asked_keys},
-                    Spoken{"tcp", "tcp:127.0.0.1:%d", no_keys}, Spoken{"tcp_asked", "tcp:127.0.0.1:%d", asked_keys},
-                    Spoken{"udp", "udp:%d", no_keys},
+                    Spoken{"pty_asked_totals", "pty", asked_totals}, Spoken{"tcp", "tcp:127.0.0.1:%d", no_keys},
+                    Spoken{"tcp_asked", "tcp:127.0.0.1:%d", asked_keys}, Spoken{"udp", "udp:%d", no_keys},
                     Spoken{"udp_cobs", "udp:127.0.0.1:%d", {"stuffing = cobs", "sync = 00"}},
                     Spoken{"udp_asked", "udp_to:127.0.0.1:%d", asked_keys}),
     [](const auto& form) { return std::string(form.param.name); });

@@ -70,4 +70,20 @@ expect 1 'heading turned by +5 deg.*-5.000000 deg about y' commission --station 
 expect 0 '0 gaps (0 lost)' monitor --station "$work/twin.station" --seconds 3
 [ "$(grep -c 'deg/s not ready (off).*samples/s, .*|f| ' "$work/said")" -ge 1 ] || fail "no line with the drives off"
 grep -q 'unit: [0-9]* samples, 0 lost, .* 0 bad frames, .*line errors not counted by the port' "$work/said" || fail "no summary of the unit's line"
+
+# Every shipped frame, of units that count and of units that send rad and m/s, beside a table that knows its zero.
+kill -TERM "$twin"; wait "$twin" || true
+sed '/^write.home/d' "$work/twin.map" > "$work/encoder.map"
+echo 'home.kind = encoder' >> "$work/encoder.map"
+for frame in "$here"/imu_io/frames/*.frame; do
+  name=$(basename "$frame" .frame)
+  sed -e "s/^imu.frame = .*/imu.frame = $name/" -e 's/twin\.map/encoder.map/' "$work/twin.station" > "$work/$name.station"
+  "$binary" twin --station "$work/$name.station" --table "tcp:${address##*:}" > "$work/twin.out" 2> "$work/twin.err" &
+  twin=$!
+  for _ in $(seq 100); do grep -qs ready "$work/twin.out" && break; sleep 0.1; done
+  expect 0 'samples/s, .*|f| \(9\|10\)\.' monitor --station "$work/$name.station" --seconds 20
+  [ "$name" != f32_bddb0a ] || expect 0 'every axis turns the unit as it should' commission --station "$work/$name.station"
+  kill -TERM "$twin"; wait "$twin" || true
+done
+twin=
 echo "commissioning over real lines: good"

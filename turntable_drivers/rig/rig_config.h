@@ -81,7 +81,8 @@ struct RigTableErrors {
 };
 
 struct RigTableBehaviour {
-  Triple power_on_deg{};  // encoder reading at start, by Axis
+  Triple power_on_deg{};          // encoder reading at start, by Axis
+  bool absolute_encoder = false;  // it knows its zero from the start: homing moves nothing
   Triple limit_min_deg = {-3600.0, -3600.0, -3600.0};
   Triple limit_max_deg = {3600.0, 3600.0, 3600.0};
   Triple max_rate_degps = {100.0, 100.0, 100.0};

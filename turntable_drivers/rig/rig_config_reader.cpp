@@ -98,6 +98,7 @@ void read_table(KeyTable& keys, RigTableBehaviour& table) {
     keys.number(prefix + "max_rate_degps", table.max_rate_degps[i], above_zero);
     keys.number(prefix + "max_acceleration_degps2", table.max_acceleration_degps2[i], above_zero);
   }
+  keys.flag("table.absolute_encoder", table.absolute_encoder);
   keys.number("table.home_rate_degps", table.home_rate_degps, above_zero);
   keys.number("table.home_acceleration_degps2", table.home_acceleration_degps2, above_zero);
   keys.number("table.home_time_s", table.home_time_s, zero_or_more);

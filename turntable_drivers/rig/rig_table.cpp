@@ -41,6 +41,7 @@ void RigTable::update() {
       homing_[i] = false;
       homed_[i] = true;
     }
+    homed_[i] = homed_[i] || rig_.config().table.absolute_encoder;
   }
 }
 
@@ -82,6 +83,7 @@ Status RigTable::home() {
     if (rig_.axis(axis).moving) return axis_error(axis, "home: a motion is under way");
   }
   const RigTableBehaviour& table = rig_.config().table;
+  if (table.absolute_encoder) return {};
   for (Axis axis : all_axes) {
     rig_.command_move(axis, 0.0, table.home_rate_degps, table.home_acceleration_degps2);
     homed_[index(axis)] = false;

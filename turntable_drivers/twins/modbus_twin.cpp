@@ -57,11 +57,6 @@ ModbusTwin::ModbusTwin(RegisterMap map, Turntable& table, const Clock& clock)
 
 Status ModbusTwin::power_on() {
   if (Status status = table_.connect(); !status) return status;
-  if (map_.home_by_encoder) {
-    // An absolute encoder knows its zero from the start.
-    if (Status status = table_.enable(); !status) return status;
-    if (Status status = table_.home(); !status) return status;
-  }
   return map_.list(DriveOperation::enable).empty() ? table_.enable() : Status();
 }
 
@@ -98,12 +93,12 @@ std::optional<std::vector<std::uint16_t>> ModbusTwin::blocks(Axis axis) {
       registers[at + i] = words->value[i];
   };
   const MapAxis& scale = map_.of(axis);
-  double position_deg = now->position_deg;
+  double counts = counts_of(scale, now->position_deg);
   if (scale.modulo_deg > 0.0) {
-    const double above_zero_deg = position_deg - scale.zero_deg;
-    position_deg = scale.zero_deg + above_zero_deg - scale.modulo_deg * std::floor(above_zero_deg / scale.modulo_deg);
+    const double circle = scale.modulo_deg * scale.counts_per_degree;
+    counts -= circle * std::floor(counts / circle);
   }
-  put(scale.position, counts_of(scale, position_deg));
+  put(scale.position, counts);
   if (scale.rate) put(*scale.rate, scale.sign * scale.measured_rate_scale * now->rate_degps);
   const bool fault = now->fault || tripped_[index(axis)];
   if (scale.alarm)
