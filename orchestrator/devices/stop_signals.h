@@ -1,5 +1,5 @@
-// While this object lives nobody who does not read what is printed holds the program up (Unhindered), and no signal that can be caught ends or
-// stops it without the table being left as it should:
+// From its first object to the end of the program no signal that can be caught ends or stops it without the table being left as it should,
+// nor cuts short what is then left to be written down and said:
 //
 //   SIGINT                                                                 a request
 //   SIGTERM, SIGHUP; SIGQUIT, USR1, USR2, ALRM, VTALRM, PROF, PWR, IO, XCPU   the same, told to end
@@ -10,13 +10,14 @@
 //   pauses()    1 once the first request was a SIGINT, for a run that asked for that (FirstInterrupt::pauses)
 //   requests()  every other request: stop now, each further one faster
 //   ends()      those of requests() from the first on that was not SIGINT
-// They stay readable after the object has gone, until the next one. After a request signals stay as they are here: what is left to be written down and
-// said is not cut short.
+// They stay when the object has gone, for the next one too: who was asked to stop begins nothing more.
+// While an object lives nobody who does not read what is printed holds the program up (Unhindered).
 #pragma once
 
 #include <array>
 #include <atomic>
 #include <csignal>
+#include <utility>
 
 #include "imu_io/base/console.h"
 
@@ -27,19 +28,15 @@ enum class FirstInterrupt { stops, pauses };
 class StopSignals {
  public:
   explicit StopSignals(FirstInterrupt first = FirstInterrupt::stops) {
-    requests_ = pauses_ = ends_ = 0;
     may_pause_ = first == FirstInterrupt::pauses;
+    if (std::exchange(taken_, true)) return;
     for (std::size_t i = 0; i < signals.size(); ++i) {
       struct sigaction action {};
       action.sa_handler = i < request_count ? &StopSignals::on_signal : SIG_IGN;
       // One at a time, so that the first is the first.
       for (const int other : signals) sigaddset(&action.sa_mask, other);
-      sigaction(signals[i], &action, &old_[i]);
+      sigaction(signals[i], &action, nullptr);
     }
-  }
-  ~StopSignals() {
-    if (any()) return;
-    for (std::size_t i = 0; i < signals.size(); ++i) sigaction(signals[i], &old_[i], nullptr);
   }
   StopSignals(const StopSignals&) = delete;
   StopSignals& operator=(const StopSignals&) = delete;
@@ -66,7 +63,7 @@ class StopSignals {
                                                   SIGPIPE, SIGXFSZ,   SIGTSTP, SIGTTIN, SIGTTOU};
   static inline std::atomic<int> requests_{0}, pauses_{0}, ends_{0}, may_pause_{0};
   static_assert(std::atomic<int>::is_always_lock_free);
-  std::array<struct sigaction, signals.size()> old_{};
+  static inline bool taken_ = false;
   Unhindered printing_;
 };
 
