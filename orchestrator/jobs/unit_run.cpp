@@ -54,6 +54,19 @@ Status check_hash(const LoadedRecording& loaded, const JournalContents& contents
                       ", found " + loaded.hash);
 }
 
+// Nothing when no parameters came of it, or the journal of an older turncal kept no hash.
+Status check_parameters(const UnitRun& unit, const JournalContents& contents) {
+  const JournalFields* const results = contents.results_of(unit.run.unit());
+  const std::string expected = results != nullptr ? value_of(*results, "parameters_hash") : "";
+  if (expected.empty()) return {};
+  const std::string path = unit.folder + "/" + parameters_name;
+  const Result<std::string> text = read_whole_file(path);
+  if (!text) return text.error();
+  const std::string found = hash_of_text(*text);
+  if (found == expected) return {};
+  return device_error(path + ": is not the file that this run made: expected hash " + expected + ", found " + found);
+}
+
 }  // namespace
 
 std::vector<UnitRun> units_of(const PreparedRun& run, const std::string& folder) {
@@ -160,6 +173,7 @@ Status check_what_is_over(const std::vector<UnitRun>& units, const std::string& 
                           const JournalContents& contents) {
   for (std::size_t i = 0; i < units.size(); ++i) {
     if (units[i].dropped) continue;
+    if (Status status = check_parameters(units[i], contents); !status) return status;
     if (path_exists(partial_of(units[i]))) {
       return input_error(partial_of(units[i]) + ": expected no recording that goes on beside " + journal_name +
                          " of a run that is complete: one of them is of another run");

@@ -85,15 +85,18 @@ const std::string& value_of(const JournalFields& fields, std::string_view key) {
 
 const std::string& JournalContents::begin_value(std::string_view key) const { return value_of(begin, key); }
 
-const JournalFields* JournalContents::verdict_of(const std::string& unit) const {
+const JournalFields* JournalContents::newest(const std::vector<JournalFields>& records, const std::string& unit) const {
   const bool alone = units().size() == 1;
   const std::pair<std::string, std::string> mark("unit", unit);
   const JournalFields* last = nullptr;
-  for (const JournalFields& verdict : verdicts) {
-    if (alone || std::find(verdict.begin(), verdict.end(), mark) != verdict.end()) last = &verdict;
+  for (const JournalFields& record : records) {
+    if (alone || std::find(record.begin(), record.end(), mark) != record.end()) last = &record;
   }
   return last;
 }
+
+const JournalFields* JournalContents::results_of(const std::string& unit) const { return newest(results, unit); }
+const JournalFields* JournalContents::verdict_of(const std::string& unit) const { return newest(verdicts, unit); }
 
 std::vector<std::string> JournalContents::units() const {
   std::vector<std::string> units = {begin_value("unit")};
@@ -149,7 +152,7 @@ Result<JournalContents> read_journal(const std::string& path) {
         contents.transition = fields_of(*fields);
         contents.pause_asked |= value_of(contents.transition, "event") == to_string(RunEvent::pause_wanted);
         break;
-      case JournalType::results:
+      case JournalType::results: contents.results.push_back(fields_of(*fields)); break;
       case JournalType::clock: break;
     }
     return fields->status();

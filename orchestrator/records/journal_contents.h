@@ -28,7 +28,7 @@ struct JournalContents {
   std::vector<std::string> hashes;               // the same: of the recordings' contents, by unit; empty: none was kept
   std::vector<std::optional<UnitClock>> clocks;  // the same
   int sessions = 1;                              // 1 + resumes
-  std::vector<JournalFields> verdicts;           // one a unit, as they came
+  std::vector<JournalFields> results, verdicts;  // one a unit, as they came
   JournalFields transition, estimate;            // the newest
   bool pause_asked = false;                      // since it was begun or taken up again
   struct DroppedUnit {
@@ -39,9 +39,13 @@ struct JournalContents {
   std::vector<DroppedUnit> dropped;
 
   std::vector<std::string> units() const;                          // their serial numbers
-  const JournalFields* verdict_of(const std::string& unit) const;  // the newest; null: none yet
+  const JournalFields* results_of(const std::string& unit) const;  // the newest; null: none yet
+  const JournalFields* verdict_of(const std::string& unit) const;  // the same
 
   const std::string& begin_value(std::string_view key) const;  // "" when missing
+
+ private:
+  const JournalFields* newest(const std::vector<JournalFields>& records, const std::string& unit) const;
 };
 const std::string& value_of(const JournalFields& fields, std::string_view key);  // "" when missing
 

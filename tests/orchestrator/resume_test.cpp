@@ -265,6 +265,12 @@ TEST_F(Resume, AJournalOfAnotherRunIsNoEnd) {
     fs::copy_file(folder_ / "reference/out" / name, folder_ / to / name, fs::copy_options::overwrite_existing);
   };
   copy(journal_name, "foreign");
+  expect_refused({"resume", "foreign"}, "parameters.conf: cannot open");
+  std::string changed = reference_.at("parameters.conf");
+  changed[changed.find("N01 = ") + 7] ^= 1;
+  write("foreign/parameters.conf", changed);
+  expect_refused({"resume", "foreign"}, "parameters.conf: is not the file that this run made", 50);
+  copy("parameters.conf", "foreign");
   expect_refused({"resume", "foreign"}, "recording.tcr: is missing");
   write("foreign/recording.tcr", "something else");
   EXPECT_NE(run({"resume", "foreign"}).code, 0);
