@@ -112,11 +112,14 @@ Status watch(LiveDevices& live, double seconds, std::ostream& out) {
   const double began_s = devices.clock.now_s();
   for (double line_s = began_s; StopSignals::requests() == 0 && (seconds == 0.0 || line_s - began_s < seconds);) {
     Second second;
-    double now_s = devices.clock.now_s();
-    for (; now_s - line_s < line_every_s && StopSignals::requests() == 0; now_s = devices.clock.now_s()) {
+    double now_s = line_s;
+    // Also what came while a slow table was asked.
+    for (bool more = true; (more || now_s - line_s < line_every_s) && StopSignals::requests() == 0;) {
       const Result<std::size_t> got = devices.imu.read(buffer, look_every_s);
       if (!got) return got.error();
       add(std::span(buffer).first(*got), last_counter, second);
+      more = *got == buffer.size();
+      now_s = devices.clock.now_s();
     }
     char time[32];
     std::snprintf(time, sizeof time, "%8.1f s  ", now_s - began_s);

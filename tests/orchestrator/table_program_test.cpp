@@ -2,9 +2,13 @@
 // the drives are off, and what is said of them is what was read.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cstring>
 #include <functional>
+#include <thread>
 
+#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/frames/frame_encoder.h"
 #include "imu_io/lines/pty.h"
 #include "tests/orchestrator/program.h"
 #include "tests/turntable_drivers/level_drives.h"
@@ -161,6 +165,31 @@ TEST_F(TableProgram, MonitorThatIsToldToEndWhileItConnectsSaysSo) {
         << result.err;
   }
   drives.reads_answered = true;
+}
+
+// Three answers take longer than a line is to wait.
+TEST_F(TableProgram, MonitorShowsTheUnitOfASlowTable) {
+  std::string map = drives.map_text();
+  const std::string time = "link.response_timeout_s = 0.1";
+  write("level.map", map.replace(map.find(time), time.size(), "link.response_timeout_s = 5"));
+  const Result<FrameDescription> frame = find_frame("laser_gyro");
+  ASSERT_TRUE(frame.ok());
+  drives.answer_s = 0.4;
+  std::atomic<bool> ended = false;
+  std::thread unit([&] {
+    FrameEncoder encoder(*frame);
+    for (ImuSample sample; !ended; ++sample.counter, ::usleep(5000)) {
+      std::vector<std::byte> bytes;
+      EXPECT_TRUE(encoder.append(sample, bytes).ok());
+      static_cast<void>(unit_.write_all(bytes, 0.0).ok());  // nobody may listen
+    }
+  });
+  const ProgramResult result = run({"monitor", "--station", "level.station", "--seconds", "5"});
+  ended = true;
+  unit.join();
+  EXPECT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.out.find("samples/s, 0 gaps (0 lost)"), std::string::npos) << result.out;
+  EXPECT_EQ(result.out.find("no samples"), std::string::npos) << result.out;
 }
 
 // A drive that answers with a failure is there.

@@ -118,6 +118,7 @@ write.abort = 0 u16 0
   std::atomic<bool> words_swapped{false};      // of what is read
   std::atomic<int> exception{0};               // in place of a reading
   std::atomic<double> read_anew_s{0.0};        // so old may a position be
+  std::atomic<double> answer_s{0.0};           // a reading takes so long
   std::atomic<int> refuses_off{0};  // so many words that would switch a drive off are answered and do nothing
   std::map<int, LevelDrive> drives{{1, {}}, {2, {}}, {3, {}}};
 
@@ -146,7 +147,7 @@ write.abort = 0 u16 0
       if (words_swapped) std::swap(block[0], block[1]);
       block.resize(static_cast<std::size_t>(request->count));
       plan.pieces.push_back(
-          {exception != 0 ? exception_reply(*request, exception, true) : read_reply(*request, block, true), 0.0});
+          {exception != 0 ? exception_reply(*request, exception, true) : read_reply(*request, block, true), answer_s});
       return plan;
     }
     if (request->address == 0) {
