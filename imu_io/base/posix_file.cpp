@@ -16,13 +16,16 @@
 namespace turncal {
 namespace {
 
-// A file the user named and that is not there or not readable is a mistake of input; a disk that fails while we work
-// is a device that failed.
+// A file the user named and that is not there or not readable is a mistake of input; a disk that fails while we work, or a system that has
+// nothing left, is a device that failed.
 ErrorKind kind_of(int number) {
   switch (number) {
     case ENOSPC:
     case EDQUOT:
     case EIO:
+    case EMFILE:
+    case ENFILE:
+    case ENOMEM:
     case EFBIG: return ErrorKind::device;
     default: return ErrorKind::input;
   }

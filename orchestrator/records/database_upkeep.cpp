@@ -204,6 +204,7 @@ Result<std::string> ResultsDatabase::image() const {
   const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
       sqlite3_serialize(connection_->sqlite(), "main", &size, 0), sqlite3_free);
   if (Status status = connection_->run("COMMIT"); !status) return status.error();
+  if (size == 0) return std::string();  // a file of no bytes is an empty database
   if (!bytes)
     return device_error(name + ": results database: there is no memory for its " + std::to_string(size) + " bytes");
   return std::string(reinterpret_cast<const char*>(bytes.get()), static_cast<std::size_t>(size));
@@ -211,7 +212,7 @@ Result<std::string> ResultsDatabase::image() const {
 
 Result<ResultsDatabase> ResultsDatabase::of_image(const std::string& image, const std::string& path) {
   Result<ResultsDatabase> database = in_memory(path);
-  if (!database) return database;
+  if (!database || image.empty()) return database;
   sqlite3* const handle = database->connection_->sqlite();
   auto* const bytes = static_cast<unsigned char*>(sqlite3_malloc64(image.size()));
   if (!bytes)

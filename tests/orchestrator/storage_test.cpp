@@ -4,6 +4,7 @@
 #include "tests/orchestrator/queue_outcomes.h"
 
 #include <sqlite3.h>
+#include <sys/resource.h>
 
 #include <cerrno>
 #include <climits>
@@ -178,8 +179,26 @@ TEST(StorageError, IsADeviceErrorUnlessTheNameIsWrong) {
     EXPECT_EQ(storage_error("x", "cannot create", number).kind, ErrorKind::device) << number;
   for (const int number : {ENOENT, ENOTDIR, EEXIST, ENAMETOOLONG})
     EXPECT_EQ(storage_error("x", "cannot create", number).kind, ErrorKind::input) << number;
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &before), 0);
+  const rlimit none{3, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &none), 0);
+  const Result<PosixFile> one_too_many = PosixFile::open_to_read("/proc/version");
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &before), 0);
+  ASSERT_FALSE(one_too_many.ok());
+  EXPECT_EQ(one_too_many.error().kind, ErrorKind::device) << one_too_many.error().message;
   EXPECT_EQ(rename_durably("/proc/version", "/tmp/turncal_version").error().kind, ErrorKind::device);
   EXPECT_EQ(check_folder_writable("/proc/version/x").error().kind, ErrorKind::input);
+}
+
+// A run that was killed before its first row leaves one.
+TEST_F(Storage, ADatabaseOfNoBytesIsAnEmptyOne) {
+  write("empty/results.db", "");
+  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("empty/results.db"));
+  ASSERT_TRUE(database.ok()) << database.error().message;
+  EXPECT_TRUE(database->list({}, "N01")->empty());
+  const ProgramResult result = run(begin("empty/out", station("empty/s.station")));
+  EXPECT_EQ(result.code, 0) << result.err;
 }
 
 // Runs of a unit on the first three days of 2026, one of another unit, and a unit on hold that was measured again.

@@ -67,6 +67,7 @@ expect_code() {
   wait "$run" || code=$?
   run=
   [ "$code" = "$1" ] || fail "$2 gave code $code, expected $1"
+  ! grep -v -e '^\[simulated\] ' -e '^\[simulated\]$' "$work/$name.out" "$work/$name.err" || fail "$2: a line does not say that a twin answers"
 }
 log=$work/run/run.log
 items() { "$binary" journal "$work/run" | sed -n 's/^\[simulated\] *[0-9]* dwell  *item = \([0-9]*\).*/\1/p'; }  # whose dwells are complete
