@@ -124,6 +124,8 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       rotating = segment < 0 || recording.segments[static_cast<std::size_t>(segment)].kind == SegmentKind::rotate;
       const double lost_s = static_cast<double>(event.count) * recording.info.sample_period_s;
       if (segment >= 0) cut.attitude_sigma_rad = fill_sigma_rad(recording, fault.block, lost_s);
+    } else if (event.axis == set_aside_axis) {
+      fault.what = "rest that disagreed with all the others and was made again";
     } else if (event.kind == DataEvent::Kind::invalid) {
       fault.what =
           event.axis < 0 ? "sample marked invalid by the unit" : clipped_text(recording.info, event.axis, event.size);
@@ -136,7 +138,8 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       // Twice what the sample stands out by: half of it may lie in its neighbours.
       cut.attitude_sigma_rad = gyro ? 2.0 * std::abs(event.size) * nominal_gyro_rad(recording.info) : 0.0;
     }
-    fault.action = action_for(cut);
+    fault.action =
+        event.axis == set_aside_axis ? "set aside: attitude and velocity found again after it" : action_for(cut);
     if (!faults.empty() && faults.back().block == fault.block && faults.back().what == fault.what) {
       faults.back().last_sample = fault.last_sample;
       continue;

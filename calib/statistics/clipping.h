@@ -24,6 +24,10 @@ namespace turncal {
 
 // Bits of ImuSample::flags, together with sample_flag_invalid.
 constexpr std::uint32_t gyro_clipped_flag(int axis) { return std::uint32_t{2} << axis; }
+// A bit of its own: the sample is of a rest that disagreed with all the others, and that another take stands in for. All of the rest is
+// one event, invalid, with this in place of an axis.
+inline constexpr std::uint32_t sample_flag_set_aside = 16;
+inline constexpr int set_aside_axis = -2;
 
 struct ClippedRun {
   int axis = 0;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "calib/model/parameters.h"
+#include "calib/statistics/clipping.h"
 #include "calib/statistics/median.h"
 
 namespace turncal {
@@ -103,6 +104,19 @@ Block merge(const Block& a, const Block& b) {
   return m;
 }
 
+namespace {
+
+void note_set_aside(std::int64_t counter, const Segment& segment, std::vector<DataEvent>& events) {
+  const auto last =
+      std::find_if(events.rbegin(), events.rend(), [](const DataEvent& e) { return e.axis == set_aside_axis; });
+  if (last != events.rend() && last->sample >= segment.start_sample)
+    last->count = counter + 1 - last->sample;
+  else
+    events.push_back({DataEvent::Kind::invalid, counter, 1, set_aside_axis, 0.0});
+}
+
+}  // namespace
+
 Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& options)
     : options_(options), spikes_(info), glitches_(info, options.glitch) {
   recording_.info = info;
@@ -157,6 +171,8 @@ void Compressor::add_one(const ImuSample& sample) {
   const auto missing = static_cast<std::int32_t>(std::min<std::int64_t>(gap, 1 << 20));
   if ((sample.flags & sample_flag_invalid) != 0)
     recording_.events.push_back({DataEvent::Kind::invalid, sample.counter, 1, -1, 0.0});
+  if ((sample.flags & sample_flag_set_aside) != 0)
+    note_set_aside(sample.counter, recording_.segments.back(), recording_.events);
   // Across a gap in a turn the neighbours are others: a turn goes on meanwhile.
   if (missing > 0 && turns_beside(recording_, block_)) glitches_.forget_neighbours(sample);
   glitches_.add(sample, recording_.events);

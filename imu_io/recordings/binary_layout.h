@@ -20,7 +20,14 @@ namespace turncal {
 inline constexpr std::uint32_t recording_magic = 0x52435489;
 inline constexpr std::uint32_t recording_version = 1;
 
-enum class RecordType : std::uint32_t { info = 1, segment_begin = 2, segment_end = 3, samples = 4, end = 5 };
+enum class RecordType : std::uint32_t {
+  info = 1,
+  segment_begin = 2,
+  segment_end = 3,
+  samples = 4,
+  end = 5,
+  set_aside = 6
+};
 
 void append_info(std::vector<std::byte>& out, const RecordingInfo& info);
 Result<RecordingInfo> parse_info(std::span<const std::byte> payload);
@@ -55,6 +62,7 @@ struct RecordingScan {
   RecordingInfo info;
   Segments segments;                    // contiguous; lost ones stand in as rotate
   std::optional<Segment> open_segment;  // begun, not ended
+  std::vector<Segment> set_aside;
   std::uint64_t sample_count = 0;
   std::int64_t first_counter = 0;  // when sample_count > 0
   std::int64_t last_counter = 0;

@@ -44,6 +44,7 @@ class BinaryRecording final : public RecordingSource {
       segments.back().end_sample = scan.last_counter + 1;
     }
     segments_ = inside_samples(segments, scan.first_counter, scan.last_counter);
+    for (const Segment& segment : scan.set_aside) set_aside(segment);
   }
 
  private:

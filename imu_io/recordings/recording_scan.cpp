@@ -88,6 +88,10 @@ Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::i
       const auto segment = parse_segment(record.payload);
       good = segment && segments.end(*segment);
       if (good && (!last_end_sample || segment->end_sample <= *last_end_sample)) scan.closed_end = scanner.good_end();
+    } else if (good && type == RecordType::set_aside) {
+      const auto segment = parse_segment(record.payload);
+      good = segment.has_value();
+      if (good) scan.set_aside.push_back(*segment);
     } else if (good && type == RecordType::samples) {
       const auto chunk = parse_samples(record.payload, scan.info);
       good = chunk && (scan.sample_count == 0 || chunk->first_counter > scan.last_counter);

@@ -3,10 +3,12 @@
 #include <sys/stat.h>
 #include <xxhash.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <type_traits>
 
+#include "calib/statistics/clipping.h"
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/binary_recording.h"
@@ -87,10 +89,28 @@ Result<std::unique_ptr<RecordingSource>> RecordingSource::open(const std::string
   return input_error(path + ": neither " + binary_recording_name + " nor recording.conf in it: expected a recording");
 }
 
+void RecordingSource::set_aside(const Segment& rest) {
+  for (Segment& segment : segments_)
+    if (segment.start_sample >= rest.start_sample && segment.end_sample <= rest.end_sample)
+      segment.kind = SegmentKind::rotate;
+  set_aside_.push_back(rest);
+  hash_.clear();
+}
+
 Status RecordingSource::read(const Sink& sink) {
   ContentHasher hasher;
   hasher.add(info_, segments_);
+  std::vector<ImuSample> flagged;
   Status status = stream([&](std::span<const ImuSample> samples) {
+    if (!set_aside_.empty()) {
+      flagged.assign(samples.begin(), samples.end());
+      for (ImuSample& sample : flagged)
+        if (std::ranges::any_of(set_aside_, [&](const Segment& rest) {
+              return sample.counter >= rest.start_sample && sample.counter < rest.end_sample;
+            }))
+          sample.flags |= sample_flag_set_aside;
+      samples = flagged;
+    }
     hasher.add(samples.data(), samples.size_bytes());
     return sink(samples);
   });

@@ -50,6 +50,9 @@ class RecordingSource {
   // The blocks live only during the call. Blocks are not empty.
   Status read(const Sink& sink);
 
+  // A rest that is not to be used, for as long as this object lives: its segment is rotate, its samples carry sample_flag_set_aside.
+  void set_aside(const Segment& rest);
+
   // XXH3-128 as 32 hex digits over info, segments and samples in a fixed layout: the same for every form of the same
   // recording. Falls out of read(); makes a pass of its own when there was none.
   Result<std::string> content_hash();
@@ -64,6 +67,7 @@ class RecordingSource {
   RecordingDamage damage_;
 
  private:
+  Segments set_aside_;
   std::string hash_;  // empty until a read() went through
 };
 

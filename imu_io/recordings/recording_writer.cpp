@@ -186,6 +186,12 @@ Status RecordingWriter::end_segment(SegmentKind kind, std::int64_t end_sample, c
   return status;
 }
 
+Status RecordingWriter::set_aside(const Segment& rest) {
+  State& s = *state_;
+  if (Status status = s.check_usable(); !status) return status;
+  return s.write_record(RecordType::set_aside, [&](std::vector<std::byte>& out) { append_segment(out, rest); });
+}
+
 Status RecordingWriter::add(std::span<const ImuSample> samples) {
   State& s = *state_;
   if (Status status = s.check_usable(); !status) return status;

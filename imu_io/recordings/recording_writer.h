@@ -54,6 +54,8 @@ class RecordingWriter {
   Status begin_segment(const Segment& segment);
   // What it became: a dwell that must be repeated is closed as rotate. end_sample is exclusive.
   Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg);
+  // `rest`, ended before, is not to be used: whoever reads takes it for rotate (RecordingSource::set_aside). What it holds stays.
+  Status set_aside(const Segment& rest);
   Status add(std::span<const ImuSample> samples);  // counters must increase
   Status sync();                                   // everything handed over is on disk
   // Checks that the segments lie inside the samples, writes the end mark, syncs, closes.

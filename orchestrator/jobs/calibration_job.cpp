@@ -25,7 +25,8 @@ namespace {
 void note_data(const LoadedRecording& recording, std::vector<std::string>& notes) {
   if (const std::string damage = describe(recording.damage); !damage.empty()) notes.push_back(damage);
   std::map<DataEvent::Kind, std::int64_t> counts;
-  for (const DataEvent& event : recording.data.events) counts[event.kind] += event.count;
+  for (const DataEvent& event : recording.data.events)
+    if (event.axis != set_aside_axis) counts[event.kind] += event.count;
   for (const auto& [kind, count] : counts) {
     notes.push_back("data: " + std::to_string(count) + " x " + to_string(kind));
   }

@@ -8,9 +8,7 @@
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/report_format.h"
-#include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/sequence_coverage.h"
-#include "orchestrator/records/recording_sink.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -49,23 +47,25 @@ const NeededSigma* KnownSoFar::worst() const {
   return found == sigmas.end() ? nullptr : &*found;
 }
 
-bool repeats_left(const Segments& segments, int max_repeats) {
+Segments takes_of_last(const Segments& segments, std::size_t dwells) {
   const auto same_pose = [&](const Segment& segment) {
     const Segment& last = segments.back();
     return segment.heading_deg == last.heading_deg && segment.pitch_deg == last.pitch_deg &&
            segment.roll_deg == last.roll_deg;
   };
-  int dwells = 0;  // in the last pose; a run that was taken up settles again between them
+  Segments takes;  // in the last pose; a run that was taken up settles again between them
   for (auto at = segments.rbegin(); at != segments.rend() && same_pose(*at); ++at)
-    if (at->kind != SegmentKind::rotate) ++dwells;
-  return dwells > 0 && dwells <= max_repeats;
+    if (at->kind != SegmentKind::rotate) takes.insert(takes.begin(), *at);
+  takes.erase(takes.begin(), takes.begin() + static_cast<std::ptrdiff_t>(std::min(takes.size(), dwells - 1)));
+  return takes;
 }
 
 EnoughWatch::EnoughWatch(const PreparedRun& run, const Plan& plan, const std::vector<UnitRun>& units,
-                         JournalFile& journal, Tell tell)
+                         std::deque<RecordingSink>& recordings, JournalFile& journal, Tell tell)
     : run_(run),
       plan_(plan),
       units_(units),
+      recordings_(recordings),
       journal_(journal),
       tell_(std::move(tell)),
       end_item_(first_item_of(plan, run.verify_from)) {}
@@ -78,6 +78,11 @@ Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item
   const bool enough = !units.empty() && std::all_of(units.begin(), units.end(),
                                                     [](const KnownSoFar& unit) { return unit.why_not.empty(); });
   const bool again = std::any_of(units.begin(), units.end(), [](const KnownSoFar& unit) { return unit.again; });
+  for (const KnownSoFar& known : units)
+    for (std::size_t i = 0; i < units_.size(); ++i)
+      for (const Segment& take : known.set_aside)
+        if (units_[i].run.unit() == known.unit)
+          if (Status status = recordings_[i].set_aside(take); !status) return status.error();
   if (Status status = note(units, next_item, enough, again); !status) return status.error();
   return std::optional(enough ? end_item_ : again ? next_item - 1 : next_item);
 }
@@ -89,28 +94,63 @@ std::vector<KnownSoFar> EnoughWatch::estimate(std::size_t done_items) {
   return known;
 }
 
+EnoughWatch::Look EnoughWatch::look(const UnitRun& unit, const Segments& without) const {
+  const Result<std::unique_ptr<RecordingSource>> source =
+      RecordingSource::open(unit.folder + "/" + partial_recording_name);
+  if (!source) return {source.error(), source.error()};
+  for (const Segment& take : without) (*source)->set_aside(take);
+  Look look{load_recording(**source, {}, {}, run_.verify_from), Error{}};
+  if (look.loaded && look.loaded->by_hand)  // its first rests: all angles are 0 so far
+    look.output = Error{ErrorKind::unit_failed, "the table has not turned yet"};
+  else
+    look.output = look.loaded ? calibrate_recording(*look.loaded, {}) : look.loaded.error();
+  return look;
+}
+
+bool EnoughWatch::disagrees(const Look& look) {
+  if (!look.loaded || look.loaded->by_hand) return false;
+  CalibrationRequest in_part;  // a bad dwell may leave parameters open
+  in_part.partial = true;
+  in_part.test_fit = false;
+  const Result<CalibrationOutput> partly = look.output ? look.output : calibrate_recording(*look.loaded, in_part);
+  return partly.ok() && last_rest_disagrees(look.loaded->data, *partly->fit);
+}
+
+// Of a dwell that was made more than once: the takes that disagree, if the last one does not when they are left out.
+Segments EnoughWatch::to_set_aside(const UnitRun& unit, const Segments& takes) const {
+  Segments bad;
+  for (const Segment& take : takes) {
+    Segments others = takes;
+    std::erase_if(others, [&](const Segment& other) { return other.start_sample == take.start_sample; });
+    if (take.start_sample != takes.back().start_sample && disagrees(look(unit, others))) bad.push_back(take);
+  }
+  return bad.empty() || disagrees(look(unit, bad)) ? Segments{} : bad;
+}
+
 KnownSoFar EnoughWatch::estimate(const UnitRun& unit, std::size_t done_items) {
   KnownSoFar known;
   known.unit = unit.run.unit();
-  const Result<LoadedRecording> loaded =
-      load_recording(unit.folder + "/" + partial_recording_name, {}, {}, run_.verify_from);
-  if (!loaded) {
-    known.why_not = loaded.error().message;
+  Look so_far = look(unit, {});
+  if (!so_far.loaded) {
+    known.why_not = so_far.loaded.error().message;
     return known;
   }
-  const Result<CalibrationOutput> output = calibrate_recording(*loaded, {});
-  if (repeats_left(loaded->data.segments, run_.station.dwell.max_repeats)) {
-    CalibrationRequest in_part;  // a bad dwell may leave parameters open
-    in_part.partial = true;
-    in_part.test_fit = false;
-    const Result<CalibrationOutput> partly = output ? output : calibrate_recording(*loaded, in_part);
-    known.again = partly.ok() && last_rest_disagrees(loaded->data, *partly->fit);
+  std::size_t dwells = 0;  // of the plan, in the last pose
+  while (dwells < done_items && plan_.items[done_items - 1 - dwells].kind == SequenceItem::Kind::dwell) ++dwells;
+  const Segments takes = takes_of_last(so_far.loaded->data.segments, dwells);
+  known.set_aside = to_set_aside(unit, takes);
+  if (!known.set_aside.empty()) {
+    so_far = look(unit, known.set_aside);
+  } else if (std::ssize(takes) <= run_.station.dwell.max_repeats) {
+    known.again = disagrees(so_far);
     if (known.again) known.why_not = "this dwell, or the turn before it, disagrees with the others";
   }
+  const Result<CalibrationOutput>& output = so_far.output;
   if (!output) {
     if (known.again) return known;
     known.why_not = output.error().message;
-    if (known.why_not.starts_with(loaded->path + ": ")) known.why_not.erase(0, loaded->path.size() + 2);
+    const std::string& path = so_far.loaded->path;
+    if (known.why_not.starts_with(path + ": ")) known.why_not.erase(0, path.size() + 2);
     return known;
   }
   known.sigmas = needed_sigmas(output->file, run_.station.stop_sigma, run_.station.limits);
@@ -171,13 +211,20 @@ Status EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_
   };
   const std::string after =
       "after item " + std::to_string(next_item) + " of " + std::to_string(plan_.items.size()) + ": ";
-  std::string line;
+  std::string line = after;
+  std::size_t set_aside = 0;
+  for (const KnownSoFar& unit : units) {
+    set_aside += unit.set_aside.size();
+    if (!unit.set_aside.empty())
+      line += "made once more, this dwell agrees" + (units.size() > 1 ? ", of unit " + unit.unit : "") +
+              "; the take that does not is set aside; ";
+  }
   if (enough) {
-    line = after + "enough is known; " + format_duration(left_s(next_item, end_item_)) + " of the plan is left out";
+    line += "enough is known; " + format_duration(left_s(next_item, end_item_)) + " of the plan is left out";
   } else if (again) {
-    line = after + least.why_not + (units.size() > 1 ? ", of unit " + least.unit : "") + ": it is made once more";
+    line += least.why_not + (units.size() > 1 ? ", of unit " + least.unit : "") + ": it is made once more";
   } else {
-    line = after + "not yet enough" + (units.size() > 1 ? " of unit " + least.unit : "") + ": " + least.why_not;
+    line += "not yet enough" + (units.size() > 1 ? " of unit " + least.unit : "") + ": " + least.why_not;
     if (least.end)
       line += "; expected after item " + std::to_string(*least.end + 1) + ", in " +
               format_duration(left_s(next_item, *least.end + 1));
@@ -188,6 +235,7 @@ Status EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_
   return journal_.append(JournalType::estimate, {{"item", std::to_string(next_item - 1)},
                                                  {"enough", enough ? "true" : "false"},
                                                  {"again", again ? "true" : "false"},
+                                                 {"set_aside", format_number(static_cast<double>(set_aside))},
                                                  {"unit", units.size() > 1 ? least.unit : ""},
                                                  {"worst", worst ? std::string(parameter_keys[worst->parameter]) : ""},
                                                  {"sigma", worst ? format_number(worst->sigma) : ""},

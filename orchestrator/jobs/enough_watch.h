@@ -3,14 +3,16 @@
 //   every parameter that the station names is known as well as it has to be (orchestrator/station/needed_sigma.h),
 //   the residual is not above limit.residual_max, and
 //   the fit passes its lack-of-fit tests: data that disagree with the model are no reason to trust its sigmas sooner.
-// A dwell that disagrees with all the others (calib/diagnosis/last_rest.h) is repeated, dwell.max_repeats times: it is longer then, and what passes is
-// outweighed. Otherwise the run goes on, to its planned end at the latest. Where the end will be is predicted: the sigmas scale
+// A dwell that disagrees with all the others (calib/diagnosis/last_rest.h) is made once more, dwell.max_repeats times. When the last take
+// agrees with all else, those that do not are set aside: they stay in the recording, marked, and no estimate uses them. When it
+// does not, all of them stay, and the run goes on, to its planned end at the latest. Where the end will be is predicted: the sigmas scale
 // from now as those of the plan do (calib/prediction/predict.h).
 //
 // The estimate runs beside the capture in a thread of its own and is waited for, so that the answer depends on the samples alone
 // and a run that was interrupted ends where it would have ended.
 #pragma once
 
+#include <deque>
 #include <functional>
 #include <future>
 #include <map>
@@ -19,7 +21,9 @@
 #include <vector>
 
 #include "calib/types/status.h"
+#include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/unit_run.h"
+#include "orchestrator/records/recording_sink.h"
 #include "orchestrator/station/needed_sigma.h"
 #include "sequences/plan.h"
 
@@ -31,20 +35,22 @@ struct KnownSoFar {
   std::vector<NeededSigma> sigmas;   // empty: not determined yet
   std::string why_not;               // to end; empty: enough is known
   bool again = false;                // its last dwell disagrees with the rest, and may be repeated
+  Segments set_aside;                // takes of its last dwell that another stands in for
   std::optional<std::size_t> end;    // index of the item after which it is expected to be; empty: not by this plan
   const NeededSigma* worst() const;  // null: there is none
 };
 
-// Whether the dwell in the last pose may be made once more.
-bool repeats_left(const Segments& segments, int max_repeats);
+// The takes of the last dwell of a recording, oldest first; `dwells` (1 or more) of the plan are in the last pose, one after the other.
+Segments takes_of_last(const Segments& segments, std::size_t dwells);
 
 class EnoughWatch {
  public:
   // tell: a line for the log and the operator, and what is known of the unit of which least is known.
   using Tell = std::function<void(const std::string& line, const KnownSoFar& unit)>;
   // Both outlive it. units: as they are when they are looked at (dropped).
-  EnoughWatch(const PreparedRun& run, const Plan& plan, const std::vector<UnitRun>& units, JournalFile& journal,
-              Tell tell);
+  // recordings: of the units, in their order.
+  EnoughWatch(const PreparedRun& run, const Plan& plan, const std::vector<UnitRun>& units,
+              std::deque<RecordingSink>& recordings, JournalFile& journal, Tell tell);
 
   // For StationHooks::go_on_with. Waits a few milliseconds at most.
   Result<std::optional<std::size_t>> go_on_with(std::size_t next_item);
@@ -52,6 +58,13 @@ class EnoughWatch {
  private:
   std::vector<KnownSoFar> estimate(std::size_t done_items);  // in the thread
   KnownSoFar estimate(const UnitRun& unit, std::size_t done_items);
+  struct Look {
+    Result<LoadedRecording> loaded;
+    Result<CalibrationOutput> output;
+  };
+  Look look(const UnitRun& unit, const Segments& without) const;
+  static bool disagrees(const Look& look);  // its last dwell, with the others
+  Segments to_set_aside(const UnitRun& unit, const Segments& takes) const;
   // How the sigmas shrink with the plan: those of the items before each, for an ideal unit with this noise.
   const ParameterVector& planned_sigmas(std::size_t items, const JointResult& fit);
   std::optional<std::size_t> expected_end(const std::vector<NeededSigma>& sigmas, std::size_t done_items,
@@ -61,6 +74,7 @@ class EnoughWatch {
   const PreparedRun& run_;
   const Plan& plan_;
   const std::vector<UnitRun>& units_;
+  std::deque<RecordingSink>& recordings_;
   JournalFile& journal_;
   Tell tell_;
   std::size_t end_item_;  // of what is calibrated from

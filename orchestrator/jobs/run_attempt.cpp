@@ -226,15 +226,16 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
     note_outcome(running->outcome(), a.sample_period_s, a.units);
     return calibrate_units(a.units, devices.clock.utc_s(), a.journal);
   };
-  EnoughWatch enough(a.run, a.plan, a.units, a.journal, [&](const std::string& line, const KnownSoFar& unit) {
-    a.log.line(line);
-    progress.clear();
-    if (!operator_view.on_terminal() && stdout_takes_more()) context.out << line << std::endl;
-    std::vector<LiveStatus::Known> bars;
-    for (const NeededSigma& one : unit.sigmas)
-      bars.push_back({std::string(parameter_keys[one.parameter]), one.sigma, one.needed});
-    live.show_known(line, std::move(bars));
-  });
+  EnoughWatch enough(a.run, a.plan, a.units, recordings, a.journal,
+                     [&](const std::string& line, const KnownSoFar& unit) {
+                       a.log.line(line);
+                       progress.clear();
+                       if (!operator_view.on_terminal() && stdout_takes_more()) context.out << line << std::endl;
+                       std::vector<LiveStatus::Known> bars;
+                       for (const NeededSigma& one : unit.sigmas)
+                         bars.push_back({std::string(parameter_keys[one.parameter]), one.sigma, one.needed});
+                       live.show_known(line, std::move(bars));
+                     });
   const auto go_on_with = [&](std::size_t next_item) {
     note_outcome(running->outcome(), a.sample_period_s, a.units);
     return enough.go_on_with(next_item);

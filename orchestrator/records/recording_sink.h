@@ -20,6 +20,8 @@ class RecordingSink : public RunSink {
   Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
     return writer_->end_segment(kind, end_sample, angles_deg);
   }
+  // A rest that another take of it stands in for.
+  Status set_aside(const Segment& rest) { return writer_->set_aside(rest); }
   Status sync() override;  // an error, too, where the folder is no longer there
   std::optional<std::uint32_t> written() const override;
   Status finish() override;

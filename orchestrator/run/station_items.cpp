@@ -62,6 +62,7 @@ StationRun::MaybeEvent StationRun::leave_out() {
     if (!next) return keep(next.error());
     if (*next && **next < item_) {  // the dwell once more
       --item_;
+      ++repeated_dwells_;
       asked_of_item_ = item_;
     } else if (*next && **next > item_) {
       item_ = std::min(**next, items.size());

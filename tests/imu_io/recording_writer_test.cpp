@@ -8,6 +8,7 @@
 
 #include <csignal>
 
+#include "calib/statistics/clipping.h"
 #include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/recording_source.h"
 #include "recording_samples.h"
@@ -207,6 +208,32 @@ TEST_F(ReopenTest, DropBeforeTheFirstSegmentEndTakesAllSamples) {
   EXPECT_EQ(again->sample_count(), 0U);
   EXPECT_FALSE(again->last_counter().has_value());
   EXPECT_EQ(again->info().latitude_deg, info.latitude_deg);
+}
+
+TEST_F(ReopenTest, ARestThatIsSetAsideIsRotateAndItsSamplesSaySo) {
+  const Segment first = make_segment(1, SegmentKind::align, 0, 20),
+                second = make_segment(1, SegmentKind::still, 20, 50);
+  {
+    auto writer = RecordingWriter::create(path, info);
+    write_segment(*writer, first, std::span(samples).first(20));
+    write_segment(*writer, second, std::span(samples).subspan(20, 30));
+    ASSERT_OK(writer->set_aside(first));
+    ASSERT_OK(writer->sync());
+  }
+  const auto read = [&](SegmentKind kind) {
+    auto source = RecordingSource::open(path);
+    ASSERT_OK(source);
+    EXPECT_EQ((*source)->segments()[0].kind, kind);
+    EXPECT_EQ((*source)->segments()[1].kind, SegmentKind::still);
+    EXPECT_EQ(describe((*source)->damage()), "no end mark: the capture was interrupted");
+    auto expected = std::vector(samples.begin(), samples.begin() + 50);
+    for (std::size_t i = 0; kind == SegmentKind::rotate && i < 20; ++i) expected[i].flags |= sample_flag_set_aside;
+    expect_same(read_all(**source), expected);
+  };
+  read(SegmentKind::rotate);
+  // What was decided after the last segment that is kept goes with what came after it: it is decided again.
+  ASSERT_OK(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop));
+  read(SegmentKind::align);
 }
 
 // A real kill -9 in mid-capture: what was synced is there, what follows is a prefix of what was sent.

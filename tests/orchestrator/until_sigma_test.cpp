@@ -41,7 +41,7 @@ TEST(NeededSigma, IsTheLeastOfWhatIsAskedAndOfWhereTheGuardBandEnds) {
   EXPECT_TRUE(needed_sigmas(file_with(0, 0.999, 0.1), stop, limits).empty());
 }
 
-TEST(RepeatsLeft, AreOfThePoseAlsoAcrossAnInterruption) {
+TEST(TakesOfLast, AreThoseOfThePoseAlsoAcrossAnInterruption) {
   const auto segment = [](SegmentKind kind, double heading_deg) {
     Segment one;
     one.kind = kind;
@@ -49,17 +49,17 @@ TEST(RepeatsLeft, AreOfThePoseAlsoAcrossAnInterruption) {
     return one;
   };
   Segments segments;
-  EXPECT_FALSE(repeats_left(segments, 2));
+  EXPECT_EQ(takes_of_last(segments, 1).size(), 0u);
   segments = {segment(SegmentKind::align, 0.0), segment(SegmentKind::rotate, 90.0)};
-  EXPECT_FALSE(repeats_left(segments, 2)) << "it has not been made at all";
+  EXPECT_EQ(takes_of_last(segments, 1).size(), 0u) << "it has not been made at all";
   segments.push_back(segment(SegmentKind::still, 90.0));
-  EXPECT_TRUE(repeats_left(segments, 2));
-  EXPECT_FALSE(repeats_left(segments, 0));
+  EXPECT_EQ(takes_of_last(segments, 1).size(), 1u);
   segments.push_back(segment(SegmentKind::rotate, 90.0));  // settled again after an interruption
   segments.push_back(segment(SegmentKind::still, 90.0));
-  EXPECT_TRUE(repeats_left(segments, 2));
-  segments.push_back(segment(SegmentKind::still, 90.0));
-  EXPECT_FALSE(repeats_left(segments, 2)) << "it is not believed, but the run goes on";
+  EXPECT_EQ(takes_of_last(segments, 1).size(), 2u);
+  EXPECT_EQ(takes_of_last(segments, 2).size(), 1u) << "the plan has two dwells there";
+  segments[2].kind = SegmentKind::rotate;  // set aside
+  EXPECT_EQ(takes_of_last(segments, 1).size(), 1u);
 }
 
 const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
@@ -90,6 +90,8 @@ TEST_F(UntilSigma, EndsAfterTheDwellAtWhichAllIsKnownAndNoSooner) {
   const ProgramResult early = run(begin("early", write("mock.station", asked)));
   ASSERT_EQ(early.code, 0) << early.err;
   EXPECT_NE(early.out.find("enough is known; 0:"), std::string::npos) << early.out;
+  EXPECT_NE(early.out.find("after item 1 of 106: not yet enough: the table has not turned yet"), std::string::npos)
+      << early.out;
   const std::vector<std::string> estimates = records("early", "estimate");
   const std::vector<std::string> dwells = records("early", "dwell");
   ASSERT_EQ(estimates.size(), dwells.size()) << "after each of them";
@@ -128,7 +130,7 @@ TEST_F(UntilSigma, GoesToThePlannedEndWhereItIsNeverEnough) {
 }
 
 // A gyro that drifts in one dwell, the 18th, and only then.
-TEST_F(UntilSigma, MakesADwellThatDisagreesOnceMoreAlsoAfterAKill) {
+TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill) {
   std::string rig = "seed = 5\n";
   for (int k = 0; k < 190; ++k) {
     const std::string fault = "fault." + std::to_string(k + 1) + ".";
@@ -152,8 +154,21 @@ TEST_F(UntilSigma, MakesADwellThatDisagreesOnceMoreAlsoAfterAKill) {
   const Result<LoadedRecording> recorded = load_recording(path("drifted/recording.tcr"));
   ASSERT_TRUE(recorded.ok()) << recorded.error().message;
   EXPECT_EQ(
-      std::ranges::count_if(recorded->data.segments, [](const Segment& s) { return s.kind != SegmentKind::rotate; }),
+      std::ranges::count_if(recorded->data.segments, [](const Segment& s) { return s.kind != SegmentKind::rotate; }) +
+          1,
       std::ssize(records("drifted", "dwell")));
+  EXPECT_NE(drifted.out.find("after item 41 of 106: made once more, this dwell agrees; the take that does not is set "
+                             "aside; not yet enough: n11, 4."),
+            std::string::npos)
+      << drifted.out;
+  EXPECT_NE(file_text(folder_ / "drifted/parameters.conf").find("rest that disagreed with all the others"),
+            std::string::npos);
+  EXPECT_NE(drifted.out.find("enough is known"), std::string::npos) << "its noise is that of a clean run";
+  // In text the same recording: which rest it was goes with the samples.
+  ASSERT_EQ(run({"export", "drifted/recording.tcr", "--out", "text"}).code, 0);
+  const Result<LoadedRecording> as_text = load_recording(path("text"));
+  ASSERT_TRUE(as_text.ok()) << as_text.error().message;
+  EXPECT_EQ(as_text->hash, recorded->hash);
   EXPECT_NE(again.front().find("enough = false"), std::string::npos);
 
   // Killed where it was decided, and where the dwell was made: the same bytes.
