@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "calib/joint/coarser_recording.h"
+#include "calib/joint/joined_recordings.h"
 #include "calib/joint/score_algebra.h"
 #include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
@@ -18,8 +19,14 @@ std::string column_key(const EffectColumn& column) {
 }
 
 UnitStatistics unit_statistics(const CompressedRecording& recording, const JointResult& estimate) {
-  const std::vector<EffectColumn> columns = catalogue_columns(recording.info);
-  const EffectModel model = make_effect_model(columns, {recording.info.latitude_deg}, estimate.reference_temperature_c);
+  const std::vector<EffectColumn> candidates = catalogue_columns(recording.info);
+  std::vector<EffectColumn> columns;
+  for (const EstimatedEffect& effect : estimate.effects) columns.push_back(effect.column);
+  const int first = parameter_count + static_cast<int>(columns.size());  // candidate
+  columns.insert(columns.end(), candidates.begin(), candidates.end());
+  EffectModel model = make_effect_model(columns, {recording.info.latitude_deg}, estimate.reference_temperature_c);
+  for (std::size_t k = 0; k < estimate.effects.size(); ++k)
+    model.values[static_cast<Eigen::Index>(k)] = estimate.effects[k].value;
   FilterSetup setup = estimate.setup;
   const CompressedRecording fewer = coarser(recording, coarseness_of_scores, setup);
   const FilterResult pass = run_filter(fewer, estimate.parameters, model, setup);
@@ -32,17 +39,18 @@ UnitStatistics unit_statistics(const CompressedRecording& recording, const Joint
   for (int k = 0; k < parameter_count; ++k)
     if (estimate.determined[static_cast<std::size_t>(k)] && parameter_is_free[static_cast<std::size_t>(k)])
       base.push_back(k);
-  for (int k = 0; k < static_cast<int>(columns.size()); ++k) added.push_back(parameter_count + k);
+  for (int k = parameter_count; k < first; ++k) base.push_back(k);
+  for (int k = 0; k < static_cast<int>(candidates.size()); ++k) added.push_back(first + k);
   const Scores scores = eliminate(pass.information, pass.gradient, base, added);
   const Eigen::MatrixXd moved =
       -solve_symmetric(Eigen::MatrixXd(pass.information(base, base)), Eigen::MatrixXd(pass.information(base, added)));
   u.s = scores.s;
   u.Q = scores.Q.cast<float>();
   u.moves = Eigen::MatrixXf::Zero(parameter_count, scores.s.size());
-  for (std::size_t row = 0; row < base.size(); ++row)
+  for (std::size_t row = 0; row < base.size() && base[row] < parameter_count; ++row)
     u.moves.row(base[row]) = moved.row(static_cast<Eigen::Index>(row)).cast<float>();
   for (Eigen::Index k = 0; k < u.s.size(); ++k) {
-    u.columns.push_back(column_key(columns[static_cast<std::size_t>(k)]));
+    u.columns.push_back(column_key(candidates[static_cast<std::size_t>(k)]));
     if (scores.kept[k] > SelectionLimits{}.visible_part && scores.Q(k, k) > 0.0) continue;
     u.s[k] = 0.0;
     u.Q.row(k).setZero();
@@ -50,6 +58,16 @@ UnitStatistics unit_statistics(const CompressedRecording& recording, const Joint
     u.moves.col(k).setZero();
   }
   return u;
+}
+
+std::optional<UnitStatistics> unit_statistics(const std::vector<const CompressedRecording*>& recordings) {
+  const JoinedRecordings joined = join_recordings(recordings);
+  JointOptions options;
+  options.effects = joined.turn_ons;
+  options.begins = joined.begins;
+  const JointResult estimate = joint_estimate(joined.data, options);
+  if (!estimate.converged) return std::nullopt;
+  return unit_statistics(joined.data, estimate);
 }
 
 RefittedEffects refit(const UnitStatistics& u, const std::vector<int>& effects) {

@@ -7,6 +7,7 @@
 // 2 ln L: the recording itself is not needed any more. Quadratic about the estimate without effects; its noise stays as it was fitted.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,8 +28,12 @@ struct UnitStatistics {
 // "accel_creep.x", and with a time constant "accel_creep.x tau_s 300".
 std::string column_key(const EffectColumn& column);
 
-// REQUIRES: an estimate of this recording without effects.
+// REQUIRES: an estimate of this recording without effects, but for the biases of further recordings that it holds (joined_recordings.h).
 UnitStatistics unit_statistics(const CompressedRecording& recording, const JointResult& estimate);
+
+// Of several recordings of one unit: what they have in common. Effects of the time since a run began are those of the first. Nothing where
+// an estimate of all of them does not settle.
+std::optional<UnitStatistics> unit_statistics(const std::vector<const CompressedRecording*>& recordings);
 
 // Some effects, from the sums alone. Not visible ones have value and sigma 0.
 struct RefittedEffects {

@@ -60,8 +60,8 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   Result<CalibrationOutput> output = calibrate_recordings(recordings, request);
   if (!output) return output.error();
   std::optional<StatisticsFile> statistics;  // for the fleet: of the data alone
-  if (recordings.size() == 1 && output->fit)
-    statistics = StatisticsFile{output->file, unit_statistics(recordings.front().data, *output->fit)};
+  if (const std::optional<UnitStatistics> found = statistics_of(recordings, *output))
+    statistics = StatisticsFile{output->file, *found};
   if (with_prior) {
     if (Status status = add_prior(options.prior, recordings.front(), request, *output); !status) return status;
     const std::string open = undetermined_parameters(*output->fit);

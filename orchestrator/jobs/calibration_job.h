@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/fleet/unit_statistics.h"
 #include "calib/joint/joint_estimate.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
@@ -51,5 +52,9 @@ Result<CalibrationOutput> calibrate_recording(const LoadedRecording& recording, 
 // One unit in several recordings (calib/joint/several_recordings.h): table data of one unit and one kind of increment, method joint.
 Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording>& recordings,
                                                const CalibrationRequest& request);
+
+// What they leave for the fleet: all recordings of `output`, the joint estimate of them. Nothing without such an estimate.
+std::optional<UnitStatistics> statistics_of(const std::vector<LoadedRecording>& recordings,
+                                            const CalibrationOutput& output);
 
 }  // namespace turncal

@@ -177,7 +177,7 @@ JournalFields marked(JournalFields fields, const JournalFields& mark) {
   return fields;
 }
 
-Status keep_results(const PreparedRun& run, const std::string& folder, const LoadedRecording& recording,
+Status keep_results(const PreparedRun& run, const std::string& folder, const std::vector<LoadedRecording>& recordings,
                     const RunCounts& counts, JournalFile& journal, const JournalFields& mark,
                     const RunResults& results) {
   const ParameterFile& file = results.output->file;
@@ -186,8 +186,8 @@ Status keep_results(const PreparedRun& run, const std::string& folder, const Loa
   if (!text) return text.error();
   if (Status status = write_file_atomically(path, *text); !status) return status;
   SqlBytes statistics;
-  if (results.output->fit && run.request.continues.empty()) {  // for the fleet
-    Result<SqlBytes> bytes = format_statistics({file, unit_statistics(recording.data, *results.output->fit)});
+  if (const std::optional<UnitStatistics> found = statistics_of(recordings, *results.output)) {  // for the fleet
+    Result<SqlBytes> bytes = format_statistics({file, *found});
     if (!bytes) return bytes.error();
     statistics = std::move(*bytes);
     if (Status status = write_file_atomically(folder + "/" + statistics_name,
@@ -264,7 +264,7 @@ Status write_results(const PreparedRun& run, const std::string& folder, const Lo
     if (Status status = verify_unit(run, folder, recording, results); !status) return status;
     if (Status status = write_diagnosis_of(folder, results); !status) return stored(status);
     add_verdict(results.verdict, results.output->file);
-    if (Status status = keep_results(run, folder, recording, counts, journal, mark, results); !status)
+    if (Status status = keep_results(run, folder, recordings, counts, journal, mark, results); !status)
       return stored(status);
   }
   if (!results.output) {

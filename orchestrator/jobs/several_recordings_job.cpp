@@ -87,4 +87,13 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   return output;
 }
 
+std::optional<UnitStatistics> statistics_of(const std::vector<LoadedRecording>& recordings,
+                                            const CalibrationOutput& output) {
+  if (!output.fit) return std::nullopt;
+  if (recordings.size() == 1) return unit_statistics(recordings.front().data, *output.fit);
+  std::vector<const CompressedRecording*> all;
+  for (const LoadedRecording& recording : recordings) all.push_back(&recording.data);
+  return unit_statistics(all);
+}
+
 }  // namespace turncal

@@ -36,6 +36,26 @@ TEST(UnitStatistics, RefitsAsTheEstimateDoes) {
     }
 }
 
+// Two recordings know it to 1 / sqrt(2), whatever the biases did between them.
+TEST(UnitStatistics, OfSeveralRecordingsIsOfWhatTheyHaveInCommon) {
+  RigConfig config;
+  *find_effect(config.effects, "accel_second_order.x") = 12.0;
+  const Sequence steps = must_read_sequence("short_demo.seq");
+  const RigRecording first = record_on_rig(steps, config);
+  config.noise_seed = 2;
+  config.truth[1] = 0.3;    // N02, deg/h
+  config.truth[3] = 0.002;  // A01, g
+  const RigRecording second = record_on_rig(steps, config);
+  const UnitStatistics one = unit_statistics(first.recording, joint_estimate(first.recording));
+  const std::optional<UnitStatistics> both = unit_statistics({&first.recording, &second.recording});
+  ASSERT_TRUE(both.has_value());
+  const int k = column_of(one, "accel_second_order.x");
+  ASSERT_EQ(column_of(*both, "accel_second_order.x"), k);
+  EXPECT_NEAR(both->Q(k, k) / one.Q(k, k), 2.0, 0.4);
+  const RefittedEffects refitted = refit(*both, {k});
+  EXPECT_NEAR(refitted.value[0], 12.0, 4.0 * refitted.sigma[0]);
+}
+
 StatisticsFile example() {
   StatisticsFile s;
   s.file.unit_serial = "SN 1";

@@ -29,6 +29,7 @@ TEST_F(ContinuedRun, IsOfTheSameUnitAndCountsWithTheFirst) {
       << "the unit is the one that it was";
   const std::string parameters = file_text(folder_ / "first/continued/parameters.conf");
   EXPECT_NE(parameters.find("quality.recordings_agree = true"), std::string::npos) << parameters;
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "first/continued/statistics.tcs"));
   // Its own journal says what it continues; the first run is as it was.
   EXPECT_NE(run({"journal", "first/continued"}).out.find("continues"), std::string::npos);
   EXPECT_EQ(run({"resume", "first"}).code, 0);
