@@ -20,6 +20,12 @@ std::string ratio_text(const NeededSigma& sigma) {
          significant(sigma.needed, 3) + " is enough";
 }
 
+const NeededSigma* worst_of(const std::vector<NeededSigma>& sigmas) {
+  const auto found = std::max_element(sigmas.begin(), sigmas.end(),
+                                      [](const NeededSigma& a, const NeededSigma& b) { return a.ratio() < b.ratio(); });
+  return found == sigmas.end() ? nullptr : &*found;
+}
+
 std::size_t first_item_of(const Plan& plan, int step) {
   const auto found = std::find_if(plan.items.begin(), plan.items.end(),
                                   [&](const PlannedItem& item) { return step > 0 && item.step >= step; });
@@ -41,10 +47,15 @@ const KnownSoFar& least_known(const std::vector<KnownSoFar>& units) {
 
 }  // namespace
 
-const NeededSigma* KnownSoFar::worst() const {
-  const auto found = std::max_element(sigmas.begin(), sigmas.end(),
-                                      [](const NeededSigma& a, const NeededSigma& b) { return a.ratio() < b.ratio(); });
-  return found == sigmas.end() ? nullptr : &*found;
+const NeededSigma* KnownSoFar::worst() const { return worst_of(sigmas); }
+
+std::string not_reached(const UnitRun& unit) {
+  if (!unit.run.request.until_sigma || !unit.results.output) return "";
+  const std::vector<NeededSigma> sigmas =
+      needed_sigmas(unit.results.output->file, unit.run.station.stop_sigma, unit.run.station.limits);
+  const NeededSigma* const worst = worst_of(sigmas);
+  if (worst == nullptr || worst->needed == 0.0 || worst->ratio() <= 1.0) return "";
+  return "unit " + unit.run.unit() + ": not enough at the planned end: " + ratio_text(*worst);
 }
 
 Segments takes_of_last(const Segments& segments, std::size_t dwells) {
@@ -165,9 +176,23 @@ KnownSoFar EnoughWatch::estimate(const UnitRun& unit, std::size_t done_items) {
         "residual " + significant(output->fit->normalised_rms, 3) + ", limit.residual_max " + significant(*most, 3);
   else if (!is_trusted(output->file))
     known.why_not = output->distrust.empty() ? "too little to test the fit by" : output->distrust;
-  if (!known.why_not.empty() && worst && worst->needed > 0.0)
-    known.end = expected_end(known.sigmas, done_items, *output->fit);
+  else if (const double s = so_far.loaded->recorded_s; s < least_diagnosed_s && diagnosed_at_end())
+    known.why_not = "too short for a diagnosis, " + format_duration(s) + " of " + format_duration(least_diagnosed_s);
+  if (worst && worst->needed > 0.0 && worst->ratio() > 1.0) {
+    known.end = expected_end(known.sigmas, done_items, *output->fit, false);
+    known.soonest = expected_end(known.sigmas, done_items, *output->fit, true);
+  }
   return known;
+}
+
+bool EnoughWatch::diagnosed_at_end() const {
+  return !run_.request.no_diagnosis && length_s(0, end_item_) >= least_diagnosed_s;
+}
+
+double EnoughWatch::length_s(std::size_t from, std::size_t to) const {
+  double sum_s = 0.0;
+  for (std::size_t i = from; i < to; ++i) sum_s += plan_.items[i].duration_s;
+  return sum_s;
 }
 
 const ParameterVector& EnoughWatch::planned_sigmas(std::size_t items, const JointResult& fit) {
@@ -182,7 +207,7 @@ const ParameterVector& EnoughWatch::planned_sigmas(std::size_t items, const Join
 }
 
 std::optional<std::size_t> EnoughWatch::expected_end(const std::vector<NeededSigma>& sigmas, std::size_t done_items,
-                                                     const JointResult& fit) {
+                                                     const JointResult& fit, bool soonest) {
   std::vector<std::size_t> ends;  // items done when the run may end
   for (std::size_t i = done_items; i < end_item_; ++i)
     if (plan_.items[i].kind == SequenceItem::Kind::dwell) ends.push_back(i + 1);
@@ -191,7 +216,7 @@ std::optional<std::size_t> EnoughWatch::expected_end(const std::vector<NeededSig
     const ParameterVector& then = planned_sigmas(items, fit);
     return std::all_of(sigmas.begin(), sigmas.end(), [&](const NeededSigma& one) {
       const auto k = static_cast<Eigen::Index>(one.parameter);
-      return now(k) > 0.0 && one.sigma * then(k) / now(k) <= one.needed;
+      return now(k) > 0.0 && then(k) * (soonest ? std::min(1.0, one.sigma / now(k)) : one.sigma / now(k)) <= one.needed;
     });
   };
   const auto found =
@@ -204,11 +229,6 @@ Status EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_
   if (units.empty()) return {};
   const KnownSoFar& least = least_known(units);
   const NeededSigma* const worst = least.worst();
-  const auto left_s = [&](std::size_t from, std::size_t to) {
-    double sum_s = 0.0;
-    for (std::size_t i = from; i < to; ++i) sum_s += plan_.items[i].duration_s;
-    return sum_s;
-  };
   const std::string after =
       "after item " + std::to_string(next_item) + " of " + std::to_string(plan_.items.size()) + ": ";
   std::string line = after;
@@ -220,16 +240,21 @@ Status EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_
               "; the take that does not is set aside; ";
   }
   if (enough) {
-    line += "enough is known; " + format_duration(left_s(next_item, end_item_)) + " of the plan is left out";
+    line += "enough is known; " + format_duration(length_s(next_item, end_item_)) + " of the plan is left out";
   } else if (again) {
     line += least.why_not + (units.size() > 1 ? ", of unit " + least.unit : "") + ": it is made once more";
   } else {
     line += "not yet enough" + (units.size() > 1 ? " of unit " + least.unit : "") + ": " + least.why_not;
-    if (least.end)
-      line += "; expected after item " + std::to_string(*least.end + 1) + ", in " +
-              format_duration(left_s(next_item, *least.end + 1));
-    else if (worst)
+    const auto in = [&](std::size_t item) { return format_duration(length_s(next_item, item + 1)); };
+    if (least.soonest) {
+      const std::size_t last = least.end.value_or(end_item_ - 1);
+      const bool range = last != *least.soonest;
+      line += "; expected after item " + std::to_string(*least.soonest + 1) +
+              (range ? " to " + std::to_string(last + 1) : "") + ", in " + in(*least.soonest) +
+              (range ? " to " + in(last) : "");
+    } else if (worst && worst->ratio() > 1.0) {
       line += "; the run goes to its planned end";
+    }
   }
   tell_(line, least);
   return journal_.append(JournalType::estimate, {{"item", std::to_string(next_item - 1)},

@@ -2,11 +2,13 @@
 // and from the same samples as at the end, and the run ends (or goes on to its north seeking) when for every unit
 //   every parameter that the station names is known as well as it has to be (orchestrator/station/needed_sigma.h),
 //   the residual is not above limit.residual_max, and
-//   the fit passes its lack-of-fit tests: data that disagree with the model are no reason to trust its sigmas sooner.
+//   the fit passes its lack-of-fit tests: data that disagree with the model are no reason to trust its sigmas sooner, and
+//   half an hour is recorded, where the whole plan would get a diagnosis: the end that comes sooner is no way round one.
 // A dwell that disagrees with all the others (calib/diagnosis/last_rest.h) is made once more, dwell.max_repeats times. When the last take
 // agrees with all else, those that do not are set aside: they stay in the recording, marked, and no estimate uses them. When it
-// does not, all of them stay, and the run goes on, to its planned end at the latest. Where the end will be is predicted: the sigmas scale
-// from now as those of the plan do (calib/prediction/predict.h).
+// does not, all of them stay, and the run goes on, to its planned end at the latest. Where the end will be is predicted
+// (calib/prediction/predict.h): at the soonest where the plan has these sigmas with the noise as it is fitted, at the latest where what an
+// instability that cannot be excluded yet adds to them stays in proportion.
 //
 // The estimate runs beside the capture in a thread of its own and is waited for, so that the answer depends on the samples alone
 // and a run that was interrupted ends where it would have ended.
@@ -32,16 +34,20 @@ namespace turncal {
 // What is known of a unit so far.
 struct KnownSoFar {
   std::string unit;
-  std::vector<NeededSigma> sigmas;   // empty: not determined yet
-  std::string why_not;               // to end; empty: enough is known
-  bool again = false;                // its last dwell disagrees with the rest, and may be repeated
-  Segments set_aside;                // takes of its last dwell that another stands in for
-  std::optional<std::size_t> end;    // index of the item after which it is expected to be; empty: not by this plan
+  std::vector<NeededSigma> sigmas;  // empty: not determined yet
+  std::string why_not;              // to end; empty: enough is known
+  bool again = false;               // its last dwell disagrees with the rest, and may be repeated
+  Segments set_aside;               // takes of its last dwell that another stands in for
+  // Index of the item after which it is expected to be, as the sigmas are now and as the plan has them; empty: not by this plan.
+  std::optional<std::size_t> end, soonest;
   const NeededSigma* worst() const;  // null: there is none
 };
 
 // The takes of the last dwell of a recording, oldest first; `dwells` (1 or more) of the plan are in the last pose, one after the other.
 Segments takes_of_last(const Segments& segments, std::size_t dwells);
+
+// Of a run that came to its planned end: what is known less well than it had to be, as a line; empty: nothing.
+std::string not_reached(const UnitRun& unit);
 
 class EnoughWatch {
  public:
@@ -68,7 +74,9 @@ class EnoughWatch {
   // How the sigmas shrink with the plan: those of the items before each, for an ideal unit with this noise.
   const ParameterVector& planned_sigmas(std::size_t items, const JointResult& fit);
   std::optional<std::size_t> expected_end(const std::vector<NeededSigma>& sigmas, std::size_t done_items,
-                                          const JointResult& fit);
+                                          const JointResult& fit, bool soonest);
+  bool diagnosed_at_end() const;
+  double length_s(std::size_t from, std::size_t to) const;  // of items of the plan
   Status note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough, bool again);
 
   const PreparedRun& run_;

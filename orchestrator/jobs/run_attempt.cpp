@@ -295,6 +295,11 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
   for (const UnitRun& unit : a.units) {
     if (!unit.dropped && !unit.status) a.log.line("unit " + unit.run.unit() + ": " + unit.status.error().message);
   }
+  for (const UnitRun& unit : a.units)
+    if (const std::string text = not_reached(unit); !text.empty()) {
+      a.log.line(text);
+      context.out << text << std::endl;
+    }
   conclude_units(a.units, monotonic_s() - began_s, a.folder + "/" + log_name, context.out);
   RunEnd end(status_of(a.units));
   end.to_the_end = true;

@@ -126,6 +126,7 @@ TEST_F(UntilSigma, GoesToThePlannedEndWhereItIsNeverEnough) {
   EXPECT_EQ(whole.out.find("enough is known"), std::string::npos);
   EXPECT_NE(whole.out.find("where 1.00e-06 is enough; the run goes to its planned end"), std::string::npos)
       << whole.out;
+  EXPECT_NE(whole.out.find("unit SN1: not enough at the planned end: N01, "), std::string::npos) << whole.out;
   EXPECT_EQ(records("whole", "dwell").size(), 51u);
 }
 
@@ -185,6 +186,24 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
     EXPECT_EQ(file_text(folder_ / "killed/recording.tcr"), recording);
     std::filesystem::remove_all(folder_ / "killed");
   }
+}
+
+TEST_F(UntilSigma, DoesNotEndBeforeThereIsADiagnosisWhereTheWholeRunHasOne) {
+  std::string asked = station_text;  // of both: enough at once
+  asked.replace(asked.find("3e-6"), 4, "1");
+  asked.replace(asked.find("3e-6"), 4, "1");
+  std::vector<std::string> go = begin("out", write("mock.station", asked));
+  std::ranges::replace(go, demo, std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq");
+  const ProgramResult result = run(go);
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.out.find("too short for a diagnosis, 0:2"), std::string::npos) << result.out;
+  const Result<ParameterFile> file = read_parameter_file(path("out/parameters.conf"));
+  ASSERT_TRUE(file.ok()) << file.error().message;
+  const std::string* const ended = find_further(*file, "record.ended_after_s");
+  ASSERT_NE(ended, nullptr);
+  EXPECT_GE(std::stod(*ended), 1800.0);
+  EXPECT_LT(std::stod(*ended), 2100.0);
+  EXPECT_EQ(*find_further(*file, "verdict.diagnosis"), "clean");
 }
 
 TEST_F(UntilSigma, TwoUnitsEndWhenBothAreKnown) {
