@@ -47,13 +47,6 @@ Status seal_like(const UnitRun& unit, const UnitRun& sealed) {
   return rename_durably(partial_of(unit), recording_of(unit));
 }
 
-Status check_hash(const LoadedRecording& loaded, const JournalContents& contents, std::size_t unit) {
-  const std::string expected = unit < contents.hashes.size() ? contents.hashes[unit] : "";
-  if (expected.empty() || loaded.hash == expected) return {};
-  return device_error(loaded.path + ": is not the recording that this run sealed: expected content hash " + expected +
-                      ", found " + loaded.hash);
-}
-
 // Nothing when no parameters came of it, or the journal of an older turncal kept no hash.
 Status check_parameters(const UnitRun& unit, const JournalContents& contents) {
   const JournalFields* const results = contents.results_of(unit.run.unit());
@@ -68,6 +61,13 @@ Status check_parameters(const UnitRun& unit, const JournalContents& contents) {
 }
 
 }  // namespace
+
+Status check_hash(const LoadedRecording& loaded, const JournalContents& contents, std::size_t unit) {
+  const std::string expected = unit < contents.hashes.size() ? contents.hashes[unit] : "";
+  if (expected.empty() || loaded.hash == expected) return {};
+  return device_error(loaded.path + ": is not the recording that this run sealed: expected content hash " + expected +
+                      ", found " + loaded.hash);
+}
 
 std::vector<UnitRun> units_of(const PreparedRun& run, const std::string& folder) {
   std::vector<UnitRun> units;

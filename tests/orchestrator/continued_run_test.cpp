@@ -77,6 +77,14 @@ TEST_F(ContinuedRun, RefusesWhatIsNoRunToContinue) {
   expect_refused({"design", "--separate", "accel_delay", "--out", "x.seq"}, "--separate, --from: expected both");
   expect_refused({"design", "--separate", "accel_delay", "--from", "first", "--sigma", "y", "--out", "x.seq"},
                  "--separate: expected neither --sigma nor --effects");
+  std::string bytes = file_text(folder_ / "first/recording.tcr");
+  bytes[bytes.size() / 2] ^= 1;
+  write("first/recording.tcr", bytes);
+  const ProgramResult damaged = run({"run", "--continue", "first", "--sequence", "extra.seq"});
+  EXPECT_EQ(damaged.code, 50);
+  EXPECT_NE(damaged.err.find("first/recording.tcr: is not the recording that this run sealed"), std::string::npos)
+      << damaged.err;
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "first/continued")) << "nothing has moved";
   std::filesystem::rename(folder_ / "first/recording.tcr", folder_ / "elsewhere.tcr");
   expect_refused({"run", "--continue", "first", "--sequence", "extra.seq"}, "first: holds no recording.tcr");
 }
