@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,8 @@ struct RecordingInfo {
   IncrementKind accel_increment = IncrementKind::pulses;
   double accel_pulse_mps = 0.0;  // nominal m/s per pulse; used when accel_increment is pulses
   bool has_temperature = false;
+  std::optional<std::int64_t>
+      started_utc_s;       // when its first sample came, where that is known; seconds since 1970-01-01
   bool simulated = false;  // made by the rig: never yields a production parameter file
 };
 

@@ -61,6 +61,7 @@ void append_info(std::vector<std::byte>& out, const RecordingInfo& info) {
   append_bytes(out, static_cast<std::uint8_t>(info.simulated ? 1 : 0));
   append_bytes(out, static_cast<std::uint32_t>(info.unit_serial.size()));
   append_bytes(out, std::string_view(info.unit_serial));
+  if (info.started_utc_s) append_bytes(out, *info.started_utc_s);
 }
 
 Result<RecordingInfo> parse_info(std::span<const std::byte> payload) {
@@ -81,6 +82,7 @@ Result<RecordingInfo> parse_info(std::span<const std::byte> payload) {
   const auto temperature = reader.get<std::uint8_t>();
   const auto simulated = reader.get<std::uint8_t>();
   const auto serial = reader.get_bytes(reader.get<std::uint32_t>());
+  if (reader.good() && !reader.at_end()) info.started_utc_s = reader.get<std::int64_t>();
   if (!reader.at_end() || !is_kind(gyro) || !is_kind(accel) || temperature > 1 || simulated > 1) {
     return input_error("its first record makes no sense");
   }

@@ -92,6 +92,7 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   map.gravity_mps2 = file.number("gravity_mps2", recorded_gravity_mps2);
   map.latitude_deg = file.number_or("latitude_deg", 0.0, site_latitude_deg);
   map.unit_serial = file.text("unit_serial");
+  map.started_utc_s = started_utc(file);
   if (Status status = file.check_all_used(); !status) return status.error();
   return map;
 }

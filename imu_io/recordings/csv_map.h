@@ -37,6 +37,7 @@ struct CsvMap {
   double gravity_mps2 = 0.0;
   double latitude_deg = 0.0;
   std::string unit_serial;
+  std::optional<std::int64_t> started_utc_s;  // when its first row was measured
 };
 Result<CsvMap> read_csv_map(const std::string& path);
 Result<CsvMap> parse_csv_map(std::string_view text, const std::string& file_name);

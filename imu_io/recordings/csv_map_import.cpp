@@ -280,6 +280,7 @@ Result<CsvImport> Importer::finish() {
   info.latitude_deg = map_.latitude_deg;
   info.gravity_mps2 = map_.gravity_mps2;
   info.unit_serial = map_.unit_serial;
+  info.started_utc_s = map_.started_utc_s;
   info.gyro_increment = IncrementKind::physical;
   info.accel_increment = IncrementKind::physical;
   info.has_temperature =

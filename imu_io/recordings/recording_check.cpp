@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/site_range.h"
 #include "imu_io/base/text_pieces.h"
@@ -13,7 +14,18 @@ Error defect(const std::string& where, const char* field, const std::string& val
   return input_error(where + ": " + field + " = '" + value + "': expected " + expected);
 }
 
+// To the end of the year 9999.
+constexpr NumberRange civil_time_s = between(0.0, 253402300799.0);
+
 }  // namespace
+
+std::optional<std::int64_t> started_utc(KeyValueFile& file) {
+  const std::string text = file.text_or("started_utc", "");
+  if (text.empty()) return std::nullopt;
+  const std::optional<double> utc_s = parse_utc(text);
+  if (!utc_s) file.reject("started_utc", "a time as 2026-01-31T12:00:00Z");
+  return utc_s ? std::optional(static_cast<std::int64_t>(*utc_s)) : std::nullopt;
+}
 
 bool is_plain_text(const std::string& text) {
   if (text.empty() || text.front() == ' ' || text.back() == ' ') return false;
@@ -49,6 +61,8 @@ Status check_info(const RecordingInfo& info, const std::string& where) {
       (info.accel_increment == IncrementKind::pulses && info.accel_pulse_mps == 0.0)) {
     return defect(where, "accel_pulse_mps", format_number(info.accel_pulse_mps), "a number > 0");
   }
+  if (info.started_utc_s && !civil_time_s.contains(static_cast<double>(*info.started_utc_s)))
+    return defect(where, "started_utc", std::to_string(*info.started_utc_s) + " s", "a time from 1970 to 9999");
   return check_serial(info.unit_serial, where + ": unit_serial");
 }
 

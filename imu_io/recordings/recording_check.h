@@ -5,10 +5,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
+#include "imu_io/base/key_value.h"
 
 namespace turncal {
 
@@ -16,6 +18,9 @@ namespace turncal {
 inline constexpr std::int64_t max_counter = std::int64_t{1} << 62;
 constexpr bool is_counter(std::int64_t value) { return value >= -max_counter && value <= max_counter; }
 inline constexpr const char* counter_words = "a whole number of at most 2^62 either way";
+
+// The key of that name, if it is there: when the first sample came. Another text than a time is rejected.
+std::optional<std::int64_t> started_utc(KeyValueFile& file);
 
 // Period, latitude, gravity, pulse weight, serial. `where` begins every message ("recording.conf").
 Status check_info(const RecordingInfo& info, const std::string& where);

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/imu_csv.h"
@@ -24,6 +25,7 @@ std::string conf_text(const RecordingInfo& info) {
   if (info.accel_increment == IncrementKind::pulses || info.accel_pulse_mps != 0.0) {
     add("accel_pulse_mps", format_number(info.accel_pulse_mps));
   }
+  if (info.started_utc_s) add("started_utc", format_utc(static_cast<double>(*info.started_utc_s)));
   if (info.simulated) add("simulated", "true");
   return text;
 }

@@ -42,6 +42,7 @@ Result<RecordingInfo> read_info(const std::string& path) {
   } else {
     info.accel_pulse_mps = file->number_or("accel_pulse_mps", 0.0, not_negative);
   }
+  info.started_utc_s = started_utc(*file);
   info.simulated = file->boolean_or("simulated", false);
   if (Status status = file->check_all_used(); !status) return status.error();
   if (Status status = check_info(info, path); !status) return status.error();

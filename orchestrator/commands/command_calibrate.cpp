@@ -59,6 +59,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   request.partial = options.partial || with_prior;
   Result<CalibrationOutput> output = calibrate_recordings(recordings, request);
   if (!output) return output.error();
+  add_measured_utc(recordings.front().data.info, output->file);
   std::optional<StatisticsFile> statistics;  // for the fleet: of the data alone
   if (const std::optional<UnitStatistics> found = statistics_of(recordings, *output))
     statistics = StatisticsFile{output->file, *found};

@@ -1,6 +1,7 @@
 // What a report has to know beside the Diagnosis itself.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
@@ -21,13 +22,19 @@ struct NavigationWorth {
   std::vector<std::pair<std::string, double>> effects;  // each: what leaving it out moves the track by
 };
 
+// One of several recordings of a unit.
+struct SwitchOn {
+  std::string hash;
+  std::optional<std::int64_t> started_utc_s;  // where it says so
+};
+
 struct DiagnosisContext {
   explicit DiagnosisContext(const CompressedRecording& fitted) : recording(fitted) {}
   const CompressedRecording& recording;  // the one that was fitted, or several joined
   std::string recording_path;
-  std::string recording_hash;       // of several: of the first
-  std::vector<std::string> hashes;  // of all
-  std::string holdout_path;         // empty: none
+  std::string recording_hash;         // of several: of the first
+  std::vector<SwitchOn> switched_on;  // all
+  std::string holdout_path;           // empty: none
   std::string time_utc;
   double false_alarm = 0.005;  // family-wise, as asked of diagnose()
   bool noise_given = false;    // configured, not fitted

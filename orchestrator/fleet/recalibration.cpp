@@ -51,6 +51,7 @@ Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedR
   if (!output) return output.error();
   std::vector<NamedText> files;
   add_record(entry, output->file);
+  add_measured_utc(recording.data.info, output->file);
   if (request.diagnose) {
     DiagnosisRequest diagnosis;
     diagnosis.time_utc = request.time_utc;

@@ -14,6 +14,7 @@
 #include "calib/rests/rest_model.h"
 #include "calib/rests/rest_units.h"
 #include "calib/statistics/clipping.h"
+#include "imu_io/base/clock.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/rest_as_diagnosis.h"
 #include "orchestrator/station/version.h"
@@ -50,6 +51,12 @@ Status closed_form(const CompressedRecording& recording, CalibrationOutput& outp
 void note_mounting(const JointResult& result, std::vector<std::string>& notes) {
   if (!result.start.mounting_text.empty())
     notes.push_back("the unit is mounted " + result.start.mounting_text + " against the table's axes");
+}
+
+void add_measured_utc(const RecordingInfo& info, ParameterFile& file) {
+  const std::string key = "record.measured_utc";
+  if (info.started_utc_s && !find_further(file, key))
+    file.add_further(key, format_utc(static_cast<double>(*info.started_utc_s)));
 }
 
 namespace {

@@ -42,6 +42,9 @@ struct CalibrationOutput {
 // Where the unit is mounted another way than the table's axes.
 void note_mounting(const JointResult& result, std::vector<std::string>& notes);
 
+// record.measured_utc, where the recording says it and the file does not.
+void add_measured_utc(const RecordingInfo& info, ParameterFile& file);
+
 // Parameters stay open: of the kind of the verdict not_tested, so that one outcome has one exit code.
 Error not_determined(const std::string& what);
 

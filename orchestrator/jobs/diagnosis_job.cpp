@@ -142,7 +142,7 @@ Result<DiagnosisOutput> diagnose_recordings(const Recordings& recordings, const 
   context.of_run = request.of_run;
   for (const LoadedRecording* recording : recordings) {
     context.recording_path += (context.recording_path.empty() ? "" : ", ") + recording->path;
-    context.hashes.push_back(recording->hash);
+    context.switched_on.push_back({recording->hash, recording->data.info.started_utc_s});
   }
   for (const LoadedRecording* holdout : request.holdouts)
     context.holdout_path += (context.holdout_path.empty() ? "" : ", ") + holdout->path;

@@ -10,6 +10,7 @@
 #include "calib/statistics/clipping.h"
 #include "calib/statistics/segmentation.h"
 #include "calib/statistics/unit_slip.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 
 namespace turncal {
@@ -112,6 +113,17 @@ Status check_data(const LoadedRecording& loaded) {
   return input_error(loaded.path + ": not one whole second at rest: expected dwells to calibrate from");
 }
 
+namespace {
+
+// `later` begins before `earlier` has ended.
+bool overlap(const LoadedRecording& earlier, const LoadedRecording& later) {
+  const auto &from = earlier.data.info.started_utc_s, &at = later.data.info.started_utc_s;
+  constexpr double whole_seconds = 2.0;  // both times are
+  return from && at && *from <= *at && static_cast<double>(*at - *from) < earlier.recorded_s - whole_seconds;
+}
+
+}  // namespace
+
 Status check_same_unit(const std::vector<const LoadedRecording*>& recordings) {
   const LoadedRecording& first = *recordings.front();
   const auto kind = [](IncrementKind k) { return std::string(k == IncrementKind::pulses ? "pulses" : "rad or mps"); };
@@ -133,6 +145,13 @@ Status check_same_unit(const std::vector<const LoadedRecording*>& recordings) {
     if (one->by_hand != first.by_hand)
       return input_error(one->path + ": expected a recording " + (first.by_hand ? "without" : "with") +
                          " table angles, as " + first.path);
+    // The rig's clock begins every dry run at the same time.
+    const auto meanwhile = std::find_if(recordings.begin(), recordings.end(), [&](const LoadedRecording* other) {
+      return other != one && !info.simulated && overlap(*other, *one);
+    });
+    if (meanwhile != recordings.end())
+      return input_error(one->path + ": started_utc = " + format_utc(static_cast<double>(*info.started_utc_s)) +
+                         ", while " + (*meanwhile)->path + " was being recorded: expected one unit, at one time");
     const auto same = [&](const LoadedRecording* other) { return other != one && other->hash == one->hash; };
     if (std::any_of(recordings.begin(), recordings.end(), same))
       return input_error(one->path + ": is given twice: expected recordings that differ");

@@ -40,12 +40,12 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   if (request.method != calibration_methods[0])
     return input_error("--method " + request.method + ": expected joint where there are several recordings");
   std::vector<const LoadedRecording*> all;
-  std::vector<std::string> hashes;
+  std::vector<SwitchOn> switched_on;
   for (const LoadedRecording& recording : recordings) {
     if (recording.by_hand)
       return input_error(recording.path + ": " + no_table_angles + ": expected several recordings to be from a table");
     all.push_back(&recording);
-    hashes.push_back(recording.hash);
+    switched_on.push_back({recording.hash, recording.data.info.started_utc_s});
   }
   if (Status status = check_same_unit(all); !status) return status.error();
   CalibrationOutput output;
@@ -71,7 +71,7 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   describe_estimate(several.unit, recordings.front().data, false, file);
   if (!several.agree) output.distrust = "the recordings contradict each other";
   describe_trust(judged && output.distrust.empty(), file);
-  describe_turn_ons(several.turn_ons, hashes, file);
+  describe_turn_ons(several.turn_ons, switched_on, file);
   file.add_further("quality.recordings_agree", std::string(several.agree ? "true" : "false"));
   file.add_further("quality.recordings_p_value", several.p_value);
   output.file = std::move(file);

@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/records/output_folder.h"
@@ -216,11 +217,13 @@ void describe_estimate(const JointResult& result, const CompressedRecording& rec
     file.add_further("quality.undetermined_directions", static_cast<double>(result.undetermined.size()));
 }
 
-void describe_turn_ons(const TurnOns& turn_ons, const std::vector<std::string>& hashes, ParameterFile& file) {
-  file.add_further("record.recordings", static_cast<double>(hashes.size()));
-  for (std::size_t k = 0; k < hashes.size(); ++k) {
+void describe_turn_ons(const TurnOns& turn_ons, const std::vector<SwitchOn>& switched_on, ParameterFile& file) {
+  file.add_further("record.recordings", static_cast<double>(switched_on.size()));
+  for (std::size_t k = 0; k < switched_on.size(); ++k) {
     const std::string begin = "record.recording." + std::to_string(k + 1) + ".";
-    file.add_further(begin + "hash", hashes[k]);
+    file.add_further(begin + "hash", switched_on[k].hash);
+    if (const auto& at = switched_on[k].started_utc_s)
+      file.add_further(begin + "started_utc", format_utc(static_cast<double>(*at)));
     for (int column = 0; column < 6; ++column) {
       const std::string key(parameter_keys[static_cast<std::size_t>(column)]);
       file.add_further(begin + key, turn_ons.biases[k][column]);
@@ -259,7 +262,7 @@ ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisCo
   describe_estimate(diagnosis.extended, context.recording, context.noise_given, file);
   describe_alias(diagnosis, file);
   complete_parameters(diagnosis, context, file);
-  if (!diagnosis.each.turn_ons.biases.empty()) describe_turn_ons(diagnosis.each.turn_ons, context.hashes, file);
+  if (!diagnosis.each.turn_ons.biases.empty()) describe_turn_ons(diagnosis.each.turn_ons, context.switched_on, file);
   return file;
 }
 

@@ -32,7 +32,7 @@ void describe_model(const JointResult& result, const CompressedRecording& record
 // After the model: no file is trusted whose parameters are not all determined.
 void describe_trust(bool trusted, ParameterFile& file);
 // Of several recordings of one unit: which, the biases of each, and how well they repeat from one switch-on to the next.
-void describe_turn_ons(const TurnOns& turn_ons, const std::vector<std::string>& hashes, ParameterFile& file);
+void describe_turn_ons(const TurnOns& turn_ons, const std::vector<SwitchOn>& switched_on, ParameterFile& file);
 std::vector<std::string> turn_on_words(const TurnOns& turn_ons);  // the last of it, a line a bias
 // Free parameters that are not determined, with a space between.
 std::string undetermined_parameters(const JointResult& result);

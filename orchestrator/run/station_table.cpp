@@ -21,7 +21,7 @@ StationRun::MaybeEvent StationRun::connect() {
   for (UnitLane& lane : lanes_) {
     if (!lane.alive()) continue;
     const Result<std::string> unit =
-        lane.connect(job_.station, table->simulated, job_.resume.has_value(), devices_.clock.now_s());
+        lane.connect(job_.station, table->simulated, job_.resume.has_value(), devices_.clock);
     if (unit) {
       found += "; " + named(lane, *unit);
     } else if (const MaybeEvent event = fail(lane, RunEvent::connect_failed, unit.error())) {

@@ -1,6 +1,7 @@
 #include "orchestrator/run/unit_lane.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace turncal {
 
@@ -36,7 +37,8 @@ RecordingPoint UnitLane::point() const {
           .written = unit_.sink.written()};
 }
 
-Result<std::string> UnitLane::connect(const StationConfig& station, bool table_simulated, bool resumed, double now_s) {
+Result<std::string> UnitLane::connect(const StationConfig& station, bool table_simulated, bool resumed,
+                                      const Clock& clock) {
   if (Status status = unit_.imu.open(); !status) return status.error();
   open_ = true;
   const Result<ImuIdentity> imu = unit_.imu.identify();
@@ -49,12 +51,13 @@ Result<std::string> UnitLane::connect(const StationConfig& station, bool table_s
   info_.latitude_deg = station.latitude_deg;
   info_.gravity_mps2 = station.gravity_mps2;
   info_.unit_serial = unit_.serial;
+  info_.started_utc_s = std::llround(clock.utc_s());
   info_.simulated = info_.simulated || table_simulated;
   dwell_.emplace(station.dwell, info_);
   spikes_.emplace(info_);
   const Status begun = resumed ? unit_.sink.resume(info_, next_sample_, resumed_written_) : unit_.sink.start(info_);
   if (!begun) return begun.error();
-  last_sample_s_ = now_s;
+  last_sample_s_ = clock.now_s();
   return imu->description;
 }
 

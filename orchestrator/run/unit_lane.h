@@ -19,6 +19,7 @@
 #include "calib/statistics/implausible.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/recordings/imu_source.h"
 #include "orchestrator/run/dwell_monitor.h"
 #include "orchestrator/run/run_journal.h"
@@ -52,7 +53,7 @@ class UnitLane {
   std::int64_t came_in_segment() const { return next_sample_ - came_before_; }  // periods, of what was taken
 
   // Opens the source, begins the recording or goes on with it. Returns how the unit describes itself.
-  Result<std::string> connect(const StationConfig& station, bool table_simulated, bool resumed, double now_s);
+  Result<std::string> connect(const StationConfig& station, bool table_simulated, bool resumed, const Clock& clock);
   bool is_open() const { return open_; }
   double sample_period_s() const { return info_.sample_period_s; }
 

@@ -23,6 +23,7 @@ TEST_P(BinaryRecordingKinds, EverythingComesBack) {
   const auto [gyro, accel, temperature] = GetParam();
   RecordingInfo info = make_info(gyro, accel, temperature);
   info.simulated = true;
+  if (temperature) info.started_utc_s = 1769860800;
   const auto samples = make_samples(info, 5000);
   const std::int64_t middle = samples[2500].counter;
   const Segments segments = {make_segment(1, SegmentKind::align, samples[0].counter, middle, -90, 0.5, 0),
@@ -47,6 +48,7 @@ TEST_P(BinaryRecordingKinds, EverythingComesBack) {
     EXPECT_EQ(read.accel_pulse_mps, info.accel_pulse_mps);
     EXPECT_EQ(read.has_temperature, info.has_temperature);
     EXPECT_EQ(read.simulated, info.simulated);
+    EXPECT_EQ(read.started_utc_s, info.started_utc_s);
     expect_same((*source)->segments(), segments);
     expect_same(read_all(**source), samples);
     expect_same(read_all(**source), samples);  // again from the start
@@ -185,6 +187,7 @@ TEST_P(TextRoundTrip, KeepsEveryBitAndTheHash) {
   const auto [gyro, accel, temperature] = GetParam();
   RecordingInfo info = make_info(gyro, accel, temperature);
   info.simulated = temperature;
+  if (temperature) info.started_utc_s = 1769860800;
   const auto samples = make_samples(info, 30000, std::int64_t{1} << 40);
   auto writer = RecordingWriter::create(folder / "a.tcr", info);
   write_segment(*writer,
@@ -197,6 +200,7 @@ TEST_P(TextRoundTrip, KeepsEveryBitAndTheHash) {
   auto text = RecordingSource::open(folder / "text");
   ASSERT_OK(text);
   EXPECT_EQ((*text)->info().simulated, info.simulated);
+  EXPECT_EQ((*text)->info().started_utc_s, info.started_utc_s);
   expect_same(read_all(**text), samples);
   ASSERT_OK(import_binary(**text, folder / "b.tcr"));
   auto again = RecordingSource::open(folder / "b.tcr");

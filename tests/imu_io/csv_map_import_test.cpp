@@ -124,6 +124,8 @@ TEST(CsvMapImport, DefectsOfTheMap) {
   EXPECT_NE(with("rate_hz = 100\ngyro.axes = +x, +x, +z\n").find("m.map:10: key 'gyro.axes'"), std::string::npos)
       << with("rate_hz = 100\ngyro.axes = +x, +x, +z\n");
   EXPECT_NE(with("rate_hz = 100\ncolour = red\n").find("colour"), std::string::npos);
+  EXPECT_NE(with("rate_hz = 100\nstarted_utc = 31.1.2026\n").find("m.map:10: key 'started_utc' = '31.1.2026'"),
+            std::string::npos);
   std::string unit = base_map + "rate_hz = 100\n";
   unit.replace(unit.find("deg/s"), 5, "rpm");
   EXPECT_NE(refusal(unit, "").find("expected one of rad/s"), std::string::npos) << refusal(unit, "");

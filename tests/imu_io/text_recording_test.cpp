@@ -143,6 +143,10 @@ TEST_F(TextTest, ConfDefects) {
   EXPECT_EQ(conf_defect("format", "colour = red\nformat"), conf_path + ":1: key 'colour' is unknown");
   EXPECT_EQ(conf_defect("format", "simulated = maybe\nformat"),
             conf_path + ":1: key 'simulated' = 'maybe': expected true or false");
+  EXPECT_EQ(conf_defect("format", "started_utc = yesterday\nformat"),
+            conf_path + ":1: key 'started_utc' = 'yesterday': expected a time as 2026-01-31T12:00:00Z");
+  EXPECT_EQ(conf_defect("format", "started_utc = 1912-01-31T12:00:00Z\nformat"),
+            conf_path + ": started_utc = '-1827748800 s': expected a time from 1970 to 9999");
   write_file(conf_path, "");
   EXPECT_EQ(defect(), conf_path + ": empty file: expected key = value lines");
 }

@@ -170,11 +170,37 @@ TEST_F(Diagnose, TakesSeveralRecordingsOfOneUnitAndSeveralHoldouts) {
   const auto parameters = entries(file_text(path("out/parameters.conf")));
   EXPECT_EQ(parameters.at("record.recordings"), "2");
   EXPECT_EQ(parameters.at("record.recording.2.A01"), conf.at("recording.2.A01"));
+  EXPECT_EQ(parameters.at("record.recording.2.started_utc"), "2026-01-01T00:00:00Z");  // by the rig's clock
   EXPECT_EQ(parameters.count("quality.turn_on_repeatability.N02"), 1u);
   EXPECT_EQ(parameters.at("quality.trusted"), "true");
   expect_refused({"diagnose", "one", "one", "--out", "out"}, "is given twice: expected recordings that differ");
   expect_refused({"diagnose", "one", "two", "--holdout", "two", "--out", "out"}, "is given twice");
   expect_refused({"diagnose", "one", "north", "--out", "out"}, "latitude_deg = 60: expected 29.53, as in one");
+}
+
+TEST_F(Diagnose, AUnitIsNotRecordedTwiceAtATime) {
+  for (const int k : {1, 2}) {
+    const std::string name = "r" + std::to_string(k);
+    rig_recording(name, "seed = 7\nnoise.seed = " + std::to_string(k) + "\n", "forty_minutes.seq");
+    ASSERT_EQ(run({"export", name, "--out", name + "t"}).code, 0);
+  }
+  const auto started = [this](const std::string& name, const std::string& utc) {
+    std::string conf = file_text(path(name + "/recording.conf"));
+    conf.erase(conf.find("started_utc"));  // and `simulated` after it: the rig's clock begins all runs at one time
+    write(name + "/recording.conf", conf + (utc.empty() ? "" : "started_utc = " + utc + "\n"));
+  };
+  started("r1t", "2026-01-31T12:00:00Z");
+  started("r2t", "2026-01-31T12:20:00Z");
+  const std::string refusal = "r2t: started_utc = 2026-01-31T12:20:00Z, while r1t was being recorded";
+  expect_refused({"calibrate", "r1t", "r2t", "--out", "out"}, refusal);
+  expect_refused({"calibrate", "r2t", "r1t", "--out", "out"}, refusal);
+  started("r2t", "2026-01-31T13:00:00Z");
+  EXPECT_EQ(run({"calibrate", "r1t", "r2t", "--out", "out"}).code, 0);
+  const auto file = entries(file_text(path("out/parameters.conf")));
+  EXPECT_EQ(file.at("record.measured_utc"), "2026-01-31T12:00:00Z");
+  EXPECT_EQ(file.at("record.recording.2.started_utc"), "2026-01-31T13:00:00Z");
+  started("r2t", "");
+  EXPECT_EQ(run({"calibrate", "r1t", "r2t", "--out", "out"}).code, 0);
 }
 
 TEST_F(Diagnose, RefusesARecordingWithoutRest) {
