@@ -55,7 +55,7 @@ int study(const std::string& key, double value, std::uint64_t seed) {
   task.info = first.recording.info;
   task.rates_degps = {10.0, 20.0, 40.0};
   task.time_s = 600.0;
-  task.tries = 1500;
+  task.tries = 600;
   task.start = walk_of(sequence);
   const ExtraLegs legs = must(find_extra_legs(separation, task, [](double) {}));
   for (std::size_t k = 0; k < legs.after.size(); ++k)
