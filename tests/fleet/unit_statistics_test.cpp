@@ -36,22 +36,21 @@ TEST(UnitStatistics, RefitsAsTheEstimateDoes) {
     }
 }
 
-// Two recordings know it to 1 / sqrt(2), whatever the biases did between them.
+// Whatever the biases did between two recordings, of two walks, so that what one bias imitates in one it does not in the other.
 TEST(UnitStatistics, OfSeveralRecordingsIsOfWhatTheyHaveInCommon) {
   RigConfig config;
   *find_effect(config.effects, "accel_second_order.x") = 12.0;
-  const Sequence steps = must_read_sequence("short_demo.seq");
-  const RigRecording first = record_on_rig(steps, config);
+  const RigRecording first = record_on_rig(must_read_sequence("short_demo.seq"), config);
   config.noise_seed = 2;
   config.truth[1] = 0.3;    // N02, deg/h
   config.truth[3] = 0.002;  // A01, g
-  const RigRecording second = record_on_rig(steps, config);
+  const RigRecording second = record_on_rig(must_read_sequence("forty_minutes.seq"), config);
   const UnitStatistics one = unit_statistics(first.recording, joint_estimate(first.recording));
   const std::optional<UnitStatistics> both = unit_statistics({&first.recording, &second.recording});
   ASSERT_TRUE(both.has_value());
   const int k = column_of(one, "accel_second_order.x");
   ASSERT_EQ(column_of(*both, "accel_second_order.x"), k);
-  EXPECT_NEAR(both->Q(k, k) / one.Q(k, k), 2.0, 0.4);
+  EXPECT_GT(both->Q(k, k), 2.0 * one.Q(k, k));
   const RefittedEffects refitted = refit(*both, {k});
   EXPECT_NEAR(refitted.value[0], 12.0, 4.0 * refitted.sigma[0]);
 }
