@@ -157,6 +157,7 @@ class StationRun {
   MaybeEvent connect();
   MaybeEvent enable_and_home();
   MaybeEvent send_home();
+  void homing_ends_in(double seconds);  // unless a person turns the table
   MaybeEvent begin_rest();
   MaybeEvent settle_again(bool in_place);
   MaybeEvent select_next();
@@ -171,6 +172,8 @@ class StationRun {
   MaybeEvent finish_step();
   MaybeEvent calibrate();
   MaybeEvent stop_table();
+  double brake_s()
+      const;  // what a braking stop may take: twice the ramp of the plan's fastest move, and motion.stall_s
   MaybeEvent abort_table();
 
   void receive_meanwhile();  // what the units send while the table's answer is awaited

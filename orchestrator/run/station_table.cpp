@@ -45,8 +45,6 @@ StationRun::MaybeEvent StationRun::connect() {
 
 StationRun::MaybeEvent StationRun::enable_and_home() {
   enabled_ = true;
-  phase_deadline_s_ = devices_.table.needs_operator() ? std::numeric_limits<double>::infinity()
-                                                      : devices_.clock.now_s() + homing_deadline_s;
   if (fault_left_) {
     if (Status status = devices_.table.clear_fault(); !status) {
       return raise_table(RunEvent::table_fault, status.error(), "clearing the fault: ");
@@ -69,13 +67,20 @@ StationRun::MaybeEvent StationRun::enable_and_home() {
     if (Status status = devices_.table.stop_all(); !status) {
       return raise_table(RunEvent::table_fault, status.error(), "stopping: ");
     }
+    homing_ends_in(brake_s());
     return std::nullopt;
   }
   return send_home();
 }
 
+void StationRun::homing_ends_in(double seconds) {
+  const bool by_hand = devices_.table.needs_operator();
+  phase_deadline_s_ = by_hand ? std::numeric_limits<double>::infinity() : devices_.clock.now_s() + seconds;
+}
+
 StationRun::MaybeEvent StationRun::send_home() {
   home_sent_ = true;
+  homing_ends_in(homing_deadline_s);
   if (!devices_.table.needs_operator()) homing_.emplace(job_.station.axis);
   if (hooks_.journal) {
     if (const MaybeEvent event = keep(hooks_.journal->home(devices_.clock.now_s()))) return event;
@@ -115,18 +120,20 @@ StationRun::MaybeEvent StationRun::settle_again(bool in_place) {
 StationRun::MaybeEvent StationRun::stop_table() {
   recording_ = false;
   for (UnitLane& lane : lanes_) lane.leave_segment();
-  double brake_s = 0.0;
-  for (const PlannedItem& item : job_.plan.items) {
-    if (item.kind == SequenceItem::Kind::move) brake_s = std::max(brake_s, item.rate_degps / item.acceleration_degps2);
-  }
   const double now_s = devices_.clock.now_s();
-  const MotionConfig& motion = job_.station.motion;
-  brake_s = 2.0 * brake_s + motion.stall_s;
-  stop_.begin(now_s, brake_s);
+  stop_.begin(now_s, brake_s());
   // Whether it was taken is judged by what the axes do until the deadline.
   static_cast<void>(stop_.stop(now_s).ok());
-  phase_deadline_s_ = now_s + brake_s + motion.deadline_margin_s;
+  phase_deadline_s_ = now_s + brake_s() + job_.station.motion.deadline_margin_s;
   return std::nullopt;
+}
+
+double StationRun::brake_s() const {
+  double ramp_s = 0.0;
+  for (const PlannedItem& item : job_.plan.items) {
+    if (item.kind == SequenceItem::Kind::move) ramp_s = std::max(ramp_s, item.rate_degps / item.acceleration_degps2);
+  }
+  return 2.0 * ramp_s + job_.station.motion.stall_s;
 }
 
 StationRun::MaybeEvent StationRun::abort_table() {

@@ -137,7 +137,9 @@ StationRun::MaybeEvent StationRun::judge_homing(double now_s) {
                                  [](const AxisStatus& axis) { return axis.homed && axis.enabled && !axis.moving; });
   if (home_sent_ && homed) return RunEvent::homed;
   if (now_s > phase_deadline_s_)
-    return raise(RunEvent::deadline, ErrorKind::device, "the axes did not find their zero");
+    return raise(RunEvent::deadline, ErrorKind::device,
+                 home_sent_ ? "the axes did not find their zero"
+                            : "the table was told to stop before it is homed, and does not come to rest");
   return std::nullopt;
 }
 

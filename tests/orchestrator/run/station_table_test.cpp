@@ -186,5 +186,41 @@ TEST(StationRun, ATableThatDoesNotBrakeWhenItsLinkIsBackGetsTheFastestStop) {
   EXPECT_LT(s.rig.axis(Axis::pitch).position_deg, 80.0) << "before its target";
 }
 
+// Nothing is homed while an axis reads as turning: a run that is taken up at such a table ends, and leaves no drive on.
+TEST(StationRun, ATableThatDoesNotComeToRestIsNotHomed) {
+  struct Turning : LimitedTurntable {
+    using LimitedTurntable::LimitedTurntable;
+    Result<AxisStatus> status(Axis axis) override {
+      Result<AxisStatus> now = LimitedTurntable::status(axis);
+      if (now && axis == Axis::pitch) now->moving = true;
+      return now;
+    }
+    Status home() override {
+      ADD_FAILURE() << "homed";
+      return {};
+    }
+    Status abort_all() override {
+      ++aborts;
+      return LimitedTurntable::abort_all();
+    }
+    int aborts = 0;
+  };
+  RigStation s(two_steps_text);
+  const StationDevices devices = s.devices.devices();
+  Turning table(devices.table, {});
+  s.devices.imu.describe(s.info);
+  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
+  StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
+                 {&s.watcher, &s.stop_requests, {}, nullptr});
+  const RunOutcome outcome = run.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(exit_code(outcome.error.kind), 50);
+  EXPECT_NE(outcome.error.message.find("does not come to rest"), std::string::npos) << outcome.error.message;
+  EXPECT_GT(table.aborts, 1) << "the fastest stop goes out until the deadline";
+  const MotionConfig& motion = s.station.motion;
+  const double stop_s = 2.0 * 10.0 / 20.0 + motion.stall_s;
+  EXPECT_LT(s.clock.now_s(), 2.0 * stop_s + motion.deadline_margin_s + 2.0);
+}
+
 }  // namespace
 }  // namespace turncal
