@@ -35,7 +35,6 @@ Result<RunRequest> continuing(const RunRequest& asked) {
   if (!path_exists(asked.continues + "/" + binary_recording_name))
     return input_error(asked.continues + ": holds no " + binary_recording_name +
                        ": expected a run that has recorded all (turncal resume)");
-  if (const auto recorded = recordings_up_to(asked.continues); !recorded) return recorded.error();  // before it moves
   if (asked.dry_run && !request.dry_run)
     return input_error("--dry-run: expected none, " + asked.continues + " is a run of a real unit");
   request.continues = std::filesystem::absolute(asked.continues).lexically_normal().string();
@@ -65,7 +64,7 @@ Result<std::vector<LoadedRecording>> recordings_up_to(const std::string& folder)
   }
   Result<LoadedRecording> loaded = load_recording(folder + "/" + binary_recording_name);
   if (!loaded) return loaded.error();
-  if (Status status = check_hash(*loaded, *contents, 0); !status) return status.error();
+  if (Status status = check_sealed(*loaded, *contents, 0); !status) return status.error();
   recordings.push_back(std::move(*loaded));
   return recordings;
 }

@@ -14,7 +14,7 @@ namespace turncal {
 // a whole recording, or where something is asked for that a continuation does not do.
 Result<RunRequest> continuing(const RunRequest& asked);
 
-// What the run in `folder` recorded, and before it what that run continues: oldest first. An error where one is not what its run sealed.
+// What the run in `folder` recorded, and before it what that run continues: oldest first. An error when one is not as it was sealed.
 Result<std::vector<LoadedRecording>> recordings_up_to(const std::string& folder);
 
 }  // namespace turncal

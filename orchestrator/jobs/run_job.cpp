@@ -7,7 +7,9 @@
 #include "imu_io/base/deadline.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/line_prefix.h"
+#include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/continued_run.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_attempt.h"
@@ -68,6 +70,9 @@ Status check_sequence(const PreparedRun& run, const Plan& plan, const std::strin
 }
 
 Status look_ahead(const PreparedRun& run, const Plan& plan, const std::string& folder, double utc_s) {
+  if (!run.request.continues.empty()) {
+    if (const auto earlier = recordings_up_to(run.request.continues); !earlier) return earlier.error();
+  }
   const std::vector<Error> found = preflight({.station = run.station,
                                               .plan = plan,
                                               .folder = folder,
@@ -176,6 +181,7 @@ RunEnd conclude(RunEnd end, std::vector<UnitRun>& units, RunLog* log) {
 // Everything is recorded: no device is needed any more.
 RunEnd finish_sealed(std::vector<UnitRun>& units, const std::string& folder, const JournalContents& contents,
                      JournalFile& journal, CommandContext& context) {
+  const StopSignals signals(FirstInterrupt::pauses);  // as in a run that has recorded all: it finishes
   const double began_s = monotonic_s();
   for (UnitRun& unit : units) unit.counts.ended_utc_s = contents.seal_utc_s.value_or(0.0);
   if (Status status = verify_recordings(units, contents); !status) return status;

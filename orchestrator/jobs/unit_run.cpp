@@ -62,7 +62,9 @@ Status check_parameters(const UnitRun& unit, const JournalContents& contents) {
 
 }  // namespace
 
-Status check_hash(const LoadedRecording& loaded, const JournalContents& contents, std::size_t unit) {
+Status check_sealed(const LoadedRecording& loaded, const JournalContents& contents, std::size_t unit) {
+  const RecordingDamage& damage = loaded.damage;
+  if (damage.lost_data() || !damage.complete || damage.torn_tail_bytes > 0) return damaged(loaded);
   const std::string expected = unit < contents.hashes.size() ? contents.hashes[unit] : "";
   if (expected.empty() || loaded.hash == expected) return {};
   return device_error(loaded.path + ": is not the recording that this run sealed: expected content hash " + expected +
@@ -182,7 +184,7 @@ Status check_what_is_over(const std::vector<UnitRun>& units, const std::string& 
     if (path_exists(path)) {
       const Result<LoadedRecording> loaded = load_recording(path);
       if (!loaded) return loaded.error();
-      if (Status status = check_hash(*loaded, contents, i); !status) return status;
+      if (Status status = check_sealed(*loaded, contents, i); !status) return status;
       continue;
     }
     const Result<std::string> log = read_whole_file(folder + "/" + log_name);
@@ -208,9 +210,7 @@ Status verify_recordings(std::vector<UnitRun>& units, const JournalContents& con
       return input_error(unit.folder + ": the recording is of unit " + info.unit_serial + " and " +
                          (info.simulated ? "simulated" : "real") + ", the journal is of another");
     }
-    const RecordingDamage& damage = loaded->damage;
-    if (damage.lost_data() || !damage.complete || damage.torn_tail_bytes > 0) return damaged(*loaded);
-    if (Status status = check_hash(*loaded, contents, i); !status) return status;
+    if (Status status = check_sealed(*loaded, contents, i); !status) return status;
     unit.counts.repeated_dwells = contents.last_dwell->repeated_dwells;
     unit.counts.lost_samples = contents.last_dwell->units[i].lost_samples;
     unit.counts.sessions = contents.sessions + 1;

@@ -44,11 +44,10 @@ Status status_of(const std::vector<UnitRun>& units);
 Result<bool> sealed_recordings(const std::vector<UnitRun>& units);
 // Reads every recording once, before it is sealed: what the journal keeps of its contents, by unit. An error when one is damaged.
 Result<std::vector<std::string>> read_recordings(std::vector<UnitRun>& units);
-// What the journal says about sealed recordings. An error when one is damaged, or not the one that this run sealed: nothing may be
-// made of it.
+// An error when it is damaged, or not the one that the run of this journal sealed for that unit: nothing may be made of it.
+Status check_sealed(const LoadedRecording& loaded, const JournalContents& contents, std::size_t unit);
+// What the journal says about sealed recordings. An error as above.
 Status verify_recordings(std::vector<UnitRun>& units, const JournalContents& contents);
-// An error when it is not the one that this run sealed. Nothing where the journal of an older turncal kept no hash.
-Status check_hash(const LoadedRecording& loaded, const JournalContents& contents, std::size_t unit);
 // Of a run that is over: its parameter files are those it made; its recordings are there as they were sealed, or were pruned, and none
 // goes on.
 Status check_what_is_over(const std::vector<UnitRun>& units, const std::string& folder,

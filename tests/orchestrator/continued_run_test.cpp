@@ -77,16 +77,30 @@ TEST_F(ContinuedRun, RefusesWhatIsNoRunToContinue) {
   expect_refused({"design", "--separate", "accel_delay", "--out", "x.seq"}, "--separate, --from: expected both");
   expect_refused({"design", "--separate", "accel_delay", "--from", "first", "--sigma", "y", "--out", "x.seq"},
                  "--separate: expected neither --sigma nor --effects");
-  std::string bytes = file_text(folder_ / "first/recording.tcr");
-  bytes[bytes.size() / 2] ^= 1;
-  write("first/recording.tcr", bytes);
-  const ProgramResult damaged = run({"run", "--continue", "first", "--sequence", "extra.seq"});
-  EXPECT_EQ(damaged.code, 50);
-  EXPECT_NE(damaged.err.find("first/recording.tcr: is not the recording that this run sealed"), std::string::npos)
-      << damaged.err;
-  EXPECT_FALSE(std::filesystem::exists(folder_ / "first/continued")) << "nothing has moved";
   std::filesystem::rename(folder_ / "first/recording.tcr", folder_ / "elsewhere.tcr");
   expect_refused({"run", "--continue", "first", "--sequence", "extra.seq"}, "first: holds no recording.tcr");
+}
+
+// Damaged, or swapped for another recording of the same unit: nothing moves, and nothing is made of it.
+TEST_F(ContinuedRun, ARecordingThatWasChangedIsNotContinued) {
+  begin("first");
+  write("extra.seq", legs);
+  write("other.rig", "noise.seed = 4711\n");
+  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN1", "--sequence", demo, "--out", "other", "--rig", "other.rig"}).code,
+            0);
+  const std::string whole = file_text(folder_ / "first/recording.tcr");
+  std::string flipped = whole;
+  flipped[whole.size() / 2] ^= 1;
+  const std::vector<std::string> go_on = {"run", "--continue", "first", "--sequence", "extra.seq"};
+  for (const auto& [bytes, said] :
+       {std::pair{flipped, "the recording is damaged"},
+        std::pair{file_text(folder_ / "other/recording.tcr"), "is not the recording that this run sealed"}}) {
+    write("first/recording.tcr", bytes);
+    expect_refused(go_on, said, 50);
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "first/continued"));
+  }
+  write("first/recording.tcr", whole);
+  EXPECT_EQ(run(go_on).code, 0);
 }
 
 }  // namespace

@@ -95,6 +95,18 @@ TEST_F(Storage, NothingIsMadeOfASealedRecordingThatWasChanged) {
   EXPECT_TRUE(fs::exists(folder_ / "run/store/simulated/SN1/parameters.conf"));
 }
 
+// As in the run itself: what is recorded is made something of.
+TEST_F(Storage, ASignalDoesNotEndTheResultsOfASealedRecording) {
+  make_sealed("run");
+  fs::remove(folder_ / "run/out/truth.conf");
+  const pid_t pid = start({"resume", "run/out"});
+  for (int i = 0; i < 20'000 && !fs::exists(folder_ / "run/out/truth.conf"); ++i) ::usleep(500);  // the first result
+  for (const int signal : {SIGTERM, SIGINT, SIGHUP}) ::kill(pid, signal);
+  const ProgramResult result = finish(pid);
+  EXPECT_EQ(result.code, 0) << result.err;
+  EXPECT_TRUE(fs::exists(folder_ / "run/store/simulated/SN1/parameters.conf"));
+}
+
 TEST_F(Storage, ALockedDatabaseStopsTheBatchAndTheUnitIsNotRefused) {
   write("queue", "SN1\nSN2\n");
   const std::string where = station("s.station");
