@@ -283,7 +283,9 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   const LinePrefix marked(context.out, context.tag);
   const double period_s = prepared->sample_period_s();
   const Plan plan = plan_of(*prepared, period_s);
-  if (Status status = check_sequence(*prepared, plan, ", --partial to estimate the others, or --capture-only"); !status)
+  if (Status status =
+          check_sequence(*prepared, plan, ", --partial to estimate what can be of the others, or --capture-only");
+      !status)
     return refused(*prepared, status.error());
   Result<RunDevices> devices = make_devices(*prepared, context);
   if (!devices) return refused(*prepared, devices.error());

@@ -82,6 +82,6 @@ refused 'empty.csv: empty file: expected a header and rows of numbers' import --
 printf 'format = 1\nname = one\nrate_degps = 30\nacceleration_degps2 = 60\nstep 1\n  initial H 0 P 0 R 0\n  align 2000\n  rotate P +10\n  dwell 2000\n' > one.seq
 refused 'expected steps that do (turncal predict)' batch queue --dry-run --sequence one.seq --out b
 ! grep -q -- --partial said.err || fail "an option that batch does not have: $(cat said.err)"
-refused '--partial to estimate the others' run --dry-run --unit A --sequence one.seq --out b
+refused '--partial to estimate what can be of the others' run --dry-run --unit A --sequence one.seq --out b
 [ ! -e b ] && [ ! -e s ] || fail "something was made"
 echo "refusals: good"
