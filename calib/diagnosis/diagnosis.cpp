@@ -10,6 +10,7 @@
 #include "calib/diagnosis/felt_latitude.h"
 #include "calib/diagnosis/holdout.h"
 #include "calib/diagnosis/lack_of_fit.h"
+#include "calib/diagnosis/lack_of_fit_tests.h"
 #include "calib/diagnosis/name_check.h"
 #include "calib/statistics/unit_slip.h"
 
@@ -102,6 +103,7 @@ std::vector<Eigen::VectorXd> what_may_be(const DiagnosisModel& m, const Diagnosi
     if (one == nullptr || test.log10_p < one->log10_p) one = &test;
   }
   for (const auto& [family, test] : strongest) shifts.push_back(test->shift);
+  shifts.insert(shifts.end(), d.lack_of_fit.unseen.begin(), d.lack_of_fit.unseen.end());
   return shifts;
 }
 
@@ -262,6 +264,27 @@ void collect_residuals(const DiagnosisModel& m, Diagnosis& d) {
   }
 }
 
+// No effect is looked for where they are of two units: what `turncal calibrate` writes of them is handed out.
+void say_contradiction(const SeveralRecordings& apart, Diagnosis& d) {
+  d.verdict = Verdict::unexplained;
+  LackOfFit fit;
+  add_test({.family = "recordings, parameters",
+            .what = "parameters of the recordings against each other",
+            .chi_square = apart.disagreement,
+            .degrees = static_cast<double>(apart.degrees),
+            .shift = {}},
+           fit);
+  d.lack_of_fit.worst = fit.tests.front();
+  d.unexplained_pattern = d.lack_of_fit.worst.what;
+  char text[120];
+  std::snprintf(text, sizeof text, "the recordings contradict each other: chi-square %.1f of %d", apart.disagreement,
+                apart.degrees);
+  d.reason = text;
+  d.base = d.extended = apart.unit;
+  d.fitted_covariance = apart.unit.covariance;
+  d.each.turn_ons = apart.turn_ons;
+}
+
 std::vector<std::string> strongest_first(const JointResult& fit) {
   std::vector<EstimatedEffect> effects = fit.effects;
   std::erase_if(effects, [](const EstimatedEffect& e) { return is_turn_on(e.column); });
@@ -312,7 +335,8 @@ Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& o
     }
   }
   d.verdict = Verdict::clean;
-  select_effects(m, d);
+  const std::optional<SeveralRecordings> apart = contradiction(recordings, d.base);
+  if (!apart) select_effects(m, d);
   // Of data that fit nothing even the start may not be found again: then the trial that chose them stands.
   if (!m.chosen.empty())
     if (JointResult again = joint_estimate(m.recording, m.estimate_options(m.chosen, &m.current)); again.converged)
@@ -330,7 +354,9 @@ Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& o
     if (const std::string wrong = wrong_latitude(m.recording, d.base); !wrong.empty())
       d.reason = wrong + "; " + d.reason;
   d.extended = m.current;
-  if (recordings.parts.size() > 1) {
+  if (apart) {
+    say_contradiction(*apart, d);
+  } else if (recordings.parts.size() > 1) {
     leave_what_is_common(d.base, recordings.parts.size());
     d.each = leave_what_is_common(d.extended, recordings.parts.size(), &d.fitted_covariance);
   }

@@ -113,6 +113,8 @@ struct LackOfFit {
   double log10_limit = 0.0;
   // The largest of the innovations over 1 to 5 s, on body axes, seconds in which pulses beat set aside; negative: too few to say.
   double innovation_correlation = -1.0;
+  std::vector<Eigen::VectorXd>
+      unseen;  // what no test shows may move the free parameters and effects by (nameless_families.h)
 };
 
 // A name against what has none, see name_check.h.

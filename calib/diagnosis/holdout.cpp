@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "calib/joint/joint_faults.h"
+#include "calib/joint/start_noise.h"
 
 namespace turncal {
 namespace {
@@ -38,6 +39,18 @@ void add(const CompressedRecording& recording, const std::vector<Innovation>& in
       sums.velocity_count += 1.0;
     }
   }
+}
+
+// With the random walks of its own rests where they are larger than its level may be.
+NoiseModel own_noise(const CompressedRecording& holdout, const JointResult& fit, NoiseModel noise) {
+  const NoiseModel of_fit = start_noise(holdout, fit.allan, fit.parameters);
+  const NoiseModel own = start_noise(holdout, allan_deviation(holdout, fit.parameters), fit.parameters);
+  const auto raise = [](Eigen::Vector3d& walk, double ratio) {
+    if (ratio > GateLimits{}.highest_error) walk *= ratio;
+  };
+  raise(noise.angle_random_walk, own.angle_random_walk.x() / of_fit.angle_random_walk.x());
+  raise(noise.velocity_random_walk, own.velocity_random_walk.x() / of_fit.velocity_random_walk.x());
+  return noise;
 }
 
 // Parameters and effects of `result` with the recording's own biases, and its own values of what goes with the time of one run.
@@ -102,7 +115,7 @@ EffectModel effect_model_of(const JointResult& result, double latitude_deg, cons
 
 FilterSetup holdout_setup(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise) {
   FilterSetup setup;
-  setup.noise = noise;
+  setup.noise = own_noise(holdout, result, noise);
   faults_from_events(holdout, setup.breaks);
   const JointStart start = joint_start(holdout, result.parameters);
   setup.headings_rad = {start.heading_rad};
@@ -167,7 +180,7 @@ HoldoutError HoldoutGate::error(const JointResult& result, const NoiseModel& noi
     const JointResult& model_of = again ? *again : result;
     const bool says_nothing = part.number >= 0 && model_of.undetermined.size() > open_without(part.number, result);
     FilterSetup setup = in_the_fit ? result.setup : holdout_setup(recording, model_of, noise);
-    setup.noise = noise;
+    if (in_the_fit) setup.noise = noise;
     setup.with_columns = false;
     setup.keep_innovations = true;
     EffectModel model = effect_model_of(model_of, recording.info.latitude_deg);

@@ -23,7 +23,7 @@ inline constexpr std::size_t velocity_seconds = 20;
 // `more`: columns after them, at zero.
 EffectModel effect_model_of(const JointResult& result, double latitude_deg, const std::vector<EffectColumn>& more = {});
 
-// How the filter is to be run on a holdout: its own start, heading and faults.
+// How the filter is to be run on a holdout: its own start, heading and faults, and its own noise where it has more than `noise`.
 FilterSetup holdout_setup(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise);
 
 // What a model gains on held-out data over another, both with the same noise. With d the difference of their normalised innovations

@@ -141,30 +141,42 @@ std::vector<Family> nameless_families(const std::vector<Piece>& pieces) {
   return families;
 }
 
+namespace {
+
+// A family's coefficients along the directions that the data tell apart.
+struct Along {
+  SymmetricEigen eigen;
+  VectorXd information, score;  // 0 where the model imitates a direction
+  VectorXd part(double v) const { return v / (1.0 + v * information.array()); }
+  double gain(double v) const { return score.cwiseAbs2().dot(part(v)) - (1.0 + v * information.array()).log().sum(); }
+};
+Along along(const MatrixXd& Q, const VectorXd& s, const VectorXd& before) {
+  Along a = {symmetric_eigen(Q), {}, {}};
+  const auto seen = a.eigen.values.array() > limits.family_floor * before.maxCoeff();
+  a.information = seen.select(a.eigen.values, 0.0);
+  a.score = seen.select(a.eigen.vectors.transpose() * s, 0.0);
+  return a;
+}
+
+}  // namespace
+
 FamilyFit fit_family(const MatrixXd& Q, const VectorXd& s, const VectorXd& before) {
   FamilyFit fit;
-  const SymmetricEigen eigen = symmetric_eigen(Q);
-  const double largest = before.size() > 0 ? before.maxCoeff() : 0.0;
-  if (!(largest > 0.0)) return fit;
-  const VectorXd information = (eigen.values.array() > limits.family_floor * largest).select(eigen.values, 0.0);
-  const VectorXd along = eigen.vectors.transpose() * s;
-  const double mean = information.mean();
+  const Along a = along(Q, s, before);
+  const double mean = a.information.mean();
   if (!(mean > 0.0)) return fit;
-  const auto part = [&](double v) -> VectorXd { return v / (1.0 + v * information.array()); };
-  const auto seen = (information.array() > 0.0).cast<double>();
   double best = 0.0;
   for (double log_v = -4.0; log_v <= 6.0; log_v += 0.25) {
     const double v = std::exp(log_v * std::log(10.0) / 2.0) / mean;
-    const double gain =
-        (seen * along.array().square() * part(v).array()).sum() - (1.0 + v * information.array()).log().sum();
+    const double gain = a.gain(v);
     if (gain <= fit.gain) continue;
     fit.gain = gain;
     best = v;
   }
-  if (best > 0.0) fit.mean = eigen.vectors * VectorXd(seen * along.array() * part(best).array());
-  const double fixed = 1.0 / mean;
-  fit.statistic = (seen * along.array().square() * part(fixed).array()).sum();
-  fit.weights = information.cwiseProduct(part(fixed));
+  if (best > 0.0) fit.mean = a.eigen.vectors * a.score.cwiseProduct(a.part(best));
+  fit.weights = a.part(1.0 / mean);
+  fit.statistic = a.score.cwiseAbs2().dot(fit.weights);
+  fit.weights = fit.weights.cwiseProduct(a.information);
   return fit;
 }
 
@@ -185,6 +197,27 @@ std::vector<FamilyFit> fit_families(const SegmentScores& scores, const std::vect
     columns = 0;
   }
   return fits;
+}
+
+std::vector<VectorXd> unseen_scatter(const SegmentScores& scores, const std::vector<Family>& families) {
+  std::vector<VectorXd> shifts;
+  for (const Family& family : families) {
+    if (family.kind != "scatter" || family.sensor != Sensor::gyro_scale) continue;
+    const SegmentScores::Test test = scores.tests({family.weights}).front();
+    const Along a = along(test.Q, test.s, test.before);
+    VectorXd square = VectorXd::Zero(test.s.size());
+    double sum = 0.0;
+    for (double log_size = -3.0; log_size <= 3.0; log_size += 0.25) {
+      const double v = std::pow(limits.usual_scatter * std::exp(log_size), 2);
+      // Of log(size): its density is size / (1 + (size / usual)^2)^2, of which the mean square is that of the usual one.
+      const double weight = std::exp(log_size + 0.5 * a.gain(v)) / std::pow(1.0 + std::exp(2.0 * log_size), 2);
+      square += weight * (a.part(v) + a.score.cwiseProduct(a.part(v)).cwiseAbs2());
+      sum += weight;
+    }
+    const MatrixXd moved = test.shift * a.eigen.vectors * (square / sum).cwiseSqrt().asDiagonal();
+    for (Eigen::Index k = 0; k < moved.cols(); ++k) shifts.emplace_back(moved.col(k));
+  }
+  return shifts;
 }
 
 }  // namespace turncal

@@ -53,4 +53,9 @@ struct FamilyFit {
 FamilyFit fit_family(const Eigen::MatrixXd& Q, const Eigen::VectorXd& s, const Eigen::VectorXd& before);
 std::vector<FamilyFit> fit_families(const SegmentScores& scores, const std::vector<Family>& families);
 
+// What a gyro's scale factor may scatter from turn to turn without being seen, in the model's columns: their covariance is the sum of the
+// squares of these. The mean over its size s, weighed by L(s^2) and a prior 1 / (1 + (s / usual)^2)^2; where two turns tell a scale factor, the scatter of their
+// mean does not show in their difference.
+std::vector<Eigen::VectorXd> unseen_scatter(const SegmentScores& scores, const std::vector<Family>& families);
+
 }  // namespace turncal

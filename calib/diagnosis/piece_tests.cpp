@@ -160,6 +160,7 @@ void test_contrasts(const SegmentScores& scores, const LackOfFitLimits& limits, 
 void test_families(const SegmentScores& scores, LackOfFit& result) {
   const std::vector<Family> families = nameless_families(scores.pieces());
   const std::vector<FamilyFit> fits = fit_families(scores, families);
+  result.unseen = unseen_scatter(scores, families);
   for (std::size_t k = 0; k < families.size(); ++k) {
     const FamilyFit& fit = fits[k];
     if (!(fit.weights.size() > 0 && fit.weights.sum() > 0.0)) continue;

@@ -72,6 +72,18 @@ bool is_turn_on(const EffectColumn& column) {
   return std::any_of(all.begin(), all.end(), [&](const EffectEntry& e) { return &e == column.entry; });
 }
 
+std::optional<SeveralRecordings> contradiction(const JoinedRecordings& recordings, const JointResult& together) {
+  if (recordings.parts.size() < 2 || together.whiteness.white) return std::nullopt;
+  std::vector<JointResult> alone;
+  for (const CompressedRecording* part : recordings.parts) {
+    alone.push_back(joint_estimate(*part));
+    if (!alone.back().converged || !alone.back().whiteness.white) return std::nullopt;
+  }
+  SeveralRecordings result = combine_recordings(alone);
+  if (result.agree) return std::nullopt;
+  return result;
+}
+
 OfEachRecording leave_what_is_common(JointResult& e, std::size_t recordings, Eigen::MatrixXd* also) {
   OfEachRecording each;
   const auto n = static_cast<Eigen::Index>(recordings);

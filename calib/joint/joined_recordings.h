@@ -7,6 +7,7 @@
 // So everything that is done with one recording is done with several.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "calib/joint/several_recordings.h"
@@ -23,6 +24,10 @@ struct JoinedRecordings {
 JoinedRecordings join_recordings(const std::vector<const CompressedRecording*>& parts);
 
 bool is_turn_on(const EffectColumn& column);
+
+// Each by itself is fitted to its noise and all together, at `together`, are not: then what `combine_recordings` says of them, if that is that
+// they disagree.
+std::optional<SeveralRecordings> contradiction(const JoinedRecordings& recordings, const JointResult& together);
 
 // Of an estimate of several recordings what is the unit's: biases are the mean over the recordings, with the scatter of the mean in their
 // sigma; effects of one run are those of the first. The rest goes into what is returned. `also`: another covariance of the same estimate.

@@ -29,6 +29,8 @@ struct LackOfFitLimits {
   // correlation. Calibrated: with these seconds chi2 a degree of clean runs came to 37, without them to 2.5 at most (96 runs).
   double pulse_share = 0.02;
   int lags_s = 30;
+  // Scatter of a gyro's scale factor from turn to turn, rms: what data sheets of ring lasers give for its repeatability.
+  double usual_scatter = 3e-6;
   // Where a dwell is cut: what comes with a turn and fades, and what wanders.
   double first_piece_s = 25.0, longest_piece_s = 120.0;
   // Flicker noise wanders on every scale, and a process of some minutes cannot follow it: where there is bias instability, a test must

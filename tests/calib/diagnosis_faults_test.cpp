@@ -165,6 +165,36 @@ TEST(DiagnosisFaults, ScatterOfOneScaleFactorGetsNoName) {
 }
 
 // Of each sensor with each angle, harmonics and sizes at random: some look like a scale asymmetry, a g-sensitivity or its square.
+// Two turns of the fourteen steps tell n22: what both have in common does not show, and is in the sigma.
+TEST(DiagnosisFaults, ScatterThatTwoTurnsDoNotShowIsInTheSigma) {
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    const Diagnosis d = diagnose_with(clean(), [=](const DisturbedMoment& m) {
+      AddedReading added;
+      std::mt19937_64 own(1000 * seed + static_cast<std::uint64_t>(m.turn));
+      own.discard(3);
+      added.gyro_radps.y() = 4e-6 * std::normal_distribution<double>()(own) * m.rate_radps.y();
+      return added;
+    });
+    if (d.trusted) {
+      EXPECT_LT(worst_sigmas(d, clean().truth), 4.5) << seed << ": " << told(d);
+    }
+  }
+}
+
+// Noise is of a recording: one that is noisier than the fit is judged by its own.
+TEST(DiagnosisFaults, NoisierHoldoutIsJudgedByItsOwnNoise) {
+  Made made = clean();
+  RigConfig config = unit(31);
+  for (std::size_t k = 0; k < 24; ++k) config.truth[k] = to_vector(made.truth)[static_cast<int>(k)];
+  config.noise_seed = 4711;
+  config.noise.gyro_random_walk_deg_per_rt_h *= 5.0;
+  config.noise.accel_random_walk_ug_per_rt_hz *= 5.0;
+  made.holdout = record_on_rig(must_read_sequence("holdout.seq"), config).recording;
+  const Diagnosis d = diagnose_with(made, {});
+  EXPECT_EQ(d.verdict, Verdict::clean) << told(d);
+  EXPECT_NEAR(d.holdout_after.normalised_rms, 1.0, 0.2);
+}
+
 TEST(DiagnosisFaults, BiasWithATableAngleGetsNoName) {
   std::mt19937_64 random(20261123);
   for (int k = 0; k < 6; ++k) {
