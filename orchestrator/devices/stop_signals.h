@@ -45,6 +45,8 @@ class StopSignals {
   static const std::atomic<int>& pauses() { return pauses_; }
   static const std::atomic<int>& ends() { return ends_; }
   static bool any() { return requests_ + pauses_ > 0; }
+  // For a process that runs one command line after another: the next is asked anew.
+  static void forget() { requests_ = pauses_ = ends_ = 0; }
 
  private:
   static void on_signal(int signal) {

@@ -172,8 +172,8 @@ class StationRun {
   MaybeEvent finish_step();
   MaybeEvent calibrate();
   MaybeEvent stop_table();
-  double brake_s()
-      const;  // what a braking stop may take: twice the ramp of the plan's fastest move, and motion.stall_s
+  // What a braking stop may take: twice the ramp of the plan's fastest move, and motion.stall_s.
+  double brake_s() const;
   MaybeEvent abort_table();
 
   void receive_meanwhile();  // what the units send while the table's answer is awaited

@@ -223,6 +223,7 @@ class PausedRun : public testing::Test {
     err_.str("");
     std::ostream out(&console_);
     CommandContext context{.out = out, .err = err_};
+    StopSignals::forget();
     std::vector<const char*> argv = {"turncal"};
     for (const std::string& argument : arguments) argv.push_back(argument.c_str());
     argv.push_back("--verbose");  // the console waits for transitions
