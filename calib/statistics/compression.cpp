@@ -188,15 +188,11 @@ void Compressor::add_one(const ImuSample& sample) {
     b.segment = static_cast<std::int32_t>(recording_.segments.size()) - 1;
   }
   b.missing += missing;
-  if (!have_previous_ || missing > 0) {
-    previous_gyro_ = alpha;
-    previous_accel_ = beta;
-    have_previous_ = true;
-  }
+  if (have_previous_ && missing == 0) add_within_samples(alpha, beta);
+  have_previous_ = true;
   const double s = (static_cast<double>(b.samples + b.missing) + 0.5) * dt;
-  b.coning += (b.gyro + previous_gyro_ / 6.0).cross(alpha);
-  b.sculling +=
-      (b.gyro + 0.5 * alpha + previous_gyro_ / 12.0) * beta.transpose() - alpha * (previous_accel_ / 12.0).transpose();
+  b.coning += b.gyro.cross(alpha);
+  b.sculling += (b.gyro + 0.5 * alpha) * beta.transpose();
   b.gyro += alpha;
   b.accel += beta;
   b.gyro_time += s * alpha;
@@ -211,6 +207,21 @@ void Compressor::add_one(const ImuSample& sample) {
   if (length >= (still ? static_block_samples_ : options_.block_samples) ||
       b.gyro.squaredNorm() > most_counts * most_counts)
     close_block();
+}
+
+// What this sample and the one before it tell of the motion within both. The one before may lie in a block that is closed.
+void Compressor::add_within_samples(const Eigen::Vector3d& alpha, const Eigen::Vector3d& beta) {
+  const double rad = nominal_gyro_rad(recording_.info);
+  const auto even_rate = [rad](const Eigen::Vector3d& counts) {
+    return 1.0 + 11.0 / 60.0 * rad * rad * counts.squaredNorm();
+  };
+  const Eigen::Vector3d coning = previous_gyro_.cross(alpha) / 12.0;
+  const Eigen::Matrix3d sculling = (previous_gyro_ * beta.transpose() - alpha * previous_accel_.transpose()) / 24.0;
+  Block& before = block_.samples > 0 ? block_ : recording_.blocks.back();
+  before.coning += even_rate(previous_gyro_) * coning;
+  before.sculling += even_rate(previous_gyro_) * sculling;
+  block_.coning += even_rate(alpha) * coning;
+  block_.sculling += even_rate(alpha) * sculling;
 }
 
 bool Compressor::leave_out(const ImuSample& sample) {

@@ -241,6 +241,32 @@ TEST(Evaluate, BlocksOfAWholeTurnAddUp) {
   EXPECT_LT(r.blocks.size(), 200u);  // 126 of 0.05 rad in the turn, and those of half a second each at both ends
 }
 
+// A fast table and a slow unit: 0.02 to 0.2 rad a sample, one block each. With the sample before alone, gravity came dt r^2 / 24 late: 7e-5
+// m/s in this second at 0.06 rad, 0.003 at 0.2; with both neighbours and k = 1 (compression.h) 2e-6 and 2e-4.
+TEST(Evaluate, FastTurnsAddUp) {
+  const SensorModel model = sensor_model(wrong_unit(), pulses_info());
+  const Vector3d axis = Vector3d(0.6, -0.64, 0.48);
+  for (const auto& [turned_rad, tolerance_mps] :
+       {std::pair{0.02, 1e-9}, {0.06, 4e-9}, {0.1, 6e-8}, {0.15, 5e-7}, {0.2, 1.5e-6}}) {
+    const double rate = turned_rad / dt;
+    const VectorFunction w = [=](double) -> Vector3d { return rate * axis; };
+    const VectorFunction f = gravity_seen_turning(axis, [=](double t) { return rate * t; });
+    const CompressedRecording r = compress_as(SegmentKind::rotate, counts(w, f, 202, model));
+    Matrix3d C = Matrix3d::Identity();
+    Vector3d v = Vector3d::Zero();
+    double time_s = 0.0;
+    for (std::size_t k = 0; k < r.blocks.size(); ++k) {
+      const BlockMotion motion = evaluate(r.blocks[k], model, dt);
+      if (k > 0 && k + 1 < r.blocks.size()) {  // the first and the last sample have one neighbour
+        v += C * motion.velocity;
+        time_s += r.blocks[k].duration_s;
+      }
+      C = C * rotation_exp(motion.rotation);
+    }
+    EXPECT_LT((v - Vector3d(2.0, 9.4, 1.5) * time_s).norm(), tolerance_mps) << turned_rad;
+  }
+}
+
 // ---- derivatives
 
 struct Worst {

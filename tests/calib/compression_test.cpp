@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "calib/model/parameters.h"
 #include "tests/calib/compress.h"
 
 namespace turncal {
@@ -65,22 +66,28 @@ Segment segment(SegmentKind kind, std::int64_t start, std::int64_t end, int step
 Vector3d gyro_of(const ImuSample& s) { return {s.gyro[0], s.gyro[1], s.gyro[2]}; }
 Vector3d accel_of(const ImuSample& s) { return {s.accel[0], s.accel[1], s.accel[2]}; }
 
-// The definitions, term by term. `samples` are those of the block, `before` the one before them (or the first itself).
-Block naive(const std::vector<ImuSample>& samples, std::size_t begin, std::size_t end) {
+// The definitions, term by term. `all`: without a gap.
+Block naive(const std::vector<ImuSample>& all, std::size_t begin, std::size_t end) {
   Block b;
+  const double rad = nominal_gyro_rad(pulses_info());
+  const auto outer = [&](std::size_t i) -> Matrix3d {  // K of samples i and i + 1
+    return gyro_of(all[i]) * accel_of(all[i + 1]).transpose() - gyro_of(all[i + 1]) * accel_of(all[i]).transpose();
+  };
+  const auto cross = [&](std::size_t i) -> Vector3d { return gyro_of(all[i]).cross(gyro_of(all[i + 1])); };
   for (std::size_t i = begin; i < end; ++i) {
     Vector3d theta = Vector3d::Zero();
-    for (std::size_t j = begin; j < i; ++j) theta += gyro_of(samples[j]);
-    const Vector3d alpha = gyro_of(samples[i]), beta = accel_of(samples[i]);
-    const Vector3d alpha_1 = gyro_of(samples[i == 0 ? 0 : i - 1]), beta_1 = accel_of(samples[i == 0 ? 0 : i - 1]);
+    for (std::size_t j = begin; j < i; ++j) theta += gyro_of(all[j]);
+    const Vector3d alpha = gyro_of(all[i]), beta = accel_of(all[i]);
     const double middle_s = (static_cast<double>(i - begin) + 0.5) * dt;
+    const double k = 1.0 + 11.0 / 60.0 * (rad * alpha).squaredNorm();
     b.gyro += alpha;
     b.accel += beta;
     b.gyro_time += middle_s * alpha;
     b.accel_time += middle_s * beta;
-    b.coning += (theta + alpha_1 / 6.0).cross(alpha);
-    b.sculling +=
-        (theta + alpha / 2.0) * beta.transpose() + (alpha_1 * beta.transpose() - alpha * beta_1.transpose()) / 12.0;
+    b.coning += theta.cross(alpha);
+    b.sculling += (theta + alpha / 2.0) * beta.transpose();
+    if (i > 0) b.coning += k * cross(i - 1) / 12.0, b.sculling += k * outer(i - 1) / 24.0;
+    if (i + 1 < all.size()) b.coning += k * cross(i) / 12.0, b.sculling += k * outer(i) / 24.0;
   }
   b.samples = static_cast<std::int32_t>(end - begin);
   b.duration_s = static_cast<double>(end - begin) * dt;
