@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "calib/joint/column_products.h"
 #include "calib/joint/linear_motion.h"
 #include "calib/statistics/linear_algebra.h"
 
@@ -183,14 +184,17 @@ void Filter<NS>::predict(const LinearInterval& i) {
 template <int NS>
 void Filter<NS>::predict_columns(const LinearInterval& i) {
   scratch_ = X_.template leftCols<3>();
-  X_.template leftCols<3>().noalias() = scratch_ * i.turn.transpose();
-  X_.template leftCols<3>() += i.B_psi;
-  X_.template middleCols<3>(3).noalias() += scratch_ * i.v_psi.transpose();
-  X_.template middleCols<3>(3) += i.B_v;
+  auto psi = X_.template leftCols<3>();
+  auto v = X_.template middleCols<3>(3);
+  set_product(scratch_, i.turn.transpose(), psi);
+  psi += i.B_psi;
+  add_product(scratch_, i.v_psi.transpose(), v);
+  v += i.B_v;
   if constexpr (NS == 12) {
-    X_.template leftCols<3>().noalias() += X_.template middleCols<3>(6) * i.psi_bg.transpose();
-    X_.template middleCols<3>(3).noalias() += X_.template middleCols<3>(6) * i.v_bg.transpose();
-    X_.template middleCols<3>(3).noalias() += X_.template middleCols<3>(9) * i.v_ba.transpose();
+    const auto b_g = X_.template middleCols<3>(6), b_a = X_.template middleCols<3>(9);
+    add_product(b_g, i.psi_bg.transpose(), psi);
+    add_product(b_g, i.v_bg.transpose(), v);
+    add_product(b_a, i.v_ba.transpose(), v);
     X_.template rightCols<6>() *= rho_;
   }
 }
@@ -249,10 +253,10 @@ void Filter<NS>::rest(const LinearInterval& i) {
   }
   if (p_ > 0 && i.observed) {
     N_ = X_.template middleCols<3>(3) + i.D;
-    N_.noalias() += X_.template leftCols<3>() * by_psi.transpose();
+    add_product(X_.template leftCols<3>(), by_psi.transpose(), N_);
     if constexpr (NS == 12) {
-      N_.noalias() += X_.template middleCols<3>(6) * by_bg.transpose();
-      N_.noalias() += X_.template middleCols<3>(9) * by_ba.transpose();
+      add_product(X_.template middleCols<3>(6), by_bg.transpose(), N_);
+      add_product(X_.template middleCols<3>(9), by_ba.transpose(), N_);
     }
   }
   predict(i);
@@ -277,7 +281,8 @@ void Filter<NS>::update(const Vector3d& nu, const Matrix3d& L, const Matrix3d& w
   accumulate(nu, whiten);
   const Cross K = M * S_inverse;
   P_.noalias() -= K.lazyProduct(M.transpose());
-  if (p_ > 0) X_.noalias() -= N_.lazyProduct(K.transpose());
+  for (int k = 0; k < NS && p_ > 0; k += 3)
+    add_product(N_, -K.template middleRows<3>(k).transpose(), X_.template middleCols<3>(k));
   x_ += K * nu;
   if (!kept_) return;
   kept_->observed = true;
@@ -291,7 +296,7 @@ template <int NS>
 void Filter<NS>::accumulate(const Vector3d& nu, const Matrix3d& whiten) {
   if (p_ == 0) return;
   // Whitened rows: L^-1 N', L^-1 nu
-  buffer_.block(0, buffered_, p_, 3).noalias() = N_.lazyProduct(whiten.transpose());
+  set_product(N_, whiten.transpose(), buffer_.block(0, buffered_, p_, 3));
   buffer_.block(p_, buffered_, 1, 3) = (whiten * nu).transpose();
   buffered_ += 3;
   if (buffered_ + 3 > buffer_.cols()) flush();

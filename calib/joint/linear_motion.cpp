@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "calib/joint/column_products.h"
 #include "calib/model/attitude.h"
 
 namespace turncal {
@@ -41,8 +42,9 @@ LinearMotion::LinearMotion(const CompressedRecording& recording, const Parameter
       gravity_(recording.info.gravity_mps2),
       F_(skew(Vector3d(0.0, recording.info.gravity_mps2, 0.0))),
       p_(options.columns ? parameter_count + effects.columns : 0),
+      nothing_taken_off_(effects.values.isZero(0.0)),
       cut_(setup.breaks.begin()) {
-  for (Columns* columns : {&dr_, &dv_, &dm_}) columns->setZero(p_, 3);
+  before_.setZero(p_, 3);
   turned_.setZero(effects.columns, 3);
   pushed_.setZero(effects.columns, 3);
   regressors_.gyro.setZero(3, effects.columns);
@@ -160,16 +162,20 @@ void LinearMotion::effects_on(std::size_t index, Motion& m) {
     if (std::abs(s.f_b[axis]) > 0.5 * standard_gravity_mps2) last_up_[axis] = s.f_b[axis] > 0.0 ? 1.0 : -1.0;
   s.last_up = last_up_;
   effects_.regressors(s, regressors_);
+  if (p_ > 0) {
+    turned_ = regressors_.gyro.transpose();
+    pushed_ = regressors_.accel.transpose();
+  }
+  if (nothing_taken_off_) {
+    if (setup_.keep_taken_off) taken_off.emplace_back();
+    return;
+  }
   const Vector3d turn = regressors_.gyro * effects_.values * t;
   const Vector3d push = regressors_.accel * effects_.values * t;
   if (setup_.keep_taken_off) taken_off.push_back({turn, push});
   subtract(turn, push, m.motion);
   m.turn += turn;
   m.push += push;
-  if (p_ > 0) {
-    turned_ += regressors_.gyro.transpose() * t;
-    pushed_ += regressors_.accel.transpose() * t;
-  }
 }
 
 LinearMotion::Motion LinearMotion::block_motion(std::size_t index) {
@@ -183,35 +189,41 @@ LinearMotion::Motion LinearMotion::block_motion(std::size_t index) {
   return m;
 }
 
-void LinearMotion::columns_of(const Block& block, const BlockMotion& motion) {
+// What the parameters do to (psi, v) over a block. Of effects: a x b for rows a is a * skew(b), b x a is -a * skew(b).
+void LinearMotion::move_columns(const Block& block, const BlockMotion& motion, const Matrix3d& turn_n,
+                                LinearInterval& interval) {
+  const double t = block.duration_s;
   parameter_columns(block, motion, model_, unit_, base_);
-  dr_.topRows<parameter_count>() = base_.rotation.transpose();
-  dv_.topRows<parameter_count>() = base_.velocity.transpose();
-  dm_.topRows<parameter_count>() = base_.mean_velocity.transpose();
-  const int n = effects_.columns;
-  if (n == 0) return;
-  // a x b for rows a: a * skew(b);   b x a: -a * skew(b)
-  const Matrix3d v_skew = skew(motion.velocity);
-  const Matrix3d r_skew = skew(motion.rotation);
-  dr_.bottomRows(n) = -turned_;
-  dv_.bottomRows(n) = -pushed_;
-  dv_.bottomRows(n).noalias() -= 0.5 * turned_ * v_skew;
-  dv_.bottomRows(n).noalias() += 0.5 * pushed_ * r_skew;
-  dm_.bottomRows(n) = -0.5 * pushed_;
-  dm_.bottomRows(n).noalias() -= turned_ * v_skew / 6.0;
-  turned_.setZero();
-  pushed_.setZero();
-}
-
-// What the parameters do to (psi, v) over a block.
-void LinearMotion::move_columns(const BlockMotion& motion, const Matrix3d& turn_n, double t, LinearInterval& interval) {
-  const Matrix3d rotate = linear_C_nb_ * left_jacobian(motion.rotation);
+  const Matrix3d to_n = linear_C_nb_.transpose();
+  const Matrix3d rotate = (linear_C_nb_ * left_jacobian(motion.rotation)).transpose();
   interval.B_v.col(0) -= t * gravity_ * interval.B_psi.col(2);  // F psi = g (psi_E, 0, -psi_N)
   interval.B_v.col(2) += t * gravity_ * interval.B_psi.col(0);
-  interval.B_v.noalias() += dv_ * linear_C_nb_.transpose();
-  dm_.noalias() = interval.B_psi * turn_n.transpose();
-  interval.B_psi = dm_;
-  interval.B_psi.noalias() += dr_ * rotate.transpose();
+  before_.swap(interval.B_psi);
+  set_product(before_, turn_n.transpose(), interval.B_psi);
+  const ParameterRows turned = base_.rotation.transpose(), pushed = base_.velocity.transpose();
+  add_product(turned, rotate, interval.B_psi.topRows<parameter_count>());
+  add_product(pushed, to_n, interval.B_v.topRows<parameter_count>());
+  const int n = effects_.columns;
+  if (n == 0) return;
+  const Matrix3d psi_turned = -t * rotate;
+  const Matrix3d v_turned = -0.5 * t * skew(motion.velocity) * to_n;
+  const Matrix3d v_pushed = t * (0.5 * skew(motion.rotation) - Matrix3d::Identity()) * to_n;
+  add_product(turned_, psi_turned, interval.B_psi.bottomRows(n));
+  add_product(turned_, v_turned, interval.B_v.bottomRows(n));
+  add_product(pushed_, v_pushed, interval.B_v.bottomRows(n));
+}
+
+// And to the mean velocity over a block at rest, which move_columns() has seen.
+void LinearMotion::mean_columns(const BlockMotion& motion, const Matrix3d& to_n, double t, LinearInterval& interval) {
+  const ParameterRows mean = base_.mean_velocity.transpose();
+  interval.D.resize(p_, 3);
+  set_product(mean, to_n, interval.D.topRows<parameter_count>());
+  const int n = effects_.columns;
+  if (n == 0) return;
+  const Matrix3d by_turned = t / -6.0 * skew(motion.velocity) * to_n;
+  const Matrix3d by_pushed = -0.5 * t * to_n;
+  set_product(turned_, by_turned, interval.D.bottomRows(n));
+  add_product(pushed_, by_pushed, interval.D.bottomRows(n));
 }
 
 // The first second of a rest: the navigated motion is levelled on it and stands still.
@@ -288,9 +300,8 @@ void LinearMotion::rest(LinearInterval& interval) {
             ? quantisation_variance(block.accel[axis], block.samples, setup_.noise.accel_pulse_mps)
             : 0.0;
   if (p_ > 0) {
-    columns_of(block, motion);
-    interval.D.noalias() = dm_ * linear_C_nb_.transpose();
-    move_columns(motion, turned.turn_n, t, interval);
+    move_columns(block, motion, turned.turn_n, interval);
+    mean_columns(motion, linear_C_nb_.transpose(), t, interval);
   }
   keep_step(interval.block, motion.rotation, turned.turn_n, linear.C_mid, t);
   if (setup_.keep_steps) {
@@ -349,10 +360,7 @@ void LinearMotion::turn(LinearInterval& interval) {
       n.psi_v = T * (n.psi_v - tilted) + q.psi_v;
       n.psi_psi = T * n.psi_psi * T.transpose() + q.psi_psi;
     }
-    if (p_ > 0) {
-      columns_of(block, motion);
-      move_columns(motion, turned.turn_n, t, interval);
-    }
+    if (p_ > 0) move_columns(block, motion, turned.turn_n, interval);
     keep_step(index_, motion.rotation, turned.turn_n, linear.C_mid, t);
     C_nb_ = attitude_step(C_nb_, turned).C_end;
     linear_C_nb_ = linear.C_end;

@@ -91,8 +91,9 @@ class LinearMotion {
   void begin_rest(const Block& block, const BlockMotion& motion, LinearInterval& interval);
   void rest(LinearInterval& interval);
   void turn(LinearInterval& interval);
-  void columns_of(const Block& block, const BlockMotion& motion);
-  void move_columns(const BlockMotion& motion, const Eigen::Matrix3d& turn_n, double t, LinearInterval& interval);
+  void move_columns(const Block& block, const BlockMotion& motion, const Eigen::Matrix3d& turn_n,
+                    LinearInterval& interval);
+  void mean_columns(const BlockMotion& motion, const Eigen::Matrix3d& to_n, double t, LinearInterval& interval);
   void begin(std::size_t index, LinearInterval& interval) const;
   StepTurn step_turn(const BlockMotion& motion, double t);
   void keep_step(std::size_t index, const Eigen::Vector3d& rotation, const Eigen::Matrix3d& turn_n,
@@ -110,6 +111,7 @@ class LinearMotion {
   // have the horizontal part g times the tilt, and that would seem to tell the heading.
   const Eigen::Matrix3d F_;
   const int p_;
+  const bool nothing_taken_off_;  // effects are candidates only
 
   std::size_t index_ = 0;
   std::vector<Break>::const_iterator cut_;
@@ -124,8 +126,9 @@ class LinearMotion {
   Eigen::Vector3d v_ = Eigen::Vector3d::Zero();
   double turned_for_s_ = -1.0;
   Eigen::Matrix3d turn_n_ = Eigen::Matrix3d::Identity();  // over so long
-  Columns dr_, dv_, dm_;     // p x 3: derivatives of rotation, velocity and mean velocity of the block, body frame
-  Columns turned_, pushed_;  // effects, over the blocks of the interval
+  Columns before_;                                        // B_psi before the block
+  Columns turned_, pushed_;  // what one unit of each effect turns and pushes a second in the block, body frame
+  using ParameterRows = Eigen::Matrix<double, parameter_count, 3>;
   BlockColumns base_;
   EffectRegressors regressors_;
   double last_rotation_end_s_ = -1e9;

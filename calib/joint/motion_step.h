@@ -70,6 +70,12 @@ inline StepNoise step_noise(const Eigen::Matrix3d& W, const Eigen::Matrix3d& V, 
   return q;
 }
 
+// The whole number next to x, |x| < 2^51: as std::round but where it has a choice, without a call of the library.
+inline double nearest(double x) {
+  constexpr double whole_from_here = 6755399441055744.0;  // 1.5 * 2^52
+  return (x + whole_from_here) - whole_from_here;
+}
+
 // Quantisation noise of the mean velocity over N samples that hold `counts` pulses. The count is short of the truth by a sawtooth
 // of one pulse, -sum sin(2 pi k x) / pi k, that begins anywhere and is sampled every s teeth, s the counts a sample. Of harmonic k
 // the mean over N samples keeps sin(pi k s N) / N sin(pi k s): all of it where k s is whole, else, s N not known to a part of a
@@ -80,12 +86,12 @@ inline double quantisation_variance(double counts, int samples, double pulse) {
   const double s = counts / samples;
   double sum = 0.00595 / samples;  // k > 8
   for (int k = 1; k <= 8; ++k) {
-    const double d = std::abs(k * s - std::round(k * s));
+    const double d = std::abs(k * s - nearest(k * s));
     const double teeth = d * samples;
     const double arch = 4.0 * d * (1.0 - d);
     const double sine = 4.0 * arch / (5.0 - arch);  // sin(pi d) to 0.002 (Bhaskara)
     const double whole = std::max(1.0 - pi_square * teeth * teeth / 3.0, 0.0);
-    const double kept = teeth < 0.4 ? whole : std::min(0.5 / std::pow(samples * sine, 2), 0.4);
+    const double kept = teeth < 0.4 ? whole : std::min(0.5 / (samples * sine * samples * sine), 0.4);
     sum += kept / (2.0 * pi_square * k * k);
   }
   return pulse * pulse * sum;

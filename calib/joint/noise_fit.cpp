@@ -13,7 +13,9 @@ namespace turncal {
 namespace {
 
 using Eigen::Matrix3d;
+using Eigen::MatrixXd;
 using Eigen::Vector3d;
+using Eigen::VectorXd;
 
 constexpr int walks = 6;    // variances of ARW x y z, VRW x y z
 constexpr int sources = 8;  // and of gyro and accelerometer bias instability
@@ -28,7 +30,7 @@ class RestrictedLikelihood {
   struct Run {
     double value = std::numeric_limits<double>::infinity();  // -2 log L_R
     double log_det_information = 0.0;
-    std::vector<Innovation> nu;
+    std::vector<Vector3d> nu;  // m/s
     std::vector<Matrix3d> S;
     Eigen::MatrixXd covariance;  // of the free parameters
     Eigen::VectorXd estimate;    // of them, from where the recording was made linear
@@ -63,7 +65,8 @@ class RestrictedLikelihood {
     run.value = pass.chi_square + pass.log_determinant - c.dot(step) + run.log_det_information;
     run.covariance = ranges_.asDiagonal() * solve_symmetric(with_prior, Eigen::MatrixXd(ranges_.asDiagonal()));
     run.estimate = -ranges_.cwiseProduct(step);
-    run.nu = std::move(pass.innovations);
+    run.nu.reserve(pass.innovations.size());
+    for (const Innovation& one : pass.innovations) run.nu.push_back(one.velocity_mps);
     run.S = std::move(pass.covariances);
     return run;
   }
@@ -84,84 +87,125 @@ class RestrictedLikelihood {
   std::vector<LinearInterval> intervals_;
 };
 
+// Fisher scoring of the groups' variances: gradient of -ln L_R and information.
+struct Derivatives {
+  VectorXd gradient;
+  MatrixXd information;
+};
+
+// A bias instability that would move psi as much as the random walk does in tau_b: its natural unit.
+double natural_unit(const Variances& s, int k, double tau) { return s.segment<3>(k == 6 ? 0 : 3).mean() / tau; }
+
+void move(const Group& group, double delta, Variances& s) {
+  for (const int k : group) s[k] = std::max(s[k] + delta, k < walks ? 0.05 * s[k] : 0.0);
+}
+
+// By differences, a run a group. `now`: at s.
+Derivatives derivatives(RestrictedLikelihood& likelihood, const RestrictedLikelihood::Run& now,
+                        const std::vector<Group>& groups, double tau, const Variances& s) {
+  const Eigen::Index n = static_cast<Eigen::Index>(groups.size());
+  std::vector<RestrictedLikelihood::Run> moved;
+  std::vector<double> step;
+  for (const Group& group : groups) {
+    Variances t = s;
+    const int k = group[0];
+    step.push_back(0.01 * (k < walks ? s[k] : std::max(s[k], natural_unit(s, k, tau))));
+    move(group, step.back(), t);
+    moved.push_back(likelihood(t));
+  }
+  Derivatives result = {VectorXd::Zero(n), MatrixXd::Zero(n, n)};
+  for (Eigen::Index k = 0; k < n; ++k)  // what the parameters take with them
+    result.gradient[k] = 0.5 * (moved[static_cast<std::size_t>(k)].log_det_information - now.log_det_information) /
+                         step[static_cast<std::size_t>(k)];
+  std::vector<Matrix3d> A(groups.size());
+  std::vector<Vector3d> d(groups.size());
+  for (std::size_t i = 0; i < now.nu.size(); ++i) {
+    const Matrix3d inverse = now.S[i].inverse();
+    const Vector3d& nu = now.nu[i];
+    const Vector3d w = inverse * nu;
+    for (std::size_t k = 0; k < groups.size(); ++k) {
+      A[k] = inverse * ((moved[k].S[i] - now.S[i]) / step[k]);
+      d[k] = (moved[k].nu[i] - nu) / step[k];
+      result.gradient[static_cast<Eigen::Index>(k)] += 0.5 * (A[k].trace() - nu.dot(A[k] * w)) + d[k].dot(w);
+      for (std::size_t l = 0; l <= k; ++l)
+        result.information(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(l)) +=
+            0.5 * (A[k].cwiseProduct(A[l].transpose())).sum() + d[k].dot(inverse * d[l]);
+    }
+  }
+  result.information = MatrixXd(result.information.selfadjointView<Eigen::Lower>());
+  return result;
+}
+
+// Of larger groups, each made of some of `groups`.
+Derivatives together(const Derivatives& d, const std::vector<Group>& groups, const std::vector<Group>& larger) {
+  MatrixXd in = MatrixXd::Zero(d.gradient.size(), static_cast<Eigen::Index>(larger.size()));
+  for (std::size_t k = 0; k < groups.size(); ++k)
+    for (std::size_t l = 0; l < larger.size(); ++l)
+      if (std::find(larger[l].begin(), larger[l].end(), groups[k][0]) != larger[l].end())
+        in(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(l)) = 1.0;
+  return {in.transpose() * d.gradient, in.transpose() * d.information * in};
+}
+
+// The step that scoring suggests, and what -2 ln L_R would fall by were it quadratic. Variances that stand at zero and want to fall are
+// held there.
+struct Suggestion {
+  VectorXd step;
+  double gain = 0.0;
+};
+Suggestion suggested(const Derivatives& d, const std::vector<Group>& groups, const Variances& s) {
+  std::vector<Eigen::Index> moving;
+  for (Eigen::Index k = 0; k < d.gradient.size(); ++k)
+    if (s[groups[static_cast<std::size_t>(k)][0]] > 0.0 || d.gradient[k] < 0.0) moving.push_back(k);
+  Suggestion result = {VectorXd::Zero(d.gradient.size())};
+  if (moving.empty()) return result;
+  const VectorXd gradient = d.gradient(moving);
+  const VectorXd step = solve_symmetric(MatrixXd(d.information(moving, moving)), VectorXd(-gradient));
+  result.step(moving) = step;
+  result.gain = -gradient.dot(step);
+  return result;
+}
+
 struct Scoring {
   double value = 0.0;
   bool converged = false;
-  Eigen::MatrixXd information;
+  MatrixXd information;
 };
 
-// Fisher scoring of the groups' variances, in place.
+// Fisher scoring of the groups' variances, in place. It ends where the likelihood did as the quadratic promised: what is left is of the
+// order of their difference; or where -2 ln L_R is sure to stay above `enough`. `now`: the run at s, before and after.
 Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups, double tau, int max_iterations,
-              Variances& s) {
-  const Eigen::Index n = static_cast<Eigen::Index>(groups.size());
-  // A bias instability that would move psi as much as the random walk does in tau_b: its natural unit.
-  Variances unit = s;
-  unit[6] = s.segment<3>(0).mean() / tau;
-  unit[7] = s.segment<3>(3).mean() / tau;
+              Variances& s, RestrictedLikelihood::Run& now, double enough = std::numeric_limits<double>::infinity()) {
+  constexpr double nothing = 0.02, little = 0.2;  // of 2 ln L: a step for so little that fails is not tried again
   Scoring result;
-  RestrictedLikelihood::Run now = likelihood(s);
-  const auto moved_by = [&](const Group& group, double delta, Variances& t) {
-    for (const int k : group) t[k] = std::max(t[k] + delta, k < walks ? 0.05 * t[k] : 0.0);
-  };
-  for (int iteration = 0; iteration < max_iterations && n > 0; ++iteration) {
-    std::vector<RestrictedLikelihood::Run> moved;
-    std::vector<double> step;
-    for (const Group& group : groups) {
-      Variances t = s;
-      step.push_back(0.01 * std::max(s[group[0]], unit[group[0]]));
-      moved_by(group, step.back(), t);
-      moved.push_back(likelihood(t));
+  result.converged = groups.empty();
+  for (int iteration = 0; iteration < max_iterations && !result.converged; ++iteration) {
+    const Derivatives d = derivatives(likelihood, now, groups, tau, s);
+    result.information = d.information;
+    const Suggestion to = suggested(d, groups, s);
+    if (to.gain < nothing || now.value - 2.0 * to.gain > enough) {
+      result.converged = true;
+      break;
     }
-    Eigen::VectorXd gradient = Eigen::VectorXd::Zero(n);
-    Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
-    for (Eigen::Index k = 0; k < n; ++k)  // what the parameters take with them
-      gradient[k] = 0.5 * (moved[static_cast<std::size_t>(k)].log_det_information - now.log_det_information) /
-                    step[static_cast<std::size_t>(k)];
-    std::vector<Matrix3d> A(groups.size());
-    std::vector<Vector3d> d(groups.size());
-    for (std::size_t i = 0; i < now.nu.size(); ++i) {
-      const Matrix3d inverse = now.S[i].inverse();
-      const Vector3d nu = now.nu[i].velocity_mps;
-      const Vector3d w = inverse * nu;
-      for (std::size_t k = 0; k < groups.size(); ++k) {
-        A[k] = inverse * ((moved[k].S[i] - now.S[i]) / step[k]);
-        d[k] = (moved[k].nu[i].velocity_mps - nu) / step[k];
-        gradient[static_cast<Eigen::Index>(k)] += 0.5 * (A[k].trace() - nu.dot(A[k] * w)) + d[k].dot(w);
-        for (std::size_t l = 0; l <= k; ++l)
-          information(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(l)) +=
-              0.5 * (A[k].cwiseProduct(A[l].transpose())).sum() + d[k].dot(inverse * d[l]);
-      }
-    }
-    information = Eigen::MatrixXd(information.selfadjointView<Eigen::Lower>());
-    result.information = information;
-    // Variances that stand at zero and want to fall are held there.
-    std::vector<Eigen::Index> moving;
-    for (Eigen::Index k = 0; k < n; ++k)
-      if (s[groups[static_cast<std::size_t>(k)][0]] > 0.0 || gradient[k] < 0.0) moving.push_back(k);
-    const Eigen::MatrixXd part = information(moving, moving);
-    const Eigen::VectorXd full = solve_symmetric(part, Eigen::VectorXd(-gradient(moving)));
     RestrictedLikelihood::Run next;
     Variances t = s;
     bool better = false;
     double shrink = 1.0;
     for (int attempt = 0; attempt < 4 && !better; ++attempt, shrink *= 0.4) {
       t = s;
-      for (std::size_t k = 0; k < moving.size(); ++k)
-        moved_by(groups[static_cast<std::size_t>(moving[k])], shrink * full[static_cast<Eigen::Index>(k)], t);
+      for (std::size_t k = 0; k < groups.size(); ++k)
+        move(groups[k], shrink * to.step[static_cast<Eigen::Index>(k)], t);
       next = likelihood(t);
       better = next.value < now.value + 1e-6;
+      if (to.gain < little) break;
     }
     if (!better) {  // there already, when scoring did not expect to gain anything to speak of
-      result.converged = -gradient(moving).dot(full) < 0.5;
+      result.converged = to.gain < 0.5;
       break;
     }
     const double gained = now.value - next.value;
+    result.converged = gained < 0.05 || std::abs(gained - to.gain) < nothing;
     s = t;
     now = std::move(next);
-    if (gained < 0.05) {
-      result.converged = true;
-      break;
-    }
   }
   result.value = now.value;
   return result;
@@ -185,6 +229,7 @@ Eigen::MatrixXd unseen_instability(RestrictedLikelihood& likelihood, const Restr
     const Eigen::VectorXd moved = run.estimate - without.estimate;
     more += weight * (run.covariance - without.covariance + moved * moved.transpose());
     sum += weight;
+    if (weight < 1e-3 * sum) break;  // a larger one has a tenth of that and less
   }
   return more / sum;
 }
@@ -204,31 +249,60 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   NoiseFit fit;
 
   // One value a triad first: three sensors of a kind. Axes get values of their own where they demonstrably differ.
-  const std::vector<Group> triads = {{0, 1, 2}, {3, 4, 5}};
   const std::vector<Group> axes = {{0}, {1}, {2}, {3}, {4}, {5}};
-  std::vector<Group> groups;
-  const auto estimate = [&](const std::vector<Group>& of_walks, bool gyro_instability, bool accel_instability) {
-    groups = of_walks;
-    if (gyro_instability) groups.push_back({6});
-    if (accel_instability) groups.push_back({7});
-    return score(likelihood, groups, tau, options.max_iterations, s);
-  };
   std::vector<Group> of_walks;
-  if (options.random_walks) of_walks = triads;
+  if (options.random_walks) of_walks = {{0, 1, 2}, {3, 4, 5}};
   if (options.random_walks && options.near_start && (differ(s.segment<3>(0)) || differ(s.segment<3>(3))))
     of_walks = axes;
   else if (options.random_walks)
     for (const int k : {0, 3}) s.segment<3>(k).setConstant(s.segment<3>(k).mean());
-  Scoring scoring = estimate(of_walks, options.bias_instability, options.bias_instability);
-  if (options.random_walks && !options.near_start) {
+  RestrictedLikelihood::Run now = likelihood(s);
+  const auto with_instability = [&](bool gyro, bool accel) {
+    std::vector<Group> groups = of_walks;
+    if (gyro) groups.push_back({6});
+    if (accel) groups.push_back({7});
+    return groups;
+  };
+  const auto estimate = [&](bool gyro_instability, bool accel_instability,
+                            double enough = std::numeric_limits<double>::infinity()) {
+    return score(likelihood, with_instability(gyro_instability, accel_instability), tau, options.max_iterations, s, now,
+                 enough);
+  };
+  bool look_for_instability = options.bias_instability;
+  bool axes_may_differ = options.random_walks && !options.near_start;
+  const bool none_yet = s[6] == 0.0 && s[7] == 0.0;
+  // The walks alone first: six states, not twelve.
+  Scoring scoring;
+  if (none_yet && !(options.near_start && look_for_instability)) scoring = estimate(false, false);
+  // There the score says whether an instability, or a value an axis, could gain anything to speak of.
+  if (none_yet && (look_for_instability || axes_may_differ)) {
+    std::vector<Group> finest = axes_may_differ ? axes : of_walks;
+    if (look_for_instability) finest.insert(finest.end(), {{6}, {7}});
+    const Derivatives all = derivatives(likelihood, now, finest, tau, s);
+    const auto gain = [&](const std::vector<Group>& groups) {
+      return suggested(together(all, finest, groups), groups, s).gain;
+    };
+    const double of_walks_alone = gain(of_walks);
+    const auto may_pass = [&](double limit, const std::vector<Group>& groups) {
+      return gain(groups) - of_walks_alone > noise_limits.worth_a_look * limit;
+    };
+    look_for_instability =
+        look_for_instability && may_pass(noise_limits.instability_gain, with_instability(true, true));
+    axes_may_differ = axes_may_differ && may_pass(noise_limits.axes_differ, axes);
+    if (!look_for_instability && options.near_start) scoring = estimate(false, false);
+  }
+  if (look_for_instability) scoring = estimate(true, true);
+  if (axes_may_differ) {
     // One scoring step with six values shows whether that would say more than chance (4 more degrees of freedom).
     Variances apart = s;
-    const Scoring six = score(likelihood, axes, tau, 1, apart);
+    RestrictedLikelihood::Run run = now;
+    const Scoring six = score(likelihood, axes, tau, 1, apart, run);
     if (scoring.value - six.value > noise_limits.axes_differ) {
       fit.axes_differ = true;
       of_walks = axes;
       s = apart;
-      scoring = estimate(of_walks, options.bias_instability, options.bias_instability);
+      now = std::move(run);
+      scoring = estimate(options.bias_instability, options.bias_instability);
     }
   }
   // Is each instability there? The likelihood without it, everything else fitted again.
@@ -236,12 +310,16 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   for (const int triad : {0, 1}) {
     if (!kept[triad]) continue;
     const Variances with = s;
+    RestrictedLikelihood::Run run_with = std::move(now);
     s[6 + triad] = 0.0;
-    const Scoring without = estimate(of_walks, triad == 1 && kept[0], triad == 0 && kept[1]);
+    now = likelihood(s);
+    const double surely_there = scoring.value + 4.0 * noise_limits.instability_gain;
+    const Scoring without = estimate(triad == 1 && kept[0], triad == 0 && kept[1], surely_there);
     const double gain = without.value - scoring.value;
     (triad == 0 ? fit.gyro_bias_instability_gain : fit.accel_bias_instability_gain) = gain;
     if (gain > noise_limits.instability_gain) {
       s = with;
+      now = std::move(run_with);
     } else {
       kept[triad] = false;
       scoring = without;
@@ -259,9 +337,8 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   const Eigen::Index count = static_cast<Eigen::Index>(free.size());
   fit.unseen_instability = Eigen::MatrixXd::Zero(count, count);
   if (options.bias_instability && !options.near_start && !(kept[0] && kept[1])) {
-    const RestrictedLikelihood::Run without = likelihood(s);
     for (const int triad : {0, 1})
-      if (!kept[triad]) fit.unseen_instability += unseen_instability(likelihood, without, s, triad, tau);
+      if (!kept[triad]) fit.unseen_instability += unseen_instability(likelihood, now, s, triad, tau);
   }
   fit.converged = scoring.converged;
   fit.evaluations = likelihood.evaluations;

@@ -10,6 +10,8 @@
 //   differ), of the gyro and of the accelerometer bias instability
 // by Fisher scoring (variances are linear in the covariance; projected to non-negative values):
 //   information_ij = sum 1/2 tr(S^-1 S_i S^-1 S_j) + nu_i' S^-1 nu_j
+// The walks come first, without instability: six states, not twelve. At their optimum one run for each variance gives gradient and
+// information of all, and where the quadratic promises too little for an instability, or for a value an axis, it is not looked for.
 // A bias instability is kept only when the likelihood ratio justifies it. The variance stands on its bound when there is
 // none, so twice the gain is half zero and half chi-square of one degree (Self and Liang, J. Am. Stat. Ass. 82 (1987) 605).
 // One that is not kept may be there all the same: in two hours of 8 ug/sqrt(Hz) a flicker of 0.3 ug hardly shows, and yet

@@ -7,6 +7,8 @@
 namespace turncal {
 
 struct LackOfFitLimits {
+  // A sum over pieces that is this likely even when they are taken for independent is not looked into: a test counts below 0.001.
+  double worth_a_look = 0.01;
   // All tests together; each gets an equal share (Bonferroni).
   double family_wise = 0.005;
   // A direction of which the model imitates all but this is not tested: rounding and linearisation are larger than what is left.
@@ -221,6 +223,9 @@ struct NoiseLimits {
   // 2 ln L_R above which a bias instability is kept (noise_fit.h): it stands on its bound when there is none, so of clean triads one in
   // twenty is given one. And above which the axes of the triads get a value each: chi2 of 4, one in 10^4.
   double instability_gain = 2.71, axes_differ = 23.5;
+  // Neither is looked for where the score at the optimum of the walks promises less than this part of its limit. A variance gains less than
+  // the score promises where that is much, and values an axis up to half as much again: of 72 fits none was decided otherwise.
+  double worth_a_look = 0.5;
   // Usual bias instability of ring lasers and quartz by their data sheets, in units of the walk's own (prior of noise_fit.h).
   double usual_gyro = 0.2, usual_accel = 0.5;
   // Beyond these the noise model is wrong as a whole and nothing else means anything. A correlation of r makes means (1 + r) / (1 - r)

@@ -56,6 +56,7 @@ TEST(JointEstimate, MeasuresTheNoise) {
     const JointResult r = joint_estimate(record_on_rig(fourteen_steps(), config).recording);
     ASSERT_TRUE(r.noise_fit.has_value());
     EXPECT_TRUE(r.noise_fit->converged);
+    EXPECT_LE(r.noise_fit->evaluations, 30);  // an instability that promises nothing is not looked for
     const double arw = config.noise.gyro_random_walk_deg_per_rt_h * radprs_per_degprh;
     const double vrw = config.noise.accel_random_walk_ug_per_rt_hz * mpsprs_per_ugprHz;
     EXPECT_NEAR(r.noise.angle_random_walk.x(), arw, 3.5 * r.noise_fit->sigma_angle_random_walk.x());
