@@ -123,6 +123,7 @@ Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& opti
   static_block_samples_ = std::max(1, static_cast<int>(std::lround(options.static_block_s / info.sample_period_s)));
   static_counts_ = options.static_angle_rad / nominal_gyro_rad(info);
   rotation_counts_ = options.block_angle_rad / nominal_gyro_rad(info);
+  square_of_even_rate_ = 11.0 / 60.0 * std::pow(nominal_gyro_rad(info), 2);
 }
 
 void Compressor::begin_segment(const Segment& segment) {
@@ -188,11 +189,20 @@ void Compressor::add_one(const ImuSample& sample) {
     b.segment = static_cast<std::int32_t>(recording_.segments.size()) - 1;
   }
   b.missing += missing;
-  if (have_previous_ && missing == 0) add_within_samples(alpha, beta);
+  // What this sample and the one before it tell of the motion within both.
+  double within = 0.0;
+  if (have_previous_ && missing == 0) {
+    within = within_sample(alpha);
+    if (b.samples > 0)
+      within += within_sample(previous_gyro_);
+    else
+      add_to_closed_block(alpha, beta);
+  }
   have_previous_ = true;
   const double s = (static_cast<double>(b.samples + b.missing) + 0.5) * dt;
-  b.coning += b.gyro.cross(alpha);
-  b.sculling += (b.gyro + 0.5 * alpha) * beta.transpose();
+  const Eigen::Vector3d before = within * previous_gyro_;
+  b.coning += (b.gyro + 2.0 * before).cross(alpha);
+  b.sculling += (b.gyro + 0.5 * alpha + before) * beta.transpose() - (within * alpha) * previous_accel_.transpose();
   b.gyro += alpha;
   b.accel += beta;
   b.gyro_time += s * alpha;
@@ -209,19 +219,12 @@ void Compressor::add_one(const ImuSample& sample) {
     close_block();
 }
 
-// What this sample and the one before it tell of the motion within both. The one before may lie in a block that is closed.
-void Compressor::add_within_samples(const Eigen::Vector3d& alpha, const Eigen::Vector3d& beta) {
-  const double rad = nominal_gyro_rad(recording_.info);
-  const auto even_rate = [rad](const Eigen::Vector3d& counts) {
-    return 1.0 + 11.0 / 60.0 * rad * rad * counts.squaredNorm();
-  };
-  const Eigen::Vector3d coning = previous_gyro_.cross(alpha) / 12.0;
-  const Eigen::Matrix3d sculling = (previous_gyro_ * beta.transpose() - alpha * previous_accel_.transpose()) / 24.0;
-  Block& before = block_.samples > 0 ? block_ : recording_.blocks.back();
-  before.coning += even_rate(previous_gyro_) * coning;
-  before.sculling += even_rate(previous_gyro_) * sculling;
-  block_.coning += even_rate(alpha) * coning;
-  block_.sculling += even_rate(alpha) * sculling;
+// What this sample tells of the motion within the one before it, in a block that is closed.
+void Compressor::add_to_closed_block(const Eigen::Vector3d& alpha, const Eigen::Vector3d& beta) {
+  const double within = within_sample(previous_gyro_);
+  Block& before = recording_.blocks.back();
+  before.coning += 2.0 * within * previous_gyro_.cross(alpha);
+  before.sculling += within * (previous_gyro_ * beta.transpose() - alpha * previous_accel_.transpose());
 }
 
 bool Compressor::leave_out(const ImuSample& sample) {

@@ -90,7 +90,10 @@ class Compressor {
  private:
   void close_block();
   void add_one(const ImuSample& sample);
-  void add_within_samples(const Eigen::Vector3d& alpha, const Eigen::Vector3d& beta);
+  void add_to_closed_block(const Eigen::Vector3d& alpha, const Eigen::Vector3d& beta);
+  double within_sample(const Eigen::Vector3d& alpha) const {  // k / 24
+    return (1.0 + square_of_even_rate_ * alpha.squaredNorm()) / 24.0;
+  }
   bool leave_out(const ImuSample& sample);
   void add_temperature(const ImuSample& sample);
 
@@ -99,8 +102,9 @@ class Compressor {
   Block block_;
   bool in_segment_ = false;
   int static_block_samples_ = 200;
-  double static_counts_ = 0.0;    // |sum alpha| at which a static block is closed early, in counts
-  double rotation_counts_ = 0.0;  // the same for a rotation block
+  double static_counts_ = 0.0;        // |sum alpha| at which a static block is closed early, in counts
+  double rotation_counts_ = 0.0;      // the same for a rotation block
+  double square_of_even_rate_ = 0.0;  // (k - 1) / |alpha|^2, alpha in counts
   std::int64_t next_counter_ = 0;
   SpikeFinder spikes_;
   std::int64_t left_out_ = 0;                   // samples since the last one that was taken
