@@ -110,6 +110,10 @@ std::vector<Scores> DiagnosisModel::scores(const std::vector<EffectColumn>& cand
   return scores;
 }
 
+bool DiagnosisModel::has_chosen(const EffectColumn& column) const {
+  return std::any_of(chosen.begin(), chosen.end(), [&](const EffectColumn& c) { return c.key() == column.key(); });
+}
+
 std::vector<EffectColumn> DiagnosisModel::chosen_without(const std::string& name) const {
   std::vector<EffectColumn> without = chosen;
   std::erase_if(without, [&](const EffectColumn& c) { return c.entry->name == name; });

@@ -38,6 +38,8 @@ struct DiagnosisModel {
   // One filter pass at `current` with candidates after its effects, and what each of them would bring.
   // At each of these, which may differ from the fitted one in bias instability only.
   std::vector<Scores> scores(const std::vector<EffectColumn>& candidates, const std::vector<NoiseModel>& noises) const;
+  // With whatever time constant: a component is in a model once.
+  bool has_chosen(const EffectColumn& column) const;
   std::vector<EffectColumn> chosen_without(const std::string& name) const;
   NoiseModel bare_noise() const;  // the fitted one without bias instability
 

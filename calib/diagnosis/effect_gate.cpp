@@ -78,6 +78,7 @@ bool replaced_by_rival(DiagnosisModel& m, Diagnosis& d, const std::string& name,
     for (const EffectColumn& rival : stage.rival_columns) {
       const std::string rival_name(rival.entry->name);
       if (std::find(d.gated_out.begin(), d.gated_out.end(), rival_name) != d.gated_out.end()) continue;
+      if (m.has_chosen(rival)) continue;
       std::vector<EffectColumn> model = m.chosen_without(name);
       model.push_back(rival);
       JointResult other = m.fit(model, m.current);

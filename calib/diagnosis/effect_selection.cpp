@@ -38,9 +38,7 @@ Nominee best(const DiagnosisModel& m, const Scores& s, bool patterns, bool paid 
   for (int k = 0; k < static_cast<int>(m.columns.size()); ++k) {
     const EffectColumn& column = m.columns[static_cast<std::size_t>(k)];
     if (is_pattern(column) != patterns || !visible(s, k)) continue;
-    const bool taken =
-        std::any_of(m.chosen.begin(), m.chosen.end(), [&](const EffectColumn& c) { return c.key() == column.key(); });
-    if (taken && !patterns) continue;
+    if (m.has_chosen(column)) continue;
     const double z_square = s.s[k] * s.s[k] / s.Q(k, k) - (paid ? penalty(column, m.current.last.observations) : 0.0);
     if (z_square > top.z_square) top = {k, z_square};
   }
@@ -55,7 +53,7 @@ std::vector<Nominee> rivals_of(const DiagnosisModel& m, const Nominee& top, cons
     Nominee rival;
     for (int k = 0; k < static_cast<int>(m.catalogue.size()) && &entry != winner; ++k) {
       const EffectColumn& column = m.catalogue[static_cast<std::size_t>(k)];
-      if (column.entry != &entry || !visible(s, k)) continue;
+      if (column.entry != &entry || !visible(s, k) || m.has_chosen(column)) continue;
       const double z_square = s.s[k] * s.s[k] / s.Q(k, k) - penalty(column, m.current.last.observations);
       if (z_square > rival.z_square) rival = {k, z_square};
     }

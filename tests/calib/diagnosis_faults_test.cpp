@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <set>
 
 #include "calib/diagnosis/diagnosis.h"
 #include "tests/disturbance.h"
@@ -342,6 +343,21 @@ TEST(DiagnosisFaults, NothingDeterminedIsNotTested) {
   CompressedRecording empty;
   empty.info = clean().recording.info;
   EXPECT_EQ(diagnose(empty).verdict, Verdict::not_tested);
+}
+
+// Two exponentials of one gyro: its warm-up is in the model already, so it is no candidate with another time constant.
+TEST(DiagnosisFaults, OneComponentIsNotTakenTwice) {
+  const Diagnosis d = diagnose_with(clean(), [](const DisturbedMoment& m) {
+    AddedReading added;
+    added.gyro_radps.y() = 5.0 * degph * (std::exp(-m.time_s / 60.0) + std::exp(-m.time_s / 700.0));
+    return added;
+  });
+  std::set<std::string> accepted;
+  for (const SelectionStage& stage : d.stages)
+    if (stage.accepted) {
+      EXPECT_TRUE(accepted.insert(stage.chosen.key()).second) << stage.chosen.key() << " twice; " << told(d);
+    }
+  EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
 }
 
 // A latitude so far off that it hides in the noise is in the reason.
