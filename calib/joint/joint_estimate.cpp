@@ -79,6 +79,7 @@ JointResult JointRun::run() {
     r.setup.breaks = options_.faults_of->setup.breaks;
   } else {
     r.faults = faults_from_events(recording_, r.setup.breaks);
+    for (const Break& cut : options_.breaks) add_break(r.setup.breaks, cut);
     for (const std::size_t block : options_.begins)
       add_break(r.setup.breaks, {.block = block, .begins_recording = true});
   }

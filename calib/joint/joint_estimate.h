@@ -39,6 +39,7 @@ struct JointOptions {
   std::optional<double> reference_temperature_c;  // default: the mean of the recording
   std::vector<char> unobserved;                   // blocks left out (hold-out), see FilterSetup
   std::vector<std::size_t> begins;                // first blocks of further recordings (joined_recordings.h)
+  std::vector<Break> breaks;                      // known beforehand, beside those that the data show
   // Which of the 24 are estimated; default: the 21 free ones.
   std::optional<std::vector<int>> free_parameters;
   bool look_for_faults = true;
