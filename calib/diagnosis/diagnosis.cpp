@@ -148,14 +148,19 @@ void leave_unexplained(DiagnosisModel& m, Diagnosis& d) {
   d.separate_by.clear();
 }
 
-// Empty where the innovations are about white.
+// The accelerometers' pulses beat nearly always, and their innovations are those of the pulses.
+bool noise_is_of_pulses(const LackOfFit& fit) { return fit.innovation_correlation < 0.0 && fit.beating_part > 0.5; }
+
+// Empty where the innovations are about white, or are those of pulses and no larger than pulses make them.
 std::string misfit_of_noise(const DiagnosisModel& m, const LackOfFit& fit) {
   const NoiseLimits& limits = m.options.limits.noise;
   const Whiteness& whiteness = m.current.whiteness;
-  if (fit.innovation_correlation < 0.0) return whiteness.white ? "" : whiteness.message;
+  const bool of_pulses = noise_is_of_pulses(fit);
+  if (fit.innovation_correlation < 0.0 && !of_pulses) return whiteness.white ? "" : whiteness.message;
   if (fit.innovation_correlation >= limits.correlation)
     return "innovations are correlated in time: the noise model does not fit";
-  if (whiteness.level <= limits.lowest_level || whiteness.level >= limits.highest_level)
+  const double high = fit.innovation_level < 0.0 ? whiteness.level : fit.innovation_level;
+  if (whiteness.level <= limits.lowest_level || high >= (of_pulses ? limits.highest_of_pulses : limits.highest_level))
     return "innovations are larger or smaller than the noise model says";
   return "";
 }
@@ -215,6 +220,7 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
   if (m.chosen.empty()) {
     d.verdict = Verdict::clean;
     d.reason = "the base model explains the data";
+    if (noise_is_of_pulses(d.lack_of_fit)) d.reason += "; the accelerometers' pulses hide whether their noise is white";
     return;
   }
   if (const std::string name = lost_in_its_class(m.current.effects); !name.empty()) {
@@ -334,6 +340,8 @@ Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& o
       return d;
     }
   }
+  for (const CompressedRecording* holdout : options.holdouts)
+    d.holdout_own_noise = std::max(d.holdout_own_noise, own_noise_of(*holdout, d.base).maxCoeff());
   d.verdict = Verdict::clean;
   const std::optional<SeveralRecordings> apart = contradiction(recordings, d.base);
   if (!apart) select_effects(m, d);

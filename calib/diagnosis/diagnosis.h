@@ -111,8 +111,9 @@ struct LackOfFit {
   std::vector<LackOfFitTest> tests;
   LackOfFitTest worst;
   double log10_limit = 0.0;
-  // The largest of the innovations over 1 to 5 s, on body axes, seconds in which pulses beat set aside; negative: too few to say.
-  double innovation_correlation = -1.0;
+  // Of the innovations on body axes, seconds in which pulses beat set aside: the largest correlation over 1 to 5 s, and the mean square;
+  // negative: too few to say. And the part that was set aside.
+  double innovation_correlation = -1.0, innovation_level = -1.0, beating_part = 0.0;
   std::vector<Eigen::VectorXd>
       unseen;  // what no test shows may move the free parameters and effects by (nameless_families.h)
 };
@@ -149,7 +150,9 @@ struct Diagnosis {
   double error_before = 0.0, error_after = 0.0;  // rms normalised residual, both with the noise of the final model
   HoldoutError holdout_before, holdout_after;
   std::string holdout_source;  // HoldoutGate::source()
-  OfEachRecording each;        // of several recordings: what base and extended hold is common to them
+  // So many times as noisy at rest as the fitted recording is the noisiest holdout, and judged by its own noise; 1: by the fit's.
+  double holdout_own_noise = 1.0;
+  OfEachRecording each;  // of several recordings: what base and extended hold is common to them
   std::vector<ResidualPoint> residuals;
 };
 

@@ -41,18 +41,6 @@ void add(const CompressedRecording& recording, const std::vector<Innovation>& in
   }
 }
 
-// With the random walks of its own rests where they are larger than its level may be.
-NoiseModel own_noise(const CompressedRecording& holdout, const JointResult& fit, NoiseModel noise) {
-  const NoiseModel of_fit = start_noise(holdout, fit.allan, fit.parameters);
-  const NoiseModel own = start_noise(holdout, allan_deviation(holdout, fit.parameters), fit.parameters);
-  const auto raise = [](Eigen::Vector3d& walk, double ratio) {
-    if (ratio > GateLimits{}.highest_error) walk *= ratio;
-  };
-  raise(noise.angle_random_walk, own.angle_random_walk.x() / of_fit.angle_random_walk.x());
-  raise(noise.velocity_random_walk, own.velocity_random_walk.x() / of_fit.velocity_random_walk.x());
-  return noise;
-}
-
 // Parameters and effects of `result` with the recording's own biases, and its own values of what goes with the time of one run.
 void fit_own_biases(const CompressedRecording& recording, const JointResult& result, FilterSetup setup,
                     ParameterVector& parameters, EffectModel& model) {
@@ -113,9 +101,20 @@ EffectModel effect_model_of(const JointResult& result, double latitude_deg, cons
   return model;
 }
 
+Eigen::Vector2d own_noise_of(const CompressedRecording& holdout, const JointResult& fit) {
+  const NoiseModel of_fit = start_noise(holdout, fit.allan, fit.parameters);
+  const NoiseModel own = start_noise(holdout, allan_deviation(holdout, fit.parameters), fit.parameters);
+  const auto raised = [](double ratio) { return ratio > GateLimits{}.highest_error ? ratio : 1.0; };
+  return {raised(own.angle_random_walk.x() / of_fit.angle_random_walk.x()),
+          raised(own.velocity_random_walk.x() / of_fit.velocity_random_walk.x())};
+}
+
 FilterSetup holdout_setup(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise) {
   FilterSetup setup;
-  setup.noise = own_noise(holdout, result, noise);
+  setup.noise = noise;
+  const Eigen::Vector2d raised = own_noise_of(holdout, result);
+  setup.noise.angle_random_walk *= raised[0];
+  setup.noise.velocity_random_walk *= raised[1];
   faults_from_events(holdout, setup.breaks);
   const JointStart start = joint_start(holdout, result.parameters);
   setup.headings_rad = {start.heading_rad};

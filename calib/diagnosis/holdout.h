@@ -23,6 +23,10 @@ inline constexpr std::size_t velocity_seconds = 20;
 // `more`: columns after them, at zero.
 EffectModel effect_model_of(const JointResult& result, double latitude_deg, const std::vector<EffectColumn>& more = {});
 
+// Random walk at rest of the gyros and of the accelerometers, in that of the fitted recording, where it is larger than the level of a
+// holdout may be (GateLimits); else 1.
+Eigen::Vector2d own_noise_of(const CompressedRecording& holdout, const JointResult& fit);
+
 // How the filter is to be run on a holdout: its own start, heading and faults, and its own noise where it has more than `noise`.
 FilterSetup holdout_setup(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise);
 

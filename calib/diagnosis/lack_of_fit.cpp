@@ -29,7 +29,7 @@ void test_innovations(const CompressedRecording& recording, const FilterResult& 
                       const LackOfFitLimits& limits, LackOfFit& result) {
   const int lags = limits.lags_s;
   std::vector<Eigen::Vector3d> u;
-  double taking_part = 0.0;
+  double taking_part = 0.0, quiet_square = 0.0;
   std::vector<std::size_t> blocks;
   for (const FilterStep& step : pass.steps) {
     if (!step.observed) continue;
@@ -38,8 +38,9 @@ void test_innovations(const CompressedRecording& recording, const FilterResult& 
     Eigen::Vector3d v = (step.C_mid.transpose() * step.nu).cwiseQuotient(variance.cwiseSqrt());
     const Block& block = recording.blocks[step.block];
     for (int axis = 0; axis < 3; ++axis) {
-      v[axis] = std::clamp(v[axis], -noise_limits.outlier, noise_limits.outlier);
       if (beats(block.accel[axis], block.samples, accel_pulse_mps, limits.pulse_share * variance[axis])) v[axis] = 0.0;
+      quiet_square += v[axis] * v[axis];
+      v[axis] = std::clamp(v[axis], -noise_limits.outlier, noise_limits.outlier);
     }
     taking_part += static_cast<double>((v.array() != 0.0).count());
     u.push_back(v);
@@ -57,8 +58,12 @@ void test_innovations(const CompressedRecording& recording, const FilterResult& 
   double square = 0.0;
   for (const Eigen::Vector3d& v : u) square += v.squaredNorm();
   square /= std::max(1.0, taking_part);
+  if (!u.empty()) result.beating_part = 1.0 - taking_part / (3.0 * static_cast<double>(u.size()));
+  // Fewer pairs reach the limit of the correlation by chance.
+  const double enough = std::pow(noise_limits.of_chance / noise_limits.correlation, 2);
+  if (taking_part > enough) result.innovation_level = quiet_square / taking_part;
   for (int k = 0; k < limits.near_lags_s; ++k)
-    if (pairs[k] > limits.fewest_pairs)
+    if (pairs[k] > enough)
       result.innovation_correlation = std::max(result.innovation_correlation, std::abs(sum[k]) / (pairs[k] * square));
   LackOfFitTest test;
   test.family = "innovations";

@@ -233,6 +233,8 @@ struct NoiseLimits {
   // make sigmas too large: clean runs with a small velocity random walk came to 0.76 to 0.78 (3 of 120); 0.64 is a quarter of sigma.
   double correlation = 0.15;
   double lowest_level = 0.64, highest_level = 1.25;
+  // Where innovations are those of pulses: a sawtooth stays within a quarter of its height squared, three times its mean square.
+  double highest_of_pulses = 3.0;
 };
 inline constexpr NoiseLimits noise_limits;
 

@@ -105,6 +105,7 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
   lines.number("holdout.velocity_rms_before_mps", holdout_value(d.holdout_before, d.holdout_before.velocity_rms_mps));
   lines.number("holdout.velocity_rms_after_mps", holdout_value(d.holdout_after, d.holdout_after.velocity_rms_mps));
   lines.value("holdout.source", d.holdout_source);
+  if (d.holdout_own_noise > 1.0) lines.number("holdout.own_noise", d.holdout_own_noise);
   for (std::size_t k = 0; k < d.each.turn_ons.biases.size(); ++k)
     for (int column = 0; column < 6; ++column)
       lines.number(

@@ -44,7 +44,10 @@ bool known(const HoldoutError& error) { return error.observations > 0; }
 std::string in_mm(double velocity_mps) { return significant(1e3 * velocity_mps, 3); }
 
 std::string holdout_name(const Diagnosis& diagnosis) {
-  return "held-out data" + (diagnosis.holdout_source.empty() ? "" : " (" + diagnosis.holdout_source + ")");
+  std::string source = diagnosis.holdout_source;
+  if (diagnosis.holdout_own_noise > 1.0)
+    source += ", judged by noise of its own, " + significant(diagnosis.holdout_own_noise, 2) + " times the fit's";
+  return "held-out data" + (source.empty() ? "" : " (" + source + ")");
 }
 
 std::string error_clause(const Diagnosis& d) {

@@ -194,6 +194,7 @@ TEST(DiagnosisFaults, NoisierHoldoutIsJudgedByItsOwnNoise) {
   const Diagnosis d = diagnose_with(made, {});
   EXPECT_EQ(d.verdict, Verdict::clean) << told(d);
   EXPECT_NEAR(d.holdout_after.normalised_rms, 1.0, 0.2);
+  EXPECT_NEAR(d.holdout_own_noise, 5.0, 1.5);
 }
 
 TEST(DiagnosisFaults, BiasWithATableAngleGetsNoName) {

@@ -30,7 +30,8 @@ TEST(LimitsOfTheDocument, AreThoseOfTheProgram) {
                                                   {"gate.highest_error", gate.highest_error},
                                                   {"noise.correlation", noise.correlation},
                                                   {"noise.lowest_level", noise.lowest_level},
-                                                  {"noise.highest_level", noise.highest_level}};
+                                                  {"noise.highest_level", noise.highest_level},
+                                                  {"noise.highest_of_pulses", noise.highest_of_pulses}};
   std::ifstream document(std::string(TURNCAL_SOURCE_DIR) + "/docs/diagnosis.md");
   std::map<std::string, double> printed;
   for (std::string line; std::getline(document, line);)

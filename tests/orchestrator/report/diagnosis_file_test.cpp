@@ -41,6 +41,13 @@ TEST(DiagnosisFile, HoldsTheContractForAnAddedEffect) {
             "holdout.source = second recording\n");
 }
 
+TEST(DiagnosisFile, SaysThatAHoldoutIsJudgedByItsOwnNoise) {
+  Diagnosis diagnosis = extended_sample().diagnosis;
+  diagnosis.holdout_own_noise = 2.5;
+  const std::string text = format_diagnosis(diagnosis);
+  EXPECT_TRUE(text.ends_with("\nholdout.source = second recording\nholdout.own_noise = 2.5\n")) << text;
+}
+
 TEST(DiagnosisFile, SaysWhatTheEffectsAreWorth) {
   const std::string text = format_diagnosis(extended_sample().diagnosis, sample_worth());
   EXPECT_TRUE(
