@@ -121,12 +121,12 @@ TEST(Diagnosis, NoiseGivenThreeTimesTooSmallIsANoiseModelVerdict) {
   EXPECT_TRUE(d.effect_names.empty());
 }
 
-// Pulses of 5 mm/s beat for seconds in nearly every dwell: what that makes of the innovations says nothing of the unit.
+// Pulses of 20 mm/s beat for seconds in nearly every dwell: what that makes of the innovations says nothing of the unit.
 TEST(Diagnosis, PulsesThatBeatAreNoMisfitOfTheNoise) {
   for (const std::uint64_t seed : {21u, 22u, 24u}) {
     RigConfig config = unit(seed);
-    config.accel_pulse_mps = 0.005;
-    config.noise.accel_random_walk_ug_per_rt_hz = 30.0;
+    config.accel_pulse_mps = 0.02;
+    config.noise.accel_random_walk_ug_per_rt_hz = 50.0;
     config.noise.gyro_random_walk_deg_per_rt_h = 0.05;
     const Diagnosis d = diagnose_with_holdout(make(config));
     EXPECT_EQ(d.verdict, Verdict::clean) << seed << ": " << d.reason;
