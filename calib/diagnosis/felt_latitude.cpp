@@ -8,6 +8,7 @@
 
 #include "calib/joint/score_algebra.h"
 #include "calib/model/limits.h"
+#include "calib/statistics/unit_slip.h"
 
 namespace turncal {
 namespace {
@@ -80,6 +81,8 @@ std::optional<FeltLatitude> felt_latitude(const CompressedRecording& recording, 
 }
 
 std::string wrong_latitude(const CompressedRecording& recording, const JointResult& fit) {
+  // Where gyros are connected otherwise nothing settles, and a rate of the earth of its own costs a fit more.
+  if (!fit.converged && !wrong_table_axes(recording, fit.setup.mounting).empty()) return "";
   const std::optional<FeltLatitude> felt = felt_latitude(recording, fit);
   const double stated_deg = recording.info.latitude_deg;
   if (!felt || !felt->speaks_against(stated_deg * rad_per_deg, latitude_limits.least_deg)) return "";
