@@ -63,12 +63,24 @@ std::string error_clause(const Diagnosis& d) {
          ratio(d.holdout_before.normalised_rms) + " to " + ratio(d.holdout_after.normalised_rms);
 }
 
+// Why a score beyond its limit made no name; empty where it is not beyond.
+std::string why_not_taken(const Diagnosis& d, const CandidateScore& best, double limit) {
+  if (std::abs(best.z) <= limit || d.stages.empty()) return "";
+  const SelectionStage& last = d.stages.back();
+  if (last.accepted) return "; held-out data speak against " + last.chosen.key();
+  return "; it was not taken, for with noise and parameters fitted again 2 ln L gains " + significant(last.gain, 3) +
+         (last.chosen.key() == best.column.key() ? "" : " at most (" + last.chosen.key() + ")") + " where " +
+         significant(last.threshold, 3) + " is needed" +
+         (last.gain > last.threshold ? ", and the effect is too few of its own sigmas" : "");
+}
+
 std::string clean_sentence(const Diagnosis& d, const DiagnosisContext& context) {
   std::string text = "the 24 parameters explain the data to the noise";
   if (const CandidateScore* best = strongest_candidate(d)) {
     text += "; the strongest of " + std::to_string(d.candidates.size()) + " candidates, " + best->column.key() +
             ", scores " + significant(std::abs(best->z), 2) + " sigma where " +
-            significant(family_threshold_z(d, context.false_alarm), 2) + " are needed";
+            significant(family_threshold_z(d, context.false_alarm), 2) + " are needed" +
+            why_not_taken(d, *best, family_threshold_z(d, context.false_alarm));
   }
   if (!d.gated_out.empty())
     text += "; " + join(d.gated_out) + " fitted better but did not lower the error on held-out data";

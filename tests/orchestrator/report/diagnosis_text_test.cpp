@@ -73,6 +73,24 @@ TEST(VerdictSentence, NamesTheEffectsThatStandBesideAnUnexplainedResidual) {
   EXPECT_EQ(text.find("no effect is named"), std::string::npos) << text;
 }
 
+TEST(VerdictSentence, SaysWhyAScoreBeyondTheLimitIsNotTaken) {
+  Sample sample = clean_sample();
+  CandidateScore& best = *std::find_if(sample.diagnosis.candidates.begin(), sample.diagnosis.candidates.end(),
+                                       [](const CandidateScore& c) { return c.column.key() == "gyro_g_squared.z_yz"; });
+  best.z = 9.0;
+  SelectionStage last;
+  last.chosen = best.column;
+  last.gain = 6.5;
+  last.threshold = 18.4;
+  sample.diagnosis.stages = {last};
+  const std::string text = verdict_sentence(sample.diagnosis, sample_context(sample), Alphabet::plain);
+  EXPECT_NE(
+      text.find("scores 9.0 sigma where 4.1 are needed; it was not taken, for with noise and parameters fitted again "
+                "2 ln L gains 6.50 where 18.4 is needed;"),
+      std::string::npos)
+      << text;
+}
+
 void expect_fits(const std::vector<std::string>& lines) {
   EXPECT_LE(lines.size(), 30u);
   for (const std::string& line : lines) {
