@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "calib/diagnosis/curve_of_two.h"
 #include "calib/diagnosis/diagnosis_model.h"
 #include "calib/diagnosis/effect_gate.h"
 #include "calib/diagnosis/effect_selection.h"
@@ -12,6 +13,7 @@
 #include "calib/diagnosis/lack_of_fit.h"
 #include "calib/diagnosis/lack_of_fit_tests.h"
 #include "calib/diagnosis/name_check.h"
+#include "calib/diagnosis/time_constant.h"
 #include "calib/statistics/unit_slip.h"
 
 namespace turncal {
@@ -148,6 +150,34 @@ void leave_unexplained(DiagnosisModel& m, Diagnosis& d) {
   d.separate_by.clear();
 }
 
+CurveOfTwo curve_of_two(const JointResult& fit) {
+  std::vector<EffectColumn> columns;
+  std::vector<double> values;
+  std::vector<Eigen::Index> rows;
+  for (std::size_t i = 0; i < fit.free.size(); ++i) {
+    if (fit.free[i] < parameter_count) continue;
+    const EstimatedEffect& effect = fit.effects[static_cast<std::size_t>(fit.free[i] - parameter_count)];
+    if (is_turn_on(effect.column)) continue;
+    columns.push_back(effect.column);
+    values.push_back(effect.value);
+    rows.push_back(static_cast<Eigen::Index>(i));
+  }
+  const auto count = static_cast<Eigen::Index>(values.size());
+  return curve_of_two(columns, Eigen::VectorXd::Map(values.data(), count), [&](int a, int b) {
+    const Eigen::Index i = rows[static_cast<std::size_t>(a)], j = rows[static_cast<std::size_t>(b)];
+    Eigen::Matrix2d covariance;
+    covariance << fit.covariance(i, i), fit.covariance(i, j), fit.covariance(j, i), fit.covariance(j, j);
+    return Eigen::Matrix2d(covariance.inverse());
+  });
+}
+
+// Are all parameters determined that are estimated at all?
+bool whole(const JointResult& fit) {
+  for (std::size_t k = 0; k < parameter_count; ++k)
+    if (parameter_is_free[k] && !fit.determined[k]) return false;
+  return true;
+}
+
 // The accelerometers' pulses beat nearly always, and their innovations are those of the pulses.
 bool noise_is_of_pulses(const LackOfFit& fit) { return fit.innovation_correlation < 0.0 && fit.beating_part > 0.5; }
 
@@ -214,9 +244,23 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
     leave_unexplained(m, d);
     return;
   }
+  if (const CurveOfTwo curve = curve_of_two(m.current); curve.found()) {
+    d.reason = curve.why;
+    d.unexplained_pattern = curve.what;
+    leave_unexplained(m, d);
+    return;
+  }
+  if (!whole(m.current)) {
+    d.verdict = Verdict::not_tested;
+    d.reason = "the recording does not determine all of the parameters";
+    return;
+  }
   d.trusted = true;
   d.fitted_covariance = m.current.covariance;
-  widen(m.current, what_may_be(m, d), 1.0);
+  std::vector<Eigen::VectorXd> shifts = what_may_be(m, d);
+  const std::vector<OpenTime> times = open_times(m);
+  for (const OpenTime& time : times) shifts.insert(shifts.end(), time.shifts.begin(), time.shifts.end());
+  widen(m.current, shifts, 1.0);
   if (m.chosen.empty()) {
     d.verdict = Verdict::clean;
     d.reason = "the base model explains the data";
@@ -234,6 +278,12 @@ void judge(DiagnosisModel& m, Diagnosis& d) {
   std::snprintf(text, sizeof text, "held-out error %.4f before, %.4f after", d.holdout_before.normalised_rms,
                 d.holdout_after.normalised_rms);
   d.reason = text;
+  for (const OpenTime& time : times) {
+    std::snprintf(text, sizeof text, "; %s with %s = %.4g, %.4g to %.4g", time.name.c_str(),
+                  std::string(find_effect(time.name)->variant).c_str(), time.tau_s,
+                  time.tau_s * std::exp(-time.log_sigma), time.tau_s * std::exp(time.log_sigma));
+    d.reason += text;
+  }
 }
 
 void collect_residuals(const DiagnosisModel& m, Diagnosis& d) {
@@ -345,6 +395,7 @@ Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& o
   d.verdict = Verdict::clean;
   const std::optional<SeveralRecordings> apart = contradiction(recordings, d.base);
   if (!apart) select_effects(m, d);
+  find_time_constants(m);
   // Of data that fit nothing even the start may not be found again: then the trial that chose them stands.
   if (!m.chosen.empty())
     if (JointResult again = joint_estimate(m.recording, m.estimate_options(m.chosen, &m.current)); again.converged)

@@ -47,6 +47,9 @@ struct SelectionLimits {
   // A component whose columns' multiple correlation with another effect is above this is its alias: 4 sigma of one are then 1 sigma
   // of the difference (1 / sqrt(1 - 0.97^2) = 4.1).
   double alias_correlation = 0.97;
+  // Two members of one class against each other (curve_of_two.h): each is so many times larger, in what the data see of it, than both
+  // together. A bias that is half a wave came to 9.4; a warm-up beside a drift of the measured run exp_6, which both belong to it, to 0.5.
+  double against_each_other = 3.0;
   // Of what the columns hold, the part that the model does not imitate must be above rounding.
   double visible_part = 1e-9;
   // What a recording would have caught: five sigma, which the family-wise 0.5 % (4.3 of them) then finds three times in four.
@@ -86,6 +89,9 @@ struct RestLimits {
   // Correlation of what two effects explain: one class from 0.9 on (of 4.5 sigma of one 2 are left of the difference), and kindred from
   // 0.7 on (half of the variance in common).
   double class_correlation = 0.9, kindred_correlation = 0.7;
+  // A component stays when it is this many of the sigma that is handed out with it: of the 18 of one name none is there by chance in 95 of
+  // 100. BIC takes a further one from 2.3 sigma on.
+  double clear = 3.0;
   // Length of a column that is left after projection: below this it is rounding and linearisation.
   double unseen_part = 1e-5;
   // Kinds of observation that hold less than this share of a column do not count among its degrees of freedom.

@@ -34,26 +34,48 @@ void judge_accelerometers(RestDiagnosisModel& m, RestDiagnosis& d) {
       candidate.remark = "not tested: " + d.accel_not_tested;
 }
 
+// The model without one of its components; false where that does not settle.
+bool drop_component(RestDiagnosisModel& m, RestDiagnosis& d, std::size_t k) {
+  const auto at = static_cast<Eigen::Index>(k);
+  const Eigen::VectorXd& all = m.model.fit.effect_values;
+  std::vector<EffectColumn> columns = m.model.columns;
+  columns.erase(columns.begin() + static_cast<std::ptrdiff_t>(k));
+  Eigen::VectorXd values(all.size() - 1);
+  values << all.head(at), all.tail(values.size() - at);
+  RestModelFit smaller = m.refit(std::move(columns), values);
+  if (!smaller.fit.converged) return false;
+  const EffectEntry* entry = m.model.columns[k].entry;
+  m.model = std::move(smaller);
+  if (!m.in_model(entry)) std::erase_if(d.aliases, [&](const auto& item) { return item.first == entry->name; });
+  return true;
+}
+
+double z_of(const RestDiagnosisModel& m, std::size_t k) {
+  const auto at = static_cast<Eigen::Index>(k);
+  return std::abs(m.model.fit.effect_values[at]) / m.model.fit.sigma[parameter_count + at];
+}
+
 // What was found early may have been a stand-in for what was found later.
 void drop_superseded(RestDiagnosisModel& m, RestDiagnosis& d) {
   for (std::size_t k = 0; k + 1 < m.model.columns.size();) {
-    const auto at = static_cast<Eigen::Index>(k);
-    const Eigen::VectorXd& all = m.model.fit.effect_values;
-    const double z = all[at] / m.model.fit.sigma[parameter_count + at];
-    if (z * z > std::log(m.rows())) {
+    if (const double z = z_of(m, k); z * z > std::log(m.rows()))
       ++k;
-      continue;
-    }
-    std::vector<EffectColumn> columns = m.model.columns;
-    columns.erase(columns.begin() + static_cast<std::ptrdiff_t>(k));
-    Eigen::VectorXd values(all.size() - 1);
-    values << all.head(at), all.tail(values.size() - at);
-    RestModelFit smaller = m.refit(std::move(columns), values);
-    if (!smaller.fit.converged) return;
-    const EffectEntry* entry = m.model.columns[k].entry;
-    m.model = std::move(smaller);
-    if (!m.in_model(entry)) std::erase_if(d.aliases, [&](const auto& item) { return item.first == entry->name; });
+    else if (!drop_component(m, d, k))
+      return;
   }
+}
+
+// Components that are not clear, the weakest first. What they would do to the parameters: into `beside`.
+void drop_unclear(RestDiagnosisModel& m, RestDiagnosis& d, std::vector<Eigen::VectorXd>& beside) {
+  const Parameters with = m.model.fit.parameters;
+  const std::size_t all = m.model.columns.size();
+  while (!m.model.columns.empty()) {
+    std::size_t weakest = 0;
+    for (std::size_t k = 1; k < m.model.columns.size(); ++k)
+      if (z_of(m, k) < z_of(m, weakest)) weakest = k;
+    if (z_of(m, weakest) > m.options.clear || !drop_component(m, d, weakest)) break;
+  }
+  if (m.model.columns.size() < all) beside.push_back(to_vector(with) - to_vector(m.model.fit.parameters));
 }
 
 RestHoldout on_holdout(const RestDiagnosisModel& m, const RestFit& fit, const std::vector<RestEffect>& effects) {
@@ -79,6 +101,7 @@ void widen(RestFit& fit, const Parameters& from, const std::vector<Eigen::Vector
 // The names of the model against what has none.
 void judge_names(RestDiagnosisModel& m, RestDiagnosis& d) {
   std::vector<Eigen::VectorXd> beside;
+  drop_unclear(m, d, beside);
   d.unexplained = why_names_fall(m, beside);
   if (!d.unexplained.empty()) {
     for (const EffectColumn& column : m.model.columns)

@@ -14,7 +14,8 @@
 //   3. The gate: an effect stays only when it lowers the error on rests and rotations left out in turn, and, where there
 //      is one, on a second recording of the unit.
 // An effect of time or temperature that was found on one triad is looked for on the other without paying for the whole
-// catalogue again. A component that a later one makes superfluous is taken out (BIC). What comes within `alias_margin`
+// catalogue again. A component that a later one makes superfluous is taken out (BIC), and at the end every one that is not clear; what it would do to the parameters is in
+// their sigmas. What comes within `alias_margin`
 // of the best and is explained by it is named as its alias; of what the data hardly tell apart (correlation above 0.9)
 // the effect with the fewest components goes into the model.
 //
@@ -39,6 +40,7 @@
 
 #include "calib/diagnosis/diagnosis.h"
 #include "calib/model/effects.h"
+#include "calib/model/limits.h"
 #include "calib/rests/rest_model.h"
 
 namespace turncal {
@@ -52,6 +54,7 @@ struct RestDiagnosisOptions {
   // A name is judged in the kinds of observation that hold this share of its columns and more; with it they must come below
   // unexplained_ratio, too.
   double lives_in = 0.25;
+  double clear = rest_limits.clear;   // sigma, of a component
   double least_redundancy = 20.0;     // observations beyond the 21 parameters
   double most_leverage = 5.0;         // left-out error over fitted error, kind by kind
   const RestData* holdout = nullptr;  // a second recording of the unit, not used in the fit

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "calib/diagnosis/curve_of_two.h"
 #include "calib/diagnosis/nameless_families.h"
 #include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
@@ -108,6 +109,8 @@ class Rivals {
   Fits fits(const std::vector<Index>& of) const;
   // Kinds of observation in which columns show beyond the others of the model.
   std::array<double, rest_kind_count> shares(const std::vector<Index>& of) const;
+  Eigen::Matrix2d information(Index a,
+                              Index b) const;  // of two effect columns, everything else in the model eliminated
   const std::vector<RestFamily>& all() const { return families_; }
 
  private:
@@ -148,6 +151,14 @@ std::array<double, rest_kind_count> Rivals::shares(const std::vector<Index>& of)
   return share_by_kind(left);
 }
 
+Eigen::Matrix2d Rivals::information(Index a, Index b) const {
+  const MatrixXd Q = column_space(others({a, b}));
+  MatrixXd left(J_.rows(), 2);
+  left << J_.col(rest_parameter_count + a), J_.col(rest_parameter_count + b);
+  left -= Q * (Q.transpose() * left);
+  return left.transpose() * left;
+}
+
 Rivals::Fits Rivals::fits(const std::vector<Index>& of) const {
   const MatrixXd base = others(of);
   const MatrixXd Q = column_space(base);
@@ -186,6 +197,9 @@ Rivals::Fits Rivals::fits(const std::vector<Index>& of) const {
 
 std::string why_names_fall(const RestDiagnosisModel& m, std::vector<VectorXd>& beside) {
   const Rivals rivals(m);
+  const CurveOfTwo curve = curve_of_two(m.model.columns, m.model.fit.effect_values,
+                                        [&rivals](int a, int b) { return rivals.information(a, b); });
+  if (curve.found()) return curve.why + ": a " + curve.what;
   const Rivals::Fits left = rivals.fits({});
   char text[240];
   std::set<std::string_view> names;

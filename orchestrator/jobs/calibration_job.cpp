@@ -106,7 +106,8 @@ std::string distrust_of(const CompressedRecording& recording, const JointResult&
   return text;
 }
 
-// Why a recording leaves parameters open: data that no model fits take the noise so high that it hides the rest.
+}  // namespace
+
 std::string why_open(const CompressedRecording& recording, const JointResult& result) {
   if (const std::string clipped = clipped_gyros(recording); !clipped.empty())
     return "expected slower turns, " + clipped;
@@ -115,6 +116,8 @@ std::string why_open(const CompressedRecording& recording, const JointResult& re
   const std::string misfit = distrust_of(recording, result, true);
   return misfit.empty() ? "expected the steps that do" : misfit;
 }
+
+namespace {
 
 Status joint(const CompressedRecording& recording, const CalibrationRequest& request, CalibrationOutput& output) {
   JointOptions options;

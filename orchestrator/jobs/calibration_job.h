@@ -45,6 +45,10 @@ void note_mounting(const JointResult& result, std::vector<std::string>& notes);
 // record.measured_utc, where the recording says it and the file does not.
 void add_measured_utc(const RecordingInfo& info, ParameterFile& file);
 
+// Why a recording leaves parameters open, as "expected slower turns, ...": data that no model fits take the noise so high that it hides the
+// rest.
+std::string why_open(const CompressedRecording& recording, const JointResult& result);
+
 // Parameters stay open: of the kind of the verdict not_tested, so that one outcome has one exit code.
 Error not_determined(const std::string& what);
 

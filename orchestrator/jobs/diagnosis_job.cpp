@@ -8,6 +8,7 @@
 #include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/navigation/effect_worth.h"
+#include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/pose_report.h"
 #include "orchestrator/report/rest_as_diagnosis.h"
@@ -70,6 +71,10 @@ Result<DiagnosisOutput> of_table(const Recordings& recordings, const JoinedRecor
   for (const LoadedRecording* holdout : request.holdouts) settings.holdouts.push_back(&holdout->data);
   request.phase("diagnosing: fit, scores of the catalogue, selection, held-out data");
   Diagnosis diagnosis = diagnose(joined, settings);
+  const std::string open = undetermined_parameters(diagnosis.extended);
+  if (diagnosis.verdict == Verdict::not_tested && diagnosis.extended.converged && !open.empty())
+    return Error{ErrorKind::unit_failed, recording.path + ": this recording does not determine " + open + ": " +
+                                             why_open(joined.data, diagnosis.extended)};
   if (diagnosis.verdict == Verdict::not_tested)
     return Error{ErrorKind::unit_failed, recording.path + ": " + diagnosis.reason};
   note_mounting(diagnosis.base, context.notes);

@@ -361,6 +361,37 @@ TEST(DiagnosisFaults, OneComponentIsNotTakenTwice) {
   EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
 }
 
+// Between the time constants of the list, and beyond its ends: the one of the data is found, and what it leaves open is in the sigmas.
+TEST(DiagnosisFaults, TimeConstantIsFoundAndInTheSigmas) {
+  std::mt19937_64 random(20261124);
+  int named = 0;
+  for (int k = 0; k < 9; ++k) {
+    const double tau_s = 60.0 * std::pow(50.0, std::uniform_real_distribution<double>(0.0, 1.0)(random));
+    const int axis = k % 3;
+    const Diagnosis d = diagnose_with(clean(), [=](const DisturbedMoment& m) {
+      AddedReading added;
+      const double faded = std::exp(-m.time_s / tau_s);
+      if (k / 3 == 0) added.accel_mps2[axis] = -62.0 * ug * m.force_g[axis] * faded;
+      if (k / 3 == 1) added.gyro_radps[axis] = 0.5 * degph * faded;
+      if (k / 3 == 2) added.accel_mps2[axis] = 150.0 * ug * faded;
+      return added;
+    });
+    if (!d.trusted) continue;
+    named += d.effect_names.empty() ? 0 : 1;
+    EXPECT_LT(worst_sigmas(d, clean().truth), 4.5) << k << ", " << tau_s << " s: " << told(d);
+  }
+  EXPECT_GE(named, 4);
+}
+
+TEST(DiagnosisFaults, ParametersLeftOpenAreNotCalledClean) {
+  Sequence one = must_read_sequence("fourteen_step.seq");
+  one.steps.resize(1);
+  const Diagnosis d = diagnose(record_on_rig(one, unit(37)).recording);
+  EXPECT_FALSE(d.base.undetermined.empty());
+  EXPECT_EQ(d.verdict, Verdict::not_tested) << told(d);
+  EXPECT_FALSE(d.trusted);
+}
+
 // A latitude so far off that it hides in the noise is in the reason.
 TEST(DiagnosisFaults, ALatitudeOfTheOtherHemisphereIsSaid) {
   CompressedRecording recording = clean().recording;

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "calib/diagnosis/curve_of_two.h"
 #include "calib/rest_diagnosis/rest_selection.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/segmentation.h"
@@ -145,6 +148,51 @@ TEST(RestDiagnosis, WhatNoEntryDescribesGetsNoName) {
       EXPECT_TRUE(!d.effects.empty() || d.verdict == Verdict::unexplained);
     }
   EXPECT_LE(named, 1);
+}
+
+// What a parabola of a gyro's bias came to, and what a drift beside a warm-up of a measured run came to: the second pair keeps its names.
+TEST(CurveOfTwo, IsOfTwoThatStandAgainstEachOther) {
+  const std::vector<EffectColumn> columns = {{find_effect("gyro_bias_drift"), 0, 0.0},
+                                             {find_effect("gyro_warm_up"), 0, 480.0}};
+  const auto found = [&](double correlation, double first, double second) {
+    return curve_of_two(columns, Eigen::Vector2d(first, second), [=](int, int) {
+      Eigen::Matrix2d G;
+      G << 1.0, correlation, correlation, 1.0;
+      return G;
+    });
+  };
+  const CurveOfTwo parabola = found(-0.995959, 165.5, 157.3);
+  EXPECT_EQ(parabola.what, "bias of gyro x with time");
+  EXPECT_NE(parabola.why.find("gyro_bias_drift.x and gyro_warm_up.x"), std::string::npos);
+  EXPECT_FALSE(found(-0.992587, 99.2, 33.8).found());
+  EXPECT_FALSE(found(-0.96, 165.5, 157.3).found()) << "not of one class";
+  EXPECT_FALSE(found(-0.995959, 165.5, -157.3).found()) << "with each other";
+  std::vector<EffectColumn> other_axis = columns;
+  other_axis[1].component = 1;
+  EXPECT_FALSE(curve_of_two(other_axis, Eigen::Vector2d(165.5, 157.3), [](int, int) {
+                 Eigen::Matrix2d G;
+                 G << 1.0, -0.995959, -0.995959, 1.0;
+                 return G;
+               }).found());
+}
+
+// Further components of a name are taken by BIC from 2.3 sigma on.
+TEST(RestDiagnosis, ComponentsAreClear) {
+  using Eigen::Vector3d;
+  int extra = 0, kept = 0;
+  for (unsigned seed = 61; seed <= 90; ++seed) {
+    HandPlan plan{.rests = 30, .seed = seed};
+    plan.effect = [](const Vector3d&, const Vector3d& f, double, Vector3d& w, Vector3d&) {
+      w.y() += 900.0 * radps_per_degph * f.x() / standard_gravity_mps2;
+    };
+    const RestDiagnosis d = diagnose_hand(plan);
+    for (const RestEffect& e : d.effects) {
+      (e.column.key() == "gyro_g_sensitivity.yx" ? kept : extra) += 1;
+      EXPECT_GT(std::abs(e.value), 3.0 * e.sigma) << seed << " " << e.column.key();
+    }
+  }
+  EXPECT_GE(kept, 27);
+  EXPECT_LE(extra, 2);
 }
 
 }  // namespace
