@@ -45,6 +45,7 @@ struct RigRecorderOptions {
   // it: closed as rotate, settled, and recorded again.
   int repeated_dwell = -1;
   std::function<void(std::span<ImuSample>)> alter;  // what becomes of the samples on their way
+  std::function<bool(const ImuSample&)> lost;       // these do not arrive
 };
 
 // No noise, bias instability or walks, and real-valued pulses.
@@ -123,8 +124,10 @@ inline RigRecording record_on_rig(const Sequence& sequence, RigConfig config, co
     while (samples > 0) {
       const std::int64_t now = std::min<std::int64_t>(samples, 1024);  // twice as many may come back: duplicates
       const std::size_t count = rig.advance_time(now, chunk);
-      const std::span<ImuSample> got(chunk.data(), count);
+      std::span<ImuSample> got(chunk.data(), count);
       if (options.alter) options.alter(got);
+      if (options.lost)
+        got = got.first(static_cast<std::size_t>(std::remove_if(got.begin(), got.end(), options.lost) - got.begin()));
       compressor.add(got);
       if (options.writer != nullptr) must(options.writer->add(got));
       samples -= now;

@@ -34,6 +34,27 @@ std::size_t block_of(const CompressedRecording& recording, std::int64_t sample) 
 
 constexpr double nothing_known_rad = 1.0;
 
+constexpr char filled_in[] = "filled in between the samples beside it";
+
+// Of many short gaps one line.
+void gather_filled(std::vector<Fault>& faults) {
+  const auto is_filled = [](const Fault& f) { return f.action == filled_in; };
+  const auto first = std::find_if(faults.begin(), faults.end(), is_filled);
+  const auto gaps = std::count_if(first, faults.end(), is_filled);
+  if (gaps <= fault_limits.most_listed) return;
+  Fault all = *first;
+  std::int64_t samples = 0;
+  for (auto f = first; f != faults.end(); ++f) {
+    if (!is_filled(*f)) continue;
+    samples += f->last_sample - f->first_sample + 1;
+    all.last_sample = f->last_sample;
+  }
+  all.what = std::to_string(samples) + " samples missing in " + std::to_string(gaps) + " gaps of at most " +
+             std::to_string(fault_limits.most_filled);
+  *first = all;
+  faults.erase(std::remove_if(first + 1, faults.end(), is_filled), faults.end());
+}
+
 // The segment in which all the samples of a gap lie, rests counted as one; -1 when it reaches over a border of a turn.
 int segment_of_gap(const CompressedRecording& recording, std::int64_t first, std::int64_t last) {
   int found = -1;
@@ -138,6 +159,11 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       // Twice what the sample stands out by: half of it may lie in its neighbours.
       cut.attitude_sigma_rad = gyro ? 2.0 * std::abs(event.size) * nominal_gyro_rad(recording.info) : 0.0;
     }
+    if (event.filled) {
+      fault.action = filled_in;
+      faults.push_back(fault);
+      continue;
+    }
     fault.action =
         event.axis == set_aside_axis ? "set aside: attitude and velocity found again after it" : action_for(cut);
     if (!faults.empty() && faults.back().block == fault.block && faults.back().what == fault.what) {
@@ -153,6 +179,7 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
     }
     faults.push_back(fault);
   }
+  gather_filled(faults);
   return faults;
 }
 

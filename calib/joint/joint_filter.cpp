@@ -204,10 +204,11 @@ void Filter<NS>::turn(const LinearInterval& i) {
   Q_.setZero();
   for (std::size_t k = 0; k < i.noise.size(); ++k) {
     const LinearInterval::Entered& n = i.noise[k];
-    Q_.template block<3, 3>(0, 0) += weights_[k] * n.psi_psi;
-    Q_.template block<3, 3>(0, 3) += weights_[k] * n.psi_v;
-    Q_.template block<3, 3>(3, 0) += weights_[k] * n.psi_v.transpose();
-    Q_.template block<3, 3>(3, 3) += weights_[k] * n.v_v;
+    const double weight = k < weights_.size() ? weights_[k] : 1.0;
+    Q_.template block<3, 3>(0, 0) += weight * n.psi_psi;
+    Q_.template block<3, 3>(0, 3) += weight * n.psi_v;
+    Q_.template block<3, 3>(3, 0) += weight * n.psi_v.transpose();
+    Q_.template block<3, 3>(3, 3) += weight * n.v_v;
   }
   predict(i);
   P_ = (0.5 * (P_ + P_.transpose())).eval();
@@ -216,8 +217,8 @@ void Filter<NS>::turn(const LinearInterval& i) {
 template <int NS>
 void Filter<NS>::rest(const LinearInterval& i) {
   const double t = i.t;
-  const StepNoise q = step_noise(i.C * walk_.gyro.asDiagonal() * i.C.transpose(),
-                                 i.C * walk_.accel.asDiagonal() * i.C.transpose(), i.F, t);
+  const StepNoise q = step_noise(i.C * (walk_.gyro + i.filled.gyro).asDiagonal() * i.C.transpose(),
+                                 i.C * (walk_.accel + i.filled.accel).asDiagonal() * i.C.transpose(), i.F, t);
   Q_.template block<3, 3>(0, 0) = q.psi_psi;
   Q_.template block<3, 3>(0, 3) = q.psi_v;
   Q_.template block<3, 3>(3, 0) = q.psi_v.transpose();

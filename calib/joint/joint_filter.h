@@ -113,7 +113,7 @@ std::vector<FilterResult> run_filter(const CompressedRecording& recording, const
                                      const std::vector<NoiseModel>& noises);
 
 // The same on intervals that were made once (linear_motion.h), for one noise model after another: the noise of a turn is
-// the sum of its sources' with these weights.
+// the sum of its sources' with these weights, and of what has no weight.
 struct LinearInterval;
 FilterResult run_filter(const std::vector<LinearInterval>& intervals, const FilterSetup& setup,
                         const std::vector<double>& source_weights);

@@ -106,6 +106,13 @@ void LinearMotion::begin_recording(std::size_t block) {
   last_up_.setZero();
 }
 
+WalkNoise LinearMotion::filled_in(const Block& block) const {
+  const auto rate = [&](const Eigen::Vector3f& variance, const Matrix3d& scale) -> Vector3d {
+    return variance.cast<double>() * (scale(0, 0) * scale(0, 0) / block.duration_s);
+  };
+  return {rate(block.gyro_filled, model_.gyro_scale), rate(block.accel_filled, model_.accel_scale)};
+}
+
 // What the neighbours did is taken for what happened in a gap; the Break beside it says how far that may be wrong.
 void LinearMotion::fill_gap(std::size_t index, Motion& m) const {
   const Block& block = recording_.blocks[index];
@@ -130,19 +137,14 @@ void LinearMotion::fill_gap(std::size_t index, Motion& m) const {
 void LinearMotion::effects_on(std::size_t index, Motion& m) {
   const Block& block = recording_.blocks[index];
   const double t = block.duration_s;
-  const auto rate = [&](std::size_t k) -> Vector3d {
-    const Block& b = recording_.blocks[k];
-    return model_.gyro_scale * b.gyro / b.duration_s - model_.gyro_bias_radps;
-  };
   BlockState s;
   s.w_b = m.motion.rotation / t;
   s.f_b = model_.accel_scale * block.accel / t - model_.accel_bias_mps2;
-  const std::size_t before = index > 0 ? index - 1 : index;
-  const std::size_t after = index + 1 < recording_.blocks.size() ? index + 1 : index;
-  const double span = 0.5 * recording_.blocks[before].duration_s + 0.5 * recording_.blocks[after].duration_s +
-                      (before != index && after != index ? t : 0.0);
-  s.w_dot_b =
-      after == before || block.whole_second ? Vector3d::Zero().eval() : ((rate(after) - rate(before)) / span).eval();
+  // Over a turn the changes of the rate add up to none, however fast the table takes it up.
+  s.w_dot_b.setZero();
+  if (!block.whole_second && index + 1 < recording_.blocks.size())
+    s.w_dot_b = model_.gyro_scale * (recording_.blocks[index + 1].gyro_at_start - block.gyro_at_start) /
+                (t * recording_.info.sample_period_s);
   s.C_nb = C_nb_ * rotation_exp(0.5 * m.motion.rotation);
   s.duration_s = t;
   s.recording = of_recording_;
@@ -280,6 +282,7 @@ void LinearMotion::rest(LinearInterval& interval) {
   was_still_ = true;
   const BlockMotion& motion = m.motion;
   const double t = interval.t = block.duration_s;
+  interval.filled = filled_in(block);
   interval.time_s = static_cast<double>(block.start_sample - recording_.blocks.front().start_sample) *
                         recording_.info.sample_period_s +
                     0.5 * block.samples * recording_.info.sample_period_s;
@@ -349,9 +352,12 @@ void LinearMotion::turn(LinearInterval& interval) {
     interval.v_psi -= Ft * interval.turn;
     interval.turn = T * interval.turn;
     rho *= std::exp(-t / setup_.noise.bias_correlation_s);
-    for (std::size_t k = 0; k < options_.sources.size(); ++k) {
+    // What was filled in is one more source, of a size that is known.
+    if (!block.gyro_filled.isZero(0.0F) && interval.noise.size() == options_.sources.size())
+      interval.noise.push_back({Matrix3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero()});
+    for (std::size_t k = 0; k < interval.noise.size(); ++k) {
       LinearInterval::Entered& n = interval.noise[k];
-      const WalkNoise& source = options_.sources[k];
+      const WalkNoise source = k < options_.sources.size() ? options_.sources[k] : filled_in(block);
       const StepNoise q = step_noise(linear.C_mid * source.gyro.asDiagonal() * linear.C_mid.transpose(),
                                      linear.C_mid * source.accel.asDiagonal() * linear.C_mid.transpose(), F_, t);
       const Matrix3d tilted = n.psi_psi * Ft.transpose();

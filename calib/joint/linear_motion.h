@@ -55,7 +55,8 @@ struct LinearInterval {
   Eigen::Matrix3d C, F;
   Eigen::Vector3d y, quantisation;
   Columns D;
-  // not still: covariance of the noise that enters, one for each WalkNoise asked for
+  WalkNoise filled;  // of the samples that were filled in, body axes
+  // not still: covariance of the noise that enters, one for each WalkNoise asked for; behind them, where samples were filled in, that of these
   struct Entered {
     Eigen::Matrix3d psi_psi, psi_v, v_v;
   };
@@ -83,6 +84,7 @@ class LinearMotion {
   Motion block_motion(std::size_t index);
   void effects_on(std::size_t index, Motion& m);
   void fill_gap(std::size_t index, Motion& m) const;
+  WalkNoise filled_in(const Block& block) const;
   bool still(std::size_t index) const;
   bool observed(std::size_t index) const;
   bool cut_at(std::size_t index) const { return cut_ != setup_.breaks.end() && cut_->block <= index; }

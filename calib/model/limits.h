@@ -186,6 +186,10 @@ struct FaultLimits {
   double worst_fill_rad = 0.003;
   // Such a trial on stretches nearby must have been made so often.
   int fewest_trials = 4;
+  // Samples lost together that are filled in between those beside them. Twice as many in a row where one in ten is lost: one in 10^10.
+  int most_filled = 5;
+  // Gaps filled in that are listed one by one.
+  int most_listed = 20;
 };
 inline constexpr FaultLimits fault_limits;
 

@@ -73,7 +73,7 @@ std::string fault_in(const CompressedRecording& recording, std::size_t first, st
       return clipped_text(recording.info, event.axis, event.size) + " for " + samples_text(event.count) +
              " from sample " + std::to_string(event.sample);
   for (const DataEvent& event : recording.events)
-    if (event.kind != DataEvent::Kind::duplicate && event.kind != DataEvent::Kind::temperature &&
+    if (!event.filled && event.kind != DataEvent::Kind::duplicate && event.kind != DataEvent::Kind::temperature &&
         event.sample >= from && event.sample < to)
       return std::string(to_string(event.kind)) + " of " + samples_text(event.count) + " at sample " +
              std::to_string(event.sample);

@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 
+#include "calib/model/limits.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/clipping.h"
 #include "calib/statistics/median.h"
@@ -94,6 +95,8 @@ Block merge(const Block& a, const Block& b) {
   else if (!std::isnan(b.temperature_c))
     m.temperature_c = static_cast<float>(
         (static_cast<double>(a.temperature_c) * a.samples + static_cast<double>(b.temperature_c) * b.samples) / total);
+  m.gyro_filled += b.gyro_filled;
+  m.accel_filled += b.accel_filled;
   m.duration_s += b.duration_s;
   m.gyro += b.gyro;
   m.accel += b.accel;
@@ -118,7 +121,7 @@ void note_set_aside(std::int64_t counter, const Segment& segment, std::vector<Da
 }  // namespace
 
 Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& options)
-    : options_(options), spikes_(info), glitches_(info, options.glitch) {
+    : options_(options), spikes_(info), filler_(info), glitches_(info, options.glitch) {
   recording_.info = info;
   static_block_samples_ = std::max(1, static_cast<int>(std::lround(options.static_block_s / info.sample_period_s)));
   static_counts_ = options.static_angle_rad / nominal_gyro_rad(info);
@@ -129,6 +132,7 @@ Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& opti
 void Compressor::begin_segment(const Segment& segment) {
   assert(!in_segment_);
   in_segment_ = true;
+  filler_.begin_segment();
   recording_.segments.push_back(segment);
 }
 
@@ -167,31 +171,46 @@ void Compressor::add_one(const ImuSample& sample) {
     gap = sample.counter - next_counter_;
   }
   if (leave_out(sample)) return;
+  const bool filled = gap > 0 && fill(sample, gap);
   if (gap > left_out_) recording_.events.push_back({DataEvent::Kind::gap, next_counter_, gap - left_out_, -1, 0.0});
+  for (auto e = recording_.events.rbegin(); filled && e != recording_.events.rend() && e->sample >= next_counter_; ++e)
+    e->filled = true;
   left_out_ = 0;
-  const auto missing = static_cast<std::int32_t>(std::min<std::int64_t>(gap, 1 << 20));
+  const auto missing = filled ? 0 : static_cast<std::int32_t>(std::min<std::int64_t>(gap, 1 << 20));
   if ((sample.flags & sample_flag_invalid) != 0)
     recording_.events.push_back({DataEvent::Kind::invalid, sample.counter, 1, -1, 0.0});
   if ((sample.flags & sample_flag_set_aside) != 0)
     note_set_aside(sample.counter, recording_.segments.back(), recording_.events);
   // Across a gap in a turn the neighbours are others: a turn goes on meanwhile.
-  if (missing > 0 && turns_beside(recording_, block_)) glitches_.forget_neighbours(sample);
+  if (gap > 0 && turns_beside(recording_, block_)) glitches_.forget_neighbours(sample);
   glitches_.add(sample, recording_.events);
   next_counter_ = sample.counter + 1;
   ++recording_.samples;
 
-  const double dt = recording_.info.sample_period_s;
   const Eigen::Vector3d alpha(sample.gyro[0], sample.gyro[1], sample.gyro[2]);
   const Eigen::Vector3d beta(sample.accel[0], sample.accel[1], sample.accel[2]);
-  Block& b = block_;
-  if (b.samples == 0) {
-    b.start_sample = sample.counter - missing;
-    b.segment = static_cast<std::int32_t>(recording_.segments.size()) - 1;
+  open_block(sample.counter, missing);
+  add_sums(alpha, beta, missing > 0);
+  add_temperature(sample);
+  filler_.add(alpha, beta);
+  close_full_block();
+}
+
+void Compressor::open_block(std::int64_t counter, std::int32_t missing) {
+  if (block_.samples == 0) {
+    block_.start_sample = counter - missing;
+    block_.segment = static_cast<std::int32_t>(recording_.segments.size()) - 1;
   }
-  b.missing += missing;
+  block_.missing += missing;
+}
+
+void Compressor::add_sums(const Eigen::Vector3d& alpha, const Eigen::Vector3d& beta, bool behind_a_gap) {
+  Block& b = block_;
+  const bool goes_on = have_previous_ && !behind_a_gap;
+  if (b.samples == 0) b.gyro_at_start = goes_on ? (0.5 * (previous_gyro_ + alpha)).eval() : alpha;
   // What this sample and the one before it tell of the motion within both.
   double within = 0.0;
-  if (have_previous_ && missing == 0) {
+  if (goes_on) {
     within = within_sample(alpha);
     if (b.samples > 0)
       within += within_sample(previous_gyro_);
@@ -199,7 +218,7 @@ void Compressor::add_one(const ImuSample& sample) {
       add_to_closed_block(alpha, beta);
   }
   have_previous_ = true;
-  const double s = (static_cast<double>(b.samples + b.missing) + 0.5) * dt;
+  const double s = (static_cast<double>(b.samples + b.missing) + 0.5) * recording_.info.sample_period_s;
   const Eigen::Vector3d before = within * previous_gyro_;
   b.coning += (b.gyro + 2.0 * before).cross(alpha);
   b.sculling += (b.gyro + 0.5 * alpha + before) * beta.transpose() - (within * alpha) * previous_accel_.transpose();
@@ -210,12 +229,13 @@ void Compressor::add_one(const ImuSample& sample) {
   ++b.samples;
   previous_gyro_ = alpha;
   previous_accel_ = beta;
-  add_temperature(sample);
+}
+
+void Compressor::close_full_block() {
   const bool still = recording_.segments.back().kind != SegmentKind::rotate;
-  const int length = b.samples + b.missing;
   const double most_counts = still ? static_counts_ : rotation_counts_;
-  if (length >= (still ? static_block_samples_ : options_.block_samples) ||
-      b.gyro.squaredNorm() > most_counts * most_counts)
+  if (block_.samples + block_.missing >= (still ? static_block_samples_ : options_.block_samples) ||
+      block_.gyro.squaredNorm() > most_counts * most_counts)
     close_block();
 }
 
@@ -225,6 +245,22 @@ void Compressor::add_to_closed_block(const Eigen::Vector3d& alpha, const Eigen::
   Block& before = recording_.blocks.back();
   before.coning += 2.0 * within * previous_gyro_.cross(alpha);
   before.sculling += within * (previous_gyro_ * beta.transpose() - alpha * previous_accel_.transpose());
+}
+
+// Not over the border of a segment: a run that was interrupted goes on behind one, and the unit may have been moved.
+bool Compressor::fill(const ImuSample& next, std::int64_t gap) {
+  if (gap > fault_limits.most_filled || !filler_.can_fill()) return false;
+  const bool at_rest = recording_.segments.back().kind != SegmentKind::rotate;
+  const GapFill between = filler_.fill(next, gap, at_rest, glitches_.mean_square());
+  Eigen::Vector3d alpha = between.gyro_first, beta = between.accel_first;
+  for (int k = 0; k < gap; ++k, alpha += between.gyro_step, beta += between.accel_step) {
+    open_block(next_counter_ + k, 0);
+    add_sums(alpha, beta, false);
+    block_.gyro_filled += (between.gyro_variance / static_cast<double>(gap)).cast<float>();
+    block_.accel_filled += (between.accel_variance / static_cast<double>(gap)).cast<float>();
+    close_full_block();
+  }
+  return true;
 }
 
 bool Compressor::leave_out(const ImuSample& sample) {

@@ -19,8 +19,8 @@
 // samples, and at both ends of a recording, that half is missing.
 //
 // Data faults are noticed here, on raw samples, and listed as events; what is done about them is up to the estimator. A sample that
-// cannot be true (implausible.h) is left out of the sums as if it had not come: no estimator could bear it. A temperature that cannot
-// be counts as not measured.
+// cannot be true (implausible.h) is left out of the sums as if it had not come: no estimator could bear it. A few samples lost inside a
+// segment are filled in between those beside them, with the variance of that (gap_fill.h). A temperature that cannot be counts as not measured.
 // Not modelled: nothing is; this is bookkeeping.
 #pragma once
 
@@ -32,6 +32,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "calib/statistics/gap_fill.h"
 #include "calib/statistics/glitches.h"
 #include "calib/statistics/implausible.h"
 #include "calib/types/recording_types.h"
@@ -40,12 +41,16 @@ namespace turncal {
 
 struct Block {
   std::int64_t start_sample = 0;  // the unit's counter at the first sample
-  std::int32_t samples = 0;       // samples summed
-  std::int32_t missing = 0;       // samples that the counter says are missing inside or directly before the block
-  std::int32_t segment = 0;       // index into CompressedRecording::segments
-  bool whole_second = false;      // static, and as long as a static second is
-  float temperature_c = 0.0F;     // mean; NaN when not measured
-  double duration_s = 0.0;        // (samples + missing) * period
+  std::int32_t samples = 0;       // samples summed, those filled in among them
+  std::int32_t missing = 0;  // samples that the counter says are missing inside or directly before it, and that are not
+  std::int32_t segment = 0;  // index into CompressedRecording::segments
+  bool whole_second = false;                               // static, and as long as a static second is
+  float temperature_c = 0.0F;                              // mean; NaN when not measured
+  Eigen::Vector3f gyro_filled = Eigen::Vector3f::Zero();   // variance of the sums by the samples that were filled in,
+  Eigen::Vector3f accel_filled = Eigen::Vector3f::Zero();  // increments squared
+  double duration_s = 0.0;                                 // (samples + missing) * period
+  Eigen::Vector3d gyro_at_start =
+      Eigen::Vector3d::Zero();  // increments a sample where it begins: mean of the samples on either side
   Eigen::Vector3d gyro = Eigen::Vector3d::Zero();
   Eigen::Vector3d accel = Eigen::Vector3d::Zero();
   Eigen::Vector3d gyro_time = Eigen::Vector3d::Zero();
@@ -94,6 +99,10 @@ class Compressor {
   double within_sample(const Eigen::Vector3d& alpha) const {  // k / 24
     return (1.0 + square_of_even_rate_ * alpha.squaredNorm()) / 24.0;
   }
+  void open_block(std::int64_t counter, std::int32_t missing);
+  void add_sums(const Eigen::Vector3d& alpha, const Eigen::Vector3d& beta, bool behind_a_gap);
+  void close_full_block();
+  bool fill(const ImuSample& next, std::int64_t gap);
   bool leave_out(const ImuSample& sample);
   void add_temperature(const ImuSample& sample);
 
@@ -112,6 +121,7 @@ class Compressor {
   bool have_previous_ = false;
   Eigen::Vector3d previous_gyro_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d previous_accel_ = Eigen::Vector3d::Zero();
+  GapFiller filler_;
   double temperature_sum_ = 0.0;    // over the block
   double temperature_total_ = 0.0;  // over the recording
   std::int64_t temperature_count_ = 0;

@@ -26,6 +26,7 @@ struct DataEvent {
   int axis = -1;            // 0 1 2, or -1
   double size = 0.0;  // glitches: in counts above the neighbours, or as it came where it was left out; temperature: C
   bool left_out = false;  // it is in no block
+  bool filled = false;    // gaps: short, and filled in between the samples beside it (gap_fill.h)
 };
 const char* to_string(DataEvent::Kind kind);
 
@@ -41,6 +42,8 @@ class GlitchFinder {
   void add(const ImuSample& sample, std::vector<DataEvent>& events);
   // The next sample's neighbours are not known: a turn went on while samples were lost.
   void forget_neighbours(const ImuSample& next);
+  // Mean square of d over the last 100 samples or so, channels gyro x y z, accelerometer x y z, increments squared.
+  const Eigen::Matrix<double, 6, 1>& mean_square() const { return mean_square_; }
 
  private:
   using Channels = Eigen::Matrix<double, 6, 1>;

@@ -154,11 +154,11 @@ std::int64_t middle(int step, SegmentKind kind, int skip = 0) {
   return 0;
 }
 
-TEST(ClosedFormInput, ASampleLostInARotationIsNamed) {
+TEST(ClosedFormInput, SamplesLostInARotationAreNamed) {
   const std::int64_t sample = middle(10, SegmentKind::rotate, 1);  // the first one positions
-  const CompressedRecording r = record_on_rig(short_steps(), losing(sample, 1)).recording;
+  const CompressedRecording r = record_on_rig(short_steps(), losing(sample, 7)).recording;
   ASSERT_EQ(r.events.size(), 1u);
-  expect_says(message_of(r), {"step 10: 1 samples are missing near sample", "in a rotation: the angle turned is lost"});
+  expect_says(message_of(r), {"step 10: 7 samples are missing near sample", "in a rotation: the angle turned is lost"});
 }
 
 TEST(ClosedFormInput, SamplesLostAtRestAreBridged) {

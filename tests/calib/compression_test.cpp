@@ -273,19 +273,52 @@ TEST(Compression, TemperatureNotMeasuredIsNotZero) {
 
 TEST(CompressionEvents, AGapIsSeenAndMakesTheBlockLonger) {
   std::vector<ImuSample> samples = quiet_samples(1000);
-  samples.erase(samples.begin() + 250, samples.begin() + 253);
+  samples.erase(samples.begin() + 250, samples.begin() + 257);
   const CompressedRecording r = compress(pulses_info(), {segment(SegmentKind::still, 0, 1000)}, samples);
   ASSERT_EQ(r.events.size(), 1u);
   EXPECT_EQ(r.events[0].kind, Kind::gap);
   EXPECT_EQ(r.events[0].sample, 250);
-  EXPECT_EQ(r.events[0].count, 3);
+  EXPECT_EQ(r.events[0].count, 7);
+  EXPECT_FALSE(r.events[0].filled);
   ASSERT_EQ(r.blocks.size(), 5u);
-  EXPECT_EQ(r.blocks[1].missing, 3);
-  EXPECT_EQ(r.blocks[1].samples, 197);
+  EXPECT_EQ(r.blocks[1].missing, 7);
+  EXPECT_EQ(r.blocks[1].samples, 193);
   EXPECT_DOUBLE_EQ(r.blocks[1].duration_s, 1.0);
   EXPECT_FALSE(r.blocks[1].whole_second);
   EXPECT_TRUE(r.blocks[2].whole_second);
   EXPECT_EQ(r.blocks[2].start_sample, 400);  // the grid of seconds goes on
+}
+
+TEST(CompressionEvents, AFewLostSamplesAreFilledInWithTheirVariance) {
+  std::vector<ImuSample> samples = quiet_samples(1000);
+  const CompressedRecording whole = compress(pulses_info(), {segment(SegmentKind::still, 0, 1000)}, samples);
+  samples.erase(samples.begin() + 250, samples.begin() + 253);
+  const CompressedRecording r = compress(pulses_info(), {segment(SegmentKind::still, 0, 1000)}, samples);
+  ASSERT_EQ(r.events.size(), 1u);
+  EXPECT_EQ(r.events[0].count, 3);
+  EXPECT_TRUE(r.events[0].filled);
+  ASSERT_EQ(r.blocks.size(), whole.blocks.size());
+  const Block &filled = r.blocks[1], &was = whole.blocks[1];
+  EXPECT_EQ(filled.missing, 0);
+  EXPECT_EQ(filled.samples, 200);
+  EXPECT_TRUE(filled.whole_second);
+  for (int axis = 0; axis < 3; ++axis) {
+    EXPECT_LE(std::abs(filled.gyro[axis] - was.gyro[axis]), 4.0 * std::sqrt(filled.gyro_filled[axis]) + 1e-9);
+    EXPECT_LE(std::abs(filled.accel[axis] - was.accel[axis]), 4.0 * std::sqrt(filled.accel_filled[axis]) + 1e-9);
+  }
+  EXPECT_EQ(r.blocks[2].gyro_filled, Eigen::Vector3f(Eigen::Vector3f::Zero()));
+}
+
+// A run that was interrupted goes on behind a gap of one sample at the beginning of a segment: the unit may have been moved meanwhile.
+TEST(CompressionEvents, NothingIsFilledInAtTheBorderOfASegment) {
+  for (const std::ptrdiff_t lost : {199, 200, 201}) {
+    std::vector<ImuSample> samples = quiet_samples(1000);
+    samples.erase(samples.begin() + lost);
+    const CompressedRecording r = compress(
+        pulses_info(), {segment(SegmentKind::still, 0, 200), segment(SegmentKind::rotate, 200, 1000)}, samples);
+    ASSERT_EQ(r.events.size(), 1u) << lost;
+    EXPECT_FALSE(r.events[0].filled) << lost;
+  }
 }
 
 // The time of each sample is that of the counter: after a gap it jumps.

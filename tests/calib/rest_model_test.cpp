@@ -195,14 +195,15 @@ TEST(RestModel, NamesWhatIsNotDetermined) {
   EXPECT_NE(none.error().message.find("at least 4 rests"), std::string::npos);
 }
 
-TEST(RestModel, LegWithALostSampleIsSetAside) {
+TEST(RestModel, LegWithLostSamplesIsSetAside) {
   HandData hand = make_hand_data({});
   const Segment& leg = hand.segments[5];
   ASSERT_EQ(leg.kind, SegmentKind::rotate);
-  hand.samples.erase(hand.samples.begin() + (leg.start_sample + leg.end_sample) / 2);
+  const auto lost = hand.samples.begin() + (leg.start_sample + leg.end_sample) / 2;
+  hand.samples.erase(lost, lost + 7);
   const CompressedRecording recording = compress(hand.info, hand.segments, hand.samples, rest_compression_options());
   const RestData data = make_rest_data(recording);
-  EXPECT_NE(data.legs[2].fault.find("gap of 1 sample"), std::string::npos) << data.legs[2].fault;
+  EXPECT_NE(data.legs[2].fault.find("gap of 7 samples"), std::string::npos) << data.legs[2].fault;
   EXPECT_TRUE(data.legs[1].fault.empty());
   const Result<RestFit> fit = fit_rests(data, EffectModel{});
   ASSERT_TRUE(fit.ok());
