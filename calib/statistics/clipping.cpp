@@ -87,7 +87,7 @@ namespace {
 // Increments a sample; 0 beside a gap.
 double mean(const Block& b, int axis) { return b.samples > 0 && b.missing == 0 ? b.gyro[axis] / b.samples : 0.0; }
 
-// What the axis repeats at its highest in one turn, increments a sample, above zero; 0: it does not repeat itself.
+// What the axis repeats at its highest in one turn, increments a sample, with its sign; 0: it does not repeat itself.
 double repeated(const CompressedRecording& recording, const TableTurn& turn, int axis) {
   double extreme = 0.0;
   for (std::size_t k = turn.first; k < turn.end; ++k)
@@ -95,14 +95,17 @@ double repeated(const CompressedRecording& recording, const TableTurn& turn, int
   const bool counted = recording.info.gyro_increment == IncrementKind::pulses;
   if (extreme == 0.0 || (counted && std::abs(extreme - std::round(extreme)) > same * std::abs(extreme))) return 0.0;
   std::int64_t longest = 0, run = 0, near = 0;
+  int blocks = 0;  // of the run: one alone repeats nothing
   for (std::size_t k = turn.first; k < turn.end; ++k) {
     const double x = mean(recording.blocks[k], axis);
     if (x / extreme > 1.0 - clipping_limits.short_by) near += recording.blocks[k].samples;
-    run = std::abs(x - extreme) > same * std::abs(extreme) ? 0 : run + recording.blocks[k].samples;
-    longest = std::max(longest, run);
+    const bool goes_on = std::abs(x - extreme) <= same * std::abs(extreme);
+    run = goes_on ? run + recording.blocks[k].samples : 0;
+    blocks = goes_on ? blocks + 1 : 0;
+    if (blocks > 1) longest = std::max(longest, run);
   }
   const bool most = static_cast<double>(longest) >= clipping_limits.of_band * static_cast<double>(near);
-  return longest >= clipping_limits.fewest && most ? std::abs(extreme) : 0.0;
+  return longest >= clipping_limits.fewest && most ? extreme : 0.0;
 }
 
 }  // namespace
@@ -117,19 +120,23 @@ std::vector<DataEvent> clipped_turns(const CompressedRecording& recording) {
   const auto turns = [&](std::size_t k) {
     return recording.segments[static_cast<std::size_t>(blocks[k].segment)].kind == SegmentKind::rotate;
   };
-  std::array<double, 3> fastest{};
+  std::array<std::array<double, 2>, 3> fastest{};  // of each axis and sense
+  const auto fastest_as = [&](int axis, double x) -> double& {
+    return fastest[static_cast<std::size_t>(axis)][x < 0.0 ? 1 : 0];
+  };
   for (std::size_t k = 0; k < blocks.size(); ++k)
-    for (int axis = 0; axis < 3 && turns(k); ++axis)
-      fastest[static_cast<std::size_t>(axis)] =
-          std::max(fastest[static_cast<std::size_t>(axis)], std::abs(mean(blocks[k], axis)));
+    for (int axis = 0; axis < 3 && turns(k); ++axis) {
+      const double x = mean(blocks[k], axis);
+      fastest_as(axis, x) = std::max(fastest_as(axis, x), std::abs(x));
+    }
   std::vector<Suspect> suspects;
   double whole = 0.0;  // what a turn that does not repeat itself adds up to: the scale factor may be far from nominal
   for (const TableTurn& turn : table_turns(recording)) {
     const double felt = turn.felt_rad() / turn.commanded_rad;
     const std::size_t before = suspects.size();
     for (int axis = 0; axis < 3; ++axis) {
-      const double end = repeated(recording, turn, axis);
-      if (end > clipping_limits.of_band * fastest[static_cast<std::size_t>(axis)] && end > 0.0)
+      const double extreme = repeated(recording, turn, axis), end = std::abs(extreme);
+      if (end > 0.0 && end >= (1.0 - same) * fastest_as(axis, extreme))  // nothing is beyond the end of a range
         suspects.push_back({end, axis, felt});
     }
     if (suspects.size() == before) whole = std::max(whole, felt);

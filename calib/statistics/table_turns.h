@@ -1,4 +1,4 @@
-// The turns of a table, one axis at a time: what was commanded, and what the gyros add up to.
+// The turns of a table, one axis at a time: what was commanded, and what the gyros add up to beyond what they read in the rest before.
 #pragma once
 
 #include <vector>

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 
 #include "calib/joint/joint_estimate.h"
 #include "calib/statistics/clipping.h"
@@ -110,6 +111,43 @@ TEST(BadDataNone, CleanRunsHaveNoFaults) {
 
 // A gyro that stands at the end of its range in the table's turns, at 80 % of their 10 deg/s: those turns are set aside, and what the
 // others say of the unit holds. Of the clipped gyro's scale factor and installation only the earth's rate tells.
+// Here a sample and there one: each is filled in, with what that leaves open in the sigmas, and all of them are one line.
+TEST(BadDataNone, SamplesLostAtRandomAreFilledIn) {
+  for (const double share : {0.001, 0.01, 0.03}) {
+    double sum = 0.0;
+    for (const std::uint64_t seed : {21, 22, 23, 24}) {
+      RigConfig config = default_rig_config();
+      config.seed = seed;
+      std::mt19937_64 random(seed);
+      std::uniform_real_distribution<double> part(0.0, 1.0);
+      RigRecorderOptions options;
+      options.lost = [&](const ImuSample&) { return part(random) < share; };
+      const RigRecording made = record_on_rig(fourteen_steps(), config, options);
+      const JointResult r = joint_estimate(made.recording);
+      ASSERT_TRUE(r.converged) << r.message;
+      EXPECT_TRUE(r.undetermined.empty()) << share;
+      EXPECT_TRUE(r.whiteness.white) << share << " " << seed;
+      EXPECT_LT(r.faults.size(), 25u) << share;  // but for those at the borders of segments
+      EXPECT_NE(r.faults.front().what.find("samples missing in"), std::string::npos) << r.faults.front().what;
+      sum += nees(r, made.truth);
+    }
+    EXPECT_LT(sum, 122.0) << share;  // chi-square of 84, one in 200
+    EXPECT_GT(sum, 50.0) << share;   // sigmas twice as wide as they should be would give 21
+  }
+}
+
+// A turn of a unit with 1500 deg/h of bias adds up to less than was commanded, and the largest of noisy values comes once.
+TEST(BadDataNone, NoisyUnitsWithLargeBiasesDoNotClip) {
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    RigConfig config = default_rig_config();
+    config.seed = seed;
+    config.noise.gyro_random_walk_deg_per_rt_h = 0.9;
+    for (std::size_t axis = 0; axis < 3; ++axis) config.truth[axis] = (seed >> axis & 1) != 0 ? 1500.0 : -1500.0;
+    if (seed % 2 == 0) config.quantisation = RigQuantisation::off;
+    EXPECT_TRUE(clipped_turns(record_on_rig(fourteen_steps(), config).recording).empty()) << seed;
+  }
+}
+
 TEST(BadDataNone, ClippedTurnsAreNamedAndSetAside) {
   const std::vector<std::vector<std::size_t>> clipped = {{0}, {0, 2}, {1}};
   for (const std::vector<std::size_t>& axes : clipped) {
