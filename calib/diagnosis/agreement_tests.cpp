@@ -38,7 +38,8 @@ void test_recordings(const FitPass& pass, const VectorXd& ranges, LackOfFit& res
 void test_holdout(const CompressedRecording& holdout, const std::string& name, const JointResult& fit,
                   const NoiseModel& noise, const FitPass& of_fit, const LackOfFitLimits& limits, LackOfFit& result) {
   const std::vector<int>& columns = of_fit.columns;
-  const FitPass pass = run_fit_pass(holdout, fit, holdout_setup(holdout, fit, noise));
+  const JointResult model = model_on_holdout(holdout, fit, noise);
+  const FitPass pass = run_fit_pass(holdout, model, model.setup);
   // Information of the fit on everything but what each recording has for itself, which is eliminated from it.
   std::vector<int> own, others;
   for (int k = 0; k < static_cast<int>(columns.size()); ++k) {

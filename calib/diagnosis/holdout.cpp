@@ -7,11 +7,13 @@
 
 #include "calib/joint/joint_faults.h"
 #include "calib/joint/start_noise.h"
+#include "calib/model/limits.h"
 
 namespace turncal {
 namespace {
 
 constexpr int fold_count = 4;
+constexpr double near_enough = 10.0;  // what chi2 has still fallen by when the problem was linear
 
 struct Sums {
   HoldoutError error;
@@ -41,25 +43,12 @@ void add(const CompressedRecording& recording, const std::vector<Innovation>& in
   }
 }
 
-// Parameters and effects of `result` with the recording's own biases, and its own values of what goes with the time of one run.
-void fit_own_biases(const CompressedRecording& recording, const JointResult& result, FilterSetup setup,
-                    ParameterVector& parameters, EffectModel& model) {
-  setup.with_columns = true;
-  setup.keep_innovations = false;
+// What a recording has for itself: its biases, and what goes with the time of one run.
+std::vector<int> own_columns(const JointResult& result) {
   std::vector<int> own = {0, 1, 2, 3, 4, 5};
   for (std::size_t k = 0; k < result.effects.size(); ++k)
     if (result.effects[k].column.entry->of_one_run) own.push_back(parameter_count + static_cast<int>(k));
-  for (int iteration = 0; iteration < 3; ++iteration) {
-    const FilterResult pass = run_filter(recording, from_vector(parameters), model, setup);
-    const SubsetSolution solution = solve_subset(pass.information, pass.gradient, own, result.ranges);
-    double fall = 0.0;
-    for (std::size_t i = 0; i < own.size(); ++i) {
-      const Eigen::Index k = static_cast<Eigen::Index>(i);
-      (own[i] < parameter_count ? parameters[own[i]] : model.values[own[i] - parameter_count]) += solution.step[k];
-      fall -= solution.step[k] * pass.gradient[own[i]];
-    }
-    if (fall < 1000.0) break;  // of chi2: near enough that the problem was linear
-  }
+  return own;
 }
 
 // Directions that are open in a fit of the other recordings, and need not be known: what is of this one alone.
@@ -109,25 +98,44 @@ Eigen::Vector2d own_noise_of(const CompressedRecording& holdout, const JointResu
           raised(own.velocity_random_walk.x() / of_fit.velocity_random_walk.x())};
 }
 
-FilterSetup holdout_setup(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise) {
-  FilterSetup setup;
+JointResult model_on_holdout(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise) {
+  JointResult model = result;
+  model.start = joint_start(holdout, result.parameters);
+  model.setup = {};
+  FilterSetup& setup = model.setup;
   setup.noise = noise;
   const Eigen::Vector2d raised = own_noise_of(holdout, result);
   setup.noise.angle_random_walk *= raised[0];
   setup.noise.velocity_random_walk *= raised[1];
+  setup.mounting = model.start.mounting;
+  setup.headings_rad = {model.start.heading_rad};
   faults_from_events(holdout, setup.breaks);
-  const JointStart start = joint_start(holdout, result.parameters);
-  setup.headings_rad = {start.heading_rad};
-  setup.mounting = start.mounting;
-  // Attitude is linear in the heading to its square: an angular minute of the first look would already show at the turns.
-  setup.with_columns = false;
-  const EffectModel model = effect_model_of(result, holdout.info.latitude_deg);
-  for (int iteration = 0; iteration < 2; ++iteration) {
-    const FilterResult pass = run_filter(holdout, result.parameters, model, setup);
-    setup.headings_rad.resize(std::max(setup.headings_rad.size(), pass.heading_error_rad.size()), start.heading_rad);
-    for (std::size_t k = 0; k < pass.heading_error_rad.size(); ++k) setup.headings_rad[k] += pass.heading_error_rad[k];
+  const Eigen::Vector3d other = model.start.N0_degph - result.parameters.N0_degph;
+  if (other.cwiseAbs().maxCoeff() > start_limits.large_bias_degph) model.parameters.N0_degph = model.start.N0_degph;
+  const std::vector<int> own = own_columns(result);
+  constexpr int most_passes = 8;
+  for (int k = 0; k < most_passes; ++k) {
+    setup.with_columns = true;
+    const FilterResult pass =
+        run_filter(holdout, model.parameters, effect_model_of(model, holdout.info.latitude_deg), setup);
+    const Eigen::VectorXd step = solve_subset(pass.information, pass.gradient, own, result.ranges).step;
+    if (!step.allFinite()) break;
+    ParameterVector values = to_vector(model.parameters);
+    for (std::size_t i = 0; i < own.size(); ++i) {
+      const double by = step[static_cast<Eigen::Index>(i)];
+      if (own[i] < parameter_count)
+        values[own[i]] += by;
+      else
+        model.effects[static_cast<std::size_t>(own[i] - parameter_count)].value += by;
+    }
+    model.parameters = from_vector(values);
+    // Attitude is linear in the heading to its square: an angular minute of the first look would already show at the turns.
+    const double turned = correct_headings(pass, step, own, model.start, setup.headings_rad);
+    const double fall = -step.dot(pass.gradient(own));
+    if (fall < near_enough && turned < 1.0) break;
   }
-  return setup;
+  setup.with_columns = false;
+  return model;
 }
 
 HoldoutGate HoldoutGate::holdouts(const std::vector<const CompressedRecording*>& recordings) {
@@ -178,17 +186,14 @@ HoldoutError HoldoutGate::error(const JointResult& result, const NoiseModel& noi
         part.left_out.empty() ? std::nullopt : std::optional(refit_(result, part.left_out));
     const JointResult& model_of = again ? *again : result;
     const bool says_nothing = part.number >= 0 && model_of.undetermined.size() > open_without(part.number, result);
-    FilterSetup setup = in_the_fit ? result.setup : holdout_setup(recording, model_of, noise);
+    const JointResult model = in_the_fit ? model_of : model_on_holdout(recording, model_of, noise);
+    FilterSetup setup = in_the_fit ? result.setup : model.setup;
     if (in_the_fit) setup.noise = noise;
+    if (in_the_fit) setup.unobserved = part.left_out;
     setup.with_columns = false;
     setup.keep_innovations = true;
-    EffectModel model = effect_model_of(model_of, recording.info.latitude_deg);
-    ParameterVector parameters = to_vector(model_of.parameters);
-    if (in_the_fit)
-      setup.unobserved = part.left_out;
-    else
-      fit_own_biases(recording, result, setup, parameters, model);
-    const FilterResult pass = run_filter(recording, from_vector(parameters), model, setup);
+    const FilterResult pass =
+        run_filter(recording, model.parameters, effect_model_of(model, recording.info.latitude_deg), setup);
     add(recording, in_the_fit ? pass.left_out : pass.innovations, says_nothing, sums);
   }
   HoldoutError error = sums.error;

@@ -27,8 +27,10 @@ EffectModel effect_model_of(const JointResult& result, double latitude_deg, cons
 // holdout may be (GateLimits); else 1.
 Eigen::Vector2d own_noise_of(const CompressedRecording& holdout, const JointResult& fit);
 
-// How the filter is to be run on a holdout: its own start, heading and faults, and its own noise where it has more than `noise`.
-FilterSetup holdout_setup(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise);
+// `result` on a holdout: with its own biases, its own values of what goes with the time of one run, and its own `setup`: start, headings,
+// faults, and its own noise where it has more than `noise`. A unit switched on again may have other biases by hundreds of deg/h, so
+// biases and headings are found together, to where they move no more.
+JointResult model_on_holdout(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise);
 
 // What a model gains on held-out data over another, both with the same noise. With d the difference of their normalised innovations
 // the gain is |d|^2 in the mean where the richer model is right and -|d|^2 where the other is, with standard error 2 |d|.

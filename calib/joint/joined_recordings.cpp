@@ -72,6 +72,8 @@ bool is_turn_on(const EffectColumn& column) {
   return std::any_of(all.begin(), all.end(), [&](const EffectEntry& e) { return &e == column.entry; });
 }
 
+bool is_gyro_turn_on(const EffectColumn& column) { return column.entry == &turn_on_entries().front(); }
+
 std::optional<SeveralRecordings> contradiction(const JoinedRecordings& recordings, const JointResult& together) {
   if (recordings.parts.size() < 2 || together.whiteness.white) return std::nullopt;
   std::vector<JointResult> alone;
@@ -104,7 +106,7 @@ OfEachRecording leave_what_is_common(JointResult& e, std::size_t recordings, Eig
     }
     const EstimatedEffect& effect = e.effects[static_cast<std::size_t>(column - parameter_count)];
     if (is_turn_on(effect.column)) {
-      const int bias = effect.column.component + (effect.column.entry == &turn_on_entries().front() ? 0 : 3);
+      const int bias = effect.column.component + (is_gyro_turn_on(effect.column) ? 0 : 3);
       const auto row = std::find(free.begin(), free.end(), bias) - free.begin();
       if (row < static_cast<std::ptrdiff_t>(free.size())) unit(row, i) = 1.0 / static_cast<double>(n);
       biases(6 * effect.column.recording + bias, i) = 1.0;

@@ -24,6 +24,7 @@ struct JoinedRecordings {
 JoinedRecordings join_recordings(const std::vector<const CompressedRecording*>& parts);
 
 bool is_turn_on(const EffectColumn& column);
+bool is_gyro_turn_on(const EffectColumn& column);
 
 // Each by itself is fitted to its noise and all together, at `together`, are not: then what `combine_recordings` says of them, if that is that
 // they disagree.

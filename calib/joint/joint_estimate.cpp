@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/joint/joined_recordings.h"
 #include "calib/joint/joint_faults.h"
 #include "calib/joint/joint_run.h"
 #include "calib/joint/noise_pull.h"
@@ -30,6 +31,30 @@ Eigen::VectorXd all_ranges(const ParameterVector& base, const std::vector<Effect
 
 }  // namespace
 
+// Biases of several recordings: what the rests of each say, where they are far apart.
+void JointRun::start_of_each() {
+  std::vector<std::size_t> ends(options_.begins.begin(), options_.begins.end());
+  ends.push_back(recording_.blocks.size());
+  CompressedRecording part = recording_;
+  std::size_t begin = 0;
+  Eigen::Vector3d first = Eigen::Vector3d::Zero();
+  for (std::size_t k = 0; k < ends.size(); begin = ends[k++]) {
+    part.blocks.assign(recording_.blocks.begin() + static_cast<std::ptrdiff_t>(begin),
+                       recording_.blocks.begin() + static_cast<std::ptrdiff_t>(ends[k]));
+    const JointStart start = joint_start(part, result_.parameters);
+    if (!start.error.empty()) return;
+    if (k == 0) first = start.N0_degph;
+    const Eigen::Vector3d beside = start.N0_degph - first;
+    if (beside.cwiseAbs().maxCoeff() <= start_limits.large_bias_degph) continue;
+    result_.parameters.N0_degph = first;
+    for (int column = 0; column < effects_.columns; ++column) {
+      const EffectColumn& turn_on = options_.effects[static_cast<std::size_t>(column)];
+      if (is_gyro_turn_on(turn_on) && turn_on.recording == static_cast<int>(k))
+        effects_.values[column] = beside[turn_on.component];
+    }
+  }
+}
+
 JointResult JointRun::run() {
   JointResult& r = result_;
   r.parameters = options_.start.value_or(start_parameters(recording_.info));
@@ -47,6 +72,7 @@ JointResult JointRun::run() {
     // What the first pass could not linearise: a bias that turns the unit by radians in the run.
     if (!options_.start && r.start.N0_degph.cwiseAbs().maxCoeff() > start_limits.large_bias_degph)
       r.parameters.N0_degph = r.start.N0_degph;
+    if (!options_.start && !options_.begins.empty()) start_of_each();
   }
   // A counter of another weight than the nominal one: the table's turns say which.
   if (!options_.start && !options_.faults_of && recording_.info.gyro_increment == IncrementKind::pulses)

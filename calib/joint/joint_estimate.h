@@ -96,4 +96,9 @@ struct JointResult {
 
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options = {});
 
+// Linearises every chain about the heading that `pass` found for it, with the step of `columns` that was taken since. Returns the largest
+// correction in its sigma; 0 where the start does not see the heading.
+double correct_headings(const FilterResult& pass, const Eigen::VectorXd& step, const std::vector<int>& columns,
+                        const JointStart& start, std::vector<double>& headings_rad);
+
 }  // namespace turncal

@@ -118,19 +118,18 @@ double JointRun::improve(const FilterResult& pass) {
   if (is_open()) step_within_ranges(pass, step_, sigma);
   move(step_);
   const double largest = step_.size() > 0 ? step_.cwiseQuotient(sigma).cwiseAbs().maxCoeff() : 0.0;
-  return std::max(largest, correct_headings(pass));
+  return std::max(largest, correct_headings(pass, step_, subset_, result_.start, result_.setup.headings_rad));
 }
 
-// Every chain is linearised about the heading that the pass before found for it, the step included. Returns the largest correction in sigma.
-double JointRun::correct_headings(const FilterResult& pass) {
-  if (!(result_.start.heading_sigma_rad < 1.0)) return 0.0;  // not seen: nothing to correct it by
-  std::vector<double>& headings = result_.setup.headings_rad;
+double correct_headings(const FilterResult& pass, const Eigen::VectorXd& step, const std::vector<int>& subset,
+                        const JointStart& start, std::vector<double>& headings) {
+  if (!(start.heading_sigma_rad < 1.0)) return 0.0;  // not seen: nothing to correct it by
   const double first = headings.front();
   double largest = 0.0;
   for (std::size_t k = 0; k < pass.heading_error_rad.size(); ++k) {
     if (k >= headings.size()) headings.push_back(first);
-    const Eigen::VectorXd by_parameter = pass.heading_by_parameter[k](subset_);
-    const double correction = pass.heading_error_rad[k] + by_parameter.dot(step_);
+    const Eigen::VectorXd by_parameter = pass.heading_by_parameter[k](subset);
+    const double correction = pass.heading_error_rad[k] + by_parameter.dot(step);
     headings[k] += correction;
     largest = std::max(largest, std::abs(correction) / pass.heading_sigma_rad[k]);
   }

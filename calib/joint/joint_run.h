@@ -35,6 +35,7 @@ class JointRun {
   JointResult run();
 
  private:
+  void start_of_each();
   bool settle();
   bool settle_from_here();
   bool iterate(double tolerance, int max_iterations, const Coarseness& coarseness);
@@ -45,7 +46,6 @@ class JointRun {
     return column < parameter_count ? parameters[column] : effects_.values[column - parameter_count];
   }
   void step_within_ranges(const FilterResult& pass, Eigen::VectorXd& step, Eigen::VectorXd& sigma);
-  double correct_headings(const FilterResult& pass);
   void look_for_faults();
   bool is_open() const { return solution_.undetermined.cols() > 0; }
   bool last_passes();

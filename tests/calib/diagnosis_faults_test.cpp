@@ -197,6 +197,21 @@ TEST(DiagnosisFaults, NoisierHoldoutIsJudgedByItsOwnNoise) {
   EXPECT_NEAR(d.holdout_own_noise, 5.0, 1.5);
 }
 
+// Switched on again a MEMS unit is another by hundreds of degrees an hour: one linear step from the fit's biases is none.
+TEST(DiagnosisFaults, HoldoutOfAnotherSwitchOnIsCleanHoweverFarItsBiasesAre) {
+  for (const double shift_degph : {30.0, 100.0, 300.0}) {
+    RigConfig config = unit(34);
+    config.noise.gyro_random_walk_deg_per_rt_h = 0.05;
+    for (std::size_t k = 0; k < 3; ++k) config.truth[k] = k == 1 ? -200.0 : 300.0;
+    const Made made = make(config, [&](RigConfig& c) {
+      for (std::size_t k = 0; k < 3; ++k) *c.truth[k] += k == 2 ? -shift_degph : shift_degph;
+    });
+    const Diagnosis d = diagnose_with(made, {});
+    EXPECT_EQ(d.verdict, Verdict::clean) << shift_degph << " " << told(d);
+    EXPECT_LT(worst_sigmas(d, made.truth), 4.5);
+  }
+}
+
 TEST(DiagnosisFaults, BiasWithATableAngleGetsNoName) {
   std::mt19937_64 random(20261123);
   for (int k = 0; k < 6; ++k) {

@@ -239,5 +239,23 @@ TEST(JoinedRecordings, OfOneAreIt) {
     EXPECT_NEAR(each.turn_ons.biases[1][k], combined.turn_ons.biases[1][k], 0.5 * combined.turn_ons.sigma[1][k]) << k;
 }
 
+// Biases that are a hundred degrees an hour apart: one linear step from the first's would be none.
+TEST(JoinedRecordings, OfSwitchOnsFarApartAreOneUnit) {
+  for (const double apart_degph : {60.0, -100.0}) {
+    RigConfig config = default_rig_config();
+    config.seed = 61;
+    config.noise_seed = 761;
+    for (std::size_t k = 0; k < 3; ++k) config.truth[k] = 40.0;
+    const RigRecording first = record_on_rig(must_read_sequence("fourteen_step.seq"), config);
+    config.noise_seed = 861;
+    *config.truth[1] += apart_degph;
+    const RigRecording second = record_on_rig(must_read_sequence("fourteen_step.seq"), config);
+    const Diagnosis d = diagnose(join_recordings({&first.recording, &second.recording}), {});
+    EXPECT_EQ(d.verdict, Verdict::clean) << apart_degph << " " << told(d);
+    ASSERT_EQ(d.each.turn_ons.biases.size(), 2u);
+    EXPECT_NEAR(d.each.turn_ons.biases[1][1], 40.0 + apart_degph, 0.1);
+  }
+}
+
 }  // namespace
 }  // namespace turncal
