@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
 
 #include "calib/rest_diagnosis/rest_candidates.h"
 #include "calib/rest_diagnosis/rest_choice.h"
@@ -35,14 +36,18 @@ void judge_accelerometers(RestDiagnosisModel& m, RestDiagnosis& d) {
 }
 
 // The model without one of its components; false where that does not settle.
-bool drop_component(RestDiagnosisModel& m, RestDiagnosis& d, std::size_t k) {
+RestModelFit without_component(const RestDiagnosisModel& m, std::size_t k) {
   const auto at = static_cast<Eigen::Index>(k);
   const Eigen::VectorXd& all = m.model.fit.effect_values;
   std::vector<EffectColumn> columns = m.model.columns;
   columns.erase(columns.begin() + static_cast<std::ptrdiff_t>(k));
   Eigen::VectorXd values(all.size() - 1);
   values << all.head(at), all.tail(values.size() - at);
-  RestModelFit smaller = m.refit(std::move(columns), values);
+  return m.refit(std::move(columns), values);
+}
+
+bool drop_component(RestDiagnosisModel& m, RestDiagnosis& d, std::size_t k) {
+  RestModelFit smaller = without_component(m, k);
   if (!smaller.fit.converged) return false;
   const EffectEntry* entry = m.model.columns[k].entry;
   m.model = std::move(smaller);
@@ -65,15 +70,22 @@ void drop_superseded(RestDiagnosisModel& m, RestDiagnosis& d) {
   }
 }
 
-// Components that are not clear, the weakest first. What they would do to the parameters: into `beside`.
+// Components that are not clear, the weakest first, but for those without which the error on what is left out rises as much as an effect has to
+// lower it. What they would do to the parameters: into `beside`.
 void drop_unclear(RestDiagnosisModel& m, RestDiagnosis& d, std::vector<Eigen::VectorXd>& beside) {
   const Parameters with = m.model.fit.parameters;
   const std::size_t all = m.model.columns.size();
-  while (!m.model.columns.empty()) {
-    std::size_t weakest = 0;
-    for (std::size_t k = 1; k < m.model.columns.size(); ++k)
-      if (z_of(m, k) < z_of(m, weakest)) weakest = k;
-    if (z_of(m, weakest) > m.options.clear || !drop_component(m, d, weakest)) break;
+  std::set<std::string> needed;
+  const auto droppable = [&](std::size_t k) {
+    return z_of(m, k) <= m.options.clear && !needed.contains(m.model.columns[k].key());
+  };
+  while (true) {
+    std::optional<std::size_t> weakest;
+    for (std::size_t k = 0; k < m.model.columns.size(); ++k)
+      if (droppable(k) && (!weakest || z_of(m, k) < z_of(m, *weakest))) weakest = k;
+    if (!weakest) break;
+    if (passes_gate(m, without_component(m, *weakest), m.model, true) || !drop_component(m, d, *weakest))
+      needed.insert(m.model.columns[*weakest].key());
   }
   if (m.model.columns.size() < all) beside.push_back(to_vector(with) - to_vector(m.model.fit.parameters));
 }

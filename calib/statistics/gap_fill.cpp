@@ -17,8 +17,11 @@ GapFill GapFiller::fill(const ImuSample& next, std::int64_t lost, bool at_rest,
     step.setZero();
     for (int k = 0; k < 6; ++k) {
       const double part = n * first[k] - std::floor(n * first[k]);
-      variance[k] = (n + n * n / static_cast<double>(memory)) * square[k];
-      if (counted_[static_cast<std::size_t>(k / 3)]) variance[k] = std::min(variance[k], part * (1.0 - part));
+      constexpr double of_rounding = 1.0 / 6.0;  // of two ends that noise puts anywhere
+      variance[k] = n * square[k];
+      if (counted_[static_cast<std::size_t>(k / 3)])
+        variance[k] = std::min(variance[k], std::max(part * (1.0 - part), of_rounding));
+      variance[k] += n * n * square[k] / static_cast<double>(memory);
     }
   } else {
     constexpr double corner = 20.0;  // one in 300 of white noise, whose changes of slope are 7/3 of D

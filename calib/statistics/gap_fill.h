@@ -1,8 +1,8 @@
 // A few lost samples filled in between those that came, and how wrong that may be.
 //
 // At rest, with n lost: each is the mean m of the last `memory` samples. What the unit counted meanwhile is a whole number of pulses: the
-// variance of the n together is f (1 - f), f the fraction of n m, and never more than n times the variance of those samples, which it is
-// where increments are no pulses.
+// variance of the n together is f (1 - f), f the fraction of n m, and 1/6 at least, that of rounding both ends of a noisy count; but never more
+// than n times the variance of those samples, which it is where increments are no pulses. That of n m comes on top.
 // In a turn: linear between the increments x_a before and x_b after. With D the mean square of x_k - (x_(k-1) + x_(k+1)) / 2 where nothing
 // is lost (GlitchFinder), of which a sample's noise is two thirds, the variance of the sum is (n + n^2 / 2) 2 D / 3. Where the slope
 // changes across the gap by c with c^2 > 20 D, a corner of the motion fell into it: n^2 c^2 more.
