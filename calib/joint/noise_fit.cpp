@@ -269,7 +269,7 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
                  enough);
   };
   bool look_for_instability = options.bias_instability;
-  bool axes_may_differ = options.random_walks && !options.near_start;
+  bool axes_may_differ = options.random_walks && !options.near_start, axes_promise_more = false;
   const bool none_yet = s[6] == 0.0 && s[7] == 0.0;
   // The walks alone first: six states, not twelve.
   Scoring scoring;
@@ -289,21 +289,30 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     look_for_instability =
         look_for_instability && may_pass(noise_limits.instability_gain, with_instability(true, true));
     axes_may_differ = axes_may_differ && may_pass(noise_limits.axes_differ, axes);
+    axes_promise_more = axes_may_differ && (!look_for_instability || gain(axes) > gain(with_instability(true, true)));
     if (!look_for_instability && options.near_start) scoring = estimate(false, false);
   }
-  if (look_for_instability) scoring = estimate(true, true);
-  if (axes_may_differ) {
-    // One scoring step with six values shows whether that would say more than chance (4 more degrees of freedom).
+  // Would six values say more than chance (4 more degrees of freedom)? One step may stop short of what they gain: one axis may have a
+  // sixteenth of another's variance.
+  const auto take_axes_that_differ = [&] {
+    constexpr int steps = 4;
+    axes_may_differ = false;
     Variances apart = s;
     RestrictedLikelihood::Run run = now;
-    const Scoring six = score(likelihood, axes, tau, 1, apart, run);
-    if (scoring.value - six.value > noise_limits.axes_differ) {
-      fit.axes_differ = true;
-      of_walks = axes;
-      s = apart;
-      now = std::move(run);
-      scoring = estimate(options.bias_instability, options.bias_instability);
-    }
+    const Scoring six = score(likelihood, axes, tau, steps, apart, run);
+    if (scoring.value - six.value <= noise_limits.axes_differ) return;
+    fit.axes_differ = true;
+    of_walks = axes;
+    s = apart;
+    now = std::move(run);
+    if (!look_for_instability) scoring = six;
+  };
+  // What promises more comes first: an instability would take a part of what the axes gain, and be dropped beside them, and the other way round.
+  if (axes_may_differ && axes_promise_more) take_axes_that_differ();
+  if (look_for_instability) scoring = estimate(true, true);
+  if (axes_may_differ) {
+    take_axes_that_differ();
+    if (fit.axes_differ) scoring = estimate(options.bias_instability, options.bias_instability);
   }
   // Is each instability there? The likelihood without it, everything else fitted again.
   bool kept[2] = {s[6] > 0.0, s[7] > 0.0};
