@@ -17,8 +17,9 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr int walks = 6;    // variances of ARW x y z, VRW x y z
-constexpr int sources = 8;  // and of gyro and accelerometer bias instability
+constexpr double of_sure = 4.0;  // limits of an instability: one that gains so much is surely there
+constexpr int walks = 6;         // variances of ARW x y z, VRW x y z
+constexpr int sources = 8;       // and of gyro and accelerometer bias instability
 using Variances = Eigen::Matrix<double, sources, 1>;
 
 // Variances that move together: one index, or the three axes of a triad.
@@ -289,7 +290,9 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     look_for_instability =
         look_for_instability && may_pass(noise_limits.instability_gain, with_instability(true, true));
     axes_may_differ = axes_may_differ && may_pass(noise_limits.axes_differ, axes);
-    axes_promise_more = axes_may_differ && (!look_for_instability || gain(axes) > gain(with_instability(true, true)));
+    const bool surely_an_instability = look_for_instability && gain(with_instability(true, true)) - of_walks_alone >
+                                                                   of_sure * noise_limits.instability_gain;
+    axes_promise_more = axes_may_differ && !surely_an_instability;
     if (!look_for_instability && options.near_start) scoring = estimate(false, false);
   }
   // Would six values say more than chance (4 more degrees of freedom)? One step may stop short of what they gain: one axis may have a
@@ -307,7 +310,7 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     now = std::move(run);
     if (!look_for_instability) scoring = six;
   };
-  // What promises more comes first: an instability would take a part of what the axes gain, and be dropped beside them, and the other way round.
+  // Before an instability that is hardly there: it would take a part of what the axes gain, and be dropped afterwards.
   if (axes_may_differ && axes_promise_more) take_axes_that_differ();
   if (look_for_instability) scoring = estimate(true, true);
   if (axes_may_differ) {
@@ -322,7 +325,7 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     RestrictedLikelihood::Run run_with = std::move(now);
     s[6 + triad] = 0.0;
     now = likelihood(s);
-    const double surely_there = scoring.value + 4.0 * noise_limits.instability_gain;
+    const double surely_there = scoring.value + of_sure * noise_limits.instability_gain;
     const Scoring without = estimate(triad == 1 && kept[0], triad == 0 && kept[1], surely_there);
     const double gain = without.value - scoring.value;
     (triad == 0 ? fit.gyro_bias_instability_gain : fit.accel_bias_instability_gain) = gain;
