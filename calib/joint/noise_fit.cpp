@@ -297,8 +297,7 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   }
   // Would six values say more than chance (4 more degrees of freedom)? One step may stop short of what they gain: one axis may have a
   // sixteenth of another's variance.
-  const auto take_axes_that_differ = [&] {
-    constexpr int steps = 4;
+  const auto take_axes_that_differ = [&](int steps) {
     axes_may_differ = false;
     Variances apart = s;
     RestrictedLikelihood::Run run = now;
@@ -311,10 +310,10 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     if (!look_for_instability) scoring = six;
   };
   // Before an instability that is hardly there: it would take a part of what the axes gain, and be dropped afterwards.
-  if (axes_may_differ && axes_promise_more) take_axes_that_differ();
+  if (axes_may_differ && axes_promise_more) take_axes_that_differ(4);
   if (look_for_instability) scoring = estimate(true, true);
   if (axes_may_differ) {
-    take_axes_that_differ();
+    take_axes_that_differ(1);
     if (fit.axes_differ) scoring = estimate(options.bias_instability, options.bias_instability);
   }
   // Is each instability there? The likelihood without it, everything else fitted again.
