@@ -72,30 +72,46 @@ Segments takes_of_last(const Segments& segments, std::size_t dwells) {
 }
 
 EnoughWatch::EnoughWatch(const PreparedRun& run, const Plan& plan, const std::vector<UnitRun>& units,
-                         std::deque<RecordingSink>& recordings, JournalFile& journal, Tell tell)
+                         std::deque<RecordingSink>& recordings, JournalFile& journal, BackgroundQueue& storage,
+                         Tell tell)
     : run_(run),
       plan_(plan),
       units_(units),
       recordings_(recordings),
       journal_(journal),
+      storage_(storage),
       tell_(std::move(tell)),
       end_item_(first_item_of(plan, run.verify_from)) {}
 
 Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item) {
   if (next_item >= end_item_) return std::optional(next_item);  // nothing is left to be left out
+  if (decided_) {
+    if (!storage_.done(decided_->ticket)) return std::optional<std::size_t>();
+    const Decided decided = *std::exchange(decided_, std::nullopt);
+    if (!*decided.written) return decided.written->error();
+    return std::optional(decided.next_item);
+  }
   if (!running_.valid()) running_ = std::async(std::launch::async, [this, next_item] { return estimate(next_item); });
   if (running_.wait_for(std::chrono::milliseconds(2)) != std::future_status::ready) return std::optional<std::size_t>();
   const std::vector<KnownSoFar> units = running_.get();
   const bool enough = !units.empty() && std::all_of(units.begin(), units.end(),
                                                     [](const KnownSoFar& unit) { return unit.why_not.empty(); });
   const bool again = std::any_of(units.begin(), units.end(), [](const KnownSoFar& unit) { return unit.again; });
+  std::vector<std::pair<RecordingSink*, Segment>> aside;
   for (const KnownSoFar& known : units)
     for (std::size_t i = 0; i < units_.size(); ++i)
       for (const Segment& take : known.set_aside)
-        if (units_[i].run.unit() == known.unit)
-          if (Status status = recordings_[i].set_aside(take); !status) return status.error();
-  if (Status status = note(units, next_item, enough, again); !status) return status.error();
-  return std::optional(enough ? end_item_ : again ? next_item - 1 : next_item);
+        if (units_[i].run.unit() == known.unit) aside.emplace_back(&recordings_[i], take);
+  decided_.emplace().next_item = enough ? end_item_ : again ? next_item - 1 : next_item;
+  const auto write = [&journal = journal_, aside, fields = note(units, next_item, enough, again)]() -> Status {
+    for (const auto& [recording, take] : aside)
+      if (Status status = recording->set_aside(take); !status) return status;
+    return fields.empty() ? Status{} : journal.append(JournalType::estimate, fields);
+  };
+  if (!storage_.post([written = decided_->written, write] { *written = write(); }))
+    return device_error("more waits to be written than can be held: the disk is too slow");
+  decided_->ticket = storage_.posted();
+  return std::optional<std::size_t>();
 }
 
 std::vector<KnownSoFar> EnoughWatch::estimate(std::size_t done_items) {
@@ -225,7 +241,7 @@ std::optional<std::size_t> EnoughWatch::expected_end(const std::vector<NeededSig
   return *found - 1;
 }
 
-Status EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough, bool again) {
+JournalFields EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough, bool again) {
   if (units.empty()) return {};
   const KnownSoFar& least = least_known(units);
   const NeededSigma* const worst = least.worst();
@@ -257,15 +273,15 @@ Status EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_t next_
     }
   }
   tell_(line, least);
-  return journal_.append(JournalType::estimate, {{"item", std::to_string(next_item - 1)},
-                                                 {"enough", enough ? "true" : "false"},
-                                                 {"again", again ? "true" : "false"},
-                                                 {"set_aside", format_number(static_cast<double>(set_aside))},
-                                                 {"unit", units.size() > 1 ? least.unit : ""},
-                                                 {"worst", worst ? std::string(parameter_keys[worst->parameter]) : ""},
-                                                 {"sigma", worst ? format_number(worst->sigma) : ""},
-                                                 {"needed", worst ? format_number(worst->needed) : ""},
-                                                 {"reason", least.why_not}});
+  return {{"item", std::to_string(next_item - 1)},
+          {"enough", enough ? "true" : "false"},
+          {"again", again ? "true" : "false"},
+          {"set_aside", format_number(static_cast<double>(set_aside))},
+          {"unit", units.size() > 1 ? least.unit : ""},
+          {"worst", worst ? std::string(parameter_keys[worst->parameter]) : ""},
+          {"sigma", worst ? format_number(worst->sigma) : ""},
+          {"needed", worst ? format_number(worst->needed) : ""},
+          {"reason", least.why_not}};
 }
 
 }  // namespace turncal

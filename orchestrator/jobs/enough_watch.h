@@ -18,6 +18,7 @@
 #include <functional>
 #include <future>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -26,6 +27,7 @@
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/unit_run.h"
 #include "orchestrator/records/recording_sink.h"
+#include "orchestrator/run/background_queue.h"
 #include "orchestrator/station/needed_sigma.h"
 #include "sequences/plan.h"
 
@@ -56,9 +58,9 @@ class EnoughWatch {
   // Both outlive it. units: as they are when they are looked at (dropped).
   // recordings: of the units, in their order.
   EnoughWatch(const PreparedRun& run, const Plan& plan, const std::vector<UnitRun>& units,
-              std::deque<RecordingSink>& recordings, JournalFile& journal, Tell tell);
+              std::deque<RecordingSink>& recordings, JournalFile& journal, BackgroundQueue& storage, Tell tell);
 
-  // For StationHooks::go_on_with. Waits a few milliseconds at most.
+  // For StationHooks::go_on_with. Waits a few milliseconds at most; what is decided is answered once it is durable.
   Result<std::optional<std::size_t>> go_on_with(std::size_t next_item);
 
  private:
@@ -77,16 +79,23 @@ class EnoughWatch {
                                           const JointResult& fit, bool soonest);
   bool diagnosed_at_end() const;
   double length_s(std::size_t from, std::size_t to) const;  // of items of the plan
-  Status note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough, bool again);
+  JournalFields note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough, bool again);
 
   const PreparedRun& run_;
   const Plan& plan_;
   const std::vector<UnitRun>& units_;
   std::deque<RecordingSink>& recordings_;
   JournalFile& journal_;
+  BackgroundQueue& storage_;
   Tell tell_;
   std::size_t end_item_;  // of what is calibrated from
   std::future<std::vector<KnownSoFar>> running_;
+  struct Decided {
+    std::size_t next_item = 0;
+    std::uint64_t ticket = 0;  // of the queue
+    std::shared_ptr<Status> written = std::make_shared<Status>();
+  };
+  std::optional<Decided> decided_;
   std::map<std::size_t, ParameterVector> planned_;
 };
 

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <deque>
 #include <thread>
 
@@ -16,6 +17,7 @@
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/enough_watch.h"
+#include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/station_records.h"
@@ -46,6 +48,27 @@ class Fanout : public RunObserver {
 
  private:
   std::vector<RunObserver*> observers_;
+};
+
+// An observer that may block: what it is told waits in a queue. Snapshots are left out while others wait, the rest is not.
+class HandedOut : public RunObserver {
+ public:
+  HandedOut(RunObserver& observer, BackgroundQueue& queue) : observer_(observer), queue_(queue) {}
+  void on_transition(const TransitionRecord& record) override {
+    queue_.post([&observer = observer_, record] { observer.on_transition(record); });
+  }
+  void on_dropout(const Dropout& dropout) override {
+    queue_.post([&observer = observer_, dropout] { observer.on_dropout(dropout); });
+  }
+  void on_progress(const RunSnapshot& snapshot) override {
+    if (queue_.pending() < most_waiting)
+      queue_.post([&observer = observer_, snapshot] { observer.on_progress(snapshot); });
+  }
+
+ private:
+  static constexpr std::uint64_t most_waiting = 16;
+  RunObserver& observer_;
+  BackgroundQueue& queue_;
 };
 
 // Holds virtual time back to `pace` times the wall clock.
@@ -161,6 +184,14 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
   return run_devices;
 }
 
+// A disk that hangs for good would hold up whoever waits for its thread: the table was left, so the program says so and ends at once.
+[[noreturn]] void end_without_storage(const Error& error, const std::string& folder, CommandContext& context) {
+  context.err << "turncal: " << error.message << "; nothing more could be written to " << folder
+              << ", and the program ends without waiting for it; when the disk answers again: turncal resume " << folder
+              << std::endl;
+  std::_Exit(exit_code(ErrorKind::device));
+}
+
 // One attempt with the devices, up to the verdicts.
 RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& context) {
   const StationDevices devices = run_devices.devices();
@@ -190,18 +221,6 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
     if (const std::string warning = page->warning(); !warning.empty()) context.err << warning << std::endl;
   }
   PaceKeeper pace(a.run.request.pace);
-  ClockWatch clock(run_devices.live ? a.run.station.clock_speed_up : 1.0, [&a](double by_s, const RunSnapshot& at) {
-    char text[80];
-    std::snprintf(text, sizeof text, "the clock was set by %+.3f s, to ", by_s);
-    a.log.line(text + format_utc(at.utc_s));
-    // A journal that cannot be written refuses the next record, too, and that stops the run.
-    if (Status kept = a.journal.clock_set(by_s, at); !kept) a.log.line(kept.error().message);
-  });
-  ServiceWatch service;
-  std::vector<RunObserver*> all{&a.log, &live, &pace, &clock, &service};
-  if (run_devices.prompts) all.push_back(run_devices.prompts);
-  if (!operator_view.on_terminal()) all.push_back(&progress);
-  Fanout observers(all);
   std::deque<RecordingSink> recordings;
   for (UnitRun& unit : a.units) {
     recordings.emplace_back(unit.folder);
@@ -216,6 +235,24 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
     lanes.push_back({run_devices.imu(i), sink, a.units[i].run.unit()});
   }
   const StopSignals signals(FirstInterrupt::pauses);
+  // What the loop hands out is written and shown beside it; of a simulation whose time stands still meanwhile, within it.
+  const BackgroundQueue::By by = run_devices.live ? BackgroundQueue::By::thread : BackgroundQueue::By::caller;
+  BackgroundQueue storage(by), display(by);
+  ClockWatch clock(run_devices.live ? a.run.station.clock_speed_up : 1.0, [&](double by_s, const RunSnapshot& at) {
+    storage.post([&a, by_s, at] {
+      char text[80];
+      std::snprintf(text, sizeof text, "the clock was set by %+.3f s, to ", by_s);
+      a.log.line(text + format_utc(at.utc_s));
+      // A journal that cannot be written refuses the next record, too, and that stops the run.
+      if (Status kept = a.journal.clock_set(by_s, at); !kept) a.log.line(kept.error().message);
+    });
+  });
+  ServiceWatch service;
+  HandedOut log(a.log, storage), shown_live(live, display), shown_progress(progress, display);
+  std::vector<RunObserver*> all{&log, &shown_live, &pace, &clock, &service};
+  if (run_devices.prompts) all.push_back(run_devices.prompts);
+  if (!operator_view.on_terminal()) all.push_back(&shown_progress);
+  Fanout observers(all);
   StationRun* running = nullptr;
   const auto content_hashes = [&] {
     note_outcome(running->outcome(), a.sample_period_s, a.units);
@@ -226,15 +263,17 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
     note_outcome(running->outcome(), a.sample_period_s, a.units);
     return calibrate_units(a.units, devices.clock.utc_s(), a.journal);
   };
-  EnoughWatch enough(a.run, a.plan, a.units, recordings, a.journal,
+  EnoughWatch enough(a.run, a.plan, a.units, recordings, a.journal, storage,
                      [&](const std::string& line, const KnownSoFar& unit) {
-                       a.log.line(line);
-                       progress.clear();
-                       if (!operator_view.on_terminal() && stdout_takes_more()) context.out << line << std::endl;
+                       storage.post([&a, line] { a.log.line(line); });
                        std::vector<LiveStatus::Known> bars;
                        for (const NeededSigma& one : unit.sigmas)
                          bars.push_back({std::string(parameter_keys[one.parameter]), one.sigma, one.needed});
-                       live.show_known(line, std::move(bars));
+                       display.post([&, line, bars = std::move(bars)] {
+                         progress.clear();
+                         if (!operator_view.on_terminal() && stdout_takes_more()) context.out << line << std::endl;
+                         live.show_known(line, bars);
+                       });
                      });
   const auto go_on_with = [&](std::size_t next_item) {
     note_outcome(running->outcome(), a.sample_period_s, a.units);
@@ -249,10 +288,13 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
                   .pause_requests = &StopSignals::pauses(),
                   .end_requests = &StopSignals::ends(),
                   .content_hashes = content_hashes,
-                  .go_on_with = a.run.request.until_sigma ? decltype(StationHooks::go_on_with)(go_on_with) : nullptr});
+                  .go_on_with = a.run.request.until_sigma ? decltype(StationHooks::go_on_with)(go_on_with) : nullptr,
+                  .storage = &storage});
   running = &run;
   const RunOutcome outcome = run.run();
+  display.drain();
   if (outcome.stop_failed && run_devices.live) run_devices.live->give_table_up();
+  if (outcome.storage_hangs) end_without_storage(outcome.error, a.folder, context);
   for (std::size_t i = 0; run_devices.live && i < a.units.size(); ++i) {
     a.log.line("unit " + a.units[i].run.unit() + ": " + run_devices.live->unit_summary(i));
   }

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cstdio>
+#include <functional>
 
 #include "imu_io/base/format_number.h"
 #include "orchestrator/run/station_run.h"
@@ -59,7 +60,7 @@ StationRun::MaybeEvent StationRun::leave_out() {
   asked_of_item_ = item_;
   while (true) {
     const Result<std::optional<std::size_t>> next = hooks_.go_on_with(item_);
-    if (!next) return keep(next.error());
+    if (!next) return kept(next.error());
     if (*next && **next < item_) {  // the dwell once more
       --item_;
       ++repeated_dwells_;
@@ -69,11 +70,7 @@ StationRun::MaybeEvent StationRun::leave_out() {
       if (item_ < items.size()) commanded_deg_ = items[item_ - 1].commanded_deg;
     }
     if (*next) return std::nullopt;
-    if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) return asked();
-    receive_meanwhile();
-    if (devices_.clock.now_s() < next_poll_s_) continue;
-    if (const MaybeEvent event = read_table()) return event;
-    schedule_poll(devices_.clock.now_s());
+    if (const MaybeEvent event = look_around()) return event;
   }
 }
 
@@ -89,7 +86,9 @@ StationRun::MaybeEvent StationRun::issue_move() {
   begin_segment(SegmentKind::rotate);
   const double from_deg = status_[static_cast<std::size_t>(move.axis)].position_deg;
   if (hooks_.journal) {
-    if (const MaybeEvent event = keep(hooks_.journal->move(move, devices_.clock.now_s()))) return event;
+    const double now_s = devices_.clock.now_s();
+    if (const MaybeEvent event = keep([journal = hooks_.journal, move, now_s] { return journal->move(move, now_s); }))
+      return event;
   }
   arrival_.start_move(move, from_deg, devices_.clock.now_s());
   commanded_to_move_ = true;
@@ -147,14 +146,22 @@ StationRun::MaybeEvent StationRun::begin_dwell() {
 StationRun::MaybeEvent StationRun::close_dwell() {
   if (const MaybeEvent event = end_segment(job_.plan.items[item_].dwell_kind)) return event;
   if (hooks_.journal) {
-    if (const MaybeEvent event = in_every_lane([](UnitLane& lane) { return lane.sync(); })) return event;
+    if (const MaybeEvent event = in_every_lane(not_stored(), std::mem_fn(&UnitLane::sync))) return event;
     CompletedDwell dwell{.item = item_,
                          .units = {},
                          .repeated_dwells = repeated_dwells_,
                          .time_s = devices_.clock.now_s(),
                          .utc_s = devices_.clock.utc_s()};
-    for (const UnitLane& lane : lanes_) dwell.units.push_back(lane.point());
-    if (const MaybeEvent event = keep(hooks_.journal->dwell(dwell))) return event;
+    std::vector<const RunSink*> sinks;
+    for (const UnitLane& lane : lanes_) {
+      dwell.units.push_back(lane.point());
+      sinks.push_back(&lane.sink());
+    }
+    const auto write = [journal = hooks_.journal, dwell, sinks]() mutable {
+      for (std::size_t i = 0; i < sinks.size(); ++i) dwell.units[i].written = sinks[i]->written();
+      return journal->dwell(dwell);
+    };
+    if (const MaybeEvent event = keep(write)) return event;
   }
   forget_repeats();
   ++item_;
@@ -171,7 +178,7 @@ StationRun::MaybeEvent StationRun::discard_dwell() {
 }
 
 StationRun::MaybeEvent StationRun::finish_step() {
-  if (const MaybeEvent event = in_every_lane([](UnitLane& lane) { return lane.sync(); })) return event;
+  if (const MaybeEvent event = in_every_lane(not_stored(), std::mem_fn(&UnitLane::sync))) return event;
   return step_ + 1 < job_.sequence.steps.size() ? RunEvent::step_next : RunEvent::sequence_complete;
 }
 
@@ -179,17 +186,20 @@ StationRun::MaybeEvent StationRun::calibrate() {
   if (hooks_.journal) {
     std::vector<std::string> hashes;
     if (hooks_.content_hashes) {
-      if (const MaybeEvent event = in_every_lane([](UnitLane& lane) { return lane.sync(); })) return event;
+      if (const MaybeEvent event = in_every_lane(not_stored(), std::mem_fn(&UnitLane::sync))) return event;
       Result<std::vector<std::string>> read = hooks_.content_hashes();
-      if (!read) return keep(read.error());
+      if (!read) return kept(read.error());
       hashes = std::move(*read);
     }
-    if (const MaybeEvent event = keep(hooks_.journal->seal(devices_.clock.utc_s(), hashes))) return event;
+    const double utc_s = devices_.clock.utc_s();
+    if (const MaybeEvent event =
+            keep([journal = hooks_.journal, utc_s, hashes] { return journal->seal(utc_s, hashes); }))
+      return event;
   }
-  if (const MaybeEvent event = in_every_lane([](UnitLane& lane) { return lane.finish(); })) return event;
+  if (const MaybeEvent event = in_every_lane(not_stored(), std::mem_fn(&UnitLane::finish))) return event;
   tell_progress();
   if (hooks_.calibrate) {
-    if (const MaybeEvent event = keep(hooks_.calibrate())) return event;
+    if (const MaybeEvent event = kept(hooks_.calibrate())) return event;
   }
   return RunEvent::calibration_ok;
 }
@@ -207,15 +217,9 @@ void StationRun::begin_segment(SegmentKind kind) {
 }
 
 StationRun::MaybeEvent StationRun::end_segment(SegmentKind kind) {
-  if (const MaybeEvent event = in_every_lane([&](UnitLane& lane) { return lane.end_segment(kind, commanded_deg_); })) {
-    return event;
-  }
-  for (UnitLane& lane : lanes_) {
-    const Status fits = lane.alive() ? lane.fits() : Status{};
-    if (fits) continue;
-    if (const MaybeEvent event = fail(lane, RunEvent::unit_wrong, fits.error())) return event;
-  }
-  return std::nullopt;
+  const auto end = [&](UnitLane& lane) { return lane.end_segment(kind, commanded_deg_); };
+  if (const MaybeEvent event = in_every_lane(RunEvent::storage_failed, end)) return event;
+  return in_every_lane(RunEvent::unit_wrong, std::mem_fn(&UnitLane::fits));
 }
 
 }  // namespace turncal

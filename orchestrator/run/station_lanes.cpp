@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 
 #include "orchestrator/run/station_run.h"
 
@@ -26,16 +27,25 @@ StationRun::MaybeEvent StationRun::fail(UnitLane& lane, RunEvent event, const Er
   lane.drop(why);
   const Dropout dropout{static_cast<std::size_t>(&lane - lanes_.data()), lane.serial(), why, snapshot()};
   if (hooks_.observer) hooks_.observer->on_dropout(dropout);
-  return hooks_.journal ? keep(hooks_.journal->dropout(dropout)) : std::nullopt;
+  if (!hooks_.journal) return std::nullopt;
+  return keep([journal = hooks_.journal, dropout] { return journal->dropout(dropout); });
 }
 
-StationRun::MaybeEvent StationRun::in_every_lane(const std::function<Status(UnitLane&)>& step) {
-  const RunEvent event = state_ == RunState::calibrating ? RunEvent::calibration_failed : RunEvent::storage_failed;
-  for (UnitLane& lane : lanes_) {
-    if (!lane.alive()) continue;
-    if (const Status status = step(lane); !status) {
-      if (const MaybeEvent failed = fail(lane, event, status.error())) return failed;
+StationRun::MaybeEvent StationRun::in_every_lane(RunEvent event,
+                                                 const std::function<UnitLane::Write(UnitLane&)>& step) {
+  std::vector<UnitLane::Write> writes;
+  for (UnitLane& lane : lanes_) writes.push_back(lane.alive() ? step(lane) : UnitLane::Write());
+  const auto results = std::make_shared<std::vector<Status>>(lanes_.size());
+  const MaybeEvent first = keep([results, writes = std::move(writes)] {
+    for (std::size_t i = 0; i < writes.size(); ++i) {
+      if (writes[i]) (*results)[i] = writes[i]();
     }
+    return Status{};
+  });
+  if (first) return first;
+  for (std::size_t i = 0; i < lanes_.size(); ++i) {
+    if ((*results)[i]) continue;
+    if (const MaybeEvent failed = fail(lanes_[i], event, (*results)[i].error())) return failed;
   }
   return std::nullopt;
 }
@@ -145,7 +155,7 @@ StationRun::MaybeEvent StationRun::record_all() {
 StationRun::MaybeEvent StationRun::record(UnitLane& lane) {
   if (!lane.alive()) return std::nullopt;
   const bool dwelling = state_ == RunState::dwelling;
-  const Result<UnitLane::Recorded> recorded = lane.record(dwelling);
+  const Result<UnitLane::Recorded> recorded = lane.record(dwelling, storage_);
   if (!recorded) return fail(lane, RunEvent::storage_failed, recorded.error());
   if (dwelling) return recorded->defect ? judge_defect(lane, *recorded->defect) : std::nullopt;
   if (!arrival_.move() || lane.motion_lost || (!recorded->gap && !recorded->flagged)) return std::nullopt;

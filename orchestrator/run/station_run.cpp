@@ -3,6 +3,10 @@
 #include "orchestrator/run/station_run.h"
 
 #include <limits>
+#include <memory>
+#include <utility>
+
+#include "imu_io/base/format_number.h"
 
 namespace turncal {
 
@@ -25,7 +29,8 @@ StopCause cause_of(RunEvent event) {
 
 StationRun::StationRun(StationDevices devices, StationJob job, const std::vector<StationUnit>& units,
                        StationHooks hooks)
-    : devices_(std::move(devices)),
+    : storage_(hooks.storage ? *hooks.storage : in_the_loop_),
+      devices_(std::move(devices)),
       job_(std::move(job)),
       hooks_(std::move(hooks)),
       lanes_(units.begin(), units.end()),
@@ -64,6 +69,7 @@ RunOutcome StationRun::run() {
       handle(*event);
       continue;
     }
+    if (const MaybeEvent hangs = stuck(); hangs && state_ != RunState::stopping) handle(*hangs);
     if (const MaybeEvent event = pump()) {
       handle(*event);
     } else if (devices_.clock.now_s() >= next_poll_s_ - time_slack_s) {
@@ -72,7 +78,9 @@ RunOutcome StationRun::run() {
     tell_progress();
   }
   for (UnitLane& lane : lanes_) lane.close();
-  return outcome();
+  RunOutcome end = outcome();
+  end.storage_hangs = !storage_.drain();
+  return end;
 }
 
 RunOutcome StationRun::outcome() const {
@@ -91,61 +99,65 @@ RunOutcome StationRun::outcome() const {
 }
 
 void StationRun::handle(RunEvent event) {
-  MaybeEvent pending = event;
-  while (pending) {
-    const RunEvent now = *pending;
-    const RunGuards guards{.rest_due = rest_due_,
-                           .repeats_left = any_living(
-                               [this](const UnitLane& lane) { return lane.repeats < job_.station.dwell.max_repeats; }),
-                           .stop_cause = stop_cause_};
-    const Transition transition = next(state_, now, guards);
-    if (transition.outcome == Transition::Outcome::ignored) {
-      detail_.clear();
-      return;
-    }
-    const bool unexpected = transition.outcome == Transition::Outcome::unexpected;
-    if (unexpected) {
-      raise(now, ErrorKind::internal,
-            "event " + std::string(to_string(now)) + " was not expected in state " + std::string(to_string(state_)));
-    }
-    TransitionRecord record{snapshot(), state_, now, transition.to, transition.action, unexpected, detail_};
+  for (MaybeEvent pending = event; pending;) pending = take(*pending);
+}
+
+StationRun::MaybeEvent StationRun::take(RunEvent now) {
+  const RunGuards guards{.rest_due = rest_due_,
+                         .repeats_left = any_living(
+                             [this](const UnitLane& lane) { return lane.repeats < job_.station.dwell.max_repeats; }),
+                         .stop_cause = stop_cause_};
+  const Transition transition = next(state_, now, guards);
+  if (transition.outcome == Transition::Outcome::ignored) {
     detail_.clear();
-    // Whatever ends in a stop has an error to report, once; later reasons are consequences.
-    if (transition.to == RunState::stopping || (is_final(transition.to) && transition.to != RunState::done)) {
-      if (!first_error_) {
-        const std::string reason = record.detail.empty() ? std::string(to_string(now)) : record.detail;
-        first_error_ = Error{raised_kind_, place() + ": " + reason};
-        stop_cause_ = cause_of(now);
-      } else if (now == RunEvent::operator_stop && stop_cause_ == StopCause::interruption) {
-        first_error_ = Error{raised_kind_, place() + ": " + record.detail};
-        stop_cause_ = StopCause::by_operator;
-      } else if (transition.to == RunState::failed && now == RunEvent::stopped_verified &&
-                 !devices_.table.needs_operator()) {
-        first_error_->message += "; " + how_it_rests(devices_.table);
-      }
-      if (transition.to == RunState::failed && now == RunEvent::deadline) {
-        stop_failed_ = true;
-        record.detail = stop_.not_verified("");
-        first_error_ = Error{ErrorKind::device, first_error_->message + "; " + record.detail};
-      }
-    }
-    // Where nothing changes, the poll that is due stays due.
-    const bool changed = transition.to != state_;
-    state_ = transition.to;
-    pending.reset();
-    // A stop goes out at once: neither disk nor terminal may hold it up.
-    const bool stop = transition.action == RunAction::stop_table || transition.action == RunAction::abort_table;
-    if (stop) pending = perform(transition.action, now);
-    if (hooks_.observer) hooks_.observer->on_transition(record);
-    const Status kept = hooks_.journal ? hooks_.journal->transition(record) : Status{};
-    // Anything else does not happen unless it is in the journal.
-    if (!kept && (live_states.contains(state_) || state_ == RunState::calibrating)) {
-      pending = keep(kept);
-    } else if (!stop) {
-      pending = perform(transition.action, now);
-    }
-    if (changed) schedule_poll(devices_.clock.now_s());
+    return std::nullopt;
   }
+  const bool unexpected = transition.outcome == Transition::Outcome::unexpected;
+  if (unexpected) {
+    raise(now, ErrorKind::internal,
+          "event " + std::string(to_string(now)) + " was not expected in state " + std::string(to_string(state_)));
+  }
+  TransitionRecord record{snapshot(), state_, now, transition.to, transition.action, unexpected, detail_};
+  detail_.clear();
+  // Whatever ends in a stop has an error to report, once; later reasons are consequences.
+  if (transition.to == RunState::stopping || (is_final(transition.to) && transition.to != RunState::done)) {
+    if (!first_error_) {
+      const std::string reason = record.detail.empty() ? std::string(to_string(now)) : record.detail;
+      first_error_ = Error{raised_kind_, place() + ": " + reason};
+      stop_cause_ = cause_of(now);
+    } else if (now == RunEvent::operator_stop && stop_cause_ == StopCause::interruption) {
+      first_error_ = Error{raised_kind_, place() + ": " + record.detail};
+      stop_cause_ = StopCause::by_operator;
+    } else if (transition.to == RunState::failed && now == RunEvent::stopped_verified &&
+               !devices_.table.needs_operator()) {
+      first_error_->message += "; " + how_it_rests(devices_.table);
+    }
+    if (transition.to == RunState::failed && now == RunEvent::deadline) {
+      stop_failed_ = true;
+      record.detail = stop_.not_verified("");
+      first_error_ = Error{ErrorKind::device, first_error_->message + "; " + record.detail};
+    }
+  }
+  // Where nothing changes, the poll that is due stays due.
+  const bool changed = transition.to != state_;
+  state_ = transition.to;
+  // A stop goes out at once: neither disk nor terminal may hold it up.
+  const bool stop = transition.action == RunAction::stop_table || transition.action == RunAction::abort_table;
+  MaybeEvent pending;
+  if (stop) pending = perform(transition.action, now);
+  if (hooks_.observer) hooks_.observer->on_transition(record);
+  if (changed && state_ == RunState::selecting) hold();
+  const auto write = [journal = hooks_.journal, record = std::move(record)] {
+    return journal ? journal->transition(record) : Status{};
+  };
+  if (stop || is_final(state_)) {  // whether it can be written changes nothing any more
+    storage_.post([write] { static_cast<void>(write()); });
+  } else {  // anything else does not happen unless it is in the journal
+    pending = keep(write);
+    if (!pending) pending = perform(transition.action, now);
+  }
+  if (changed) schedule_poll(devices_.clock.now_s());
+  return pending;
 }
 
 RunEvent StationRun::raise(RunEvent event, ErrorKind kind, const std::string& reason) {
@@ -224,12 +236,41 @@ StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
   return std::nullopt;
 }
 
-StationRun::MaybeEvent StationRun::keep(const Status& status) {
+RunEvent StationRun::not_stored() const {
+  return state_ == RunState::connecting    ? RunEvent::connect_failed
+         : state_ == RunState::calibrating ? RunEvent::calibration_failed
+                                           : RunEvent::storage_failed;
+}
+
+StationRun::MaybeEvent StationRun::kept(const Status& status) {
   if (status) return std::nullopt;
-  const RunEvent event = state_ == RunState::connecting    ? RunEvent::connect_failed
-                         : state_ == RunState::calibrating ? RunEvent::calibration_failed
-                                                           : RunEvent::storage_failed;
-  return raise(event, status.error().kind, status.error().message);
+  return raise(not_stored(), status.error().kind, status.error().message);
+}
+
+StationRun::MaybeEvent StationRun::keep(std::function<Status()> write) {
+  const auto written = std::make_shared<Status>();
+  const bool taken = storage_.post([written, write = std::move(write)] { *written = write(); });
+  if (!taken) return kept(device_error("more waits to be written than can be held: the disk is too slow"));
+  for (const std::uint64_t ticket = storage_.posted(); !storage_.done(ticket); BackgroundQueue::wait_a_little()) {
+    if (const MaybeEvent event = look_around()) return event;
+  }
+  return kept(*written);
+}
+
+StationRun::MaybeEvent StationRun::stuck() {
+  if (!storage_.stuck()) return std::nullopt;
+  return kept(device_error("the disk has not answered for " + format_number(storage_.limit_s()) + " s"));
+}
+
+StationRun::MaybeEvent StationRun::look_around() {
+  if (const MaybeEvent hangs = stuck()) return hangs;
+  if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) return asked();
+  receive_meanwhile();
+  if (!live_states.contains(state_) || devices_.clock.now_s() < next_poll_s_ - time_slack_s) return std::nullopt;
+  MaybeEvent event = read_table();
+  if (!event && state_ != RunState::homing && state_ != RunState::parking) event = judge_strays();
+  schedule_poll(devices_.clock.now_s());
+  return event;
 }
 
 }  // namespace turncal

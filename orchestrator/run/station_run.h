@@ -4,6 +4,9 @@
 // transition up in run_state_machine, and carries the action out. It never blocks for a motion. Every decision is in the
 // transition table, the arrival rule in arrival_monitor, the rule for a dwell in dwell_monitor.
 //
+// - The loop does no I/O that can block but the table's and the units' own. Journal and recordings are written by the storage queue's thread.
+//   What must be durable before something else happens is waited for in keep(), where the table is watched on, and a stop goes out, as
+//   anywhere else. A disk that does not answer within the queue's limit is a fault: storage_failed.
 // - The recording begins with the first item of the sequence; connecting, homing and the way to the start position are not
 //   in it, and its counter starts at 0.
 // - The table is polled every poll_moving_s (poll_idle_s in a dwell), and at the very sample at which a motion or settle time
@@ -37,7 +40,7 @@
 //   fallen behind the others by more than half of it since the move began is waited for before the dwell, imu.timeout_s
 //   at most: a counter that is short may not tell what was lost.
 //
-// One thread; only the counts of StationHooks may be touched by others.
+// One thread, but for the queue's; only the counts of StationHooks may be touched by others.
 #pragma once
 
 #include <algorithm>
@@ -51,6 +54,7 @@
 #include "calib/types/status.h"
 #include "imu_io/base/clock.h"
 #include "orchestrator/run/arrival_monitor.h"
+#include "orchestrator/run/background_queue.h"
 #include "orchestrator/run/run_journal.h"
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/run/run_state_machine.h"
@@ -82,7 +86,7 @@ struct StationJob {
 };
 
 struct StationHooks {
-  RunObserver* observer = nullptr;
+  RunObserver* observer = nullptr;                  // called in the loop: it must not block
   const std::atomic<int>* stop_requests = nullptr;  // counts the requests to stop now
   std::function<Status()> calibrate;                // after the recording is sealed; results must be durable on success
   RunJournal* journal = nullptr;
@@ -94,6 +98,8 @@ struct StationHooks {
   // has there; a later one leaves out what lies between, items.size() ends the run, an earlier one repeats the dwell. Samples are read
   // and the table is watched between two calls.
   std::function<Result<std::optional<std::size_t>>(std::size_t next_item)> go_on_with = nullptr;
+  // Writes journal and recordings, in the order of what happens. Null: within the loop, for simulated time. Journal and sinks outlive it.
+  BackgroundQueue* storage = nullptr;
 };
 
 struct RunOutcome {
@@ -103,6 +109,8 @@ struct RunOutcome {
   int repeated_moves = 0;    // of this session
   bool moved = false;        // the table was homed or sent somewhere
   bool stop_failed = false;  // could not be verified in its time: the table may move, its drives may be on
+  bool storage_hangs =
+      false;  // what was handed to the queue is not all done: journal and recordings must not be touched
   struct Unit {
     std::int64_t recorded_samples = 0;    // periods, lost ones included
     std::uint64_t lost_samples = 0;       // by the unit's counter, from the first recorded sample on
@@ -129,6 +137,7 @@ class StationRun {
 
   // One event, and those that its action raises.
   void handle(RunEvent event);
+  MaybeEvent take(RunEvent now);  // one; the event that its action raises
   MaybeEvent perform(RunAction action, RunEvent cause);
   // An event together with why: the first reason of a failing run is the one reported.
   RunEvent raise(RunEvent event, ErrorKind kind, const std::string& reason);
@@ -136,8 +145,9 @@ class StationRun {
   RunEvent raise_table(RunEvent event, const Error& error, const std::string& before = "");
   // Of one unit: it drops out, or the run fails with it where no other is left.
   MaybeEvent fail(UnitLane& lane, RunEvent event, const Error& error);
-  // A step of the recording, in every living lane.
-  MaybeEvent in_every_lane(const std::function<Status(UnitLane&)>& step);
+  // A step of the recording, in every living lane, waited for; `event` where it fails.
+  MaybeEvent in_every_lane(RunEvent event, const std::function<UnitLane::Write(UnitLane&)>& step);
+  RunEvent not_stored() const;  // the event of a recording or a journal that cannot be written, as the state has it
   template <class Holds>
   bool any_living(Holds holds) const {
     return std::any_of(lanes_.begin(), lanes_.end(), [&](const UnitLane& lane) { return lane.alive() && holds(lane); });
@@ -152,7 +162,11 @@ class StationRun {
   void resume_at(const ResumePoint& resume);
   bool table_stands() const;              // every axis, by the last status read
   bool stands_as_left() const;            // homed, and where the completed dwell was
-  MaybeEvent keep(const Status& status);  // of the journal or the recording
+  MaybeEvent kept(const Status& status);  // of the journal or the recording
+  // Hands a write to the queue and waits until it is done. An event: it failed, or something else came first.
+  MaybeEvent keep(std::function<Status()> write);
+  MaybeEvent look_around();  // while that is waited for: stop requests, units, the table, the disk
+  MaybeEvent stuck();        // the disk does not answer
 
   MaybeEvent connect();
   MaybeEvent enable_and_home();
@@ -204,6 +218,8 @@ class StationRun {
   RunSnapshot snapshot() const;
   void tell_progress();
 
+  BackgroundQueue in_the_loop_{BackgroundQueue::By::caller};
+  BackgroundQueue& storage_;
   StationDevices devices_;
   StationJob job_;
   StationHooks hooks_;

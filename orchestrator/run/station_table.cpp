@@ -20,14 +20,15 @@ StationRun::MaybeEvent StationRun::connect() {
   std::string found = table->description;
   for (UnitLane& lane : lanes_) {
     if (!lane.alive()) continue;
-    const Result<std::string> unit =
-        lane.connect(job_.station, table->simulated, job_.resume.has_value(), devices_.clock);
+    const Result<std::string> unit = lane.connect(job_.station, table->simulated, devices_.clock);
     if (unit) {
       found += "; " + named(lane, *unit);
     } else if (const MaybeEvent event = fail(lane, RunEvent::connect_failed, unit.error())) {
       return event;
     }
   }
+  const auto begin = [this](UnitLane& lane) { return lane.begin_recording(job_.resume.has_value()); };
+  if (const MaybeEvent event = in_every_lane(RunEvent::connect_failed, begin)) return event;
   if (pause_asked()) return pause();
   std::string left;
   for (Axis axis : all_axes) {
@@ -83,7 +84,8 @@ StationRun::MaybeEvent StationRun::send_home() {
   homing_ends_in(homing_deadline_s);
   if (!devices_.table.needs_operator()) homing_.emplace(job_.station.axis);
   if (hooks_.journal) {
-    if (const MaybeEvent event = keep(hooks_.journal->home(devices_.clock.now_s()))) return event;
+    const double now_s = devices_.clock.now_s();
+    if (const MaybeEvent event = keep([journal = hooks_.journal, now_s] { return journal->home(now_s); })) return event;
   }
   commanded_to_move_ = true;
   if (Status status = devices_.table.home(); !status) {

@@ -36,11 +36,12 @@ StationRun::MaybeEvent StationRun::poll() {
 // A table that turns by itself does not wait for the commanded axis to stall. A person who turns it may touch any axis.
 StationRun::MaybeEvent StationRun::judge_strays() {
   if (devices_.table.needs_operator()) return std::nullopt;
-  const bool settling = state_ == RunState::settling;
-  const std::optional<Move> move = state_ == RunState::moving || settling ? arrival_.move() : std::nullopt;
+  const bool turns = state_ == RunState::moving || state_ == RunState::settling;
+  const std::optional<Move> move = turns ? arrival_.move() : std::nullopt;
   const double tolerance_deg = job_.station.motion.position_tolerance_deg;
-  // What spoilt a dwell may still go on: a slip is put right, and the dwell repeated.
-  const double standing_deg = settling && !move ? least_runaway_deg(tolerance_deg) : tolerance_deg;
+  // A slip is put right by a move, but not while another move goes on or the table rests.
+  const bool put_right = !move && state_ != RunState::resting;
+  const double standing_deg = put_right ? least_runaway_deg(tolerance_deg) : tolerance_deg;
   const auto stray = stray_axis(status_, held_deg_, move, standing_deg, tolerance_deg);
   return stray ? MaybeEvent(raise(RunEvent::table_fault, ErrorKind::device, *stray)) : std::nullopt;
 }

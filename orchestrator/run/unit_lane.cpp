@@ -33,12 +33,22 @@ RecordingPoint UnitLane::point() const {
           .first_counter = first,
           .last_counter = first_counter_ ? first + next_sample_ - 1 : 0,
           .lost_samples = lost_samples_,
-          .duplicate_samples = duplicate_samples_,
-          .written = unit_.sink.written()};
+          .duplicate_samples = duplicate_samples_};
 }
 
-Result<std::string> UnitLane::connect(const StationConfig& station, bool table_simulated, bool resumed,
-                                      const Clock& clock) {
+UnitLane::Write UnitLane::stored(Write write) const {
+  return [stored = stored_, write = std::move(write)] {
+    if (stored->failed) return stored->status;
+    const Status status = write();
+    if (!status) {
+      stored->status = status;
+      stored->failed = true;
+    }
+    return status;
+  };
+}
+
+Result<std::string> UnitLane::connect(const StationConfig& station, bool table_simulated, const Clock& clock) {
   if (Status status = unit_.imu.open(); !status) return status.error();
   open_ = true;
   const Result<ImuIdentity> imu = unit_.imu.identify();
@@ -55,10 +65,14 @@ Result<std::string> UnitLane::connect(const StationConfig& station, bool table_s
   info_.simulated = info_.simulated || table_simulated;
   dwell_.emplace(station.dwell, info_);
   spikes_.emplace(info_);
-  const Status begun = resumed ? unit_.sink.resume(info_, next_sample_, resumed_written_) : unit_.sink.start(info_);
-  if (!begun) return begun.error();
   last_sample_s_ = clock.now_s();
   return imu->description;
+}
+
+UnitLane::Write UnitLane::begin_recording(bool resumed) const {
+  return stored([&sink = unit_.sink, info = info_, next_sample = next_sample_, written = resumed_written_, resumed] {
+    return resumed ? sink.resume(info, next_sample, written) : sink.start(info);
+  });
 }
 
 Result<std::size_t> UnitLane::receive(std::size_t count, double timeout_s) {
@@ -109,7 +123,7 @@ void UnitLane::receive_meanwhile(double now_s) {
   }
 }
 
-Result<UnitLane::Recorded> UnitLane::record(bool dwelling) {
+Result<UnitLane::Recorded> UnitLane::record(bool dwelling, BackgroundQueue& storage) {
   Recorded recorded;
   std::size_t count = waiting_.size();
   if (dwelling) count = std::min(count, static_cast<std::size_t>(std::max<std::int64_t>(dwell_->remaining(), 0)));
@@ -117,10 +131,8 @@ Result<UnitLane::Recorded> UnitLane::record(bool dwelling) {
   if (!segment_) conflict_.reset();
   if (waiting_.empty() || count == 0) return recorded;
   const std::span<ImuSample> samples = std::span(waiting_).first(count);
-  if (!segment_written_) {
-    segment_written_ = true;
-    if (Status status = unit_.sink.begin_segment(*segment_); !status) return status.error();
-  }
+  const std::optional<Segment> begun = segment_written_ ? std::nullopt : segment_;
+  segment_written_ = true;
   if (gap_due_) {
     // One sample stands for all that was missed: the unit's counter may have begun anew, and the table is back where it was.
     ++next_sample_;
@@ -140,7 +152,13 @@ Result<UnitLane::Recorded> UnitLane::record(bool dwelling) {
   lost_samples_ += lost;
   recorded.gap = lost != 0;
   next_sample_ = samples.back().counter + 1;
-  if (Status status = unit_.sink.add(samples); !status) return status.error();
+  const auto write = [&sink = unit_.sink, begun, copy = std::vector(samples.begin(), samples.end())] {
+    const Status status = begun ? sink.begin_segment(*begun) : Status{};
+    return status ? sink.add(copy) : status;
+  };
+  if (!storage.post(stored(write)))
+    return device_error("more samples wait to be written than can be held: the disk is too slow");
+  if (stored_->failed) return stored_->status.error();
   if (dwelling) recorded.defect = dwell_->add(samples);
   if (!glitch.empty()) {
     recorded.flagged = true;
@@ -165,10 +183,13 @@ void UnitLane::begin_segment(const Segment& segment) {
   came_before_ = next_sample_ + static_cast<std::int64_t>(waiting_.size());
 }
 
-Status UnitLane::end_segment(SegmentKind kind, const AxisTriple& angles_deg) {
+UnitLane::Write UnitLane::end_segment(SegmentKind kind, const AxisTriple& angles_deg) {
   const bool written = segment_ && segment_written_;
   segment_.reset();
-  return written ? unit_.sink.end_segment(kind, next_sample_, angles_deg) : Status{};
+  if (!written) return {};
+  return stored([&sink = unit_.sink, kind, end_sample = next_sample_, angles_deg] {
+    return sink.end_segment(kind, end_sample, angles_deg);
+  });
 }
 
 }  // namespace turncal

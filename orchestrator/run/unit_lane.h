@@ -6,11 +6,16 @@
 // - A dwell takes exactly the planned number of samples in every lane, counted from where the lane stood when it began. Units
 //   whose samples come a little apart are complete a little apart; what comes meanwhile waits for the next segment.
 // - A lane that drops out is closed and does nothing any more. Its recording keeps its partial name.
+// - Samples are handed to the queue as they are taken, and not waited for; that they could not be written is told by the next call.
+//   The other steps of a recording are given back as writes, for the run to have done and to wait for.
 //
 // Counters here are those of the recording (0: its first sample) unless they are said to be the unit's own. One thread.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -21,6 +26,7 @@
 #include "calib/types/status.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/recordings/imu_source.h"
+#include "orchestrator/run/background_queue.h"
 #include "orchestrator/run/dwell_monitor.h"
 #include "orchestrator/run/run_journal.h"
 #include "orchestrator/run/run_sink.h"
@@ -36,6 +42,7 @@ struct StationUnit {
 
 class UnitLane {
  public:
+  using Write = std::function<Status()>;  // refers to the sink alone, not to the lane
   explicit UnitLane(StationUnit unit) : unit_(std::move(unit)) {}
 
   const std::string& serial() const { return unit_.serial; }
@@ -47,13 +54,14 @@ class UnitLane {
   // Goes on after a completed dwell. No time passed: the unit's next sample is the recording's next.
   void resume_at(const RecordingPoint& left, bool no_time_passed);
   void expect_gap() { gap_due_ = true; }  // the next recorded sample is the first after an interruption
-  RecordingPoint point() const;
+  RecordingPoint point() const;           // without `written`, which the sink tells when everything up to here is
   std::uint64_t lost_samples() const { return lost_samples_; }
   std::int64_t next_sample() const { return next_sample_; }
   std::int64_t came_in_segment() const { return next_sample_ - came_before_; }  // periods, of what was taken
 
-  // Opens the source, begins the recording or goes on with it. Returns how the unit describes itself.
-  Result<std::string> connect(const StationConfig& station, bool table_simulated, bool resumed, const Clock& clock);
+  // Opens the source. Returns how the unit describes itself.
+  Result<std::string> connect(const StationConfig& station, bool table_simulated, const Clock& clock);
+  Write begin_recording(bool resumed) const;  // or goes on with it
   bool is_open() const { return open_; }
   double sample_period_s() const { return info_.sample_period_s; }
 
@@ -73,13 +81,13 @@ class UnitLane {
   };
   // What waits goes into the open segment, in a dwell no more than it needs; outside a segment it is dropped. Error: the
   // recording cannot be written.
-  Result<Recorded> record(bool dwelling);
+  Result<Recorded> record(bool dwelling, BackgroundQueue& storage);
 
   // Where the recording stands. A segment in which no sample came (units a little apart, a defect in another one's first sample)
   // is not written: the recording begins it with its first sample.
   void begin_segment(const Segment& segment);
   void leave_segment() { segment_.reset(); }  // what comes from now on is not recorded
-  Status end_segment(SegmentKind kind, const AxisTriple& angles_deg);
+  Write end_segment(SegmentKind kind, const AxisTriple& angles_deg);
   void begin_dwell(std::int64_t samples) { dwell_->start(next_sample_, samples); }
   bool dwell_complete() const { return dwell_->complete(); }
   std::int64_t dwell_remaining() const { return dwell_->remaining(); }
@@ -87,15 +95,30 @@ class UnitLane {
   bool dwell_received() const { return static_cast<std::int64_t>(waiting_.size()) >= dwell_remaining(); }
   // "; 812 bad frames came: ...": why no sample may have come of what did; empty: nothing did.
   std::string came_instead() const;
-  Status sync() { return unit_.sink.sync(); }
-  Status finish() { return unit_.sink.finish(); }
-  Status fits() const { return unit_.sink.unit_fits(); }
+  Write sync() const {
+    return stored([&sink = unit_.sink] { return sink.sync(); });
+  }
+  Write finish() const {
+    return stored([&sink = unit_.sink] { return sink.finish(); });
+  }
+  Write fits() const {
+    return [&sink = unit_.sink] { return sink.unit_fits(); };
+  }
+  const RunSink& sink() const { return unit_.sink; }
 
   int repeats = 0;           // of the present dwell, that this unit or the table made necessary
   bool motion_lost = false;  // samples lost or flagged in the present move
 
  private:
+  // The first failure to write, which stands in for every later write. Shared with the storage queue's thread.
+  struct Stored {
+    std::atomic<bool> failed{false};
+    Status status;  // written before `failed`
+  };
+  Write stored(Write write) const;
+
   StationUnit unit_;
+  std::shared_ptr<Stored> stored_ = std::make_shared<Stored>();
   std::optional<Error> failure_;
   std::optional<Error> trouble_;
   RecordingInfo info_;

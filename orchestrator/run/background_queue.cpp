@@ -1,0 +1,72 @@
+#include "orchestrator/run/background_queue.h"
+
+#include <pthread.h>
+#include <signal.h>
+#include <time.h>
+
+#include <utility>
+
+#include "imu_io/base/deadline.h"
+
+namespace turncal {
+
+BackgroundQueue::BackgroundQueue(By by, double limit_s) : limit_s_(limit_s) {
+  if (by == By::caller) return;
+  jobs_.resize(capacity);
+  // Signals are the loop's: one that arrives ends its waits.
+  sigset_t all, before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
+  thread_ = std::thread([this] { work(); });
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+BackgroundQueue::~BackgroundQueue() {
+  if (!thread_.joinable()) return;
+  post([this] { ends_ = true; });
+  while (!ends_) {  // the queue may have been full
+    if (pending() == 0) post([this] { ends_ = true; });
+    wait_a_little();
+  }
+  thread_.join();
+}
+
+bool BackgroundQueue::post(std::function<void()> job) {
+  if (!thread_.joinable()) {
+    job();
+    return true;
+  }
+  const std::uint64_t number = posted();
+  if (pending() >= capacity) return false;
+  jobs_[number % capacity] = std::move(job);
+  posted_.store(number + 1, std::memory_order_release);
+  posted_.notify_one();
+  return true;
+}
+
+void BackgroundQueue::work() {
+  for (std::uint64_t number = 0; !ends_; ++number) {
+    posted_.wait(number, std::memory_order_acquire);
+    busy_since_s_ = monotonic_s();
+    std::exchange(jobs_[number % capacity], nullptr)();
+    busy_since_s_ = 0.0;
+    done_.store(number + 1, std::memory_order_release);
+  }
+}
+
+bool BackgroundQueue::stuck() const {
+  const double since_s = busy_since_s_;
+  return since_s > 0.0 && monotonic_s() - since_s > limit_s_;
+}
+
+bool BackgroundQueue::drain() const {
+  while (pending() > 0 && !stuck()) wait_a_little();
+  return pending() == 0;
+}
+
+void BackgroundQueue::wait_a_little() {
+  const timespec pause{0, 200'000};
+  ::nanosleep(&pause, nullptr);
+}
+
+}  // namespace turncal

@@ -1,0 +1,52 @@
+// What a run hands out to be written or shown, so that the loop that watches the table never waits for a disk or a terminal.
+//
+// A queue of bounded length between one thread that posts (the loop) and one of its own that does the jobs in their order. The loop takes
+// no lock and makes no call that can block: it posts, goes on watching, and asks whether a job is done. A queue that is full, or a job that
+// takes longer than the limit, is for the loop to judge (StationRun: storage_failed, the table is stopped first).
+//
+// By::caller does every job within post(): for simulated time, which stands still meanwhile, so that runs are reproducible.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <thread>
+#include <vector>
+
+namespace turncal {
+
+class BackgroundQueue {
+ public:
+  enum class By { caller, thread };
+  static constexpr double answer_limit_s = 10.0;  // wall time; a disk that has to spin up takes less
+  static constexpr std::size_t capacity = 4096;   // jobs
+
+  explicit BackgroundQueue(By by, double limit_s = answer_limit_s);
+  ~BackgroundQueue();  // waits until everything is done
+  BackgroundQueue(const BackgroundQueue&) = delete;
+  BackgroundQueue& operator=(const BackgroundQueue&) = delete;
+
+  // False: the queue is full, and the job is not taken. One thread posts.
+  bool post(std::function<void()> job);
+  std::uint64_t posted() const { return posted_.load(std::memory_order_relaxed); }
+  bool done(std::uint64_t count) const { return done_.load(std::memory_order_acquire) >= count; }
+  std::uint64_t pending() const { return posted() - done_.load(std::memory_order_acquire); }
+  double limit_s() const { return limit_s_; }
+  bool stuck() const;  // the job that is being done takes longer than the limit
+  // Waits until all is done, no longer than the limit for a job. False: stuck.
+  bool drain() const;
+  static void wait_a_little();  // 0.2 ms
+
+ private:
+  void work();
+
+  const double limit_s_;
+  std::vector<std::function<void()>>
+      jobs_;  // a ring; slot n % capacity belongs to the poster until n is posted, then to the worker
+  std::atomic<std::uint64_t> posted_{0}, done_{0};
+  std::atomic<double> busy_since_s_{0.0};  // monotonic; 0: nothing is being done
+  std::atomic<bool> ends_{false};
+  std::thread thread_;
+};
+
+}  // namespace turncal
