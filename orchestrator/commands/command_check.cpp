@@ -8,6 +8,7 @@
 
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/devices/real_time.h"
 #include "orchestrator/devices/station_rig.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/exit_code.h"
@@ -144,6 +145,8 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
     plan = make_plan(*sequence, limits);
   }
   print_plan(*sequence, *station, plan, out);
+  if (!station->simulated() && station->table.driver != TableDriver::manual)
+    out << "Computer  " << RealTime().text() << "\n";
   for (const std::string& violation : plan.violations) {
     err << violation << "\n";
   }

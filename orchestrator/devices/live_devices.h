@@ -2,11 +2,12 @@
 //
 // Nothing is opened here; the run does that. Another process at one of these devices is refused (station_lock.h). clock.speed_up other than 1 is for twins (docs/twin.md): all of the station's times then
 // pass so many times faster. A table turned by hand is told why each move is asked for, and what the first unit
-// senses of gravity.
+// senses of gravity. The thread that makes them goes before others (real_time.h) until they go, or the table need not be watched any more.
 #pragma once
 
 #include <atomic>
 #include <memory>
+#include <optional>
 #include <ostream>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "imu_io/units/serial_imu.h"
 #include "orchestrator/devices/gravity_watch.h"
 #include "orchestrator/devices/operator_prompts.h"
+#include "orchestrator/devices/real_time.h"
 #include "orchestrator/devices/station_lock.h"
 #include "orchestrator/devices/table_device.h"
 #include "orchestrator/run/station_run.h"
@@ -56,6 +58,7 @@ class LiveDevices {
   // Nobody may use the table afterwards.
   Status leave_table(Status done, const std::string& how_left = "");
   void give_table_up() { table_->give_up(); }
+  void end_real_time() { real_time_.reset(); }  // the table rests with its drives off: what comes may take its time
 
   // Of a table turned by hand: what its operator is told; else null. The sequence must outlive the devices.
   OperatorPrompts* prompts();
@@ -64,6 +67,7 @@ class LiveDevices {
   LiveDevices(const StationConfig& station, std::size_t units, StationLock lock);
 
   StationLock lock_;  // outlives the devices
+  std::optional<RealTime> real_time_{std::in_place};
   double speed_up_;
   LiveClock clock_;
   SerialImu imu_;

@@ -50,27 +50,6 @@ class Fanout : public RunObserver {
   std::vector<RunObserver*> observers_;
 };
 
-// An observer that may block: what it is told waits in a queue. Snapshots are left out while others wait, the rest is not.
-class HandedOut : public RunObserver {
- public:
-  HandedOut(RunObserver& observer, BackgroundQueue& queue) : observer_(observer), queue_(queue) {}
-  void on_transition(const TransitionRecord& record) override {
-    queue_.post([&observer = observer_, record] { observer.on_transition(record); });
-  }
-  void on_dropout(const Dropout& dropout) override {
-    queue_.post([&observer = observer_, dropout] { observer.on_dropout(dropout); });
-  }
-  void on_progress(const RunSnapshot& snapshot) override {
-    if (queue_.pending() < most_waiting)
-      queue_.post([&observer = observer_, snapshot] { observer.on_progress(snapshot); });
-  }
-
- private:
-  static constexpr std::uint64_t most_waiting = 16;
-  RunObserver& observer_;
-  BackgroundQueue& queue_;
-};
-
 // Holds virtual time back to `pace` times the wall clock.
 class PaceKeeper : public RunObserver {
  public:
@@ -248,13 +227,14 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
     });
   });
   ServiceWatch service;
-  HandedOut log(a.log, storage), shown_live(live, display), shown_progress(progress, display);
+  BackgroundObserver log(a.log, storage), shown_live(live, display), shown_progress(progress, display);
   std::vector<RunObserver*> all{&log, &shown_live, &pace, &clock, &service};
   if (run_devices.prompts) all.push_back(run_devices.prompts);
   if (!operator_view.on_terminal()) all.push_back(&shown_progress);
   Fanout observers(all);
   StationRun* running = nullptr;
   const auto content_hashes = [&] {
+    if (run_devices.live) run_devices.live->end_real_time();
     note_outcome(running->outcome(), a.sample_period_s, a.units);
     if (run_devices.live) a.journal.note_clocks(clocks_of(*run_devices.live, a.units));
     return read_recordings(a.units);

@@ -13,6 +13,8 @@
 #include <thread>
 #include <vector>
 
+#include "orchestrator/run/run_observer.h"
+
 namespace turncal {
 
 class BackgroundQueue {
@@ -47,6 +49,27 @@ class BackgroundQueue {
   std::atomic<double> busy_since_s_{0.0};  // monotonic; 0: nothing is being done
   std::atomic<bool> ends_{false};
   std::thread thread_;
+};
+
+// An observer that may block: what it is told waits in a queue. Snapshots are left out while others wait, the rest is not.
+class BackgroundObserver : public RunObserver {
+ public:
+  BackgroundObserver(RunObserver& observer, BackgroundQueue& queue) : observer_(observer), queue_(queue) {}
+  void on_transition(const TransitionRecord& record) override {
+    queue_.post([&observer = observer_, record] { observer.on_transition(record); });
+  }
+  void on_dropout(const Dropout& dropout) override {
+    queue_.post([&observer = observer_, dropout] { observer.on_dropout(dropout); });
+  }
+  void on_progress(const RunSnapshot& snapshot) override {
+    if (queue_.pending() < most_waiting)
+      queue_.post([&observer = observer_, snapshot] { observer.on_progress(snapshot); });
+  }
+
+ private:
+  static constexpr std::uint64_t most_waiting = 16;
+  RunObserver& observer_;
+  BackgroundQueue& queue_;
 };
 
 }  // namespace turncal

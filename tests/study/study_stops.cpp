@@ -1,0 +1,421 @@
+// How late a stop goes out while what a run writes and shows hangs: study_stops [--runs N] [--jobs N] [--seed N] [--real-time].
+//
+// Each run is a StationRun in the wall clock's time (100 times faster), with the two queues of a live run, on a table and a unit that are
+// simulated here. At a drawn moment some of disk (journal, recording, log), terminal, page and civil clock begin to hang, all at once or none;
+// soon after a stop is asked for as a signal handler does, and in half of the runs a second one. In half of them the table
+// runs on after the stop, so that the fastest stop has to follow by itself.
+//
+// Printed, by what hangs and by the state: the times in ms from the request to the stop, from the second request to the fastest stop, and of
+// the fastest stop that followed by itself beyond the time that the braking stop is given. Exit 1 where one is beyond 100 ms.
+#include <pthread.h>
+#include <signal.h>
+#include <time.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+#include <mutex>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "imu_io/base/deadline.h"
+#include "orchestrator/devices/live_devices.h"
+#include "orchestrator/devices/real_time.h"
+#include "orchestrator/run/station_run.h"
+
+namespace turncal {
+namespace {
+
+constexpr double speed_up = 100.0;
+constexpr double limit_ms = 100.0;
+
+void pause_ms(double ms) {
+  timespec t{static_cast<time_t>(ms / 1e3), static_cast<long>(1e6 * std::fmod(ms, 1e3))};
+  ::nanosleep(&t, nullptr);
+}
+
+// What may hang: whoever comes waits until it is released.
+struct Hook {
+  std::atomic<bool> hangs{false};
+  void pass() const {
+    while (hangs) pause_ms(0.5);
+  }
+};
+
+// Axes that turn at their rate at once, by the wall clock; deaf: a braking stop makes them run on.
+class DrawnTable : public Turntable {
+ public:
+  DrawnTable(const Clock& clock, bool deaf) : clock_(clock), deaf_(deaf) {}
+  Status connect() override { return {}; }
+  Result<TableIdentity> identify() override { return TableIdentity{"drawn", true}; }
+  Status enable() override {
+    on_ = true;
+    return {};
+  }
+  Status home() override {
+    home_until_s_ = clock_.now_s() + 3.0;
+    return {};
+  }
+  Status move_absolute(Axis axis, double position_deg, double rate_degps, double) override {
+    AxisMotion& motion = motion_[static_cast<std::size_t>(axis)];
+    const double from_deg = at(motion);
+    motion = {from_deg, position_deg, clock_.now_s(), std::copysign(rate_degps, position_deg - from_deg)};
+    return {};
+  }
+  Status stop_all() override {
+    note(stop_s);
+    if (deaf_)
+      run_away();
+    else
+      hold();
+    return {};
+  }
+  Status abort_all() override {
+    note(abort_s);
+    hold();
+    on_ = false;
+    return {};
+  }
+  Status clear_fault() override { return {}; }
+  Result<AxisStatus> status(Axis axis) override {
+    const AxisMotion& motion = motion_[static_cast<std::size_t>(axis)];
+    AxisStatus now;
+    now.position_deg = at(motion);
+    const bool homing = home_until_s_ > clock_.now_s();
+    const bool turns = now.position_deg != motion.to_deg;
+    now.moving = homing || turns;
+    now.rate_degps = turns ? motion.rate_degps : 0.0;
+    now.enabled = now.drive_on = on_;
+    now.homed = home_until_s_ >= 0.0 && !homing;
+    now.in_position = !now.moving;
+    now.remote = true;
+    now.time_s = clock_.now_s();
+    return now;
+  }
+  bool was_switched_on() const override { return on_; }
+
+  std::atomic<double> asked_s{0.0}, stop_s{0.0}, abort_s{0.0};  // wall
+
+ private:
+  struct AxisMotion {
+    double from_deg = 0.0, to_deg = 0.0, began_s = 0.0, rate_degps = 0.0;
+  };
+  double at(const AxisMotion& motion) const {
+    const double way_deg = motion.to_deg - motion.from_deg;
+    const double gone_deg = std::abs(motion.rate_degps) * (clock_.now_s() - motion.began_s);
+    return gone_deg >= std::abs(way_deg) ? motion.to_deg : motion.from_deg + std::copysign(gone_deg, way_deg);
+  }
+  void hold() {
+    home_until_s_ = std::min(home_until_s_, clock_.now_s());
+    for (AxisMotion& motion : motion_) motion = {at(motion), at(motion), clock_.now_s(), 0.0};
+  }
+  void run_away() {
+    for (AxisMotion& motion : motion_) motion = {at(motion), at(motion) + 1e9, clock_.now_s(), 60.0};
+  }
+  // The first one after the request.
+  void note(std::atomic<double>& time_s) const {
+    if (asked_s != 0.0 && time_s == 0.0) time_s = monotonic_s();
+  }
+  const Clock& clock_;
+  bool deaf_;
+  bool on_ = false;
+  double home_until_s_ = -1.0;
+  std::array<AxisMotion, 3> motion_{};
+};
+
+// A resting unit, sample by sample of the wall clock. As a real line it is waited for, and a signal ends the wait.
+class DrawnUnit : public ImuSource {
+ public:
+  explicit DrawnUnit(const Clock& clock) : clock_(clock) {}
+  Status open() override {
+    next_ = due();
+    return {};
+  }
+  Result<ImuIdentity> identify() override { return ImuIdentity{}; }
+  void describe(RecordingInfo& info) const override {
+    info.sample_period_s = period_s;
+    info.gyro_increment = info.accel_increment = IncrementKind::pulses;
+    info.accel_pulse_mps = 1e-3;
+    info.simulated = true;
+  }
+  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
+    const std::int64_t wanted = next_ + static_cast<std::int64_t>(out.size());
+    const double wait_s = std::min(timeout_s, static_cast<double>(wanted - due()) * period_s);
+    if (timeout_s > 0.0 && wait_s > 0.0) pause_ms(1e3 * wait_s / speed_up);
+    std::size_t got = 0;
+    for (; got < out.size() && next_ < due(); ++got) {
+      out[got] = {};
+      out[got].counter = next_++;
+      out[got].gyro[0] = static_cast<double>(next_ % 2);
+      out[got].accel[2] = 49.0 + static_cast<double>(next_ % 2);
+    }
+    return got;
+  }
+  ImuLinkCounters counters() const override { return {}; }
+  void close() override {}
+
+ private:
+  static constexpr double period_s = 0.005;
+  std::int64_t due() const { return static_cast<std::int64_t>(clock_.now_s() / period_s); }
+  const Clock& clock_;
+  std::int64_t next_ = 0;
+};
+
+struct Hangs {
+  Hook disk, terminal, page;
+  std::atomic<double> clock_step_s{0.0};
+};
+
+class SteppedClock : public Clock {
+ public:
+  explicit SteppedClock(const Hangs& hangs) : hangs_(hangs) {}
+  double now_s() const override { return clock_.now_s(); }
+  double utc_s() const override { return clock_.utc_s() + hangs_.clock_step_s; }
+
+ private:
+  LiveClock clock_{speed_up};
+  const Hangs& hangs_;
+};
+
+class HangingSink : public RunSink {
+ public:
+  explicit HangingSink(const Hook& disk) : disk_(disk) {}
+  Status start(const RecordingInfo&) override { return write(); }
+  Status resume(const RecordingInfo&, std::int64_t, std::optional<std::uint32_t>) override { return write(); }
+  Status begin_segment(const Segment&) override { return write(); }
+  Status add(std::span<const ImuSample>) override { return write(); }
+  Status end_segment(SegmentKind, std::int64_t, const AxisTriple&) override { return write(); }
+  Status sync() override { return write(); }
+  std::optional<std::uint32_t> written() const override { return {}; }
+  Status finish() override { return write(); }
+
+ private:
+  Status write() const {
+    disk_.pass();
+    return {};
+  }
+  const Hook& disk_;
+};
+
+class HangingJournal : public RunJournal {
+ public:
+  explicit HangingJournal(const Hook& disk) : disk_(disk) {}
+  Status transition(const TransitionRecord&) override { return write(); }
+  Status home(double) override { return write(); }
+  Status move(const Move&, double) override { return write(); }
+  Status dwell(const CompletedDwell&) override { return write(); }
+  Status dropout(const Dropout&) override { return write(); }
+  Status seal(double, const std::vector<std::string>&) override { return write(); }
+
+ private:
+  Status write() const {
+    disk_.pass();
+    return {};
+  }
+  const Hook& disk_;
+};
+
+class HangingObserver : public RunObserver {
+ public:
+  explicit HangingObserver(const Hook& hook) : hook_(hook) {}
+  void on_transition(const TransitionRecord&) override { hook_.pass(); }
+  void on_progress(const RunSnapshot&) override { hook_.pass(); }
+
+ private:
+  const Hook& hook_;
+};
+
+class Both : public RunObserver {
+ public:
+  explicit Both(std::vector<RunObserver*> all) : all_(std::move(all)) {}
+  void on_transition(const TransitionRecord& record) override {
+    for (RunObserver* one : all_) one->on_transition(record);
+    state = record.to;
+    calibrating = calibrating || record.to == RunState::calibrating;
+  }
+  void on_progress(const RunSnapshot& at) override {
+    for (RunObserver* one : all_) one->on_progress(at);
+  }
+  std::atomic<RunState> state{RunState::idle};
+  std::atomic<bool> calibrating{false};
+
+ private:
+  std::vector<RunObserver*> all_;
+};
+
+struct Latency {
+  std::string hangs, state;
+  double stop_ms = -1.0, second_ms = -1.0, escalation_ms = -1.0;  // -1: not asked
+};
+
+constexpr const char* sequence_text =
+    "format = 1\nname = stops\nrate_degps = 60\nacceleration_degps2 = 200\n"
+    "step 1 \"there\"\n  initial H 0 P 0 R 0\n  align 600\n  rotate P +90\n  dwell 600\n  rotate P -90\n  dwell 400\n";
+
+Latency one_run(std::uint64_t seed, bool real_time) {
+  std::mt19937_64 random(seed);
+  const auto draw = [&random](double from, double to) { return std::uniform_real_distribution(from, to)(random); };
+  Hangs hangs;
+  const SteppedClock clock(hangs);
+  const bool deaf = random() % 2 == 0, twice = random() % 2 == 0;
+  DrawnTable table(clock, deaf);
+  DrawnUnit unit(clock);
+  HangingSink sink(hangs.disk);
+  HangingJournal journal(hangs.disk);
+  HangingObserver log(hangs.disk), terminal(hangs.terminal), page(hangs.page);
+  StationConfig station = default_station_config();
+  station.clock_speed_up = speed_up;
+  station.imu_timeout_s = 1000.0;
+  const Result<Sequence> sequence = parse_sequence(sequence_text, "stops.seq");
+  RecordingInfo info;
+  unit.describe(info);
+  const Plan plan = make_plan(*sequence, plan_limits(station, info.sample_period_s));
+  std::atomic<int> stops{0};
+  BackgroundQueue storage(BackgroundQueue::By::thread), display(BackgroundQueue::By::thread);
+  BackgroundObserver kept_log(log, storage), shown_terminal(terminal, display), shown_page(page, display);
+  Both observers({&kept_log, &shown_terminal, &shown_page});
+  const double began_s = monotonic_s();
+  std::atomic<bool> over{false};
+  std::thread run([&] {
+    std::optional<RealTime> first;
+    if (real_time) first.emplace();
+    StationHooks hooks;
+    hooks.observer = &observers;
+    hooks.stop_requests = &stops;
+    hooks.journal = &journal;
+    hooks.storage = &storage;
+    StationRun station_run({table, unit, clock, LiveDevices::wait_a_little}, {*sequence, plan, station, "SN1"}, sink,
+                           hooks);
+    station_run.run();
+    over = true;
+  });
+  const auto ask = [&] {
+    ++stops;
+    ::pthread_kill(run.native_handle(), SIGUSR1);
+  };
+  const double hang_ms = draw(0.0, 250.0);
+  pause_ms(std::max(0.0, hang_ms - 1e3 * (monotonic_s() - began_s)));
+  Latency latency;
+  const std::uint64_t what = random() % 6;  // none, each, all
+  const auto hang = [&](std::uint64_t which, const char* name, auto&& begin) {
+    if (what != which && what != 5) return;
+    begin();
+    latency.hangs = what == 5 ? "all" : name;
+  };
+  latency.hangs = "nothing";
+  hang(1, "disk", [&] { hangs.disk.hangs = true; });
+  hang(2, "terminal", [&] { hangs.terminal.hangs = true; });
+  hang(3, "page", [&] { hangs.page.hangs = true; });
+  hang(4, "clock", [&] { hangs.clock_step_s = draw(-1e4, 1e4); });
+  pause_ms(draw(0.0, 30.0));
+  const RunState at = observers.state;
+  latency.state = to_string(at);
+  table.asked_s = monotonic_s();
+  ask();
+  const double asked_s = table.asked_s;
+  double second_s = 0.0;
+  if (twice) {
+    pause_ms(draw(0.0, 20.0));
+    if (table.abort_s == 0.0) second_s = monotonic_s();
+    ask();
+  }
+  while (!over && (table.stop_s == 0.0 || table.abort_s == 0.0) && monotonic_s() - asked_s < 5.0) pause_ms(0.2);
+  pause_ms(2.0);
+  hangs.disk.hangs = hangs.terminal.hangs = hangs.page.hangs = false;
+  run.join();
+  // A run that had switched its drives off, or not yet on, has nothing to stop.
+  const bool live = live_states.contains(at) && !observers.calibrating;
+  if (!live) latency.state += ", nothing to stop";
+  const double stop_s = table.stop_s, abort_s = table.abort_s;
+  // Until the request came in, the run may have got to its own end: parking has sent its stop before.
+  if (live && stop_s > 0.0) latency.stop_ms = 1e3 * (stop_s - asked_s);
+  if (live && stop_s == 0.0) latency.stop_ms = 1e3 * ((abort_s > 0.0 ? abort_s : monotonic_s()) - asked_s);
+  if (live && second_s > 0.0 && abort_s > 0.0) latency.second_ms = 1e3 * (abort_s - second_s);
+  double ramp_s = 0.0;
+  for (const PlannedItem& item : plan.items) {
+    if (item.kind == SequenceItem::Kind::move) ramp_s = std::max(ramp_s, item.rate_degps / item.acceleration_degps2);
+  }
+  const double brake_s = (2.0 * ramp_s + station.motion.stall_s) / speed_up;
+  if (live && deaf && !twice && stop_s > 0.0 && abort_s > 0.0)
+    latency.escalation_ms = 1e3 * (abort_s - stop_s - brake_s);
+  return latency;
+}
+
+struct Spread {
+  std::vector<double> ms;
+  void add(double value) {
+    if (value >= 0.0) ms.push_back(value);
+  }
+  std::string text() {
+    if (ms.empty()) return "            -             ";
+    std::sort(ms.begin(), ms.end());
+    char line[80];
+    std::snprintf(line, sizeof line, "%6zu %7.2f %7.2f %7.2f", ms.size(), ms[ms.size() / 2],
+                  ms[static_cast<std::size_t>(0.999 * static_cast<double>(ms.size() - 1))], ms.back());
+    return line;
+  }
+};
+
+}  // namespace
+}  // namespace turncal
+
+int main(int argc, char** argv) {
+  using namespace turncal;
+  std::size_t runs = 10000, jobs = 4;
+  std::uint64_t seed = 1;
+  bool real_time = false;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word == "--real-time") {
+      real_time = true;
+    } else if (i + 1 < argc && (word == "--runs" || word == "--jobs" || word == "--seed")) {
+      const std::uint64_t value = std::strtoull(argv[++i], nullptr, 10);
+      (word == "--runs" ? runs : word == "--jobs" ? jobs : seed) = value;
+    } else {
+      std::fprintf(stderr, "study_stops: %s is not understood\n", argv[i]);
+      return 1;
+    }
+  }
+  struct sigaction ends_a_wait {};
+  ends_a_wait.sa_handler = [](int) {};
+  ::sigaction(SIGUSR1, &ends_a_wait, nullptr);
+  std::mutex mutex;
+  std::map<std::string, std::array<Spread, 3>> by_hang, by_state;
+  std::atomic<std::size_t> next{0};
+  std::vector<std::thread> threads;
+  for (std::size_t job = 0; job < jobs; ++job) {
+    threads.emplace_back([&] {
+      for (std::size_t i = next++; i < runs; i = next++) {
+        const Latency one = one_run(seed * 1'000'003 + i, real_time);
+        const std::lock_guard lock(mutex);
+        for (std::array<Spread, 3>* spread : {&by_hang[one.hangs], &by_state[one.state], &by_hang["together"]}) {
+          (*spread)[0].add(one.stop_ms);
+          (*spread)[1].add(one.second_ms);
+          (*spread)[2].add(one.escalation_ms);
+        }
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  std::printf("ms: runs, median, 99.9 %%, worst    %-30s %-30s %s\n", "request to stop", "second request to fastest",
+              "fastest by itself, beyond its time");
+  double worst = 0.0;
+  for (auto* table : {&by_hang, &by_state}) {
+    for (auto& [name, spreads] : *table) {
+      std::printf("%-32s", name.c_str());
+      for (Spread& spread : spreads) {
+        std::printf("  %s", spread.text().c_str());
+        if (!spread.ms.empty()) worst = std::max(worst, spread.ms.back());
+      }
+      std::printf("\n");
+    }
+    std::printf("\n");
+  }
+  std::printf("worst %.2f ms of %zu runs: %s\n", worst, runs, worst <= limit_ms ? "in time" : "TOO LATE");
+  return worst <= limit_ms ? 0 : 1;
+}
