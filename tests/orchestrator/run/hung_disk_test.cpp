@@ -1,0 +1,160 @@
+// A disk that hangs holds up nothing but what is written: the table is watched and stopped as always, and nothing is lost when it answers
+// again. How late a stop goes out meanwhile: tests/study/study_stops.cpp.
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "tests/orchestrator/hanging_station.h"
+
+namespace turncal {
+namespace {
+
+constexpr const char* there_and_back =
+    "format = 1\nname = there\nrate_degps = 60\nacceleration_degps2 = 200\n"
+    "step 1 \"there\"\n  initial H 0 P 0 R 0\n  align 600\n  rotate P +90\n  dwell 600\n  rotate P -90\n  dwell 400\n";
+
+// What the unit gave, one after the other.
+class CountingSink : public HangingSink {
+ public:
+  using HangingSink::HangingSink;
+  Status add(std::span<const ImuSample> samples) override {
+    for (const ImuSample& sample : samples)
+      missing += static_cast<std::size_t>(sample.counter - std::exchange(next, sample.counter + 1));
+    return HangingSink::add(samples);
+  }
+  std::int64_t next = 0;
+  std::size_t missing = 0;
+};
+
+class Entering : public RunObserver {
+ public:
+  void on_transition(const TransitionRecord& record) override {
+    if (on_entering && record.to != record.from) on_entering(record.to);
+  }
+  void on_progress(const RunSnapshot&) override {}
+  std::function<void(RunState)> on_entering;
+};
+
+struct WallStation {
+  explicit WallStation(double limit_s) : storage(BackgroundQueue::By::thread, limit_s) {
+    station.clock_speed_up = speed_up;
+    station.imu_timeout_s = 1000.0;
+    station.motion.deadline_margin_s = 2000.0;  // 20 s of the wall clock: the machine may be busy
+  }
+  RunOutcome run() {
+    const Result<Sequence> sequence = parse_sequence(there_and_back, "there.seq");
+    RecordingInfo info;
+    unit.describe(info);
+    const Plan plan = make_plan(*sequence, plan_limits(station, info.sample_period_s));
+    StationHooks hooks;
+    hooks.observer = &watcher;
+    hooks.stop_requests = &stop_requests;
+    hooks.journal = &journal;
+    hooks.storage = &storage;
+    StationRun station_run({table, unit, clock, LiveDevices::wait_a_little}, {*sequence, plan, station, "SN1"}, sink,
+                           hooks);
+    return station_run.run();
+  }
+  // When the state is entered the disk begins to hang, before that is written; `then` may do more.
+  void hang_in(RunState state, std::function<void()> then = {}) {
+    watcher.on_entering = [this, state, then](RunState entered) {
+      if (entered != state || hung_s != 0.0) return;
+      hung_s = monotonic_s();
+      table.asked_s = hung_s;
+      disk.hangs = true;
+      if (then) then();
+    };
+  }
+  Hook disk;
+  SteppedClock clock;
+  DrawnTable table{clock, false};
+  DrawnUnit unit{clock};
+  CountingSink sink{disk};
+  HangingJournal journal{disk};
+  StationConfig station = default_station_config();
+  Entering watcher;
+  std::atomic<int> stop_requests{0};
+  double hung_s = 0.0;
+  BackgroundQueue storage;  // last, so that it is gone first
+};
+
+// In the states that wait for the disk next: the move must not begin, the dwell must not count, before it answers.
+class HungDisk : public testing::TestWithParam<RunState> {};
+
+TEST_P(HungDisk, IsAFaultAfterItsLimitAndTheTableIsStoppedFirst) {
+  WallStation s(0.3);
+  s.hang_in(GetParam());
+  const RunOutcome outcome = s.run();
+  EXPECT_TRUE(outcome.storage_hangs);
+  s.disk.hangs = false;
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(outcome.error.kind, ErrorKind::device);
+  EXPECT_NE(outcome.error.message.find("the disk has not answered for 0.3 s"), std::string::npos)
+      << outcome.error.message;
+  EXPECT_NE(outcome.error.message.find("its drives are off"), std::string::npos) << outcome.error.message;
+  EXPECT_GT(s.table.stop_s - s.hung_s, 0.2);
+}
+
+TEST_P(HungDisk, ThatAnswersAgainCostsNoSample) {
+  WallStation s(10.0);
+  std::thread helper;
+  s.hang_in(GetParam(), [&] {
+    helper = std::thread([&] {
+      pause_ms(150.0);
+      s.disk.hangs = false;
+    });
+  });
+  const RunOutcome outcome = s.run();
+  helper.join();
+  EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  EXPECT_FALSE(outcome.storage_hangs);
+  EXPECT_EQ(s.sink.missing, 0u);
+  EXPECT_EQ(s.sink.next, outcome.units.front().recorded_samples);
+}
+INSTANTIATE_TEST_SUITE_P(In, HungDisk,
+                         testing::Values(RunState::homing, RunState::moving, RunState::settling, RunState::dwelling),
+                         [](const auto& which) { return std::string(to_string(which.param)); });
+
+// The journal's word is awaited for ever here, and an axis begins to turn.
+TEST(HungDiskWatch, AnAxisThatTurnsByItselfIsStopped) {
+  WallStation s(100.0);
+  std::thread helper;
+  s.hang_in(RunState::dwelling, [&] {
+    helper = std::thread([&] {
+      pause_ms(100.0);  // the dwell is over, and its record waits
+      s.table.turn_by_itself = true;
+      while (s.table.abort_s == 0.0) pause_ms(1.0);
+      s.disk.hangs = false;
+    });
+  });
+  const RunOutcome outcome = s.run();
+  helper.join();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_NE(outcome.error.message.find("moves although nothing sent it"), std::string::npos) << outcome.error.message;
+}
+
+TEST(BackgroundQueue, DoesItsJobsInOrderAndTellsWhenItIsFullOrStuck) {
+  Hook hook;
+  std::vector<int> done;
+  {
+    BackgroundQueue queue(BackgroundQueue::By::thread, 0.05);
+    hook.hangs = true;
+    queue.post([&] { hook.pass(); });
+    std::size_t taken = 1;
+    while (queue.post([&done, taken] { done.push_back(static_cast<int>(taken)); })) ++taken;
+    EXPECT_EQ(taken, BackgroundQueue::capacity);
+    EXPECT_FALSE(queue.drain());
+    EXPECT_TRUE(queue.stuck());
+    hook.hangs = false;
+    for (const Deadline patience(5.0); queue.stuck() && !patience.passed();) pause_ms(1.0);
+    EXPECT_TRUE(queue.drain());
+    EXPECT_FALSE(queue.stuck());
+    queue.post([&] { done.push_back(-1); });
+  }
+  ASSERT_EQ(done.size(), BackgroundQueue::capacity);
+  for (std::size_t i = 0; i + 1 < done.size(); ++i) ASSERT_EQ(done[i], static_cast<int>(i) + 1);
+  EXPECT_EQ(done.back(), -1);  // what is posted last is done before the queue goes
+}
+
+}  // namespace
+}  // namespace turncal
