@@ -124,6 +124,8 @@ Latency one_run(std::uint64_t seed, bool real_time) {
   hang(3, "page", [&] { page_hook.hangs = true; });
   hang(4, "clock", [&] { clock.step_s = draw(-1e4, 1e4); });
   pause_ms(draw(0.0, 30.0));
+  std::optional<RealTime> asker;  // a signal waits for no processor
+  if (real_time) asker.emplace();
   const RunState at = observers.state;
   latency.state = to_string(at);
   table.asked_s = monotonic_s();
@@ -135,6 +137,7 @@ Latency one_run(std::uint64_t seed, bool real_time) {
     if (table.abort_s == 0.0) second_s = monotonic_s();
     ask();
   }
+  asker.reset();
   while (!over && (table.stop_s == 0.0 || table.abort_s == 0.0) && monotonic_s() - asked_s < 5.0) pause_ms(0.2);
   pause_ms(2.0);
   disk.hangs = terminal_hook.hangs = page_hook.hangs = false;
