@@ -13,7 +13,7 @@
 #include "calib/model/parameters.h"
 #include "orchestrator/devices/felt_directions.h"
 #include "orchestrator/devices/rate_check.h"
-#include "orchestrator/run/stray_axis.h"
+#include "orchestrator/run/motion_watch.h"
 #include "turntable_drivers/table/table_state.h"
 
 namespace turncal {
@@ -40,8 +40,14 @@ Felt felt(Axis axis) {
 class Trial {
  public:
   Trial(const StationDevices& devices, const StationConfig& station, const CommissioningSettings& settings,
-        const std::atomic<int>& stop_requests)
-      : devices_(devices), station_(station), settings_(settings), stop_requests_(stop_requests), buffer_(256) {}
+        const RecordingInfo& info, const std::atomic<int>& stop_requests)
+      : devices_(devices),
+        station_(station),
+        settings_(settings),
+        stop_requests_(stop_requests),
+        buffer_(256),
+        felt_(info),
+        speed_(station.axis, station.clock_speed_up) {}
 
   Status home() {
     if (Status status = devices_.table.enable(); !status) return status;
@@ -119,6 +125,7 @@ class Trial {
       const Result<std::size_t> got = devices_.imu.read(buffer_, std::min(seconds, station_.motion.poll_moving_s));
       if (!got) return got.error();
       for (const ImuSample& sample : std::span(buffer_).first(*got)) {
+        felt_.add(sample);
         lost_ = lost_ || (last_counter_ && sample.counter != *last_counter_ + 1);
         last_counter_ = sample.counter;
         ++samples_;
@@ -149,8 +156,12 @@ class Trial {
   Status wait_until(double seconds, const std::string& late, const std::function<bool(const TableStatus&)>& over) {
     const double deadline_s = devices_.clock.now_s() + seconds;
     for (;;) {
+      const double asked_s = devices_.clock.now_s();
       const Result<TableStatus> axes = read_table();
       if (!axes) return axes.error();
+      if (const auto said = too_fast(*axes, asked_s)) {
+        return sent_ ? scale_error(*said) : device_error(*said);
+      }
       for (const Axis axis : all_axes) {
         // Until they are held the drives come on and find their zero.
         const std::string trouble = trouble_of(axis, (*axes)[static_cast<std::size_t>(axis)], held_deg_.has_value());
@@ -170,6 +181,35 @@ class Trial {
       if (Status status = read_for(station_.motion.poll_moving_s); !status) return status;
     }
   }
+  std::optional<std::string> too_fast(const TableStatus& axes, double asked_s) {
+    const auto said = speed_.add(axes, asked_s, devices_.clock.now_s(), sent_, !held_deg_);
+    return said ? said : speed_.add_felt({&felt_}, axes, sent_);
+  }
+  static Error scale_error(const std::string& said) {
+    return input_error(said +
+                       ": expected a rate_scale in the table's map or dialect that turns it as fast as it is sent");
+  }
+  // An axis that turns at another rate than it was sent: by how much, as the unit felt it, or by its way and time where the unit's scale is
+  // not known.
+  Status judge_rate(const Move& move, double from_deg, double at_deg, double took_s) {
+    constexpr double tolerance = 0.2;
+    constexpr double least_deg = 0.5;
+    const double way_deg = std::abs(at_deg - from_deg);
+    if (way_deg < least_deg) return {};
+    const double peak_degps =
+        std::min(move.rate_degps, std::sqrt(std::abs(move.target_deg - from_deg) * move.acceleration_degps2));
+    const std::optional<double> felt_degps = felt_.end_turn(way_deg);
+    const double degps = felt_degps.value_or(way_deg / took_s);
+    const double factor = degps / peak_degps;
+    // The mean over the way is slower than the peak, and ends with the settling.
+    if (felt_degps ? std::abs(factor - 1.0) <= tolerance : factor <= 1.0 + tolerance && factor > 0.3) return {};
+    char text[240];
+    std::snprintf(text, sizeof text,
+                  "%s turned by %.4g deg in %.3g s, at %.3g times the %.4g deg/s that were sent (%s)",
+                  to_string(move.axis), way_deg, took_s, factor, move.rate_degps,
+                  felt_degps ? "as the unit felt it" : "by its positions");
+    return scale_error(text);
+  }
   Result<double> position(Axis axis) {
     const Result<AxisStatus> status = devices_.table.status(axis);
     return status ? Result<double>(status->position_deg) : Result<double>(status.error());
@@ -180,7 +220,11 @@ class Trial {
     const double from_deg = (*before)[static_cast<std::size_t>(axis)].position_deg;
     const double acceleration_degps2 =
         std::min(std::max(settings_.acceleration_degps2, 2.0 * rate_degps), limits_of(axis).max_acceleration_degps2);
-    hold(*before, Move{axis, to_deg, rate_degps, acceleration_degps2});
+    const Move sent{axis, to_deg, rate_degps, acceleration_degps2};
+    hold(*before, sent);
+    felt_.begin_turn(SpeedWatch::factor * acceleration_degps2);
+    const double began_s = devices_.clock.now_s();
+    speed_.restart();
     if (Status status = devices_.table.move_absolute(axis, to_deg, rate_degps, acceleration_degps2); !status) {
       return status;
     }
@@ -194,6 +238,12 @@ class Trial {
           return !a.moving && a.in_position &&
                  std::abs(a.position_deg - to_deg) <= station_.motion.position_tolerance_deg;
         });
+    const double took_s = devices_.clock.now_s() - began_s;
+    const bool late = !arrived && took_s > seconds;
+    const Result<double> at_deg = arrived || late ? position(axis) : Result<double>(arrived.error());
+    if (!at_deg) return arrived ? at_deg.error() : arrived.error();
+    if (const Status fits = judge_rate(sent, from_deg, *at_deg, took_s); !fits)
+      return late ? Error{arrived.error().kind, arrived.error().message + ": " + fits.error().message} : fits.error();
     return arrived ? rate.judge(axis, settings_.rate_tolerance) : arrived;
   }
 
@@ -209,6 +259,8 @@ class Trial {
   std::optional<std::int64_t> last_counter_;
   std::optional<AxisTriple> held_deg_;  // none: homing, when any axis may turn
   HomingWatch homing_{station_.axis};
+  FeltRate felt_;
+  SpeedWatch speed_;
   std::optional<Move> sent_;
 };
 
@@ -303,7 +355,7 @@ Status try_axes(const StationDevices& devices, const StationConfig& station, con
                 const std::atomic<int>& stop_requests, std::ostream& out) {
   RecordingInfo info;
   devices.imu.describe(info);
-  Trial trial(devices, station, settings, stop_requests);
+  Trial trial(devices, station, settings, info, stop_requests);
   Status tried = trial.home();
   if (tried) tried = try_turns(trial, settings, info.gyro_increment, out);
   return tried ? try_poses(trial, info, station.gravity_mps2, settings, out) : tried;

@@ -14,7 +14,7 @@
 // While an axis turns it must say so, and its rate must be what its position says (rate_check.h).
 //
 // Every wait has a deadline and ends at the operator's stop, and at the first poll in which an axis turns that nothing sent
-// (orchestrator/run/stray_axis.h). The caller sees that the table is left at rest, whatever happens.
+// (orchestrator/run/motion_watch.h). The caller sees that the table is left at rest, whatever happens.
 #pragma once
 
 #include <atomic>

@@ -42,6 +42,7 @@ class ArrivalMonitor {
   double moment_of_interest_s(double now_s) const;
   double allowed_s() const { return deadline_s_ - started_s_; }  // for the whole, settling included
   const std::optional<Move>& move() const { return move_; }
+  double from_deg() const { return from_deg_; }  // of the move's axis
 
  private:
   bool holds(const TableStatus& status) const;

@@ -91,6 +91,11 @@ StationRun::MaybeEvent StationRun::issue_move() {
       return event;
   }
   arrival_.start_move(move, from_deg, devices_.clock.now_s());
+  speed_.restart();
+  static_cast<void>(speed_.add(status_, asked_s_, answered_s_, move, false));  // from where it stands
+  for (UnitLane& lane : lanes_) {
+    if (lane.alive()) lane.felt().begin_turn(SpeedWatch::factor * move.acceleration_degps2);
+  }
   commanded_to_move_ = true;
   if (Status status =
           devices_.table.move_absolute(move.axis, move.target_deg, move.rate_degps, move.acceleration_degps2);
@@ -102,6 +107,12 @@ StationRun::MaybeEvent StationRun::issue_move() {
 
 StationRun::MaybeEvent StationRun::close_move() {
   if (const MaybeEvent event = end_segment(SegmentKind::rotate)) return event;
+  if (const std::optional<Move>& move = arrival_.move()) {
+    const double at_deg = status_[static_cast<std::size_t>(move->axis)].position_deg;
+    for (UnitLane& lane : lanes_) {
+      if (lane.alive()) lane.felt().end_turn(at_deg - arrival_.from_deg());
+    }
+  }
   pending_move_.reset();
   if (item_running_) {
     ++item_;

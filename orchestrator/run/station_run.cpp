@@ -36,6 +36,7 @@ StationRun::StationRun(StationDevices devices, StationJob job, const std::vector
       lanes_(units.begin(), units.end()),
       commanded_deg_(job_.sequence.start_deg),
       arrival_(patient(job_.station.motion, devices_.table.needs_operator())),
+      speed_(job_.station.axis, job_.station.clock_speed_up),
       stop_(devices_.table, job_.station.motion.settle_rate_degps) {
   if (job_.resume) resume_at(*job_.resume);
 }
@@ -268,7 +269,7 @@ StationRun::MaybeEvent StationRun::look_around() {
   receive_meanwhile();
   if (!live_states.contains(state_) || devices_.clock.now_s() < next_poll_s_ - time_slack_s) return std::nullopt;
   MaybeEvent event = read_table();
-  if (!event && state_ != RunState::homing && state_ != RunState::parking) event = judge_strays();
+  if (!event) event = judge_motion();
   schedule_poll(devices_.clock.now_s());
   return event;
 }

@@ -55,10 +55,10 @@
 #include "imu_io/base/clock.h"
 #include "orchestrator/run/arrival_monitor.h"
 #include "orchestrator/run/background_queue.h"
+#include "orchestrator/run/motion_watch.h"
 #include "orchestrator/run/run_journal.h"
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/run/run_state_machine.h"
-#include "orchestrator/run/stray_axis.h"
 #include "orchestrator/run/unit_lane.h"
 #include "orchestrator/station/station_config.h"
 #include "sequences/plan.h"
@@ -203,7 +203,7 @@ class StationRun {
   MaybeEvent judge(double now_s);
   MaybeEvent judge_dwell();
   MaybeEvent judge_move();
-  MaybeEvent judge_strays();  // axes that turn although nothing sent them
+  MaybeEvent judge_motion();  // axes that turn although nothing sent them, or faster than they were
   MaybeEvent judge_defect(UnitLane& lane, const DwellMonitor::Defect& defect);
   MaybeEvent judge_homing(double now_s);
   MaybeEvent judge_stop(double now_s);
@@ -249,6 +249,8 @@ class StationRun {
   AxisTriple commanded_deg_;
   AxisTriple held_deg_;  // where the axes stood when the present move, rest or settling began
   ArrivalMonitor arrival_;
+  SpeedWatch speed_;
+  double asked_s_ = 0.0, answered_s_ = 0.0;  // around the last reading of the table
   TableStop stop_;
   AxisTriple dwell_start_deg_;
   int repeats_ = 0;               // of the present dwell or move

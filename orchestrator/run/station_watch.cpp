@@ -3,8 +3,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "orchestrator/run/motion_watch.h"
 #include "orchestrator/run/station_run.h"
-#include "orchestrator/run/stray_axis.h"
 #include "turntable_drivers/table/table_state.h"
 
 namespace turncal {
@@ -34,22 +34,29 @@ StationRun::MaybeEvent StationRun::poll() {
 }
 
 // A table that turns by itself does not wait for the commanded axis to stall. A person who turns it may touch any axis.
-StationRun::MaybeEvent StationRun::judge_strays() {
-  if (devices_.table.needs_operator()) return std::nullopt;
+StationRun::MaybeEvent StationRun::judge_motion() {
+  if (devices_.table.needs_operator() || state_ == RunState::parking) return std::nullopt;
+  const bool searches = state_ == RunState::homing;
   const bool turns = state_ == RunState::moving || state_ == RunState::settling;
   const std::optional<Move> move = turns ? arrival_.move() : std::nullopt;
   const double tolerance_deg = job_.station.motion.position_tolerance_deg;
   // A slip is put right by a move, but not while another move goes on or the table rests.
   const bool put_right = !move && state_ != RunState::resting;
   const double standing_deg = put_right ? least_runaway_deg(tolerance_deg) : tolerance_deg;
-  const auto stray = stray_axis(status_, held_deg_, move, standing_deg, tolerance_deg);
-  return stray ? MaybeEvent(raise(RunEvent::table_fault, ErrorKind::device, *stray)) : std::nullopt;
+  auto said = searches ? std::nullopt : stray_axis(status_, held_deg_, move, standing_deg, tolerance_deg);
+  if (!said) said = speed_.add(status_, asked_s_, answered_s_, move, searches);
+  if (!said) {
+    std::vector<const FeltRate*> felt;
+    for (UnitLane& lane : lanes_) {
+      if (lane.alive()) felt.push_back(&lane.felt());
+    }
+    said = speed_.add_felt(felt, status_, move);
+  }
+  return said ? MaybeEvent(raise(RunEvent::table_fault, ErrorKind::device, *said)) : std::nullopt;
 }
 
 StationRun::MaybeEvent StationRun::judge(double now_s) {
-  if (state_ == RunState::resting || state_ == RunState::moving || state_ == RunState::settling) {
-    if (const MaybeEvent stray = judge_strays()) return stray;
-  }
+  if (const MaybeEvent event = judge_motion()) return event;
   switch (state_) {
     case RunState::homing: return judge_homing(now_s);
     case RunState::resting:
@@ -84,6 +91,7 @@ StationRun::MaybeEvent StationRun::judge(double now_s) {
 }
 
 StationRun::MaybeEvent StationRun::read_table() {
+  asked_s_ = devices_.clock.now_s();
   for (Axis axis : all_axes) {
     Error error;
     bool answered = false;
@@ -106,6 +114,7 @@ StationRun::MaybeEvent StationRun::read_table() {
     }
   }
   unread_ = false;
+  answered_s_ = devices_.clock.now_s();
   if (!live_states.contains(state_)) return std::nullopt;
   const bool in_use = state_ != RunState::homing && state_ != RunState::parking;
   for (Axis axis : all_axes) {

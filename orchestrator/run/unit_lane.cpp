@@ -65,6 +65,7 @@ Result<std::string> UnitLane::connect(const StationConfig& station, bool table_s
   info_.simulated = info_.simulated || table_simulated;
   dwell_.emplace(station.dwell, info_);
   spikes_.emplace(info_);
+  felt_.emplace(info_);
   last_sample_s_ = clock.now_s();
   return imu->description;
 }
@@ -96,6 +97,7 @@ Result<std::size_t> UnitLane::receive(std::size_t count, double timeout_s) {
     last_received_ = waiting_[i].counter;
     last_sample_ = waiting_[i];
     have_last_sample_ = true;
+    if (felt_) felt_->add(waiting_[i]);
     waiting_[kept++] = waiting_[i];
   }
   waiting_.resize(kept);

@@ -28,6 +28,7 @@
 #include "imu_io/recordings/imu_source.h"
 #include "orchestrator/run/background_queue.h"
 #include "orchestrator/run/dwell_monitor.h"
+#include "orchestrator/run/motion_watch.h"
 #include "orchestrator/run/run_journal.h"
 #include "orchestrator/run/run_sink.h"
 #include "orchestrator/station/station_config.h"
@@ -106,6 +107,8 @@ class UnitLane {
   }
   const RunSink& sink() const { return unit_.sink; }
 
+  FeltRate& felt() { return *felt_; }  // REQUIRES connect()
+
   int repeats = 0;           // of the present dwell, that this unit or the table made necessary
   bool motion_lost = false;  // samples lost or flagged in the present move
 
@@ -124,6 +127,7 @@ class UnitLane {
   RecordingInfo info_;
   std::optional<DwellMonitor> dwell_;
   std::optional<SpikeFinder> spikes_;
+  std::optional<FeltRate> felt_;
   std::vector<ImuSample> waiting_;  // counters are the unit's own
   bool open_ = false;
   std::optional<Segment> segment_;  // the open one

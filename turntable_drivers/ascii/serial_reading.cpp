@@ -84,6 +84,7 @@ Result<AxisStatus> SerialTurntable::status(Axis axis) {
   AxisStatus report;
   report.position_deg = reading->position_deg;
   report.rate_degps = reading->rate_degps.value_or(memory.rate_degps);
+  report.rate_told = reading->rate_degps.has_value();
   report.in_position = flags[DriveBit::in_position].value_or(false);
   report.moving =
       flags[DriveBit::moving].value_or(!(std::abs(report.rate_degps) <= dialect_.moving_rate_degps)) || !flags.known;

@@ -59,6 +59,7 @@ AxisStatus ModbusTurntable::status_from(Axis axis, const std::vector<std::uint16
   report.position_deg = position_deg;
   memory.note(position_deg, now_s);
   report.rate_degps = memory.rate_degps;
+  report.rate_told = scale.rate.has_value();
   if (scale.rate) {
     const auto from = map_.place_of(scale.rate->address);
     report.rate_degps = scale.sign * decode_words(std::span(block).subspan(from), scale.rate->type, map_.layout) /

@@ -169,6 +169,7 @@ Result<AxisStatus> RigTable::status(Axis axis) {
     report.position_deg = std::round(state.position_deg / table.encoder_resolution_deg) * table.encoder_resolution_deg;
   }
   report.rate_degps = state.rate_degps;
+  report.rate_told = true;
   report.enabled = report.drive_on = enabled_[i];
   report.homed = homed_[i];
   report.moving = state.moving || homing_[i];

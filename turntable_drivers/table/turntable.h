@@ -32,8 +32,9 @@ struct TableIdentity {
 struct AxisStatus {
   double position_deg = 0.0;
   double rate_degps = 0.0;
-  bool enabled = false;   // by this program, and the drive says so: it may be moved
-  bool drive_on = false;  // the drive's own word, whoever switched it on; what was commanded where it does not tell
+  bool rate_told = false;  // by the device; else it comes from two positions
+  bool enabled = false;    // by this program, and the drive says so: it may be moved
+  bool drive_on = false;   // the drive's own word, whoever switched it on; what was commanded where it does not tell
   bool homed = false;
   bool moving = true;
   bool in_position = false;

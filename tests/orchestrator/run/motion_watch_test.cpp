@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "orchestrator/run/stray_axis.h"
+#include "orchestrator/run/motion_watch.h"
 
 namespace turncal {
 namespace {

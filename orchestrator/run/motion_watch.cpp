@@ -1,0 +1,224 @@
+#include "orchestrator/run/motion_watch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include "calib/model/parameters.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr double homing_begins_s = 20.0;  // after the command, or after another axis has found its zero
+constexpr double turns_degps = 0.01;
+
+}  // namespace
+
+std::optional<std::string> stray_axis(const TableStatus& axes, const AxisTriple& held_deg,
+                                      const std::optional<Move>& move, double standing_deg,
+                                      double position_tolerance_deg) {
+  const double beyond_deg = least_runaway_deg(position_tolerance_deg);
+  for (const Axis axis : all_axes) {
+    const double at_deg = axes[static_cast<std::size_t>(axis)].position_deg;
+    char text[160];
+    if (move && move->axis == axis) {
+      const double low = std::min(held_deg[axis], move->target_deg), high = std::max(held_deg[axis], move->target_deg);
+      if (at_deg >= low - beyond_deg && at_deg <= high + beyond_deg) continue;
+      std::snprintf(text, sizeof text, "%s runs away: at %.4f deg on the way from %.4f to %.4f deg", to_string(axis),
+                    at_deg, held_deg[axis], move->target_deg);
+    } else {
+      if (std::abs(at_deg - held_deg[axis]) <= standing_deg) continue;
+      std::snprintf(text, sizeof text, "%s moves although nothing sent it: from %.4f to %.4f deg", to_string(axis),
+                    held_deg[axis], at_deg);
+    }
+    return text;
+  }
+  return std::nullopt;
+}
+
+FeltRate::FeltRate(const RecordingInfo& info)
+    : degrees_per_count_(nominal_gyro_rad(info) / rad_per_deg),
+      period_s_(info.sample_period_s),
+      block_samples_(std::max<std::int64_t>(1, std::llround(0.01 / info.sample_period_s))) {}
+
+void FeltRate::add(const ImuSample& sample) {
+  if (next_counter_ && sample.counter != *next_counter_) {
+    sum_ = {};
+    in_block_ = 0;
+    known_ = 0;
+  }
+  next_counter_ = sample.counter + 1;
+  for (std::size_t i = 0; i < 3; ++i) sum_[i] += sample.gyro[i];
+  if (++in_block_ == block_samples_) close_block();
+}
+
+void FeltRate::close_block() {
+  const double block_s = static_cast<double>(block_samples_) * period_s_;
+  const double turned_deg = degrees_per_count_ * std::hypot(sum_[0], sum_[1], sum_[2]);
+  sum_ = {};
+  in_block_ = 0;
+  std::rotate(last_degps_.begin(), last_degps_.begin() + 1, last_degps_.end());
+  last_degps_.back() = turned_deg / block_s;
+  way_deg_ += turned_deg;
+  const bool follows = known_ == blocks;
+  known_ = std::min(known_ + 1, blocks);
+  if (known_ < blocks) return;
+  std::array<double, blocks> sorted = last_degps_;
+  std::nth_element(sorted.begin(), sorted.begin() + blocks / 2, sorted.end());
+  const double before_degps = std::exchange(median_degps_, sorted[blocks / 2]);
+  peak_degps_ = std::max(peak_degps_, median_degps_);
+  if (!follows) return;
+  const double may_degps = allowed_degps2_ * block_s / scale_, change_degps = median_degps_ - before_degps;
+  fastest_up_ = std::max(0.0, fastest_up_ + change_degps - may_degps);
+  fastest_down_ = std::max(0.0, fastest_down_ - change_degps - may_degps);
+}
+
+void FeltRate::begin_turn(double allowed_degps2) {
+  rest_degps_ = std::exchange(peak_degps_, 0.0);
+  way_deg_ = fastest_up_ = fastest_down_ = 0.0;
+  allowed_degps2_ = allowed_degps2;
+}
+
+std::optional<double> FeltRate::end_turn(double turned_deg) {
+  constexpr double least_deg = 4.0, least = 0.4,
+                   most = 1.7;  // a unit's pulse may weigh so much; else its frame is wrong
+  const double ratio = way_deg_ / std::abs(turned_deg);
+  const double felt_degps = std::exchange(peak_degps_, 0.0);
+  if (std::abs(turned_deg) < least_deg || !(ratio >= least && ratio <= most)) return std::nullopt;
+  scale_ = 1.0 / ratio;
+  confirmed_ = true;
+  return felt_degps * scale_;
+}
+
+std::optional<double> FeltRate::now_degps() const {
+  if (known_ < blocks) return std::nullopt;
+  return std::max(0.0, median_degps_ - rest_degps_) * scale_;
+}
+
+double FeltRate::beyond_degps() const {
+  return std::max(0.0, std::max(fastest_up_, fastest_down_) - 2.0 * rest_degps_) * scale_;
+}
+
+double SpeedWatch::allowed_degps(Axis axis, const std::optional<Move>& sent, bool searches) const {
+  const double most_degps = limits_[static_cast<std::size_t>(axis)].max_rate_degps;
+  if (searches) return most_degps;
+  if (!sent || sent->axis != axis) return 0.0;
+  return std::min(factor * sent->rate_degps, std::max(most_degps, sent->rate_degps));
+}
+
+std::string SpeedWatch::too_fast(Axis axis, double degps, const char* by, const std::optional<Move>& sent) const {
+  char text[240];
+  const bool told = sent && sent->axis == axis;
+  const double most_degps = limits_[static_cast<std::size_t>(axis)].max_rate_degps;
+  if (told) {
+    std::snprintf(text, sizeof text, "%s turns at %.4g deg/s, %.3g times the %.4g deg/s that were sent (%s)",
+                  to_string(axis), degps, degps / sent->rate_degps, sent->rate_degps, by);
+  } else {
+    std::snprintf(text, sizeof text, "%s turns at %.4g deg/s (%s): expected at most %.4g deg/s", to_string(axis), degps,
+                  by, most_degps);
+  }
+  return text;
+}
+
+std::optional<std::string> SpeedWatch::add(const TableStatus& axes, double asked_s, double answered_s,
+                                           const std::optional<Move>& sent, bool searches) {
+  Reading now;
+  now.asked_s = asked_s;
+  std::optional<std::string> said;
+  for (const Axis axis : all_axes) {
+    const AxisStatus& read = axes[static_cast<std::size_t>(axis)];
+    now.at_deg[axis] = read.position_deg;
+    const double allowed = allowed_degps(axis, sent, searches);
+    if (allowed == 0.0) continue;  // stray_axis says whether it stays
+    const double rate_degps = std::abs(read.rate_degps);
+    if (read.rate_told && rate_degps > allowed + rate_margin_degps(allowed))
+      return too_fast(axis, rate_degps, "by its own rate", sent);
+    // While it searches its angle may be set anew.
+    if (!before_ || searches) continue;
+    const double longest_s = answered_s - before_->asked_s;
+    const double way_deg = std::abs(read.position_deg - before_->at_deg[axis]);
+    beyond_deg_[axis] = std::max(0.0, beyond_deg_[axis] + way_deg - allowed * longest_s);
+    if (beyond_deg_[axis] > 0.1 + allowed * stale_s * speed_up_)
+      said = too_fast(axis, way_deg / longest_s, "by its positions", sent);
+  }
+  if (!before_ || searches) beyond_deg_ = {};
+  before_ = now;
+  return said;
+}
+
+std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate*>& felt, const TableStatus& axes,
+                                                const std::optional<Move>& sent) const {
+  double most_degps = 0.0;
+  for (const AxisLimits& axis : limits_) most_degps = std::max(most_degps, axis.max_rate_degps);
+  std::optional<double> rate_degps, beyond_degps;  // the least of the units
+  bool confirmed = true;
+  for (const FeltRate* unit : felt) {
+    const std::optional<double> now = unit->now_degps();
+    if (!now) continue;
+    rate_degps = std::min(rate_degps.value_or(*now), *now);
+    beyond_degps = std::min(beyond_degps.value_or(unit->beyond_degps()), unit->beyond_degps());
+    confirmed = confirmed && unit->confirmed();
+  }
+  if (!rate_degps) return std::nullopt;
+  const bool known = sent && confirmed;
+  const double allowed = known ? allowed_degps(sent->axis, sent, false) : most_degps;
+  char text[240];
+  if (*rate_degps > allowed + felt_margin_degps(allowed)) {
+    if (!sent) {
+      std::snprintf(text, sizeof text, "the unit feels %.4g deg/s: expected at most %.4g deg/s, max_rate_degps",
+                    *rate_degps, most_degps);
+      return text;
+    }
+    std::snprintf(text, sizeof text,
+                  "the unit feels %.4g deg/s, %.3g times the %.4g deg/s that %s was sent at, where the table reads "
+                  "%.4g deg/s: the scale of the table's angles or rates, or that of the unit's frame",
+                  *rate_degps, *rate_degps / sent->rate_degps, sent->rate_degps, to_string(sent->axis),
+                  axes[static_cast<std::size_t>(sent->axis)].rate_degps);
+    return text;
+  }
+  if (known && *beyond_degps > jump_margin_degps(sent->rate_degps)) {
+    std::snprintf(text, sizeof text,
+                  "the unit feels that %s is sped up or braked by %.4g deg/s more than the %.4g deg/s^2 that were sent",
+                  to_string(sent->axis), *beyond_degps, sent->acceleration_degps2);
+    return text;
+  }
+  return std::nullopt;
+}
+
+std::optional<std::string> HomingWatch::add(const TableStatus& axes) {
+  const std::optional<TableStatus> before = std::exchange(before_, axes);
+  if (!before) return std::nullopt;
+  char text[160];
+  double passed_s = 0.0;
+  bool any_turns = false;
+  for (const Axis axis : all_axes) {
+    const auto i = static_cast<std::size_t>(axis);
+    const double seconds = axes[i].time_s - (*before)[i].time_s;
+    const double moved_deg = std::abs(axes[i].position_deg - (*before)[i].position_deg);
+    const bool set_anew = moved_deg > 2.0 * limits_[i].max_rate_degps * seconds;
+    const double by_rate_deg = std::isfinite(axes[i].rate_degps) ? std::abs(axes[i].rate_degps) * seconds : 0.0;
+    turned_deg_[axis] += std::max(by_rate_deg, set_anew ? 0.0 : moved_deg);
+    passed_s = std::max(passed_s, seconds);
+    any_turns = any_turns || axes[i].moving || std::max(by_rate_deg, moved_deg) > turns_degps * seconds;
+    const double travel_deg = limits_[i].soft_max_deg - limits_[i].soft_min_deg;
+    const double most_deg = std::min(2.0 * travel_deg, travel_deg + 360.0);
+    if (turned_deg_[axis] <= most_deg) continue;
+    std::snprintf(text, sizeof text, "%s does not find its zero: it has turned %.0f deg, its travel is %.0f deg",
+                  to_string(axis), turned_deg_[axis], travel_deg);
+    return text;
+  }
+  idle_s_ = any_turns ? 0.0 : idle_s_ + passed_s;
+  for (const Axis axis : all_axes) {
+    const AxisStatus& now = axes[static_cast<std::size_t>(axis)];
+    if (idle_s_ < homing_begins_s || now.homed) continue;
+    std::snprintf(text, sizeof text,
+                  "%s does not look for its zero: it stands at %.4f deg, and nothing has turned for %.0f s",
+                  to_string(axis), now.position_deg, idle_s_);
+    return text;
+  }
+  return std::nullopt;
+}
+
+}  // namespace turncal

@@ -1,0 +1,121 @@
+// Does the table move as it was told? Pure functions of what was read and felt, for a run and for commissioning alike; both stop the table
+// at the first poll that shows that it does not.
+//
+//   stray_axis   an axis that nothing sent stays where it stood, the one that was sent on its way
+//   SpeedWatch   no axis turns faster than 1.2 times the rate that was sent, nor than its max_rate, by its rate, by its positions and by
+//                what the unit feels; nor is it sped up by more than 1.2 times what was sent
+//   HomingWatch  axes that look for their zero find it
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/types/axis.h"
+#include "calib/types/recording_types.h"
+#include "sequences/plan.h"
+#include "sequences/sequence.h"
+#include "turntable_drivers/table/turntable.h"
+
+namespace turncal {
+
+// Further than any overshoot of a move, and than an axis slips that somebody knocks against: beyond it nothing is put right by a move.
+inline double least_runaway_deg(double position_tolerance_deg) { return std::max(1.0, position_tolerance_deg); }
+
+// What is said of it; nothing: all is well. held_deg: where the axes stood when the move, if there is one, was sent. standing_deg: how far
+// from there an axis may read that was not sent.
+std::optional<std::string> stray_axis(const TableStatus& axes, const AxisTriple& held_deg,
+                                      const std::optional<Move>& move, double standing_deg,
+                                      double position_tolerance_deg);
+
+// How fast a unit turns: the magnitude of its gyros' vector, whatever its mounting, by blocks of 10 ms and as the median of five, so that
+// a glitch is none. Time is the unit's own. deg/s by the nominal scale of its frame; where a turn has told what the unit makes of a degree
+// (end_turn), by that. What it felt at most at rest before the turn is taken off: noise, bias and the earth's rate.
+class FeltRate {
+ public:
+  explicit FeltRate(const RecordingInfo& info);
+  void add(const ImuSample& sample);
+  void begin_turn(double allowed_degps2);
+  // The table turned by so much since then. Returns the most that was felt meanwhile, deg/s; nothing: the unit's scale does not follow from it.
+  std::optional<double> end_turn(double turned_deg);
+  bool confirmed() const { return confirmed_; }
+  std::optional<double> now_degps() const;  // nothing: no block is whole since a gap
+  // How much faster, or slower, it has become since the turn began than the allowed acceleration makes it, deg/s:
+  // the largest |w(t) - w(s)| - a (t - s).
+  double beyond_degps() const;
+
+ private:
+  static constexpr std::size_t blocks = 5;
+  void close_block();
+  double degrees_per_count_, period_s_;
+  std::int64_t block_samples_;
+  std::optional<std::int64_t> next_counter_;
+  std::array<double, 3> sum_{};
+  std::int64_t in_block_ = 0;
+  std::array<double, blocks> last_degps_{};
+  std::size_t known_ = 0;  // of them
+  double median_degps_ = 0.0;
+  double way_deg_ = 0.0, peak_degps_ = 0.0, rest_degps_ = 0.0, fastest_up_ = 0.0, fastest_down_ = 0.0;
+  double allowed_degps2_ = 0.0;
+  double scale_ = 1.0;
+  bool confirmed_ = false;
+};
+
+// How fast the axes turn, poll after poll. What is said of one that is too fast is one line; nothing: all is well.
+//
+// By its rate: where the device tells one (AxisStatus::rate_told). By its positions: a cumulative sum
+//   S = max(0, S + |dp| - allowed dt),  a fault where S is beyond the way of stale_s at the allowed rate and 0.1 deg,
+// with dt the longest time that can lie between two readings (from the request for the one to the answer of the other), so that a slow line
+// is no fault; a position that is found anew only several times a second is none either. By the unit: the least of those on the table, and
+// until a turn has told its scale only beyond max_rate.
+class SpeedWatch {
+ public:
+  SpeedWatch(const std::array<AxisLimits, 3>& limits, double speed_up) : limits_(limits), speed_up_(speed_up) {}
+  void restart() { before_.reset(); }  // the axes were sent anew
+  // asked_s, answered_s: station time around the reading of all axes. sent: the move that goes on. searches: the axes look for their zero.
+  std::optional<std::string> add(const TableStatus& axes, double asked_s, double answered_s,
+                                 const std::optional<Move>& sent, bool searches);
+  // felt: of each unit that is alive.
+  std::optional<std::string> add_felt(const std::vector<const FeltRate*>& felt, const TableStatus& axes,
+                                      const std::optional<Move>& sent) const;
+
+  static constexpr double factor = 1.2;
+  static constexpr double stale_s = 0.25;  // wall time: a table that finds its position four times a second
+  static double rate_margin_degps(double allowed_degps) { return std::max(0.5, 0.05 * allowed_degps); }
+  static double felt_margin_degps(double allowed_degps) { return 1.0 + 0.05 * allowed_degps; }
+  static double jump_margin_degps(double rate_degps) { return 1.0 + 0.25 * rate_degps; }
+
+ private:
+  double allowed_degps(Axis axis, const std::optional<Move>& sent, bool searches) const;
+  std::string too_fast(Axis axis, double degps, const char* by, const std::optional<Move>& sent) const;
+
+  std::array<AxisLimits, 3> limits_;
+  double speed_up_;
+  struct Reading {
+    AxisTriple at_deg;
+    double asked_s = 0.0;
+  };
+  std::optional<Reading> before_;
+  AxisTriple beyond_deg_{};  // the sums
+};
+
+// Whether the axes look for their zero. How far each turns meanwhile counts by its rate and by its angle, whichever says more: the angle may be
+// set anew on the way, and a rate may not be told. A search goes there and back within its travel, and needs no more than a turn beyond it.
+// A drive that was told to, and has not begun, is not waited for until the whole search should be over.
+class HomingWatch {
+ public:
+  explicit HomingWatch(const std::array<AxisLimits, 3>& limits) : limits_(limits) {}
+  // What is said of an axis that has turned further, or does not begin; nothing: all is well.
+  std::optional<std::string> add(const TableStatus& axes);
+
+ private:
+  std::array<AxisLimits, 3> limits_;
+  AxisTriple turned_deg_{};
+  double idle_s_ = 0.0;  // since any of them turned
+  std::optional<TableStatus> before_;
+};
+
+}  // namespace turncal
