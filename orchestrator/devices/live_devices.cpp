@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
+#include <cstdio>
 
 #include "imu_io/base/deadline.h"
 #include "orchestrator/devices/stop_signals.h"
@@ -73,6 +75,25 @@ Status LiveDevices::leave_table(Status done, const std::string& how_left) {
   const Status left = table_->leave();
   if (!left) return device_error(done ? left.error().message : done.error().message + "; " + left.error().message);
   return done ? done : Status(Error{done.error().kind, done.error().message + how_left});
+}
+
+std::string LiveDevices::sag_since(const TableStatus& left) {
+  constexpr double least_s = 2.5, same_place_deg = 0.01;  // 0.005 deg/s
+  std::string text;
+  if (table_->manual() || !table_->table().can_switch_off()) return text;
+  for (const Axis axis : all_axes) {
+    const AxisStatus& then = left[static_cast<std::size_t>(axis)];
+    while (clock_.now_s() - then.time_s < least_s)
+      wait_a_little((least_s - (clock_.now_s() - then.time_s)) / speed_up_);
+    const Result<AxisStatus> now = table_->table().status(axis);
+    if (!now || !(std::abs(now->position_deg - then.position_deg) > same_place_deg)) continue;
+    char line[160];
+    std::snprintf(line, sizeof line, "%s%s turns with its drive off: from %.4f to %.4f deg in %.1f s",
+                  text.empty() ? "" : "; ", to_string(axis), then.position_deg, now->position_deg,
+                  now->time_s - then.time_s);
+    text += line;
+  }
+  return text;
 }
 
 OperatorPrompts* LiveDevices::prompts() {

@@ -58,6 +58,9 @@ class LiveDevices {
   // Nobody may use the table afterwards.
   Status leave_table(Status done, const std::string& how_left = "");
   void give_table_up() { table_->give_up(); }
+  // Whether an axis turns now that its drive is off: looks once more, 2.5 s of the station after it read like this, and says how far it
+  // turned. Empty: all stand, or cannot be read.
+  std::string sag_since(const TableStatus& left);
   void end_real_time() { real_time_.reset(); }  // the table rests with its drives off: what comes may take its time
 
   // Of a table turned by hand: what its operator is told; else null. The sequence must outlive the devices.

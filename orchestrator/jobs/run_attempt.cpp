@@ -275,6 +275,11 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
   display.drain();
   if (outcome.stop_failed && run_devices.live) run_devices.live->give_table_up();
   if (outcome.storage_hangs) end_without_storage(outcome.error, a.folder, context);
+  if (const std::string sag = run_devices.live && outcome.left ? run_devices.live->sag_since(*outcome.left) : "";
+      !sag.empty()) {
+    a.log.line(sag);
+    context.err << "warning: " << sag << std::endl;
+  }
   for (std::size_t i = 0; run_devices.live && i < a.units.size(); ++i) {
     a.log.line("unit " + a.units[i].run.unit() + ": " + run_devices.live->unit_summary(i));
   }

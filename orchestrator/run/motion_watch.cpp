@@ -62,6 +62,7 @@ void FeltRate::close_block() {
   std::rotate(last_degps_.begin(), last_degps_.begin() + 1, last_degps_.end());
   last_degps_.back() = turned_deg / block_s;
   way_deg_ += turned_deg;
+  way_s_ += block_s;
   const bool follows = known_ == blocks;
   known_ = std::min(known_ + 1, blocks);
   if (known_ < blocks) return;
@@ -76,8 +77,8 @@ void FeltRate::close_block() {
 }
 
 void FeltRate::begin_turn(double allowed_degps2) {
-  rest_degps_ = std::exchange(peak_degps_, 0.0);
-  way_deg_ = fastest_up_ = fastest_down_ = 0.0;
+  rest_degps_ = way_s_ > 0.0 ? 4.0 * way_deg_ / way_s_ : 0.0;
+  way_deg_ = way_s_ = peak_degps_ = fastest_up_ = fastest_down_ = 0.0;
   allowed_degps2_ = allowed_degps2;
 }
 
@@ -85,7 +86,8 @@ std::optional<double> FeltRate::end_turn(double turned_deg) {
   constexpr double least_deg = 4.0, least = 0.4,
                    most = 1.7;  // a unit's pulse may weigh so much; else its frame is wrong
   const double ratio = way_deg_ / std::abs(turned_deg);
-  const double felt_degps = std::exchange(peak_degps_, 0.0);
+  const double felt_degps = peak_degps_;
+  way_deg_ = way_s_ = 0.0;
   if (std::abs(turned_deg) < least_deg || !(ratio >= least && ratio <= most)) return std::nullopt;
   scale_ = 1.0 / ratio;
   confirmed_ = true;
@@ -153,17 +155,14 @@ std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate
   double most_degps = 0.0;
   for (const AxisLimits& axis : limits_) most_degps = std::max(most_degps, axis.max_rate_degps);
   std::optional<double> rate_degps, beyond_degps;  // the least of the units
-  bool confirmed = true;
   for (const FeltRate* unit : felt) {
-    const std::optional<double> now = unit->now_degps();
+    const std::optional<double> now = unit->confirmed() ? unit->now_degps() : std::nullopt;
     if (!now) continue;
     rate_degps = std::min(rate_degps.value_or(*now), *now);
     beyond_degps = std::min(beyond_degps.value_or(unit->beyond_degps()), unit->beyond_degps());
-    confirmed = confirmed && unit->confirmed();
   }
   if (!rate_degps) return std::nullopt;
-  const bool known = sent && confirmed;
-  const double allowed = known ? allowed_degps(sent->axis, sent, false) : most_degps;
+  const double allowed = sent ? allowed_degps(sent->axis, sent, false) : most_degps;
   char text[240];
   if (*rate_degps > allowed + felt_margin_degps(allowed)) {
     if (!sent) {
@@ -178,7 +177,7 @@ std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate
                   axes[static_cast<std::size_t>(sent->axis)].rate_degps);
     return text;
   }
-  if (known && *beyond_degps > jump_margin_degps(sent->rate_degps)) {
+  if (sent && *beyond_degps > jump_margin_degps(sent->rate_degps)) {
     std::snprintf(text, sizeof text,
                   "the unit feels that %s is sped up or braked by %.4g deg/s more than the %.4g deg/s^2 that were sent",
                   to_string(sent->axis), *beyond_degps, sent->acceleration_degps2);

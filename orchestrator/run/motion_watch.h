@@ -33,7 +33,7 @@ std::optional<std::string> stray_axis(const TableStatus& axes, const AxisTriple&
 
 // How fast a unit turns: the magnitude of its gyros' vector, whatever its mounting, by blocks of 10 ms and as the median of five, so that
 // a glitch is none. Time is the unit's own. deg/s by the nominal scale of its frame; where a turn has told what the unit makes of a degree
-// (end_turn), by that. What it felt at most at rest before the turn is taken off: noise, bias and the earth's rate.
+// (end_turn), by that. Four times what it felt at rest before the turn, in the mean, is taken off: noise, bias and the earth's rate.
 class FeltRate {
  public:
   explicit FeltRate(const RecordingInfo& info);
@@ -58,7 +58,7 @@ class FeltRate {
   std::array<double, blocks> last_degps_{};
   std::size_t known_ = 0;  // of them
   double median_degps_ = 0.0;
-  double way_deg_ = 0.0, peak_degps_ = 0.0, rest_degps_ = 0.0, fastest_up_ = 0.0, fastest_down_ = 0.0;
+  double way_deg_ = 0.0, way_s_ = 0.0, peak_degps_ = 0.0, rest_degps_ = 0.0, fastest_up_ = 0.0, fastest_down_ = 0.0;
   double allowed_degps2_ = 0.0;
   double scale_ = 1.0;
   bool confirmed_ = false;
@@ -69,8 +69,8 @@ class FeltRate {
 // By its rate: where the device tells one (AxisStatus::rate_told). By its positions: a cumulative sum
 //   S = max(0, S + |dp| - allowed dt),  a fault where S is beyond the way of stale_s at the allowed rate and 0.1 deg,
 // with dt the longest time that can lie between two readings (from the request for the one to the answer of the other), so that a slow line
-// is no fault; a position that is found anew only several times a second is none either. By the unit: the least of those on the table, and
-// until a turn has told its scale only beyond max_rate.
+// is no fault; a position that is found anew only several times a second is none either. By the unit: the least of those on the table whose
+// scale a turn has told; that of the first turn is for first_step_check.h to judge.
 class SpeedWatch {
  public:
   SpeedWatch(const std::array<AxisLimits, 3>& limits, double speed_up) : limits_(limits), speed_up_(speed_up) {}

@@ -91,6 +91,7 @@ RunOutcome StationRun::outcome() const {
   outcome.repeated_dwells = repeated_dwells_;
   outcome.repeated_moves = repeated_moves_;
   outcome.moved = commanded_to_move_;
+  outcome.left = left_;
   outcome.stop_failed = stop_failed_;
   for (const UnitLane& lane : lanes_) {
     const RecordingPoint at = lane.point();

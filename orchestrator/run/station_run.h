@@ -106,9 +106,10 @@ struct RunOutcome {
   RunState state = RunState::failed;
   Error error{ErrorKind::internal, "the run did not end"};  // meaningful unless done
   int repeated_dwells = 0;
-  int repeated_moves = 0;    // of this session
-  bool moved = false;        // the table was homed or sent somewhere
-  bool stop_failed = false;  // could not be verified in its time: the table may move, its drives may be on
+  int repeated_moves = 0;           // of this session
+  bool moved = false;               // the table was homed or sent somewhere
+  std::optional<TableStatus> left;  // as every axis read when it was verified that it rests with its drives off
+  bool stop_failed = false;         // could not be verified in its time: the table may move, its drives may be on
   bool storage_hangs =
       false;  // what was handed to the queue is not all done: journal and recordings must not be touched
   struct Unit {
@@ -233,6 +234,7 @@ class StationRun {
   ErrorKind raised_kind_ = ErrorKind::internal;
   StopCause stop_cause_ = StopCause::error;
   bool pause_told_ = false;
+  std::optional<TableStatus> left_;
   bool stop_failed_ = false;
   bool home_sent_ = false;
   std::optional<HomingWatch> homing_;

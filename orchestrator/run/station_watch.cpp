@@ -186,7 +186,10 @@ StationRun::MaybeEvent StationRun::judge_dwell() {
 }
 
 StationRun::MaybeEvent StationRun::judge_stop(double now_s) {
-  if (stop_.look(unread_ ? nullptr : &status_, now_s)) return RunEvent::stopped_verified;
+  if (stop_.look(unread_ ? nullptr : &status_, now_s)) {
+    left_ = status_;
+    return RunEvent::stopped_verified;
+  }
   if (now_s > phase_deadline_s_) {
     if (state_ == RunState::parking)
       return raise(RunEvent::deadline, ErrorKind::device, "the drives did not switch off");

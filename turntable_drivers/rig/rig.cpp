@@ -12,6 +12,15 @@ using namespace rig_model;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+namespace {
+
+bool in_force(const RigFault& fault, Axis axis, double now_s) {
+  const bool over = fault.duration_s > 0.0 && now_s >= fault.time_s + fault.duration_s;
+  return fault.axis == static_cast<int>(axis) && now_s >= fault.time_s && !over;
+}
+
+}  // namespace
+
 Rig::Rig(const RigConfig& config) : state_(std::make_unique<RigState>(config)) { assert(check(config).ok()); }
 Rig::~Rig() = default;
 
@@ -25,6 +34,11 @@ void Rig::command_move(Axis axis, double target_deg, double rate_degps, double a
   command.target_deg = target_deg;
   command.started_s = s.time_s();
   if (command.stuck || command.fault || s.emergency_stop) return;
+  for (const RigFault& fault : s.config.faults) {
+    if (fault.kind != RigFaultKind::too_fast || !in_force(fault, axis, s.time_s())) continue;
+    rate_degps *= fault.rate_factor;
+    acceleration_degps2 *= fault.acceleration_factor;
+  }
   command.acceleration_degps2 = acceleration_degps2;
   s.axes[i].move(s.k, target_deg, rate_degps, acceleration_degps2);
   s.standing_is_known = false;
@@ -58,9 +72,8 @@ Rig::AxisState Rig::axis(Axis axis) const {
   state.fault = command.fault;
   state.stuck = command.stuck;
   for (const RigFault& fault : s.config.faults) {
-    if (fault.kind != RigFaultKind::never_in_position || fault.axis != static_cast<int>(axis)) continue;
-    const bool over = fault.duration_s > 0.0 && s.time_s() >= fault.time_s + fault.duration_s;
-    if (s.time_s() >= fault.time_s && !over) state.never_in_position = true;
+    if (fault.kind == RigFaultKind::never_in_position && in_force(fault, axis, s.time_s()))
+      state.never_in_position = true;
   }
   state.started_s = command.started_s;
   state.stopped_s = s.axes[i].command_end_s();

@@ -186,6 +186,13 @@ void read_fault(KeyValueFile& file, const std::string& prefix, RigFault& fault) 
       keys.number(prefix + "rate_degps", fault.rate_degps, above_zero);
       hidden();
       break;
+    case RigFaultKind::too_fast:
+      time();
+      keys.chosen(prefix + "axis", fault.axis, table_axes);
+      duration();
+      keys.number(prefix + "rate_factor", fault.rate_factor, above_zero);
+      keys.number(prefix + "acceleration_factor", fault.acceleration_factor, above_zero);
+      break;
     case RigFaultKind::never_in_position:
       time();
       keys.chosen(prefix + "axis", fault.axis, table_axes);
@@ -275,6 +282,8 @@ Status check_fault(const RigFault& fault, std::size_t number) {
     return bad(prefix + "duration_s", fault.duration_s, "a number > 0 for imu_silent");
   }
   if (!std::isfinite(fault.size)) return bad(prefix + "size", fault.size, "a finite number");
+  if (Status status = positive_value(prefix + "rate_factor", fault.rate_factor); !status) return status;
+  if (Status status = positive_value(prefix + "acceleration_factor", fault.acceleration_factor); !status) return status;
   return positive_value(prefix + "rate_degps", fault.rate_degps);
 }
 

@@ -6,7 +6,7 @@
 namespace turncal {
 namespace {
 
-constexpr std::array<std::pair<RigFaultKind, const char*>, 13> names = {{
+constexpr std::array<std::pair<RigFaultKind, const char*>, 14> names = {{
     {RigFaultKind::lost_sample, "lost_sample"},
     {RigFaultKind::duplicated_sample, "duplicated_sample"},
     {RigFaultKind::gyro_glitch, "gyro_glitch"},
@@ -15,6 +15,7 @@ constexpr std::array<std::pair<RigFaultKind, const char*>, 13> names = {{
     {RigFaultKind::imu_silent, "imu_silent"},
     {RigFaultKind::imu_unplugged, "imu_unplugged"},
     {RigFaultKind::table_moved, "table_moved"},
+    {RigFaultKind::too_fast, "too_fast"},
     {RigFaultKind::never_in_position, "never_in_position"},
     {RigFaultKind::stuck_axis, "stuck_axis"},
     {RigFaultKind::axis_fault, "axis_fault"},

@@ -22,8 +22,10 @@ enum class RigFaultKind {
   imu_silent,         // from time_s for duration_s nothing is delivered (samples are lost, counter shows the gap)
   imu_unplugged,      // from time_s read() is a device error until the unit is opened again, which succeeds
   // The table. `axis` is the table axis as Axis.
-  table_moved,        // at time_s the axis turns by size [deg] at rate_degps by itself and stays there; the encoder
-                      // shows it, unless `hidden` (the platform moved, the encoder did not)
+  table_moved,  // at time_s the axis turns by size [deg] at rate_degps by itself and stays there; the encoder
+                // shows it, unless `hidden` (the platform moved, the encoder did not)
+  too_fast,  // from time_s for duration_s (0: for good) moves of the axis are made at rate_factor and acceleration_factor times
+             // what was sent
   never_in_position,  // from time_s for duration_s (0: for good) in_position stays false
   stuck_axis,         // from time_s the axis stops dead and takes commands without moving, until clear_fault()
   axis_fault,         // at time_s the drive trips: the axis brakes at its last acceleration; latched until
@@ -47,6 +49,7 @@ struct RigFault {
   int axis = 0;
   double size = 0.0;
   double rate_degps = 1.0;
+  double rate_factor = 1.0, acceleration_factor = 1.0;
   bool hidden = false;
   int unit = 1;  // of the unit's kinds: which of several on the table, from 1
 };

@@ -80,7 +80,7 @@ RigState::RigState(const RigConfig& given)
       silence.count = static_cast<std::int64_t>(std::ceil(fault.duration_s / period_s - 1e-9));
       silence.hidden = false;
       unit_faults.push_back(silence);
-    } else if (fault.kind != RigFaultKind::never_in_position && fault.kind != RigFaultKind::link_lost) {
+    } else if (concerns_unit(fault.kind)) {
       unit_faults.push_back(fault);
     }
   }

@@ -1,5 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <random>
+
+#include "calib/model/parameters.h"
 #include "orchestrator/run/motion_watch.h"
 
 namespace turncal {
@@ -76,6 +80,216 @@ TEST(HomingWatch, AnAxisThatDoesNotBeginIsSaid) {
             "pitch does not look for its zero: it stands at 7.0000 deg, and nothing has turned for 20 s");
   axes[1].homed = true;
   EXPECT_EQ(pass(30.0), std::nullopt);
+}
+
+// ---- how fast ----
+
+constexpr std::array<AxisLimits, 3> usual{};  // 100 deg/s, 100 deg/s^2
+
+// A move as a table makes it, rate and acceleration times a factor, read over a line with latency, from a register that is found anew every
+// refresh_s. Returns the time at which something was said, and what.
+struct DrawnMove {
+  Move move{Axis::pitch, 90.0, 20.0, 60.0};
+  double rate_factor = 1.0, acceleration_factor = 1.0;
+  double refresh_s = 0.0, latency_s = 0.0, noise_degps = 0.0;
+  bool tells_rate = false, felt = false;
+  double gyro_scale = 1.0, gyro_noise_degps = 0.0;
+
+  double at_deg(double t) const {
+    const double rate = rate_factor * move.rate_degps, acceleration = acceleration_factor * move.acceleration_degps2;
+    const double ramp_s = rate / acceleration, way = move.target_deg, cruise_s = std::max(0.0, way / rate - ramp_s);
+    if (t <= 0.0) return 0.0;
+    if (t < ramp_s) return 0.5 * acceleration * t * t;
+    if (t < ramp_s + cruise_s) return rate * (t - 0.5 * ramp_s);
+    const double left_s = std::max(0.0, 2.0 * ramp_s + cruise_s - t);
+    return way - 0.5 * acceleration * left_s * left_s;
+  }
+  double rate_degps(double t) const { return (at_deg(t + 1e-4) - at_deg(t - 1e-4)) / 2e-4; }
+
+  std::optional<std::pair<double, std::string>> watch(std::mt19937_64& random) const {
+    const auto draw = [&](double to) { return std::uniform_real_distribution(0.0, to)(random); };
+    std::normal_distribution<double> normal;
+    RecordingInfo info;
+    info.sample_period_s = 0.005;
+    info.gyro_increment = IncrementKind::physical;
+    FeltRate unit(info);
+    std::int64_t samples = 0;
+    const auto feel_until = [&](double t) {
+      for (; felt && 0.005 * static_cast<double>(samples) - 4.0 < t; ++samples) {
+        const double now = 0.005 * static_cast<double>(samples) - 4.0;
+        ImuSample sample;
+        sample.counter = samples;
+        sample.gyro[1] = gyro_scale * (at_deg(now + 0.005) - at_deg(now)) * rad_per_deg;
+        for (double& one : sample.gyro) one += 0.005 * gyro_noise_degps * normal(random) * rad_per_deg;
+        unit.add(sample);
+      }
+    };
+    // An earlier turn has told the unit's scale.
+    if (felt) {
+      unit.begin_turn(1e9);
+      for (; samples < 400; ++samples) {
+        ImuSample sample;
+        sample.counter = samples;
+        sample.gyro[1] = gyro_scale * 20.0 / 400.0 * rad_per_deg;
+        unit.add(sample);
+      }
+      for (; samples < 600; ++samples) {
+        ImuSample sample;
+        sample.counter = samples;
+        unit.add(sample);
+      }
+      unit.end_turn(20.0);
+      feel_until(0.0);
+      unit.begin_turn(SpeedWatch::factor * move.acceleration_degps2);
+    }
+    SpeedWatch speed(usual, 1.0);
+    const double began_s = draw(1.0);
+    TableStatus axes{};
+    static_cast<void>(speed.add(axes, began_s - 0.01, began_s, move, false));
+    for (double now = began_s, next = 0.0; now < began_s + 8.0; now = next) {
+      const double asked_s = now, answered_s = now + draw(latency_s), read_s = asked_s + draw(answered_s - asked_s);
+      next = std::max(now + 0.1, answered_s);
+      const double found_s = refresh_s > 0.0 ? refresh_s * std::floor(read_s / refresh_s) : read_s;
+      AxisStatus& pitch = axes[1];
+      pitch.position_deg = at_deg(found_s - began_s);
+      pitch.rate_told = tells_rate;
+      pitch.rate_degps = rate_degps(found_s - began_s) + noise_degps * normal(random);
+      if (auto said = speed.add(axes, asked_s, answered_s, move, false)) return {{now - began_s, *said}};
+      feel_until(answered_s - began_s);
+      if (felt) {
+        if (auto said = speed.add_felt({&unit}, axes, move)) return {{now - began_s, *said}};
+      }
+    }
+    return std::nullopt;
+  }
+};
+
+// Registers that are found anew four times a second, answers up to 0.4 s late, gyros of any scale and of the noise of a phone.
+TEST(SpeedWatch, OfThousandsOfHealthyMovesNoneIsSaid) {
+  std::mt19937_64 random(1);
+  const auto draw = [&](double from, double to) { return std::uniform_real_distribution(from, to)(random); };
+  for (int i = 0; i < 5000; ++i) {
+    DrawnMove drawn;
+    drawn.move.rate_degps = std::exp(draw(std::log(0.5), std::log(100.0)));
+    drawn.move.acceleration_degps2 = drawn.move.rate_degps * draw(0.5, 5.0);
+    drawn.rate_factor = draw(0.5, 1.05);
+    drawn.acceleration_factor = draw(0.5, 1.1);
+    const double rate_degps = drawn.rate_factor * drawn.move.rate_degps;
+    const double ramps_deg = rate_degps * rate_degps / (drawn.acceleration_factor * drawn.move.acceleration_degps2);
+    drawn.move.target_deg = ramps_deg + draw(5.0, 360.0);
+    drawn.refresh_s = draw(0.0, 1.0) < 0.5 ? 0.0 : draw(0.0, 0.25);
+    drawn.latency_s = draw(0.0, 0.4);
+    drawn.tells_rate = draw(0.0, 1.0) < 0.5;
+    drawn.noise_degps = 0.01 * drawn.move.rate_degps;
+    drawn.felt = true;
+    drawn.gyro_scale = draw(0.5, 1.6);
+    drawn.gyro_noise_degps = std::exp(draw(std::log(0.01), std::log(1.0)));
+    const auto said = drawn.watch(random);
+    ASSERT_FALSE(said) << i << ": after " << said->first << " s: " << said->second;
+  }
+}
+
+struct TooFast {
+  double factor;
+  double within_s;
+};
+
+TEST(SpeedWatch, SaysHowManyTimesTooFastAnAxisTurns) {
+  std::mt19937_64 random(2);
+  // A poll after the rate is beyond the limit: one, but for what positions alone must wait for.
+  for (const auto& [factor, within_s] :
+       {TooFast{1.4, 4.0}, TooFast{2.0, 1.0}, TooFast{8.0, 0.35}, TooFast{15.0, 0.25}}) {
+    for (int i = 0; i < 100; ++i) {
+      DrawnMove drawn;
+      drawn.move.target_deg = 360.0;
+      drawn.rate_factor = factor;
+      drawn.acceleration_factor = factor;
+      const auto by_positions = drawn.watch(random);
+      ASSERT_TRUE(by_positions) << factor;
+      EXPECT_LE(by_positions->first, within_s) << factor;
+      EXPECT_NE(by_positions->second.find("by its positions"), std::string::npos) << by_positions->second;
+      drawn.tells_rate = true;
+      const auto by_rate = drawn.watch(random);
+      ASSERT_TRUE(by_rate) << factor;
+      EXPECT_LE(by_rate->first, 20.0 * 1.2 / (60.0 * factor) + 0.3) << factor;
+      drawn.tells_rate = false;
+      drawn.felt = true;
+      const auto by_unit = drawn.watch(random);
+      ASSERT_TRUE(by_unit) << factor;
+      EXPECT_LE(by_unit->first, 0.5) << factor;
+    }
+  }
+}
+
+TEST(SpeedWatch, SaysWhatIsSpedUpTooQuickly) {
+  std::mt19937_64 random(3);
+  DrawnMove drawn;
+  drawn.acceleration_factor = 10.0;
+  drawn.felt = true;
+  for (int i = 0; i < 100; ++i) {
+    const auto said = drawn.watch(random);
+    ASSERT_TRUE(said);
+    EXPECT_LE(said->first, 0.2);
+    EXPECT_NE(said->second.find("than the 60 deg/s^2 that were sent"), std::string::npos) << said->second;
+  }
+}
+
+// Nothing but max_rate is asked of an axis that looks for its zero, whose angle may be set anew.
+TEST(SpeedWatch, AnAxisThatLooksForItsZeroKeepsToItsLargestRate) {
+  SpeedWatch speed(usual, 1.0);
+  TableStatus axes{};
+  axes[2].rate_told = true;
+  axes[2].rate_degps = -99.0;
+  EXPECT_FALSE(speed.add(axes, 0.0, 0.0, std::nullopt, true));
+  axes[2].position_deg = 350.0;
+  EXPECT_FALSE(speed.add(axes, 0.1, 0.1, std::nullopt, true));
+  axes[2].rate_degps = -120.0;
+  const auto said = speed.add(axes, 0.2, 0.2, std::nullopt, true);
+  ASSERT_TRUE(said);
+  EXPECT_EQ(*said, "roll turns at 120 deg/s (by its own rate): expected at most 100 deg/s");
+}
+
+// One unit that goes mad is its own trouble: the least of those on the table counts.
+TEST(SpeedWatch, OfSeveralUnitsTheLeastCounts) {
+  RecordingInfo info;
+  info.sample_period_s = 0.005;
+  info.gyro_increment = IncrementKind::physical;
+  FeltRate mad(info), sane(info);
+  for (FeltRate* unit : {&mad, &sane}) {  // a turn of 10 deg has told their scale
+    unit->begin_turn(1e9);
+    for (std::int64_t i = -200; i < 0; ++i) {
+      ImuSample sample;
+      sample.counter = i;
+      sample.gyro[0] = 10.0 / 200.0 * rad_per_deg;
+      unit->add(sample);
+    }
+    ASSERT_TRUE(unit->end_turn(10.0));
+  }
+  for (std::int64_t i = 0; i < 100; ++i) {
+    ImuSample sample;
+    sample.counter = i;
+    sane.add(sample);
+    sample.gyro[0] = 0.005 * 500.0 * rad_per_deg;
+    mad.add(sample);
+  }
+  const SpeedWatch speed(usual, 1.0);
+  EXPECT_FALSE(speed.add_felt({&mad, &sane}, {}, std::nullopt));
+  EXPECT_TRUE(speed.add_felt({&mad}, {}, std::nullopt));
+}
+
+// One sample of 5 mrad in a resting unit, and one in a turn.
+TEST(FeltRate, AGlitchIsNotFelt) {
+  RecordingInfo info;
+  info.sample_period_s = 0.005;
+  info.gyro_increment = IncrementKind::physical;
+  FeltRate felt(info);
+  for (std::int64_t i = 0; i < 1000; ++i) {
+    ImuSample sample;
+    sample.counter = i;
+    sample.gyro[2] = i == 500 ? 1.0 : 0.0;
+    felt.add(sample);
+    EXPECT_EQ(felt.now_degps().value_or(0.0), 0.0) << i;
+  }
 }
 
 }  // namespace
