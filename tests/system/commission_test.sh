@@ -67,6 +67,18 @@ expect 1 'heading turned by +5 deg.*scale of the gyros.*0.5 %' commission --stat
 expect 1 'pitch turned by +5 deg.*expected plus about z' commission --station "$work/x.station"
 expect 1 'heading turned by +5 deg.*expected minus about y' commission --station "$work/y.station"
 expect 1 'heading turned by +5 deg.*-5.000000 deg about y' commission --station "$work/twin.station" --gyro-pulse-arcsec 1.1
+# A rate_scale that is ten times too large, the rate read back by it as well; and one that is ten times too small.
+counts=$(sed -n 's/^axis.heading.counts_per_degree = //p' "$work/twin.map")
+for way in fast:10 slow:0.1; do
+  name=${way%:*} factor=${way#*:}
+  { cat "$work/twin.map"
+    for axis in heading pitch roll; do
+      for key in rate_scale measured_rate_scale; do echo "axis.$axis.$key = $(awk "BEGIN { print $counts * $factor }")"; done
+    done; } > "$work/$name.map"
+  sed "s/twin\.map/$name.map/" "$work/twin.station" > "$work/$name.station"
+done
+expect 1 'heading turn.* times the 1 deg/s that were sent.*rate_scale' commission --station "$work/fast.station"
+expect 1 'heading.* at 0.1[0-9]* times the 1 deg/s that were sent.*rate_scale' commission --station "$work/slow.station"
 expect 0 '0 gaps (0 lost)' monitor --station "$work/twin.station" --seconds 3
 [ "$(grep -c 'deg/s not ready (off).*samples/s, .*|f| ' "$work/said")" -ge 1 ] || fail "no line with the drives off"
 grep -q 'unit: [0-9]* samples, 0 lost, .* 0 bad frames, .*line errors not counted by the port' "$work/said" || fail "no summary of the unit's line"

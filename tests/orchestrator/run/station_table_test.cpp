@@ -21,6 +21,42 @@ TEST(StationRun, StuckAxisIsAStall) {
   EXPECT_NE(outcome.error.message.find("no progress for 2 s"), std::string::npos) << outcome.error.message;
 }
 
+RigFault too_fast(double time_s, double rate_factor, double acceleration_factor) {
+  RigFault fault = table_fault(RigFaultKind::too_fast, time_s);
+  fault.rate_factor = rate_factor;
+  fault.acceleration_factor = acceleration_factor;
+  return fault;
+}
+
+// Where the drive tells its rate, and where it does not.
+TEST(StationRun, ATableThatTurnsTooFastIsStopped) {
+  for (const double factor : {1.5, 8.0, 15.0}) {
+    RigStation s(two_steps_text, rig_with({too_fast(5.0, factor, factor)}));
+    double fastest_degps = 0.0;
+    s.watcher.on_tick = [&](const RunSnapshot&) {
+      fastest_degps = std::max(fastest_degps, std::abs(s.rig.axis(Axis::pitch).rate_degps));
+    };
+    const RunOutcome outcome = s.run();
+    EXPECT_EQ(outcome.state, RunState::failed) << factor;
+    EXPECT_EQ(exit_code(outcome.error.kind), 50);
+    EXPECT_NE(outcome.error.message.find("times the 10 deg/s that were sent (by its own rate)"), std::string::npos)
+        << outcome.error.message;
+    EXPECT_TRUE(s.at_rest());
+    // 12.5 deg/s is the limit; a poll of 0.1 s at 20 deg/s^2 times the factor.
+    EXPECT_LT(fastest_degps, std::min(10.0 * factor, 12.5 + 0.2 * 20.0 * factor) + 0.1) << factor;
+  }
+}
+
+TEST(StationRun, ATableThatIsSpedUpTooQuicklyIsStoppedOnceTheUnitsScaleIsKnown) {
+  RigStation s(two_steps_text, rig_with({too_fast(5.0, 1.0, 10.0)}));
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_NE(outcome.error.message.find("than the 20 deg/s^2 that were sent"), std::string::npos)
+      << outcome.error.message;
+  EXPECT_NE(outcome.error.message.find("target 0.0000 deg"), std::string::npos)
+      << "the way back: " << outcome.error.message;
+}
+
 TEST(StationRun, NeverInPositionRunsIntoTheDeadline) {
   RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::never_in_position, 8.0)}));
   const RunOutcome outcome = s.run();
