@@ -81,13 +81,15 @@ Error storage_error(const std::string& path, std::string_view what, int number) 
   return {kind_of_change(number), path + ": " + std::string(what) + ": " + std::strerror(number)};
 }
 
-PosixFile::PosixFile(PosixFile&& other) noexcept : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)) {}
+PosixFile::PosixFile(PosixFile&& other) noexcept
+    : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)), end_(other.end_) {}
 
 PosixFile& PosixFile::operator=(PosixFile&& other) noexcept {
   if (this != &other) {
     if (fd_ >= 0) ::close(fd_);
     fd_ = std::exchange(other.fd_, -1);
     path_ = std::move(other.path_);
+    end_ = other.end_;
   }
   return *this;
 }
@@ -140,10 +142,12 @@ Result<std::size_t> PosixFile::read_at(std::uint64_t offset, std::span<std::byte
 }
 
 Status PosixFile::write_all(std::span<const std::byte> data) {
+  if (Status status = check_length(path_); !status) return status;
   while (!data.empty()) {
     const ssize_t n = repeat_interrupted([&] { return ::write(fd_, data.data(), data.size()); });
     if (n < 0) return failure("cannot write");
     data = data.subspan(static_cast<std::size_t>(n));
+    end_ += static_cast<std::uint64_t>(n);
   }
   return {};
 }
@@ -154,6 +158,7 @@ Status PosixFile::write_all(std::string_view text) {
 
 Status PosixFile::seek(std::uint64_t offset) {
   if (::lseek(fd_, static_cast<off_t>(offset), SEEK_SET) < 0) return failure("cannot seek");
+  end_ = offset;
   return {};
 }
 
@@ -180,6 +185,21 @@ bool PosixFile::is_at(const std::string& path) const {
   }, there{};
   return ::fstat(fd_, &here) == 0 && ::stat(path.c_str(), &there) == 0 && here.st_ino == there.st_ino &&
          here.st_dev == there.st_dev;
+}
+
+Status PosixFile::check_length(const std::string& path) const {
+  struct stat facts {};
+  if (::fstat(fd_, &facts) != 0) return failure("cannot look at");
+  const auto size = static_cast<std::uint64_t>(facts.st_size);
+  if (!S_ISREG(facts.st_mode) || size == end_) return {};
+  return device_error(path + ": somebody else has changed it: it is " + std::to_string(size) + " bytes long where " +
+                      std::to_string(end_) + " were written");
+}
+
+Status PosixFile::check_kept(const std::string& path) const {
+  if (is_at(path)) return check_length(path);
+  return device_error(path +
+                      ": is no longer there, somebody moved or removed it: expected the folder of a run to stay");
 }
 
 Status PosixFile::close() {

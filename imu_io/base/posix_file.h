@@ -31,21 +31,26 @@ class PosixFile {
   Result<std::uint64_t> size() const;
   // Fills the front of `out` from `offset`; fewer bytes only at the end of the file.
   Result<std::size_t> read_at(std::uint64_t offset, std::span<std::byte> out) const;
-  Status write_all(std::span<const std::byte> data);  // at the current position
+  // At the end of what was written, which must still be the end of the file: an error where somebody else has cut or lengthened it.
+  Status write_all(std::span<const std::byte> data);
   Status write_all(std::string_view text);
   Status seek(std::uint64_t offset);
   Status truncate(std::uint64_t size);
   Status sync();
   Status lock_exclusive();  // fails at once when another process holds it, and says which; released by close
   bool is_at(const std::string& path) const;  // false: the name stands for another file now, or for none
-  Status close();                             // reports what a destructor must swallow
+  // For a file that others must find: an error that says so where it is no longer at that name, or not as long as what was written.
+  Status check_kept(const std::string& path) const;
+  Status close();  // reports what a destructor must swallow
 
  private:
   PosixFile(int fd, std::string path) : fd_(fd), path_(std::move(path)) {}
   Error failure(std::string_view what) const;
+  Status check_length(const std::string& path) const;
 
   int fd_ = -1;
   std::string path_;
+  std::uint64_t end_ = 0;  // of what was written, or where seek() went
 };
 
 // The whole file; an error above max_bytes.

@@ -61,7 +61,7 @@ class RecordingWriter {
   // Checks that the segments lie inside the samples, writes the end mark, syncs, closes.
   Status finish();
 
-  bool is_at(const std::string& path) const;  // false: the file has another name now, or none
+  Status check_kept(const std::string& path) const;  // PosixFile::check_kept
   const RecordingInfo& info() const;
   const Segments& segments() const;  // ended ones
   std::optional<Segment> open_segment() const;

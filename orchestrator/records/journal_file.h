@@ -24,7 +24,8 @@ class JournalFile : public RunJournal {
   static Result<JournalFile> create(const std::string& path, const JournalFields& begin);
   static Result<JournalFile> reopen(const std::string& path);  // the torn tail is cut
 
-  // On disk when this returns success. After an error every further append is refused.
+  // On disk when this returns success. After an error every further append is refused. A journal that somebody has moved, removed or
+  // changed meanwhile is an error.
   Status append(JournalType type, const JournalFields& fields);
 
   Status transition(const TransitionRecord& record) override;
@@ -38,8 +39,10 @@ class JournalFile : public RunJournal {
   void note_clocks(std::vector<std::optional<UnitClock>> clocks) { clocks_ = std::move(clocks); }
 
  private:
-  JournalFile(PosixFile file, std::uint32_t next_number) : file_(std::move(file)), next_number_(next_number) {}
+  JournalFile(PosixFile file, std::string path, std::uint32_t next_number)
+      : file_(std::move(file)), path_(std::move(path)), next_number_(next_number) {}
   PosixFile file_;
+  std::string path_;  // where it must stay
   std::uint32_t next_number_ = 0;
   bool failed_ = false;
   std::vector<std::optional<UnitClock>> clocks_;

@@ -57,11 +57,8 @@ std::optional<std::uint32_t> RecordingSink::written() const {
 }
 
 Status RecordingSink::sync() {
-  const std::string path = folder_ + "/" + partial_recording_name;
-  if (!writer_->is_at(path))
-    return device_error(path +
-                        ": is no longer there, somebody moved or removed it: expected the folder of a run to stay");
-  return writer_->sync();
+  if (Status status = writer_->sync(); !status) return status;
+  return writer_->check_kept(folder_ + "/" + partial_recording_name);
 }
 
 Status RecordingSink::finish() {

@@ -287,6 +287,35 @@ TEST_F(Storage, AFolderThatIsTakenAwayStopsTheRunAtTheNextDwell) {
   EXPECT_EQ(log.find("step 2/14"), std::string::npos) << "at the next dwell, not after the whole run";
 }
 
+// What is taken away or cut under a run is said at the next record, in one line, and there is no verdict.
+TEST_F(Storage, AJournalOrARecordingThatSomebodyChangesStopsTheRun) {
+  const auto run_and = [this](const std::string& out, const std::function<void(const fs::path&)>& change) {
+    const pid_t pid = start({"run", "--dry-run", "--unit", "SN1", "--out", out, "--pace", "20", "--sequence",
+                             std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq"});
+    const fs::path partial = folder_ / out / "recording.partial.tcr";
+    for (int i = 0; i < 1000 && !(fs::exists(partial) && fs::file_size(partial) > 20'000); ++i) ::usleep(10'000);
+    change(folder_ / out);
+    const ProgramResult result = finish(pid);
+    EXPECT_EQ(result.code, 50) << result.err;
+    EXPECT_EQ(result.err_lines(), 1) << result.err;
+    EXPECT_FALSE(fs::exists(folder_ / out / "parameters.conf"));
+    return result;
+  };
+  const ProgramResult removed = run_and("removed", [](const fs::path& out) { fs::remove(out / "journal.tcj"); });
+  EXPECT_NE(removed.err.find("journal.tcj: is no longer there"), std::string::npos) << removed.err;
+  EXPECT_EQ(removed.out.find("go on with"), std::string::npos) << "there is nothing to go on with";
+  const ProgramResult journal =
+      run_and("journal", [](const fs::path& out) { fs::resize_file(out / "journal.tcj", 200); });
+  EXPECT_NE(journal.err.find("it is 200 bytes long where"), std::string::npos) << journal.err;
+  const ProgramResult cut =
+      run_and("cut", [](const fs::path& out) { fs::resize_file(out / "recording.partial.tcr", 10'000); });
+  EXPECT_NE(cut.err.find("recording.partial.tcr: somebody else has changed it: it is 10000 bytes long where"),
+            std::string::npos)
+      << cut.err;
+  const std::string log = file_text(folder_ / "cut/run.log");
+  EXPECT_EQ(log.find("step 2/14"), std::string::npos) << "at the next record, not after the whole run";
+}
+
 TEST_F(Storage, WhatFailedAfterTheTableMovedLeavesItsLog) {
   const std::string rig = write("fault.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 1\n");
   EXPECT_EQ(run({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--rig", rig}).code, 50);
