@@ -2,7 +2,8 @@
 //
 // A thread of its own looks at the stations once a second, so that what a client asks for is there already, and a slow disk holds up
 // nobody but that thread; the page shows how old the look is. Another reads the results database every ten seconds, if there is one. Posts are answered one after the other, at most one password in
-// between_passwords_s: guessing is slow. A name and password that were right once do not wait.
+// between_passwords_s: guessing is slow. A name and password that were right once do not wait, nor does a stop: its password is looked at whatever
+// others do, so that by stops passwords can be tried as fast as crypt(5) hashes.
 //
 // POST /act: Authorization: Basic, X-Turncal: 1, and a body of key = value lines: station, action, unit (orchestrator/service/station_actions.h), values with %xx. Answers: 200 and what
 // was done; 401 name or password; 409 what cannot be done now, and why; 429 too soon.

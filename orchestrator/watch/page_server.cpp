@@ -133,6 +133,7 @@ struct PageServer::State {
   };
   static std::optional<Head> head_of(std::string_view request) {
     Head head;
+    bool has_length = false;
     std::string_view remaining = request;
     const std::string_view line = next_line(remaining);
     const std::size_t first = line.find(' '), last = line.rfind(' ');
@@ -142,8 +143,15 @@ struct PageServer::State {
     while (!remaining.empty()) {
       const std::string_view header = next_line(remaining);
       const std::size_t colon = header.find(':');
-      if (colon == std::string_view::npos) continue;
+      if (colon == std::string_view::npos && header.empty()) continue;
+      if (colon == std::string_view::npos || colon == 0 || header[colon - 1] == ' ' || header[colon - 1] == '\t' ||
+          header[0] == ' ' || header[0] == '\t')
+        return {};  // a folded line, or a name that ends with a blank
       const std::string name = lower(header.substr(0, colon)), value(trimmed(header.substr(colon + 1)));
+      // RFC 9112, 3.2 and 6.3: what stands there twice could be read in two ways.
+      const bool twice = (name == "host" && head.host) || (name == "content-length" && has_length) ||
+                         (name == "authorization" && !head.authorization.empty());
+      if (twice) return {};
       if (name == "host") head.host = value;
       if (name == "authorization") head.authorization = value;
       head.marked = head.marked || name == "x-turncal";
@@ -151,8 +159,10 @@ struct PageServer::State {
       if (name != "content-length") continue;
       const std::optional<std::uint32_t> size = parse_integer<std::uint32_t>(value);
       if (!size) return {};
-      head.body_bytes = std::max<std::size_t>(head.body_bytes, *size);
+      has_length = true;
+      head.body_bytes = *size;
     }
+    if (has_length && head.chunked) return {};
     return head;
   }
 

@@ -109,7 +109,11 @@ expect(b" 404 " in ask(at, b"POST /status.json HTTP/1.1\r\n" + request + bomb)[:
 chunked = b"GET / HTTP/1.1\r\nHost: %s:%d\r\nTransfer-Encoding: chunked\r\n\r\n" % (at[0].encode(), at[1])
 expect(b" 413 " in ask(at, chunked + b"10\r\n")[:64], "a chunked body is not refused")
 
-for request, code in ((b"GET / HTTP/1.1\r\n\r\n", 403), (b"\r\n\r\n", 400), (b"GET /\r\n\r\n", 400), (b"\0\xff\r\n\r\n", 400)):
+twice = b"GET / HTTP/1.1\r\nHost: localhost\r\n%s\r\n\r\n"
+for request, code in ((b"GET / HTTP/1.1\r\n\r\n", 403), (b"\r\n\r\n", 400), (b"GET /\r\n\r\n", 400), (b"\0\xff\r\n\r\n", 400),
+                      (twice % b"Host: localhost", 400), (twice % b"Host: evil.example", 400), (twice % b"Host : evil.example", 400),
+                      (twice % b" folded: line", 400), (twice % b"Content-Length: 0\r\nContent-Length: 5", 400),
+                      (twice % b"Content-Length: 0\r\nTransfer-Encoding: chunked", 400)):
     expect(b" %d " % code in ask(at, request)[:16], "%r is not answered with %d" % (request, code))
 for host, code in (("evil.example", 403), ("evil.example:%d" % at[1], 403), ("10.1.2.3", 403), ("localhost:%d" % at[1], 200),
                    ("127.0.0.1", 200), ("[::1]:1", 200)):

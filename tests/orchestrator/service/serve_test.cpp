@@ -256,6 +256,28 @@ TEST_F(Serve, WhoGuessesHoldsUpNobodyWhoIsKnown) {
   EXPECT_NE(post("secret", "C"), 200);  // taken out is out at once
 }
 
+// An operator who was never let in before, while somebody guesses without a pause: the stop comes through, the rest waits.
+TEST_F(Serve, WhoGuessesKeepsNobodyFromStopping) {
+  write("queue", "SN1\n");
+  const std::string operators = write_operators(std::string("ana:") + hash_of_secret + "\n");
+  auto page = ServicePage::open("127.0.0.1:0", {.stations = {station_}, .password_file = operators, .database = {}},
+                                [] { return 1.7e9; });
+  ASSERT_TRUE(page) << page.error().message;
+  httplib::Client client((*page)->url().substr(0, (*page)->url().size() - 1));
+  const auto post = [&](const std::string& password, const std::string& action) {
+    client.set_basic_auth("ana", password);
+    const auto answer =
+        client.Post("/act", {{"X-Turncal", "1"}}, "station = east\naction = " + action + "\n", "text/plain");
+    return answer ? answer->status : -1;
+  };
+  for (int i = 0; i < 20; ++i) {
+    EXPECT_NE(post("guess" + std::to_string(i), "pause"), 200);
+    EXPECT_EQ(post("guess" + std::to_string(i), "stop"), 401) << "wrong, and not put off";
+  }
+  EXPECT_EQ(post("secret", "pause"), 429);
+  EXPECT_EQ(post("secret", "stop"), 409) << "let in: nothing runs that could be stopped";
+}
+
 TEST_F(Serve, ASuspendedProcessIsSaid) {
   write("queue", "SN1\n");
   const pid_t batch = start_batch("30");
