@@ -118,6 +118,7 @@ Status ModbusLink::open() {
   modbus_set_response_timeout(context_, 0, read_out_us);
   modbus_set_byte_timeout(context_, 0, read_out_us);
   discard_pending();
+  answered_.clear();
   last_activity_s_ = monotonic_s();
   return {};
 }
@@ -127,6 +128,18 @@ ModbusLink::Reply ModbusLink::hang_up(const std::string& detail) {
   lost_ = true;
   lost_reason_ = detail;
   return {Failure::hang_up, 0, detail, {}};
+}
+
+bool ModbusLink::discard_unexpected() {
+  std::vector<std::uint8_t> next(answered_.size());
+  while (!next.empty()) {
+    const ssize_t n = ::recv(descriptor_, next.data(), next.size(), MSG_PEEK | MSG_DONTWAIT);
+    if (n <= 0) return false;
+    if (!std::equal(next.begin(), next.begin() + n, answered_.begin())) break;
+    if (n < std::ssize(next)) return false;  // the rest comes: it is skipped by its number when the next reply is read
+    if (::recv(descriptor_, next.data(), next.size(), MSG_DONTWAIT) <= 0) return false;
+  }
+  return discard_pending();
 }
 
 bool ModbusLink::discard_pending() {
@@ -246,6 +259,7 @@ ModbusLink::Reply ModbusLink::receive(std::span<const std::uint8_t> request) {
     reply.failure = Failure::garbled;
     reply.detail = "the reply to another function";
   }
+  if (settings_.header() && reply.failure != Failure::garbled) answered_.assign(frame.begin(), frame.begin() + n);
   return reply;
 }
 
@@ -254,7 +268,7 @@ ModbusLink::Reply ModbusLink::transact(std::span<const std::uint8_t> body, std::
   if (context_ == nullptr) return {Failure::hang_up, 0, "not open", {}};
   if (!at_once) {
     if (stop_.pending()) return {Failure::interrupted, 0, "", {}};
-    if (discard_pending()) stale_ = true;
+    if (discard_unexpected()) stale_ = true;
     if (stale_) {
       if (Reply reply = drain(); reply.failure != Failure::none) return reply;
     }
@@ -289,7 +303,7 @@ ModbusLink::Reply ModbusLink::transact(std::span<const std::uint8_t> body, std::
       if (ours_may_come && !deadline.passed()) continue;
       return reply;
     }
-    if (!at_once && discard_pending()) {
+    if (!at_once && discard_unexpected()) {
       stale_ = true;
       return {Failure::garbled, 0, "bytes after the reply", {}};
     }

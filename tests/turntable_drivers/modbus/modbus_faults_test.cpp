@@ -89,6 +89,30 @@ INSTANTIATE_TEST_SUITE_P(All, ModbusLineFaults, testing::Combine(testing::Bool()
                                   std::get<1>(which.param).name;
                          });
 
+// A gateway that sends every reply twice: at once, a little later, cut in two, and after the next request. Writes, too, are taken.
+TEST(ModbusFaults, RepeatedRepliesOverTcpAreDropped) {
+  for (const char* how : {"at once", "later", "in pieces", "after the next request"}) {
+    SCOPED_TRACE(how);
+    FaultStation s(true);
+    const std::string mode = how;
+    s.station.disturb([mode](const ModbusRequest&, AnswerPlan& plan) {
+      const Frame again = plan.pieces[0].bytes;
+      if (mode == "in pieces") {
+        plan.pieces.push_back({Frame(again.begin(), again.begin() + 6), 0.0});
+        plan.pieces.push_back({Frame(again.begin() + 6, again.end()), 0.005});
+      } else {
+        plan.pieces.push_back({again, mode == "at once" ? 0.0 : mode == "later" ? 0.002 : 0.02});
+      }
+    });
+    const double began_s = monotonic_s();
+    EXPECT_EQ(s.expect_truth(6), 18);
+    EXPECT_LT(monotonic_s() - began_s, 3.0) << "nothing is drained";
+    EXPECT_TRUE(s.driver.stop_all().ok());
+    EXPECT_TRUE(s.driver.abort_all().ok());
+    EXPECT_TRUE(s.driver.enable().ok());
+  }
+}
+
 // An adapter that echoes: RTU answers begin with the request itself.
 TEST(ModbusFaults, EchoIsNoAnswer) {
   FaultStation s(false);
