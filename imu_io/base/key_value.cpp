@@ -86,7 +86,9 @@ Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file
         return defect("a control character: expected a text file");
       }
     }
-    line = trimmed(line.substr(0, line.find('#')));
+    const std::size_t mark = line.find('#');
+    const std::string_view comment = mark == std::string_view::npos ? "" : trimmed(line.substr(mark + 1));
+    line = trimmed(line.substr(0, mark));
     if (line.empty()) continue;
     for (std::string_view left = line; !left.empty();) {
       const std::size_t length = left.front() == '\t' ? 1 : printable_character(left);
@@ -104,7 +106,7 @@ Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file
       return defect("key " + quoted(key) + " again: it is already in line " +
                     std::to_string(file.entries_[place->second].line));
     }
-    file.entries_.push_back({key, std::string(trimmed(line.substr(equals + 1))), line_number, false});
+    file.entries_.push_back({key, std::string(trimmed(line.substr(equals + 1))), line_number, std::string(comment)});
   }
   if (file.entries_.empty()) return input_error(file.file_name_ + ": empty file: expected key = value lines");
   return file;
@@ -150,6 +152,11 @@ std::vector<std::string> KeyValueFile::keys_with_prefix(std::string_view prefix)
 int KeyValueFile::line_of(std::string_view key) const {
   const Entry* entry = find(key);
   return entry == nullptr ? 0 : entry->line;
+}
+
+std::string KeyValueFile::comment_of(std::string_view key) const {
+  const Entry* entry = find(key);
+  return entry == nullptr ? "" : entry->comment;
 }
 
 Error KeyValueFile::error_at(std::string_view key, std::string_view expected) const {

@@ -80,7 +80,8 @@ class KeyValueFile {
   void reject(std::string_view key, std::string_view expected);
   // The same line as an error to return.
   Error error_at(std::string_view key, std::string_view expected) const;
-  int line_of(std::string_view key) const;  // 0: no such key
+  int line_of(std::string_view key) const;             // 0: no such key
+  std::string comment_of(std::string_view key) const;  // after the # of its line
 
   Status status() const;          // the first defect so far
   Status check_all_used() const;  // the same, else the first unknown key; a misspelt one before the missing one
@@ -90,6 +91,7 @@ class KeyValueFile {
     std::string key;
     std::string value;
     int line = 0;
+    std::string comment;
     bool used = false;
   };
   const Entry* find(std::string_view key) const;

@@ -201,6 +201,7 @@ ByteStuffing read_stuffing(FrameKeys& keys, const FrameDescription& frame) {
 Result<FrameDescription> frame_from(KeyValueFile& file) {
   FrameDescription frame;
   frame.file = file.file_name();
+  frame.lines = read_line_sources(file);
   FrameKeys keys(file, "");
   file.integer("format", 1, 1);
   frame.name = file.text_or("name", frame.file);

@@ -22,6 +22,7 @@
 
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
+#include "imu_io/base/line_source.h"
 #include "imu_io/frames/byte_stuffing.h"
 #include "imu_io/frames/field_form.h"
 #include "imu_io/frames/frame_check.h"
@@ -99,7 +100,8 @@ struct FrameDescription {
   double request_period_s = 0.0;
   double sample_period_s = 0.005;
   double accel_pulse_mps = 0.0;
-  SerialSettings line;  // device is left empty
+  SerialSettings line;            // device is left empty
+  std::vector<LineSource> lines;  // of the file: where each comes from
 
   const FrameTriad& gyro() const { return variants.front().gyro; }
   const FrameTriad& accel() const { return variants[split ? 1 : 0].accel; }

@@ -19,7 +19,7 @@ namespace {
 const std::vector<Dialect>& dialects() {
   static const std::vector<Dialect> all = [] {
     std::vector<Dialect> result;
-    for (const char* name : {"acutronic_acl", "aerosmith", "newport_esp30x", "pi_gcs2", "three_axis_dollar"}) {
+    for (const char* name : {"acutronic_acl", "newport_esp30x", "pi_gcs2", "three_axis_dollar"}) {
       result.push_back(
           read_dialect(TURNCAL_SOURCE_DIR "/turntable_drivers/ascii/dialects/" + std::string(name) + ".dialect")
               .value());

@@ -1,4 +1,4 @@
-// The ASCII driver with each of the five shipped dialects against the twin: the contract of every table.
+// The ASCII driver with each of the four shipped dialects, and with those of our own invention, against the twin: the contract of every table.
 #include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/dialect_station.h"
@@ -7,8 +7,9 @@
 namespace turncal {
 namespace {
 
-enum class Which { dollar, acutronic, newport, pi, aerosmith };
-constexpr const char* names[] = {"three_axis_dollar", "acutronic_acl", "newport_esp30x", "pi_gcs2", "aerosmith"};
+enum class Which { dollar, acutronic, newport, pi, own_dollar, own_bits, own_prompt };
+constexpr const char* names[] = {"three_axis_dollar", "acutronic_acl", "newport_esp30x", "pi_gcs2",
+                                 "own_dollar",        "own_bits",      "own_prompt"};
 
 template <Which which, bool tcp>
 struct DialectFactory {
@@ -25,13 +26,17 @@ using Acutronic = DialectFactory<Which::acutronic, true>;
 using Newport = DialectFactory<Which::newport, false>;
 using Pi = DialectFactory<Which::pi, false>;
 using PiTcp = DialectFactory<Which::pi, true>;
-using Aerosmith = DialectFactory<Which::aerosmith, false>;
+using OwnDollar = DialectFactory<Which::own_dollar, false>;
+using OwnBits = DialectFactory<Which::own_bits, true>;
+using OwnPrompt = DialectFactory<Which::own_prompt, false>;
 INSTANTIATE_TYPED_TEST_SUITE_P(DollarSerial, TableContract, Dollar);
 INSTANTIATE_TYPED_TEST_SUITE_P(AcutronicTcp, TableContract, Acutronic);
 INSTANTIATE_TYPED_TEST_SUITE_P(NewportSerial, TableContract, Newport);
 INSTANTIATE_TYPED_TEST_SUITE_P(PiSerial, TableContract, Pi);
 INSTANTIATE_TYPED_TEST_SUITE_P(PiTcp, TableContract, PiTcp);
-INSTANTIATE_TYPED_TEST_SUITE_P(AerosmithSerial, TableContract, Aerosmith);
+INSTANTIATE_TYPED_TEST_SUITE_P(OwnDollarSerial, TableContract, OwnDollar);
+INSTANTIATE_TYPED_TEST_SUITE_P(OwnBitsTcp, TableContract, OwnBits);
+INSTANTIATE_TYPED_TEST_SUITE_P(OwnPromptSerial, TableContract, OwnPrompt);
 
 }  // namespace
 }  // namespace turncal

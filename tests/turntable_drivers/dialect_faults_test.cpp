@@ -86,7 +86,7 @@ std::vector<TextFault> text_faults() {
 class DialectLineFaults : public testing::TestWithParam<TextFault> {};
 
 TEST_P(DialectLineFaults, NoWrongPositionIsBelieved) {
-  TextTable s("three_axis_dollar");
+  TextTable s("own_dollar");
   int answers = 0;
   s.station.disturb([&, how = GetParam().how](const std::string&, AnswerPlan& plan) {
     if (++answers == 3 || answers == 9) how(plan);
@@ -98,7 +98,7 @@ INSTANTIATE_TEST_SUITE_P(All, DialectLineFaults, testing::ValuesIn(text_faults()
 
 // A drive that somebody switched off in mid-run: the others are told to stop, it is told to stay off.
 TEST(DialectFaults, AStopDoesNotSwitchOnADriveThatReadsOff) {
-  TextTable s("acutronic_acl", true);
+  TextTable s("own_bits", true);
   std::vector<std::string> sent;
   s.station.disturb([&](const std::string& body, AnswerPlan& plan) {
     if (body.find('?') == std::string::npos) sent.push_back(body);
@@ -119,7 +119,7 @@ TEST(DialectFaults, AStopDoesNotSwitchOnADriveThatReadsOff) {
 }
 
 TEST(DialectFaults, BadChecksumIsAnError) {
-  TextTable s("three_axis_dollar");
+  TextTable s("own_dollar");
   s.station.disturb([](const std::string&, AnswerPlan& plan) {
     std::string text = text_of(plan.pieces[0]);
     text[text.size() - 3] = text[text.size() - 3] == '0' ? '1' : '0';
@@ -139,7 +139,7 @@ TEST(DialectFaults, BadChecksumIsAnError) {
 // A number that is none, under a right checksum: never 0.
 TEST(DialectFaults, GarbledNumberUnderAGoodChecksum) {
   for (const char* const bad : {"nan", "inf", "12.3.4", "1e999", "--5", "0x10", "-"}) {
-    TextTable s("three_axis_dollar");
+    TextTable s("own_dollar");
     s.station.disturb([&](const std::string& body, AnswerPlan& plan) {
       if (body == "MNSTS,1")
         set_text(plan.pieces[0], framed_dollar(std::string("ASSTS,") + bad + ",0,1,30,0,1,-50,0,1"));
@@ -155,7 +155,7 @@ TEST(DialectFaults, UnknownStatusIsNotArrived) {
   s.make_ready();
   EXPECT_TRUE(s.driver.status(Axis::pitch)->in_position);
   s.station.disturb([](const std::string& body, AnswerPlan& plan) {
-    if (body.ends_with("MD?")) set_text(plan.pieces[0], "7\n");
+    if (body.ends_with("MD?")) set_text(plan.pieces[0], "7\r\n");
   });
   const Result<AxisStatus> now = s.driver.status(Axis::pitch);
   ASSERT_TRUE(now.ok());
@@ -180,7 +180,7 @@ TEST(DialectFaults, JumpIsNotBelieved) {
   TextTable s("newport_esp30x");
   s.make_ready();
   s.station.disturb([](const std::string& body, AnswerPlan& plan) {
-    if (body == "01TP?") set_text(plan.pieces[0], "30.0000\n");
+    if (body == "01TP?") set_text(plan.pieces[0], "30.0000\r\n");
   });
   const Result<AxisStatus> status = s.driver.status(Axis::heading);
   ASSERT_FALSE(status.ok());
@@ -189,7 +189,7 @@ TEST(DialectFaults, JumpIsNotBelieved) {
 }
 
 TEST(DialectFaults, DeviceSaysNo) {
-  TextTable s("aerosmith");
+  TextTable s("own_prompt");
   s.make_ready();
   const Status refused = s.driver.move_absolute(Axis::pitch, 3700.0, 10.0, 10.0);  // beyond the mock's travel
   ASSERT_FALSE(refused.ok());
@@ -198,7 +198,7 @@ TEST(DialectFaults, DeviceSaysNo) {
 }
 
 TEST(DialectFaults, MoveIsNeverSentAgain) {
-  TextTable s("three_axis_dollar");
+  TextTable s("own_dollar");
   s.make_ready();
   int runs = 0;
   s.station.disturb([&](const std::string& body, AnswerPlan& plan) {
@@ -214,7 +214,7 @@ TEST(DialectFaults, MoveIsNeverSentAgain) {
 
 // After a stop the other axes stay where they are: a sentence for all three must not take their motion up again.
 TEST(DialectFaults, StoppedMotionDoesNotResumeWithTheNextMove) {
-  TextTable s("three_axis_dollar");
+  TextTable s("own_dollar");
   s.make_ready();
   for (const Axis axis : all_axes) ASSERT_TRUE(s.driver.move_absolute(axis, 90.0, 10.0, 10.0).ok());
   s.station.pass(2.0);
@@ -252,7 +252,7 @@ TEST(DialectFaults, FiveSecondsOfSilence) {
 }
 
 TEST(DialectFaults, UnpluggedInMidMove) {
-  TextTable s("three_axis_dollar");
+  TextTable s("own_dollar");
   s.make_ready();
   ASSERT_TRUE(s.driver.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
   s.station.disturb([](const std::string&, AnswerPlan& plan) {

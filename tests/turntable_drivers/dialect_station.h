@@ -1,4 +1,4 @@
-// For tests of the ASCII driver: the shipped dialects, made ready for a twin.
+// For tests of the ASCII driver: the shipped dialects, and those of our own invention (own_...), made ready for a twin.
 #pragma once
 
 #include <string>
@@ -11,8 +11,9 @@
 namespace turncal {
 
 inline Dialect shipped_dialect(const std::string& name, bool tcp = false) {
-  const Result<Dialect> read =
-      read_dialect(std::string(TURNCAL_SOURCE_DIR) + "/turntable_drivers/ascii/dialects/" + name + ".dialect");
+  const std::string folder =
+      name.starts_with("own_") ? "/tests/turntable_drivers/dialects/" : "/turntable_drivers/ascii/dialects/";
+  const Result<Dialect> read = read_dialect(TURNCAL_SOURCE_DIR + folder + name + ".dialect");
   EXPECT_TRUE(read.ok()) << (read.ok() ? "" : read.error().message);
   if (!read) return {};
   Dialect dialect = *read;

@@ -133,7 +133,7 @@ std::vector<TextState> text_states() {
       {"polling", "newport_esp30x", "03ST;"},
       {"dead_line_dollar", "three_axis_dollar", "MNSTP,1", {}, silent},
       {"dead_line_newport", "newport_esp30x", "03ST;", {}, silent},
-      {"dead_line_aerosmith", "aerosmith", "C STO", {}, silent},
+      {"dead_line_prompt", "own_prompt", "C STO", {}, silent},
       {"dead_line_acutronic", "acutronic_acl", ":MODE:OFF 3", {}, silent},
       {"dead_line_pi", "pi_gcs2", "HLT 3", {}, silent},
       {"in_mid_answer", "three_axis_dollar", "MNSTP,1", {}, cut},

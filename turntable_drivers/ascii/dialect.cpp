@@ -191,7 +191,13 @@ void read_status(KeyValueFile& file, DialectStatus& status) {
     status.base = file.one_of_or("status.base", "10", {"10", "16"}) == "16" ? 16 : 10;
     for (int i = 0; i < drive_bit_count; ++i) {
       const std::string key = std::string("status.bit.") + to_string(static_cast<DriveBit>(i));
-      if (file.has(key)) status.mask[static_cast<std::size_t>(i)] = 1u << file.integer(key, 0, 31);
+      for (const std::string& text : file.list_or(key, {})) {
+        const std::optional<int> bit = parse_integer<int>(text);
+        if (bit && *bit >= 0 && *bit <= 31)
+          status.mask[static_cast<std::size_t>(i)] |= 1u << *bit;
+        else
+          file.reject(key, "numbers of bits from 0 to 31, separated by commas");
+      }
     }
     if (file.has("status.active_low")) {
       for (const DriveBit bit : flag_list("status.active_low")) status.active_low[static_cast<std::size_t>(bit)] = true;

@@ -1,5 +1,5 @@
 // An ASCII table described in configuration: how sentences are framed, what is sent for each operation, what is expected back, and
-// what a status word means. docs/tables.md lists the keys; turntable_drivers/ascii/dialects/ has five.
+// what a status word means. docs/tables.md lists the keys; turntable_drivers/ascii/dialects/ has some.
 //
 // Every operation is a list of exchanges, done for the table as a whole or for one axis after another. An exchange is a sentence
 // and, where the device answers, what the answer must look like; anything else is an error. Placeholders: {axis}; of the axis
@@ -77,7 +77,7 @@ struct DialectStatus {
   bool by_bits = false;
   int base = 10;  // of bits, when parsed as a number
   std::map<std::string, std::vector<DriveBit>> codes;
-  std::array<std::uint32_t, drive_bit_count> mask{};  // 0: not told
+  std::array<std::uint32_t, drive_bit_count> mask{};  // any bit of it says the flag; 0: not told
   std::array<bool, drive_bit_count> active_low{};
   // What the device can tell at all; the rest is known from what was commanded.
   bool reports(DriveBit bit) const;

@@ -2,8 +2,11 @@
 #pragma once
 
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/line_source.h"
 
 namespace turncal {
 
@@ -17,7 +20,11 @@ struct TableDescription {
   double moving_rate_degps = 0.01;      // of an axis that does not tell: faster than this is moving
   double plausible_deg = 7200.0;        // a position beyond this is not believed
   double plausible_rate_degps = 400.0;  // nor is one that the axis cannot have reached since the last
+  std::vector<LineSource> lines;        // of the file: where each comes from
 };
+
+// Whether a line says what moves an axis, stops it, or tells that it is on, has arrived or is at fault.
+bool decides_motion(std::string_view key);
 
 // Beyond these no table is: a number outside is a slip of the pen.
 inline constexpr NumberRange scale_range{1e-6, 1e9};        // counts or units for a degree, a deg/s, a deg/s^2

@@ -28,18 +28,24 @@ std::optional<std::string> DialectTwin::refusal() const {
 }
 
 std::optional<std::string> DialectTwin::answer(const std::string& body) {
+  std::optional<std::string> said;
+  bool known = false;
   for (const DialectOperation operation : search_order) {
     const std::vector<Exchange>& exchanges = dialect_.of(operation).exchanges;
+    std::size_t& progress = progress_[static_cast<std::size_t>(operation)];
     for (std::size_t i = 0; i < exchanges.size(); ++i) {
-      std::size_t& progress = progress_[static_cast<std::size_t>(operation)];
       if (i != 0 && i != progress) continue;
       const std::optional<Values> values = exchanges[i].send.match(body);
-      if (!values) continue;
+      // What ends one list may be on the way of another: that one goes on, and only the first is carried out.
+      if (!values || (known && i + 1 == exchanges.size())) continue;
       progress = i + 1 == exchanges.size() ? 0 : i + 1;
-      return answer_of(operation, i, *values);
+      const std::optional<std::string> text = answer_of(operation, i, *values);
+      if (!known) said = text;
+      known = true;
+      break;
     }
   }
-  return refusal();
+  return known ? said : refusal();
 }
 
 std::optional<std::string> DialectTwin::answer_of(DialectOperation operation, std::size_t step, const Values& values) {
