@@ -54,7 +54,8 @@ TEST(SentenceClash, WhatWouldMoveUnderAnotherNameIsRefused) {
     EXPECT_EQ(error_of(std::string("prepare.2 = SERVO {axis} ") + other), "accepted") << other;
   EXPECT_NE(error_of("move.2 = GOTO {axis} 5").find("either {position} or {distance}"), std::string::npos);
   EXPECT_EQ(error_of("prepare.2 = SERVO {axis} 1"),
-            "my.dialect:24: key 'prepare.2' = 'SERVO {axis} 1': expected no 'SERVO 1 1', which is enable");
+            "my.dialect:24: key 'prepare.2' = 'SERVO {axis} 1': expected no 'SERVO 1 1', which is enable of "
+            "axis.heading: it would switch the drive on; send it in enable alone");
   for (const char* const key : {"prepare.2", "identify.1", "status.2", "stop.2", "abort.2", "clear_fault.2"}) {
     for (const auto& [sentence, starts] :
          {std::pair("SERVO {axis} 1", "which is enable"), std::pair("SERVO 3 1", "which is enable"),
@@ -90,7 +91,7 @@ TEST(SentenceClash, AxesThatOneMoveWouldMoveAreRefused) {
 }
 
 TEST(Dialect, NothingIsSwitchedOnBeforeItIsCommissioned) {
-  for (const char* const name : {"three_axis_dollar", "acutronic_acl", "newport_esp30x", "pi_gcs2", "aerosmith"}) {
+  for (const char* const name : {"three_axis_dollar", "acutronic_acl", "newport_esp30x", "pi_gcs2"}) {
     Dialect dialect = shipped_dialect(name);
     dialect.commissioned = false;
     DialectStation station(dialect);

@@ -96,8 +96,10 @@ std::optional<SentenceClash> place_in(const Dialect& dialect, Axis axis) {
     for (std::size_t i = 0; i < exchanges.size(); ++i)
       for (const std::string& command : commands_of(exchanges[i], dialect.of(axis).name))
         if (goes_somewhere(command))
-          return SentenceClash{to_string(operation) + std::string(".") + std::to_string(i + 1),
-                               "no {position} or {distance}, which are a move's"};
+          return SentenceClash{
+              to_string(operation) + std::string(".") + std::to_string(i + 1),
+              "no {position} or {distance}: where to go is for the sentences of move to say, another could "
+              "start a motion"};
   }
   return std::nullopt;
 }
@@ -111,7 +113,12 @@ std::optional<SentenceClash> clash_of(const Dialect& dialect, Axis of_starting, 
           for (const std::string& command : commands_of(exchanges[i], dialect.of(of_harmless).name)) {
             if (!sends(command, trigger)) continue;
             return SentenceClash{to_string(operation) + std::string(".") + std::to_string(i + 1),
-                                 "no '" + command + "', which is " + to_string(starts)};
+                                 "no '" + command + "', which is " + to_string(starts) + " of axis." +
+                                     to_string(of_starting) + ": it would " +
+                                     (starts == DialectOperation::enable ? "switch the drive on"
+                                      : starts == DialectOperation::home ? "start a homing"
+                                                                         : "start a motion") +
+                                     "; send it in " + to_string(starts) + " alone"};
           }
         }
       }

@@ -1,9 +1,9 @@
 #include "turntable_drivers/modbus/write_clash.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdio>
 #include <utility>
-
-#include "imu_io/base/format_number.h"
 
 namespace turncal {
 namespace {
@@ -145,7 +145,27 @@ bool overlaps(const Written& one, const Written& other) {
          other.place.second < one.place.second + one.registers;
 }
 
-std::string said(const Register& place) { return "register " + std::to_string(place.second); }
+// As people and files write a register or a value: 1568 (0x620).
+std::string both(long value) {
+  std::array<char, 16> hex{};
+  std::snprintf(hex.data(), hex.size(), "0x%lX", static_cast<unsigned long>(value));
+  return std::to_string(value) + " (" + hex.data() + ")";
+}
+
+std::string said(const Register& place) { return "register " + both(place.second); }
+
+// Of which axis, and how the file writes it where an offset was added.
+std::string of_axis(const RegisterMap& map, Axis axis, const Written& written) {
+  const int offset = written.of_table ? 0 : map.of(axis).address_offset;
+  return " of axis." + std::string(to_string(axis)) +
+         (offset == 0 ? "" : ", " + both(written.place.second - offset) + " without its address_offset");
+}
+
+const char* harm_of(DriveOperation starts) {
+  return starts == DriveOperation::enable ? "switch the drive on"
+         : starts == DriveOperation::home ? "start a homing"
+                                          : "start a motion";
+}
 
 constexpr DriveOperation starting[] = {DriveOperation::enable, DriveOperation::home, DriveOperation::move};
 constexpr DriveOperation harmless[] = {DriveOperation::setup, DriveOperation::stop, DriveOperation::abort,
@@ -185,7 +205,9 @@ std::optional<WriteClash> target_clash_of(const RegisterMap& map, Axis of_move, 
       for (const Written& written : other.sent) {
         if (overlaps(written, target) && !differ(move, other.sent, written.place))
           return WriteClash{other.key.starts_with("heartbeat") ? "heartbeat.address" : other.key,
-                            "no write to " + said(target.place) + ", where write.move says where to go"};
+                            "no write to " + said(target.place) + of_axis(map, of_move, target) +
+                                ", where write.move says where to go: a drive that is on would start a motion; write "
+                                "to another register, and leave the place to write.move"};
       }
     }
   }
@@ -199,14 +221,22 @@ std::optional<WriteClash> clash_of(const RegisterMap& map, Axis of_starting, Axi
       for (const Trigger& trigger : triggers_of(map, starts, of_starting, other.brakes)) {
         for (const Written& written : other.sent) {
           if (!does(written, trigger) || differ(list, other.sent, trigger.written.place)) continue;
-          const bool same = !written.value || written.words == trigger.written.words;
+          const Written& trigger_value = trigger.written;
+          const bool same = !written.value || written.words == trigger_value.words;
           const std::string name = std::string("write.") + to_string(starts);
-          return WriteClash{other.key, "no write of " + format_number(written.value.value_or(*trigger.written.value)) +
-                                           " to " + said(trigger.written.place) +
-                                           (same ? ", which is " + name
-                                                 : ", which holds the bits of " + name + " (" +
-                                                       format_number(*trigger.written.value) +
-                                                       "); numbers of commands: write.codes")};
+          const std::string value = both(written.value ? written.word() : trigger_value.word());
+          std::string advice = "another value, without the bits " + both(trigger.mask);
+          if (trigger.mask == whole_word) advice = "another value";
+          if (other.key.starts_with("heartbeat")) advice = "a register of its own, or heartbeat.values without it";
+          return WriteClash{
+              other.key, "no write of " + value + " to " + said(trigger_value.place) +
+                             of_axis(map, of_starting, trigger_value) +
+                             (same ? ", which is " + name
+                                   : ", which holds the bits of " + name + ", " + both(trigger_value.word())) +
+                             ": it would " + harm_of(starts) + "; write " + advice +
+                             (trigger.mask == whole_word
+                                  ? ""
+                                  : ", or, if it takes the numbers of commands and not bits, name it in write.codes")};
         }
       }
     }

@@ -108,9 +108,11 @@ TEST(RegisterMap, AStopThatCannotStopIsRefused) {
 }
 
 TEST(RegisterMap, WritesThatWouldMoveUnderAnotherNameAreRefused) {
-  EXPECT_EQ(
-      error_of("", "write.setup = 0x200 u16 1\n"),
-      "my.map:50: key 'write.setup' = '0x200 u16 1': expected no write of 1 to register 512, which is write.enable");
+  EXPECT_EQ(error_of("", "write.setup = 0x200 u16 1\n"),
+            "my.map:50: key 'write.setup' = '0x200 u16 1': expected no write of 1 (0x1) to register 512 (0x200) of "
+            "axis.heading, which is write.enable: it would switch the drive on; write another value, without the bits "
+            "1 (0x1), or, if "
+            "it takes the numbers of commands and not bits, name it in write.codes");
   EXPECT_NE(error_of("", "write.setup = 0x300 u16 1, 0x201 u16 1\n").find("which is write.home"), std::string::npos);
   EXPECT_NE(error_of("", "write.setup = 0x216 u16 1\n").find("which is write.move"), std::string::npos);
   const std::string stop = "write.stop = 0x202 u16 1, 0x202 u16 0", abort = "write.abort = 0x203 u16 1",
@@ -138,9 +140,12 @@ TEST(RegisterMap, BitsThatEnableUnderAnotherNameAreRefused) {
   const std::string enable = "write.enable = 0x200 u16 1", abort = "write.abort = 0x203 u16 1",
                     stop = "write.stop = 0x202 u16 1, 0x202 u16 0", beat = "heartbeat.address = 0x220",
                     clear = "write.clear_fault = 0x204 u16 1, 0x204 u16 0";
-  EXPECT_EQ(error_of("", "write.setup = 0x200 u16 0x8001\n"),
-            "my.map:50: key 'write.setup' = '0x200 u16 0x8001': expected no write of 32769 to register 512, which "
-            "holds the bits of write.enable (1); numbers of commands: write.codes");
+  EXPECT_EQ(
+      error_of("", "write.setup = 0x200 u16 0x8001\n"),
+      "my.map:50: key 'write.setup' = '0x200 u16 0x8001': expected no write of 32769 (0x8001) to register "
+      "512 (0x200) of axis.heading, which holds the bits of write.enable, 1 (0x1): it would switch the drive on; write "
+      "another value, without the bits 1 (0x1), or, if it takes the numbers of commands and not bits, name it in "
+      "write.codes");
   EXPECT_EQ(error_of("", "write.setup = 0x200 u16 0x8001\nwrite.codes = 0x200\n"), "accepted");
   const auto refused = [&](const std::string& what, const std::string& with, const char* key) {
     const std::string said = error_of(what, with);
@@ -221,9 +226,11 @@ TEST(RegisterMap, AStopOfOneAxisAloneIsRefused) {
 
 // A drive that is on may go where its target register says, without any other command.
 TEST(RegisterMap, NothingButAMoveWritesWhereItGoes) {
-  EXPECT_EQ(error_of("", "write.setup = 0x210 s32 0\n"),
-            "my.map:50: key 'write.setup' = '0x210 s32 0': expected no write to register 528, where write.move says "
-            "where to go");
+  EXPECT_EQ(
+      error_of("", "write.setup = 0x210 s32 0\n"),
+      "my.map:50: key 'write.setup' = '0x210 s32 0': expected no write to register 528 (0x210) of axis.heading, "
+      "where write.move says where to go: a drive that is on would start a motion; write to another register, and "
+      "leave the place to write.move");
   EXPECT_NE(error_of("", "write.setup = 0x211 u16 5\n").find("'write.setup'"), std::string::npos) << "half of it";
   EXPECT_NE(error_of("", "write.setup = 0x20f s32 5\n").find("'write.setup'"), std::string::npos) << "half of it";
   EXPECT_EQ(error_of("", "write.setup = 0x212 u32 5, 0x20e s32 5\n"), "accepted") << "its neighbours";
