@@ -17,6 +17,8 @@
 #include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/records/station_records.h"
 #include "orchestrator/watch/progress.h"
+#include "turntable_drivers/ascii/explain_dialect.h"
+#include "turntable_drivers/modbus/explain_map.h"
 
 namespace turncal {
 
@@ -87,6 +89,20 @@ void print_plan(const Sequence& sequence, const StationConfig& station, const Pl
   print_totals(station, plan, out);
 }
 
+std::vector<std::string> guesses_of(const StationConfig& station, bool moving) {
+  std::vector<std::string> guesses;
+  const auto add = [&](const std::string& file, const std::vector<LineSource>& lines) {
+    for (const LineSource& line : lines)
+      if (line.is_guess() && (!moving || decides_motion(line.key)))
+        guesses.push_back(file + ":" + std::to_string(line.line) + ": " + line.key + " is a guess");
+  };
+  const TableConfig& table = station.table;
+  if (table.map) add(table.map->file, table.map->lines);
+  if (table.dialect) add(table.dialect->file, table.dialect->lines);
+  if (station.imu && !moving) add(station.imu->frame.file, station.imu->frame.lines);
+  return guesses;
+}
+
 std::string caution_of(const TableConfig& table) {
   return table.map ? caution_of(*table.map) : table.dialect ? caution_of(*table.dialect) : "";
 }
@@ -108,12 +124,39 @@ std::vector<std::string> left_to_do(const StationConfig& station) {
   if (station.imu) unset("imu.device", station.imu->settings.device);
   if (!is_commissioned(table))
     lines.push_back("the table is not commissioned: turncal commission comes before the first run");
+  const std::vector<std::string> guesses = guesses_of(station, false);
+  lines.insert(lines.end(), guesses.begin(), guesses.end());
+  if (!guesses_of(station, true).empty())
+    lines.push_back("some of these guesses decide what moves: commission needs --accept-guess");
   return lines;
+}
+
+void print_table(const StationConfig& station, std::ostream& out) {
+  const TableConfig& table = station.table;
+  const TableDescription* described = nullptr;
+  if (table.map) described = &*table.map;
+  if (table.dialect) described = &*table.dialect;
+  if (described == nullptr) {
+    out << "The table is not described by a map or a dialect: there is nothing to explain.\n";
+    return;
+  }
+  out << "Table     " << described->file << " (" << described->name << ")\nMove      shown from 0 to "
+      << formatted("%.10g deg at %.10g deg/s and %.10g deg/s^2\n\n", shown_move.position_deg, shown_move.rate_degps,
+                   shown_move.acceleration_degps2)
+      << format_rows(table.map ? explain(*table.map) : explain(*table.dialect)) << "\n";
 }
 
 int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err) {
   const Result<StationConfig> station =
       options.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(options.station);
+  if (options.explain && station) print_table(*station, out);
+  if (options.sequence.empty()) {
+    if (!station) err << station.error().message << "\n";
+    if (station && !options.explain) err << "--sequence is required: the sequence file (or --explain alone)\n";
+    if (!station || !options.explain) return exit_code(ErrorKind::input);
+    for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
+    return 0;
+  }
   Result<Sequence> sequence = read_sequence(options.sequence);
   const Result<RecordingInfo> info = station ? info_of(*station) : Result<RecordingInfo>(RecordingInfo{});
   for (const Error* error :
@@ -176,7 +219,10 @@ void add_check_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<CheckOptions>();
   const Command command = line.command("check", "validate station and sequence, print the plan; nothing moves");
   command.option("--station", options->station, "station configuration; default: the built-in rig station");
-  command.option("--sequence", options->sequence, "sequence file").required();
+  command.option("--sequence", options->sequence, "sequence file; needed unless --explain is given");
+  command.flag("--explain", options->explain,
+               "print what the table is sent and what its answers mean, for each operation and axis, to be held "
+               "against its manual");
   command.flag("--verify", options->verify, "with the north seeking after it, as run --verify");
   command.option("--override-due", options->overdue_reason, "accept a table whose calibration is overdue, as run does");
   command.option("--out", options->out, "folder that a run is to write to: can it, and is there room?");

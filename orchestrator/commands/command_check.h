@@ -19,6 +19,7 @@ struct CheckOptions {
   std::string out = {};  // folder of a run; empty: not looked at
   std::vector<std::string> units = {};
   bool verify = false;
+  bool explain = false;  // the table, too; without a sequence it alone
 };
 
 int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err);
@@ -30,5 +31,8 @@ void print_plan(const Sequence& sequence, const StationConfig& station, const Pl
 std::string caution_of(const TableConfig& table);
 // Whether its map or dialect, where it has one, says so.
 bool is_commissioned(const TableConfig& table);
+// "FILE:LINE: KEY is a guess" of each line of the table's file, and of the unit's frame, that is one; moving: of those alone that
+// decide what moves.
+std::vector<std::string> guesses_of(const StationConfig& station, bool moving);
 
 }  // namespace turncal

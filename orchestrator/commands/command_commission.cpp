@@ -18,6 +18,7 @@ struct Options {
   std::string station;
   std::optional<double> heading, pitch, roll;  // where the axes stand now
   double tolerance_deg = 0.1;
+  bool accept_guess = false;
   CommissioningSettings settings;
 };
 
@@ -63,6 +64,12 @@ Status run_commission(const Options& options, CommandContext& context) {
   if (station->table.driver == TableDriver::manual) {
     return input_error("station '" + station->name + "': a table turned by hand has nothing to commission");
   }
+  if (const std::vector<std::string> guesses = guesses_of(*station, true); !guesses.empty() && !options.accept_guess) {
+    return input_error(guesses.front() +
+                       (guesses.size() > 1 ? ", and " + std::to_string(guesses.size() - 1) + " more lines" : "") +
+                       ": it decides what moves; expected it checked against the table's manual and its [guess] taken "
+                       "out, or --accept-guess (turncal check --explain shows what is sent)");
+  }
   const StopSignals signals;
   Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
   if (!live) return live.error();
@@ -91,6 +98,8 @@ void add_commission_command(CommandLine& line, CommandContext& context) {
   heading.needs(pitch).needs(roll);
   pitch.needs(heading);
   roll.needs(heading);
+  command.flag("--accept-guess", options->accept_guess,
+               "although lines of the table's file that decide what moves are marked as guesses");
   command.option("--tolerance", options->tolerance_deg, "of these angles, degrees").positive();
   command.option("--move", options->settings.move_deg, "how far each axis is moved, degrees").range(0.5, 30.0);
   command

@@ -152,6 +152,32 @@ TEST_F(Check, PlansTheNorthSeekingBehindTheCalibration) {
   EXPECT_EQ(check(verifying, file("my.seq", sequence_text)).out.find("two searches"), std::string::npos);
 }
 
+// The table alone, without a sequence; and what is only guessed of it.
+TEST_F(Check, ExplainsTheTableAndListsItsGuesses) {
+  std::ifstream read(source + "/orchestrator/stations/twin.map");
+  std::stringstream map;
+  map << read.rdbuf();
+  std::string text = map.str();
+  text.insert(text.find("\n", text.find("write.stop =")), " # [guess]");
+  text.insert(text.find("\n", text.find("link.kind =")), " # [guess]");
+  const std::string table = file("my.map", text);
+  std::string described = station_text;
+  described.replace(described.find("table.driver = mock"), 19, "table.driver = modbus\ntable.map = " + table);
+  const std::string station = file("my.station", described);
+  std::ostringstream out, err;
+  EXPECT_EQ(run_check({.station = station, .explain = true}, out, err), 0);
+  EXPECT_NE(out.str().find("unit 2, function 6, register 50 (0x0032)"), std::string::npos) << out.str();
+  EXPECT_NE(err.str().find(": write.stop is a guess\n"), std::string::npos) << err.str();
+  EXPECT_NE(err.str().find("commission needs --accept-guess"), std::string::npos) << err.str();
+  const Result<StationConfig> config = read_station_config(station);
+  ASSERT_TRUE(config.ok()) << config.error().message;
+  EXPECT_EQ(guesses_of(*config, false).size(), 2u);
+  EXPECT_EQ(guesses_of(*config, true).size(), 1u);
+  std::ostringstream nothing, asked;
+  EXPECT_EQ(run_check({.station = station}, nothing, asked), 1);
+  EXPECT_NE(asked.str().find("--sequence is required"), std::string::npos) << asked.str();
+}
+
 TEST_F(Check, BadFilesAreBothNamedAndNothingIsPrinted) {
   const std::string station = file("my.station", station_text + "motion.speed = 1\n");
   const std::string sequence = file("my.seq", "");

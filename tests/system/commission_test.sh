@@ -33,6 +33,8 @@ sed -i "s|^table.address = .*|table.address = $address|" "$work/twin.station"
 # One thing wrong each: the map not commissioned, the unit's z turned over, and x and y of its gyros exchanged.
 sed 's/^commissioned = true/commissioned = false/' "$work/twin.map" > "$work/new.map"
 sed 's/twin\.map/new.map/' "$work/twin.station" > "$work/new.station"
+sed 's/^write.stop = .*/& # [guess]/' "$work/new.map" > "$work/guess.map"
+sed 's/twin\.map/guess.map/' "$work/twin.station" > "$work/guess.station"
 for axes in '+x, +y, -z' '+y, +x, +z'; do
   { cat "$here/imu_io/frames/laser_gyro.frame"; echo "gyro.axes = $axes"; } > "$work/${axes:1:1}.frame"
   sed "s/^imu.frame = .*/imu.frame = ${axes:1:1}.frame/" "$work/twin.station" > "$work/${axes:1:1}.station"
@@ -51,6 +53,8 @@ accel heavy '+x, +y, +z' 0.0006
 angles=(--heading 30 --pitch 20 --roll -10)
 expect 1 'not commissioned' commission --station "$work/new.station"
 expect 0 'nothing was moved' commission --station "$work/new.station" "${angles[@]}"
+expect 1 'write.stop is a guess.*--accept-guess' commission --station "$work/guess.station" "${angles[@]}"
+expect 0 'nothing was moved' commission --station "$work/guess.station" --accept-guess "${angles[@]}"
 expect 1 'heading: reads 30 deg, stands at 31 deg' commission --station "$work/twin.station" --heading 31 --pitch 20 --roll -10
 expect 0 'every axis turns the unit as it should' commission --station "$work/twin.station" "${angles[@]}" --gyro-pulse-arcsec 0.93292
 grep -q 'heading +5 deg: felt about -y' "$work/said" || fail "heading is not shown"

@@ -134,9 +134,9 @@ std::optional<std::string> unescaped(std::string_view text) {
   return result;
 }
 
-std::string visible(std::string_view text) {
+std::string visible(std::string_view text, std::size_t most) {
   std::string result;
-  for (const char c : text.substr(0, 80)) {
+  for (const char c : text.substr(0, most)) {
     if (c == '\r') {
       result += "\\r";
     } else if (c == '\n') {
@@ -147,7 +147,7 @@ std::string visible(std::string_view text) {
       result += c;
     }
   }
-  return result + (text.size() > 80 ? "..." : "");
+  return result + (text.size() > most ? "..." : "");
 }
 
 }  // namespace turncal

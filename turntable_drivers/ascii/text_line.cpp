@@ -103,14 +103,14 @@ Status TextLine::drain() {
   return {};
 }
 
-std::string TextLine::frame_of(const std::string& body) const {
-  std::string frame = link_.prefix + body;
-  if (link_.check != SentenceCheck::none) frame += link_.check_mark + check_digits(body, link_.check, link_.crc);
+std::string frame_of(const DialectLink& link, const std::string& body) {
+  std::string frame = link.prefix + body;
+  if (link.check != SentenceCheck::none) frame += link.check_mark + check_digits(body, link.check, link.crc);
   return frame;
 }
 
 Status TextLine::write(const std::string& body) {
-  const std::string frame = frame_of(body) + link_.terminator_out;
+  const std::string frame = frame_of(link_, body) + link_.terminator_out;
   last_sent_s_ = monotonic_s();
   if (!link_.tcp) return port_.write_all(frame, write_timeout_s);
   const ssize_t n = ::send(descriptor_, frame.data(), frame.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
@@ -195,9 +195,9 @@ Result<std::string> TextLine::exchange(const std::string& body, int lines) {
   if (link_.echo) {
     const Result<std::string> echo = read_until(link_.echo_terminator, deadline, false);
     if (!echo) return echo.error();
-    if (!echo->ends_with(frame_of(body))) {
+    if (!echo->ends_with(frame_of(link_, body))) {
       stale_ = true;
-      return failure("echo '" + visible(*echo) + "': expected '" + visible(frame_of(body)) + "'");
+      return failure("echo '" + visible(*echo) + "': expected '" + visible(frame_of(link_, body)) + "'");
     }
   }
   Result<std::string> result = std::string();

@@ -20,6 +20,9 @@
 
 namespace turncal {
 
+// Prefix, body and check; without the terminator.
+std::string frame_of(const DialectLink& link, const std::string& body);
+
 class TextLine {
  public:
   TextLine(DialectLink link, const StopSignal& stop);  // `stop` must outlive the line
@@ -36,7 +39,6 @@ class TextLine {
   Status send_at_once(const std::string& body, const std::optional<SentenceTemplate>& expect, double timeout_s);
 
  private:
-  std::string frame_of(const std::string& body) const;  // without the terminator
   Status write(const std::string& body);
   Result<std::string> read_until(const std::string& end, const Deadline& deadline, bool at_once);  // without the end
   Result<std::string> bodies_of(const std::string& frames, int lines);  // that stood before a prompt

@@ -1,0 +1,99 @@
+// What `check --explain` prints: the rows of maps and dialects, against what is known of them by hand.
+#include <algorithm>
+
+#include <gtest/gtest.h>
+
+#include "tests/turntable_drivers/dialect_station.h"
+#include "turntable_drivers/ascii/explain_dialect.h"
+#include "turntable_drivers/modbus/explain_map.h"
+
+namespace turncal {
+namespace {
+
+std::string text_of(const TableRow& row) {
+  return row.operation + "|" + row.axis + "|" + row.sent + "|" + row.says + "|" + row.answer + "|" + row.source;
+}
+
+// All rows of an operation of an axis, a line each.
+std::string rows_of(const std::vector<TableRow>& rows, const std::string& operation, const std::string& axis) {
+  std::string text;
+  for (const TableRow& row : rows)
+    if (row.operation == operation && row.axis == axis) text += text_of(row) + "\n";
+  return text;
+}
+
+std::string without_lines(std::string text) {
+  for (std::size_t at = text.find("line "); at != std::string::npos; at = text.find("line ", at))
+    text.erase(at, text.find(' ', at + 5) + 1 - at);
+  return text;
+}
+
+TEST(Explain, RegistersAndValuesOfAMap) {
+  const Result<RegisterMap> map =
+      read_register_map(TURNCAL_SOURCE_DIR "/turntable_drivers/modbus/maps/leadshine_pr.map");
+  ASSERT_TRUE(map.ok()) << map.error().message;
+  const std::vector<TableRow> rows = explain(*map);
+  EXPECT_EQ(without_lines(rows_of(rows, "enable", "pitch")),
+            "enable|pitch|unit 2, function 6, register 15 (0x000F)|u16 1 (0x0001)|the same|[manual]\n");
+  // 90 deg at 2500 counts a degree; 10 deg/s are 150 rpm; 66667 ms over 20 deg/s^2.
+  EXPECT_EQ(without_lines(rows_of(rows, "move", "roll")),
+            "move|roll|unit 3, function 16, register 25088 (0x6200), 8 registers|u16 1 (0x0001)|unit 3, function 16, "
+            "register 25088 (0x6200), 8 registers|[manual]\n"
+            "move|roll|  its register 25089 (0x6201)|s32 225000 (0x0003 0x6EE8), position: 2500 per deg, 0 at 0 "
+            "deg||[manual]\n"
+            "move|roll|  its register 25091 (0x6203)|u16 150 (0x0096), rate: 15 per deg/s||[manual]\n"
+            "move|roll|  its register 25092 (0x6204)|u16 3333 (0x0D05), acceleration: 66667 / (deg/s^2), a ramp "
+            "time||[manual]\n"
+            "move|roll|  its register 25093 (0x6205)|u16 3333 (0x0D05), acceleration: 66667 / (deg/s^2), a ramp "
+            "time||[manual]\n"
+            "move|roll|  its register 25094 (0x6206)|u16 0 (0x0000)||[manual]\n"
+            "move|roll|  its register 25095 (0x6207)|u16 16 (0x0010)||[manual]\n");
+  const std::string status = rows_of(rows, "status", "heading");
+  EXPECT_NE(status.find("unit 1, function 3, register 4099 (0x1003)||2 bytes"), std::string::npos) << status;
+  EXPECT_NE(status.find("register 4099 (0x1003)|enabled: mask 0x0002, set|"), std::string::npos) << status;
+  for (const char* const operation : {"home", "stop", "abort", "fault reset"})
+    EXPECT_FALSE(rows_of(rows, operation, "heading").empty()) << operation;
+}
+
+TEST(Explain, HeartbeatOffsetAndPolarity) {
+  const Result<RegisterMap> read = read_register_map(TURNCAL_SOURCE_DIR "/orchestrator/stations/twin.map");
+  ASSERT_TRUE(read.ok());
+  RegisterMap map = *read;
+  map.axis[1].address_offset = 0x100;
+  map.axis[1].bits[static_cast<std::size_t>(DriveBit::fault)]->active_high = false;
+  const std::vector<TableRow> rows = explain(map);
+  EXPECT_NE(rows_of(rows, "heartbeat", "pitch").find("register 320 (0x0140)|u16, another number each time, every 20 s"),
+            std::string::npos)
+      << rows_of(rows, "heartbeat", "pitch");
+  EXPECT_NE(rows_of(rows, "status", "pitch").find("register 272 (0x0110)|fault: mask 0x0010, clear|"),
+            std::string::npos)
+      << rows_of(rows, "status", "pitch");
+}
+
+TEST(Explain, SentencesOfADialectToTheByte) {
+  const std::vector<TableRow> dollar = explain(shipped_dialect("three_axis_dollar"));
+  EXPECT_EQ(without_lines(rows_of(dollar, "connect", "table")),
+            "connect|table|$MNREM,1*DC\\r\\n||$ASREM,OK*3E\\r\\n|[code]\n");
+  EXPECT_EQ(without_lines(rows_of(dollar, "abort", "table")),
+            "abort|table|$MNDIS,1*D8\\r\\n||$ASDIS,OK*3A\\r\\n|[code]\n");
+  const std::vector<TableRow> acutronic = explain(shipped_dialect("acutronic_acl", true));
+  const std::string move = rows_of(acutronic, "move", "pitch");
+  EXPECT_NE(move.find("move|pitch|:LIM:RATE P,2,10.0000\\n|rate: 1 per deg/s|nothing|"), std::string::npos) << move;
+  EXPECT_NE(
+      move.find(":DEM:POS 2,90.0000\\n|position: 1 per deg, 0 at 0 deg, a circle of 360 deg, gone the shorter way|"),
+      std::string::npos)
+      << move;
+  const std::string flags = rows_of(acutronic, "status", "each");
+  EXPECT_NE(flags.find("in_position: mask 0x00000080, set"), std::string::npos) << flags;
+  EXPECT_NE(flags.find("fault: mask 0x0802C700, one of it set"), std::string::npos) << flags;
+}
+
+TEST(Explain, RowsStandInColumnsUnderTheirHeadings) {
+  const std::string text = format_rows({{"stop", "roll", "HALT", "", "nothing", "line 3 [guess]"}});
+  EXPECT_EQ(text,
+            "operation  axis  sent or read  what it says  answer expected  from\n"
+            "stop       roll  HALT                        nothing          line 3 [guess]\n");
+}
+
+}  // namespace
+}  // namespace turncal
