@@ -64,6 +64,7 @@ Status run_commission(const Options& options, CommandContext& context) {
   if (station->table.driver == TableDriver::manual) {
     return input_error("station '" + station->name + "': a table turned by hand has nothing to commission");
   }
+  if (station->simulated()) context.tag = simulated_tag;
   if (const std::vector<std::string> guesses = guesses_of(*station, true); !guesses.empty() && !options.accept_guess) {
     return input_error(guesses.front() +
                        (guesses.size() > 1 ? ", and " + std::to_string(guesses.size() - 1) + " more lines" : "") +
@@ -73,7 +74,6 @@ Status run_commission(const Options& options, CommandContext& context) {
   const StopSignals signals;
   Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
   if (!live) return live.error();
-  if (station->simulated()) context.tag = simulated_tag;
   const LinePrefix marked(context.out, context.tag);
   bool switched_on = false;
   std::string said;

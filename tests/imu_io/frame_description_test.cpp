@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "frame_streams.h"
+#include "tests/imu_io/unmarked.h"
 
 namespace turncal {
 namespace {
@@ -154,7 +155,7 @@ TEST(FrameDescription, OneLineForEachMistake) {
        "key 'variants' = 'a, b': expected a different id for each variant"},
   };
   for (const BadDescription& bad : cases) {
-    std::string text(builtin_frame_text("laser_gyro"));
+    std::string text = unmarked(builtin_frame_text("laser_gyro"));
     const std::size_t at = text.find("\n" + bad.from + "\n");
     ASSERT_NE(at, std::string::npos) << bad.from;
     text.replace(at + 1, bad.from.size(), bad.to);
@@ -168,7 +169,7 @@ TEST(FrameDescription, OneLineForEachMistake) {
 }
 
 TEST(FrameDescription, AMissingKeyIsNamed) {
-  std::string text(builtin_frame_text("laser_gyro"));
+  std::string text = unmarked(builtin_frame_text("laser_gyro"));
   text.erase(text.find("gyro.unit"), std::string("gyro.unit = pulses\n").size());
   EXPECT_ERROR(parse_frame_description(text, "x.frame"), "x.frame: key 'gyro.unit' is missing: expected a text");
 }

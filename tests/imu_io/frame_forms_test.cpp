@@ -6,6 +6,7 @@
 
 #include "frame_streams.h"
 #include "imu_io/frames/frame_field.h"
+#include "tests/imu_io/unmarked.h"
 
 namespace turncal {
 namespace {
@@ -162,7 +163,7 @@ TEST(FrameForms, EveryCheckFindsDamage) {
                                   "check = xor16", "check = sum16\ncheck.of = words\ncheck.complement = ones",
                                   "check = sum16\ncheck.of = words\ncheck.carry = end_around\ncheck.complement = ones",
                                   "check = fletcher16", "check = fletcher16\ncheck.modulus = 256"}) {
-    std::string text(builtin_frame_text("laser_gyro"));
+    std::string text = unmarked(builtin_frame_text("laser_gyro"));
     for (const char* gone : {"check = crc\n", "crc.width = 16\n", "crc.polynomial = 0x1021\n"}) {
       text.erase(text.find(gone), std::strlen(gone));
     }
@@ -308,7 +309,7 @@ TEST(FrameForms, OneLineForEachMistakeInThem) {
     ASSERT_FALSE(frame.ok()) << to;
     EXPECT_NE(frame.error().message.find(says), std::string::npos) << frame.error().message;
   };
-  const std::string own(builtin_frame_text("laser_gyro"));
+  const std::string own = unmarked(builtin_frame_text("laser_gyro"));
   refused(apart_text, "a.carries = accel", "a.carries = both\na.gyro.offset = 4\na.gyro.unit = pulses",
           "two: the first carries = gyro");
   refused(apart_text, "counter.offset = 3\ncounter.type = u8\n", "", "a counter in both");

@@ -165,7 +165,7 @@ TEST_F(Check, ExplainsTheTableAndListsItsGuesses) {
   described.replace(described.find("table.driver = mock"), 19, "table.driver = modbus\ntable.map = " + table);
   const std::string station = file("my.station", described);
   std::ostringstream out, err;
-  EXPECT_EQ(run_check({.station = station, .explain = true}, out, err), 0);
+  EXPECT_EQ(run_check({.station = station, .sequence = "", .explain = true}, out, err), 0);
   EXPECT_NE(out.str().find("unit 2, function 6, register 50 (0x0032)"), std::string::npos) << out.str();
   EXPECT_NE(err.str().find(": write.stop is a guess\n"), std::string::npos) << err.str();
   EXPECT_NE(err.str().find("commission needs --accept-guess"), std::string::npos) << err.str();
@@ -174,7 +174,7 @@ TEST_F(Check, ExplainsTheTableAndListsItsGuesses) {
   EXPECT_EQ(guesses_of(*config, false).size(), 2u);
   EXPECT_EQ(guesses_of(*config, true).size(), 1u);
   std::ostringstream nothing, asked;
-  EXPECT_EQ(run_check({.station = station}, nothing, asked), 1);
+  EXPECT_EQ(run_check({.station = station, .sequence = ""}, nothing, asked), 1);
   EXPECT_NE(asked.str().find("--sequence is required"), std::string::npos) << asked.str();
 }
 

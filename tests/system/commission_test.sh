@@ -33,7 +33,7 @@ sed -i "s|^table.address = .*|table.address = $address|" "$work/twin.station"
 # One thing wrong each: the map not commissioned, the unit's z turned over, and x and y of its gyros exchanged.
 sed 's/^commissioned = true/commissioned = false/' "$work/twin.map" > "$work/new.map"
 sed 's/twin\.map/new.map/' "$work/twin.station" > "$work/new.station"
-sed 's/^write.stop = .*/& # [guess]/' "$work/new.map" > "$work/guess.map"
+sed 's/^write.stop = .*/& \x23 [guess]/' "$work/new.map" > "$work/guess.map"
 sed 's/twin\.map/guess.map/' "$work/twin.station" > "$work/guess.station"
 for axes in '+x, +y, -z' '+y, +x, +z'; do
   { cat "$here/imu_io/frames/laser_gyro.frame"; echo "gyro.axes = $axes"; } > "$work/${axes:1:1}.frame"
