@@ -8,7 +8,7 @@
 namespace turncal {
 
 inline std::string unmarked(std::string_view text) {
-  return std::regex_replace(std::string(text), std::regex(" +# \\[own\\]"), "");
+  return std::regex_replace(std::string(text), std::regex(" +# \\[[a-z]+\\]"), "");
 }
 
 }  // namespace turncal
