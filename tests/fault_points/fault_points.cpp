@@ -5,12 +5,19 @@
 //   TURNCAL_FAULT_MODE=kill   a write is done by half, then SIGKILL
 //                      power  every file loses what it was not synced for, then SIGKILL (renames stay: not modelled)
 //                      full   from here on every write fails with ENOSPC
+//   or, with TURNCAL_FAULT_AFTER_S seconds after the start for TURNCAL_FAULT_FOR_S seconds (0: for good) in place of a point,
+//                      hang_sync, hang_write   a sync, or a write, does not return
+//                      fail, full_for          syncs and writes fail with EIO; writes with ENOSPC
+//                      clock                   civil time is off by TURNCAL_FAULT_STEP_S
 //   TURNCAL_FAULT_COUNT=FILE  written at the end: the number of calls, and how often something was written to any file, or the
 //                             program ended, while a record of a journal was not yet synced
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/time.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -42,6 +49,32 @@ long point() {
 bool mode_is(const char* wanted) {
   static const char* text = getenv("TURNCAL_FAULT_MODE");
   return text && strcmp(text, wanted) == 0;
+}
+double number(const char* name) {
+  const char* text = getenv(name);
+  return text ? atof(text) : 0.0;
+}
+double clock_s(clockid_t clock) {
+  timespec now{};
+  syscall(SYS_clock_gettime, clock, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+const double started_s = clock_s(CLOCK_MONOTONIC);
+// Seconds until what lasts for a time is over; 0: it does not hold now.
+double holds_s() {
+  static const bool timed = getenv("TURNCAL_FAULT_AFTER_S") != nullptr;
+  static const double after_s = number("TURNCAL_FAULT_AFTER_S"), for_s = number("TURNCAL_FAULT_FOR_S");
+  const double passed_s = clock_s(CLOCK_MONOTONIC) - started_s - after_s;
+  if (!timed || started_s == 0.0 || passed_s < 0.0) return 0.0;
+  return for_s == 0.0 ? 1e9 : for_s > passed_s ? for_s - passed_s : 0.0;
+}
+void hang() {
+  for (double left_s = holds_s(); left_s > 0.0; left_s = holds_s()) {
+    const timespec pause{
+        left_s > 1e6 ? 1000000 : static_cast<time_t>(left_s),
+        static_cast<long>(1e9 * (left_s > 1e6 ? 0.0 : left_s - static_cast<double>(static_cast<time_t>(left_s))))};
+    nanosleep(&pause, nullptr);
+  }
 }
 bool is_file(int fd) {
   struct stat facts;
@@ -116,9 +149,38 @@ __attribute__((destructor)) void report() {
 
 }  // namespace
 
+// Whether a write, or a sync, fails meanwhile, with errno; one that hangs does not return before.
+bool withheld(int fd, bool is_sync) {
+  if (holds_s() == 0.0 || !is_file(fd)) return false;
+  if (mode_is(is_sync ? "hang_sync" : "hang_write")) hang();
+  errno = mode_is("fail") ? EIO : ENOSPC;
+  return mode_is("fail") || (mode_is("full_for") && !is_sync);
+}
+
 extern "C" {
 
+int clock_gettime(clockid_t clock, timespec* now) {
+  const int result = static_cast<int>(syscall(SYS_clock_gettime, clock, now));
+  static const bool steps = mode_is("clock");
+  if (result == 0 && clock == CLOCK_REALTIME && steps && holds_s() > 0.0) {
+    now->tv_sec += static_cast<time_t>(number("TURNCAL_FAULT_STEP_S"));
+  }
+  return result;
+}
+int gettimeofday(timeval* now, void*) {
+  timespec fine{};
+  const int result = clock_gettime(CLOCK_REALTIME, &fine);
+  *now = {fine.tv_sec, fine.tv_nsec / 1000};
+  return result;
+}
+time_t time(time_t* now) {
+  timespec fine{};
+  clock_gettime(CLOCK_REALTIME, &fine);
+  if (now) *now = fine.tv_sec;
+  return fine.tv_sec;
+}
 ssize_t write(int fd, const void* data, size_t size) {
+  if (withheld(fd, false)) return -1;
   if (is_file(fd)) {
     if (journal_fd >= 0) ++unsynced;
     if (is_journal(fd)) journal_fd = fd;
@@ -127,6 +189,7 @@ ssize_t write(int fd, const void* data, size_t size) {
   return real<ssize_t (*)(int, const void*, size_t)>("write")(fd, data, size);
 }
 ssize_t pwrite64(int fd, const void* data, size_t size, off64_t offset) {
+  if (withheld(fd, false)) return -1;
   if (struck(fd)) {
     if (mode_is("full")) {
       errno = ENOSPC;
@@ -137,6 +200,7 @@ ssize_t pwrite64(int fd, const void* data, size_t size, off64_t offset) {
   return real<ssize_t (*)(int, const void*, size_t, off64_t)>("pwrite64")(fd, data, size, offset);
 }
 int fsync(int fd) {
+  if (withheld(fd, true)) return -1;
   if (!mode_is("full") && struck(fd)) strike();
   const int result = real<int (*)(int)>("fsync")(fd);
   if (fd == journal_fd) journal_fd = -1;
@@ -144,6 +208,7 @@ int fsync(int fd) {
   return result;
 }
 int fdatasync(int fd) {
+  if (withheld(fd, true)) return -1;
   if (!mode_is("full") && struck(fd)) strike();
   const int result = real<int (*)(int)>("fdatasync")(fd);
   synced(fd);
