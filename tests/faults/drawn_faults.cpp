@@ -213,7 +213,6 @@ class DrawnStation {
       begun_s_ = last_pump_s_ = now_s;
     }
     if (now_s - last_pump_s_ > 0.02) stalls.push_back({(now_s - *begun_s_) * speed_up, now_s - last_pump_s_});
-    last_pump_s_ = now_s;
     const auto due = static_cast<std::int64_t>((now_s - *begun_s_) * speed_up / period_s);
     std::array<ImuSample, 32> samples;
     while (passed_ < due) {
@@ -230,6 +229,7 @@ class DrawnStation {
       }
       transmit(made);
     }
+    last_pump_s_ = monotonic_s();
   }
   void heal() {
     const std::lock_guard lock(server_->mutex);
@@ -363,7 +363,8 @@ class DrawnStation {
     for (std::byte& byte : bytes) {
       if (damaged && unit_draw_.chance(0.03 * share)) byte ^= static_cast<std::byte>(1 << unit_draw_.pick(8));
     }
-    if (imu_line_.end() != nullptr) (void)imu_line_.end()->write_all(bytes, 0.5).ok();
+    // Who does not read is waited for once.
+    if (imu_line_.end() != nullptr) is_read_ = imu_line_.end()->write_all(bytes, is_read_ ? 0.5 : 0.0).ok();
   }
 
   const Setting& setting_;
@@ -382,6 +383,7 @@ class DrawnStation {
   std::optional<double> hung_up_s_, begun_s_;
   double last_pump_s_ = 0.0;
   std::int64_t passed_ = 0;
+  bool is_read_ = true;
   std::atomic<bool> ended_{false};
   std::thread thread_;
 };
