@@ -226,16 +226,17 @@ class MisbehavingTable : public Turntable {
     for (auto& excess : motion.now)
       if (excess && !excess->answered_s) excess->answered_s = now_s();
   }
-  bool beyond(std::size_t i, double position_deg, double rate_degps) const {
+  // Before an axis knows its zero its angle means nothing.
+  bool beyond(std::size_t i, bool homed, double position_deg, double rate_degps) const {
     const AxisLimits& limit = limits_[i];
-    const bool outward = (position_deg > limit.soft_max_deg + 0.5 && rate_degps > 0.0) ||
-                         (position_deg < limit.soft_min_deg - 0.5 && rate_degps < 0.0);
+    const bool outward = homed && ((position_deg > limit.soft_max_deg + 0.5 && rate_degps > 0.0) ||
+                                   (position_deg < limit.soft_min_deg - 0.5 && rate_degps < 0.0));
     return std::abs(rate_degps) > 1.02 * limit.max_rate_degps + 0.05 || outward;
   }
   void judge(const TrueMotion::Moment& moment) {
     for (std::size_t i = 0; i < 3; ++i) {
       auto& excess = motion.now[i];
-      if (!beyond(i, moment.position_deg[i], moment.rate_degps[i])) {
+      if (!beyond(i, moment.status[i].homed, moment.position_deg[i], moment.rate_degps[i])) {
         if (excess) motion.over.push_back(*excess);
         excess.reset();
         continue;
@@ -257,7 +258,7 @@ class MisbehavingTable : public Turntable {
       const double by_angle = (status.position_deg - told_[i]->position_deg) / passed_s;
       if (std::abs(by_angle) > std::abs(rate_degps)) rate_degps = by_angle;
     }
-    if (motion.now[i] && beyond(i, status.position_deg, rate_degps)) motion.now[i]->told = true;
+    if (motion.now[i] && beyond(i, status.homed, status.position_deg, rate_degps)) motion.now[i]->told = true;
     told_[i] = status;
     told_at_s_[i] = now_s();
   }
