@@ -32,6 +32,11 @@ DwellMonitor::DwellMonitor(const DwellConfig& config, const RecordingInfo& info)
     unit_[static_cast<std::size_t>(i)] = rad_per_count / rad_per_deg / window_s;
     unit_[static_cast<std::size_t>(3 + i)] = mps_per_count / window_s;
   }
+  // Of a unit that sends rad and m/s the least that it can say is not known: then the sigmas decide alone.
+  for (std::size_t i = 0; i < channels; ++i) {
+    const bool pulses = (i < 3 ? info.gyro_increment : info.accel_increment) == IncrementKind::pulses;
+    count_[i] = pulses ? 1.0 : 1e-12;
+  }
 }
 
 void DwellMonitor::start(std::int64_t first_counter, std::int64_t samples) {
@@ -42,6 +47,7 @@ void DwellMonitor::start(std::int64_t first_counter, std::int64_t samples) {
   in_window_ = windows_ = 0;
   frozen_.start();
   origin_ = sum_ = square_ = lowest_ = highest_ = {};
+  of_ = {};
 }
 
 const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const ImuSample> samples) {
@@ -90,11 +96,23 @@ void DwellMonitor::close_window() {
     if (windows_ == 0 || d > highest_[i]) in_highest_[i] = outlier;
     lowest_[i] = std::min(lowest_[i], d);
     highest_[i] = std::max(highest_[i], d);
+    Channel& c = of_[i];
+    c.sum += window_sum_[i];
+    c.squares += window_sum_[i] * window_sum_[i];
+    if (least_[i].value == most_[i].value) {
+      const bool goes_on = c.row.windows > 0 && c.row.end == windows_ && c.row.value == window_sum_[i];
+      c.row = {window_sum_[i], goes_on ? c.row.windows + 1 : 1, windows_ + 1};
+      if (c.row.windows >= c.longest.windows) c.longest = c.row;
+    }
   }
   window_sum_ = {};
   in_window_ = 0;
   ++windows_;
   if (frozen_.suspects()) return;
+  if (std::string dead = dead_text(); !dead.empty()) {
+    defect_ = Defect{ErrorKind::device, std::move(dead)};
+    return;
+  }
   const double count = static_cast<double>(windows_);
   for (std::size_t i = 0; i < channels; ++i) {
     const bool gyro = i < 3;
@@ -122,6 +140,30 @@ void DwellMonitor::close_window() {
       return;
     }
   }
+}
+
+std::string DwellMonitor::dead_text() const {
+  constexpr double fewest = 10.0, sigmas = 8.0, counts = 3.0, longest_s = 30.0;
+  for (std::size_t i = 0; i < channels; ++i) {
+    const Channel& c = of_[i];
+    const double m = static_cast<double>(c.longest.windows), v = c.longest.value;
+    const double others = static_cast<double>(windows_) - m, mean = (c.sum - m * v) / others, off = std::abs(v - mean);
+    const double sigma = std::sqrt(std::max(0.0, (c.squares - m * v * v) / others - mean * mean));
+    if (m == 0.0 || others < fewest || !(off * std::sqrt(m) > sigmas * sigma && off * m > counts * count_[i])) continue;
+    // Its end is waited for, so that the dwell is not begun again into it.
+    if (c.longest.end == windows_ && m * config_.stillness_window_s < longest_s && !complete()) continue;
+    const std::int64_t end = first_counter_ + c.longest.end * window_samples_;
+    char text[200];
+    std::snprintf(
+        text, sizeof text,
+        "%s gave one and the same number in samples %lld to %lld (%.0f s): expected %.1f +- %.1f counts a window, "
+        "not %.1f",
+        channel_names[i], static_cast<long long>(end - c.longest.windows * window_samples_),
+        static_cast<long long>(end - 1), m * config_.stillness_window_s, mean / count_[i], sigma / count_[i],
+        v / count_[i]);
+    return text;
+  }
+  return {};
 }
 
 // Of the window that is further from the mean of the others: how far it is without its outlier.

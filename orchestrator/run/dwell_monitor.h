@@ -6,7 +6,10 @@
 // configured limits (a single sample says nothing: one pulse of a laser gyro in 5 ms is already 0.05 deg/s). Judged at
 // the end of every window, so that a knock in a long dwell does not cost the rest of it.
 //
-// Nor may all six channels stand still together (frozen_watch.h).
+// Nor may all six channels stand still together (frozen_watch.h), nor one alone give one and the same number where it should not: v through m
+// windows in a row is a defect where the other windows have the mean u and the standard deviation s, and
+//   |v - u| sqrt(m) > 8 s   and   |v - u| m > 3 counts
+// A channel that feels nothing may so read zero for as long as it likes.
 //
 // One sample alone may have spoilt a window: when the unit was still without it, the reason names it as a glitch.
 //
@@ -46,6 +49,7 @@ class DwellMonitor {
  private:
   static constexpr int channels = 6;  // gyro x y z, accelerometer x y z
   void close_window();
+  std::string dead_text() const;  // of a channel that stood still; empty: none
   std::string glitch_text(std::size_t channel, double limit) const;
 
   // The sample of a window that stands out most, and where the window's mean would be without it.
@@ -55,7 +59,8 @@ class DwellMonitor {
     double without = 0.0;
   };
   DwellConfig config_;
-  std::array<double, channels> unit_{};  // deg/s or m/s^2 per count and window
+  std::array<double, channels> count_{};  // what the unit counts by
+  std::array<double, channels> unit_{};   // deg/s or m/s^2 per count and window
   std::int64_t window_samples_ = 200;
   std::int64_t first_counter_ = 0;
   std::int64_t samples_ = 0;
@@ -68,6 +73,16 @@ class DwellMonitor {
   std::array<double, channels> origin_{}, sum_{}, square_{}, lowest_{}, highest_{};
   std::array<Outlier, channels> least_{}, most_{};            // of the running window
   std::array<Outlier, channels> in_lowest_{}, in_highest_{};  // of the windows with the lowest and the highest mean
+  // Windows in a row in which a channel gave one number alone, and the longest such row; sums over all windows.
+  struct Row {
+    double value = 0.0;
+    std::int64_t windows = 0, end = 0;  // end: window after the last
+  };
+  struct Channel {
+    Row row, longest;
+    double sum = 0.0, squares = 0.0;
+  };
+  std::array<Channel, channels> of_{};
   double period_s_ = 0.0;
   FrozenWatch frozen_;
 };

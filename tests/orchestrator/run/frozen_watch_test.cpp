@@ -1,11 +1,16 @@
 // A unit that gives the same six numbers over and over in a dwell, while its counter runs on.
 #include "orchestrator/run/frozen_watch.h"
+#include "orchestrator/run/dwell_monitor.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <random>
 #include <vector>
+
+#include "calib/statistics/implausible.h"
 
 #include "tests/orchestrator/rig_station.h"
 
@@ -120,6 +125,103 @@ TEST(FrozenWatch, AUnitThatIsUsedToItIsNotFrozen) {
   for (const std::size_t count : {200U, 20000U, 400U, 120000U, 12000U}) {
     EXPECT_EQ(found(silent, std::vector<ImuSample>(count)), "") << count;
   }
+}
+
+// Six dwells of 100 s of a clean unit of any grade, at any heading, each of its axes near the east at some of them.
+std::vector<std::vector<ImuSample>> clean_unit(std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  const auto draw = [&](double from, double to) { return std::uniform_real_distribution(from, to)(random); };
+  RigConfig config = default_rig_config();
+  config.seed = seed;
+  const double grade = std::exp(draw(std::log(0.01), std::log(1000.0)));
+  config.noise.gyro_random_walk_deg_per_rt_h *= grade;
+  config.noise.gyro_bias_instability_degph *= grade;
+  config.noise.accel_random_walk_ug_per_rt_hz *= std::min(grade, 30.0);
+  Rig rig(config);
+  RigTable table(rig);
+  RigImu imu(rig);
+  EXPECT_TRUE(table.connect().ok() && table.enable().ok() && imu.open().ok());
+  std::vector<ImuSample> some(2000);
+  const auto pass = [&](double seconds) {
+    for (double left_s = seconds; left_s > 0.0; left_s -= 10.0)
+      EXPECT_TRUE(imu.read(some, std::min(left_s, 10.0)).ok());
+  };
+  EXPECT_TRUE(table.home().ok());
+  pass(5.0);
+  std::vector<std::vector<ImuSample>> dwells;
+  for (int i = 0; i < 6; ++i) {
+    const double to_deg = i % 2 == 0 ? 90.0 * static_cast<double>(random() % 4) : draw(0.0, 360.0);
+    const Axis axis = all_axes[random() % 3];
+    EXPECT_TRUE(table.move_absolute(axis, to_deg, 50.0, 100.0).ok());
+    pass(12.0);
+    dwells.emplace_back(20000);
+    const Result<std::size_t> got = imu.read(dwells.back(), 100.0);
+    EXPECT_TRUE(got.ok() && *got == 20000u);
+  }
+  return dwells;
+}
+
+// What a dwell monitor says of a dwell, with room for what is not still in coarse units.
+std::string judged(DwellMonitor& monitor, const std::vector<ImuSample>& samples) {
+  monitor.start(samples.front().counter, static_cast<std::int64_t>(samples.size()));
+  std::optional<DwellMonitor::Defect> defect;
+  for (std::size_t k = 0; k < samples.size() && !defect; k += 100)
+    defect = monitor.add(std::span(samples).subspan(k, 100));
+  return defect ? defect->reason : "";
+}
+
+DwellMonitor patient_monitor() {
+  RigConfig config = default_rig_config();
+  Rig rig(config);
+  RecordingInfo info;
+  RigImu(rig).describe(info);
+  DwellConfig dwell_config;
+  dwell_config.max_gyro_std_degps = dwell_config.max_gyro_peak_degps = 10.0;
+  dwell_config.max_accel_std_mps2 = dwell_config.max_accel_peak_mps2 = 10.0;
+  return {dwell_config, info};
+}
+
+TEST(FrozenWatch, OfHundredsOfDwellsOfCleanUnitsNoneIsFrozen) {
+  int dwells = 0;
+  for (std::uint64_t seed = 1; seed <= 100; ++seed) {
+    DwellMonitor monitor = patient_monitor();
+    for (const std::vector<ImuSample>& one : clean_unit(seed)) {
+      ASSERT_EQ(judged(monitor, one), "") << "unit " << seed;
+      ++dwells;
+    }
+  }
+  EXPECT_EQ(dwells, 600);
+}
+
+// A gyro reads zero for 1 to 10 s while the others live. Noticed wherever that costs more than what its noise does.
+TEST(FrozenWatch, AGyroThatReadsZeroForSecondsIsNoticed) {
+  int harmful = 0, noticed = 0, wrong = 0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    std::mt19937_64 random(seed);
+    DwellMonitor monitor = patient_monitor();
+    for (std::vector<ImuSample> last : clean_unit(seed)) {
+      const std::size_t channel = random() % 3, length = 200 + random() % 1800, from = random() % 15000;
+      double sum = 0.0, squares = 0.0;
+      for (std::size_t window = 0; window < 100; ++window) {
+        double counts = 0.0;
+        for (std::size_t k = 200 * window; k < 200 * (window + 1); ++k) counts += last[k].gyro[channel];
+        sum += counts;
+        squares += counts * counts;
+      }
+      const double mean = sum / 100.0, sigma = std::sqrt(std::max(0.0, squares / 100.0 - mean * mean));
+      const double whole = static_cast<double>((from + length) / 200) - std::ceil(static_cast<double>(from) / 200.0);
+      for (std::size_t k = from; k < from + length; ++k) last[k].gyro[channel] = 0.0;
+      const std::string text = judged(monitor, last);
+      wrong += !text.empty() && !text.starts_with(channel_names[channel]) ? 1 : 0;
+      const bool visible =
+          whole > 0.0 && std::abs(mean) * std::sqrt(whole) > 10.0 * sigma && std::abs(mean) * whole > 4.0;
+      harmful += visible ? 1 : 0;
+      noticed += visible && !text.empty() ? 1 : 0;
+    }
+  }
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GE(harmful, 40);
+  EXPECT_EQ(noticed, harmful);
 }
 
 // The rig's unit, frozen from one sample of its own to another.
