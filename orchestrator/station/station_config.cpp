@@ -16,12 +16,12 @@ namespace {
 
 constexpr double longest_time_s = 3600.0;  // of any time in the file; more is a typing mistake
 constexpr std::size_t most_imu_places = 16;
-constexpr NumberRange some_time{0.0, longest_time_s, true};
+constexpr NumberRange some_time{0.001, longest_time_s};
 constexpr NumberRange time_or_zero{0.0, longest_time_s};
 constexpr NumberRange angle{-3600.0, 3600.0};
 // Wide, and yet no table or unit is beyond them.
-constexpr NumberRange some_rate{0.0, 1e4, true};
-constexpr NumberRange some_acceleration{0.0, 1e6, true};
+constexpr NumberRange some_rate{0.001, 1e4};
+constexpr NumberRange some_acceleration{0.001, 1e6};
 constexpr NumberRange winding{0.0, 1e6};
 constexpr NumberRange fine{1e-6, 1.0};  // deg or deg/s: below it no encoder shows anything
 constexpr NumberRange stillness{1e-9, 100.0};
