@@ -137,10 +137,12 @@ std::string table_text(const Setting& setting) {
                                                    "turntable_drivers/ascii/dialects/newport_esp30x.dialect"};
   const std::string kind = setting.tcp() ? "tcp" : setting.modbus() ? "rtu" : "serial";
   return without_keys(source + "/" + files[static_cast<std::size_t>(setting.table)],
-                      {"commissioned", "link.kind", "plausible", "link.address"}) +
+                      {"commissioned", "link.kind", "link.parity", "plausible", "link.address"}) +
          "commissioned = true\nlink.kind = " + kind +
-         "\nlink.address = " + (setting.tcp() ? "127.0.0.1:1" : "/dev/null") +
-         "\nplausible.rate_degps = 1000\nlink.quiet_s = 0.05\n" +
+         (kind == "rtu" ? "\nlink.parity = none"
+                        : "") +  // a pseudo-terminal has none, and refuses to be set to one twice
+         "\nlink.address = " +
+         (setting.tcp() ? "127.0.0.1:1" : "/dev/null") + "\nplausible.rate_degps = 1000\nlink.quiet_s = 0.05\n" +
          (setting.modbus() ? "link.response_timeout_s" : "link.reply_timeout_s") + " = " + format_number(answer_s) +
          "\n";
 }
