@@ -10,6 +10,7 @@
 #include "imu_io/frames/builtin_frames.h"
 #include "imu_io/frames/frame_encoder.h"
 #include "imu_io/lines/pty.h"
+#include "orchestrator/devices/live_devices.h"
 #include "tests/orchestrator/program.h"
 #include "tests/turntable_drivers/level_drives.h"
 
@@ -103,6 +104,34 @@ TEST_F(TableProgram, CommissionStopsWhenADriveGoesOff) {
   EXPECT_EQ(result.code, 50);
   EXPECT_NE(result.err.find("drive of axis pitch is off; the table rests, its drives are off"), std::string::npos)
       << result.err;
+}
+
+// 0.005 deg/s, of which neither the status nor the rate tells.
+TEST_F(TableProgram, AnAxisThatSagsWithItsDriveOffIsSaid) {
+  const Result<StationConfig> station = read_station_config((folder_ / "level.station").string());
+  ASSERT_TRUE(station.ok()) << station.error().message;
+  std::atomic<int> stop_requests{0};
+  std::ostringstream out;
+  Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, stop_requests, out);
+  ASSERT_TRUE(live.ok()) << live.error().message;
+  Turntable& table = (*live)->devices().table;
+  ASSERT_TRUE(table.connect().ok());
+  const auto read = [&] {
+    TableStatus axes{};
+    for (const Axis axis : all_axes) {
+      Result<AxisStatus> status = table.status(axis);
+      EXPECT_TRUE(status.ok());
+      if (status) axes[static_cast<std::size_t>(axis)] = std::move(*status);
+    }
+    return axes;
+  };
+  EXPECT_EQ((*live)->sag_since(read()), "");
+  {
+    const std::lock_guard lock(drives.mutex);
+    drives.drives[2].creep = 5.0;  // counts of a thousandth of a degree
+  }
+  const std::string said = (*live)->sag_since(read());
+  EXPECT_TRUE(said.starts_with("pitch turns with its drive off: from ")) << said;
 }
 
 TEST_F(TableProgram, MonitorShowsADriveThatIsOnAndSwitchesItOff) {
