@@ -10,6 +10,7 @@
 #include "imu_io/frames/frame_keys.h"
 #include "imu_io/frames/frame_layout.h"
 #include "imu_io/lines/serial_keys.h"
+#include "imu_io/recordings/recording_check.h"
 
 namespace turncal {
 namespace {
@@ -220,7 +221,7 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
     frame.length_scale = file.integer_or("length.scale", 1, 1, 64);
     frame.length_add = file.integer_or("length.add", 0, -1024, 1024);
   }
-  frame.sample_period_s = file.number("sample_period_s", {1e-5, 10.0});
+  frame.sample_period_s = file.number("sample_period_s", sample_period_range);
   frame.stuffing = read_stuffing(keys, frame);
   frame.check = read_frame_check(keys);
   KeyTable table(file);
@@ -253,7 +254,7 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
   if (file.has("request")) {
     frame.request = keys.bytes("request");
     if (frame.request.empty()) file.reject("request", "at least one byte");
-    frame.request_period_s = file.number_or("request.period_s", 0.5 * frame.sample_period_s, {1e-5, 10.0});
+    frame.request_period_s = file.number_or("request.period_s", 0.5 * frame.sample_period_s, sample_period_range);
     if (frame.request_period_s > 0.9 * frame.sample_period_s) {
       file.reject("request.period_s", "at most 0.9 sample_period_s: unit and station have a clock each");
     }

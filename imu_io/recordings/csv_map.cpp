@@ -81,7 +81,7 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   map.measured_intervals = file.one_of_or("time.increments", "intervals", {"intervals", "period"}) == "intervals";
   map.gap = file.number_or("time.gap", 1.5, at_least(1.1));
   if (map.time_column.empty())
-    map.rate_hz = file.number("rate_hz", positive);
+    map.rate_hz = file.number("rate_hz", between(0.1, 1e5));
   else if (file.has("rate_hz"))
     file.reject("rate_hz", "no rate beside time.column: the rate comes from the times");
   if (map.time_column.empty())

@@ -181,7 +181,7 @@ Result<ParameterFile> parse_parameter_file(std::string_view text, const std::str
   file.method = plain_text(input, "method");
   file.latitude_deg = input.number("latitude_deg", site_latitude_deg);
   file.gravity_mps2 = input.number("gravity_mps2", positive);
-  file.sample_period_s = input.number("sample_period_s", positive);
+  file.sample_period_s = input.number("sample_period_s", sample_period_range);
   const auto kind = [](const std::string& name) {
     return name == "pulses" ? IncrementKind::pulses : IncrementKind::physical;
   };

@@ -48,8 +48,8 @@ Status check_serial(const std::string& serial, const std::string& where) {
 }
 
 Status check_info(const RecordingInfo& info, const std::string& where) {
-  if (!(info.sample_period_s > 0.0) || !std::isfinite(info.sample_period_s)) {
-    return defect(where, "sample_period_s", format_number(info.sample_period_s), "a number > 0");
+  if (!sample_period_range.contains(info.sample_period_s)) {
+    return defect(where, "sample_period_s", format_number(info.sample_period_s), describe(sample_period_range));
   }
   if (!site_latitude_deg.contains(info.latitude_deg)) {
     return defect(where, "latitude_deg", format_number(info.latitude_deg), "a number between -90 and 90");

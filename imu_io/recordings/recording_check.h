@@ -14,6 +14,10 @@
 
 namespace turncal {
 
+// What a unit can send, in s: 100 kHz at most. What a pulse of an accelerometer can weigh, in m/s.
+inline constexpr NumberRange sample_period_range = between(1e-5, 10.0);
+inline constexpr NumberRange accel_pulse_range = between(1e-9, 10.0);
+
 // Counters stay within +-max_counter, so that differences and ends cannot overflow.
 inline constexpr std::int64_t max_counter = std::int64_t{1} << 62;
 constexpr bool is_counter(std::int64_t value) { return value >= -max_counter && value <= max_counter; }

@@ -28,7 +28,7 @@ Result<RecordingInfo> read_info(const std::string& path) {
   if (!file) return file.error();
   RecordingInfo info;
   if (file->integer("format") != 1) file->reject("format", "1");
-  info.sample_period_s = file->number("sample_period_s", positive);
+  info.sample_period_s = file->number("sample_period_s", sample_period_range);
   info.latitude_deg = file->number("latitude_deg", site_latitude_deg);
   info.gravity_mps2 = file->number("gravity_mps2", recorded_gravity_mps2);
   info.unit_serial = file->text("unit_serial");
@@ -38,7 +38,7 @@ Result<RecordingInfo> read_info(const std::string& path) {
   info.gyro_increment = kind(file->one_of("gyro_increment", {"pulses", "rad"}));
   info.accel_increment = kind(file->one_of("accel_increment", {"pulses", "mps"}));
   if (info.accel_increment == IncrementKind::pulses) {
-    info.accel_pulse_mps = file->number("accel_pulse_mps", positive);
+    info.accel_pulse_mps = file->number("accel_pulse_mps", accel_pulse_range);
   } else {
     info.accel_pulse_mps = file->number_or("accel_pulse_mps", 0.0, not_negative);
   }

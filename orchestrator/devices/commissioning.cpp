@@ -199,6 +199,7 @@ class Trial {
     const double peak_degps =
         std::min(move.rate_degps, std::sqrt(std::abs(move.target_deg - from_deg) * move.acceleration_degps2));
     const std::optional<double> felt_degps = felt_.end_turn(way_deg);
+    if (const auto said = SpeedWatch::judge_jump({&felt_}, move)) return device_error(*said);
     const double degps = felt_degps.value_or(way_deg / took_s);
     const double factor = degps / peak_degps;
     // The mean over the way is slower than the peak, and ends with the settling.
@@ -224,7 +225,7 @@ class Trial {
     hold(*before, sent);
     felt_.begin_turn(SpeedWatch::factor * acceleration_degps2);
     const double began_s = devices_.clock.now_s();
-    speed_.restart();
+    speed_.restart(*before, began_s, began_s);
     if (Status status = devices_.table.move_absolute(axis, to_deg, rate_degps, acceleration_degps2); !status) {
       return status;
     }

@@ -72,35 +72,37 @@ void FeltRate::close_block() {
   peak_degps_ = std::max(peak_degps_, median_degps_);
   if (!follows) return;
   const double may_degps = allowed_degps2_ * block_s / scale_, change_degps = median_degps_ - before_degps;
-  fastest_up_ = std::max(0.0, fastest_up_ + change_degps - may_degps);
-  fastest_down_ = std::max(0.0, fastest_down_ - change_degps - may_degps);
+  up_degps_ = std::max(0.0, up_degps_ + change_degps - may_degps);
+  down_degps_ = std::max(0.0, down_degps_ - change_degps - may_degps);
+  beyond_degps_ = std::max({beyond_degps_, up_degps_, down_degps_});
 }
 
 void FeltRate::begin_turn(double allowed_degps2) {
   rest_degps_ = way_s_ > 0.0 ? 4.0 * way_deg_ / way_s_ : 0.0;
-  way_deg_ = way_s_ = peak_degps_ = fastest_up_ = fastest_down_ = 0.0;
+  way_deg_ = way_s_ = peak_degps_ = up_degps_ = down_degps_ = beyond_degps_ = 0.0;
   allowed_degps2_ = allowed_degps2;
 }
 
 std::optional<double> FeltRate::end_turn(double turned_deg) {
-  constexpr double least_deg = 4.0, least = 0.4,
-                   most = 1.7;  // a unit's pulse may weigh so much; else its frame is wrong
+  // A unit's pulse may weigh so much; else its frame is wrong.
+  constexpr double least_deg = 4.0, least = 0.4, most = 1.7, same = 0.02;
   const double ratio = way_deg_ / std::abs(turned_deg);
   const double felt_degps = peak_degps_;
+  const bool felt_whole = std::abs(way_deg_ * scale_ - std::abs(turned_deg)) <= 0.3 + 0.005 * std::abs(turned_deg);
+  jump_degps_ = confirmed_ && felt_whole ? (beyond_degps_ - 2.0 * rest_degps_) * scale_ : 0.0;
   way_deg_ = way_s_ = 0.0;
   if (std::abs(turned_deg) < least_deg || !(ratio >= least && ratio <= most)) return std::nullopt;
-  scale_ = 1.0 / ratio;
-  confirmed_ = true;
-  return felt_degps * scale_;
+  // One turn alone may have lost samples.
+  const bool agrees = std::abs(ratio - ratio_) <= same * ratio;
+  if (agrees) scale_ = 1.0 / ratio;
+  confirmed_ = confirmed_ || agrees;
+  if (agrees || !confirmed_) ratio_ = ratio;
+  return felt_degps / ratio;
 }
 
 std::optional<double> FeltRate::now_degps() const {
   if (known_ < blocks) return std::nullopt;
   return std::max(0.0, median_degps_ - rest_degps_) * scale_;
-}
-
-double FeltRate::beyond_degps() const {
-  return std::max(0.0, std::max(fastest_up_, fastest_down_) - 2.0 * rest_degps_) * scale_;
 }
 
 double SpeedWatch::allowed_degps(Axis axis, const std::optional<Move>& sent, bool searches) const {
@@ -122,6 +124,11 @@ std::string SpeedWatch::too_fast(Axis axis, double degps, const char* by, const 
                   by, most_degps);
   }
   return text;
+}
+
+void SpeedWatch::restart(const TableStatus& axes, double asked_s, double answered_s) {
+  before_.reset();
+  static_cast<void>(add(axes, asked_s, answered_s, std::nullopt, false));
 }
 
 std::optional<std::string> SpeedWatch::add(const TableStatus& axes, double asked_s, double answered_s,
@@ -154,12 +161,11 @@ std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate
                                                 const std::optional<Move>& sent) const {
   double most_degps = 0.0;
   for (const AxisLimits& axis : limits_) most_degps = std::max(most_degps, axis.max_rate_degps);
-  std::optional<double> rate_degps, beyond_degps;  // the least of the units
+  std::optional<double> rate_degps;  // the least of the units
   for (const FeltRate* unit : felt) {
     const std::optional<double> now = unit->confirmed() ? unit->now_degps() : std::nullopt;
     if (!now) continue;
     rate_degps = std::min(rate_degps.value_or(*now), *now);
-    beyond_degps = std::min(beyond_degps.value_or(unit->beyond_degps()), unit->beyond_degps());
   }
   if (!rate_degps) return std::nullopt;
   const double allowed = sent ? allowed_degps(sent->axis, sent, false) : most_degps;
@@ -177,13 +183,20 @@ std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate
                   axes[static_cast<std::size_t>(sent->axis)].rate_degps);
     return text;
   }
-  if (sent && *beyond_degps > jump_margin_degps(sent->rate_degps)) {
-    std::snprintf(text, sizeof text,
-                  "the unit feels that %s is sped up or braked by %.4g deg/s more than the %.4g deg/s^2 that were sent",
-                  to_string(sent->axis), *beyond_degps, sent->acceleration_degps2);
-    return text;
-  }
   return std::nullopt;
+}
+
+std::optional<std::string> SpeedWatch::judge_jump(const std::vector<const FeltRate*>& felt, const Move& move) {
+  std::optional<double> least_degps;
+  for (const FeltRate* unit : felt) {
+    if (unit->confirmed()) least_degps = std::min(least_degps.value_or(unit->jump_degps()), unit->jump_degps());
+  }
+  if (least_degps.value_or(0.0) <= jump_margin_degps(move.rate_degps)) return std::nullopt;
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "%s was sped up or braked by %.3g deg/s more than the %.4g deg/s^2 that were sent, as the unit felt it",
+                to_string(move.axis), *least_degps, move.acceleration_degps2);
+  return text;
 }
 
 std::optional<std::string> HomingWatch::add(const TableStatus& axes) {

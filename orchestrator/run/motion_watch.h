@@ -32,8 +32,8 @@ std::optional<std::string> stray_axis(const TableStatus& axes, const AxisTriple&
                                       double position_tolerance_deg);
 
 // How fast a unit turns: the magnitude of its gyros' vector, whatever its mounting, by blocks of 10 ms and as the median of five, so that
-// a glitch is none. Time is the unit's own. deg/s by the nominal scale of its frame; where a turn has told what the unit makes of a degree
-// (end_turn), by that. Four times what it felt at rest before the turn, in the mean, is taken off: noise, bias and the earth's rate.
+// a glitch is none. Time is the unit's own. deg/s by the nominal scale of its frame; where two turns have told alike what the unit makes of a
+// degree (end_turn), by that. Four times what it felt at rest before the turn, in the mean, is taken off: noise, bias and the earth's rate.
 class FeltRate {
  public:
   explicit FeltRate(const RecordingInfo& info);
@@ -43,9 +43,10 @@ class FeltRate {
   std::optional<double> end_turn(double turned_deg);
   bool confirmed() const { return confirmed_; }
   std::optional<double> now_degps() const;  // nothing: no block is whole since a gap
-  // How much faster, or slower, it has become since the turn began than the allowed acceleration makes it, deg/s:
-  // the largest |w(t) - w(s)| - a (t - s).
-  double beyond_degps() const;
+  // How much faster, or slower, it became in the turn that ended than the allowed acceleration makes it, deg/s: the largest
+  // |w(t) - w(s)| - a (t - s). 0 where the unit did not feel the way that the table turned: samples that it lost without saying so are a
+  // jump, too.
+  double jump_degps() const { return jump_degps_; }
 
  private:
   static constexpr std::size_t blocks = 5;
@@ -58,9 +59,10 @@ class FeltRate {
   std::array<double, blocks> last_degps_{};
   std::size_t known_ = 0;  // of them
   double median_degps_ = 0.0;
-  double way_deg_ = 0.0, way_s_ = 0.0, peak_degps_ = 0.0, rest_degps_ = 0.0, fastest_up_ = 0.0, fastest_down_ = 0.0;
-  double allowed_degps2_ = 0.0;
-  double scale_ = 1.0;
+  double way_deg_ = 0.0, way_s_ = 0.0, peak_degps_ = 0.0, rest_degps_ = 0.0, up_degps_ = 0.0, down_degps_ = 0.0,
+         beyond_degps_ = 0.0;
+  double allowed_degps2_ = 0.0, jump_degps_ = 0.0;
+  double scale_ = 1.0, ratio_ = 0.0;
   bool confirmed_ = false;
 };
 
@@ -70,17 +72,20 @@ class FeltRate {
 //   S = max(0, S + |dp| - allowed dt),  a fault where S is beyond the way of stale_s at the allowed rate and 0.1 deg,
 // with dt the longest time that can lie between two readings (from the request for the one to the answer of the other), so that a slow line
 // is no fault; a position that is found anew only several times a second is none either. By the unit: the least of those on the table whose
-// scale a turn has told; that of the first turn is for first_step_check.h to judge.
+// scale is known; that of the first turn is for first_step_check.h to judge. How it was sped up is judged when the turn is over.
 class SpeedWatch {
  public:
   SpeedWatch(const std::array<AxisLimits, 3>& limits, double speed_up) : limits_(limits), speed_up_(speed_up) {}
-  void restart() { before_.reset(); }  // the axes were sent anew
+  // An axis is sent; the axes were read like this before.
+  void restart(const TableStatus& axes, double asked_s, double answered_s);
   // asked_s, answered_s: station time around the reading of all axes. sent: the move that goes on. searches: the axes look for their zero.
   std::optional<std::string> add(const TableStatus& axes, double asked_s, double answered_s,
                                  const std::optional<Move>& sent, bool searches);
   // felt: of each unit that is alive.
   std::optional<std::string> add_felt(const std::vector<const FeltRate*>& felt, const TableStatus& axes,
                                       const std::optional<Move>& sent) const;
+  // Of a move that is over.
+  static std::optional<std::string> judge_jump(const std::vector<const FeltRate*>& felt, const Move& move);
 
   static constexpr double factor = 1.2;
   static constexpr double stale_s = 0.25;  // wall time: a table that finds its position four times a second

@@ -91,8 +91,7 @@ StationRun::MaybeEvent StationRun::issue_move() {
       return event;
   }
   arrival_.start_move(move, from_deg, devices_.clock.now_s());
-  speed_.restart();
-  static_cast<void>(speed_.add(status_, asked_s_, answered_s_, move, false));  // from where it stands
+  speed_.restart(status_, asked_s_, answered_s_);
   for (UnitLane& lane : lanes_) {
     if (lane.alive()) lane.felt().begin_turn(SpeedWatch::factor * move.acceleration_degps2);
   }
@@ -109,9 +108,14 @@ StationRun::MaybeEvent StationRun::close_move() {
   if (const MaybeEvent event = end_segment(SegmentKind::rotate)) return event;
   if (const std::optional<Move>& move = arrival_.move()) {
     const double at_deg = status_[static_cast<std::size_t>(move->axis)].position_deg;
+    std::vector<const FeltRate*> felt;
     for (UnitLane& lane : lanes_) {
-      if (lane.alive()) lane.felt().end_turn(at_deg - arrival_.from_deg());
+      if (!lane.alive()) continue;
+      lane.felt().end_turn(at_deg - arrival_.from_deg());
+      felt.push_back(&lane.felt());
     }
+    const auto said = devices_.table.needs_operator() ? std::nullopt : SpeedWatch::judge_jump(felt, *move);
+    if (said) return raise(RunEvent::table_fault, ErrorKind::device, *said);
   }
   pending_move_.reset();
   if (item_running_) {

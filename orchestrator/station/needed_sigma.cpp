@@ -25,7 +25,7 @@ StopSigmas read_stop_sigmas(KeyValueFile& file) {
   StopSigmas stop{};
   KeyTable keys(file);
   for (std::size_t i = 0; i < parameter_count; ++i)
-    if (parameter_is_free[i]) keys.number("stop.sigma." + std::string(parameter_keys[i]), stop[i], positive);
+    if (parameter_is_free[i]) keys.number("stop.sigma." + std::string(parameter_keys[i]), stop[i], limit_range);
   return stop;
 }
 

@@ -87,12 +87,12 @@ VerdictLimits read_limits(KeyValueFile& file) {
     if (!parameter_is_free[i]) continue;  // three are 0 by the choice of the body frame: a limit on them is a mistake
     const std::string key = "limit." + std::string(parameter_keys[i]);
     read(key, limits.parameter[i]);
-    keys.number(key + ".sigma_max", limits.sigma_max[i], positive);
+    keys.number(key + ".sigma_max", limits.sigma_max[i], limit_range);
   }
-  keys.number("limit.residual_max", limits.residual_max, positive);
+  keys.number("limit.residual_max", limits.residual_max, limit_range);
   read("limit.temperature_c", limits.temperature_c);
-  keys.number("limit.heading_deg", limits.heading_deg, positive);
-  keys.number("limit.level_deg", limits.level_deg, positive);
+  keys.number("limit.heading_deg", limits.heading_deg, between(1e-6, 180.0));
+  keys.number("limit.level_deg", limits.level_deg, between(1e-6, 180.0));
   keys.number("limit.guard_factor", limits.guard_factor, between(0.0, 10.0));
   return limits;
 }

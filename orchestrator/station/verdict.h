@@ -24,6 +24,7 @@ namespace turncal {
 struct Limit {
   std::optional<double> min, max;
 };
+inline constexpr NumberRange limit_range = between(1e-12, 1e9);  // of a sigma or a residual
 
 // Of the station file's keys limit.*; units of the parameter file.
 struct VerdictLimits {

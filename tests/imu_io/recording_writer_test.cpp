@@ -39,8 +39,10 @@ TEST_F(WriterTest, RefusesSenselessInfo) {
     EXPECT_FALSE(path_exists(path));
   };
   refused([](RecordingInfo& i) { i.gravity_mps2 = 0; }, "gravity_mps2 = '0': expected a number between 9 and 11");
-  refused([](RecordingInfo& i) { i.sample_period_s = 0; }, "sample_period_s = '0': expected a number > 0");
-  refused([](RecordingInfo& i) { i.sample_period_s = -1; }, "sample_period_s = '-1': expected a number > 0");
+  refused([](RecordingInfo& i) { i.sample_period_s = 0; },
+          "sample_period_s = '0': expected a number between 1e-05 and 10");
+  refused([](RecordingInfo& i) { i.sample_period_s = -1; },
+          "sample_period_s = '-1': expected a number between 1e-05 and 10");
   refused([](RecordingInfo& i) { i.latitude_deg = 90.5; },
           "latitude_deg = '90.5': expected a number between -90 and 90");
   refused([](RecordingInfo& i) { i.accel_pulse_mps = 0; }, "accel_pulse_mps = '0': expected a number > 0");

@@ -122,8 +122,10 @@ TEST_F(TextTest, ExportOfAnImportGivesTheSameBytes) {
 
 TEST_F(TextTest, ConfDefects) {
   EXPECT_EQ(conf_defect("format = 1", "format = 2"), conf_path + ":1: key 'format' = '2': expected 1");
-  EXPECT_EQ(conf_defect("0.005", "0"), conf_path + ":2: key 'sample_period_s' = '0': expected a number > 0");
-  EXPECT_EQ(conf_defect("0.005", "-0.005"), conf_path + ":2: key 'sample_period_s' = '-0.005': expected a number > 0");
+  EXPECT_EQ(conf_defect("0.005", "0"),
+            conf_path + ":2: key 'sample_period_s' = '0': expected a number between 1e-05 and 10");
+  EXPECT_EQ(conf_defect("0.005", "-0.005"),
+            conf_path + ":2: key 'sample_period_s' = '-0.005': expected a number between 1e-05 and 10");
   EXPECT_EQ(conf_defect("29.53", "129"),
             conf_path + ":3: key 'latitude_deg' = '129': expected a number between -90 and 90");
   EXPECT_EQ(conf_defect("9.7914", "0"), conf_path + ":4: key 'gravity_mps2' = '0': expected a number between 9 and 11");
@@ -135,7 +137,7 @@ TEST_F(TextTest, ConfDefects) {
   EXPECT_EQ(conf_defect("accel_increment = pulses", "accel_increment = rad"),
             conf_path + ":7: key 'accel_increment' = 'rad': expected pulses or mps");
   EXPECT_EQ(conf_defect("accel_pulse_mps = 0.0005", ""),
-            conf_path + ": key 'accel_pulse_mps' is missing: expected a number > 0");
+            conf_path + ": key 'accel_pulse_mps' is missing: expected a number between 1e-09 and 10");
   EXPECT_EQ(conf_defect("gravity_mps2 = 9.7914\n", ""),
             conf_path + ": key 'gravity_mps2' is missing: expected a number between 9 and 11");
   EXPECT_EQ(conf_defect("accel_pulse_mps", "accel_puls_mps"),

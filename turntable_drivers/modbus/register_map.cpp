@@ -253,8 +253,8 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
       }
       if (map.heartbeat_values.empty()) file.reject("heartbeat.values", "at least one number");
     }
-    keys.number("heartbeat.period_s", map.heartbeat_period_s, {0.0, 60.0, true});
-    keys.number("heartbeat.watchdog_s", map.watchdog_s, {0.0, 600.0, true});
+    keys.number("heartbeat.period_s", map.heartbeat_period_s, between(0.001, 60.0));
+    keys.number("heartbeat.watchdog_s", map.watchdog_s, between(0.01, 600.0));
     if (map.watchdog_s < 2.0 * map.heartbeat_period_s) {
       file.reject(file.has("heartbeat.watchdog_s") ? "heartbeat.watchdog_s" : "heartbeat.period_s",
                   "heartbeat.watchdog_s at least twice heartbeat.period_s");

@@ -48,13 +48,17 @@ TEST(StationRun, ATableThatTurnsTooFastIsStopped) {
 }
 
 TEST(StationRun, ATableThatIsSpedUpTooQuicklyIsStoppedOnceTheUnitsScaleIsKnown) {
-  RigStation s(two_steps_text, rig_with({too_fast(5.0, 1.0, 10.0)}));
+  RigStation s(
+      "format = 1\nname = turns\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1 \"there and back\"\n"
+      "  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  rotate P -90\n  rotate P +90\n  rotate P -90\n"
+      "  dwell 1000\n",
+      rig_with({too_fast(26.0, 1.0, 10.0)}));
   const RunOutcome outcome = s.run();
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_NE(outcome.error.message.find("than the 20 deg/s^2 that were sent"), std::string::npos)
       << outcome.error.message;
-  EXPECT_NE(outcome.error.message.find("target 0.0000 deg"), std::string::npos)
-      << "the way back: " << outcome.error.message;
+  EXPECT_NE(outcome.error.message.find("heading 0.0000 pitch 90.0000"), std::string::npos)
+      << "after the third turn: " << outcome.error.message;
 }
 
 TEST(StationRun, NeverInPositionRunsIntoTheDeadline) {
