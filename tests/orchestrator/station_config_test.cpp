@@ -131,7 +131,7 @@ TEST(StationConfig, EveryBadValueNamesFileLineKeyAndWhatWasExpected) {
       {"motion.poll_idle_s = 2e-10",
        "my.station:6: key 'motion.poll_idle_s' = '2e-10': expected a number between 0.001 and 3600"},
       {"axis.roll.max_rate_degps = 1e-308",
-       "key 'axis.roll.max_rate_degps' = '1e-308': expected a number between 0.001"},
+       "my.station:6: key 'axis.roll.max_rate_degps' = '1e-308': expected a number between 0.001"},
       {"motion.poll_idle_s = 1e9", "my.station:6: key 'motion.poll_idle_s' = '1e9': expected a number"},
       {"motion.stall_s = 0", "my.station:6: key 'motion.stall_s' = '0': expected a number"},
       {"motion.deadline_margin_s = inf", "my.station:6: key 'motion.deadline_margin_s' = 'inf': expected a number"},
