@@ -240,6 +240,9 @@ class Trial {
                  std::abs(a.position_deg - to_deg) <= station_.motion.position_tolerance_deg;
         });
     const double took_s = devices_.clock.now_s() - began_s;
+    if (arrived) {  // what the unit felt on the way may still be on its way
+      if (Status status = rest(); !status) return status;
+    }
     const bool late = !arrived && took_s > seconds;
     const Result<double> at_deg = arrived || late ? position(axis) : Result<double>(arrived.error());
     if (!at_deg) return arrived ? at_deg.error() : arrived.error();
