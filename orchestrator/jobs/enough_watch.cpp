@@ -102,7 +102,8 @@ Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item
     for (std::size_t i = 0; i < units_.size(); ++i)
       for (const Segment& take : known.set_aside)
         if (units_[i].run.unit() == known.unit) aside.emplace_back(&recordings_[i], take);
-  decided_.emplace().next_item = enough ? end_item_ : again ? next_item - 1 : next_item;
+  decided_ = Decided{};
+  decided_->next_item = enough ? end_item_ : again ? next_item - 1 : next_item;
   const auto write = [&journal = journal_, aside, fields = note(units, next_item, enough, again)]() -> Status {
     for (const auto& [recording, take] : aside)
       if (Status status = recording->set_aside(take); !status) return status;
