@@ -142,7 +142,7 @@ Result<std::size_t> PosixFile::read_at(std::uint64_t offset, std::span<std::byte
 }
 
 Status PosixFile::write_all(std::span<const std::byte> data) {
-  if (Status status = check_length(path_); !status) return status;
+  if (Status status = check_length(); !status) return status;
   while (!data.empty()) {
     const ssize_t n = repeat_interrupted([&] { return ::write(fd_, data.data(), data.size()); });
     if (n < 0) return failure("cannot write");
@@ -187,18 +187,18 @@ bool PosixFile::is_at(const std::string& path) const {
          here.st_dev == there.st_dev;
 }
 
-Status PosixFile::check_length(const std::string& path) const {
+Status PosixFile::check_length() const {
   struct stat facts {};
   if (::fstat(fd_, &facts) != 0) return failure("cannot look at");
   const auto size = static_cast<std::uint64_t>(facts.st_size);
   if (!S_ISREG(facts.st_mode) || size == end_) return {};
-  return device_error(path + ": somebody else has changed it: it is " + std::to_string(size) + " bytes long where " +
+  return device_error(path_ + ": somebody else has changed it: it is " + std::to_string(size) + " bytes long where " +
                       std::to_string(end_) + " were written");
 }
 
-Status PosixFile::check_kept(const std::string& path) const {
-  if (is_at(path)) return check_length(path);
-  return device_error(path +
+Status PosixFile::check_kept() const {
+  if (is_at(path_)) return check_length();
+  return device_error(path_ +
                       ": is no longer there, somebody moved or removed it: expected the folder of a run to stay");
 }
 

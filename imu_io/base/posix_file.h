@@ -10,6 +10,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "calib/types/status.h"
 
@@ -39,14 +40,15 @@ class PosixFile {
   Status sync();
   Status lock_exclusive();  // fails at once when another process holds it, and says which; released by close
   bool is_at(const std::string& path) const;  // false: the name stands for another file now, or for none
-  // For a file that others must find: an error that says so where it is no longer at that name, or not as long as what was written.
-  Status check_kept(const std::string& path) const;
+  void renamed(std::string path) { path_ = std::move(path); }  // by whoever calls
+  // For a file that others must find: an error that says so where it is no longer at its name, or not as long as what was written.
+  Status check_kept() const;
   Status close();  // reports what a destructor must swallow
 
  private:
   PosixFile(int fd, std::string path) : fd_(fd), path_(std::move(path)) {}
   Error failure(std::string_view what) const;
-  Status check_length(const std::string& path) const;
+  Status check_length() const;
 
   int fd_ = -1;
   std::string path_;

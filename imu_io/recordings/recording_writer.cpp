@@ -240,7 +240,7 @@ Status RecordingWriter::finish() {
   return s.file.close();
 }
 
-Status RecordingWriter::check_kept(const std::string& path) const { return state_->file.check_kept(path); }
+Status RecordingWriter::check_kept() const { return state_->file.check_kept(); }
 const RecordingInfo& RecordingWriter::info() const { return state_->info; }
 const Segments& RecordingWriter::segments() const { return state_->segments; }
 std::optional<Segment> RecordingWriter::open_segment() const { return state_->open_segment; }

@@ -61,7 +61,7 @@ class RecordingWriter {
   // Checks that the segments lie inside the samples, writes the end mark, syncs, closes.
   Status finish();
 
-  Status check_kept(const std::string& path) const;  // PosixFile::check_kept
+  Status check_kept() const;  // PosixFile::check_kept
   const RecordingInfo& info() const;
   const Segments& segments() const;  // ended ones
   std::optional<Segment> open_segment() const;

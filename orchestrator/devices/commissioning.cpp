@@ -71,7 +71,6 @@ class Trial {
     const Result<double> from_deg = position(axis);
     if (!from_deg) return from_deg.error();
     if (Status status = move(axis, settings_.move_deg, settings_.rate_degps); !status) return status.error();
-    if (Status status = rest(); !status) return status.error();
     if (lost_) return device_error(std::string("samples of the unit were lost while ") + to_string(axis) + " turned");
     const Result<double> to_deg = position(axis);
     if (!to_deg) return to_deg.error();
@@ -83,10 +82,7 @@ class Trial {
   // The accelerometers' mean of a sample at rest, with one axis turned to an angle (none: where it stands). The axis then goes back.
   Result<Eigen::Vector3d> force_at(std::optional<Axis> axis, double to_deg) {
     const double rate_degps = axis ? std::min(settings_.pose_rate_degps, limits_of(*axis).max_rate_degps) : 0.0;
-    if (axis) {
-      if (Status status = move(*axis, to_deg, rate_degps); !status) return status.error();
-    }
-    if (Status status = rest(); !status) return status.error();
+    if (Status status = axis ? move(*axis, to_deg, rate_degps) : rest(); !status) return status.error();
     restart();
     if (Status status = rest(); !status) return status.error();
     if (samples_ == 0) return device_error("no samples from the unit");
@@ -215,6 +211,7 @@ class Trial {
     const Result<AxisStatus> status = devices_.table.status(axis);
     return status ? Result<double>(status->position_deg) : Result<double>(status.error());
   }
+  // There, and a rest.
   Status move(Axis axis, double to_deg, double rate_degps) {
     const Result<TableStatus> before = read_table();
     if (!before) return before.error();

@@ -26,7 +26,7 @@ Status GravityWatch::open() {
   counter_.reset();
   RecordingInfo info;
   source_.describe(info);
-  deg_per_count_ = start_parameters(info).n(0, 0) * si_per_unit(info)[6] / rad_per_deg;
+  deg_per_count_ = nominal_gyro_rad(info) / rad_per_deg;
   return source_.open();
 }
 

@@ -15,12 +15,12 @@ class RealTime {
   ~RealTime();  // as it was, in the same thread
   RealTime(const RealTime&) = delete;
   RealTime& operator=(const RealTime&) = delete;
-  bool first() const { return scheduled_ == 0; }
-  bool locked() const { return locked_ == 0; }
   // "goes before other programs (SCHED_FIFO), memory locked": in one line what there is, and what to do for what there is not.
   std::string text() const;
 
  private:
+  bool first() const { return scheduled_ == 0; }
+  bool locked() const { return locked_ == 0; }
   int scheduled_, locked_;  // 0, or errno
 };
 

@@ -86,9 +86,9 @@ EnoughWatch::EnoughWatch(const PreparedRun& run, const Plan& plan, const std::ve
 Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item) {
   if (next_item >= end_item_) return std::optional(next_item);  // nothing is left to be left out
   if (decided_) {
-    if (!storage_.done(decided_->ticket)) return std::optional<std::size_t>();
+    if (!decided_->written.done()) return std::optional<std::size_t>();
     const Decided decided = *std::exchange(decided_, std::nullopt);
-    if (!*decided.written) return decided.written->error();
+    if (!decided.written.status()) return decided.written.status().error();
     return std::optional(decided.next_item);
   }
   if (!running_.valid()) running_ = std::async(std::launch::async, [this, next_item] { return estimate(next_item); });
@@ -102,16 +102,12 @@ Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item
     for (std::size_t i = 0; i < units_.size(); ++i)
       for (const Segment& take : known.set_aside)
         if (units_[i].run.unit() == known.unit) aside.emplace_back(&recordings_[i], take);
-  decided_ = Decided{};
-  decided_->next_item = enough ? end_item_ : again ? next_item - 1 : next_item;
   const auto write = [&journal = journal_, aside, fields = note(units, next_item, enough, again)]() -> Status {
     for (const auto& [recording, take] : aside)
       if (Status status = recording->set_aside(take); !status) return status;
     return fields.empty() ? Status{} : journal.append(JournalType::estimate, fields);
   };
-  if (!storage_.post([written = decided_->written, write] { *written = write(); }))
-    return device_error("more waits to be written than can be held: the disk is too slow");
-  decided_->ticket = storage_.posted();
+  decided_ = Decided{enough ? end_item_ : again ? next_item - 1 : next_item, PendingWrite(storage_, write)};
   return std::optional<std::size_t>();
 }
 

@@ -18,7 +18,6 @@
 #include <functional>
 #include <future>
 #include <map>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -91,9 +90,8 @@ class EnoughWatch {
   std::size_t end_item_;  // of what is calibrated from
   std::future<std::vector<KnownSoFar>> running_;
   struct Decided {
-    std::size_t next_item = 0;
-    std::uint64_t ticket = 0;  // of the queue
-    std::shared_ptr<Status> written = std::make_shared<Status>();
+    std::size_t next_item;
+    PendingWrite written;
   };
   std::optional<Decided> decided_;
   std::map<std::size_t, ParameterVector> planned_;

@@ -26,7 +26,7 @@ Result<JournalFile> JournalFile::create(const std::string& path, const JournalFi
   const std::string temporary = temporary_name(path);
   Result<PosixFile> file = PosixFile::create_new(temporary);
   if (!file) return file.error();
-  JournalFile journal(std::move(*file), temporary, 0);
+  JournalFile journal(std::move(*file), 0);
   Status status = journal.file_.lock_exclusive();
   if (status) status = journal.append(JournalType::begin, begin);
   if (status) status = rename_durably(temporary, path);
@@ -34,7 +34,7 @@ Result<JournalFile> JournalFile::create(const std::string& path, const JournalFi
     std::remove(temporary.c_str());
     return status.error();
   }
-  journal.path_ = path;
+  journal.file_.renamed(path);
   return journal;
 }
 
@@ -53,14 +53,14 @@ Result<JournalFile> JournalFile::reopen(const std::string& path) {
   }
   if (Status status = file->seek(scanner.good_end()); !status) return status.error();
   const std::uint32_t next_number = scanner.next_number();
-  return JournalFile(std::move(*file), path, next_number);
+  return JournalFile(std::move(*file), next_number);
 }
 
 Status JournalFile::append(JournalType type, const JournalFields& fields) {
-  if (failed_) return device_error(path_ + ": nothing more is written after an error");
+  if (failed_) return device_error(file_.path() + ": nothing more is written after an error");
   std::vector<std::byte> bytes;
   append_record(bytes, type, next_number_++, fields);
-  Status status = file_.check_kept(path_);
+  Status status = file_.check_kept();
   if (status) status = file_.write_all(bytes);
   if (status) status = file_.sync();
   if (!status) failed_ = true;

@@ -39,10 +39,8 @@ class JournalFile : public RunJournal {
   void note_clocks(std::vector<std::optional<UnitClock>> clocks) { clocks_ = std::move(clocks); }
 
  private:
-  JournalFile(PosixFile file, std::string path, std::uint32_t next_number)
-      : file_(std::move(file)), path_(std::move(path)), next_number_(next_number) {}
+  JournalFile(PosixFile file, std::uint32_t next_number) : file_(std::move(file)), next_number_(next_number) {}
   PosixFile file_;
-  std::string path_;  // where it must stay
   std::uint32_t next_number_ = 0;
   bool failed_ = false;
   std::vector<std::optional<UnitClock>> clocks_;

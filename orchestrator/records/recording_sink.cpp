@@ -58,7 +58,7 @@ std::optional<std::uint32_t> RecordingSink::written() const {
 
 Status RecordingSink::sync() {
   if (Status status = writer_->sync(); !status) return status;
-  return writer_->check_kept(folder_ + "/" + partial_recording_name);
+  return writer_->check_kept();
 }
 
 Status RecordingSink::finish() {

@@ -10,9 +10,12 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <thread>
+#include <utility>
 #include <vector>
 
+#include "calib/types/status.h"
 #include "orchestrator/run/run_observer.h"
 
 namespace turncal {
@@ -43,12 +46,31 @@ class BackgroundQueue {
   void work();
 
   const double limit_s_;
-  std::vector<std::function<void()>>
-      jobs_;  // a ring; slot n % capacity belongs to the poster until n is posted, then to the worker
+  // A ring: slot n % capacity belongs to the poster until n is posted, then to the worker.
+  std::vector<std::function<void()>> jobs_;
   std::atomic<std::uint64_t> posted_{0}, done_{0};
   std::atomic<double> busy_since_s_{0.0};  // monotonic; 0: nothing is being done
   std::atomic<bool> ends_{false};
   std::thread thread_;
+};
+
+// A write that was handed to a queue. One that the queue could not take is done at once, with an error.
+class PendingWrite {
+ public:
+  PendingWrite(BackgroundQueue& queue, std::function<Status()> write)
+      : queue_(&queue), status_(std::make_shared<Status>()) {
+    if (!queue.post([status = status_, write = std::move(write)] { *status = write(); }))
+      *status_ = device_error("more waits to be written than can be held: the disk is too slow");
+    else
+      ticket_ = queue.posted();
+  }
+  bool done() const { return queue_->done(ticket_); }
+  const Status& status() const { return *status_; }  // REQUIRES done()
+
+ private:
+  BackgroundQueue* queue_;
+  std::shared_ptr<Status> status_;  // outlives whoever waits no longer
+  std::uint64_t ticket_ = 0;
 };
 
 // An observer that may block: what it is told waits in a queue. Snapshots are left out while others wait, the rest is not.

@@ -26,7 +26,7 @@ DwellMonitor::DwellMonitor(const DwellConfig& config, const RecordingInfo& info)
   const double window_s = static_cast<double>(window_samples_) * info.sample_period_s;
   const Parameters start = start_parameters(info);
   const ParameterVector si = si_per_unit(info);
-  const double rad_per_count = start.n(0, 0) * si[6];
+  const double rad_per_count = nominal_gyro_rad(info);
   const double mps_per_count = start.a(0, 0) * si[15];
   for (int i = 0; i < 3; ++i) {
     unit_[static_cast<std::size_t>(i)] = rad_per_count / rad_per_deg / window_s;

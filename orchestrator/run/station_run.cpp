@@ -3,7 +3,6 @@
 #include "orchestrator/run/station_run.h"
 
 #include <limits>
-#include <memory>
 #include <utility>
 
 #include "imu_io/base/format_number.h"
@@ -250,13 +249,11 @@ StationRun::MaybeEvent StationRun::kept(const Status& status) {
 }
 
 StationRun::MaybeEvent StationRun::keep(std::function<Status()> write) {
-  const auto written = std::make_shared<Status>();
-  const bool taken = storage_.post([written, write = std::move(write)] { *written = write(); });
-  if (!taken) return kept(device_error("more waits to be written than can be held: the disk is too slow"));
-  for (const std::uint64_t ticket = storage_.posted(); !storage_.done(ticket); BackgroundQueue::wait_a_little()) {
+  const PendingWrite written(storage_, std::move(write));
+  for (; !written.done(); BackgroundQueue::wait_a_little()) {
     if (const MaybeEvent event = look_around()) return event;
   }
-  return kept(*written);
+  return kept(written.status());
 }
 
 StationRun::MaybeEvent StationRun::stuck() {

@@ -58,7 +58,7 @@ void LiveStatus::begin(const RecordingInfo& info) {
   second_samples_ = static_cast<std::size_t>(std::max(1.0, std::round(1.0 / info.sample_period_s)));
   const double second_s = static_cast<double>(second_samples_) * info.sample_period_s;
   for (std::size_t i = 0; i < 3; ++i) {
-    per_count_[i] = start.n(0, 0) * si[6] / rad_per_deg / second_s;
+    per_count_[i] = nominal_gyro_rad(info) / rad_per_deg / second_s;
     per_count_[3 + i] = start.a(0, 0) * si[15] / second_s;
   }
   pulse_[0] = info.gyro_increment == IncrementKind::pulses ? per_count_[0] * second_s * 3600.0 : 0.0;

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "imu_io/base/deadline.h"
@@ -162,17 +163,25 @@ class SteppedClock : public Clock {
   LiveClock clock_{speed_up};
 };
 
+// Counts what is missing between the samples.
 class HangingSink : public RunSink {
  public:
   explicit HangingSink(const Hook& disk) : disk_(disk) {}
   Status start(const RecordingInfo&) override { return write(); }
   Status resume(const RecordingInfo&, std::int64_t, std::optional<std::uint32_t>) override { return write(); }
   Status begin_segment(const Segment&) override { return write(); }
-  Status add(std::span<const ImuSample>) override { return write(); }
+  Status add(std::span<const ImuSample> samples) override {
+    for (const ImuSample& sample : samples)
+      missing += static_cast<std::size_t>(sample.counter - std::exchange(next, sample.counter + 1));
+    return write();
+  }
   Status end_segment(SegmentKind, std::int64_t, const AxisTriple&) override { return write(); }
   Status sync() override { return write(); }
   std::optional<std::uint32_t> written() const override { return {}; }
   Status finish() override { return write(); }
+
+  std::int64_t next = 0;
+  std::size_t missing = 0;
 
  private:
   Status write() const {
@@ -198,6 +207,44 @@ class HangingJournal : public RunJournal {
     return {};
   }
   const Hook& disk_;
+};
+
+// A whole station of them. Journal and recording go through the queue.
+struct HangingStation {
+  HangingStation(bool deaf, double limit_s) : table(clock, deaf), storage(BackgroundQueue::By::thread, limit_s) {
+    station.clock_speed_up = speed_up;
+    station.imu_timeout_s = 1000.0;
+  }
+  RunOutcome run(RunObserver& observer) {
+    StationHooks hooks;
+    hooks.observer = &observer;
+    hooks.stop_requests = &stop_requests;
+    hooks.journal = &journal;
+    hooks.storage = &storage;
+    const Plan planned = plan();
+    StationRun station_run({table, unit, clock, LiveDevices::wait_a_little}, {sequence, planned, station, "SN1"}, sink,
+                           hooks);
+    return station_run.run();
+  }
+  Plan plan() const {
+    RecordingInfo info;
+    unit.describe(info);
+    return make_plan(sequence, plan_limits(station, info.sample_period_s));
+  }
+  Sequence sequence = *parse_sequence(
+      "format = 1\nname = there\nrate_degps = 60\nacceleration_degps2 = 200\n"
+      "step 1 \"there\"\n  initial H 0 P 0 R 0\n  align 600\n  rotate P +90\n  dwell 600\n  rotate P -90\n"
+      "  dwell 400\n",
+      "there.seq");
+  Hook disk;
+  SteppedClock clock;
+  DrawnTable table;
+  DrawnUnit unit{clock};
+  HangingSink sink{disk};
+  HangingJournal journal{disk};
+  StationConfig station = default_station_config();
+  std::atomic<int> stop_requests{0};
+  BackgroundQueue storage;  // last, so that it is gone first
 };
 
 }  // namespace turncal

@@ -64,49 +64,28 @@ struct Latency {
   double stop_ms = -1.0, second_ms = -1.0, escalation_ms = -1.0;  // -1: not asked
 };
 
-constexpr const char* sequence_text =
-    "format = 1\nname = stops\nrate_degps = 60\nacceleration_degps2 = 200\n"
-    "step 1 \"there\"\n  initial H 0 P 0 R 0\n  align 600\n  rotate P +90\n  dwell 600\n  rotate P -90\n  dwell 400\n";
-
 Latency one_run(std::uint64_t seed, bool real_time) {
   std::mt19937_64 random(seed);
   const auto draw = [&random](double from, double to) { return std::uniform_real_distribution(from, to)(random); };
-  Hook disk, terminal_hook, page_hook;
-  SteppedClock clock;
   const bool deaf = random() % 2 == 0, twice = random() % 2 == 0;
-  DrawnTable table(clock, deaf);
-  DrawnUnit unit(clock);
-  HangingSink sink(disk);
-  HangingJournal journal(disk);
-  HangingObserver log(disk), terminal(terminal_hook), page(page_hook);
-  StationConfig station = default_station_config();
-  station.clock_speed_up = speed_up;
-  station.imu_timeout_s = 1000.0;
-  const Result<Sequence> sequence = parse_sequence(sequence_text, "stops.seq");
-  RecordingInfo info;
-  unit.describe(info);
-  const Plan plan = make_plan(*sequence, plan_limits(station, info.sample_period_s));
-  std::atomic<int> stops{0};
-  BackgroundQueue storage(BackgroundQueue::By::thread), display(BackgroundQueue::By::thread);
-  BackgroundObserver kept_log(log, storage), shown_terminal(terminal, display), shown_page(page, display);
+  Hook terminal_hook, page_hook;
+  HangingObserver terminal(terminal_hook), page(page_hook);
+  HangingStation s(deaf, BackgroundQueue::answer_limit_s);
+  HangingObserver log(s.disk);
+  DrawnTable& table = s.table;
+  BackgroundQueue display(BackgroundQueue::By::thread);
+  BackgroundObserver kept_log(log, s.storage), shown_terminal(terminal, display), shown_page(page, display);
   Both observers({&kept_log, &shown_terminal, &shown_page});
   const double began_s = monotonic_s();
   std::atomic<bool> over{false};
   std::thread run([&] {
     std::optional<RealTime> first;
     if (real_time) first.emplace();
-    StationHooks hooks;
-    hooks.observer = &observers;
-    hooks.stop_requests = &stops;
-    hooks.journal = &journal;
-    hooks.storage = &storage;
-    StationRun station_run({table, unit, clock, LiveDevices::wait_a_little}, {*sequence, plan, station, "SN1"}, sink,
-                           hooks);
-    station_run.run();
+    s.run(observers);
     over = true;
   });
   const auto ask = [&] {
-    ++stops;
+    ++s.stop_requests;
     ::pthread_kill(run.native_handle(), SIGUSR1);
   };
   const double hang_ms = draw(0.0, 250.0);
@@ -119,10 +98,10 @@ Latency one_run(std::uint64_t seed, bool real_time) {
     latency.hangs = what == 5 ? "all" : name;
   };
   latency.hangs = "nothing";
-  hang(1, "disk", [&] { disk.hangs = true; });
+  hang(1, "disk", [&] { s.disk.hangs = true; });
   hang(2, "terminal", [&] { terminal_hook.hangs = true; });
   hang(3, "page", [&] { page_hook.hangs = true; });
-  hang(4, "clock", [&] { clock.step_s = draw(-1e4, 1e4); });
+  hang(4, "clock", [&] { s.clock.step_s = draw(-1e4, 1e4); });
   pause_ms(draw(0.0, 30.0));
   std::optional<RealTime> asker;  // a signal waits for no processor
   if (real_time) asker.emplace();
@@ -140,7 +119,7 @@ Latency one_run(std::uint64_t seed, bool real_time) {
   asker.reset();
   while (!over && (table.stop_s == 0.0 || table.abort_s == 0.0) && monotonic_s() - asked_s < 5.0) pause_ms(0.2);
   pause_ms(2.0);
-  disk.hangs = terminal_hook.hangs = page_hook.hangs = false;
+  s.disk.hangs = terminal_hook.hangs = page_hook.hangs = false;
   run.join();
   // A run that had switched its drives off, or not yet on, has nothing to stop.
   const bool live = live_states.contains(at) && !observers.calibrating;
@@ -151,10 +130,10 @@ Latency one_run(std::uint64_t seed, bool real_time) {
   if (live && stop_s == 0.0) latency.stop_ms = 1e3 * ((abort_s > 0.0 ? abort_s : monotonic_s()) - asked_s);
   if (live && second_s > 0.0 && abort_s > 0.0) latency.second_ms = 1e3 * (abort_s - second_s);
   double ramp_s = 0.0;
-  for (const PlannedItem& item : plan.items) {
+  for (const PlannedItem& item : s.plan().items) {
     if (item.kind == SequenceItem::Kind::move) ramp_s = std::max(ramp_s, item.rate_degps / item.acceleration_degps2);
   }
-  const double brake_s = (2.0 * ramp_s + station.motion.stall_s) / speed_up;
+  const double brake_s = (2.0 * ramp_s + s.station.motion.stall_s) / speed_up;
   if (live && deaf && !twice && stop_s > 0.0 && abort_s > 0.0)
     latency.escalation_ms = 1e3 * (abort_s - stop_s - brake_s);
   return latency;

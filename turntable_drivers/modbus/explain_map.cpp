@@ -26,11 +26,6 @@ std::string request(int unit, int function, int address, std::size_t count) {
          register_text(address) + (count > 1 ? ", " + std::to_string(count) + " registers" : "");
 }
 
-const char* name_of(WordType type) {
-  constexpr std::array<const char*, 6> names = {"u16", "s16", "u32", "s32", "f32", "f64"};
-  return names[static_cast<std::size_t>(type)];
-}
-
 std::string per(double scale, const char* unit) { return format_number(scale) + " per " + unit; }
 
 // What a number of a write is made of; empty: it stands in the file.
@@ -76,7 +71,7 @@ void explain_writes(const RegisterMap& map, DriveOperation operation, const std:
       const auto words = words_of(map, step, axis, moves);
       int at = 0;
       for (const WriteOperand& operand : step.operands) {
-        std::string says = std::string(name_of(operand.type)) + " ";
+        std::string says = std::string(to_string(operand.type)) + " ";
         if (words) {
           const auto part = std::span(*words).subspan(static_cast<std::size_t>(at),
                                                       static_cast<std::size_t>(register_count(operand.type)));
@@ -118,26 +113,22 @@ void explain_status(const RegisterMap& map, std::vector<TableRow>& rows) {
       rows.push_back({"status", whose, request(scale.unit, map.status_function, first, asked), "",
                       std::to_string(2 * asked) + " bytes", source(name + ".address")});
     };
-    // As it stands in the reading, where the block of the whole table has no offset.
     const auto field = [&](int address, const std::string& says, const std::string& key) {
-      const bool in_first = address >= map.status_address && address < map.status_address + map.status_count;
-      const bool of_table = in_first ? map.status_of_table : map.status2_of_table;
-      rows.push_back({"status", whose,
-                      "  its register " + register_text(address + (of_table ? 0 : scale.address_offset)), says, "",
-                      source(key)});
+      rows.push_back(
+          {"status", whose, "  its register " + register_text(map.read_at(address, axis)), says, "", source(key)});
     };
     block("status", map.status_address, map.status_count, map.status_of_table);
     if (map.status2_count > 0) block("status2", map.status2_address, map.status2_count, map.status2_of_table);
     field(scale.position.address,
-          std::string(name_of(scale.position.type)) + " position: " + per(scale.signed_counts_per_degree(), "deg") +
+          std::string(to_string(scale.position.type)) + " position: " + per(scale.signed_counts_per_degree(), "deg") +
               ", 0 at " + format_number(scale.zero_deg) + " deg" +
               (scale.modulo_deg > 0.0 ? ", a circle of " + format_number(scale.modulo_deg) + " deg" : ""),
           "position.address");
     if (scale.rate)
       field(scale.rate->address,
-            std::string(name_of(scale.rate->type)) + " rate: " + per(scale.measured_rate_scale, "deg/s"),
+            std::string(to_string(scale.rate->type)) + " rate: " + per(scale.measured_rate_scale, "deg/s"),
             "rate.address");
-    if (scale.alarm) field(scale.alarm->address, std::string(name_of(scale.alarm->type)) + " alarm", "alarm.address");
+    if (scale.alarm) field(scale.alarm->address, std::string(to_string(scale.alarm->type)) + " alarm", "alarm.address");
     for (int i = 0; i < drive_bit_count; ++i) {
       const std::string flag = to_string(static_cast<DriveBit>(i));
       if (const auto& bit = scale.bits[static_cast<std::size_t>(i)])

@@ -119,10 +119,18 @@ struct RegisterMap : TableDescription {
     return step.address + (step.of_table || once(operation) ? 0 : of(which).address_offset);
   }
   int unit_of(DriveOperation operation, Axis which) const { return of(once(operation) ? Axis::heading : which).unit; }
+  bool in_first_block(int address) const {
+    return address >= status_address && address < status_address + status_count;
+  }
   // Where a status register stands in the two blocks put together.
   std::size_t place_of(int address) const {
-    const bool in_first = address >= status_address && address < status_address + status_count;
-    return static_cast<std::size_t>(in_first ? address - status_address : status_count + address - status2_address);
+    return static_cast<std::size_t>(in_first_block(address) ? address - status_address
+                                                            : status_count + address - status2_address);
+  }
+  // At which register it is read: a block of the whole table has no offset.
+  int read_at(int address, Axis which) const {
+    const bool of_whole_table = in_first_block(address) ? status_of_table : status2_of_table;
+    return address + (of_whole_table ? 0 : of(which).address_offset);
   }
 };
 

@@ -25,16 +25,24 @@ Range range_of(WordType type) {
   return {0.0, 0.0};
 }
 
+constexpr std::pair<std::string_view, WordType> type_names[] = {{"u16", WordType::u16}, {"s16", WordType::s16},
+                                                                {"u32", WordType::u32}, {"s32", WordType::s32},
+                                                                {"f32", WordType::f32}, {"f64", WordType::f64}};
+
 }  // namespace
 
 std::optional<WordType> word_type_of(std::string_view name) {
-  constexpr std::pair<std::string_view, WordType> names[] = {{"u16", WordType::u16}, {"s16", WordType::s16},
-                                                             {"u32", WordType::u32}, {"s32", WordType::s32},
-                                                             {"f32", WordType::f32}, {"f64", WordType::f64}};
-  for (const auto& [known, type] : names) {
+  for (const auto& [known, type] : type_names) {
     if (known == name) return type;
   }
   return {};
+}
+
+std::string_view to_string(WordType type) {
+  for (const auto& [name, known] : type_names) {
+    if (known == type) return name;
+  }
+  return "";
 }
 
 double decode_words(std::span<const std::uint16_t> registers, WordType type, WordLayout layout) {

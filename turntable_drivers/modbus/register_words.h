@@ -20,6 +20,7 @@ constexpr int register_count(WordType type) {
 constexpr bool is_floating(WordType type) { return type == WordType::f32 || type == WordType::f64; }
 // "u16" ... "f64"
 std::optional<WordType> word_type_of(std::string_view name);
+std::string_view to_string(WordType type);
 
 struct WordLayout {
   bool high_word_first = true;

@@ -271,10 +271,7 @@ std::optional<WriteClash> stops_another(const RegisterMap& map, Axis axis, Axis 
 std::optional<WriteClash> same_axis(const RegisterMap& map, Axis one, Axis other) {
   const auto read_at = [&](Axis axis) {
     const RegisterField& position = map.of(axis).position;
-    const bool in_first =
-        position.address >= map.status_address && position.address < map.status_address + map.status_count;
-    const bool of_table = in_first ? map.status_of_table : map.status2_of_table;
-    return Written{.place = {map.of(axis).unit, position.address + (of_table ? 0 : map.of(axis).address_offset)},
+    return Written{.place = {map.of(axis).unit, map.read_at(position.address, axis)},
                    .value = {},
                    .words = {},
                    .registers = register_count(position.type)};

@@ -9,23 +9,6 @@
 namespace turncal {
 namespace {
 
-constexpr const char* there_and_back =
-    "format = 1\nname = there\nrate_degps = 60\nacceleration_degps2 = 200\n"
-    "step 1 \"there\"\n  initial H 0 P 0 R 0\n  align 600\n  rotate P +90\n  dwell 600\n  rotate P -90\n  dwell 400\n";
-
-// What the unit gave, one after the other.
-class CountingSink : public HangingSink {
- public:
-  using HangingSink::HangingSink;
-  Status add(std::span<const ImuSample> samples) override {
-    for (const ImuSample& sample : samples)
-      missing += static_cast<std::size_t>(sample.counter - std::exchange(next, sample.counter + 1));
-    return HangingSink::add(samples);
-  }
-  std::int64_t next = 0;
-  std::size_t missing = 0;
-};
-
 class Entering : public RunObserver {
  public:
   void on_transition(const TransitionRecord& record) override {
@@ -35,26 +18,11 @@ class Entering : public RunObserver {
   std::function<void(RunState)> on_entering;
 };
 
-struct WallStation {
-  explicit WallStation(double limit_s) : storage(BackgroundQueue::By::thread, limit_s) {
-    station.clock_speed_up = speed_up;
-    station.imu_timeout_s = 1000.0;
+struct WallStation : HangingStation {
+  explicit WallStation(double limit_s) : HangingStation(false, limit_s) {
     station.motion.deadline_margin_s = 2000.0;  // 20 s of the wall clock: the machine may be busy
   }
-  RunOutcome run() {
-    const Result<Sequence> sequence = parse_sequence(there_and_back, "there.seq");
-    RecordingInfo info;
-    unit.describe(info);
-    const Plan plan = make_plan(*sequence, plan_limits(station, info.sample_period_s));
-    StationHooks hooks;
-    hooks.observer = &watcher;
-    hooks.stop_requests = &stop_requests;
-    hooks.journal = &journal;
-    hooks.storage = &storage;
-    StationRun station_run({table, unit, clock, LiveDevices::wait_a_little}, {*sequence, plan, station, "SN1"}, sink,
-                           hooks);
-    return station_run.run();
-  }
+  RunOutcome run() { return HangingStation::run(watcher); }
   // When the state is entered the disk begins to hang, before that is written; `then` may do more.
   void hang_in(RunState state, std::function<void()> then = {}) {
     watcher.on_entering = [this, state, then](RunState entered) {
@@ -65,17 +33,8 @@ struct WallStation {
       if (then) then();
     };
   }
-  Hook disk;
-  SteppedClock clock;
-  DrawnTable table{clock, false};
-  DrawnUnit unit{clock};
-  CountingSink sink{disk};
-  HangingJournal journal{disk};
-  StationConfig station = default_station_config();
   Entering watcher;
-  std::atomic<int> stop_requests{0};
   double hung_s = 0.0;
-  BackgroundQueue storage;  // last, so that it is gone first
 };
 
 // In the states that wait for the disk next: the move must not begin, the dwell must not count, before it answers.

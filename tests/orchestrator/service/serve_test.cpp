@@ -234,48 +234,47 @@ TEST_F(Serve, ShowsTheResultsOfAllStationsOfADatabase) {
   EXPECT_NE(body.find("\"last_unit\":\"SN3\""), std::string::npos) << body;
 }
 
+// A page for ana, who acts on the station "east". Returns the code of the answer.
+struct ServedToAna {
+  explicit ServedToAna(const ServedStation& station, const std::string& operators) {
+    auto opened = ServicePage::open("127.0.0.1:0", {.stations = {station}, .password_file = operators, .database = {}},
+                                    [] { return 1.7e9; });
+    EXPECT_TRUE(opened) << opened.error().message;
+    page = std::move(*opened);
+    client.emplace(page->url().substr(0, page->url().size() - 1));
+  }
+  int post(const std::string& password, const std::string& action) {
+    client->set_basic_auth("ana", password);
+    const auto answer =
+        client->Post("/act", {{"X-Turncal", "1"}}, "station = east\naction = " + action + "\n", "text/plain");
+    return answer ? answer->status : -1;
+  }
+  std::unique_ptr<ServicePage> page;
+  std::optional<httplib::Client> client;
+};
+
 TEST_F(Serve, WhoGuessesHoldsUpNobodyWhoIsKnown) {
   write("queue", "SN1\n");
-  const std::string operators = write_operators(std::string("ana:") + hash_of_secret + "\n");
-  auto page = ServicePage::open("127.0.0.1:0", {.stations = {station_}, .password_file = operators, .database = {}},
-                                [] { return 1.7e9; });
-  ASSERT_TRUE(page) << page.error().message;
-  httplib::Client client((*page)->url().substr(0, (*page)->url().size() - 1));
-  const auto post = [&](const std::string& password, const std::string& unit) {
-    client.set_basic_auth("ana", password);
-    const auto answer =
-        client.Post("/act", {{"X-Turncal", "1"}}, "station = east\naction = add\nunit = " + unit + "\n", "text/plain");
-    return answer ? answer->status : -1;
-  };
-  EXPECT_EQ(post("secret", "A"), 200);
+  ServedToAna s(station_, write_operators(std::string("ana:") + hash_of_secret + "\n"));
+  EXPECT_EQ(s.post("secret", "add\nunit = A"), 200);
   for (int i = 0; i < 5; ++i) {
-    EXPECT_NE(post("guess" + std::to_string(i), "X"), 200);
-    EXPECT_EQ(post("secret", "B" + std::to_string(i)), 200);
+    EXPECT_NE(s.post("guess" + std::to_string(i), "add\nunit = X"), 200);
+    EXPECT_EQ(s.post("secret", "add\nunit = B" + std::to_string(i)), 200);
   }
   write_operators(std::string("eve:") + hash_of_secret + "\n");
-  EXPECT_NE(post("secret", "C"), 200);  // taken out is out at once
+  EXPECT_NE(s.post("secret", "add\nunit = C"), 200);  // taken out is out at once
 }
 
 // An operator who was never let in before, while somebody guesses without a pause: the stop comes through, the rest waits.
 TEST_F(Serve, WhoGuessesKeepsNobodyFromStopping) {
   write("queue", "SN1\n");
-  const std::string operators = write_operators(std::string("ana:") + hash_of_secret + "\n");
-  auto page = ServicePage::open("127.0.0.1:0", {.stations = {station_}, .password_file = operators, .database = {}},
-                                [] { return 1.7e9; });
-  ASSERT_TRUE(page) << page.error().message;
-  httplib::Client client((*page)->url().substr(0, (*page)->url().size() - 1));
-  const auto post = [&](const std::string& password, const std::string& action) {
-    client.set_basic_auth("ana", password);
-    const auto answer =
-        client.Post("/act", {{"X-Turncal", "1"}}, "station = east\naction = " + action + "\n", "text/plain");
-    return answer ? answer->status : -1;
-  };
+  ServedToAna s(station_, write_operators(std::string("ana:") + hash_of_secret + "\n"));
   for (int i = 0; i < 20; ++i) {
-    EXPECT_NE(post("guess" + std::to_string(i), "pause"), 200);
-    EXPECT_EQ(post("guess" + std::to_string(i), "stop"), 401) << "wrong, and not put off";
+    EXPECT_NE(s.post("guess" + std::to_string(i), "pause"), 200);
+    EXPECT_EQ(s.post("guess" + std::to_string(i), "stop"), 401) << "wrong, and not put off";
   }
-  EXPECT_EQ(post("secret", "pause"), 429);
-  EXPECT_EQ(post("secret", "stop"), 409) << "let in: nothing runs that could be stopped";
+  EXPECT_EQ(s.post("secret", "pause"), 429);
+  EXPECT_EQ(s.post("secret", "stop"), 409) << "let in: nothing runs that could be stopped";
 }
 
 TEST_F(Serve, ASuspendedProcessIsSaid) {
