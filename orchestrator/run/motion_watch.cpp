@@ -44,12 +44,14 @@ FeltRate::FeltRate(const RecordingInfo& info)
       block_samples_(std::max<std::int64_t>(1, std::llround(0.01 / info.sample_period_s))) {}
 
 void FeltRate::add(const ImuSample& sample) {
-  if (next_counter_ && sample.counter != *next_counter_) {
+  const bool flagged = (sample.flags & sample_flag_invalid) != 0;
+  if (flagged || (next_counter_ && sample.counter != *next_counter_)) {
     sum_ = {};
     in_block_ = 0;
     known_ = 0;
   }
   next_counter_ = sample.counter + 1;
+  if (flagged) return;
   for (std::size_t i = 0; i < 3; ++i) sum_[i] += sample.gyro[i];
   if (++in_block_ == block_samples_) close_block();
 }
@@ -78,9 +80,11 @@ void FeltRate::close_block() {
 }
 
 void FeltRate::begin_turn(double allowed_degps2) {
-  rest_degps_ = way_s_ > 0.0 ? 4.0 * way_deg_ / way_s_ : 0.0;
+  // After a turn that nobody ended, the rest before it.
+  if (!turning_) rest_degps_ = way_s_ > 0.0 ? 4.0 * way_deg_ / way_s_ : 0.0;
   way_deg_ = way_s_ = peak_degps_ = up_degps_ = down_degps_ = beyond_degps_ = 0.0;
   allowed_degps2_ = allowed_degps2;
+  turning_ = true;
 }
 
 std::optional<double> FeltRate::end_turn(double turned_deg) {
@@ -91,6 +95,7 @@ std::optional<double> FeltRate::end_turn(double turned_deg) {
   const bool felt_whole = std::abs(way_deg_ * scale_ - std::abs(turned_deg)) <= 0.3 + 0.005 * std::abs(turned_deg);
   jump_degps_ = confirmed_ && felt_whole ? (beyond_degps_ - 2.0 * rest_degps_) * scale_ : 0.0;
   way_deg_ = way_s_ = 0.0;
+  turning_ = false;
   if (std::abs(turned_deg) < least_deg || !(ratio >= least && ratio <= most)) return std::nullopt;
   // One turn alone may have lost samples.
   const bool agrees = std::abs(ratio - ratio_) <= same * ratio;
@@ -107,8 +112,7 @@ std::optional<double> FeltRate::now_degps() const {
 
 double SpeedWatch::allowed_degps(Axis axis, const std::optional<Move>& sent, bool searches) const {
   const double most_degps = limits_[static_cast<std::size_t>(axis)].max_rate_degps;
-  if (searches) return most_degps;
-  if (!sent || sent->axis != axis) return 0.0;
+  if (searches || !sent || sent->axis != axis) return most_degps;
   return std::min(factor * sent->rate_degps, std::max(most_degps, sent->rate_degps));
 }
 
@@ -133,26 +137,27 @@ void SpeedWatch::restart(const TableStatus& axes, double asked_s, double answere
 
 std::optional<std::string> SpeedWatch::add(const TableStatus& axes, double asked_s, double answered_s,
                                            const std::optional<Move>& sent, bool searches) {
-  Reading now;
-  now.asked_s = asked_s;
+  if (!before_) beyond_ = {};
+  Reading now{{}, asked_s, answered_s};
   std::optional<std::string> said;
   for (const Axis axis : all_axes) {
     const AxisStatus& read = axes[static_cast<std::size_t>(axis)];
+    Beyond& beyond = beyond_[static_cast<std::size_t>(axis)];
     now.at_deg[axis] = read.position_deg;
     const double allowed = allowed_degps(axis, sent, searches);
-    if (allowed == 0.0) continue;  // stray_axis says whether it stays
     const double rate_degps = std::abs(read.rate_degps);
     if (read.rate_told && rate_degps > allowed + rate_margin_degps(allowed))
       return too_fast(axis, rate_degps, "by its own rate", sent);
-    // While it searches its angle may be set anew.
-    if (!before_ || searches) continue;
-    const double longest_s = answered_s - before_->asked_s;
-    const double way_deg = std::abs(read.position_deg - before_->at_deg[axis]);
-    beyond_deg_[axis] = std::max(0.0, beyond_deg_[axis] + way_deg - allowed * longest_s);
-    if (beyond_deg_[axis] > 0.1 + allowed * stale_s * speed_up_)
-      said = too_fast(axis, way_deg / longest_s, "by its positions", sent);
+    if (!before_) continue;
+    const double change_deg = read.position_deg - before_->at_deg[axis], longest_s = answered_s - before_->asked_s;
+    if (searches && std::abs(change_deg) > 2.0 * allowed * longest_s && beyond.set_anew++ < zeros) continue;
+    const double late_deg = allowed * (before_->answered_s - before_->asked_s);
+    const double may_deg = allowed * (answered_s - before_->answered_s);
+    beyond.up_deg = std::max(beyond.up_deg, -late_deg) + change_deg - may_deg;
+    beyond.down_deg = std::max(beyond.down_deg, -late_deg) - change_deg - may_deg;
+    if (std::max(beyond.up_deg, beyond.down_deg) > 0.1 + allowed * stale_s * speed_up_)
+      said = too_fast(axis, std::abs(change_deg) / longest_s, "by its positions", sent);
   }
-  if (!before_ || searches) beyond_deg_ = {};
   before_ = now;
   return said;
 }

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -34,6 +35,7 @@ std::optional<std::string> stray_axis(const TableStatus& axes, const AxisTriple&
 // How fast a unit turns: the magnitude of its gyros' vector, whatever its mounting, by blocks of 10 ms and as the median of five, so that
 // a glitch is none. Time is the unit's own. deg/s by the nominal scale of its frame; where two turns have told alike what the unit makes of a
 // degree (end_turn), by that. Four times what it felt at rest before the turn, in the mean, is taken off: noise, bias and the earth's rate.
+// A sample that the unit flags counts as lost.
 class FeltRate {
  public:
   explicit FeltRate(const RecordingInfo& info);
@@ -63,15 +65,15 @@ class FeltRate {
          beyond_degps_ = 0.0;
   double allowed_degps2_ = 0.0, jump_degps_ = 0.0;
   double scale_ = 1.0, ratio_ = 0.0;
-  bool confirmed_ = false;
+  bool confirmed_ = false, turning_ = false;  // the latter from begin_turn to end_turn
 };
 
 // How fast the axes turn, poll after poll. What is said of one that is too fast is one line; nothing: all is well.
 //
-// By its rate: where the device tells one (AxisStatus::rate_told). By its positions: a cumulative sum
-//   S = max(0, S + |dp| - allowed dt),  a fault where S is beyond the way of stale_s at the allowed rate and 0.1 deg,
-// with dt the longest time that can lie between two readings (from the request for the one to the answer of the other), so that a slow line
-// is no fault; a position that is found anew only several times a second is none either. By the unit: the least of those on the table whose
+// By its rate: where the device tells one (AxisStatus::rate_told). By its positions: of all readings s < t the largest
+//   |p(t) - p(s)| - allowed (t - s),  a fault beyond the way of stale_s at the allowed rate and 0.1 deg,
+// by their answers. A reading is as old as its answer is late, which counts once, where a change begins, so that a slow line is no fault and
+// hides none; a position that is found anew only several times a second is none either. By the unit: the least of those on the table whose
 // scale is known; that of the first turn is for first_step_check.h to judge. How it was sped up is judged when the turn is over.
 class SpeedWatch {
  public:
@@ -88,6 +90,7 @@ class SpeedWatch {
   static std::optional<std::string> judge_jump(const std::vector<const FeltRate*>& felt, const Move& move);
 
   static constexpr double factor = 1.2;
+  static constexpr int zeros = 2;          // so often a search may set an angle anew
   static constexpr double stale_s = 0.25;  // wall time: a table that finds its position four times a second
   static double rate_margin_degps(double allowed_degps) { return std::max(0.5, 0.05 * allowed_degps); }
   static double felt_margin_degps(double allowed_degps) { return 1.0 + 0.05 * allowed_degps; }
@@ -101,10 +104,15 @@ class SpeedWatch {
   double speed_up_;
   struct Reading {
     AxisTriple at_deg;
-    double asked_s = 0.0;
+    double asked_s = 0.0, answered_s = 0.0;
   };
   std::optional<Reading> before_;
-  AxisTriple beyond_deg_{};  // the sums
+  // Cumulative sums, for either way.
+  struct Beyond {
+    double up_deg = -std::numeric_limits<double>::infinity(), down_deg = up_deg;
+    int set_anew = 0;
+  };
+  std::array<Beyond, 3> beyond_{};
 };
 
 // Whether the axes look for their zero. How far each turns meanwhile counts by its rate and by its angle, whichever says more: the angle may be

@@ -337,5 +337,80 @@ TEST(FeltRate, AGlitchIsNotFelt) {
   }
 }
 
+// A line that takes 0.3 s for the three axes: how late an answer may be counts once, not with every poll.
+TEST(SpeedWatch, ASlowLineHidesNoAxisThatTurnsTwiceAsFast) {
+  SpeedWatch speed(usual, 1.0);
+  const Move move{Axis::heading, 360.0, 20.0, 60.0};
+  TableStatus axes{};
+  std::optional<std::string> said;
+  double asked_s = 0.0;
+  for (; !said && asked_s < 9.0; asked_s += 0.4) {
+    axes[0].position_deg = 2.0 * move.rate_degps * (asked_s + 0.15);
+    said = speed.add(axes, asked_s, asked_s + 0.3, move, false);
+  }
+  ASSERT_TRUE(said);
+  EXPECT_LT(asked_s, 2.0) << *said;
+}
+
+// The last digit of an encoder does not stand still.
+TEST(SpeedWatch, AFlickeringEncoderDoesNotTurn) {
+  SpeedWatch speed(usual, 1.0);
+  const Move move{Axis::heading, 1.0, 0.02, 0.1};
+  TableStatus axes{};
+  for (int i = 0; i < 400; ++i) {
+    axes[0].position_deg = 0.02 * 0.1 * i + (i % 2 == 0 ? 0.005 : -0.005);
+    const auto said = speed.add(axes, 0.1 * i, 0.1 * i + 0.001, move, false);
+    ASSERT_FALSE(said) << 0.1 * i << " s: " << *said;
+  }
+}
+
+// A device that tells no rate: a search beyond max_rate, and one with an angle that is set anew twice.
+TEST(SpeedWatch, ASearchIsJudgedByItsPositions) {
+  for (const double factor : {1.3, 3.0, 8.0}) {
+    SpeedWatch speed(usual, 1.0);
+    TableStatus axes{};
+    std::optional<std::string> said;
+    double now_s = 0.0;
+    for (; !said && now_s < 10.0; now_s += 0.5) {
+      axes[0].position_deg = 100.0 * factor * now_s;
+      said = speed.add(axes, now_s, now_s + 0.01, std::nullopt, true);
+    }
+    ASSERT_TRUE(said) << factor;
+    EXPECT_LE(now_s, 2.5) << *said;
+  }
+  SpeedWatch speed(usual, 1.0);
+  TableStatus axes{};
+  for (int i = 0; i < 20; ++i) {
+    axes[0].position_deg = 95.0 * 0.5 * i + (i < 7 ? 0.0 : i < 9 ? 400.0 : -700.0);
+    const auto said = speed.add(axes, 0.5 * i, 0.5 * i + 0.01, std::nullopt, true);
+    ASSERT_FALSE(said) << i << ": " << *said;
+  }
+}
+
+TEST(SpeedWatch, AnAxisThatNothingSentKeepsToItsLargestRate) {
+  SpeedWatch speed(usual, 1.0);
+  TableStatus axes{};
+  axes[2].rate_told = true;
+  axes[2].rate_degps = 300.0;
+  const auto said = speed.add(axes, 0.0, 0.01, Move{Axis::heading, 90.0, 20.0, 60.0}, false);
+  EXPECT_EQ(said.value_or(""), "roll turns at 300 deg/s (by its own rate): expected at most 100 deg/s");
+}
+
+// A sample that the unit flags is not felt.
+TEST(FeltRate, AFlaggedSampleIsNotFelt) {
+  RecordingInfo info;
+  info.sample_period_s = 0.005;
+  info.gyro_increment = IncrementKind::physical;
+  FeltRate felt(info);
+  for (std::int64_t i = 0; i < 1000; ++i) {
+    ImuSample sample;
+    sample.counter = i;
+    sample.flags = i >= 500 && i < 600 ? sample_flag_invalid : 0;
+    sample.gyro[2] = sample.flags != 0 ? 1.0 : 0.0;
+    felt.add(sample);
+    EXPECT_EQ(felt.now_degps().value_or(0.0), 0.0) << i;
+  }
+}
+
 }  // namespace
 }  // namespace turncal

@@ -61,6 +61,22 @@ TEST(StationRun, ATableThatIsSpedUpTooQuicklyIsStoppedOnceTheUnitsScaleIsKnown) 
       << "after the third turn: " << outcome.error.message;
 }
 
+// A move that is made again since samples were lost is felt as a turn, not as the rest before the way back.
+TEST(StationRun, TheWayBackOfAMoveThatIsRepeatedIsSupervised) {
+  const std::string text =
+      "format = 1\nname = moves\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 0 R 0\n  align "
+      "1000\n"
+      "  rotate P +20\n  rotate P -20\n  rotate P +90\n  dwell 400\n";
+  // 13 s: the third move, which loses a sample at 14 s and has settled at 23 s.
+  RigStation s(text, rig_with({unit_fault(RigFaultKind::lost_sample, 2400), too_fast(20.0, 1.0, 10.0)}));
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_TRUE(s.watcher.saw(RunEvent::move_bad));
+  EXPECT_NE(outcome.error.message.find("than the 20 deg/s^2 that were sent"), std::string::npos)
+      << outcome.error.message;
+  EXPECT_NE(outcome.error.message.find("pitch 0.0000"), std::string::npos) << "the way back: " << outcome.error.message;
+}
+
 TEST(StationRun, NeverInPositionRunsIntoTheDeadline) {
   RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::never_in_position, 8.0)}));
   const RunOutcome outcome = s.run();
