@@ -11,6 +11,7 @@
 #include <Eigen/Core>
 
 #include "calib/model/parameters.h"
+#include "imu_io/base/format_number.h"
 #include "orchestrator/devices/felt_directions.h"
 #include "orchestrator/devices/rate_check.h"
 #include "orchestrator/run/motion_watch.h"
@@ -156,7 +157,7 @@ class Trial {
       const Result<TableStatus> axes = read_table();
       if (!axes) return axes.error();
       if (const auto said = too_fast(*axes, asked_s)) {
-        return sent_ ? scale_error(*said) : device_error(*said);
+        return sent_ ? scale_error(sent_->axis, *said, std::nullopt) : device_error(*said);
       }
       for (const Axis axis : all_axes) {
         // Until they are held the drives come on and find their zero.
@@ -181,9 +182,16 @@ class Trial {
     const auto said = speed_.add(axes, asked_s, devices_.clock.now_s(), sent_, !held_deg_);
     return said ? said : speed_.add_felt({&felt_}, axes, sent_);
   }
-  static Error scale_error(const std::string& said) {
-    return input_error(said +
-                       ": expected a rate_scale in the table's map or dialect that turns it as fast as it is sent");
+  // factor: how many times too fast the axis turned; none: no less than is said.
+  Error scale_error(Axis axis, const std::string& said, std::optional<double> factor) const {
+    const std::optional<RegisterMap>& map = station_.table.map;
+    const std::optional<Dialect>& dialect = station_.table.dialect;
+    if (!map && !dialect) return input_error(said);
+    const double scale = map ? map->of(axis).rate_scale : dialect->of(axis).rate_scale;
+    char expected[40] = "less";
+    if (factor) std::snprintf(expected, sizeof expected, "about %.3g", scale / *factor);
+    return input_error(said + ": axis." + to_string(axis) + ".rate_scale in " + (map ? map->file : dialect->file) +
+                       " is " + format_number(scale) + ", expected " + expected);
   }
   // An axis that turns at another rate than it was sent: by how much, as the unit felt it, or by its way and time where the unit's scale is
   // not known.
@@ -200,12 +208,14 @@ class Trial {
     const double factor = degps / peak_degps;
     // The mean over the way is slower than the peak, and ends with the settling.
     if (felt_degps ? std::abs(factor - 1.0) <= tolerance : factor <= 1.0 + tolerance && factor > 0.3) return {};
+    // On a short way the acceleration keeps it from getting any faster.
+    const bool cut_short = degps > 0.8 * std::sqrt(way_deg * move.acceleration_degps2);
     char text[240];
     std::snprintf(text, sizeof text,
-                  "%s turned by %.4g deg in %.3g s, at %.3g times the %.4g deg/s that were sent (%s)",
-                  to_string(move.axis), way_deg, took_s, factor, move.rate_degps,
+                  "%s turned by %.4g deg in %.3g s, at %s%.3g times the %.4g deg/s that were sent (%s)",
+                  to_string(move.axis), way_deg, took_s, cut_short ? "no less than " : "", factor, move.rate_degps,
                   felt_degps ? "as the unit felt it" : "by its positions");
-    return scale_error(text);
+    return scale_error(move.axis, text, cut_short ? std::nullopt : std::optional(factor));
   }
   Result<double> position(Axis axis) {
     const Result<AxisStatus> status = devices_.table.status(axis);

@@ -81,11 +81,36 @@ for way in fast:10 slow:0.1; do
     done; } > "$work/$name.map"
   sed "s/twin\.map/$name.map/" "$work/twin.station" > "$work/$name.station"
 done
-expect 1 'heading turn.* times the 1 deg/s that were sent.*rate_scale' commission --station "$work/fast.station"
-expect 1 'heading.* at 0.1[0-9]* times the 1 deg/s that were sent.*rate_scale' commission --station "$work/slow.station"
+# A way of 5 deg at 2 deg/s^2 ends before a rate of 10 deg/s is reached: how many times too fast is not seen.
+expect_rates() {
+  local kind=$1 fast=$2 slow=$3
+  expect 1 "heading turn.* times the 1 deg/s that were sent.*axis.heading.rate_scale in .*fast.$kind is $fast, expected less" \
+    commission --accept-guess --station "$work/fast.station"
+  expect 1 "heading.* at 0.1[0-9]* times the 1 deg/s that were sent.*axis.heading.rate_scale in .*slow.$kind is $slow, expected about" \
+    commission --accept-guess --station "$work/slow.station"
+}
+expect_rates map "$(awk "BEGIN { print $counts * 10 }")" "$(awk "BEGIN { print $counts * 0.1 }")"
 expect 0 '0 gaps (0 lost)' monitor --station "$work/twin.station" --seconds 3
 [ "$(grep -c 'deg/s not ready (off).*samples/s, .*|f| ' "$work/said")" -ge 1 ] || fail "no line with the drives off"
 grep -q 'unit: [0-9]* samples, 0 lost, .* 0 bad frames, .*line errors not counted by the port' "$work/said" || fail "no summary of the unit's line"
+
+# The same of an ASCII table.
+kill -TERM "$twin"; wait "$twin" || true
+{ grep -Ev '^(commissioned|link\.(kind|baud)|plausible\.rate_degps) *=' "$here/turntable_drivers/ascii/dialects/newport_esp30x.dialect"
+  printf 'commissioned = true\nlink.kind = tcp\nplausible.rate_degps = 20000\n'; } > "$work/right.dialect"
+for way in right:1 fast:10 slow:0.1; do
+  name=${way%:*}
+  [ "$name" = right ] || { cat "$work/right.dialect"
+    for axis in heading pitch roll; do
+      for key in rate_scale measured_rate_scale; do echo "axis.$axis.$key = ${way#*:}"; done
+    done; } > "$work/$name.dialect"
+  sed -e 's/^table.driver = .*/table.driver = serial/' -e "s/^table.map = .*/table.dialect = $name.dialect/" "$work/twin.station" > "$work/$name.station"
+done
+"$binary" twin --station "$work/right.station" --table "tcp:${address##*:}" > "$work/twin.out" 2> "$work/twin.err" &
+twin=$!
+for _ in $(seq 100); do grep -qs ready "$work/twin.out" && break; sleep 0.1; done
+expect 0 'every axis turns the unit as it should' commission --accept-guess --station "$work/right.station"
+expect_rates dialect 10 0.1
 
 # Every shipped frame, of units that count and of units that send rad and m/s, beside a table that knows its zero.
 kill -TERM "$twin"; wait "$twin" || true
