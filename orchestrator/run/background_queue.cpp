@@ -4,9 +4,11 @@
 #include <signal.h>
 #include <time.h>
 
+#include <exception>
 #include <utility>
 
 #include "imu_io/base/deadline.h"
+#include "imu_io/base/format_number.h"
 
 namespace turncal {
 
@@ -23,11 +25,9 @@ BackgroundQueue::BackgroundQueue(By by, double limit_s) : limit_s_(limit_s) {
 
 BackgroundQueue::~BackgroundQueue() {
   if (!thread_.joinable()) return;
-  post([this] { ends_ = true; });
-  while (!ends_) {  // the queue may have been full
-    if (pending() == 0) post([this] { ends_ = true; });
-    wait_a_little();
-  }
+  while (pending() > 0) wait_a_little();
+  ends_ = true;
+  post([] {});  // wakes the thread
   thread_.join();
 }
 
@@ -47,8 +47,14 @@ bool BackgroundQueue::post(std::function<void()> job) {
 void BackgroundQueue::work() {
   for (std::uint64_t number = 0; !ends_; ++number) {
     posted_.wait(number, std::memory_order_acquire);
+    const std::function<void()> job = std::exchange(jobs_[number % capacity], nullptr);
     busy_since_s_ = monotonic_s();
-    std::exchange(jobs_[number % capacity], nullptr)();
+    try {
+      if (!threw_) job();
+    } catch (const std::exception& error) {
+      thrown_ = error.what();
+      threw_ = true;
+    }
     busy_since_s_ = 0.0;
     done_.store(number + 1, std::memory_order_release);
   }
@@ -57,6 +63,12 @@ void BackgroundQueue::work() {
 bool BackgroundQueue::stuck() const {
   const double since_s = busy_since_s_;
   return since_s > 0.0 && monotonic_s() - since_s > limit_s_;
+}
+
+Status BackgroundQueue::status() const {
+  if (threw_) return device_error("what was to be written could not be: " + thrown_);
+  if (stuck()) return device_error("the disk has not answered for " + format_number(limit_s_) + " s");
+  return {};
 }
 
 bool BackgroundQueue::drain() const {

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <string>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -36,8 +37,10 @@ class BackgroundQueue {
   std::uint64_t posted() const { return posted_.load(std::memory_order_relaxed); }
   bool done(std::uint64_t count) const { return done_.load(std::memory_order_acquire) >= count; }
   std::uint64_t pending() const { return posted() - done_.load(std::memory_order_acquire); }
-  double limit_s() const { return limit_s_; }
   bool stuck() const;  // the job that is being done takes longer than the limit
+  // For the loop to look at: an error when the queue is stuck, or when a job threw. After that no job is done any more, so that what is
+  // written has no holes.
+  Status status() const;
   // Waits until all is done, no longer than the limit for a job. False: stuck.
   bool drain() const;
   static void wait_a_little();  // 0.2 ms
@@ -50,7 +53,8 @@ class BackgroundQueue {
   std::vector<std::function<void()>> jobs_;
   std::atomic<std::uint64_t> posted_{0}, done_{0};
   std::atomic<double> busy_since_s_{0.0};  // monotonic; 0: nothing is being done
-  std::atomic<bool> ends_{false};
+  std::atomic<bool> ends_{false}, threw_{false};
+  std::string thrown_;  // what; written before threw_
   std::thread thread_;
 };
 
@@ -58,14 +62,17 @@ class BackgroundQueue {
 class PendingWrite {
  public:
   PendingWrite(BackgroundQueue& queue, std::function<Status()> write)
-      : queue_(&queue), status_(std::make_shared<Status>()) {
+      : queue_(&queue), status_(std::make_shared<Status>(device_error("it was not written"))) {
     if (!queue.post([status = status_, write = std::move(write)] { *status = write(); }))
       *status_ = device_error("more waits to be written than can be held: the disk is too slow");
     else
       ticket_ = queue.posted();
   }
   bool done() const { return queue_->done(ticket_); }
-  const Status& status() const { return *status_; }  // REQUIRES done()
+  Status status() const {  // REQUIRES done()
+    const Status of_all = queue_->status();
+    return of_all ? *status_ : of_all;
+  }
 
  private:
   BackgroundQueue* queue_;

@@ -69,7 +69,7 @@ RunOutcome StationRun::run() {
       handle(*event);
       continue;
     }
-    if (const MaybeEvent hangs = stuck(); hangs && state_ != RunState::stopping) handle(*hangs);
+    if (const MaybeEvent hangs = kept(storage_.status()); hangs && state_ != RunState::stopping) handle(*hangs);
     if (const MaybeEvent event = pump()) {
       handle(*event);
     } else if (devices_.clock.now_s() >= next_poll_s_ - time_slack_s) {
@@ -256,13 +256,8 @@ StationRun::MaybeEvent StationRun::keep(std::function<Status()> write) {
   return kept(written.status());
 }
 
-StationRun::MaybeEvent StationRun::stuck() {
-  if (!storage_.stuck()) return std::nullopt;
-  return kept(device_error("the disk has not answered for " + format_number(storage_.limit_s()) + " s"));
-}
-
 StationRun::MaybeEvent StationRun::look_around() {
-  if (const MaybeEvent hangs = stuck()) return hangs;
+  if (const MaybeEvent hangs = kept(storage_.status())) return hangs;
   if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) return asked();
   receive_meanwhile();
   if (!live_states.contains(state_) || devices_.clock.now_s() < next_poll_s_ - time_slack_s) return std::nullopt;

@@ -167,7 +167,6 @@ class StationRun {
   // Hands a write to the queue and waits until it is done. An event: it failed, or something else came first.
   MaybeEvent keep(std::function<Status()> write);
   MaybeEvent look_around();  // while that is waited for: stop requests, units, the table, the disk
-  MaybeEvent stuck();        // the disk does not answer
 
   MaybeEvent connect();
   MaybeEvent enable_and_home();

@@ -6,6 +6,7 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <new>
 #include <string>
 #include <utility>
 #include <vector>
@@ -23,11 +24,12 @@ inline void pause_ms(double ms) {
   ::nanosleep(&t, nullptr);
 }
 
-// What may hang: whoever comes waits until it is released.
+// What may hang: whoever comes waits until it is released. And what may have no memory left.
 struct Hook {
-  std::atomic<bool> hangs{false};
+  std::atomic<bool> hangs{false}, throws{false};
   void pass() const {
     while (hangs) pause_ms(0.5);
+    if (throws) throw std::bad_alloc();
   }
 };
 

@@ -70,6 +70,21 @@ TEST_P(HungDisk, ThatAnswersAgainCostsNoSample) {
   EXPECT_EQ(s.sink.missing, 0u);
   EXPECT_EQ(s.sink.next, outcome.units.front().recorded_samples);
 }
+TEST_P(HungDisk, ThatHasNoMemoryToWriteIsAFaultLikeAnother) {
+  WallStation s(10.0);
+  s.hang_in(GetParam(), [&] {
+    s.disk.throws = true;
+    s.disk.hangs = false;
+  });
+  const RunOutcome outcome = s.run();
+  EXPECT_EQ(outcome.state, RunState::failed);
+  EXPECT_EQ(outcome.error.kind, ErrorKind::device);
+  EXPECT_NE(outcome.error.message.find("what was to be written could not be: std::bad_alloc"), std::string::npos)
+      << outcome.error.message;
+  EXPECT_NE(outcome.error.message.find("its drives are off"), std::string::npos) << outcome.error.message;
+  EXPECT_EQ(s.sink.missing, 0u);  // the recording ends where the disk did
+}
+
 INSTANTIATE_TEST_SUITE_P(In, HungDisk,
                          testing::Values(RunState::homing, RunState::moving, RunState::settling, RunState::dwelling),
                          [](const auto& which) { return std::string(to_string(which.param)); });
