@@ -108,7 +108,7 @@ FrameCounter read_counter(FrameKeys& keys) {
   FrameCounter counter;
   KeyValueFile& file = keys.file();
   counter.field = keys.field("counter", "u32");
-  counter.step = file.number_or(keys.name("counter.step"), 1.0, positive);
+  counter.step = file.number_or(keys.name("counter.step"), 1.0, between(1e-9, 1e12));
   counter.modulus = file.number_or(keys.name("counter.modulus"), 0.0, not_negative);
   const bool integer = counter.field.form.type != NumberType::floating;
   const double all = integer ? std::ldexp(1.0, used_bits(counter.field.form)) : 0x1p53;

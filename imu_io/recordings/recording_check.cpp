@@ -57,9 +57,10 @@ Status check_info(const RecordingInfo& info, const std::string& where) {
   if (!recorded_gravity_mps2.contains(info.gravity_mps2)) {
     return defect(where, "gravity_mps2", format_number(info.gravity_mps2), "a number between 9 and 11");
   }
-  if (!std::isfinite(info.accel_pulse_mps) || info.accel_pulse_mps < 0.0 ||
-      (info.accel_increment == IncrementKind::pulses && info.accel_pulse_mps == 0.0)) {
-    return defect(where, "accel_pulse_mps", format_number(info.accel_pulse_mps), "a number > 0");
+  const NumberRange pulse =
+      info.accel_increment == IncrementKind::pulses ? accel_pulse_range : between(0.0, accel_pulse_range.max);
+  if (!pulse.contains(info.accel_pulse_mps)) {
+    return defect(where, "accel_pulse_mps", format_number(info.accel_pulse_mps), describe(pulse));
   }
   if (info.started_utc_s && !civil_time_s.contains(static_cast<double>(*info.started_utc_s)))
     return defect(where, "started_utc", std::to_string(*info.started_utc_s) + " s", "a time from 1970 to 9999");

@@ -24,7 +24,7 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
   KeyTable keys(file);
   keys.text("imu.unit_serial", config.settings.unit_serial);
   keys.flag("imu.simulated", config.settings.simulated);
-  keys.number("imu.clock_max_ppm", config.settings.clock_max_ppm, {0.0, 2000.0, true});
+  keys.number("imu.clock_max_ppm", config.settings.clock_max_ppm, between(0.1, 2000.0));
   keys.number("imu.speedup", config.settings.speedup, between(0.01, 1000.0));
   if (config.settings.speedup != 1.0 && !config.settings.simulated) {
     file.reject("imu.speedup", "1 unless imu.simulated is true");

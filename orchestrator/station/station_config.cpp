@@ -47,7 +47,7 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   // Any table may be turned by hand (run --manual).
   ManualSettings& manual = table.manual;
   keys.number("table.tolerance_deg", manual.tolerance_deg, between(1e-6, 10.0));
-  keys.number("table.gravity_tolerance_deg", manual.gravity_tolerance_deg, {0.0, 90.0, true});
+  keys.number("table.gravity_tolerance_deg", manual.gravity_tolerance_deg, between(0.01, 90.0));
   keys.number("table.answer_timeout_s", manual.answer_timeout_s, between(1.0, 86400.0));
   keys.number("table.pause_limit_s", manual.pause_limit_s, between(1.0, 86400.0));
   manual.language = file.one_of_or("operator.language", manual.language,

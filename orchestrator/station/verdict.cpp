@@ -76,9 +76,9 @@ bool VerdictLimits::any() const {
 VerdictLimits read_limits(KeyValueFile& file) {
   VerdictLimits limits;
   KeyTable keys(file);
-  const auto read = [&file, &keys](const std::string& key, Limit& limit) {
-    keys.number(key + ".min", limit.min);
-    keys.number(key + ".max", limit.max);
+  const auto read = [&file, &keys](const std::string& key, Limit& limit, NumberRange range) {
+    keys.number(key + ".min", limit.min, range);
+    keys.number(key + ".max", limit.max, range);
     if (limit.min && limit.max && !(*limit.min < *limit.max)) {
       file.reject(key + ".min", "a number below " + key + ".max (" + format_number(*limit.max) + ")");
     }
@@ -86,11 +86,11 @@ VerdictLimits read_limits(KeyValueFile& file) {
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     if (!parameter_is_free[i]) continue;  // three are 0 by the choice of the body frame: a limit on them is a mistake
     const std::string key = "limit." + std::string(parameter_keys[i]);
-    read(key, limits.parameter[i]);
+    read(key, limits.parameter[i], between(-limit_range.max, limit_range.max));
     keys.number(key + ".sigma_max", limits.sigma_max[i], limit_range);
   }
   keys.number("limit.residual_max", limits.residual_max, limit_range);
-  read("limit.temperature_c", limits.temperature_c);
+  read("limit.temperature_c", limits.temperature_c, between(-273.15, 500.0));
   keys.number("limit.heading_deg", limits.heading_deg, between(1e-6, 180.0));
   keys.number("limit.level_deg", limits.level_deg, between(1e-6, 180.0));
   keys.number("limit.guard_factor", limits.guard_factor, between(0.0, 10.0));

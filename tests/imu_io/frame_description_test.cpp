@@ -92,6 +92,8 @@ TEST(FrameDescription, OneLineForEachMistake) {
       {"accel.unit = pulses", "accel.unit = m/s",
        "key 'accel.pulse_mps' = '0.0005': expected no such key unless accel.unit = pulses"},
       {"accel.pulse_mps = 0.0005", "accel.pulse_mps = -1", "key 'accel.pulse_mps' = '-1': expected a number > 0"},
+      {"counter.type = u32", "counter.type = f64\ncounter.step = 1e-308",
+       "key 'counter.step' = '1e-308': expected a number between 1e-09 and 1000000000000"},
       {"counter.type = u32", "counter.type = i32", "key 'counter.type' = 'i32': expected an unsigned or floating type"},
       {"counter.type = u32", "counter.type = u64",
        "key 'counter.type' = 'u64': expected a counter of at most 53 bits: a mask can leave the upper ones out"},

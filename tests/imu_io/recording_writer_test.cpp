@@ -45,7 +45,10 @@ TEST_F(WriterTest, RefusesSenselessInfo) {
           "sample_period_s = '-1': expected a number between 1e-05 and 10");
   refused([](RecordingInfo& i) { i.latitude_deg = 90.5; },
           "latitude_deg = '90.5': expected a number between -90 and 90");
-  refused([](RecordingInfo& i) { i.accel_pulse_mps = 0; }, "accel_pulse_mps = '0': expected a number > 0");
+  refused([](RecordingInfo& i) { i.accel_pulse_mps = 0; },
+          "accel_pulse_mps = '0': expected a number between 1e-09 and 10");
+  refused([](RecordingInfo& i) { i.accel_pulse_mps = 1e-308; },
+          "accel_pulse_mps = '1e-308': expected a number between 1e-09 and 10");
   for (const std::string& serial : {std::string(), std::string("A#1")}) {
     refused(
         [&](RecordingInfo& i) { i.unit_serial = serial; },

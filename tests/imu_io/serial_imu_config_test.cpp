@@ -71,6 +71,8 @@ TEST(SerialImuConfig, OneLineForEachMistake) {
                "a.station:3: key 'imu.baud' = '9600': expected no such key unless the device is a serial line");
   EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = laser_gyro\nimu.speedup = 20\n"),
                "a.station:3: key 'imu.speedup' = '20': expected 1 unless imu.simulated is true");
+  EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = laser_gyro\nimu.clock_max_ppm = 2e-10\n"),
+               "a.station:3: key 'imu.clock_max_ppm' = '2e-10': expected a number between 0.1 and 2000");
   EXPECT_ERROR(parse("imu.device = /dev/x\nimu.frame = stim300\nimu.accel_pulse_mps = 1\n"),
                "a.station:3: key 'imu.accel_pulse_mps' = '1': expected no such key: the frame's accelerometers do not "
                "send pulses");

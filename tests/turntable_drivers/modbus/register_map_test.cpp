@@ -76,6 +76,10 @@ TEST(RegisterMap, DefectsAreNamed) {
   EXPECT_NE(error_of("", "axis.roll.modulo_deg = 360\n").find("distance: with modulo_deg"), std::string::npos);
   EXPECT_NE(error_of("heartbeat.watchdog_s = 1", "heartbeat.watchdog_s = 0.3").find("at least twice"),
             std::string::npos);
+  EXPECT_NE(error_of("heartbeat.period_s = 0.2", "heartbeat.period_s = 2e-10").find("number between 0.001 and 60"),
+            std::string::npos);
+  EXPECT_NE(error_of("heartbeat.watchdog_s = 1", "heartbeat.watchdog_s = 1e-308").find("number between 0.01 and 600"),
+            std::string::npos);
   EXPECT_NE(error_of("", "status2.address = 0x300\nstatus2.count = 8\n").find("its own length"), std::string::npos);
   EXPECT_NE(error_of("", "bit.moveing.mask = 3\n").find("bit.moveing.mask"), std::string::npos);
   EXPECT_NE(error_of("", "bit.moving.kind = pulse\n").find("only in_position"), std::string::npos);
