@@ -48,6 +48,8 @@ void DwellMonitor::start(std::int64_t first_counter, std::int64_t samples) {
   frozen_.start();
   origin_ = sum_ = square_ = lowest_ = highest_ = {};
   of_ = {};
+  window_sums_.clear();
+  window_sums_.reserve(static_cast<std::size_t>(samples / window_samples_) + 1);
 }
 
 const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const ImuSample> samples) {
@@ -73,6 +75,9 @@ const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const Imu
     for (std::size_t i = 0; i < channels; ++i) {
       const double value = channel_of(sample, i);
       window_sum_[i] += value;
+      Channel& c = of_[i];
+      if (c.now.samples == 0 || value != c.now.value) c.now = {value, sample.counter, 0};
+      if (++c.now.samples >= c.longest.samples) c.longest = c.now;
       if (in_window_ == 0 || value < least_[i].value) least_[i] = {value, sample.counter, 0.0};
       if (in_window_ == 0 || value > most_[i].value) most_[i] = {value, sample.counter, 0.0};
     }
@@ -96,15 +101,8 @@ void DwellMonitor::close_window() {
     if (windows_ == 0 || d > highest_[i]) in_highest_[i] = outlier;
     lowest_[i] = std::min(lowest_[i], d);
     highest_[i] = std::max(highest_[i], d);
-    Channel& c = of_[i];
-    c.sum += window_sum_[i];
-    c.squares += window_sum_[i] * window_sum_[i];
-    if (least_[i].value == most_[i].value) {
-      const bool goes_on = c.row.windows > 0 && c.row.end == windows_ && c.row.value == window_sum_[i];
-      c.row = {window_sum_[i], goes_on ? c.row.windows + 1 : 1, windows_ + 1};
-      if (c.row.windows >= c.longest.windows) c.longest = c.row;
-    }
   }
+  window_sums_.push_back(window_sum_);
   window_sum_ = {};
   in_window_ = 0;
   ++windows_;
@@ -143,24 +141,37 @@ void DwellMonitor::close_window() {
 }
 
 std::string DwellMonitor::dead_text() const {
-  constexpr double fewest = 10.0, sigmas = 8.0, counts = 3.0, longest_s = 30.0;
+  constexpr double fewest = 10.0, sigmas = 8.0, counts = 3.0, shortest_s = 0.5, longest_s = 30.0;
   for (std::size_t i = 0; i < channels; ++i) {
-    const Channel& c = of_[i];
-    const double m = static_cast<double>(c.longest.windows), v = c.longest.value;
-    const double others = static_cast<double>(windows_) - m, mean = (c.sum - m * v) / others, off = std::abs(v - mean);
-    const double sigma = std::sqrt(std::max(0.0, (c.squares - m * v * v) / others - mean * mean));
-    if (m == 0.0 || others < fewest || !(off * std::sqrt(m) > sigmas * sigma && off * m > counts * count_[i])) continue;
+    const Stretch& same = of_[i].longest;
+    const double same_s = static_cast<double>(same.samples) * period_s_;
+    if (same_s < shortest_s) continue;
     // Its end is waited for, so that the dwell is not begun again into it.
-    if (c.longest.end == windows_ && m * config_.stillness_window_s < longest_s && !complete()) continue;
-    const std::int64_t end = first_counter_ + c.longest.end * window_samples_;
+    const std::int64_t end = same.first + same.samples;
+    if (end == next_counter_ && same_s < longest_s && !complete()) continue;
+    const auto first_touched = static_cast<std::size_t>((same.first - first_counter_) / window_samples_);
+    const auto last_touched = static_cast<std::size_t>((end - 1 - first_counter_) / window_samples_);
+    double others = 0.0, sum = 0.0, squares = 0.0;
+    for (std::size_t k = 0; k < window_sums_.size(); ++k) {
+      if (k >= first_touched && k <= last_touched) continue;
+      const double off = window_sums_[k][i] - window_sums_.front()[i];
+      others += 1.0;
+      sum += off;
+      squares += off * off;
+    }
+    if (others < fewest) continue;
+    const double window = static_cast<double>(window_samples_), m = static_cast<double>(same.samples) / window;
+    const double mean = window_sums_.front()[i] + sum / others;
+    const double sigma = std::sqrt(std::max(0.0, squares / others - sum * sum / others / others));
+    const double off = std::abs(same.value * window - mean);
+    if (!(off * std::sqrt(m) > sigmas * sigma && off * m > counts * count_[i])) continue;
     char text[200];
     std::snprintf(
         text, sizeof text,
-        "%s gave one and the same number in samples %lld to %lld (%.0f s): expected %.1f +- %.1f counts a window, "
+        "%s gave one and the same number in samples %lld to %lld (%.1f s): expected %.1f +- %.1f counts a window, "
         "not %.1f",
-        channel_names[i], static_cast<long long>(end - c.longest.windows * window_samples_),
-        static_cast<long long>(end - 1), m * config_.stillness_window_s, mean / count_[i], sigma / count_[i],
-        v / count_[i]);
+        channel_names[i], static_cast<long long>(same.first), static_cast<long long>(end - 1), same_s,
+        mean / count_[i], sigma / count_[i], same.value * window / count_[i]);
     return text;
   }
   return {};

@@ -6,9 +6,10 @@
 // configured limits (a single sample says nothing: one pulse of a laser gyro in 5 ms is already 0.05 deg/s). Judged at
 // the end of every window, so that a knock in a long dwell does not cost the rest of it.
 //
-// Nor may all six channels stand still together (frozen_watch.h), nor one alone give one and the same number where it should not: v through m
-// windows in a row is a defect where the other windows have the mean u and the standard deviation s, and
-//   |v - u| sqrt(m) > 8 s   and   |v - u| m > 3 counts
+// Nor may all six channels stand still together (frozen_watch.h), nor one alone give one and the same number for half a second or longer
+// where it should not: v in n samples is a defect where the windows of w samples that hold none of them sum up to u with the standard
+// deviation s, and with m = n / w
+//   |v w - u| sqrt(m) > 8 s   and   |v w - u| m > 3 counts
 // A channel that feels nothing may so read zero for as long as it likes.
 //
 // One sample alone may have spoilt a window: when the unit was still without it, the reason names it as a glitch.
@@ -22,6 +23,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
@@ -73,16 +75,16 @@ class DwellMonitor {
   std::array<double, channels> origin_{}, sum_{}, square_{}, lowest_{}, highest_{};
   std::array<Outlier, channels> least_{}, most_{};            // of the running window
   std::array<Outlier, channels> in_lowest_{}, in_highest_{};  // of the windows with the lowest and the highest mean
-  // Windows in a row in which a channel gave one number alone, and the longest such row; sums over all windows.
-  struct Row {
+  // Samples in a row in which a channel gave one number alone: those that go on, and the longest.
+  struct Stretch {
     double value = 0.0;
-    std::int64_t windows = 0, end = 0;  // end: window after the last
+    std::int64_t first = 0, samples = 0;
   };
   struct Channel {
-    Row row, longest;
-    double sum = 0.0, squares = 0.0;
+    Stretch now, longest;
   };
   std::array<Channel, channels> of_{};
+  std::vector<std::array<double, channels>> window_sums_;  // of the closed windows of the dwell
   double period_s_ = 0.0;
   FrozenWatch frozen_;
 };
