@@ -170,8 +170,8 @@ std::string DwellMonitor::dead_text() const {
         text, sizeof text,
         "%s gave one and the same number in samples %lld to %lld (%.1f s): expected %.1f +- %.1f counts a window, "
         "not %.1f",
-        channel_names[i], static_cast<long long>(same.first), static_cast<long long>(end - 1), same_s,
-        mean / count_[i], sigma / count_[i], same.value * window / count_[i]);
+        channel_names[i], static_cast<long long>(same.first), static_cast<long long>(end - 1), same_s, mean / count_[i],
+        sigma / count_[i], same.value * window / count_[i]);
     return text;
   }
   return {};

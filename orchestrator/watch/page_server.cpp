@@ -169,8 +169,8 @@ struct PageServer::State {
   // `request`: what came. Empty: the rest of the body is yet to come.
   std::string answer_to(std::string_view request, std::size_t head_bytes) const {
     const std::optional<Head> head = head_of(request.substr(0, head_bytes));
-    if (!head) return refusal(400, "Bad Request");
-    if (!head->host || !is_our_host(*head->host)) return refusal(403, "Forbidden");
+    if (!head || !head->host) return refusal(400, "Bad Request");  // RFC 9112, 3.2
+    if (!is_our_host(*head->host)) return refusal(403, "Forbidden");
     if (posts && head->method == "POST") {
       if (!head->marked) return refusal(403, "Forbidden");
       if (head->chunked || head->body_bytes > limits.body_bytes) return refusal(413, "Content Too Large");

@@ -23,6 +23,8 @@ namespace {
 constexpr int byte_poll_ms = 1;               // while the rest of a frame comes in
 constexpr double busy_pause_s = 0.05;         // before a busy drive is asked again
 constexpr std::uint32_t read_out_us = 20000;  // libmodbus is called when the frame is there; this only bounds a mistake
+constexpr std::uint16_t most_repeated = 1000;  // a reply to one of so many transactions may come again
+constexpr int most_at_a_time = 256;
 constexpr double longest_drain = 2.0;  // times quiet_s, once no answer can come any more: then nobody can be understood
 
 const char* exception_text(int exception) {
@@ -118,7 +120,6 @@ Status ModbusLink::open() {
   modbus_set_response_timeout(context_, 0, read_out_us);
   modbus_set_byte_timeout(context_, 0, read_out_us);
   discard_pending();
-  answered_.clear();
   last_activity_s_ = monotonic_s();
   return {};
 }
@@ -131,13 +132,23 @@ ModbusLink::Reply ModbusLink::hang_up(const std::string& detail) {
 }
 
 bool ModbusLink::discard_unexpected() {
-  std::vector<std::uint8_t> next(answered_.size());
-  while (!next.empty()) {
+  constexpr std::size_t header_bytes = 6;
+  int waiting = 0;
+  // A line that is never empty does not hold up whoever reads it.
+  for (int frames = 0;
+       frames < most_at_a_time && settings_.header() && ::ioctl(descriptor_, FIONREAD, &waiting) == 0 && waiting > 0;
+       ++frames) {
+    std::array<std::uint8_t, MODBUS_TCP_MAX_ADU_LENGTH> next{};
     const ssize_t n = ::recv(descriptor_, next.data(), next.size(), MSG_PEEK | MSG_DONTWAIT);
     if (n <= 0) return false;
-    if (!std::equal(next.begin(), next.begin() + n, answered_.begin())) break;
-    if (n < std::ssize(next)) return false;  // the rest comes: it is skipped by its number when the next reply is read
-    if (::recv(descriptor_, next.data(), next.size(), MSG_DONTWAIT) <= 0) return false;
+    // The rest comes: it is skipped by its number when the next reply is read.
+    if (n < static_cast<ssize_t>(header_bytes)) return false;
+    const auto number = static_cast<std::uint16_t>(next[0] << 8 | next[1]);
+    const std::size_t whole = header_bytes + static_cast<std::size_t>(next[4] << 8 | next[5]);
+    const bool answers_an_earlier_one = static_cast<std::uint16_t>(transaction_ - number) < most_repeated;
+    if (next[2] != 0 || next[3] != 0 || whole <= header_bytes || whole > next.size() || !answers_an_earlier_one) break;
+    if (static_cast<std::size_t>(n) < whole) return false;
+    if (::recv(descriptor_, next.data(), whole, MSG_DONTWAIT) <= 0) return false;
   }
   return discard_pending();
 }
@@ -146,7 +157,7 @@ bool ModbusLink::discard_pending() {
   std::array<std::uint8_t, 512> rubbish;
   bool any = false;
   int waiting = 0;
-  while (::ioctl(descriptor_, FIONREAD, &waiting) == 0 && waiting > 0) {
+  for (int reads = 0; reads < most_at_a_time && ::ioctl(descriptor_, FIONREAD, &waiting) == 0 && waiting > 0; ++reads) {
     const ssize_t n =
         ::read(descriptor_, rubbish.data(), std::min<std::size_t>(rubbish.size(), static_cast<std::size_t>(waiting)));
     if (n <= 0) break;
@@ -259,7 +270,6 @@ ModbusLink::Reply ModbusLink::receive(std::span<const std::uint8_t> request) {
     reply.failure = Failure::garbled;
     reply.detail = "the reply to another function";
   }
-  if (settings_.header() && reply.failure != Failure::garbled) answered_.assign(frame.begin(), frame.begin() + n);
   return reply;
 }
 

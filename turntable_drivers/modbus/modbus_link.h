@@ -3,8 +3,8 @@
 // libmodbus frames and checks CRCs; the waiting, the retries and the comparison of reply and request are here, because libmodbus
 // accepts a late answer to another request as good, and does not let a stop interrupt a wait:
 // - A reply must come from the unit, be of the function, and have exactly the length or the address asked for; over TCP it must
-//   carry the request's transaction number too (frames of earlier ones are skipped). Bytes after it are trouble, but over TCP the same
-//   frame once more, which gateways send: it is dropped. RTU has no number by which a repeated reading could be told from a new one.
+//   carry the request's transaction number too (frames of earlier ones are skipped). Bytes after it are trouble, but over TCP a
+//   whole frame of a transaction before, which gateways send again: it is dropped. RTU has no number by which a repeated reading could be told from a new one.
 // - After trouble (timeout, CRC, wrong reply) the line is read empty until it has been quiet for quiet_s; one that talks on is lost
 //   (longest_drain).
 // - Reads are repeated read_retries times, writes never. Exceptions 5 and 6 (busy) and 10 and 11 (gateway) count as failures;
@@ -64,7 +64,7 @@ class ModbusLink {
   Reply receive(std::span<const std::uint8_t> request);
   Reply drain();
   bool discard_pending();     // whether there was anything
-  bool discard_unexpected();  // the same, but the last frame once more counts as nothing
+  bool discard_unexpected();  // the same, but replies to what was asked before, once more, count as nothing over TCP
   Reply hang_up(const std::string& detail);
   Error error_of(const Reply& reply, const std::string& what) const;
   Status write_with(std::span<const std::uint8_t> body, double timeout_s, bool at_once, const std::string& what);
@@ -74,8 +74,7 @@ class ModbusLink {
   _modbus* context_ = nullptr;
   int descriptor_ = -1;
   std::uint16_t transaction_ = 0;
-  std::vector<std::uint8_t> answered_;  // the last frame that was of its transaction, over TCP
-  bool stale_ = false;                  // a late reply may still come
+  bool stale_ = false;  // a late reply may still come
   bool lost_ = false;
   std::string lost_reason_;
   double last_activity_s_ = 0.0;

@@ -91,17 +91,19 @@ INSTANTIATE_TEST_SUITE_P(All, ModbusLineFaults, testing::Combine(testing::Bool()
 
 // A gateway that sends every reply twice: at once, a little later, cut in two, and after the next request. Writes, too, are taken.
 TEST(ModbusFaults, RepeatedRepliesOverTcpAreDropped) {
-  for (const char* how : {"at once", "later", "in pieces", "after the next request"}) {
+  for (const char* how : {"at once", "later", "in pieces", "after the next request", "after the next reply"}) {
     SCOPED_TRACE(how);
     FaultStation s(true);
     const std::string mode = how;
-    s.station.disturb([mode](const ModbusRequest&, AnswerPlan& plan) {
-      const Frame again = plan.pieces[0].bytes;
+    s.station.disturb([mode, before = Frame()](const ModbusRequest&, AnswerPlan& plan) mutable {
+      const Frame again = mode == "after the next reply" ? before : plan.pieces[0].bytes;
+      before = plan.pieces[0].bytes;
+      if (again.empty()) return;
       if (mode == "in pieces") {
         plan.pieces.push_back({Frame(again.begin(), again.begin() + 6), 0.0});
         plan.pieces.push_back({Frame(again.begin() + 6, again.end()), 0.005});
       } else {
-        plan.pieces.push_back({again, mode == "at once" ? 0.0 : mode == "later" ? 0.002 : 0.02});
+        plan.pieces.push_back({again, mode == "at once" || again != before ? 0.0 : mode == "later" ? 0.002 : 0.02});
       }
     });
     const double began_s = monotonic_s();
