@@ -27,6 +27,7 @@
 #include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/service_watch.h"
 #include "orchestrator/watch/status_page.h"
+#include "turntable_drivers/table/table_stop.h"
 
 namespace turncal {
 
@@ -275,6 +276,7 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
   display.drain();
   if (outcome.stop_failed && run_devices.live) run_devices.live->give_table_up();
   if (outcome.storage_hangs) end_without_storage(outcome.error, a.folder, context);
+  if (run_devices.live && outcome.left) a.log.line(how_it_rests(devices.table));
   if (const std::string sag = run_devices.live && outcome.left ? run_devices.live->sag_since(*outcome.left) : "";
       !sag.empty()) {
     a.log.line(sag);

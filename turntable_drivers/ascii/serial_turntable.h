@@ -36,6 +36,7 @@ class SerialTurntable : public DescribedTurntable {
   Status home() override;
   Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override;
   Status clear_fault() override;
+  bool tells_drives() const override { return dialect_.status.reports(DriveBit::enabled); }
   Result<AxisStatus> status(Axis axis) override;
 
   // Reads every axis, which the user has put at known angles: sign and scale fit, or what would.

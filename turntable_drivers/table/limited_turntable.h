@@ -43,6 +43,7 @@ class LimitedTurntable : public Turntable {
   bool was_switched_on() const override { return switched_on_; }
   bool answers() const override { return table_.answers(); }
   bool can_switch_off() const override { return table_.can_switch_off(); }
+  bool tells_drives() const override { return table_.tells_drives(); }
 
  private:
   struct Travel {

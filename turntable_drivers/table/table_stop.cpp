@@ -97,8 +97,10 @@ std::string TableStop::not_verified(const std::string& unread) const {
 }
 
 std::string how_it_rests(const Turntable& table) {
-  return table.can_switch_off() ? "the table rests, its drives are off"
-                                : "the table rests; its drives cannot be switched off from here";
+  if (!table.can_switch_off()) return "the table rests; its drives cannot be switched off from here";
+  return table.tells_drives()
+             ? "the table rests, its drives are off"
+             : "the table rests; its drives were told to go off, and it does not tell whether they are";
 }
 
 Status leave_off(Turntable& table, const StopTime& time) {
