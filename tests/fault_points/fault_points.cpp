@@ -9,6 +9,7 @@
 //                      hang_sync, hang_write   a sync, or a write, does not return
 //                      fail, full_for          syncs and writes fail with EIO; writes with ENOSPC
 //                      clock                   civil time is off by TURNCAL_FAULT_STEP_S
+//   TURNCAL_FAULT_NOW_S=t     civil time stands still at t, with any mode or none
 //   TURNCAL_FAULT_COUNT=FILE  written at the end: the number of calls, and how often something was written to any file, or the
 //                             program ended, while a record of a journal was not yet synced
 #include <dlfcn.h>
@@ -165,6 +166,8 @@ int clock_gettime(clockid_t clock, timespec* now) {
   if (result == 0 && clock == CLOCK_REALTIME && steps && holds_s() > 0.0) {
     now->tv_sec += static_cast<time_t>(number("TURNCAL_FAULT_STEP_S"));
   }
+  static const auto stands_s = static_cast<time_t>(number("TURNCAL_FAULT_NOW_S"));
+  if (result == 0 && clock == CLOCK_REALTIME && stands_s > 0) *now = {stands_s, 0};
   return result;
 }
 int gettimeofday(timeval* now, void*) {

@@ -609,9 +609,11 @@ void judge_outcome(const Setting& setting, DrawnStation& station, const fs::path
   if (outcome.code != 50 && outcome.code != 20 && !(memory && outcome.code == 70)) {
     verdict.add(1, "code " + std::to_string(outcome.code) + ", expected 0, 20 or 50");
   }
-  if (std::count(outcome.err.begin(), outcome.err.end(), '\n') != 1) {
-    verdict.add(1, "failed with " + std::to_string(std::count(outcome.err.begin(), outcome.err.end(), '\n')) +
-                       " lines of error");
+  std::istringstream said(outcome.err);
+  int errors = 0;
+  for (std::string line; std::getline(said, line);) errors += line.find("warning: ") == std::string::npos ? 1 : 0;
+  if (errors != 1) {
+    verdict.add(1, "failed with " + std::to_string(errors) + " lines of error");
   }
   if (!touched) verdict.add(1, "failed, and nothing had been disturbed");
 }
