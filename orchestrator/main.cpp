@@ -8,7 +8,7 @@
 
 #include "imu_io/base/console.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/watch/tone.h"
 
 namespace {

@@ -5,7 +5,6 @@
 #include <array>
 
 #include "imu_io/base/posix_file.h"
-#include "sequences/approach.h"
 
 namespace turncal {
 

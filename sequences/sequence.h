@@ -63,4 +63,8 @@ Result<Sequence> read_sequence(const std::string& path);
 // The steps of `more` after those of `sequence`, with numbers that go on; the table is turned to their start at their own rate.
 void append_steps(const Sequence& more, Sequence& sequence);
 
+// The moves to a step's initial position: the axes that stand elsewhere, the inner ones first.
+std::vector<SequenceItem> approach(const AxisTriple& from_deg, const AxisTriple& to_deg, double rate_degps,
+                                   double acceleration_degps2, int line);
+
 }  // namespace turncal

@@ -9,7 +9,6 @@
 #include <optional>
 
 #include "calib/model/parameters.h"
-#include "sequences/approach.h"
 #include "sequences/token.h"
 
 namespace turncal {

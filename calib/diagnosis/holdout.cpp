@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "calib/joint/joint_faults.h"
-#include "calib/joint/start_noise.h"
+#include "calib/joint/noise_fit.h"
 #include "calib/model/limits.h"
 
 namespace turncal {

@@ -8,7 +8,6 @@
 #include "calib/model/limits.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/linear_algebra.h"
-#include "calib/statistics/median.h"
 
 namespace turncal {
 namespace {

@@ -4,7 +4,6 @@
 
 #include "calib/model/limits.h"
 #include "calib/statistics/distributions.h"
-#include "calib/statistics/median.h"
 
 namespace turncal {
 namespace {

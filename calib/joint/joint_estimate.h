@@ -15,15 +15,25 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "calib/joint/determined.h"
 #include "calib/joint/joint_filter.h"
 #include "calib/joint/joint_start.h"
 #include "calib/joint/noise_fit.h"
-#include "calib/joint/whiteness.h"
 #include "calib/model/effects.h"
 #include "calib/statistics/allan.h"
 
 namespace turncal {
+
+// Are the innovations white at the noise model, and as large as it says?
+struct Whiteness {
+  bool white = false;
+  double level = 0.0;               // mean square of the normalised innovations; 1 when the noise model is right
+  Eigen::VectorXd autocorrelation;  // lags 1 .. 5 s, mean of the three components
+  std::string message;
+};
+Whiteness test_whiteness(const std::vector<Innovation>& innovations);
 
 struct JointResult;
 

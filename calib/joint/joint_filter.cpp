@@ -6,7 +6,6 @@
 
 #include <Eigen/Cholesky>
 
-#include "calib/joint/column_products.h"
 #include "calib/joint/linear_motion.h"
 #include "calib/statistics/linear_algebra.h"
 

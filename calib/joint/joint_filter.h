@@ -19,7 +19,7 @@
 
 #include <Eigen/Core>
 
-#include "calib/model/effect_columns.h"
+#include "calib/model/effects.h"
 #include "calib/model/noise_model.h"
 #include "calib/statistics/block_motion.h"
 #include "calib/statistics/compression.h"

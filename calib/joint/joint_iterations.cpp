@@ -2,7 +2,7 @@
 #include <cmath>
 #include <limits>
 
-#include "calib/joint/joint_run.h"
+#include "calib/joint/joint_iterations.h"
 #include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
 

@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "calib/joint/column_products.h"
 #include "calib/model/attitude.h"
 
 namespace turncal {

@@ -4,12 +4,14 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "calib/joint/linear_motion.h"
 #include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
+
 namespace {
 
 using Eigen::Matrix3d;
@@ -356,6 +358,67 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   fit.noise = setup.noise;
   RestrictedLikelihood::set(s, fit.noise);
   return fit;
+}
+
+Eigen::VectorXd pull_of_noise(const CompressedRecording& recording, const Parameters& parameters,
+                              const EffectModel& effects, const FilterSetup& at, const std::vector<int>& free,
+                              const Eigen::MatrixXd& covariance) {
+  constexpr double step = 0.01;        // of a variance
+  constexpr double negligible = 0.01;  // of a sigma
+  constexpr std::array<int, 6> scales = {6, 10, 14, 15, 19, 23};
+  const ParameterVector values = to_vector(parameters);
+  const double all = static_cast<double>(
+      std::count_if(recording.blocks.begin(), recording.blocks.end(), [](const Block& b) { return b.whole_second; }));
+  Eigen::VectorXd pull = Eigen::VectorXd::Zero(parameter_count);
+  std::optional<double> log_determinant;
+  const auto pass = [&](const NoiseModel& noise) {
+    FilterSetup setup = at;
+    setup.with_columns = false;
+    setup.noise = noise;
+    return run_filter(recording, parameters, effects, setup).log_determinant;
+  };
+  for (std::size_t k = 0; k < scales.size(); ++k) {
+    const auto found = std::find(free.begin(), free.end(), scales[k]);
+    if (found == free.end()) continue;
+    const auto row = found - free.begin();
+    const double sigma = std::sqrt(covariance(row, row));
+    const double value = values[scales[k]];
+    if (3.0 * all * sigma < negligible * std::abs(value)) continue;  // were all of S this one's
+    if (!log_determinant) log_determinant = pass(at.noise);
+    NoiseModel louder = at.noise;
+    (k < 3 ? louder.angle_random_walk : louder.velocity_random_walk)[static_cast<Eigen::Index>(k % 3)] *=
+        std::sqrt(1.0 + step);
+    pull[scales[k]] = (pass(louder) - *log_determinant) / step / value;
+  }
+  return pull;
+}
+
+NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& allan, const Parameters& from) {
+  NoiseModel noise;
+  const SensorModel model = sensor_model(from, recording.info);
+  const bool gyro_pulses = recording.info.gyro_increment == IncrementKind::pulses;
+  const bool accel_pulses = recording.info.accel_increment == IncrementKind::pulses;
+  if (gyro_pulses) noise.gyro_pulse_rad = model.gyro_scale(0, 0);
+  if (accel_pulses) noise.accel_pulse_mps = recording.info.accel_pulse_mps;
+  // Of the axes of a triad the noisiest stands for all three: in dwells of 100 s an axis that counts close to a whole number
+  // of pulses a sample can look three times too quiet, and what follows would be taken for faults.
+  double gyro = gyro_pulses ? 0.02 * noise.gyro_pulse_rad : 1e-9;
+  double accel = accel_pulses ? 0.02 * noise.accel_pulse_mps : 1e-8;
+  // Where no dwell is long enough for the fit, what neighbouring seconds differ by, quantisation included.
+  constexpr double shortest_dwell_s = 3.0;
+  const bool fitted = allan.total_s > 0.0;
+  const AllanResult brief = fitted ? allan : allan_deviation(recording, from, shortest_dwell_s);
+  const auto random_walk = [&](const AllanAxis& axis) {
+    if (fitted || axis.points.empty()) return axis.fit.random_walk;
+    return axis.points.front().deviation * std::sqrt(axis.points.front().tau_s);
+  };
+  for (std::size_t k = 0; k < 3; ++k) {
+    gyro = std::max(gyro, random_walk(brief.axes[k]));
+    accel = std::max(accel, random_walk(brief.axes[k + 3]));
+  }
+  noise.angle_random_walk.setConstant(gyro);
+  noise.velocity_random_walk.setConstant(accel);
+  return noise;
 }
 
 }  // namespace turncal

@@ -30,6 +30,8 @@
 
 #include "calib/joint/joint_filter.h"
 #include "calib/model/noise_model.h"
+#include "calib/model/parameters.h"
+#include "calib/statistics/allan.h"
 #include "calib/statistics/compression.h"
 
 namespace turncal {
@@ -58,5 +60,18 @@ struct NoiseFit {
 NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
                    const FilterSetup& setup, const std::vector<int>& free, const Eigen::VectorXd& ranges,
                    const NoiseFitOptions& options = {});
+
+// What the noise of the counts does to the gradient.
+// The noise of the counts goes into the derivatives, too: those by a scale factor n hold nu_i / n, nu_i what sensor i's noise makes of
+// the innovations, and E sum N' S^-1 nu = sum tr(S^-1 cov nu_i) / n = (d log det S / d log s_i) / n with s_i its variance, not 0:
+// scale factors come out too small, by a sigma at 3 deg/sqrt(h) (errors in variables). This is what is to be taken off the gradient.
+// `free`: the columns that are estimated, with their covariance; file units. Of the 24 parameters.
+Eigen::VectorXd pull_of_noise(const CompressedRecording& recording, const Parameters& parameters,
+                              const EffectModel& effects, const FilterSetup& at, const std::vector<int>& free,
+                              const Eigen::MatrixXd& covariance);
+
+// The noise that a joint estimate begins with.
+// The noise to begin with: read off the static dwells, never below what a tenth of a pulse in a second would make.
+NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& allan, const Parameters& from);
 
 }  // namespace turncal

@@ -1,4 +1,4 @@
-#include "calib/model/effect_entry.h"
+#include "calib/model/effects.h"
 
 namespace turncal {
 namespace {

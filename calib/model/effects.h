@@ -1,12 +1,13 @@
 // The catalogue of effects beyond the 24 parameters. One entry an effect; adding another is adding an entry in
-// accel_effects.cpp, gyro_effects.cpp or unit_effects.cpp.
+// accel_effects.cpp, gyro_effects.cpp or effects.cpp.
 //
-// An entry says what one unit of each component adds to the calibrated reading (see effect_columns.h), in the units of
+// An entry says what one unit of each component adds to the calibrated reading (see effects.h), in the units of
 // docs/effect-components.md. Names follow IEEE 1293 (accelerometer model), 647 (ring laser gyros) and 952.
 // Effects with a time constant that is not known beforehand appear once a value of tau from a short list ("variants": the
 // score decides between them, and they count as one effect). What the station can never see is listed in unobservable_quantities().
 #pragma once
 
+#include <functional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -14,10 +15,47 @@
 
 #include <Eigen/Core>
 
-#include "calib/model/effect_columns.h"
+#include "calib/model/attitude.h"
 #include "calib/types/recording_types.h"
 
 namespace turncal {
+
+// Effects beyond the 24 parameters, as the filter sees them: what one unit of each component adds to the calibrated reading.
+//
+// A component c with value p adds p * rate_b (rad/s) to the gyros and p * force_b (m/s^2) to the accelerometers; the model
+// takes it off again: corrected = calibrated - p * regressor. Which effects exist is the catalogue's affair (effects.h).
+// What a regressor may look at: the motion over one block for the present parameters, SI units.
+struct BlockState {
+  Eigen::Vector3d f_b;      // specific force in the middle of the block, m/s^2
+  Eigen::Vector3d w_b;      // rate, rad/s
+  Eigen::Vector3d w_dot_b;  // angular acceleration, rad/s^2
+  Eigen::Matrix3d C_nb;     // attitude in the middle of the block
+  double duration_s = 0.0;
+  int recording = 0;                                    // of several recordings of a unit: which, from 0
+  double time_s = 0.0;                                  // middle of the block, from that recording's first sample
+  double since_rotation_s = 0.0;                        // from the end of the last rotation; large before the first
+  double temperature_c = 0.0;                           // minus the reference; 0 when not measured
+  Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded heading, pitch, roll (half way in a rotation)
+  Eigen::Vector3d last_up = Eigen::Vector3d::Zero();    // sign of each f_i when it was last above half a g
+  // Filled by make_effect_model(), from the blocks before: what followed f_b and temperature with the effect's time constant,
+  // both taken as settled at the first sample; and the temperature's rate over the last minute.
+  Eigen::Vector3d lagged_f_b = Eigen::Vector3d::Zero();
+  double lagged_temperature_c = 0.0;
+  double temperature_rate_c_per_h = 0.0;
+};
+
+// Writes the regressors of all components: column k of gyro (rad/s) and accel (m/s^2) is one unit of component k.
+struct EffectRegressors {
+  Eigen::Matrix<double, 3, Eigen::Dynamic> gyro;
+  Eigen::Matrix<double, 3, Eigen::Dynamic> accel;
+};
+
+struct EffectModel {
+  int columns = 0;                                                       // number of components
+  std::function<void(const BlockState&, EffectRegressors&)> regressors;  // fills all columns
+  Eigen::VectorXd values;  // value of each component in the present model (zero: tested, not used)
+  double reference_temperature_c = 0.0;
+};
 
 struct Site {  // what regressors need to know of the place
   double latitude_deg = 0.0;
@@ -62,5 +100,43 @@ struct EffectColumn {
 std::vector<EffectColumn> catalogue_columns(const RecordingInfo& info, int recordings = 1);
 EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Site& site,
                               double reference_temperature_c);
+
+// What the entries of the catalogue are written with. Only the files of the catalogue include this: accel_effects.cpp,
+// gyro_effects.cpp and, for what is of the whole unit, effects.cpp.
+std::vector<EffectEntry> accel_effects();
+std::vector<EffectEntry> gyro_effects();
+std::vector<EffectEntry> unit_effects();
+
+namespace effect_entry {
+
+using Eigen::Vector3d;
+using Out = Eigen::Ref<Eigen::Matrix3Xd>;
+
+inline constexpr double g0 = standard_gravity_mps2;
+inline constexpr double micro_g = 1e-6 * g0;
+
+inline const std::vector<std::string_view> xyz = {"x", "y", "z"};
+inline const std::vector<std::string_view> products = {"x_xy", "x_xz", "x_yz", "y_xy", "y_xz",
+                                                       "y_yz", "z_xy", "z_xz", "z_yz"};
+inline const std::vector<double> warm_up_taus_s = {60.0, 120.0, 240.0, 480.0, 960.0, 1920.0};
+inline const std::vector<double> scale_warm_up_taus_s = {240.0, 960.0, 1920.0};
+inline const std::vector<double> lag_taus_s = {300.0, 1200.0};
+
+// Specific force in g, the unit in which accelerometer polynomials are stated.
+inline Vector3d in_g(const BlockState& s) { return s.f_b / g0; }
+
+inline double hours(const BlockState& s) { return s.time_s / 3600.0; }
+
+// Diagonal effect on a triad: component k acts on axis k with a value of its own.
+inline void diagonal(Out out, const Vector3d& value) {
+  for (int k = 0; k < 3; ++k) out(k, k) = value[k];
+}
+// Full matrix: component 3 i + j puts value_j on axis i.
+inline void full(Out out, const Vector3d& value) {
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) out(i, 3 * i + j) = value[j];
+}
+
+}  // namespace effect_entry
 
 }  // namespace turncal

@@ -1,6 +1,6 @@
 #include <cmath>
 
-#include "calib/model/effect_entry.h"
+#include "calib/model/effects.h"
 
 namespace turncal {
 namespace {

@@ -110,7 +110,7 @@ struct RestLimits {
 };
 inline constexpr RestLimits rest_limits;
 
-// Rests found in a stream (segmentation.h, stillness.h).
+// Rests found in a stream (segmentation.h, segmentation.h).
 struct SegmentationLimits {
   // Fewer rests calibrate nothing: nine parameters of the accelerometers, one equation a rest, and noise of its own.
   int fewest_rests = 4;
@@ -223,7 +223,7 @@ struct LatitudeLimits {
 inline constexpr LatitudeLimits latitude_limits;
 
 struct NoiseLimits {
-  // Innovations are white (whiteness.h) when no correlation at 1 to 5 s is larger, and their mean square is between these: a sixth of
+  // Innovations are white (joint_estimate.h) when no correlation at 1 to 5 s is larger, and their mean square is between these: a sixth of
   // sigma and a tenth. Of few seconds chance goes beyond that: then the limits are so many sigma of it (one in 10^5). Fewer than
   // `fewest_seconds` are not judged.
   double white_correlation = 0.1, white_lowest = 0.8, white_highest = 1.25, of_chance = 4.5;

@@ -9,8 +9,8 @@
 #include "calib/model/limits.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/clipping.h"
-#include "calib/statistics/median.h"
-#include "calib/statistics/stillness.h"
+#include "calib/statistics/distributions.h"
+#include "calib/statistics/segmentation.h"
 
 namespace turncal {
 namespace {

@@ -2,7 +2,7 @@
 //
 // A rest is a run of static segments, a leg the rotation between two neighbouring rests. What comes before the first
 // and after the last rest is not used. Whoever found the rests, they are verified: each is cut to the longest stretch that stands
-// still (calib/statistics/stillness.h), and one that shakes by more than most_tremor is none; what is cut belongs to the legs. A leg
+// still (calib/statistics/segmentation.h), and one that shakes by more than most_tremor is none; what is cut belongs to the legs. A leg
 // with lost, invalid or clipped samples has a fault and is set aside. Headings are unknown: only gravity ties one rest to the next.
 //
 // A unit that was put down by hand creeps, so a leg starts from the direction of gravity in the last second of one rest

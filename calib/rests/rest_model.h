@@ -23,7 +23,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/model/effect_columns.h"
+#include "calib/model/effects.h"
 #include "calib/rests/rest_data.h"
 #include "calib/rests/rest_start.h"
 #include "calib/rests/rest_system.h"

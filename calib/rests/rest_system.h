@@ -23,7 +23,7 @@
 #include <array>
 #include <vector>
 
-#include "calib/model/effect_columns.h"
+#include "calib/model/effects.h"
 #include "calib/model/parameters.h"
 #include "calib/rests/rest_data.h"
 

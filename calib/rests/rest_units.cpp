@@ -10,8 +10,8 @@
 #include "calib/model/parameters.h"
 #include "calib/rests/rest_start.h"
 #include "calib/rests/rest_system.h"
+#include "calib/statistics/distributions.h"
 #include "calib/statistics/linear_algebra.h"
-#include "calib/statistics/median.h"
 #include "calib/statistics/unit_slip.h"
 
 namespace turncal {

@@ -26,7 +26,7 @@ struct DataEvent {
   int axis = -1;            // 0 1 2, or -1
   double size = 0.0;  // glitches: in counts above the neighbours, or as it came where it was left out; temperature: C
   bool left_out = false;  // it is in no block
-  bool filled = false;    // gaps: short, and filled in between the samples beside it (gap_fill.h)
+  bool filled = false;    // gaps: short, and filled in between the samples beside it (compression.h)
 };
 const char* to_string(DataEvent::Kind kind);
 

@@ -15,7 +15,7 @@
 // one whose mean rate stands out from the others (by slow_turn_sigmas robust deviations and more than the sample noise) is
 // taken out.
 //
-// What was found verifies itself. Each rest is cut to the longest stretch that stands still (stillness.h), which takes the slow start
+// What was found verifies itself. Each rest is cut to the longest stretch that stands still (segmentation.h), which takes the slow start
 // of a turn off its ends. And the quiet level must be noise: the variance of a window about its mean is set against half the mean
 // square of the differences of neighbouring samples, 1 for white noise and (2 n / 2 pi)^2 / 2 and the like for a smooth motion that
 // turns back within n samples. Where that ratio is above smooth_motion in the gyros' quiet windows, the unit swings: no rest.
@@ -23,12 +23,14 @@
 // Pure function of the samples; memory: 100 bytes a cell. Not modelled: gaps (a cell with one is in motion).
 #pragma once
 
-#include <Eigen/Core>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "calib/types/recording_types.h"
 
@@ -106,5 +108,21 @@ Segmentation find_rests(const RecordingInfo& info, std::span<const ImuSample> sa
 
 // No segment has a commanded angle: nothing is known of the attitudes but what the sensors say (rest_model.h).
 bool without_table_angles(const Segments& segments);
+
+// Which part of a stretch that is said to be at rest really is.
+//
+// The stretch comes as means over equal pieces, gyros x y z and accelerometers x y z. A piece moves when the mean of it and its two
+// neighbours stands more than `outlier` robust standard deviations (1.4826 times the median of absolute deviations of the
+// pieces, but not less than their noise) from the median in any channel. What creeps or trembles evenly raises that deviation and
+// stays; the start of a turn, a knock or a second turn in the middle stands out. Of what is left the longest stretch counts.
+using SixChannels = Eigen::Array<double, 6, 1>;
+
+struct StillPart {
+  std::size_t first = 0;
+  std::size_t end = 0;  // exclusive; equal to first: nothing is still
+};
+
+// `noise`: standard deviation of a piece by sensor noise alone. Fewer than five pieces are taken as they are.
+StillPart longest_still(std::span<const SixChannels> pieces, const SixChannels& noise, double outlier = 8.0);
 
 }  // namespace turncal

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "calib/model/parameters.h"
-#include "calib/statistics/median.h"
+#include "calib/statistics/distributions.h"
 
 namespace turncal {
 

@@ -9,7 +9,7 @@
 
 #include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
-#include "calib/statistics/median.h"
+#include "calib/statistics/distributions.h"
 #include "calib/statistics/table_turns.h"
 
 namespace turncal {

@@ -1,8 +1,12 @@
 // The three axes of the table and how they stack. C_nb = Ry(-H) Rz(P) Rx(R): heading outer, pitch middle, roll inner.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
 
 namespace turncal {
 
@@ -21,5 +25,43 @@ struct AxisTriple {
   double operator[](Axis axis) const { return value[index(axis)]; }
   bool operator==(const AxisTriple&) const = default;
 };
+
+// Three axes in another order and with other signs: which axis of a unit is which axis of the body it is mounted in.
+//
+// Written as three signed letters, "x, y, z" or "-z, y, x": the first says what the body's x axis (front) is in the unit's, the second
+// its y axis (up), the third its z axis (right). Body component k = sign[k] * unit component from[k].
+struct AxisOrder {
+  std::array<int, 3> from{0, 1, 2};
+  std::array<int, 3> sign{1, 1, 1};
+  bool operator==(const AxisOrder&) const = default;
+};
+
+// From "x, -z, +y"; nothing unless every letter comes once.
+inline std::optional<AxisOrder> axis_order(std::string_view text) {
+  AxisOrder order;
+  std::array<bool, 3> used{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::size_t comma = k < 2 ? text.find(',') : text.size();
+    if (comma == std::string_view::npos) return {};
+    std::string_view letter = text.substr(0, comma);
+    text.remove_prefix(std::min(comma + 1, text.size()));
+    while (letter.starts_with(' ')) letter.remove_prefix(1);
+    while (letter.ends_with(' ')) letter.remove_suffix(1);
+    order.sign[k] = letter.starts_with('-') ? -1 : 1;
+    if (letter.starts_with('-') || letter.starts_with('+')) letter.remove_prefix(1);
+    const std::size_t from = letter.size() == 1 ? std::string_view("xyz").find(letter[0]) : std::string_view::npos;
+    if (from == std::string_view::npos || used[from]) return {};
+    order.from[k] = static_cast<int>(from);
+    used[from] = true;
+  }
+  return order;
+}
+
+inline std::string to_string(const AxisOrder& order) {
+  std::string text;
+  for (std::size_t k = 0; k < 3; ++k)
+    text += std::string(k == 0 ? "" : ", ") + (order.sign[k] < 0 ? "-" : "") + "xyz"[order.from[k]];
+  return text;
+}
 
 }  // namespace turncal

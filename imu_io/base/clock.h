@@ -1,6 +1,10 @@
 // Time, injected. In a live run it is the machine's; in a dry run it is the rig's, which makes runs reproducible.
 #pragma once
 
+#include <time.h>
+
+#include <algorithm>
+#include <cmath>
 #include <optional>
 #include <string>
 
@@ -19,5 +23,25 @@ class Clock {
 std::string format_utc(double utc_s);
 // And back; empty for any other text.
 std::optional<double> parse_utc(const std::string& text);
+
+// A point in time by which a wait must be over, on the monotonic clock. For waits on devices; the station's own time is the
+// injected Clock.
+inline double monotonic_s() {
+  timespec now{};
+  ::clock_gettime(CLOCK_MONOTONIC, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+class Deadline {
+ public:
+  explicit Deadline(double seconds) : end_s_(monotonic_s() + std::max(seconds, 0.0)) {}
+  double left_s() const { return std::max(end_s_ - monotonic_s(), 0.0); }
+  bool passed() const { return left_s() <= 0.0; }
+  // For poll(): rounded up, so that a wait does not turn into a busy loop at its end; at most an hour.
+  int left_ms() const { return static_cast<int>(std::min(std::ceil(1e3 * left_s()), 3.6e6)); }
+
+ private:
+  double end_s_;
+};
 
 }  // namespace turncal

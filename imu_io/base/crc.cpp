@@ -1,6 +1,16 @@
 #include "imu_io/base/crc.h"
 
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstring>
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
 namespace turncal {
+
 namespace {
 
 std::uint32_t reflected(std::uint32_t value, int width) {
@@ -49,6 +59,107 @@ std::uint32_t Crc::operator()(std::span<const std::byte> data, std::size_t zeros
   if (parameters_.reflect_input != parameters_.reflect_output) state = reflected(state, parameters_.width);
   const std::uint32_t all = parameters_.width == 32 ? 0xFFFFFFFFU : (1U << parameters_.width) - 1U;
   return (state ^ parameters_.final_xor) & all;
+}
+
+namespace {
+
+constexpr std::string_view checksum_key = "checksum = ";
+
+std::string checksum_line(std::string_view text) {
+  char hex[9];
+  std::snprintf(hex, sizeof hex, "%08x", static_cast<unsigned>(crc32c(text)));
+  return std::string(checksum_key) + hex + "\n";
+}
+
+}  // namespace
+
+std::string with_checksum(std::string text) {
+  text += checksum_line(text);
+  return text;
+}
+
+Result<std::string_view> without_checksum(std::string_view text, const std::string& file_name) {
+  const std::size_t place = text.rfind("\n" + std::string(checksum_key));
+  if (place == std::string_view::npos) {
+    return input_error(file_name + ": no checksum: expected 'checksum = ' and 8 hex digits in the last line");
+  }
+  const std::string_view above = text.substr(0, place + 1);
+  const std::string_view last = text.substr(place + 1);
+  const std::string_view after = last.substr(std::min(last.size(), checksum_key.size() + 8));
+  if (after != "\n" && after.find_first_not_of("\r\n") != std::string_view::npos) {
+    return input_error(file_name + ": text after the checksum: expected it to be the last line");
+  }
+  if (last != checksum_line(above)) {
+    return input_error(file_name + ": wrong checksum: the file was damaged or edited after it was written");
+  }
+  return above;
+}
+
+namespace {
+
+constexpr std::uint32_t reflected_polynomial = 0x82F63B78;
+
+// tables[k][b]: CRC of byte b followed by k zero bytes, so that eight bytes take eight independent look-ups.
+constexpr std::array<std::array<std::uint32_t, 256>, 8> make_tables() {
+  std::array<std::array<std::uint32_t, 256>, 8> tables{};
+  for (std::uint32_t byte = 0; byte < 256; ++byte) {
+    std::uint32_t crc = byte;
+    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1) ^ ((crc & 1U) != 0 ? reflected_polynomial : 0U);
+    tables[0][byte] = crc;
+  }
+  for (std::size_t k = 1; k < 8; ++k) {
+    for (std::size_t byte = 0; byte < 256; ++byte) {
+      const std::uint32_t crc = tables[k - 1][byte];
+      tables[k][byte] = (crc >> 8) ^ tables[0][crc & 0xFFU];
+    }
+  }
+  return tables;
+}
+constexpr auto tables = make_tables();
+
+#if defined(__x86_64__)
+__attribute__((target("sse4.2"))) std::uint32_t crc32c_sse42(std::span<const std::byte> data, std::uint32_t before) {
+  const std::byte* p = data.data();
+  std::size_t n = data.size();
+  std::uint64_t crc = static_cast<std::uint32_t>(~before);
+  for (; n >= 8; n -= 8, p += 8) {
+    std::uint64_t word = 0;
+    std::memcpy(&word, p, 8);
+    crc = _mm_crc32_u64(crc, word);
+  }
+  std::uint32_t crc32 = static_cast<std::uint32_t>(crc);
+  for (; n > 0; --n, ++p) crc32 = _mm_crc32_u8(crc32, std::to_integer<std::uint8_t>(*p));
+  return ~crc32;
+}
+#endif
+
+}  // namespace
+
+std::uint32_t crc32c_portable(std::span<const std::byte> data, std::uint32_t before) {
+  std::uint32_t crc = ~before;
+  const std::byte* p = data.data();
+  std::size_t n = data.size();
+  const auto byte_at = [](const std::byte* q, std::size_t i) { return std::to_integer<std::uint32_t>(q[i]); };
+  for (; n >= 8; n -= 8, p += 8) {
+    crc ^= byte_at(p, 0) | byte_at(p, 1) << 8 | byte_at(p, 2) << 16 | byte_at(p, 3) << 24;
+    crc = tables[7][crc & 0xFFU] ^ tables[6][(crc >> 8) & 0xFFU] ^ tables[5][(crc >> 16) & 0xFFU] ^
+          tables[4][crc >> 24] ^ tables[3][byte_at(p, 4)] ^ tables[2][byte_at(p, 5)] ^ tables[1][byte_at(p, 6)] ^
+          tables[0][byte_at(p, 7)];
+  }
+  for (; n > 0; --n, ++p) crc = (crc >> 8) ^ tables[0][(crc ^ byte_at(p, 0)) & 0xFFU];
+  return ~crc;
+}
+
+std::uint32_t crc32c(std::span<const std::byte> data, std::uint32_t before) {
+#if defined(__x86_64__)
+  static const bool has_instruction = __builtin_cpu_supports("sse4.2") != 0;
+  if (has_instruction) return crc32c_sse42(data, before);
+#endif
+  return crc32c_portable(data, before);
+}
+
+std::uint32_t crc32c(std::string_view text, std::uint32_t before) {
+  return crc32c(std::as_bytes(std::span(text.data(), text.size())), before);
 }
 
 }  // namespace turncal

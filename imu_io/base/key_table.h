@@ -13,6 +13,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "imu_io/base/key_value.h"
 
@@ -55,5 +56,29 @@ class KeyTable {
   NumberRange usual_;
   Status status_;
 };
+
+// Where the lines of a description (a register map, a dialect, a frame) come from.
+//
+//   source.manual = Maker, "Title", edition                 names a source
+//   write.stop = 0x50E u32 1000           # [manual]        a line that is taken from it
+//   link.terminator_in = \n               # [guess]         a line for which there is none
+//   axis.heading.unit = 1                 # [yours]         a setting of the station, which claims nothing of the device
+//
+// More may stand after the bracket. A line without a mark is the word of whoever wrote the file.
+struct LineSource {
+  std::string key;
+  int line = 0;
+  std::string mark;  // empty: none
+  bool is_guess() const { return mark == "guess"; }
+};
+
+// Of every key but source.*, which it reads. In a file that names sources a mark that is none of them is a defect.
+std::vector<LineSource> read_line_sources(KeyValueFile& file);
+
+// Where on the earth's surface a unit can stand.
+inline constexpr NumberRange site_latitude_deg = between(-90.0, 90.0);
+inline constexpr NumberRange site_gravity_mps2 = between(9.7, 9.9);
+// Of a recording, whoever made it: a value outside is a slip of unit or of pen.
+inline constexpr NumberRange recorded_gravity_mps2 = between(9.0, 11.0);
 
 }  // namespace turncal

@@ -4,7 +4,6 @@
 #include <cctype>
 #include <cmath>
 
-#include "imu_io/base/closest_word.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"

@@ -9,7 +9,7 @@
 #include <span>
 #include <thread>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 

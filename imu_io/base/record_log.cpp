@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "imu_io/base/bytes.h"
-#include "imu_io/base/crc32c.h"
+#include "imu_io/base/crc.h"
 
 namespace turncal {
 namespace {

@@ -16,7 +16,7 @@
 #include <span>
 
 #include "imu_io/base/crc.h"
-#include "imu_io/frames/field_form.h"
+#include "imu_io/frames/frame_field.h"
 
 namespace turncal {
 

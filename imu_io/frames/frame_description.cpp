@@ -9,7 +9,7 @@
 #include "imu_io/base/key_value.h"
 #include "imu_io/frames/frame_keys.h"
 #include "imu_io/frames/frame_layout.h"
-#include "imu_io/lines/serial_keys.h"
+#include "imu_io/lines/serial_port.h"
 #include "imu_io/recordings/recording_check.h"
 
 namespace turncal {

@@ -22,10 +22,10 @@
 
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
-#include "imu_io/base/line_source.h"
+#include "imu_io/base/key_table.h"
 #include "imu_io/frames/byte_stuffing.h"
-#include "imu_io/frames/field_form.h"
 #include "imu_io/frames/frame_check.h"
+#include "imu_io/frames/frame_field.h"
 #include "imu_io/lines/serial_port.h"
 
 namespace turncal {

@@ -12,7 +12,7 @@
 #include <memory>
 #include <utility>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/lines/tcp_connection.h"
 

@@ -12,7 +12,7 @@
 #include <cstring>
 #include <utility>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 
 namespace turncal {
 namespace {

@@ -1,5 +1,11 @@
 #include "imu_io/lines/serial_port.h"
 
+#include <grp.h>
+#include <sys/stat.h>
+
+#include <array>
+#include <cerrno>
+
 // <asm/termbits.h> has termios2 and must not meet <termios.h>.
 #include <asm/termbits.h>
 #include <fcntl.h>
@@ -9,14 +15,11 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include <array>
-#include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <utility>
 
-#include "imu_io/base/deadline.h"
-#include "imu_io/lines/access_advice.h"
+#include "imu_io/base/clock.h"
 
 namespace turncal {
 
@@ -170,6 +173,28 @@ std::optional<LineErrors> SerialPort::line_errors() const {
   if (fd_ < 0 || ::ioctl(fd_, TIOCGICOUNT, &counts) != 0) return {};
   const auto of = [](int n) { return static_cast<std::uint64_t>(static_cast<std::uint32_t>(n)); };
   return LineErrors{of(counts.overrun) + of(counts.buf_overrun), of(counts.frame), of(counts.parity)};
+}
+
+std::string access_advice(const std::string& device, int number) {
+  constexpr mode_t read_and_write = S_IRGRP | S_IWGRP;
+  struct stat facts {};
+  if (number != EACCES || ::stat(device.c_str(), &facts) != 0 || (facts.st_mode & read_and_write) != read_and_write)
+    return "";
+  group entry{}, *found = nullptr;
+  std::array<char, 4096> text{};
+  if (::getgrgid_r(facts.st_gid, &entry, text.data(), text.size(), &found) != 0 || found == nullptr) return "";
+  return "; its group may: sudo adduser \"$USER\" " + std::string(entry.gr_name) + ", then log in again";
+}
+
+void read_serial_keys(KeyTable& keys, const std::string& prefix, SerialSettings& settings, bool serial) {
+  for (const char* const name : {".baud", ".data_bits", ".parity", ".stop_bits"}) {
+    if (!serial && keys.file()->has(prefix + name))
+      keys.file()->reject(prefix + name, "no such key unless the device is a serial line");
+  }
+  keys.whole(prefix + ".baud", settings.baud, 50u, 20'000'000u);
+  keys.whole(prefix + ".data_bits", settings.data_bits, 7, 8);
+  keys.chosen(prefix + ".parity", settings.parity, {"none", "even", "odd"});
+  keys.whole(prefix + ".stop_bits", settings.stop_bits, 1, 2);
 }
 
 }  // namespace turncal

@@ -17,6 +17,7 @@
 #include <string_view>
 
 #include "calib/types/status.h"
+#include "imu_io/base/key_table.h"
 
 namespace turncal {
 
@@ -73,5 +74,13 @@ class SerialPort {
   int fd_ = -1;
   std::string device_;
 };
+
+// What to do about a device that could not be opened.
+// number: the errno. "; its group may: sudo adduser "$USER" dialout, then log in again" where that helps, else nothing.
+std::string access_advice(const std::string& device, int number);
+
+// The keys of a serial line in a configuration: PREFIX.baud, .data_bits, .parity, .stop_bits. What is not given stays as it is.
+// `serial`: whether the line is one. Over a network none of these keys has a meaning, and each is refused.
+void read_serial_keys(KeyTable& keys, const std::string& prefix, SerialSettings& settings, bool serial = true);
 
 }  // namespace turncal

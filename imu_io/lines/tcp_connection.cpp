@@ -11,7 +11,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 
 namespace turncal {
 namespace {

@@ -11,7 +11,7 @@
 #include <optional>
 #include <utility>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/lines/byte_line.h"
 #include "imu_io/lines/pty.h"
 

@@ -4,8 +4,8 @@
 #include <iterator>
 
 #include "calib/model/parameters.h"
+#include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
-#include "imu_io/base/site_range.h"
 #include "imu_io/recordings/recording_check.h"
 
 namespace turncal {

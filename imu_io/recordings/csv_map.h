@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "calib/types/axis_order.h"
+#include "calib/types/axis.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/number_table.h"
 

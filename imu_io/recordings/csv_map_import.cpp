@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "calib/statistics/clipping.h"
-#include "calib/statistics/median.h"
+#include "calib/statistics/distributions.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"

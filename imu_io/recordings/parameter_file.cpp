@@ -4,11 +4,11 @@
 #include <unordered_set>
 
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/base/checksum_line.h"
+#include "imu_io/base/crc.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
-#include "imu_io/base/site_range.h"
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_text.h"

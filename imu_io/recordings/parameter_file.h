@@ -2,7 +2,7 @@
 // needed to know what they belong to. Format: docs/recording-format.md.
 //
 // Writing what was read gives the same bytes: numbers are written in their shortest round-trip form, in fixed order;
-// the last line is a checksum (checksum_line.h).
+// the last line is a checksum (crc.h).
 #pragma once
 
 #include <array>

@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "imu_io/base/bytes.h"
-#include "imu_io/base/crc32c.h"
+#include "imu_io/base/crc.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_text.h"

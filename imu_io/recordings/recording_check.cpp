@@ -4,7 +4,7 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/site_range.h"
+#include "imu_io/base/key_table.h"
 #include "imu_io/base/text_pieces.h"
 
 namespace turncal {

@@ -7,7 +7,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
-#include "imu_io/base/crc32c.h"
+#include "imu_io/base/crc.h"
 #include "imu_io/base/text_pieces.h"
 
 namespace turncal {

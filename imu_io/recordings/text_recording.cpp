@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
-#include "imu_io/base/site_range.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/imu_csv.h"
 #include "imu_io/recordings/recording_check.h"

@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 
 namespace turncal {

@@ -1,14 +1,17 @@
 #include "imu_io/units/serial_imu.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <sstream>
+#include <utility>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 
 namespace turncal {
+
 namespace {
 
 constexpr double slice_s = 0.02;  // at most so long is one wait
@@ -188,6 +191,26 @@ Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) 
     }
     if (*received == 0 && deadline.passed()) return std::size_t{0};
   }
+}
+
+void RequestPump::start(ByteLine& line, std::vector<std::byte> request, double period_s) {
+  stop();
+  ended_ = false;
+  thread_ = std::thread([this, &line, request = std::move(request), period_s] {
+    double next_s = monotonic_s();
+    while (!ended_) {
+      static_cast<void>(line.write_all(request, 0.0).ok());
+      const double now_s = monotonic_s();
+      next_s = std::max(next_s + period_s, now_s - period_s);  // what was missed is not made up for
+      const double pause_s = std::max(next_s - now_s, 0.0);
+      std::this_thread::sleep_for(std::chrono::duration<double>(pause_s));
+    }
+  });
+}
+
+void RequestPump::stop() {
+  ended_ = true;
+  if (thread_.joinable()) thread_.join();
 }
 
 }  // namespace turncal

@@ -1,4 +1,4 @@
-// `turncal apply RECORDING --parameters FILE --out FILE`: calibrated increments of every sample (calibrated_source.h), as CSV, .npy, .mat or
+// `turncal apply RECORDING --parameters FILE --out FILE`: calibrated increments of every sample (calibrated_intervals.h), as CSV, .npy, .mat or
 // a recording (.tcr), by the name of the file.
 // Refused: a wrong checksum, a missing key, parameters of another unit, simulated parameters on a real unit's recording.
 #include <filesystem>
@@ -11,7 +11,7 @@
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/jobs/navigation/calibrated_source.h"
+#include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/records/output_folder.h"
 
 namespace turncal {

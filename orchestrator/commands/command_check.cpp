@@ -11,7 +11,7 @@
 #include "orchestrator/devices/real_time.h"
 #include "orchestrator/devices/station_rig.h"
 #include "orchestrator/figures/report_format.h"
-#include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/jobs/sequence_coverage.h"

@@ -1,7 +1,7 @@
 // `turncal commission`: is the table what its map or dialect says, and does the unit feel its axes as it should? (docs/twin.md)
 #include <memory>
 
-#include "imu_io/base/line_prefix.h"
+#include "imu_io/base/console.h"
 #include "orchestrator/commands/command_check.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/commissioning.h"

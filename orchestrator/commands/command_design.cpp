@@ -1,5 +1,5 @@
 // `turncal design`: a sequence found for a time (orchestrator/jobs/design/sequence_design.h; docs/design.md), or the legs that tell an
-// alias class apart (extra_legs.h).
+// alias class apart (sequence_design.h).
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -8,12 +8,11 @@
 #include <memory>
 
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "orchestrator/commands/command_predict.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/jobs/design/extra_legs.h"
 #include "orchestrator/jobs/design/sequence_design.h"
 #include "orchestrator/jobs/loaded_recording.h"
 #include "orchestrator/jobs/planned_unit.h"

@@ -7,15 +7,14 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/deadline.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/matrix_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/jobs/diagnosis_job.h"
-#include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/records/output_folder.h"
-#include "orchestrator/report/residual_table.h"
+#include "orchestrator/report/result_table.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {

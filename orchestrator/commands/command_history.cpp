@@ -7,7 +7,6 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/figures/print_line.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/line_report/history_page.h"

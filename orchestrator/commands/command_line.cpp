@@ -12,8 +12,8 @@
 
 #include <CLI/CLI.hpp>
 
-#include "imu_io/base/closest_word.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {

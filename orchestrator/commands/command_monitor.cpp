@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "imu_io/base/line_prefix.h"
+#include "imu_io/base/console.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/live_devices.h"
 #include "orchestrator/devices/stop_signals.h"

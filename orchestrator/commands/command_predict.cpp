@@ -9,8 +9,8 @@
 #include "imu_io/base/format_number.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/sequence_coverage.h"
-#include "orchestrator/report/drift_table.h"
 #include "orchestrator/report/prediction_table.h"
+#include "orchestrator/report/result_table.h"
 
 namespace turncal {
 

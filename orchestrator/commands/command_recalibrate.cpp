@@ -6,7 +6,6 @@
 #include <thread>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/deadline.h"
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/fleet/slurm_array.h"

@@ -5,7 +5,7 @@
 #include <memory>
 #include <sstream>
 
-#include "imu_io/base/line_prefix.h"
+#include "imu_io/base/console.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/continued_run.h"
 #include "orchestrator/jobs/run_job.h"

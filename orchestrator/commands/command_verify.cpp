@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/base/line_prefix.h"
+#include "imu_io/base/console.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/commands/command_run.h"
 #include "orchestrator/commands/commands.h"

@@ -11,7 +11,7 @@
 // sign and scale. Coarse for the accelerometers, whose pulse weight and biases a calibration finds; the gyros' 0.5 % is what an encoder of
 // some arc minutes and a turn of 5 degrees allow.
 //
-// While an axis turns it must say so, and its rate must be what its position says (rate_check.h).
+// While an axis turns it must say so, and its rate must be what its position says (commissioning.h).
 //
 // Every wait has a deadline and ends at the operator's stop, and at the first poll in which an axis turns that nothing sent
 // (orchestrator/run/motion_watch.h). The caller sees that the table is left at rest, whatever happens.
@@ -21,8 +21,11 @@
 #include <ostream>
 #include <string>
 
+#include "calib/types/axis.h"
+#include "calib/types/status.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/station/station_config.h"
+#include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
 
@@ -47,5 +50,30 @@ Status try_axes(const StationDevices& devices, const StationConfig& station, con
 // What the sum of the gyros says about a turn of `axis` by turned_deg; the error names axis, expected and found.
 Status judge_turn(Axis axis, double turned_deg, const std::array<double, 3>& sum, IncrementKind kind,
                   const CommissioningSettings& settings);
+
+// Does an axis say how fast it turns? While it goes its way, what its rate sums up to must be what its position says, and it must say that
+// it moves: a stop is judged by both, and a register that is dead reads 0 of a table that turns. Plain arithmetic.
+//
+//   RateCheck check(where it stood);
+//   check.add(what was read, poll after poll);
+//   check.judge(axis, tolerance)
+//
+// Fewer than fewest_polls readings on the way (a station in fast motion) are too few to judge. A rate that is not known (NaN) counts as 0.
+class RateCheck {
+ public:
+  explicit RateCheck(const AxisStatus& began) : began_deg_(began.position_deg), last_(began) {}
+  void add(const AxisStatus& now);
+  // tolerance: of 1, of the way. The error is of the kind input: the map or dialect does not fit.
+  Status judge(Axis axis, double tolerance) const;
+
+  static constexpr int fewest_polls = 10;
+
+ private:
+  double began_deg_;
+  AxisStatus last_;
+  int polls_ = 0;  // with another position than before
+  bool said_moving_ = false;
+  double summed_deg_ = 0.0;
+};
 
 }  // namespace turncal

@@ -25,7 +25,7 @@
 #include "calib/statistics/implausible.h"
 #include "orchestrator/devices/earth_rate_check.h"
 #include "orchestrator/devices/felt_directions.h"
-#include "orchestrator/run/run_sink.h"
+#include "orchestrator/run/run_observer.h"
 
 namespace turncal {
 

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "orchestrator/devices/stop_signals.h"
 
 namespace turncal {

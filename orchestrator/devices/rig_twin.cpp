@@ -8,10 +8,9 @@
 #include <thread>
 
 #include "calib/model/parameters.h"
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "turntable_drivers/twins/dialect_twin.h"
-#include "turntable_drivers/twins/modbus_server.h"
 #include "turntable_drivers/twins/modbus_twin.h"
 
 namespace turncal {

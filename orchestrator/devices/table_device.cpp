@@ -4,7 +4,7 @@
 
 #include <cassert>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "turntable_drivers/ascii/serial_turntable.h"
 #include "turntable_drivers/modbus/modbus_turntable.h"
 #include "turntable_drivers/table/table_stop.h"

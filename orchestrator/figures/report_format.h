@@ -3,6 +3,8 @@
 // Text for people comes in two alphabets: plain (terminal: ug/g^2, +-) and typographic (HTML, UTF-8: µg/g², ±).
 #pragma once
 
+#include <cstdio>
+#include <ostream>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -54,5 +56,13 @@ std::string join(const std::vector<std::string>& parts, std::string_view separat
 std::vector<std::string> wrap(std::string_view text, std::size_t width);
 // At most `width` characters; what is cut is replaced by "...".
 std::string shorten(std::string_view text, std::size_t width);
+
+// A line of columns on the terminal, of at most 399 characters.
+template <class... Values>
+void print_line(std::ostream& out, const char* format, Values... values) {
+  char text[400];
+  std::snprintf(text, sizeof text, format, values...);
+  out << text << '\n';
+}
 
 }  // namespace turncal

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <set>
 
-#include "calib/statistics/median.h"
+#include "calib/statistics/distributions.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/parameter_file.h"

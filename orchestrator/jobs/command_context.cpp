@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "orchestrator/jobs/exit_code.h"
 #include "orchestrator/watch/tone.h"
 
 namespace turncal {

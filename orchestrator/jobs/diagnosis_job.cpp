@@ -10,9 +10,9 @@
 #include "orchestrator/jobs/navigation/effect_worth.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/diagnosis_text.h"
-#include "orchestrator/report/pose_report.h"
 #include "orchestrator/report/rest_as_diagnosis.h"
 #include "orchestrator/report/rest_report.h"
+#include "orchestrator/report/result_table.h"
 
 namespace turncal {
 namespace {

@@ -1,6 +1,6 @@
 // When does a run know enough? After every completed dwell the units are calibrated from what is recorded so far, by the same function
 // and from the same samples as at the end, and the run ends (or goes on to its north seeking) when for every unit
-//   every parameter that the station names is known as well as it has to be (orchestrator/station/needed_sigma.h),
+//   every parameter that the station names is known as well as it has to be (orchestrator/station/verdict.h),
 //   the residual is not above limit.residual_max, and
 //   the fit passes its lack-of-fit tests: data that disagree with the model are no reason to trust its sigmas sooner, and
 //   half an hour is recorded, where the whole plan would get a diagnosis: the end that comes sooner is no way round one.
@@ -27,7 +27,7 @@
 #include "orchestrator/jobs/unit_run.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/run/background_queue.h"
-#include "orchestrator/station/needed_sigma.h"
+#include "orchestrator/station/verdict.h"
 #include "sequences/plan.h"
 
 namespace turncal {

@@ -4,7 +4,7 @@
 
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/site_range.h"
+#include "imu_io/base/key_table.h"
 #include "orchestrator/devices/station_rig.h"
 #include "orchestrator/jobs/run_request.h"
 

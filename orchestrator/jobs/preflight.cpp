@@ -7,12 +7,12 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/records/station_records.h"
-#include "orchestrator/station/due_date.h"
 #include "turntable_drivers/ascii/move_sentence.h"
 #include "turntable_drivers/modbus/move_words.h"
 
@@ -158,6 +158,15 @@ std::vector<Error> preflight(const Preflight& run) {
   add(check_hook("hook.needs_operator", hooks.needs_operator));
   add(check_hook("hook.mount", hooks.mount));
   return errors;
+}
+
+Status check_due(const StationConfig& station, double utc_s, const std::string& overdue_reason) {
+  const std::string& due = station.table_calibration_due;
+  const std::string today = format_utc(utc_s).substr(0, 10);
+  if (due.empty() || today <= due) return {};  // days as 2026-12-31 sort as they follow each other
+  if (!overdue_reason.empty()) return {};
+  return input_error("the calibration of table '" + station.table_id + "' was due on " + due + ", today is " + today +
+                     ": expected a calibrated table, or --override-due REASON, which goes on record");
 }
 
 }  // namespace turncal

@@ -26,4 +26,8 @@ struct Preflight {
 // Kind device for what the storage cannot do, input for what has to be written otherwise.
 std::vector<Error> preflight(const Preflight& run);
 
+// A table whose calibration is overdue is used only with a reason, which goes on record.
+// utc_s: now. An error of kind input after the day of table.calibration_due, unless there is a reason.
+Status check_due(const StationConfig& station, double utc_s, const std::string& overdue_reason);
+
 }  // namespace turncal

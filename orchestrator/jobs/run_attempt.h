@@ -9,7 +9,6 @@
 
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/devices/live_devices.h"
-#include "orchestrator/devices/rehearsal_devices.h"
 #include "orchestrator/jobs/run_job.h"
 #include "orchestrator/jobs/unit_run.h"
 #include "orchestrator/watch/run_log.h"

@@ -4,9 +4,8 @@
 #include <filesystem>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/console.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/line_prefix.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/continued_run.h"
@@ -21,8 +20,8 @@
 #include "orchestrator/records/station_records.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
-#include "orchestrator/watch/clock_watch.h"
 #include "orchestrator/watch/progress.h"
+#include "orchestrator/watch/service_watch.h"
 
 namespace turncal {
 

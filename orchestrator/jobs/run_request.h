@@ -21,7 +21,7 @@ struct RunRequest {
   bool capture_only = false;
   bool no_diagnosis = false;
   bool verify = false;       // seek north with the calibration, in the same walk of the table (docs/verification.md)
-  bool until_sigma = false;  // end after the dwell at which enough is known (needed_sigma.h)
+  bool until_sigma = false;  // end after the dwell at which enough is known (verdict.h)
   std::string continues;     // folder of the run that this one continues (continued_run.h); empty: none
   std::string verified;      // the parameter file that is verified; empty: what the run estimates
   std::vector<std::string> units;  // serial numbers, by place on the table

@@ -5,7 +5,7 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_source.h"
-#include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/jobs/run_attempt.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/recording_sink.h"

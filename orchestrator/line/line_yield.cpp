@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "calib/statistics/distributions.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
@@ -12,8 +13,6 @@
 namespace turncal {
 
 namespace {
-
-constexpr double normal_95 = 1.959964;
 
 bool is_figure(std::string_view word) {
   while (!word.empty() && std::string_view(",;:()").find(word.back()) != std::string_view::npos) word.remove_suffix(1);

@@ -2,7 +2,6 @@
 #include <cstdio>
 
 #include "imu_io/base/data_text.h"
-#include "orchestrator/figures/print_line.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/line_report/shift_page.h"
 #include "orchestrator/line_report/shift_words.h"

@@ -8,7 +8,7 @@
 
 #include "imu_io/base/data_text.h"
 #include "orchestrator/records/journal_record.h"
-#include "orchestrator/run/run_journal.h"
+#include "orchestrator/run/run_observer.h"
 #include "orchestrator/station/verdict.h"
 
 namespace turncal {

@@ -14,7 +14,7 @@
 
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/records/journal_record.h"
-#include "orchestrator/run/run_journal.h"
+#include "orchestrator/run/run_observer.h"
 #include "orchestrator/station/verdict.h"
 
 namespace turncal {

@@ -6,7 +6,7 @@
 #include <cerrno>
 #include <cmath>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/records/sql_connection.h"

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "imu_io/recordings/recording_writer.h"
-#include "orchestrator/run/run_sink.h"
+#include "orchestrator/run/run_observer.h"
 
 namespace turncal {
 

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "calib/navigation/free_navigation.h"
-#include "calib/navigation/navigation_error.h"
 #include "calib/types/recording_types.h"
 #include "orchestrator/figures/gnuplot.h"
 

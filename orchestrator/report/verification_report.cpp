@@ -5,11 +5,11 @@
 #include <utility>
 
 #include "calib/model/parameters.h"
-#include "imu_io/base/checksum_line.h"
+#include "imu_io/base/crc.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
-#include "imu_io/base/site_range.h"
 #include "orchestrator/figures/report_format.h"
 
 namespace turncal {

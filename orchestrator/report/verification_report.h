@@ -37,7 +37,7 @@ struct VerificationReport {
   UnitVerdict verdict = UnitVerdict::not_judged;
 };
 
-// verification.conf; the last line is a checksum (checksum_line.h).
+// verification.conf; the last line is a checksum (crc.h).
 std::string format_verification(const VerificationReport& report);
 // What format_verification wrote, to the bit; every key has to be there and of its kind. Of `info` what stands in it.
 Result<VerificationReport> read_verification(const std::string& path);

@@ -7,7 +7,7 @@
 #include <exception>
 #include <utility>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 
 namespace turncal {

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
 #include "orchestrator/run/run_state_machine.h"
+#include "sequences/sequence.h"
 #include "turntable_drivers/table/table_state.h"
 
 namespace turncal {
@@ -75,6 +77,76 @@ class RunObserver {
   virtual void on_transition(const TransitionRecord& record) = 0;
   virtual void on_progress(const RunSnapshot& snapshot) = 0;
   virtual void on_dropout(const Dropout&) {}
+};
+
+// What a run must make durable before its consequence: every transition before its action (but a stop, which waits for
+// nothing and is written down after it went out), every command before it is sent, every completed dwell before the next item, every
+// unit that drops out when it does, the end of the recording before it is sealed.
+//
+// An error from any of these stops the run like a disk that is full. On disk: journal_file.h.
+// Where the recording of one unit stood.
+struct RecordingPoint {
+  std::int64_t next_sample = 0;    // of the recording: where the segment ended
+  std::int64_t first_counter = 0;  // the unit's own, of the recording's sample 0
+  std::int64_t last_counter = 0;   // the unit's own, of the last recorded sample
+  std::uint64_t lost_samples = 0;
+  std::uint64_t duplicate_samples = 0;
+  std::optional<std::uint32_t> written{};  // hash of the recording up to there (run_observer.h)
+  bool operator==(const RecordingPoint&) const = default;
+};
+
+// All that a run needs to know in order to go on after a completed dwell.
+struct CompletedDwell {
+  std::size_t item = 0;               // of the plan
+  std::vector<RecordingPoint> units;  // in the order of the run; of one that dropped out: where it stopped
+  int repeated_dwells = 0;
+  double time_s = 0.0;  // of the station's clock, when it was complete
+  double utc_s = 0.0;
+  bool operator==(const CompletedDwell&) const = default;
+};
+
+// Where an interrupted run goes on: everything after this dwell is done again, and nothing before it.
+struct ResumePoint {
+  CompletedDwell after;
+  // Only for simulated devices that were put back to the moment at which that dwell ended: no time has passed for them, and
+  // the unit's next sample is the next of the recording. Otherwise there is a gap, a rest, and the chain is cut there.
+  bool no_time_passed = false;
+  std::vector<bool> dropped{};  // by unit; empty: none. A unit that had dropped out by then stays out
+};
+
+class RunJournal {
+ public:
+  virtual ~RunJournal() = default;
+  virtual Status transition(const TransitionRecord& record) = 0;
+  virtual Status home(double time_s) = 0;
+  virtual Status move(const Move& move, double time_s) = 0;
+  virtual Status dwell(const CompletedDwell& dwell) = 0;
+  virtual Status dropout(const Dropout& dropout) = 0;
+  // The recordings are about to be finished. hashes: of their contents, by unit; empty for one that dropped out.
+  virtual Status seal(double utc_s, const std::vector<std::string>& hashes) = 0;
+};
+
+// Where a run puts what it captures: the recording on disk, or a test's memory.
+//
+// Calls come in this order: start (or resume), then begin_segment / add... / end_segment over and over, sync after every step, and finish.
+// Counters count from 0 at the first sample of the recording. Any error ends the run.
+class RunSink {
+ public:
+  virtual ~RunSink() = default;
+  virtual Status start(const RecordingInfo& info) = 0;
+  // Instead of start: goes on after the segment that ended at end_sample; whatever came after it is dropped. An error when
+  // the recording there is not of the same unit, site and kind, or, where `written` is given, not what written() said then.
+  virtual Status resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) = 0;
+  virtual Status begin_segment(const Segment& segment) = 0;  // end_sample is not yet known
+  virtual Status add(std::span<const ImuSample> samples) = 0;
+  // The final kind: a dwell that does not count is closed as rotate.
+  virtual Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) = 0;
+  virtual Status sync() = 0;
+  // A hash of all that was kept so far; nothing where nothing is kept.
+  virtual std::optional<std::uint32_t> written() const = 0;
+  virtual Status finish() = 0;  // complete and durable
+  // What was found wrong with the unit itself, not with storing; asked when a segment has ended. A recording judges nothing.
+  virtual Status unit_fits() const { return {}; }
 };
 
 }  // namespace turncal

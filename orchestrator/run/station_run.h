@@ -56,7 +56,6 @@
 #include "orchestrator/run/arrival_monitor.h"
 #include "orchestrator/run/background_queue.h"
 #include "orchestrator/run/motion_watch.h"
-#include "orchestrator/run/run_journal.h"
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/run/run_state_machine.h"
 #include "orchestrator/run/unit_lane.h"

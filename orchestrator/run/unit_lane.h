@@ -29,8 +29,7 @@
 #include "orchestrator/run/background_queue.h"
 #include "orchestrator/run/dwell_monitor.h"
 #include "orchestrator/run/motion_watch.h"
-#include "orchestrator/run/run_journal.h"
-#include "orchestrator/run/run_sink.h"
+#include "orchestrator/run/run_observer.h"
 #include "orchestrator/station/station_config.h"
 
 namespace turncal {

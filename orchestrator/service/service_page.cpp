@@ -11,7 +11,6 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/deadline.h"
 #include "imu_io/base/key_value.h"
 #include "orchestrator/records/journal_record.h"
 #include "orchestrator/service/operators.h"

@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 
 extern char** environ;
 

@@ -7,7 +7,6 @@
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
-#include "imu_io/base/site_range.h"
 #include "orchestrator/station/database_name.h"
 
 namespace turncal {

@@ -14,7 +14,6 @@
 #include "calib/types/status.h"
 #include "imu_io/units/serial_imu_config.h"
 #include "orchestrator/station/hooks.h"
-#include "orchestrator/station/needed_sigma.h"
 #include "orchestrator/station/verdict.h"
 #include "sequences/plan.h"
 #include "turntable_drivers/ascii/dialect.h"

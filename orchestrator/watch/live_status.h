@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "orchestrator/run/run_observer.h"
-#include "orchestrator/run/run_sink.h"
 #include "orchestrator/watch/operator_screen.h"
 #include "orchestrator/watch/tone.h"
 

@@ -1,5 +1,5 @@
 // What the operator of a table turned by hand sees: one instruction, the angle to set or the time that is left, what was wrong. Made of
-// what there is to do (operator_task.h) and of where the run is; terminal (operator_terminal.h) and page draw this and nothing else.
+// what there is to do (manual_turntable.h) and of where the run is; terminal (operator_terminal.h) and page draw this and nothing else.
 #pragma once
 
 #include <array>
@@ -7,7 +7,7 @@
 #include <string>
 
 #include "orchestrator/run/run_observer.h"
-#include "turntable_drivers/manual/operator_task.h"
+#include "turntable_drivers/manual/manual_turntable.h"
 #include "turntable_drivers/manual/operator_texts.h"
 
 namespace turncal {

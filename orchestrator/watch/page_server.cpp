@@ -17,7 +17,7 @@
 #include <thread>
 #include <vector>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 

@@ -9,7 +9,7 @@
 #include <cstring>
 #include <string_view>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {

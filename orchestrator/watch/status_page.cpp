@@ -4,7 +4,7 @@
 #include <chrono>
 #include <thread>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
 

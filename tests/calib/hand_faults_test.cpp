@@ -9,7 +9,6 @@
 #include "calib/rests/single_pose.h"
 #include "calib/statistics/clipping.h"
 #include "calib/statistics/segmentation.h"
-#include "calib/statistics/stillness.h"
 #include "tests/calib/compress.h"
 #include "tests/calib/hand_rotations.h"
 

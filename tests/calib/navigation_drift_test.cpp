@@ -8,7 +8,6 @@
 #include "calib/navigation/alignment.h"
 #include "calib/navigation/earth.h"
 #include "calib/navigation/free_navigation.h"
-#include "calib/navigation/navigation_error.h"
 
 namespace turncal {
 namespace {

@@ -24,7 +24,7 @@
 #include <sstream>
 #include <thread>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/frames/builtin_frames.h"
 #include "imu_io/frames/frame_encoder.h"
@@ -33,7 +33,6 @@
 #include "imu_io/recordings/recording_source.h"
 #include "tests/faults/misbehaving_table.h"
 #include "turntable_drivers/twins/dialect_twin.h"
-#include "turntable_drivers/twins/modbus_server.h"
 #include "turntable_drivers/twins/modbus_twin.h"
 
 namespace turncal {

@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <string>
 
-#include "imu_io/base/crc32c.h"
+#include "imu_io/base/crc.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "input.h"
 

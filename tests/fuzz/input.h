@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "imu_io/base/bytes.h"
-#include "imu_io/base/crc32c.h"
+#include "imu_io/base/crc.h"
 
 namespace turncal::fuzz {
 

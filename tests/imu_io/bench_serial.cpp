@@ -11,7 +11,7 @@
 #include <string>
 #include <thread>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/frames/builtin_frames.h"
 #include "imu_io/lines/pty.h"
 #include "imu_io/units/frame_streamer.h"

@@ -6,7 +6,7 @@
 #include <limits>
 #include <random>
 
-#include "imu_io/base/crc32c.h"
+#include "imu_io/base/crc.h"
 #include "recording_samples.h"
 #include "temporary_folder.h"
 

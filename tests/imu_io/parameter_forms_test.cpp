@@ -8,7 +8,7 @@
 #include <fstream>
 
 #include "imu_io/base/bytes.h"
-#include "imu_io/base/crc32c.h"
+#include "imu_io/base/crc.h"
 #include "imu_io/base/format_number.h"
 #include "recording_samples.h"
 #include "temporary_folder.h"

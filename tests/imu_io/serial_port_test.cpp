@@ -8,8 +8,7 @@
 #include <string>
 #include <thread>
 
-#include "imu_io/base/deadline.h"
-#include "imu_io/lines/access_advice.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/lines/pty.h"
 #include "tests/imu_io/temporary_folder.h"
 

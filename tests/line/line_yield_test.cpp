@@ -7,7 +7,7 @@
 #include <random>
 
 #include "imu_io/base/clock.h"
-#include "orchestrator/line/repeatability.h"
+#include "orchestrator/line/shift_report.h"
 #include "orchestrator/line/station_difference.h"
 
 namespace turncal {

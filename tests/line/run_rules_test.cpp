@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "orchestrator/line/control_chart.h"
+#include "orchestrator/line/parameter_history.h"
 
 namespace turncal {
 namespace {

@@ -1,5 +1,5 @@
 // The civil clock against the monotonic one.
-#include "orchestrator/watch/clock_watch.h"
+#include "orchestrator/watch/service_watch.h"
 
 #include <gtest/gtest.h>
 

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "orchestrator/devices/live_devices.h"
 #include "orchestrator/run/station_run.h"
 

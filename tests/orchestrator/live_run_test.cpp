@@ -5,10 +5,10 @@
 #include <cmath>
 #include <functional>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "orchestrator/devices/gravity_watch.h"
 #include "orchestrator/devices/live_devices.h"
-#include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/jobs/command_context.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"
 

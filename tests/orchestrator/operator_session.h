@@ -6,7 +6,7 @@
 #include <functional>
 #include <optional>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {

@@ -2,7 +2,7 @@
 // recorded; a stop asked for from outside is an interruption too; twice by the operator is an abort.
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/stop_signals.h"
-#include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/records/journal_contents.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/program.h"

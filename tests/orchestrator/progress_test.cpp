@@ -13,7 +13,7 @@
 #include <cstdlib>
 #include <sstream>
 
-#include "imu_io/base/line_prefix.h"
+#include "imu_io/base/console.h"
 #include "imu_io/lines/pty.h"
 #include "orchestrator/watch/run_log.h"
 #include "orchestrator/watch/service_watch.h"

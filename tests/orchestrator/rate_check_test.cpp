@@ -1,5 +1,5 @@
 // An axis whose rate or moving bit is dead is found while it is commissioned, and one in order is not.
-#include "orchestrator/devices/rate_check.h"
+#include "orchestrator/devices/commissioning.h"
 
 #include <gtest/gtest.h>
 

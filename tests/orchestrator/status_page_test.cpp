@@ -7,7 +7,7 @@
 #include <new>
 #include <thread>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "orchestrator/watch/live_status.h"
 #include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"

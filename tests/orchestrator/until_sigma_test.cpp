@@ -1,5 +1,5 @@
 // A run that ends when it knows enough: when, with what, and the same after every kill.
-#include "orchestrator/station/needed_sigma.h"
+#include "orchestrator/station/verdict.h"
 
 #include <algorithm>
 #include <cmath>

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "orchestrator/line/control_chart.h"
+#include "orchestrator/line/parameter_history.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/watch/tone.h"

@@ -14,7 +14,7 @@
 #include <string>
 
 #include "calib/joint/joint_estimate.h"
-#include "calib/joint/start_noise.h"
+#include "calib/joint/noise_fit.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "orchestrator/jobs/design/extra_legs.h"
+#include "orchestrator/jobs/design/sequence_design.h"
 #include "orchestrator/jobs/planned_unit.h"
 #include "tests/rig_recorder.h"
 

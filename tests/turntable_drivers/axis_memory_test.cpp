@@ -1,4 +1,4 @@
-#include "turntable_drivers/table/axis_memory.h"
+#include "turntable_drivers/table/described_turntable.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "tests/turntable_drivers/dialect_station.h"
 
 namespace turncal {

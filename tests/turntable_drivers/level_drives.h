@@ -17,7 +17,7 @@
 
 #include <gtest/gtest.h>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "tests/turntable_drivers/twin_station.h"
 #include "turntable_drivers/modbus/modbus_frame.h"
 #include "turntable_drivers/modbus/register_map.h"

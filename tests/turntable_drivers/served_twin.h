@@ -11,12 +11,11 @@
 
 #include <gtest/gtest.h>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "tests/rig_clock.h"
 #include "turntable_drivers/rig/rig_imu.h"
 #include "turntable_drivers/rig/rig_table.h"
 #include "turntable_drivers/twins/dialect_twin.h"
-#include "turntable_drivers/twins/modbus_server.h"
 #include "turntable_drivers/twins/modbus_twin.h"
 
 namespace turncal {

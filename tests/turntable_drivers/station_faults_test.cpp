@@ -2,7 +2,7 @@
 // does, the run ends with the table at rest and an error of the right kind, or goes through with the very plan.
 #include <gtest/gtest.h>
 
-#include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/jobs/command_context.h"
 
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/turntable_drivers/modbus/modbus_run.h"

@@ -11,7 +11,7 @@
 
 #include <gtest/gtest.h>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 
 namespace turncal {
 

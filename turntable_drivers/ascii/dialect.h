@@ -22,7 +22,6 @@
 #include "calib/types/status.h"
 #include "imu_io/lines/serial_port.h"
 #include "turntable_drivers/ascii/sentence.h"
-#include "turntable_drivers/table/drive_bit.h"
 #include "turntable_drivers/table/table_description.h"
 
 namespace turncal {

@@ -3,7 +3,6 @@
 
 #include "imu_io/base/text_pieces.h"
 #include "turntable_drivers/ascii/serial_turntable.h"
-#include "turntable_drivers/table/angle.h"
 #include "turntable_drivers/table/drive_rules.h"
 
 namespace turncal {
@@ -97,7 +96,7 @@ Result<AxisStatus> SerialTurntable::status(Axis axis) {
   const bool turns_known = dialect_.of(axis).modulo_deg == 0.0 || memory.home_called;
   const bool homed = reports_homed ? flags[DriveBit::homed].value_or(false)
                                    : memory.homed || (memory.home_called && report.in_position && !report.moving);
-  // Without a flag of its own, "arrived" may be the old one: see axis_memory.h.
+  // Without a flag of its own, "arrived" may be the old one: see described_turntable.h.
   report.homed = memory.judge_homed(homed && turns_known,
                                     report.moving || (!reports_homed && !report.in_position && !memory.homed));
   report.limit = flags[DriveBit::limit_positive].value_or(false) || flags[DriveBit::limit_negative].value_or(false);

@@ -9,7 +9,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/lines/tcp_connection.h"
 #include "turntable_drivers/table/drive_rules.h"
 

@@ -13,7 +13,7 @@
 #include <string>
 
 #include "calib/types/status.h"
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/lines/serial_port.h"
 #include "turntable_drivers/ascii/dialect.h"
 #include "turntable_drivers/table/stop_signal.h"

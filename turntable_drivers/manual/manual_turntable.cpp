@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 

@@ -29,6 +29,7 @@
 // does wrong can be rehearsed: `turn AXIS ANGLE` turns any axis and answers nothing, `say ANGLE` answers and turns nothing.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <deque>
 #include <functional>
@@ -37,12 +38,32 @@
 #include <string>
 #include <utility>
 
+#include "calib/types/axis.h"
 #include "imu_io/base/clock.h"
-#include "turntable_drivers/manual/operator_task.h"
 #include "turntable_drivers/manual/operator_texts.h"
+#include "turntable_drivers/rig/rig.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
+
+// What the person at a table turned by hand has to do now, as plain data. Terminal and page both draw it
+// (orchestrator/watch/operator_screen.h). Degrees.
+struct OperatorTask {
+  enum class Kind {
+    nothing,  // the table is not theirs: hands off
+    where,    // say where an axis stands
+    turn,     // turn an axis, say the angle reached
+    compare,  // the answer is compared with gravity and gyros: hands off
+    paused
+  };
+  Kind kind = Kind::nothing;
+  Axis axis = Axis::heading;
+  std::optional<double> from_deg;  // empty: not known
+  double target_deg = 0.0;
+  std::string note;    // what was said last, and holds still, in the operator's language
+  bool wrong = false;  // the note is of an answer that was not taken
+  long answers = 0;    // lines that were typed so far
+};
 
 struct ManualSettings {
   double tolerance_deg = 0.1;
@@ -178,5 +199,17 @@ class ManualTurntable : public Turntable {
   bool stopped_ = false;      // and nothing was asked for since
   std::optional<Error> end_;  // nothing more can be asked for
 };
+
+// The rig as the table that a rehearsal by hand turns.
+// The rig must outlive the table.
+inline RehearsedTable rehearsed_table(Rig& rig) {
+  return {[&rig](Axis axis, double angle_deg, double rate_degps, double acceleration_degps2) {
+            rig.command_move(axis, angle_deg, rate_degps, acceleration_degps2);
+          },
+          [&rig] {
+            return std::any_of(all_axes.begin(), all_axes.end(), [&rig](Axis axis) { return rig.axis(axis).moving; });
+          },
+          [&rig] { rig.stop(); }};
+}
 
 }  // namespace turncal

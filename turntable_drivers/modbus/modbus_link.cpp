@@ -13,8 +13,8 @@
 #include <cerrno>
 #include <cstring>
 
-#include "imu_io/base/deadline.h"
-#include "imu_io/lines/access_advice.h"
+#include "imu_io/base/clock.h"
+#include "imu_io/lines/serial_port.h"
 #include "imu_io/lines/tcp_connection.h"
 
 namespace turncal {

@@ -3,7 +3,6 @@
 
 #include "imu_io/base/format_number.h"
 #include "turntable_drivers/modbus/modbus_turntable.h"
-#include "turntable_drivers/table/angle.h"
 #include "turntable_drivers/table/drive_rules.h"
 
 namespace turncal {

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "imu_io/base/format_number.h"
-#include "turntable_drivers/table/angle.h"
 #include "turntable_drivers/table/drive_rules.h"
 
 namespace turncal {

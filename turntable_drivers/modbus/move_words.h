@@ -6,7 +6,7 @@
 
 #include "calib/types/status.h"
 #include "turntable_drivers/modbus/register_map.h"
-#include "turntable_drivers/table/move_numbers.h"
+#include "turntable_drivers/table/drive_rules.h"
 
 namespace turncal {
 

@@ -7,7 +7,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/text_pieces.h"
-#include "imu_io/lines/serial_keys.h"
+#include "imu_io/lines/serial_port.h"
 #include "turntable_drivers/modbus/map_check.h"
 #include "turntable_drivers/modbus/write_clash.h"
 

@@ -25,7 +25,6 @@
 #include "imu_io/lines/serial_port.h"
 #include "turntable_drivers/modbus/register_words.h"
 #include "turntable_drivers/modbus/write_step.h"
-#include "turntable_drivers/table/drive_bit.h"
 #include "turntable_drivers/table/table_description.h"
 
 namespace turncal {

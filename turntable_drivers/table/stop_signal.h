@@ -9,7 +9,7 @@
 #include <atomic>
 #include <functional>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 
 namespace turncal {
 

@@ -1,6 +1,8 @@
 #include "turntable_drivers/table/table_description.h"
 
 #include <algorithm>
+#include <array>
+#include <initializer_list>
 
 #include "imu_io/base/key_table.h"
 
@@ -32,6 +34,70 @@ double circle_deg(KeyValueFile& file, const std::string& key) {
   const double circle = file.number_or(key, 0.0, between(0.0, 3600.0));
   if (circle != 0.0 && !(circle >= 90.0)) file.reject(key, "0, or a circle of 90 to 3600 deg");
   return circle;
+}
+
+const char* to_string(DriveBit bit) {
+  constexpr std::array<const char*, drive_bit_count> names = {"enabled",        "in_position",    "fault",
+                                                              "moving",         "homed",          "limit_positive",
+                                                              "limit_negative", "emergency_stop", "remote"};
+  return names[static_cast<std::size_t>(bit)];
+}
+
+std::array<DriveState, 4> drive_states(bool searches) {
+  const auto with = [](DriveBit about, const char* expected, std::initializer_list<DriveBit> set,
+                       std::initializer_list<DriveBit> clear) {
+    DriveState state{about, expected};
+    for (const DriveBit bit : set) state.flags[static_cast<std::size_t>(bit)] = true;
+    for (const DriveBit bit : clear) state.flags[static_cast<std::size_t>(bit)] = false;
+    return state;
+  };
+  using enum DriveBit;
+  DriveState before_homing =
+      with(homed,
+           "a status that can say of an axis that it is on and not homed: enabled and remote, without homed, "
+           "moving, fault or emergency_stop",
+           {enabled, remote}, {homed, moving, fault, emergency_stop});
+  if (!searches) before_homing.flags = {};
+  return {with(in_position,
+               "a status that can say of an axis that it has arrived: enabled, in_position, homed and remote, without "
+               "moving, fault, a limit or emergency_stop",
+               {enabled, in_position, homed, remote}, {fault, moving, limit_positive, limit_negative, emergency_stop}),
+          with(enabled,
+               "a status that can say of an axis that it moves: enabled, moving, homed and remote, without "
+               "in_position, fault, a limit "
+               "or emergency_stop",
+               {enabled, moving, homed, remote}, {in_position, fault, limit_positive, limit_negative, emergency_stop}),
+          with(enabled, "a status that can say of an axis that it is off and at rest: without enabled and moving", {},
+               {enabled, moving}),
+          before_homing};
+}
+
+std::string source_of(const TableDescription& table, const std::string& key) {
+  for (const LineSource& line : table.lines) {
+    if (line.key != key) continue;
+    return "line " + std::to_string(line.line) + (line.mark.empty() ? "" : " [" + line.mark + "]");
+  }
+  return "";
+}
+
+std::string format_rows(const std::vector<TableRow>& rows) {
+  constexpr std::array<std::string TableRow::*, 6> columns = {
+      &TableRow::operation, &TableRow::axis, &TableRow::sent, &TableRow::says, &TableRow::answer, &TableRow::source};
+  std::vector<TableRow> all{{"operation", "axis", "sent or read", "what it says", "answer expected", "from"}};
+  all.insert(all.end(), rows.begin(), rows.end());
+  std::array<std::size_t, columns.size()> width{};
+  for (const TableRow& row : all)
+    for (std::size_t i = 0; i < columns.size(); ++i) width[i] = std::max(width[i], (row.*columns[i]).size());
+  std::string text;
+  for (const TableRow& row : all) {
+    std::string line;
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      const std::string& cell = row.*columns[i];
+      line += cell + std::string(width[i] + 2 - cell.size(), ' ');
+    }
+    text += line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
+  }
+  return text;
 }
 
 }  // namespace turncal

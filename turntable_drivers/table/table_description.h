@@ -1,12 +1,16 @@
 // What a register map and a dialect alike say of a table.
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
-#include "imu_io/base/line_source.h"
+#include "turntable_drivers/table/drive_rules.h"
 
 namespace turncal {
 
@@ -34,5 +38,50 @@ void read_table_description(KeyValueFile& file, TableDescription& description);
 
 // A circle of the device's positions; 0: it counts turns.
 double circle_deg(KeyValueFile& file, const std::string& key);
+
+// What one axis of a drive can say of itself: the status words of every register map and dialect are read into these. And what it must
+// be able to say: with a status that never says one of these states nothing arrives, or homes, or is believed to be off.
+enum class DriveBit {
+  enabled,
+  in_position,
+  fault,
+  moving,
+  homed,
+  limit_positive,
+  limit_negative,
+  emergency_stop,
+  remote
+};
+inline constexpr int drive_bit_count = 9;
+const char* to_string(DriveBit bit);
+
+struct DriveState {
+  DriveBit bit;          // what it is about
+  const char* expected;  // of a status
+  std::array<std::optional<bool>, drive_bit_count> flags{};
+  std::optional<bool> operator[](DriveBit which) const { return flags[static_cast<std::size_t>(which)]; }
+};
+// searches: its zero has to be looked for, so that there is a time before.
+std::array<DriveState, 4> drive_states(bool searches);
+
+// What a described table is sent and answers, as rows that somebody holds against its manual. explain() of a register map
+// (turntable_drivers/modbus/explain_map.h) and of a dialect (turntable_drivers/ascii/explain_dialect.h) makes them: what the drivers send,
+// in the order in which it is sent.
+struct TableRow {
+  std::string operation;  // connect, enable, home, move, stop, abort, status, fault reset, heartbeat
+  std::string axis;       // or table
+  std::string sent;       // registers, or a sentence; of a status what is read
+  std::string says;       // numbers with their scale, bits with mask and polarity
+  std::string answer;     // what is expected
+  std::string source;     // line and mark
+};
+
+// The move that the rows show: an axis from 0 to 90 deg at 10 deg/s and 20 deg/s^2.
+inline constexpr MoveNumbers shown_move{90.0, 90.0, 10.0, 20.0};
+
+// "line 12 [manual]"; empty: the file has no such line.
+std::string source_of(const TableDescription& table, const std::string& key);
+// In columns, a line each, under one line of headings.
+std::string format_rows(const std::vector<TableRow>& rows);
 
 }  // namespace turncal

@@ -1,6 +1,6 @@
 #include "turntable_drivers/twins/dialect_twin.h"
 #include "imu_io/base/text_pieces.h"
-#include "turntable_drivers/table/angle.h"
+#include "turntable_drivers/table/drive_rules.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // DialectTwin: a simulated table that speaks the ASCII dialect of a file, with the axes of any Turntable (the rig's mock). It matches
-// what it is sent against the templates the driver fills in, and fills in the templates the driver matches; modbus_server.h has
+// what it is sent against the templates the driver fills in, and fills in the templates the driver matches; modbus_twin.h has
 // the same for Modbus. DialectServer puts it on a line (line_server.h says how that is run).
 //
 // A sentence that no template matches, or that the table refuses, is answered with the first of error.texts, or not at all.

@@ -1,5 +1,5 @@
 // LineServer: the line of a twin, a TCP port or a pseudo-terminal, with any number of clients (a pseudo-terminal has one). What is
-// said on it is the derived class's affair (modbus_server.h: Modbus; dialect_twin.h: ASCII).
+// said on it is the derived class's affair (modbus_twin.h: Modbus; dialect_twin.h: ASCII).
 //
 //   server.listen_tcp(0);                     // or open_pty("table.link")
 //   while (going_on) server.run_once(0.05);   // serves what has arrived, waits at most this long, ticks the twin

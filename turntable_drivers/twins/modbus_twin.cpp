@@ -4,6 +4,7 @@
 #include <cmath>
 
 namespace turncal {
+
 namespace {
 
 // The code in one register that says these flags, or comes closest: faults count most, then what the station waits for.
@@ -309,6 +310,29 @@ Status ModbusTwin::move(Axis axis, int operand_axis, const Operands& operands) {
     target_deg_[index(axis)] = target_deg;
   }
   return table_.move_absolute(axis, target_deg, rate_degps, acceleration_degps2);
+}
+
+std::optional<AnswerPlan> ModbusServer::next_answer(std::vector<std::uint8_t>& bytes) {
+  const bool header = tcp() && !twin_.map().link.rtu_frames;
+  const std::optional<ModbusRequest> request = next_request(bytes, header);
+  if (!request) return {};
+  const auto& axes = twin_.map().axis;
+  const bool ours =
+      std::any_of(axes.begin(), axes.end(), [&](const MapAxis& axis) { return axis.unit == request->unit; });
+  if (!ours) return AnswerPlan();  // another drive on the bus: silence
+  ModbusTwin::Answer answer;
+  {
+    const std::lock_guard lock(mutex);
+    answer = twin_.handle(*request);
+  }
+  const bool is_read = request->function == 3 || request->function == 4;
+  AnswerPlan plan;
+  plan.pieces.push_back({answer.exception != 0 ? exception_reply(*request, answer.exception, header)
+                         : is_read             ? read_reply(*request, answer.values, header)
+                                               : write_reply(*request, header),
+                         0.0});
+  if (disturb) disturb(*request, plan);
+  return plan;
 }
 
 }  // namespace turncal

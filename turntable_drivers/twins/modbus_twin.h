@@ -1,5 +1,5 @@
 // ModbusTwin: three simulated drives behind the registers that a RegisterMap describes. What a drive would do with a request, without
-// any line: modbus_server.h puts it on one.
+// any line: modbus_twin.h puts it on one.
 //
 // The axes are those of any Turntable (the rig's mock), so the twin has its manners and its lies. Status registers are made from its
 // status at each reading; a list of writes of the map, seen in full and in order, is carried out when its last register is
@@ -15,6 +15,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -25,6 +26,7 @@
 #include "turntable_drivers/modbus/modbus_frame.h"
 #include "turntable_drivers/modbus/register_map.h"
 #include "turntable_drivers/table/turntable.h"
+#include "turntable_drivers/twins/line_server.h"
 
 namespace turncal {
 
@@ -72,6 +74,20 @@ class ModbusTwin {
   std::array<std::optional<double>, 3> target_deg_;  // of a table that is told of all three axes at once
   std::array<bool, 3> tripped_{};
   std::array<bool, 3> homed_round_{};
+};
+
+// ModbusServer: puts a ModbusTwin on a line, Modbus TCP or (on a pseudo-terminal) RTU, for a rehearsal with real links (`turncal twin`)
+// and for the tests of the driver. line_server.h says how it is run.
+class ModbusServer : public LineServer {
+ public:
+  explicit ModbusServer(ModbusTwin& twin) : twin_(twin) {}  // the twin must outlive the server
+  std::function<void(const ModbusRequest&, AnswerPlan&)> disturb;
+
+ private:
+  std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) override;
+  void tick() override { twin_.tick(); }
+
+  ModbusTwin& twin_;
 };
 
 }  // namespace turncal

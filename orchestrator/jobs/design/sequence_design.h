@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "calib/prediction/predict.h"
+#include "calib/prediction/separation.h"
 #include "sequences/plan.h"
 #include "sequences/walk.h"
 
@@ -71,5 +72,20 @@ Result<Design> design_walk(const DesignTask& task, const std::function<bool(cons
 // What no walk that design_walk() may try has its mean of ln(sigma / aim) below; with AimAt::worst, its largest
 // (calib/prediction/design_bound.h). What is above its aim, and effects, are not looked at. Nothing: the turns leave a parameter open.
 std::optional<double> design_bound(const DesignTask& task);
+
+// `turncal design --separate`: the shortest walk that tells the effects of an alias class apart (calib/prediction/separation.h).
+//
+//   cost(walk) = sum over the ordered pairs of max(0, ln(separating_gain / gain expected))
+// is searched for (sequence_design.h) in the longest time allowed; then in less and less of it, from what was found, until it is not reached.
+struct ExtraLegs {
+  Walk walk;
+  double time_s = 0.0;
+  std::vector<AliasPair> before, after;  // with what is recorded; with the walk, too
+  bool apart = false;                    // every pair is told apart
+};
+
+// `task`: time_s is the longest that is allowed. Errors of design_walk().
+Result<ExtraLegs> find_extra_legs(const Separation& separation, DesignTask task,
+                                  const std::function<void(double time_s)>& looking);
 
 }  // namespace turncal

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "calib/navigation/free_navigation.h"
 #include "calib/types/status.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/report/navigation_report.h"
@@ -18,7 +19,7 @@ struct NavigationRequest {
   std::string recording;
   std::string parameters;  // empty: the recording holds calibrated increments, as `turncal apply` writes them
   std::string against;     // empty: none
-  std::string reference;   // where it truly was (reference_file.h); empty: where it stands
+  std::string reference;   // where it truly was (navigation_job.h); empty: where it stands
   double align_s = 300.0;
   double from_s = 0.0;              // of the recording, from its first sample
   std::optional<double> to_s;       // default: its end
@@ -31,5 +32,10 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request);
 // The same with files that are at hand, of that recording; the report has one for each. The paths of the request are not read.
 Result<NavigationReport> navigate_recording(const NavigationRequest& request, RecordingSource& source,
                                             std::vector<CalibratedIntervals> files);
+
+// The reference of `turncal navigate`: a table with the columns time_s, latitude_deg, longitude_deg and, where they are known, height_m,
+// velocity_north_mps and velocity_east_mps. Text (CSV) or .mat; the names are those of track.csv.
+// Errors, kind input: file, line, and what was expected.
+Result<ReferenceTrack> read_reference(const std::string& path);
 
 }  // namespace turncal

@@ -23,7 +23,7 @@ struct VerificationRequest {
 // table at pitch and roll 0, and each of them as long as alignment.h asks for. `where` begins the message.
 Status check_north_seeking(const Segments& segments, int first_step, double sample_period_s, const std::string& where);
 
-// An alignment in which more samples were lost than are filled in (sample_gap.h) is left out.
+// An alignment in which more samples were lost than are filled in (calibrated_intervals.h) is left out.
 // Errors: kind input for files that cannot be used, and check_north_seeking; unit_failed where too few alignments are left to judge.
 Result<VerificationReport> verify_recording(const VerificationRequest& request);
 

@@ -1,5 +1,5 @@
 // Samples that are lost: what they are taken for, and that the variance given is that of the error.
-#include "calib/statistics/gap_fill.h"
+#include "calib/statistics/compression.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Which word a mistyped one is taken for, and when none is.
-#include "imu_io/base/closest_word.h"
+#include "imu_io/base/text_pieces.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "imu_io/base/crc32c.h"
+#include "imu_io/base/crc.h"
 
 #include <gtest/gtest.h>
 

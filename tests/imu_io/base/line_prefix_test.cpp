@@ -1,4 +1,4 @@
-#include "imu_io/base/line_prefix.h"
+#include "imu_io/base/console.h"
 
 #include <sstream>
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "imu_io/base/checksum_line.h"
+#include "imu_io/base/crc.h"
 #include "orchestrator/report/certificate.h"
 #include "tests/orchestrator/results/rig_unit.h"
 

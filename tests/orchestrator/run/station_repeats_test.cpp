@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "imu_io/recordings/recording_source.h"
-#include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/run/station_run.h"
 #include "tests/orchestrator/run/rig_faults.h"
 

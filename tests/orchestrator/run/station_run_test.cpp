@@ -5,7 +5,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/run/station_run.h"
 #include "tests/orchestrator/run/rig_faults.h"
 

@@ -1,7 +1,7 @@
 // Faults of the table in a run: it is stopped, and the stop is verified.
 #include <gtest/gtest.h>
 
-#include "orchestrator/jobs/exit_code.h"
+#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/run/station_run.h"
 #include "tests/orchestrator/run/rig_faults.h"
 #include "turntable_drivers/table/limited_turntable.h"

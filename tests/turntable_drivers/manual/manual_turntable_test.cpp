@@ -12,7 +12,6 @@
 
 #include "imu_io/base/text_pieces.h"
 #include "tests/turntable_drivers/table_contract.h"
-#include "turntable_drivers/twins/rehearsed_table.h"
 
 namespace turncal {
 namespace {

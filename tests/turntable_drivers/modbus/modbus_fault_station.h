@@ -4,7 +4,7 @@
 #include <functional>
 #include <sstream>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "tests/turntable_drivers/twin_station.h"
 
 namespace turncal {

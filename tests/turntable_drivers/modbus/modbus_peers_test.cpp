@@ -11,7 +11,7 @@
 
 #include <gtest/gtest.h>
 
-#include "imu_io/base/deadline.h"
+#include "imu_io/base/clock.h"
 #include "orchestrator/run/station_run.h"
 #include "tests/orchestrator/rig_station.h"
 #include "tests/turntable_drivers/twin_station.h"
