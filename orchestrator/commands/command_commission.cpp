@@ -80,6 +80,9 @@ Status run_commission(const Options& options, CommandContext& context) {
   Status status = commission(options, *station, **live, context.out, switched_on, said);
   const std::string how_left = switched_on ? "; " + how_it_rests((*live)->devices().table) : "; nothing was moved";
   status = (*live)->leave_table(status, how_left);
+  if (switched_on && (*live)->left_off()) {
+    if (const std::string sag = (*live)->sag_since({}); !sag.empty()) context.warn(sag);
+  }
   if (status) context.out << said << how_left << std::endl;
   return status;
 }

@@ -73,24 +73,34 @@ Status LiveDevices::leave_table(Status done, const std::string& how_left) {
     done = asked_to_stop(StopSignals::ends() > 0);
   }
   const Status left = table_->leave();
+  left_off_ = left.ok();
   if (!left) return device_error(done ? left.error().message : done.error().message + "; " + left.error().message);
   return done ? done : Status(Error{done.error().kind, done.error().message + how_left});
 }
 
-std::string LiveDevices::sag_since(const TableStatus& left) {
+std::string LiveDevices::sag_since(const std::optional<TableStatus>& left) {
   constexpr double least_s = 2.5, same_place_deg = 0.01;  // 0.005 deg/s
+  constexpr int readings = 5;  // an encoder that flickers reads the same place in one of them
   std::string text;
   if (table_->manual() || !table_->table().can_switch_off()) return text;
   for (const Axis axis : all_axes) {
-    const AxisStatus& then = left[static_cast<std::size_t>(axis)];
-    while (clock_.now_s() - then.time_s < least_s)
-      wait_a_little((least_s - (clock_.now_s() - then.time_s)) / speed_up_);
-    const Result<AxisStatus> now = table_->table().status(axis);
-    if (!now || !(std::abs(now->position_deg - then.position_deg) > same_place_deg)) continue;
+    const Result<AxisStatus> then = left ? (*left)[static_cast<std::size_t>(axis)] : table_->table().status(axis);
+    if (!then) return text;
+    while (clock_.now_s() - then->time_s < least_s)
+      wait_a_little((least_s - (clock_.now_s() - then->time_s)) / speed_up_);
+    std::optional<AxisStatus> nearest;
+    for (int i = 0; i < readings; ++i) {
+      const Result<AxisStatus> now = table_->table().status(axis);
+      if (!now) return text;
+      const auto off_deg = [&](const AxisStatus& at) { return std::abs(at.position_deg - then->position_deg); };
+      if (!nearest || off_deg(*now) < off_deg(*nearest)) nearest = *now;
+      if (off_deg(*nearest) <= same_place_deg) break;
+    }
+    if (!(std::abs(nearest->position_deg - then->position_deg) > same_place_deg)) continue;
     char line[160];
     std::snprintf(line, sizeof line, "%s%s turns with its drive off: from %.4f to %.4f deg in %.1f s",
-                  text.empty() ? "" : "; ", to_string(axis), then.position_deg, now->position_deg,
-                  now->time_s - then.time_s);
+                  text.empty() ? "" : "; ", to_string(axis), then->position_deg, nearest->position_deg,
+                  nearest->time_s - then->time_s);
     text += line;
   }
   return text;

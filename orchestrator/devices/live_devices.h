@@ -57,10 +57,11 @@ class LiveDevices {
   // At rest with its drives off, read back; an error: that of what was done, with how it was left, or that it could not be verified.
   // Nobody may use the table afterwards.
   Status leave_table(Status done, const std::string& how_left = "");
+  bool left_off() const { return left_off_; }  // leave_table() has verified it
   void give_table_up() { table_->give_up(); }
-  // Whether an axis turns now that its drive is off: looks once more, 2.5 s of the station after it read like this, and says how far it
-  // turned. Empty: all stand, or cannot be read.
-  std::string sag_since(const TableStatus& left);
+  // Whether an axis turns now that its drive is off: looks once more, 2.5 s of the station after it read like this (none: as it reads now),
+  // and says how far it turned. Empty: all stand, or cannot be read.
+  std::string sag_since(const std::optional<TableStatus>& left);
   void end_real_time() { real_time_.reset(); }  // the table rests with its drives off: what comes may take its time
 
   // Of a table turned by hand: what its operator is told; else null. The sequence must outlive the devices.
@@ -72,6 +73,7 @@ class LiveDevices {
   StationLock lock_;  // outlives the devices
   std::optional<RealTime> real_time_{std::in_place};
   double speed_up_;
+  bool left_off_ = false;
   LiveClock clock_;
   SerialImu imu_;
   GravityWatch watched_;

@@ -21,4 +21,6 @@ void CommandContext::fail(const Error& error) {
   exit_code = turncal::exit_code(error.kind);
 }
 
+void CommandContext::warn(const std::string& text) { err << tag << "warning: " << one_line(text) << std::endl; }
+
 }  // namespace turncal

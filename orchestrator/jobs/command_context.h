@@ -20,6 +20,7 @@ struct CommandContext {
 
   // One line on err; sets the exit code.
   void fail(const Error& error);
+  void warn(const std::string& text);
 };
 
 // What the program ends with for each kind of error. 0: all is well.

@@ -164,7 +164,7 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
 
 // A disk that hangs for good would hold up whoever waits for its thread: the table was left, so the program says so and ends at once.
 [[noreturn]] void end_without_storage(const Error& error, const std::string& folder, CommandContext& context) {
-  context.err << "turncal: " << error.message << "; nothing more could be written to " << folder
+  context.err << context.tag << "turncal: " << error.message << "; nothing more could be written to " << folder
               << ", and the program ends without waiting for it; when the disk answers again: turncal resume " << folder
               << std::endl;
   std::_Exit(exit_code(ErrorKind::device));
@@ -275,10 +275,10 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
   if (outcome.stop_failed && run_devices.live) run_devices.live->give_table_up();
   if (outcome.storage_hangs) end_without_storage(outcome.error, a.folder, context);
   if (run_devices.live && outcome.left) a.log.line(how_it_rests(devices.table));
-  if (const std::string sag = run_devices.live && outcome.left ? run_devices.live->sag_since(*outcome.left) : "";
+  if (const std::string sag = run_devices.live && outcome.left ? run_devices.live->sag_since(outcome.left) : "";
       !sag.empty()) {
     a.log.line(sag);
-    context.err << "warning: " << sag << std::endl;
+    context.warn(sag);
   }
   for (std::size_t i = 0; run_devices.live && i < a.units.size(); ++i) {
     a.log.line("unit " + a.units[i].run.unit() + ": " + run_devices.live->unit_summary(i));

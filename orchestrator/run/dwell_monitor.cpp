@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <utility>
 
 #include "calib/model/parameters.h"
@@ -18,6 +19,22 @@ std::string line(const char* format, const char* name, double value, const char*
   return text;
 }
 
+struct Scatter {
+  void add(double value) {
+    if (count == 0) first = value;
+    sum += value - first;
+    squares += (value - first) * (value - first);
+    ++count;
+  }
+  double mean() const { return first + sum / static_cast<double>(count); }
+  double variance() const {
+    const double n = static_cast<double>(count);
+    return std::max(0.0, squares - sum * sum / n) / (n - 1.0);
+  }
+  double first = 0.0, sum = 0.0, squares = 0.0;
+  std::size_t count = 0;
+};
+
 }  // namespace
 
 DwellMonitor::DwellMonitor(const DwellConfig& config, const RecordingInfo& info)
@@ -32,11 +49,9 @@ DwellMonitor::DwellMonitor(const DwellConfig& config, const RecordingInfo& info)
     unit_[static_cast<std::size_t>(i)] = rad_per_count / rad_per_deg / window_s;
     unit_[static_cast<std::size_t>(3 + i)] = mps_per_count / window_s;
   }
-  // Of a unit that sends rad and m/s the least that it can say is not known: then the sigmas decide alone.
-  for (std::size_t i = 0; i < channels; ++i) {
-    const bool pulses = (i < 3 ? info.gyro_increment : info.accel_increment) == IncrementKind::pulses;
-    count_[i] = pulses ? 1.0 : 1e-12;
-  }
+  part_samples_ = std::max<std::int64_t>(1, window_samples_ / 10);
+  pulses_[0] = info.gyro_increment == IncrementKind::pulses;
+  pulses_[1] = info.accel_increment == IncrementKind::pulses;
 }
 
 void DwellMonitor::start(std::int64_t first_counter, std::int64_t samples) {
@@ -48,8 +63,11 @@ void DwellMonitor::start(std::int64_t first_counter, std::int64_t samples) {
   frozen_.start();
   origin_ = sum_ = square_ = lowest_ = highest_ = {};
   of_ = {};
-  window_sums_.clear();
-  window_sums_.reserve(static_cast<std::size_t>(samples / window_samples_) + 1);
+  part_sum_ = {};
+  in_part_ = 0;
+  parts_.clear();
+  parts_.reserve(static_cast<std::size_t>(samples / part_samples_) + 1);
+  for (std::size_t i = 0; i < channels; ++i) count_[i] = std::numeric_limits<double>::infinity();
 }
 
 const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const ImuSample> samples) {
@@ -76,12 +94,22 @@ const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const Imu
       const double value = channel_of(sample, i);
       window_sum_[i] += value;
       Channel& c = of_[i];
-      if (c.now.samples == 0 || value != c.now.value) c.now = {value, sample.counter, 0};
+      part_sum_[i] += value;
+      if (c.now.samples == 0 || value != c.now.value) {
+        if (c.now.samples > 0) count_[i] = std::min(count_[i], std::abs(value - c.now.value));
+        c.now = {value, sample.counter, 0};
+      }
       if (++c.now.samples >= c.longest.samples) c.longest = c.now;
       if (in_window_ == 0 || value < least_[i].value) least_[i] = {value, sample.counter, 0.0};
       if (in_window_ == 0 || value > most_[i].value) most_[i] = {value, sample.counter, 0.0};
     }
+    if (++in_part_ == part_samples_) {
+      parts_.push_back(part_sum_);
+      part_sum_ = {};
+      in_part_ = 0;
+    }
     if (++in_window_ == window_samples_) close_window();
+    if (complete() && !defect_) judge_dead();
   }
   return defect_;
 }
@@ -102,15 +130,12 @@ void DwellMonitor::close_window() {
     lowest_[i] = std::min(lowest_[i], d);
     highest_[i] = std::max(highest_[i], d);
   }
-  window_sums_.push_back(window_sum_);
   window_sum_ = {};
   in_window_ = 0;
   ++windows_;
   if (frozen_.suspects()) return;
-  if (std::string dead = dead_text(); !dead.empty()) {
-    defect_ = Defect{ErrorKind::device, std::move(dead)};
-    return;
-  }
+  judge_dead();
+  if (defect_) return;
   const double count = static_cast<double>(windows_);
   for (std::size_t i = 0; i < channels; ++i) {
     const bool gyro = i < 3;
@@ -140,8 +165,10 @@ void DwellMonitor::close_window() {
   }
 }
 
-std::string DwellMonitor::dead_text() const {
-  constexpr double fewest = 10.0, sigmas = 8.0, counts = 3.0, shortest_s = 0.5, longest_s = 30.0;
+void DwellMonitor::judge_dead() {
+  constexpr double sigmas = 8.0, shortest_s = 0.9, longest_s = 30.0;
+  constexpr std::size_t fewest = 10, tenths = 10;
+  const double part = static_cast<double>(part_samples_);
   for (std::size_t i = 0; i < channels; ++i) {
     const Stretch& same = of_[i].longest;
     const double same_s = static_cast<double>(same.samples) * period_s_;
@@ -149,32 +176,43 @@ std::string DwellMonitor::dead_text() const {
     // Its end is waited for, so that the dwell is not begun again into it.
     const std::int64_t end = same.first + same.samples;
     if (end == next_counter_ && same_s < longest_s && !complete()) continue;
-    const auto first_touched = static_cast<std::size_t>((same.first - first_counter_) / window_samples_);
-    const auto last_touched = static_cast<std::size_t>((end - 1 - first_counter_) / window_samples_);
-    double others = 0.0, sum = 0.0, squares = 0.0;
-    for (std::size_t k = 0; k < window_sums_.size(); ++k) {
-      if (k >= first_touched && k <= last_touched) continue;
-      const double off = window_sums_[k][i] - window_sums_.front()[i];
-      others += 1.0;
-      sum += off;
-      squares += off * off;
+    const auto first_touched = static_cast<std::size_t>((same.first - first_counter_) / part_samples_);
+    const auto last_touched = static_cast<std::size_t>((end - 1 - first_counter_) / part_samples_);
+    Scatter by_parts, by_windows;
+    double window = 0.0;
+    std::size_t in_window = 0;
+    for (std::size_t k = 0; k < parts_.size(); ++k) {
+      if (k >= first_touched && k <= last_touched) {
+        window = 0.0;
+        in_window = 0;
+        continue;
+      }
+      by_parts.add(parts_[k][i]);
+      window += parts_[k][i];
+      if (++in_window < tenths) continue;
+      by_windows.add(window);
+      window = 0.0;
+      in_window = 0;
     }
-    if (others < fewest) continue;
-    const double window = static_cast<double>(window_samples_), m = static_cast<double>(same.samples) / window;
-    const double mean = window_sums_.front()[i] + sum / others;
-    const double sigma = std::sqrt(std::max(0.0, squares / others - sum * sum / others / others));
-    const double off = std::abs(same.value * window - mean);
-    if (!(off * std::sqrt(m) > sigmas * sigma && off * m > counts * count_[i])) continue;
+    if (by_parts.count < fewest) continue;
+    const double variance = by_windows.count >= fewest  // of a sample
+                                ? by_windows.variance() / (part * static_cast<double>(tenths))
+                                : by_parts.variance() / part;
+    const double n = static_cast<double>(same.samples), others = part * static_cast<double>(by_parts.count);
+    const double mean = by_parts.mean() / part, off = std::abs(same.value - mean) * n;
+    const double share = n / others;
+    // Pulses of a running sum are off by their ends alone, numbers that are rounded by each of them.
+    const double rounding = pulses_[i / 3] ? (1.0 + share * share) / 6.0 : n * count_[i] * n * count_[i] / 12.0;
+    if (!(off > sigmas * std::sqrt(variance * n * (1.0 + share) + rounding))) continue;
     char text[200];
     std::snprintf(
         text, sizeof text,
-        "%s gave one and the same number in samples %lld to %lld (%.1f s): expected %.1f +- %.1f counts a window, "
-        "not %.1f",
-        channel_names[i], static_cast<long long>(same.first), static_cast<long long>(end - 1), same_s, mean / count_[i],
-        sigma / count_[i], same.value * window / count_[i]);
-    return text;
+        "%s gave one and the same number in samples %lld to %lld (%.1f s): expected %.4g +- %.2g in all, not %.4g",
+        channel_names[i], static_cast<long long>(same.first), static_cast<long long>(end - 1), same_s, mean * n,
+        std::sqrt(variance * n), same.value * n);
+    defect_ = Defect{ErrorKind::device, text};
+    return;
   }
-  return {};
 }
 
 // Of the window that is further from the mean of the others: how far it is without its outlier.

@@ -6,11 +6,12 @@
 // configured limits (a single sample says nothing: one pulse of a laser gyro in 5 ms is already 0.05 deg/s). Judged at
 // the end of every window, so that a knock in a long dwell does not cost the rest of it.
 //
-// Nor may all six channels stand still together (frozen_watch.h), nor one alone give one and the same number for half a second or longer
-// where it should not: v in n samples is a defect where the windows of w samples that hold none of them sum up to u with the standard
-// deviation s, and with m = n / w
-//   |v w - u| sqrt(m) > 8 s   and   |v w - u| m > 3 counts
-// A channel that feels nothing may so read zero for as long as it likes.
+// Nor may all six channels stand still together (frozen_watch.h), nor one alone give one and the same number v in n samples, 0.9 s
+// or longer, where the N others of the dwell have the mean u:
+//   |v - u| n > 8 sqrt(sigma^2 n (1 + n / N) + r^2)
+// sigma: the noise of a sample, by the scatter of the sums of windows, or, where there are not ten, of their tenths. r: what rounding may do:
+// pulses of a running sum are off by the two ends, r^2 = (1 + (n / N)^2) / 6; numbers by each, r = n q / sqrt(12), q the least step seen. A
+// channel that feels nothing may so read zero for as long as it likes.
 //
 // One sample alone may have spoilt a window: when the unit was still without it, the reason names it as a glitch.
 //
@@ -51,7 +52,7 @@ class DwellMonitor {
  private:
   static constexpr int channels = 6;  // gyro x y z, accelerometer x y z
   void close_window();
-  std::string dead_text() const;  // of a channel that stood still; empty: none
+  void judge_dead();  // a channel that stood still
   std::string glitch_text(std::size_t channel, double limit) const;
 
   // The sample of a window that stands out most, and where the window's mean would be without it.
@@ -61,7 +62,8 @@ class DwellMonitor {
     double without = 0.0;
   };
   DwellConfig config_;
-  std::array<double, channels> count_{};  // what the unit counts by
+  std::array<double, channels> count_{};  // the least step from sample to sample in the dwell
+  bool pulses_[2] = {true, true};         // of gyros, accelerometers
   std::array<double, channels> unit_{};   // deg/s or m/s^2 per count and window
   std::int64_t window_samples_ = 200;
   std::int64_t first_counter_ = 0;
@@ -84,7 +86,9 @@ class DwellMonitor {
     Stretch now, longest;
   };
   std::array<Channel, channels> of_{};
-  std::vector<std::array<double, channels>> window_sums_;  // of the closed windows of the dwell
+  std::vector<std::array<double, channels>> parts_;  // sums of the tenths of windows of the dwell
+  std::array<double, channels> part_sum_{};
+  std::int64_t part_samples_ = 20, in_part_ = 0;
   double period_s_ = 0.0;
   FrozenWatch frozen_;
 };

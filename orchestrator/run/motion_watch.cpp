@@ -89,20 +89,20 @@ void FeltRate::begin_turn(double allowed_degps2) {
 
 std::optional<double> FeltRate::end_turn(double turned_deg) {
   // A unit's pulse may weigh so much; else its frame is wrong.
-  constexpr double least_deg = 4.0, least = 0.4, most = 1.7, same = 0.02;
+  constexpr double least_deg = 4.0, least = 0.4, same = 0.02;
   const double ratio = way_deg_ / std::abs(turned_deg);
   const double felt_degps = peak_degps_;
+  const bool tells = std::abs(turned_deg) >= least_deg && ratio >= least && ratio <= largest_scale;
+  // One turn alone may have lost samples.
+  const bool agrees = tells && std::abs(ratio - ratio_) <= same * ratio;
+  if (agrees) scale_ = 1.0 / ratio;
+  confirmed_ = confirmed_ || agrees;
+  if (tells && (agrees || !confirmed_)) ratio_ = ratio;
   const bool felt_whole = std::abs(way_deg_ * scale_ - std::abs(turned_deg)) <= 0.3 + 0.005 * std::abs(turned_deg);
   jump_degps_ = confirmed_ && felt_whole ? (beyond_degps_ - 2.0 * rest_degps_) * scale_ : 0.0;
   way_deg_ = way_s_ = 0.0;
   turning_ = false;
-  if (std::abs(turned_deg) < least_deg || !(ratio >= least && ratio <= most)) return std::nullopt;
-  // One turn alone may have lost samples.
-  const bool agrees = std::abs(ratio - ratio_) <= same * ratio;
-  if (agrees) scale_ = 1.0 / ratio;
-  confirmed_ = confirmed_ || agrees;
-  if (agrees || !confirmed_) ratio_ = ratio;
-  return felt_degps / ratio;
+  return tells ? std::optional(felt_degps / ratio) : std::nullopt;
 }
 
 std::optional<double> FeltRate::now_degps() const {
@@ -153,22 +153,28 @@ std::optional<std::string> SpeedWatch::add(const TableStatus& axes, double asked
     if (searches && std::abs(change_deg) > 2.0 * allowed * longest_s && beyond.set_anew++ < zeros) continue;
     const double late_deg = allowed * (before_->answered_s - before_->asked_s);
     const double may_deg = allowed * (answered_s - before_->answered_s);
-    beyond.up_deg = std::max(beyond.up_deg, -late_deg) + change_deg - may_deg;
-    beyond.down_deg = std::max(beyond.down_deg, -late_deg) - change_deg - may_deg;
-    if (std::max(beyond.up_deg, beyond.down_deg) > 0.1 + allowed * stale_s * speed_up_)
-      said = too_fast(axis, std::abs(change_deg) / longest_s, "by its positions", sent);
+    for (const double way : {1.0, -1.0}) {
+      Excess& excess = way > 0.0 ? beyond.up : beyond.down;
+      if (excess.deg <= -late_deg) excess = {-late_deg, before_->answered_s};
+      excess.deg += way * change_deg - may_deg;
+      if (excess.deg > 0.1 + allowed * stale_s * speed_up_)
+        said = too_fast(axis, allowed + excess.deg / (answered_s - excess.since_s), "by its positions", sent);
+    }
   }
   before_ = now;
   return said;
 }
 
 std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate*>& felt, const TableStatus& axes,
-                                                const std::optional<Move>& sent) const {
+                                                const std::optional<Move>& sent, bool searches) const {
   double most_degps = 0.0;
   for (const AxisLimits& axis : limits_) most_degps = std::max(most_degps, axis.max_rate_degps);
   std::optional<double> rate_degps;  // the least of the units
   for (const FeltRate* unit : felt) {
-    const std::optional<double> now = unit->confirmed() ? unit->now_degps() : std::nullopt;
+    // In a search its scale is not known yet: the largest one counts.
+    const double least_of_it = unit->confirmed() ? 1.0 : searches ? 1.0 / FeltRate::largest_scale : 0.0;
+    const std::optional<double> felt_degps = least_of_it > 0.0 ? unit->now_degps() : std::nullopt;
+    const std::optional<double> now = felt_degps ? std::optional(*felt_degps * least_of_it) : std::nullopt;
     if (!now) continue;
     rate_degps = std::min(rate_degps.value_or(*now), *now);
   }
@@ -177,7 +183,8 @@ std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate
   char text[240];
   if (*rate_degps > allowed + felt_margin_degps(allowed)) {
     if (!sent) {
-      std::snprintf(text, sizeof text, "the unit feels %.4g deg/s: expected at most %.4g deg/s, max_rate_degps",
+      std::snprintf(text, sizeof text,
+                    "the unit feels %.4g deg/s: expected at most %.4g deg/s, max_rate_degps; or the scale of its frame",
                     *rate_degps, most_degps);
       return text;
     }

@@ -44,7 +44,8 @@ class FeltRate {
   // The table turned by so much since then. Returns the most that was felt meanwhile, deg/s; nothing: the unit's scale does not follow from it.
   std::optional<double> end_turn(double turned_deg);
   bool confirmed() const { return confirmed_; }
-  std::optional<double> now_degps() const;  // nothing: no block is whole since a gap
+  static constexpr double largest_scale = 1.7;  // of what a unit's pulse may weigh, to its nominal weight
+  std::optional<double> now_degps() const;      // nothing: no block is whole since a gap
   // How much faster, or slower, it became in the turn that ended than the allowed acceleration makes it, deg/s: the largest
   // |w(t) - w(s)| - a (t - s). 0 where the unit did not feel the way that the table turned: samples that it lost without saying so are a
   // jump, too.
@@ -85,7 +86,7 @@ class SpeedWatch {
                                  const std::optional<Move>& sent, bool searches);
   // felt: of each unit that is alive.
   std::optional<std::string> add_felt(const std::vector<const FeltRate*>& felt, const TableStatus& axes,
-                                      const std::optional<Move>& sent) const;
+                                      const std::optional<Move>& sent, bool searches) const;
   // Of a move that is over.
   static std::optional<std::string> judge_jump(const std::vector<const FeltRate*>& felt, const Move& move);
 
@@ -107,9 +108,12 @@ class SpeedWatch {
     double asked_s = 0.0, answered_s = 0.0;
   };
   std::optional<Reading> before_;
-  // Cumulative sums, for either way.
+  // Cumulative sums, for either way, and since when.
+  struct Excess {
+    double deg = -std::numeric_limits<double>::infinity(), since_s = 0.0;
+  };
   struct Beyond {
-    double up_deg = -std::numeric_limits<double>::infinity(), down_deg = up_deg;
+    Excess up, down;
     int set_anew = 0;
   };
   std::array<Beyond, 3> beyond_{};

@@ -50,7 +50,7 @@ StationRun::MaybeEvent StationRun::judge_motion() {
     for (UnitLane& lane : lanes_) {
       if (lane.alive()) felt.push_back(&lane.felt());
     }
-    said = speed_.add_felt(felt, status_, move);
+    said = speed_.add_felt(felt, status_, move, searches);
   }
   return said ? MaybeEvent(raise(RunEvent::table_fault, ErrorKind::device, *said)) : std::nullopt;
 }

@@ -100,7 +100,7 @@ TEST_F(TableProgram, CommissionStopsWhenADriveGoesOff) {
     const std::lock_guard lock(drives.mutex);
     drives.drives[2].write_control(0);
   });
-  EXPECT_LT(monotonic_s() - began_s, 5.0) << "not only when a move takes too long";
+  EXPECT_LT(monotonic_s() - began_s, 10.0) << "not only when a move takes too long, with the look for a sag";
   EXPECT_EQ(result.code, 50);
   EXPECT_NE(result.err.find("drive of axis pitch is off; the table rests, its drives are off"), std::string::npos)
       << result.err;

@@ -81,13 +81,16 @@ for way in fast:10 slow:0.1; do
     done; } > "$work/$name.map"
   sed "s/twin\.map/$name.map/" "$work/twin.station" > "$work/$name.station"
 done
-# A way of 5 deg at 2 deg/s^2 ends before a rate of 10 deg/s is reached: how many times too fast is not seen.
+# rates KIND FAST SLOW: the scales in the files; what is said of them is right to a tenth.
 expect_rates() {
-  local kind=$1 fast=$2 slow=$3
-  expect 1 "heading turn.* times the 1 deg/s that were sent.*axis.heading.rate_scale in .*fast.$kind is $fast, expected less" \
-    commission --accept-guess --station "$work/fast.station"
-  expect 1 "heading.* at 0.1[0-9]* times the 1 deg/s that were sent.*axis.heading.rate_scale in .*slow.$kind is $slow, expected about" \
-    commission --accept-guess --station "$work/slow.station"
+  local kind=$1 way value factor said
+  for way in "fast $2 10" "slow $3 0.1"; do
+    read -r name value factor <<< "$way"
+    expect 1 "heading turned by .* times the 0.5 deg/s that were sent.*axis.heading.rate_scale in .*$name.$kind is $value, expected about" \
+      commission --accept-guess --station "$work/$name.station"
+    said=$(sed -n 's/.* at \([0-9.]*\) times the 0.5 deg.*/\1/p' "$work/said")
+    awk "BEGIN { exit !($said > 0.9 * $factor && $said < 1.1 * $factor) }" || fail "$name: $said times, and not $factor"
+  done
 }
 expect_rates map "$(awk "BEGIN { print $counts * 10 }")" "$(awk "BEGIN { print $counts * 0.1 }")"
 expect 0 '0 gaps (0 lost)' monitor --station "$work/twin.station" --seconds 3

@@ -126,7 +126,7 @@ void explain_status(const RegisterMap& map, std::vector<TableRow>& rows) {
           "position.address");
     if (scale.rate)
       field(scale.rate->address,
-            std::string(to_string(scale.rate->type)) + " rate: " + per(scale.measured_rate_scale, "deg/s"),
+            std::string(to_string(scale.rate->type)) + " rate: " + per(scale.sign * scale.measured_rate_scale, "deg/s"),
             "rate.address");
     if (scale.alarm) field(scale.alarm->address, std::string(to_string(scale.alarm->type)) + " alarm", "alarm.address");
     for (int i = 0; i < drive_bit_count; ++i) {

@@ -257,7 +257,10 @@ ModbusLink::Reply ModbusLink::receive(std::span<const std::uint8_t> request) {
   // libmodbus counts the unit into the header: 7 bytes over TCP, 1 over RTU.
   reply.body.assign(frame.begin() + static_cast<std::ptrdiff_t>(header - 1),
                     frame.begin() + static_cast<std::ptrdiff_t>(length - tail));
-  if (settings_.header() && (frame[0] << 8 | frame[1]) != transaction_) {
+  if (settings_.header() && (frame[2] != 0 || frame[3] != 0)) {
+    reply.failure = Failure::garbled;
+    reply.detail = "protocol " + std::to_string(frame[2] << 8 | frame[3]) + " answered, not Modbus";
+  } else if (settings_.header() && (frame[0] << 8 | frame[1]) != transaction_) {
     reply.failure = Failure::garbled;
     reply.detail = "the reply of an earlier transaction";
   } else if (reply.body[0] != request[0]) {

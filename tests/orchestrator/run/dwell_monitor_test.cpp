@@ -118,7 +118,7 @@ TEST(DwellMonitor, ScatterOfTheMeans) {
   std::vector<ImuSample> samples = at_rest(500, 2000);
   for (std::size_t i = 0; i < samples.size(); ++i) {
     // 0.004 deg/s = 14.4 "/s = 0.0772 pulses a 5 ms sample
-    samples[i].gyro[2] += 0.0772 * (i / 400 % 2 == 0 ? 1.0 : -1.0);
+    samples[i].gyro[2] += 0.0772 * (i / 400 % 2 == 0 ? 1.0 : -1.0) + (i % 2 == 0 ? 0.5 : -0.5);
   }
   EXPECT_NE(verdict(samples).find("gyro z means scatter"), std::string::npos) << verdict(samples);
 }

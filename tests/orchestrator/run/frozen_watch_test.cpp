@@ -188,6 +188,10 @@ TEST(FrozenWatch, OfHundredsOfDwellsOfCleanUnitsNoneIsFrozen) {
     for (const std::vector<ImuSample>& one : clean_unit(seed)) {
       ASSERT_EQ(judged(monitor, one), "") << "unit " << seed;
       ++dwells;
+      for (std::size_t from = 0; from < one.size(); from += 1000) {  // and of 5 s
+        const auto piece = one.begin() + static_cast<std::ptrdiff_t>(from);
+        ASSERT_EQ(judged(monitor, {piece, piece + 1000}), "") << "unit " << seed << " from " << from;
+      }
     }
   }
   EXPECT_EQ(dwells, 600);
@@ -213,7 +217,7 @@ TEST(FrozenWatch, AGyroThatReadsZeroForSecondsIsNoticed) {
       for (std::size_t k = from; k < from + length; ++k) last[k].gyro[channel] = 0.0;
       const std::string text = judged(monitor, last);
       wrong += !text.empty() && !text.starts_with(channel_names[channel]) ? 1 : 0;
-      const bool visible = std::abs(mean) * std::sqrt(windows) > 10.0 * sigma && std::abs(mean) * windows > 4.0;
+      const bool visible = std::abs(mean) * windows > 10.0 * std::sqrt(sigma * sigma * windows + 1.0 / 6.0);
       harmful += visible ? 1 : 0;
       noticed += visible && !text.empty() ? 1 : 0;
     }
@@ -221,6 +225,32 @@ TEST(FrozenWatch, AGyroThatReadsZeroForSecondsIsNoticed) {
   EXPECT_EQ(wrong, 0);
   EXPECT_GE(harmful, 40);
   EXPECT_EQ(noticed, harmful);
+}
+
+// In a dwell of 5 s of a unit that sends rad, a third of it zero at a hundred times the noise: no other dwell tells what it is used to.
+TEST(FrozenWatch, AGyroThatReadsZeroInAShortDwellIsNoticed) {
+  RecordingInfo info;
+  info.sample_period_s = 0.01;
+  info.gyro_increment = info.accel_increment = IncrementKind::physical;
+  std::mt19937_64 random(4);
+  std::normal_distribution<double> noise;
+  for (int draw = 0; draw < 200; ++draw) {
+    const std::size_t count = draw % 2 == 0 ? 500 : 1000, length = 100 + random() % (count / 2 - 100);
+    const std::size_t from = random() % (count - length), channel = random() % 3;
+    std::vector<ImuSample> samples(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      samples[k].counter = static_cast<std::int64_t>(k);
+      for (double& x : samples[k].gyro) x = 1e-9 * std::round(1e9 * (7e-7 + 1e-7 * noise(random)));
+      for (double& x : samples[k].accel) x = 1e-6 * std::round(1e6 * (0.05 + 1e-5 * noise(random)));
+    }
+    DwellConfig config;  // with room for what is not still
+    config.max_gyro_std_degps = config.max_gyro_peak_degps = 10.0;
+    DwellMonitor monitor(config, info);
+    ASSERT_EQ(judged(monitor, samples), "") << draw;
+    for (std::size_t k = from; k < from + length; ++k) samples[k].gyro[channel] = 0.0;
+    EXPECT_TRUE(judged(monitor, samples).starts_with(channel_names[channel]))
+        << draw << ": " << judged(monitor, samples);
+  }
 }
 
 // The rig's unit, frozen from one sample of its own to another.

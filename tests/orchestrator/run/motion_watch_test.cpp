@@ -159,7 +159,7 @@ struct DrawnMove {
       if (auto said = speed.add(axes, asked_s, answered_s, move, false)) return {{now - began_s, *said}};
       feel_until(answered_s - began_s);
       if (felt) {
-        if (auto said = speed.add_felt({&*unit}, axes, move)) return {{now - began_s, *said}};
+        if (auto said = speed.add_felt({&*unit}, axes, move, false)) return {{now - began_s, *said}};
       }
     }
     if (felt) unit->end_turn(move.target_deg);
@@ -318,8 +318,27 @@ TEST(SpeedWatch, OfSeveralUnitsTheLeastCounts) {
     mad.add(sample);
   }
   const SpeedWatch speed(usual, 1.0);
-  EXPECT_FALSE(speed.add_felt({&mad, &sane}, {}, std::nullopt));
-  EXPECT_TRUE(speed.add_felt({&mad}, {}, std::nullopt));
+  EXPECT_FALSE(speed.add_felt({&mad, &sane}, {}, std::nullopt, false));
+  EXPECT_TRUE(speed.add_felt({&mad}, {}, std::nullopt, false));
+}
+
+// A unit whose scale is not known yet may weigh its pulses 1.7 times too high: beyond that a search is too fast.
+TEST(SpeedWatch, ASearchIsFeltBeforeTheUnitsScaleIsKnown) {
+  RecordingInfo info;
+  info.sample_period_s = 0.005;
+  info.gyro_increment = IncrementKind::physical;
+  const SpeedWatch speed(usual, 1.0);
+  for (const double times : {1.5, 2.0}) {
+    FeltRate felt(info);
+    for (std::int64_t i = 0; i < 100; ++i) {
+      ImuSample sample;
+      sample.counter = i;
+      sample.gyro[1] = 0.005 * times * usual[0].max_rate_degps * rad_per_deg;
+      felt.add(sample);
+    }
+    EXPECT_EQ(speed.add_felt({&felt}, {}, std::nullopt, true).has_value(), times > 1.7);
+    EXPECT_FALSE(speed.add_felt({&felt}, {}, std::nullopt, false)) << "at rest nothing is known of it";
+  }
 }
 
 // One sample of 5 mrad in a resting unit, and one in a turn.

@@ -133,6 +133,16 @@ TEST(ModbusFaults, EchoIsNoAnswer) {
   EXPECT_EQ(again.error().kind, ErrorKind::device);
 }
 
+TEST(ModbusFaults, AnotherProtocolIsNoAnswer) {
+  FaultStation s(true);
+  int replies = 0;
+  s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
+    if (is_read(request) && replies++ == 0) plan.pieces[0].bytes[3] = 7;
+  });
+  EXPECT_EQ(s.expect_truth(1), 3) << "asked again";
+  EXPECT_GT(replies, 3);
+}
+
 TEST(ModbusFaults, AnotherUnitsAnswerIsRefused) {
   FaultStation s(false);
   int replies = 0;
