@@ -58,9 +58,9 @@ class Parser {
       if (line.ends_with('\r')) {
         line.remove_suffix(1);
       }
-      if (const Status status = parse_line(line); !status) return status.error();
+      TRY(parse_line(line));
     }
-    if (const Status status = close_file(); !status) return status.error();
+    TRY(close_file());
     return std::move(sequence_);
   }
 
@@ -76,9 +76,8 @@ class Parser {
   }
 
   Status parse_line(std::string_view line) {
-    Result<std::vector<Token>> tokens = tokenize(line, file_, line_);
-    if (!tokens) return tokens.error();
-    tokens_ = std::move(*tokens);
+    std::vector<Token> tokens = TRY(tokenize(line, file_, line_));
+    tokens_ = std::move(tokens);
     next_ = 0;
     if (peek().kind == Token::Kind::end) {
       return {};
@@ -110,7 +109,7 @@ class Parser {
       return wrong(equals, "'=' after " + std::string(key.text));
     const Token value = next();
     if (number != nullptr) {
-      if (const Status status = read_rate(value, key.text, *number); !status) return status;
+      TRY(read_rate(value, key.text, *number));
     } else if (is_format) {
       if (!is_word(value, "1")) return wrong(value, "1, the format this program reads");
       has_format_ = true;
@@ -130,8 +129,8 @@ class Parser {
                             : sequence_.acceleration_degps2 == 0.0 ? "acceleration_degps2 = NUMBER"
                                                                    : nullptr;
       if (missing != nullptr) return wrong(word, "'" + std::string(missing) + "' above the first step");
-    } else if (const Status status = close_step(); !status)
-      return status;
+    } else
+      TRY(close_step());
     const int previous = sequence_.steps.empty() ? 0 : sequence_.steps.back().number;
     const Token number = next();
     const std::optional<std::int64_t> value = as_integer(number);
@@ -232,10 +231,10 @@ class Parser {
       const Token option = next();
       if (is_word(option, "rate") && !has_rate) {
         has_rate = true;
-        if (Status status = read_rate(next(), "rate", move.rate_degps); !status) return status;
+        TRY(read_rate(next(), "rate", move.rate_degps));
       } else if (is_word(option, "acceleration") && !has_acceleration) {
         has_acceleration = true;
-        if (Status status = read_rate(next(), "acceleration", move.acceleration_degps2); !status) return status;
+        TRY(read_rate(next(), "acceleration", move.acceleration_degps2));
       } else {
         return wrong(option, "rate NUMBER, acceleration NUMBER (each at most once) or the end of the line");
       }
@@ -276,7 +275,7 @@ class Parser {
   Status close_file() const {
     const Place last{file_, std::max(line_, 1), 1};
     if (sequence_.steps.empty()) return problem_at(last, "found the end of the file without a step, expected 'step 1'");
-    if (const Status status = close_step(); !status) return status;
+    TRY(close_step());
     if (!has_still_dwell_)
       return problem_at(last, "found the end of the file without a dwell, expected at least one 'dwell SAMPLES'");
     return {};

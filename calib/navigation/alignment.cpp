@@ -80,7 +80,7 @@ Status check_navigation_latitude(double latitude_deg) {
 
 Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovariance::Site& site,
                         DriftCovariance drift) {
-  if (Status status = check_navigation_latitude(site.latitude_rad / rad_per_deg); !status) return status.error();
+  TRY(check_navigation_latitude(site.latitude_rad / rad_per_deg));
   double rest_s = 0.0;
   for (const MotionInterval& interval : window) rest_s += interval.at_rest ? interval.duration_s : 0.0;
   if (rest_s < align_min_rest_s - 1e-6)

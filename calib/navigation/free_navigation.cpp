@@ -58,23 +58,22 @@ Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, 
     site.gravity_mps2 += normal_gravity_mps2(begin.latitude_rad, begin.height_m) -
                          normal_gravity_mps2(first.latitude_rad, first.height_m);
   }
-  Result<Alignment> alignment =
-      align(stretch.first(align_intervals), site, DriftCovariance(site, setup.noise, setup.counts));
-  if (!alignment) return alignment.error();
-  alignment->state.longitude_rad = begin.longitude_rad;
-  alignment->state.height_m = begin.height_m;
+  Alignment alignment =
+      TRY(align(stretch.first(align_intervals), site, DriftCovariance(site, setup.noise, setup.counts)));
+  alignment.state.longitude_rad = begin.longitude_rad;
+  alignment.state.height_m = begin.height_m;
 
   FreeNavigation result;
-  result.align_rest_s = alignment->rest_s;
-  result.aligned = alignment->state;
-  DriftCovariance& drift = alignment->drift;
+  result.align_rest_s = alignment.rest_s;
+  result.aligned = alignment.state;
+  DriftCovariance& drift = alignment.drift;
   const DriftMatrix at_start = drift.covariance(setup.parameter_covariance);
   result.align_sigma_rad = attitude_sigma(at_start);
   result.heading_sigma_rad = angle_sigmas(at_start.topLeftCorner<3, 3>(), result.aligned.q_nb)[0];
   const std::span<const MotionInterval> free = stretch.subspan(align_intervals);
   const auto every = std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(track_step_s / interval_s)));
   result.track.reserve(free.size() / every + 2);
-  Navigator navigator(alignment->state, site.gravity_mps2, true);
+  Navigator navigator(alignment.state, site.gravity_mps2, true);
   RadialErrorRate rate;
   double squares = 0.0;
   const auto note = [&](std::size_t intervals) {

@@ -277,9 +277,8 @@ RestFit refine_rests(const RestData& data, const Parameters& start, const Effect
 }
 
 Result<RestFit> fit_rests(const RestData& data, const EffectModel& effects, const RestFitOptions& options) {
-  Result<Parameters> start = coarse_rest_parameters(data);
-  if (!start) return start.error();
-  return refine_rests(data, *start, effects, options);
+  Parameters start = TRY(coarse_rest_parameters(data));
+  return refine_rests(data, start, effects, options);
 }
 
 }  // namespace turncal

@@ -74,4 +74,22 @@ class [[nodiscard]] Result {
   std::variant<T, Error> content_;
 };
 
+namespace detail {
+inline void value_of(Status) {}
+template <class T>
+T value_of(Result<T> result) {
+  return std::move(*result);
+}
+}  // namespace detail
+
 }  // namespace turncal
+
+// The value of a Result, nothing of a Status; where there is an error, the function returns it.
+//   const double sigma = TRY(read_sigma(file));
+//   TRY(write(file));
+#define TRY(...)                                   \
+  __extension__({                                  \
+    auto tried = (__VA_ARGS__);                    \
+    if (!tried) return tried.error();              \
+    ::turncal::detail::value_of(std::move(tried)); \
+  })

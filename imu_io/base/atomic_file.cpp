@@ -45,7 +45,7 @@ Status check_replaceable(const std::string& path, std::string_view beginning) {
 
 Result<AtomicFile> AtomicFile::create(const std::string& path) {
   // A device or a pipe would be replaced by a file of its name.
-  if (Status status = check_regular_file(path); !status) return status.error();
+  TRY(check_regular_file(path));
   const std::string temporary = temporary_name(path);
   auto file = PosixFile::create_new(temporary);
   if (!file) {
@@ -82,14 +82,14 @@ Status AtomicFile::write(std::string_view text) {
 
 Status AtomicFile::settle() {
   if (failed_) return Error{ErrorKind::device, path_ + ": not written, an earlier write failed"};
-  if (Status status = flush(); !status) return status;
+  TRY(flush());
   return file_.sync();
 }
 
 Status AtomicFile::commit() {
-  if (Status status = settle(); !status) return status;
+  TRY(settle());
   const std::string temporary = file_.path();
-  if (Status status = file_.close(); !status) return status;
+  TRY(file_.close());
   if (std::rename(temporary.c_str(), path_.c_str()) != 0) {
     return storage_error(path_, "cannot rename the temporary file to it", errno);
   }
@@ -101,21 +101,19 @@ Status AtomicFile::commit() {
 Status write_file_atomically(const std::string& path, std::string_view content) {
   auto file = AtomicFile::create(path);
   if (!file) return file.error();
-  if (Status status = file->write(content); !status) return status;
+  TRY(file->write(content));
   return file->commit();
 }
 
 Status write_files_atomically(const std::vector<NamedText>& files) {
   std::vector<AtomicFile> written;
   for (const NamedText& named : files) {
-    Result<AtomicFile> file = AtomicFile::create(named.path);
-    if (!file) return file.error();
-    if (Status status = file->write(named.content); !status) return status;
-    if (Status status = file->settle(); !status) return status;
-    written.push_back(std::move(*file));
+    AtomicFile file = TRY(AtomicFile::create(named.path));
+    TRY(file.write(named.content));
+    TRY(file.settle());
+    written.push_back(std::move(file));
   }
-  for (AtomicFile& file : written)
-    if (Status status = file.commit(); !status) return status;
+  for (AtomicFile& file : written) TRY(file.commit());
   return {};
 }
 

@@ -3,7 +3,7 @@
 //   KeyValueFile file = ...;                                    // from KeyValueFile::read(path)
 //   options.rate_degps = file.number("table.rate_degps", between(0.1, 100.0));
 //   options.note = file.text_or("note", "");
-//   if (Status status = file.check_all_used(); !status) return status.error();
+//   TRY(file.check_all_used());
 //
 // Getters never fail on the spot: the first defect is remembered and the getter returns its default (or NaN, 0, false,
 // "" for a required key). check_all_used() returns that first defect, else the first key that no getter asked for.

@@ -142,7 +142,7 @@ Result<std::size_t> PosixFile::read_at(std::uint64_t offset, std::span<std::byte
 }
 
 Status PosixFile::write_all(std::span<const std::byte> data) {
-  if (Status status = check_length(); !status) return status;
+  TRY(check_length());
   while (!data.empty()) {
     const ssize_t n = repeat_interrupted([&] { return ::write(fd_, data.data(), data.size()); });
     if (n < 0) return failure("cannot write");

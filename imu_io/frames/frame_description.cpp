@@ -263,13 +263,13 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
     }
   }
   if (frame.variants.size() > 1 && !frame.id) file.reject("variants", "a key id.offset beside it");
-  if (Status status = file.check_all_used(); !status) return status.error();
+  TRY(file.check_all_used());
   for (const FrameVariant& variant : frame.variants) {
     check_layout(file, frame, variant);
     frame.longest = std::max(frame.longest, variant.length);
   }
   if (frame.length) frame.longest = longest_frame;
-  if (Status status = file.status(); !status) return status.error();
+  TRY(file.status());
   return frame;
 }
 

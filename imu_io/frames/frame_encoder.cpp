@@ -33,7 +33,7 @@ Status FrameEncoder::encode(const ImuSample& sample, std::span<std::byte> out) {
 }
 
 Status FrameEncoder::append(const ImuSample& sample, std::vector<std::byte>& out) {
-  if (Status status = encode(sample, plain_); !status) return status;
+  TRY(encode(sample, plain_));
   std::span<const std::byte> remaining = plain_;
   for (std::size_t i = 0; i < (frame_.split ? 2U : 1U); ++i) {
     append_stuffed(frame_.stuffing, remaining.first(frame_.variants[i].length), frame_.sync.size(), frame_.tail.size(),

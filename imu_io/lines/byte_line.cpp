@@ -90,13 +90,11 @@ Result<ByteLine> ByteLine::open(const SerialSettings& settings) {
   line.device_ = settings.device;
   line.kind_ = address->kind;
   if (address->kind == LineKind::serial) {
-    Result<SerialPort> port = SerialPort::open(settings);
-    if (!port) return port.error();
-    line.port_ = std::move(*port);
+    SerialPort port = TRY(SerialPort::open(settings));
+    line.port_ = std::move(port);
   } else if (address->kind == LineKind::tcp) {
-    const Result<int> socket = connect_tcp(settings.device.substr(4), connect_timeout_s);
-    if (!socket) return socket.error();
-    line.socket_ = *socket;
+    const int socket = TRY(connect_tcp(settings.device.substr(4), connect_timeout_s));
+    line.socket_ = socket;
   } else if (Status status = address->asks ? line.connect(*address) : line.listen(*address); !status) {
     return status.error();
   }

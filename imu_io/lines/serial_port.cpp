@@ -71,8 +71,8 @@ Result<SerialPort> SerialPort::open(const SerialSettings& settings) {
     if (number == EWOULDBLOCK) return device_error(settings.device + ": in use by another process");
     return port.failure("cannot lock", number);
   }
-  if (Status status = port.configure(settings); !status) return status.error();
-  if (Status status = port.discard_input(); !status) return status.error();
+  TRY(port.configure(settings));
+  TRY(port.discard_input());
   return port;
 }
 

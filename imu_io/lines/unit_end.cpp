@@ -127,12 +127,11 @@ class NetworkEnd : public UnitEnd {
 Result<std::unique_ptr<UnitEnd>> open_unit_end(const std::string& device) {
   const std::optional<LineAddress> address = parse_line(device);
   if (!address || address->kind == LineKind::serial) {
-    Result<Pty> pty = Pty::create(device);
-    if (!pty) return pty.error();
-    return std::unique_ptr<UnitEnd>(std::make_unique<Pty>(std::move(*pty)));
+    Pty pty = TRY(Pty::create(device));
+    return std::unique_ptr<UnitEnd>(std::make_unique<Pty>(std::move(pty)));
   }
   auto end = std::make_unique<NetworkEnd>(device, *address);
-  if (Status status = end->open(); !status) return status.error();
+  TRY(end->open());
   return std::unique_ptr<UnitEnd>(std::move(end));
 }
 

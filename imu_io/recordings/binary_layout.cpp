@@ -91,7 +91,7 @@ Result<RecordingInfo> parse_info(std::span<const std::byte> payload) {
   info.has_temperature = temperature == 1;
   info.simulated = simulated == 1;
   info.unit_serial.assign(reinterpret_cast<const char*>(serial.data()), serial.size());
-  if (Status status = check_info(info, "its first record"); !status) return status.error();
+  TRY(check_info(info, "its first record"));
   return info;
 }
 

@@ -68,7 +68,7 @@ class BinaryRecording final : public RecordingSource {
         return input_error(path_ + ": samples " + std::to_string(chunk->first_counter) + " to " +
                            std::to_string(chunk->last_counter) + ": expected finite numbers");
       }
-      if (Status status = sink(samples); !status) return status;
+      TRY(sink(samples));
     }
     if (count != sample_count_) {
       return input_error(path_ + ": " + std::to_string(count) + " samples where there were " +

@@ -94,22 +94,20 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   map.latitude_deg = file.number_or("latitude_deg", 0.0, site_latitude_deg);
   map.unit_serial = file.text("unit_serial");
   map.started_utc_s = started_utc(file);
-  if (Status status = file.check_all_used(); !status) return status.error();
+  TRY(file.check_all_used());
   return map;
 }
 
 }  // namespace
 
 Result<CsvMap> read_csv_map(const std::string& path) {
-  Result<KeyValueFile> file = KeyValueFile::read(path);
-  if (!file) return file.error();
-  return read_map(*file);
+  KeyValueFile file = TRY(KeyValueFile::read(path));
+  return read_map(file);
 }
 
 Result<CsvMap> parse_csv_map(std::string_view text, const std::string& file_name) {
-  Result<KeyValueFile> file = KeyValueFile::parse(text, file_name);
-  if (!file) return file.error();
-  return read_map(*file);
+  KeyValueFile file = TRY(KeyValueFile::parse(text, file_name));
+  return read_map(file);
 }
 
 }  // namespace turncal

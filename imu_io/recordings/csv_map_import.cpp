@@ -66,21 +66,20 @@ Status Importer::read(std::string_view text, const std::string& file_name, bool 
   if (timed()) wanted.push_back({map_.time_column, false});
   const std::size_t temperature = wanted.size();
   if (!map_.temperature_column.empty()) wanted.push_back({map_.temperature_column, true});
-  Result<NumberTable> table = read_number_table(text, file_name, wanted, map_.format);
-  if (!table) return table.error();
-  count_bad(*table);
-  rows_.resize(table->rows());
+  NumberTable table = TRY(read_number_table(text, file_name, wanted, map_.format));
+  count_bad(table);
+  rows_.resize(table.rows());
   for (std::size_t k = 0; k < rows_.size(); ++k) {
     Row& row = rows_[k];
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      row.gyro[axis] = table->columns[each * axis][k];
-      if (with_accel) row.accel[axis] = table->columns[each * axis + 1][k];
+      row.gyro[axis] = table.columns[each * axis][k];
+      if (with_accel) row.accel[axis] = table.columns[each * axis + 1][k];
     }
-    if (timed()) row.time = table->columns[time][k] * map_.time_unit_s;
+    if (timed()) row.time = table.columns[time][k] * map_.time_unit_s;
     if (temperature < wanted.size())
-      row.temperature = (table->columns[temperature][k] - map_.temperature_offset) * map_.temperature_scale;
-    row.position = table->position[k];
-    row.line = table->line[k];
+      row.temperature = (table.columns[temperature][k] - map_.temperature_offset) * map_.temperature_scale;
+    row.position = table.position[k];
+    row.line = table.line[k];
   }
   return order_rows();
 }
@@ -113,15 +112,14 @@ Status Importer::read_accel(std::string_view text, const std::string& file_name)
   std::vector<WantedColumn> wanted;
   for (const std::string& name : map_.accel.columns) wanted.push_back({name, false});
   if (timed()) wanted.push_back({map_.accel_time_column, false});
-  Result<NumberTable> table = read_number_table(text, file_name, wanted, map_.format);
-  if (!table) return table.error();
-  count_bad(*table);
-  const std::size_t n = table->rows();
-  const auto number = [&](std::size_t row, std::size_t axis) { return table->columns[axis][row]; };
-  const auto time = [&](std::size_t row) { return table->columns[3][row] * map_.time_unit_s; };
+  NumberTable table = TRY(read_number_table(text, file_name, wanted, map_.format));
+  count_bad(table);
+  const std::size_t n = table.rows();
+  const auto number = [&](std::size_t row, std::size_t axis) { return table.columns[axis][row]; };
+  const auto time = [&](std::size_t row) { return table.columns[3][row] * map_.time_unit_s; };
   bool same = n == rows_.size();
   for (std::size_t k = 0; same && k < n; ++k)
-    same = timed() ? time(k) == rows_[k].time : table->position[k] == rows_[k].position;
+    same = timed() ? time(k) == rows_[k].time : table.position[k] == rows_[k].position;
   if (same) {
     for (std::size_t k = 0; k < n; ++k)
       for (std::size_t axis = 0; axis < 3; ++axis) rows_[k].accel[axis] = number(k, axis);
@@ -132,8 +130,8 @@ Status Importer::read_accel(std::string_view text, const std::string& file_name)
                        ", as in " + file_name_ + ", or time.column");
   for (std::size_t k = 1; k < n; ++k)
     if (!(time(k) > time(k - 1)))
-      return input_error(file_name + ":" + std::to_string(table->line[k]) + ": column " +
-                         quoted(map_.accel_time_column) + " = '" + format_number(table->columns[3][k]) +
+      return input_error(file_name + ":" + std::to_string(table.line[k]) + ": column " +
+                         quoted(map_.accel_time_column) + " = '" + format_number(table.columns[3][k]) +
                          "': expected a time after that of the row before");
   // The integral at the gyros' stamps; a number says the mean over the interval that it ends.
   const bool rate = map_.accel.is_rate;
@@ -289,7 +287,7 @@ Result<CsvImport> Importer::finish() {
   result_.rows = static_cast<std::int64_t>(rows_.size()) + result_.bad_rows;
   if (result_.samples.empty())
     return input_error(file_name_ + ": every row is saturated; look at gyro.range and accel.range");
-  if (Status status = check_info(info, file_name_); !status) return status.error();
+  TRY(check_info(info, file_name_));
   return std::move(result_);
 }
 
@@ -297,33 +295,30 @@ Result<CsvImport> Importer::finish() {
 
 Result<CsvImport> parse_csv(const CsvMap& map, std::string_view text, const std::string& file_name) {
   Importer importer(map);
-  if (Status status = importer.read(text, file_name, true); !status) return status.error();
+  TRY(importer.read(text, file_name, true));
   return importer.finish();
 }
 
 Result<CsvImport> parse_csv(const CsvMap& map, std::string_view gyro_text, const std::string& gyro_file,
                             std::string_view accel_text, const std::string& accel_file) {
   Importer importer(map);
-  if (Status status = importer.read(gyro_text, gyro_file, false); !status) return status.error();
-  if (Status status = importer.read_accel(accel_text, accel_file); !status) return status.error();
+  TRY(importer.read(gyro_text, gyro_file, false));
+  TRY(importer.read_accel(accel_text, accel_file));
   return importer.finish();
 }
 
 Result<CsvImport> import_csv(const CsvMap& map, const std::string& path, const std::string& accel_path) {
   constexpr std::size_t most_bytes = std::size_t{4} << 30;
-  Result<std::string> text = read_whole_file(path, most_bytes);
-  if (!text) return text.error();
-  if (accel_path.empty()) return parse_csv(map, *text, path);
-  Result<std::string> accel = read_whole_file(accel_path, most_bytes);
-  if (!accel) return accel.error();
-  return parse_csv(map, *text, path, *accel, accel_path);
+  std::string text = TRY(read_whole_file(path, most_bytes));
+  if (accel_path.empty()) return parse_csv(map, text, path);
+  std::string accel = TRY(read_whole_file(accel_path, most_bytes));
+  return parse_csv(map, text, path, accel, accel_path);
 }
 
 Status write_recording(const CsvImport& content, const std::string& path) {
-  Result<RecordingWriter> writer = RecordingWriter::create(path, content.info);
-  if (!writer) return writer.error();
-  if (Status status = writer->add(content.samples); !status) return status;
-  return writer->finish();
+  RecordingWriter writer = TRY(RecordingWriter::create(path, content.info));
+  TRY(writer.add(content.samples));
+  return writer.finish();
 }
 
 }  // namespace turncal

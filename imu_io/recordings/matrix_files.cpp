@@ -138,8 +138,7 @@ Result<NumberTable> read_npy(std::string_view content, const std::string& file_n
     if (!index || *index < 1 || static_cast<std::size_t>(*index) > view.columns)
       return refuse("no column " + quoted(column.name) + ": expected a number from 1 to " +
                     std::to_string(view.columns) + ", a .npy array has no names");
-    if (Status s = append_column(view, static_cast<std::size_t>(*index - 1), column, file_name, table); !s)
-      return s.error();
+    TRY(append_column(view, static_cast<std::size_t>(*index - 1), column, file_name, table));
   }
   number_rows(table, view.rows);
   return table;
@@ -194,8 +193,7 @@ Result<NumberTable> read_mat(const std::string& file_name, const std::vector<Wan
       return refuse("has " + std::to_string(view.rows) + " rows: expected " + std::to_string(rows) +
                     ", as the columns before");
     rows = view.rows;
-    if (Status s = append_column(view, static_cast<std::size_t>(*index - 1), column, file_name, table); !s)
-      return s.error();
+    TRY(append_column(view, static_cast<std::size_t>(*index - 1), column, file_name, table));
   }
   number_rows(table, rows);
   return table;

@@ -37,17 +37,16 @@ std::string npy_header(std::size_t rows, std::size_t fields) {
 // `row_text`: appends a row to a text.
 template <class RowText>
 Status write_rows(const std::string& path, const std::string& head, std::size_t rows, RowText row_text) {
-  Result<AtomicFile> file = AtomicFile::create(path);
-  if (!file) return file.error();
+  AtomicFile file = TRY(AtomicFile::create(path));
   std::string text = head;
   for (std::size_t row = 0; row < rows; ++row) {
     row_text(row, text);
     if (text.size() < 1 << 16 && row + 1 < rows) continue;
-    if (Status status = file->write(text); !status) return status;
+    TRY(file.write(text));
     text.clear();
   }
-  if (Status status = file->write(text); !status) return status;
-  return file->commit();
+  TRY(file.write(text));
+  return file.commit();
 }
 
 // `column(k)`: the values of the k-th column, which live until the next is asked for.
@@ -121,7 +120,7 @@ Status visit_samples(RecordingSource& source, Visit visit) {
     for (const ImuSample& sample : samples) {
       while (segment < segments.size() && sample.counter >= segments[segment].end_sample) ++segment;
       const bool inside = segment < segments.size() && sample.counter >= segments[segment].start_sample;
-      if (Status status = visit(sample, inside ? segment + 1 : 0); !status) return status;
+      TRY(visit(sample, inside ? segment + 1 : 0));
     }
     return {};
   });
@@ -134,13 +133,13 @@ bool names_matrix(std::string_view path) { return path.ends_with(".npy") || path
 Status write_columns(const std::string& path, const std::vector<NumberColumn>& fields) {
   const std::size_t rows = fields.front().values.size();
   if (path.ends_with(".mat")) {
-    if (Status status = check_replaceable(path, mat_header); !status) return status;
+    TRY(check_replaceable(path, mat_header));
     std::vector<std::string> names;
     for (const NumberColumn& column : fields) names.push_back(column.name);
     return write_mat(path, names, [&](std::size_t k) { return std::span<const double>(fields[k].values); });
   }
   if (path.ends_with(".npy")) {
-    if (Status status = check_replaceable(path, npy_magic); !status) return status;
+    TRY(check_replaceable(path, npy_magic));
     return write_rows(path, npy_header(rows, fields.size()), rows, [&](std::size_t row, std::string& text) {
       for (const NumberColumn& column : fields) append_double(column.values[row], text);
     });
@@ -148,7 +147,7 @@ Status write_columns(const std::string& path, const std::vector<NumberColumn>& f
   std::string head;
   for (const NumberColumn& column : fields) head += (head.empty() ? "" : ",") + column.name;
   head += '\n';
-  if (Status status = check_replaceable(path, head); !status) return status;
+  TRY(check_replaceable(path, head));
   NumberBuffer buffer;
   return write_rows(path, head, rows, [&](std::size_t row, std::string& text) {
     for (const NumberColumn& column : fields) {
@@ -170,8 +169,7 @@ Status check_ending(std::string_view path, std::initializer_list<std::string_vie
 
 Status write_recording_columns(RecordingSource& source, const std::string& path) {
   const bool as_mat = path.ends_with(".mat");
-  if (Status status = check_replaceable(path, as_mat ? std::string_view(mat_header) : npy_magic); !status)
-    return status;
+  TRY(check_replaceable(path, as_mat ? std::string_view(mat_header) : npy_magic));
   std::size_t rows = 0;
   bool flagged = false;
   Status status = visit_samples(source, [&](const ImuSample& sample, std::size_t) {
@@ -200,18 +198,17 @@ Status write_recording_columns(RecordingSource& source, const std::string& path)
       return std::span<const double>(values);
     });
   }
-  Result<AtomicFile> file = AtomicFile::create(path);
-  if (!file) return file.error();
+  AtomicFile file = TRY(AtomicFile::create(path));
   std::string text = npy_header(rows, columns.size());
   status = visit_samples(source, [&](const ImuSample& sample, std::size_t segment) {
     for (const SampleColumn& column : columns) append_double(column.value(sample, segment), text);
     if (text.size() < 1 << 16) return Status{};
-    const Status written = file->write(text);
+    const Status written = file.write(text);
     text.clear();
     return written;
   });
-  if (status) status = file->write(text);
-  return status ? file->commit() : status;
+  if (status) status = file.write(text);
+  return status ? file.commit() : status;
 }
 
 }  // namespace turncal

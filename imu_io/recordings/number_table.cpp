@@ -99,9 +99,8 @@ Status CsvTable::read_row(std::string_view text) {
                   std::to_string(header_cells_));
   for (std::size_t k = 0; k < wanted_.size(); ++k) {
     if (index_[k] == missing) continue;
-    Result<double> value = number(k);
-    if (!value) return value.error();
-    row_[k] = *value;
+    double value = TRY(number(k));
+    row_[k] = value;
   }
   return {};
 }
@@ -124,7 +123,7 @@ Result<NumberTable> CsvTable::read() {
   }
   if (format_.header_lines > 0) header.assign(cells_.begin(), cells_.end());
   header_cells_ = header.size();
-  if (Status status = find_columns(header); !status) return status.error();
+  TRY(find_columns(header));
   row_.resize(wanted_.size());
   table_.columns.resize(wanted_.size());
   for (auto& column : table_.columns) column.reserve(left.size() / 40 + 1);

@@ -162,10 +162,9 @@ std::string plain_text(KeyValueFile& input, std::string_view key) {
 
 Result<ParameterFile> parse_parameter_file(std::string_view text, const std::string& file_name) {
   // The checksum first: nothing in a damaged file is worth a message of its own.
-  const Result<std::string_view> above = without_checksum(text, file_name);
-  if (!above) return above.error();
+  const std::string_view above = TRY(without_checksum(text, file_name));
 
-  auto parsed = KeyValueFile::parse(*above, file_name);
+  auto parsed = KeyValueFile::parse(above, file_name);
   if (!parsed) return parsed.error();
   KeyValueFile& input = *parsed;
   ParameterFile file;
@@ -195,7 +194,7 @@ Result<ParameterFile> parse_parameter_file(std::string_view text, const std::str
   for (const std::string& key : input.keys()) {
     if (is_further_key(key)) file.further.emplace_back(key, plain_text(input, key));
   }
-  if (Status status = input.check_all_used(); !status) return status.error();
+  TRY(input.check_all_used());
   return file;
 }
 
@@ -212,9 +211,8 @@ Result<ParameterFile> read_parameter_file(const std::string& path) {
 
 Result<std::string> calibration_hash(ParameterFile file) {
   std::erase_if(file.further, [](const auto& entry) { return entry.first.starts_with("verdict."); });
-  const Result<std::string> text = format_parameter_file(file);
-  if (!text) return text.error();
-  const Result<std::string_view> above = without_checksum(*text, "parameter file");
+  const std::string text = TRY(format_parameter_file(file));
+  const Result<std::string_view> above = without_checksum(text, "parameter file");
   return above ? Result<std::string>(hash_of_text(*above)) : above.error();
 }
 

@@ -69,9 +69,9 @@ Status write_binary(RecordingSource& source, const Segments& segments, const std
   auto writer = RecordingWriter::create(path, source.info());
   if (!writer) return writer.error();
   for (const Segment& segment : segments) {
-    if (Status status = writer->begin_segment(segment); !status) return status;
+    TRY(writer->begin_segment(segment));
     const AxisTriple angles{{segment.heading_deg, segment.pitch_deg, segment.roll_deg}};
-    if (Status status = writer->end_segment(segment.kind, segment.end_sample, angles); !status) return status;
+    TRY(writer->end_segment(segment.kind, segment.end_sample, angles));
   }
   Status status = source.read([&](std::span<const ImuSample> samples) { return writer->add(samples); });
   if (!status) return status;
@@ -93,7 +93,7 @@ const char* gyro_increment_name(IncrementKind kind) { return kind == IncrementKi
 const char* accel_increment_name(IncrementKind kind) { return kind == IncrementKind::pulses ? "pulses" : "mps"; }
 
 Status export_text(RecordingSource& source, const std::string& folder) {
-  if (Status status = make_folder(folder); !status) return status;
+  TRY(make_folder(folder));
   const RecordingInfo& info = source.info();
   auto csv = AtomicFile::create(folder + "/imu.csv");
   if (!csv) return csv.error();

@@ -37,11 +37,10 @@ struct RecordingWriter::State {
     std::vector<std::byte> buffer(std::size_t{1} << 16);
     for (std::uint64_t at = 0; at < end;) {
       const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(buffer.size(), end - at));
-      const Result<std::size_t> got = file.read_at(at, std::span(buffer).first(wanted));
-      if (!got) return got.error();
-      if (*got == 0) return device_error(file.path() + ": ends before its last record");
-      hash(std::span(buffer).first(*got));
-      at += *got;
+      const std::size_t got = TRY(file.read_at(at, std::span(buffer).first(wanted)));
+      if (got == 0) return device_error(file.path() + ": ends before its last record");
+      hash(std::span(buffer).first(got));
+      at += got;
     }
     return {};
   }
@@ -85,21 +84,21 @@ RecordingWriter::~RecordingWriter() {
 }
 
 Result<RecordingWriter> RecordingWriter::create(const std::string& path, const RecordingInfo& info) {
-  if (Status status = check_info(info, path); !status) return status.error();
+  TRY(check_info(info, path));
   auto file = PosixFile::create_new(path);
   if (!file) return file.error();
   auto state = std::make_unique<State>();
   state->file = std::move(*file);
   state->info = info;
   state->pending.reserve(block_samples);
-  if (Status status = state->file.lock_exclusive(); !status) return status.error();
+  TRY(state->file.lock_exclusive());
   // Twice, because without it nothing else can be read: one damaged record must not cost the recording.
   for (int copy = 0; copy < 2; ++copy) {
     Status status = state->write_record(RecordType::info, [&](std::vector<std::byte>& out) { append_info(out, info); });
     if (!status) return status.error();
   }
-  if (Status status = state->file.sync(); !status) return status.error();
-  if (Status status = sync_folder(folder_of(path)); !status) return status.error();
+  TRY(state->file.sync());
+  TRY(sync_folder(folder_of(path)));
   return RecordingWriter(std::move(state));
 }
 
@@ -107,7 +106,7 @@ Result<RecordingWriter> RecordingWriter::reopen(const std::string& path, OpenSeg
                                                 std::optional<std::int64_t> last_end_sample) {
   auto file = PosixFile::open_to_change(path);
   if (!file) return file.error();
-  if (Status status = file->lock_exclusive(); !status) return status.error();
+  TRY(file->lock_exclusive());
   const auto size = file->size();
   if (!size) return size.error();
   auto scan = scan_recording(*file, last_end_sample);
@@ -116,18 +115,18 @@ Result<RecordingWriter> RecordingWriter::reopen(const std::string& path, OpenSeg
   std::uint64_t end = scan->good_end;
   if (open_segment == OpenSegment::drop && scan->closed_end < end) {
     end = scan->closed_end;
-    if (Status status = file->truncate(end); !status) return status.error();
+    TRY(file->truncate(end));
     scan = scan_recording(*file);
     if (!scan) return scan.error();
   } else if (end < *size) {
-    if (Status status = file->truncate(end); !status) return status.error();
+    TRY(file->truncate(end));
   }
-  if (Status status = file->seek(end); !status) return status.error();
-  if (Status status = file->sync(); !status) return status.error();
+  TRY(file->seek(end));
+  TRY(file->sync());
 
   auto state = std::make_unique<State>();
   state->file = std::move(*file);
-  if (Status status = state->hash_file(end); !status) return status.error();
+  TRY(state->hash_file(end));
   state->info = scan->info;
   state->segments = std::move(scan->segments);
   state->open_segment = scan->open_segment;
@@ -142,7 +141,7 @@ Result<RecordingWriter> RecordingWriter::reopen(const std::string& path, OpenSeg
 
 Status RecordingWriter::begin_segment(const Segment& segment) {
   State& s = *state_;
-  if (Status status = s.check_usable(); !status) return status;
+  TRY(s.check_usable());
   if (s.open_segment) return s.refusal("a segment begins before the one before has ended");
   if (!s.segments.empty() && segment.start_sample != s.segments.back().end_sample) {
     return s.refusal("segment start_sample = '" + std::to_string(segment.start_sample) + "': expected " +
@@ -151,7 +150,7 @@ Status RecordingWriter::begin_segment(const Segment& segment) {
   if (!std::isfinite(segment.heading_deg) || !std::isfinite(segment.pitch_deg) || !std::isfinite(segment.roll_deg)) {
     return s.refusal("segment with an angle that is not finite");
   }
-  if (Status status = s.write_pending(); !status) return status;
+  TRY(s.write_pending());
   Segment begun = segment;
   begun.end_sample = begun.start_sample;
   Status status =
@@ -162,7 +161,7 @@ Status RecordingWriter::begin_segment(const Segment& segment) {
 
 Status RecordingWriter::end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) {
   State& s = *state_;
-  if (Status status = s.check_usable(); !status) return status;
+  TRY(s.check_usable());
   if (!s.open_segment) return s.refusal("a segment ends that did not begin");
   Segment segment = *s.open_segment;
   if (end_sample <= segment.start_sample) {
@@ -177,7 +176,7 @@ Status RecordingWriter::end_segment(SegmentKind kind, std::int64_t end_sample, c
   if (!std::isfinite(segment.heading_deg) || !std::isfinite(segment.pitch_deg) || !std::isfinite(segment.roll_deg)) {
     return s.refusal("segment with an angle that is not finite");
   }
-  if (Status status = s.write_pending(); !status) return status;
+  TRY(s.write_pending());
   Status status =
       s.write_record(RecordType::segment_end, [&](std::vector<std::byte>& out) { append_segment(out, segment); });
   if (!status) return status;
@@ -188,13 +187,13 @@ Status RecordingWriter::end_segment(SegmentKind kind, std::int64_t end_sample, c
 
 Status RecordingWriter::set_aside(const Segment& rest) {
   State& s = *state_;
-  if (Status status = s.check_usable(); !status) return status;
+  TRY(s.check_usable());
   return s.write_record(RecordType::set_aside, [&](std::vector<std::byte>& out) { append_segment(out, rest); });
 }
 
 Status RecordingWriter::add(std::span<const ImuSample> samples) {
   State& s = *state_;
-  if (Status status = s.check_usable(); !status) return status;
+  TRY(s.check_usable());
   for (const ImuSample& sample : samples) {
     if (s.sample_count > 0 && sample.counter <= s.last_counter) {
       return s.refusal("sample counter = '" + std::to_string(sample.counter) + "': expected more than " +
@@ -208,7 +207,7 @@ Status RecordingWriter::add(std::span<const ImuSample> samples) {
     ++s.sample_count;
     s.pending.push_back(sample);
     if (s.pending.size() == block_samples) {
-      if (Status status = s.write_pending(); !status) return status;
+      TRY(s.write_pending());
     }
   }
   return {};
@@ -216,8 +215,8 @@ Status RecordingWriter::add(std::span<const ImuSample> samples) {
 
 Status RecordingWriter::sync() {
   State& s = *state_;
-  if (Status status = s.check_usable(); !status) return status;
-  if (Status status = s.write_pending(); !status) return status;
+  TRY(s.check_usable());
+  TRY(s.write_pending());
   Status status = s.file.sync();
   // After a failed sync nobody knows what is on disk, also if a second one succeeds.
   if (!status) s.unusable = true;
@@ -226,12 +225,12 @@ Status RecordingWriter::sync() {
 
 Status RecordingWriter::finish() {
   State& s = *state_;
-  if (Status status = s.check_usable(); !status) return status;
+  TRY(s.check_usable());
   if (s.open_segment) return s.refusal("recording ends inside a segment");
   if (s.sample_count == 0) return s.refusal("recording without samples");
   const auto where = [&](std::size_t i) { return s.file.path() + ": segment " + std::to_string(i + 1); };
-  if (Status status = check_segments(s.segments, s.first_counter, s.last_counter, where); !status) return status;
-  if (Status status = s.write_pending(); !status) return status;
+  TRY(check_segments(s.segments, s.first_counter, s.last_counter, where));
+  TRY(s.write_pending());
   Status status =
       s.write_record(RecordType::end, [&](std::vector<std::byte>& out) { append_end(out, s.sample_count); });
   if (!status) return status;

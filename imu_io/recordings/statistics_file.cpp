@@ -57,13 +57,12 @@ ParameterFile without_covariance(ParameterFile file) {
 }  // namespace
 
 Result<std::vector<std::byte>> format_statistics(const StatisticsFile& s) {
-  const Result<std::string> text = format_parameter_file(without_covariance(s.file));
-  if (!text) return text.error();
+  const std::string text = TRY(format_parameter_file(without_covariance(s.file)));
   const UnitStatistics& u = s.statistics;
   std::vector<std::byte> out;
   append_bytes(out, magic);
   append_bytes(out, version);
-  append_text(out, *text);
+  append_text(out, text);
   for (int k = 0; k < parameter_count; ++k) append_bytes(out, u.value[k]);
   for (int k = 0; k < parameter_count; ++k) append_bytes(out, u.sigma[k]);
   append_bytes(out, u.level);
@@ -92,9 +91,8 @@ Result<std::vector<std::byte>> format_statistics(const StatisticsFile& s) {
 }
 
 Status write_statistics(const StatisticsFile& statistics, const std::string& path) {
-  const Result<std::vector<std::byte>> bytes = format_statistics(statistics);
-  if (!bytes) return bytes.error();
-  return write_file_atomically(path, std::string_view(reinterpret_cast<const char*>(bytes->data()), bytes->size()));
+  const std::vector<std::byte> bytes = TRY(format_statistics(statistics));
+  return write_file_atomically(path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
 }
 
 Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const std::string& file_name) {
@@ -106,9 +104,8 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
   ByteReader reader(checked.subspan(magic.size()));
   if (const auto found = reader.get<std::uint32_t>(); found != version)
     return input_error(file_name + ": version " + std::to_string(found) + ": expected " + std::to_string(version));
-  const Result<ParameterFile> file = parse_parameter_file(reader.get_text(), file_name);
-  if (!file) return file.error();
-  StatisticsFile s{*file, {}};
+  const ParameterFile file = TRY(parse_parameter_file(reader.get_text(), file_name));
+  StatisticsFile s{file, {}};
   UnitStatistics& u = s.statistics;
   bool finite = true;
   const auto number = [&] {

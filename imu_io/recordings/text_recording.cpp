@@ -44,8 +44,8 @@ Result<RecordingInfo> read_info(const std::string& path) {
   }
   info.started_utc_s = started_utc(*file);
   info.simulated = file->boolean_or("simulated", false);
-  if (Status status = file->check_all_used(); !status) return status.error();
-  if (Status status = check_info(info, path); !status) return status.error();
+  TRY(file->check_all_used());
+  TRY(check_info(info, path));
   return info;
 }
 
@@ -162,10 +162,10 @@ class TextRecording final : public RecordingSource {
     auto file = PosixFile::open_to_read(csv_path_);
     if (!file) return file.error();
     csv_ = std::move(*file);
-    if (Status status = read_header(); !status) return status;
+    TRY(read_header());
     ImuSample first;
     ImuSample last;
-    if (Status status = read_ends(first, last); !status) return status;
+    TRY(read_ends(first, last));
     return check_segments(segments_, first.counter, last.counter,
                           [&](std::size_t i) { return at_line(segments_path_, static_cast<std::int64_t>(i) + 2); });
   }
@@ -204,7 +204,7 @@ class TextRecording final : public RecordingSource {
     std::string_view row = next_line(piece, &had_end);
     if (!had_end && *got == longest_row) return too_long(2);
     if (had_end) {
-      if (Status status = parser.parse(row, 2, first); !status) return status;
+      TRY(parser.parse(row, 2, first));
     }
 
     const std::uint64_t tail = std::max(rows_begin_, size_ - std::min<std::uint64_t>(size_, longest_row));
@@ -274,7 +274,7 @@ class TextRecording final : public RecordingSource {
           const auto* row_end = static_cast<const char*>(std::memchr(at, '\n', static_cast<std::size_t>(end - at)));
           std::string_view row(at, static_cast<std::size_t>(row_end - at));
           if (row.ends_with('\r')) row.remove_suffix(1);
-          if (Status status = parser.parse(row, line, sample); !status) return status;
+          TRY(parser.parse(row, line, sample));
           at = row_end + 1;
         }
         if (any && sample.counter <= last_counter) {
@@ -289,7 +289,7 @@ class TextRecording final : public RecordingSource {
           ++flagged;
         }
         if (block.size() == samples_in_block) {
-          if (Status status = sink(block); !status) return status;
+          TRY(sink(block));
           block.clear();
         }
       }
@@ -318,7 +318,7 @@ class TextRecording final : public RecordingSource {
 
 Result<std::unique_ptr<RecordingSource>> open_text_recording(const std::string& folder) {
   auto recording = std::make_unique<TextRecording>(folder);
-  if (Status status = recording->load(); !status) return status.error();
+  TRY(recording->load());
   return std::unique_ptr<RecordingSource>(std::move(recording));
 }
 

@@ -30,7 +30,7 @@ FrameStreamer::FrameStreamer(ImuSource& source, const FrameDescription& frame, U
 }
 
 Status FrameStreamer::start(double now_s) {
-  if (Status status = source_.open(); !status) return status;
+  TRY(source_.open());
   RecordingInfo from;
   RecordingInfo to;
   source_.describe(from);
@@ -54,7 +54,7 @@ Status FrameStreamer::start(double now_s) {
 Status FrameStreamer::encode(std::span<const ImuSample> samples) {
   bytes_.clear();
   for (const ImuSample& sample : samples) {
-    if (Status status = encoder_.append(sample, bytes_); !status) return status;
+    TRY(encoder_.append(sample, bytes_));
   }
   return {};
 }
@@ -73,9 +73,8 @@ void FrameStreamer::send(std::size_t samples) {
 Status FrameStreamer::answer_requests() {
   if (frame_.request.empty()) return {};
   std::array<std::byte, 256> chunk;
-  const Result<std::size_t> n = line_.read(chunk, 0.0);
-  if (!n) return n.error();
-  asked_.insert(asked_.end(), chunk.begin(), chunk.begin() + static_cast<std::ptrdiff_t>(*n));
+  const std::size_t n = TRY(line_.read(chunk, 0.0));
+  asked_.insert(asked_.end(), chunk.begin(), chunk.begin() + static_cast<std::ptrdiff_t>(n));
   for (;;) {
     const auto at = std::search(asked_.begin(), asked_.end(), frame_.request.begin(), frame_.request.end());
     if (at == asked_.end()) break;
@@ -101,7 +100,7 @@ Result<std::size_t> FrameStreamer::pump(double now_s) {
     passed += count;
     const std::span<const ImuSample> made = std::span<const ImuSample>(samples_).first(*got);
     if (frame_.request.empty()) {
-      if (Status status = encode(made); !status) return status.error();
+      TRY(encode(made));
       send(made.size());
       continue;
     }
@@ -109,7 +108,7 @@ Result<std::size_t> FrameStreamer::pump(double now_s) {
     for (const ImuSample& sample : made)
       if (Status status = encode({&sample, 1}); !status) return status.error();
   }
-  if (Status status = answer_requests(); !status) return status.error();
+  TRY(answer_requests());
   return passed;
 }
 

@@ -161,7 +161,7 @@ Status SerialImu::judge_arrivals() const {
     return device_error("samples come every " + format_number(frame_.sample_period_s * (1.0 + estimate->skew)) +
                         " s, the frame description says every " + format_number(frame_.sample_period_s) + " s");
   }
-  if (Status status = judge_clock(fit_, settings_.clock_max_ppm); !status) return status;
+  TRY(judge_clock(fit_, settings_.clock_max_ppm));
   const double late_s = fit_.persistent_delay_s();
   if (late_s > std::max(0.5 * decoder_.wrap_s(), least_lateness_s)) {
     return device_error("samples come " + format_number(late_s) +

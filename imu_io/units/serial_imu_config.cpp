@@ -29,12 +29,12 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
   if (config.settings.speedup != 1.0 && !config.settings.simulated) {
     file.reject("imu.speedup", "1 unless imu.simulated is true");
   }
-  if (Status status = file.status(); !status) return status.error();
+  TRY(file.status());
   const bool is_file = name.find('/') != std::string::npos || name.ends_with(".frame");
   if (is_file && !name.starts_with('/')) name = folder_of(file.file_name()) + "/" + name;
   auto frame = find_frame(name);
   if (!frame && !is_file) file.reject("imu.frame", "a built-in frame or a file: " + frame.error().message);
-  if (Status status = file.status(); !status) return status.error();
+  TRY(file.status());
   if (!frame) return frame.error();
   config.frame = std::move(*frame);
   if (line && line->kind == LineKind::udp) {
@@ -67,7 +67,7 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
                       " bytes each " + format_number(config.frame.sample_period_s) + " s; it has " +
                       std::to_string(serial.baud));
   }
-  if (Status status = file.status(); !status) return status.error();
+  TRY(file.status());
   return config;
 }
 

@@ -37,37 +37,32 @@ void append_row(const ImuSample& sample, std::string& text) {
 
 Status write_csv(RecordingSource& source, const std::string& path) {
   std::string text = "sample,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps,dv_y_mps,dv_z_mps\n";
-  if (Status status = check_replaceable(path, text); !status) return status;
-  Result<AtomicFile> file = AtomicFile::create(path);
-  if (!file) return file.error();
+  TRY(check_replaceable(path, text));
+  AtomicFile file = TRY(AtomicFile::create(path));
   Status status = source.read([&](std::span<const ImuSample> block) {
     for (const ImuSample& sample : block) append_row(sample, text);
-    Status written = file->write(text);
+    Status written = file.write(text);
     text.clear();
     return written;
   });
   if (!status) return status;
-  if (status = file->write(text); !status) return status;
-  return file->commit();
+  if (status = file.write(text); !status) return status;
+  return file.commit();
 }
 
 // By the name of the file: a recording, .npy or .mat, or CSV.
 Status write_calibrated(RecordingSource& source, const std::string& path) {
   if (names_matrix(path)) return write_recording_columns(source, path);
   if (!path.ends_with(".tcr")) return write_csv(source, path);
-  if (Status status = check_replaceable(path, recording_beginning); !status) return status;
+  TRY(check_replaceable(path, recording_beginning));
   return import_binary(source, path);
 }
 
 Status apply(const ApplyOptions& options, CommandContext& context) {
   if (Status status = check_ending(options.out, {".csv", ".npy", ".mat", ".tcr"}); !status) return status;
-  const Result<ParameterFile> parameters = read_parameter_file(options.parameters);
-  if (!parameters) return parameters.error();
-  Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(options.recording);
-  if (!source) return source.error();
-  Result<std::unique_ptr<CalibratedSource>> calibrated =
-      CalibratedSource::of(*parameters, options.parameters, **source);
-  if (!calibrated) return calibrated.error();
+  const ParameterFile parameters = TRY(read_parameter_file(options.parameters));
+  std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(options.recording));
+  std::unique_ptr<CalibratedSource> calibrated = TRY(CalibratedSource::of(parameters, options.parameters, *source));
   std::error_code error;
   if (std::filesystem::is_directory(options.out, error)) {
     return input_error(options.out + ": expected a file name, found a folder");
@@ -80,7 +75,7 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
       !status) {
     return status;
   }
-  if (Status status = write_calibrated(**calibrated, options.out); !status) return status;
+  TRY(write_calibrated(*calibrated, options.out));
   context.out << "calibrated increments  " << options.out << std::endl;
   return {};
 }

@@ -58,29 +58,25 @@ Result<std::optional<Turn>> interrupted_group(const std::string& out, const std:
   while (path_exists(out + "/group." + std::to_string(last + 1))) ++last;
   const std::string folder = out + "/group." + std::to_string(last);
   if (last == 0 || !path_exists(folder + "/" + journal_name)) return std::optional<Turn>();
-  const Result<JournalContents> journal = read_journal(folder + "/" + journal_name);
-  if (!journal) return journal.error();
-  const bool over = is_over(*journal);
-  for (const std::string& unit : journal->units()) {
+  const JournalContents journal = TRY(read_journal(folder + "/" + journal_name));
+  const bool over = is_over(journal);
+  for (const std::string& unit : journal.units()) {
     if (std::find(to_do.begin(), to_do.end(), unit) == to_do.end()) continue;
     // A run that is over has told the queue of all its units, unless it was interrupted just then.
-    if (!over || !find_outcome(outcomes, unit)) return std::optional(Turn{journal->units(), folder});
+    if (!over || !find_outcome(outcomes, unit)) return std::optional(Turn{journal.units(), folder});
   }
   return std::optional<Turn>();
 }
 
 Result<Turn> next_turn(const BatchOptions& options) {
-  const Result<std::vector<std::string>> queue = read_queue(options.queue);
-  if (!queue) return queue.error();
-  const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(options.queue);
-  if (!outcomes) return outcomes.error();
-  const std::vector<std::string> to_do = next_units(*queue, *outcomes, queue->size());
-  const Result<std::optional<Turn>> interrupted = interrupted_group(options.out, to_do, *outcomes);
-  if (!interrupted) return interrupted.error();
-  if (*interrupted) return **interrupted;
-  Turn turn{next_units(*queue, *outcomes, options.at_once), ""};
+  const std::vector<std::string> queue = TRY(read_queue(options.queue));
+  const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(options.queue));
+  const std::vector<std::string> to_do = next_units(queue, outcomes, queue.size());
+  const std::optional<Turn> interrupted = TRY(interrupted_group(options.out, to_do, outcomes));
+  if (interrupted) return *interrupted;
+  Turn turn{next_units(queue, outcomes, options.at_once), ""};
   if (turn.units.size() == 1) {
-    turn.folder = folder_for(options.out, turn.units.front(), find_outcome(*outcomes, turn.units.front()));
+    turn.folder = folder_for(options.out, turn.units.front(), find_outcome(outcomes, turn.units.front()));
   } else if (!turn.units.empty()) {
     int next = 1;
     while (path_exists(options.out + "/group." + std::to_string(next))) ++next;
@@ -94,13 +90,11 @@ struct Tally {
 };
 
 Result<Tally> tally_of(const std::string& path) {
-  const Result<std::vector<std::string>> queue = read_queue(path);
-  if (!queue) return queue.error();
-  const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(path);
-  if (!outcomes) return outcomes.error();
+  const std::vector<std::string> queue = TRY(read_queue(path));
+  const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(path));
   Tally tally;
-  for (const std::string& unit : *queue) {
-    const UnitOutcome* outcome = find_outcome(*outcomes, unit);
+  for (const std::string& unit : queue) {
+    const UnitOutcome* outcome = find_outcome(outcomes, unit);
     if (!outcome) continue;
     const auto is = [outcome](const char* word) { return outcome->outcome == word; };
     const bool passed = is("pass") || is("conditional_pass"), unjudged = is("not_judged") || is("captured");
@@ -180,7 +174,7 @@ Result<bool> mount_units(const BatchOptions& options, const StationConfig& stati
                          const std::string& tag, CommandContext& context) {
   const std::string waited_for = mounting_file(options.queue);
   for (const std::string& unit : turn.units) {
-    if (Status status = write_file_atomically(waited_for, unit + "\n"); !status) return status.error();
+    TRY(write_file_atomically(waited_for, unit + "\n"));
     const Result<Mounted> mounted =
         mount_unit(station, unit, turn.folder, context.quiet ? -1 : STDIN_FILENO, context.out, tag);
     ::unlink(waited_for.c_str());
@@ -198,40 +192,35 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
   if (options.request.dry_run) context.tag = dry_run_tag;
   RunRequest check = options.request;
   check.units = {"X"};
-  const Result<PreparedRun> prepared = prepare(check);
-  if (!prepared) return prepared.error();
-  context.tag = tag_of(*prepared);
-  if (options.at_once > places(*prepared)) {
+  const PreparedRun prepared = TRY(prepare(check));
+  context.tag = tag_of(prepared);
+  if (options.at_once > places(prepared)) {
     return input_error("--at-once " + std::to_string(options.at_once) + ": expected at most " +
-                       std::to_string(places(*prepared)) + ", the places on the table");
+                       std::to_string(places(prepared)) + ", the places on the table");
   }
-  if (Status status = check_sequence(*prepared); !status) return status;
-  const Result<LockFile> queue = hold_queue(options.queue);
-  if (!queue) return queue.error();
+  TRY(check_sequence(prepared));
+  const LockFile queue = TRY(hold_queue(options.queue));
   const std::string tag = context.tag + "[batch] ";
   for (;;) {
-    const Result<Turn> turn = next_turn(options);
-    if (!turn) return turn.error();
-    if (turn->units.empty()) break;
-    const Result<bool> all =
-        options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared->station, *turn, tag, context);
-    if (!all) return all.error();
-    if (!*all) continue;
-    if (Status status = run_turn(options, *prepared, *turn, tag, context); !status) return status;
+    const Turn turn = TRY(next_turn(options));
+    if (turn.units.empty()) break;
+    const bool all =
+        TRY(options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared.station, turn, tag, context));
+    if (!all) continue;
+    TRY(run_turn(options, prepared, turn, tag, context));
     if (StopSignals::any()) {  // asked for when the results were being made
       return Error{ErrorKind::interrupted,
-                   "paused after unit " + join(turn->units) + "; the same command goes on with the next"};
+                   "paused after unit " + join(turn.units) + "; the same command goes on with the next"};
     }
   }
   // Of the whole queue, whichever command did it.
-  const Result<Tally> tally = tally_of(options.queue);
-  if (!tally) return tally.error();
-  context.out << tag << "queue done: " << tally->passed << " passed, "
-              << (tally->unjudged > 0 ? std::to_string(tally->unjudged) + " without a verdict, " : "")
-              << tally->not_passed << " not passed" << std::endl;
-  if (tally->not_passed == 0) return {};
-  return Error{ErrorKind::unit_failed, std::to_string(tally->not_passed) + " of " +
-                                           std::to_string(tally->passed + tally->unjudged + tally->not_passed) +
+  const Tally tally = TRY(tally_of(options.queue));
+  context.out << tag << "queue done: " << tally.passed << " passed, "
+              << (tally.unjudged > 0 ? std::to_string(tally.unjudged) + " without a verdict, " : "") << tally.not_passed
+              << " not passed" << std::endl;
+  if (tally.not_passed == 0) return {};
+  return Error{ErrorKind::unit_failed, std::to_string(tally.not_passed) + " of " +
+                                           std::to_string(tally.passed + tally.unjudged + tally.not_passed) +
                                            " units did not pass; see turncal queue " + options.queue};
 }
 
@@ -243,16 +232,14 @@ struct QueueOptions {
 Status show_queue(const QueueOptions& options, std::ostream& out) {
   const QueueChange& change = options.change;
   if (!change.add.empty() || !change.remove.empty() || !change.again.empty()) {
-    if (Status status = change_queue(options.queue, change); !status) return status;
+    TRY(change_queue(options.queue, change));
   }
-  const Result<std::vector<std::string>> queue = read_queue(options.queue);
-  if (!queue) return queue.error();
-  const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(options.queue);
-  if (!outcomes) return outcomes.error();
+  const std::vector<std::string> queue = TRY(read_queue(options.queue));
+  const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(options.queue));
   if (!options.format.empty()) {
     DataTable table({"unit", "outcome", "time_utc", "reason"});
-    for (const std::string& unit : *queue) {
-      const UnitOutcome* outcome = find_outcome(*outcomes, unit);
+    for (const std::string& unit : queue) {
+      const UnitOutcome* outcome = find_outcome(outcomes, unit);
       table.begin_row();
       table.text(unit);
       table.text(outcome ? outcome->outcome : "waits");
@@ -262,8 +249,8 @@ Status show_queue(const QueueOptions& options, std::ostream& out) {
     out << table.as(options.format) << std::flush;
     return {};
   }
-  for (const std::string& unit : *queue) {
-    const UnitOutcome* outcome = find_outcome(*outcomes, unit);
+  for (const std::string& unit : queue) {
+    const UnitOutcome* outcome = find_outcome(outcomes, unit);
     out << unit << "  " << (outcome ? outcome->outcome + " " + outcome->time_utc : "waits")
         << (outcome && !outcome->reason.empty() ? ": " + outcome->reason : "") << '\n';
   }

@@ -42,13 +42,11 @@ std::optional<ParameterVector> truth_beside(const std::string& recording) {
 Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   std::vector<LoadedRecording> recordings;
   for (const std::string& path : options.recordings) {
-    if (Status status = check_not_source(options.out, path); !status) return status;
-    Result<LoadedRecording> recording = load_recording(path);
-    if (!recording) return recording.error();
-    recordings.push_back(std::move(*recording));
+    TRY(check_not_source(options.out, path));
+    LoadedRecording recording = TRY(load_recording(path));
+    recordings.push_back(std::move(recording));
   }
-  Result<OutputFolder> folder = OutputFolder::prepare_results(options.out, recordings.front().data.info.unit_serial);
-  if (!folder) return folder.error();
+  OutputFolder folder = TRY(OutputFolder::prepare_results(options.out, recordings.front().data.info.unit_serial));
   CalibrationRequest request;
   request.method = options.method;
   request.time_utc = format_utc(wall_utc_s());
@@ -57,29 +55,28 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
     return input_error("--prior: expected one recording, and the method joint");
   if (!with_prior && !options.prior.part.empty()) return input_error("--part: expected --prior");
   request.partial = options.partial || with_prior;
-  Result<CalibrationOutput> output = calibrate_recordings(recordings, request);
-  if (!output) return output.error();
-  add_measured_utc(recordings.front().data.info, output->file);
+  CalibrationOutput output = TRY(calibrate_recordings(recordings, request));
+  add_measured_utc(recordings.front().data.info, output.file);
   std::optional<StatisticsFile> statistics;  // for the fleet: of the data alone
-  if (const std::optional<UnitStatistics> found = statistics_of(recordings, *output))
-    statistics = StatisticsFile{output->file, *found};
+  if (const std::optional<UnitStatistics> found = statistics_of(recordings, output))
+    statistics = StatisticsFile{output.file, *found};
   if (with_prior) {
-    if (Status status = add_prior(options.prior, recordings.front(), request, *output); !status) return status;
-    const std::string open = undetermined_parameters(*output->fit);
+    TRY(add_prior(options.prior, recordings.front(), request, output));
+    const std::string open = undetermined_parameters(*output.fit);
     if (!open.empty() && !options.partial) return not_determined("this recording does not determine " + open);
   }
-  const std::string file = folder->file(parameters_name);
-  if (Status status = write_parameter_file(output->file, file); !status) return status;
+  const std::string file = folder.file(parameters_name);
+  TRY(write_parameter_file(output.file, file));
   if (statistics) {
-    if (Status status = write_statistics(*statistics, folder->file(statistics_name)); !status) return status;
+    TRY(write_statistics(*statistics, folder.file(statistics_name)));
   }
-  folder->keep();
-  for (const std::string& note : output->notes) context.out << note << '\n';
+  folder.keep();
+  for (const std::string& note : output.notes) context.out << note << '\n';
   context.out << '\n';
-  print_results(output->file, truth_beside(options.recordings.front()), context.out);
+  print_results(output.file, truth_beside(options.recordings.front()), context.out);
   context.out << "\nparameters  " << file << std::endl;
-  if (output->distrust.empty()) return {};
-  return Error{ErrorKind::unit_failed, file + ": not trusted: " + output->distrust};
+  if (output.distrust.empty()) return {};
+  return Error{ErrorKind::unit_failed, file + ": not trusted: " + output.distrust};
 }
 
 }  // namespace

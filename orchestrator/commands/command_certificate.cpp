@@ -22,11 +22,9 @@ struct CertificateOptions {
 };
 
 Status check(const std::string& path, CommandContext& context) {
-  Result<std::string> page = read_whole_file(path);
-  if (!page) return page.error();
-  const Result<std::string> hash = check_certificate(std::move(*page), path);
-  if (!hash) return hash.error();
-  context.out << path << ": as it was issued, hash " << *hash << '\n';
+  std::string page = TRY(read_whole_file(path));
+  const std::string hash = TRY(check_certificate(std::move(page), path));
+  context.out << path << ": as it was issued, hash " << hash << '\n';
   return {};
 }
 
@@ -42,17 +40,15 @@ Status certify(const CertificateOptions& options, CommandContext& context) {
   if (Status s = check_apart({{"--station", options.request.station}, {"--out", options.html}, {"--pdf", options.pdf}});
       !s)
     return s;
-  const Result<std::string> page = make_certificate(options.request);
-  if (!page) return page.error();
+  const std::string page = TRY(make_certificate(options.request));
   constexpr std::size_t alike = 100;
-  if (Status s = check_replaceable(options.html, std::string_view(*page).substr(0, alike)); !s) return s;
+  TRY(check_replaceable(options.html, std::string_view(page).substr(0, alike)));
   if (!options.pdf.empty()) {
-    if (Status s = check_replaceable(options.pdf, "%PDF-"); !s) return s;
-    const Result<std::string> warning = write_pdf(*page, options.pdf);
-    if (!warning) return warning.error();
-    if (!warning->empty()) context.out << options.pdf << ": " << *warning << '\n';
+    TRY(check_replaceable(options.pdf, "%PDF-"));
+    const std::string warning = TRY(write_pdf(page, options.pdf));
+    if (!warning.empty()) context.out << options.pdf << ": " << warning << '\n';
   }
-  if (Status s = write_file_atomically(options.html, *page); !s) return s;
+  TRY(write_file_atomically(options.html, page));
   context.out << "certificate  " << options.html << '\n';
   if (!options.pdf.empty()) context.out << "pdf          " << options.pdf << '\n';
   return {};

@@ -63,9 +63,8 @@ void print_totals(const StationConfig& station, const Plan& plan, std::ostream& 
 
 Result<RecordingInfo> info_of(const StationConfig& station) {
   if (station.imu) return planned_info(station, nullptr);
-  const Result<RigConfig> rig = rig_of(station);
-  if (!rig) return rig.error();
-  return planned_info(station, &*rig);
+  const RigConfig rig = TRY(rig_of(station));
+  return planned_info(station, &rig);
 }
 
 }  // namespace

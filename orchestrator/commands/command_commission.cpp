@@ -30,16 +30,15 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
   // With the wrong word order no position may be plausible: commission_table says which fits.
   if (!connected && !(options.heading && station.table.map)) return connected;
   if (connected) {
-    const Result<TableIdentity> table = devices.table.identify();
-    if (!table) return table.error();
-    out << table->description << std::endl;
+    const TableIdentity table = TRY(devices.table.identify());
+    out << table.description << std::endl;
     if (const std::string caution = caution_of(station.table); !caution.empty()) {
       out << "warning: table: " << caution << std::endl;
     }
   }
   if (options.heading) {
     const AxisTriple known{*options.heading, *options.pitch, *options.roll};
-    if (Status status = live.commission_table(known, options.tolerance_deg); !status) return status;
+    TRY(live.commission_table(known, options.tolerance_deg));
     if (!connected) return connected;
     out << "every axis reads where it stands; no other word order, sign or scale would" << std::endl;
   } else if (!is_commissioned(station.table)) {
@@ -51,37 +50,35 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
     said_last = "write commissioned = true into your copy of the table's file, then call this again without angles";
     return {};
   }
-  if (Status status = devices.imu.open(); !status) return status;
+  TRY(devices.imu.open());
   switched_on = true;
   said_last = "every axis turns the unit as it should, and gravity is felt where it should be";
   return try_axes(devices, station, options.settings, StopSignals::requests(), out);
 }
 
 Status run_commission(const Options& options, CommandContext& context) {
-  const Result<StationConfig> station = read_station_config(options.station);
-  if (!station) return station.error();
-  if (Status status = check_real_devices(*station); !status) return status;
-  if (station->table.driver == TableDriver::manual) {
-    return input_error("station '" + station->name + "': a table turned by hand has nothing to commission");
+  const StationConfig station = TRY(read_station_config(options.station));
+  TRY(check_real_devices(station));
+  if (station.table.driver == TableDriver::manual) {
+    return input_error("station '" + station.name + "': a table turned by hand has nothing to commission");
   }
-  if (station->simulated()) context.tag = simulated_tag;
-  if (const std::vector<std::string> guesses = guesses_of(*station, true); !guesses.empty() && !options.accept_guess) {
+  if (station.simulated()) context.tag = simulated_tag;
+  if (const std::vector<std::string> guesses = guesses_of(station, true); !guesses.empty() && !options.accept_guess) {
     return input_error(guesses.front() +
                        (guesses.size() > 1 ? ", and " + std::to_string(guesses.size() - 1) + " more lines" : "") +
                        ": it decides what moves; expected it checked against the table's manual and its [guess] taken "
                        "out, or --accept-guess (turncal check --explain shows what is sent)");
   }
   const StopSignals signals;
-  Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
-  if (!live) return live.error();
+  std::unique_ptr<LiveDevices> live = TRY(LiveDevices::make(station, StopSignals::requests(), context.out));
   const LinePrefix marked(context.out, context.tag);
   bool switched_on = false;
   std::string said;
-  Status status = commission(options, *station, **live, context.out, switched_on, said);
-  const std::string how_left = switched_on ? "; " + how_it_rests((*live)->devices().table) : "; nothing was moved";
-  status = (*live)->leave_table(status, how_left);
-  if (switched_on && (*live)->left_off()) {
-    if (const std::string sag = (*live)->sag_since({}); !sag.empty()) context.warn(sag);
+  Status status = commission(options, station, *live, context.out, switched_on, said);
+  const std::string how_left = switched_on ? "; " + how_it_rests(live->devices().table) : "; nothing was moved";
+  status = live->leave_table(status, how_left);
+  if (switched_on && live->left_off()) {
+    if (const std::string sag = live->sag_since({}); !sag.empty()) context.warn(sag);
   }
   if (status) context.out << said << how_left << std::endl;
   return status;

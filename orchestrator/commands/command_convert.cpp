@@ -26,23 +26,21 @@ Status convert(const ConvertOptions& options, CommandContext& context) {
                                    {"--yaml", options.yaml}});
       !status)
     return status;
-  const Result<ParameterFile> file = read_parameter_file(options.parameters);
-  if (!file) return file.error();
+  const ParameterFile file = TRY(read_parameter_file(options.parameters));
   // An existing file is replaced by one that begins alike.
   constexpr std::size_t alike = 30, of_block = 4;
   std::vector<NamedText> forms;
-  if (!options.header.empty()) forms.push_back({options.header, format_parameter_header(*file)});
-  if (!options.yaml.empty()) forms.push_back({options.yaml, format_parameter_yaml(*file)});
+  if (!options.header.empty()) forms.push_back({options.header, format_parameter_header(file)});
+  if (!options.yaml.empty()) forms.push_back({options.yaml, format_parameter_yaml(file)});
   if (!options.binary.empty()) {
-    const std::vector<std::byte> block = format_parameter_block(block_of(*file));
+    const std::vector<std::byte> block = format_parameter_block(block_of(file));
     forms.push_back({options.binary, std::string(reinterpret_cast<const char*>(block.data()), block.size())});
   }
   for (const NamedText& form : forms) {
     const std::size_t same = form.path == options.binary ? of_block : alike;
-    if (Status status = check_replaceable(form.path, std::string_view(form.content).substr(0, same)); !status)
-      return status;
+    TRY(check_replaceable(form.path, std::string_view(form.content).substr(0, same)));
   }
-  if (Status status = write_files_atomically(forms); !status) return status;
+  TRY(write_files_atomically(forms));
   for (const NamedText& form : forms) context.out << "written  " << form.path << '\n';
   return {};
 }

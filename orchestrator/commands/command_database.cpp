@@ -30,17 +30,14 @@ std::string contents_of(const ResultsDatabase& database) {
 Status backup(const DatabaseOptions& options, std::ostream& out) {
   if (options.out.empty()) return input_error("database backup: expected --out FILE, where the copy is to go");
   if (Status s = check_apart({{"database", options.database}, {"--out", options.out}}); !s) return s;
-  if (Status s = check_replaceable(options.out, "SQLite format 3"); !s) return s;
-  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(options.database);
-  if (!database) return database.error();
-  const Result<std::string> image = database->image();
-  if (!image) return image.error();
+  TRY(check_replaceable(options.out, "SQLite format 3"));
+  const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
+  const std::string image = TRY(database.image());
   // What is kept is what was checked.
-  const Result<ResultsDatabase> copy = ResultsDatabase::of_image(*image, options.database);
-  if (!copy) return copy.error();
-  if (Status status = copy->check(); !status) return status;
-  if (Status status = write_file_atomically(options.out, *image); !status) return status;
-  out << "backup of " << contents_of(*database) << " in " << options.out << '\n';
+  const ResultsDatabase copy = TRY(ResultsDatabase::of_image(image, options.database));
+  TRY(copy.check());
+  TRY(write_file_atomically(options.out, image));
+  out << "backup of " << contents_of(database) << " in " << options.out << '\n';
   return {};
 }
 
@@ -48,13 +45,10 @@ Status copy_rows(const DatabaseOptions& options, std::ostream& out) {
   if (options.other.empty())
     return input_error("database copy: expected a second database, which the rows are added to");
   if (Status s = check_apart({{"database", options.database}, {"other", options.other}}); !s) return s;
-  const Result<ResultsDatabase> from = ResultsDatabase::open_to_read(options.database);
-  if (!from) return from.error();
-  Result<ResultsDatabase> to = ResultsDatabase::open(options.other);
-  if (!to) return to.error();
-  const Result<CopiedRows> copied = from->copy_to(*to);
-  if (!copied) return copied.error();
-  out << options.other << ": " << copied->calibrations << " calibrations and " << copied->attempts
+  const ResultsDatabase from = TRY(ResultsDatabase::open_to_read(options.database));
+  ResultsDatabase to = TRY(ResultsDatabase::open(options.other));
+  const CopiedRows copied = TRY(from.copy_to(to));
+  out << options.other << ": " << copied.calibrations << " calibrations and " << copied.attempts
       << " notes of attempts are new\n";
   return {};
 }
@@ -62,9 +56,8 @@ Status copy_rows(const DatabaseOptions& options, std::ostream& out) {
 Status make_roles(const DatabaseOptions& options, std::ostream& out) {
   if (!names_a_server(options.database))
     return input_error(options.database + ": a file has no roles: expected postgresql://USER@HOST/NAME");
-  Result<ResultsDatabase> database = ResultsDatabase::open(options.database);
-  if (!database) return database.error();
-  if (Status status = database->make_roles(); !status) return status;
+  ResultsDatabase database = TRY(ResultsDatabase::open(options.database));
+  TRY(database.make_roles());
   out << options.database << ": turncal_station adds and reads, turncal_reader reads\n";
   return {};
 }
@@ -75,10 +68,9 @@ Status run_database(const DatabaseOptions& options, std::ostream& out) {
   if (options.action == "copy") return copy_rows(options, out);
   if (!options.other.empty()) return input_error(options.other + ": expected a second database with copy only");
   if (options.action == "roles") return make_roles(options, out);
-  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(options.database);
-  if (!database) return database.error();
-  if (Status status = database->check(); !status) return status;
-  out << options.database << ": whole, " << contents_of(*database) << '\n';
+  const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
+  TRY(database.check());
+  out << options.database << ": whole, " << contents_of(database) << '\n';
   return {};
 }
 

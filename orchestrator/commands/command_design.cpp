@@ -85,13 +85,12 @@ std::string name_of(const std::string& file) {
 
 // The sigmas that are wanted, `key = sigma` in units of the parameter file; what is not named does not count.
 Status read_aims(const std::string& path, DesignTask& task) {
-  Result<KeyValueFile> file = KeyValueFile::read(path);
-  if (!file) return file.error();
+  KeyValueFile file = TRY(KeyValueFile::read(path));
   task.aim.setZero();
   for (int k = 0; k < parameter_count; ++k)
     if (parameter_is_free[static_cast<std::size_t>(k)])
-      task.aim[k] = file->number_or(parameter_keys[static_cast<std::size_t>(k)], 0.0, positive);
-  if (Status status = file->check_all_used(); !status) return status;
+      task.aim[k] = file.number_or(parameter_keys[static_cast<std::size_t>(k)], 0.0, positive);
+  TRY(file.check_all_used());
   if (task.aim.maxCoeff() <= 0.0) return input_error(path + ": expected a line like N01 = 0.003");
   return {};
 }
@@ -128,7 +127,7 @@ class Designer {
   Designer(const DesignOptions& options, CommandContext& context) : options_(options), context_(context) {}
 
   Status run() {
-    if (Status status = check_site(options_.site); !status) return status;
+    TRY(check_site(options_.site));
     if (!options_.separate.empty() && (!options_.sigma.empty() || !options_.effects.empty()))
       return input_error("--separate: expected neither --sigma nor --effects beside it");
     if (options_.separate.empty() != options_.from.empty())
@@ -136,40 +135,37 @@ class Designer {
     if (options_.separate.empty() && options_.time.empty() == options_.sigma.empty())
       return input_error("expected --time or --sigma, one of them");
     // Before minutes of search, not after them.
-    if (Status status = check_replaceable(options_.out, first_words); !status) return status;
+    TRY(check_replaceable(options_.out, first_words));
     if (const Result<AtomicFile> writable = AtomicFile::create(options_.out); !writable) return writable.error();
-    const Result<PlannedUnit> unit = planned_unit(options_.site);
-    if (!unit) return unit.error();
-    if (Status status = prepare(*unit); !status) return status;
+    const PlannedUnit unit = TRY(planned_unit(options_.site));
+    TRY(prepare(unit));
     if (!options_.separate.empty()) return separate();
     if (!options_.sigma.empty()) {
-      if (Status status = read_aims(options_.sigma, task_); !status) return status;
-      Result<double> time_s = least_time_s(task_);
-      if (!time_s) return time_s.error();
+      TRY(read_aims(options_.sigma, task_));
+      double time_s = TRY(least_time_s(task_));
       task_.tries = std::max(100, options_.tries / 5);
-      for (task_.time_s = *time_s;; task_.time_s *= 1.25) {
+      for (task_.time_s = time_s;; task_.time_s *= 1.25) {
         if (task_.time_s > longest_design_s)
           return Error{ErrorKind::unit_failed,
                        options_.sigma + ": no sequence of 12 h was found that gives these sigmas"};
         says("looking for " + format_duration(task_.time_s));
-        if (Status status = search(); !status) return status;
+        TRY(search());
         if (reaches(columns_.back().prediction, task_.aim)) break;
         columns_.pop_back();
       }
     } else {
-      const Result<double> time_s = parse_time_s("--time", options_.time);
-      if (!time_s) return time_s.error();
-      task_.time_s = *time_s;
-      if (Status status = search(); !status) return status;
+      const double time_s = TRY(parse_time_s("--time", options_.time));
+      task_.time_s = time_s;
+      TRY(search());
     }
     const std::string bound = bound_text(columns_.back().prediction);
     const std::string text = text_of(walk_, task_.time_s, bound);
-    if (Status status = write_file_atomically(options_.out, text); !status) return status;
-    print_premises(options_.site, unit->info, context_.out);
+    TRY(write_file_atomically(options_.out, text));
+    print_premises(options_.site, unit.info, context_.out);
     char line[100];
     std::snprintf(line, sizeof line, "Time      %.0f s\n", columns_.back().station_s);
     context_.out << line;
-    print_sigmas(columns_, unit->info, context_.out);
+    print_sigmas(columns_, unit.info, context_.out);
     if (!bound.empty()) context_.out << bound << "\n";
     print_undetermined(columns_, context_.out);
     if (task_.predict.effects) print_effects(columns_, context_.out);
@@ -186,15 +182,13 @@ class Designer {
 
   // The shortest legs that tell the class of an effect apart, after the recording it was found in.
   Status separate() {
-    const Result<double> time_s = parse_time_s("--time", options_.time.empty() ? longest_extra_legs : options_.time);
-    if (!time_s) return time_s.error();
-    const Result<LoadedRecording> loaded = load_recording(options_.from);
-    if (!loaded) return loaded.error();
-    if (Status status = check_data(*loaded); !status) return status;
-    if (loaded->by_hand)
+    const double time_s = TRY(parse_time_s("--time", options_.time.empty() ? longest_extra_legs : options_.time));
+    const LoadedRecording loaded = TRY(load_recording(options_.from));
+    TRY(check_data(loaded));
+    if (loaded.by_hand)
       return input_error(options_.from + ": " + no_table_angles + ": expected a recording made on a table");
     says("diagnosing " + options_.from);
-    const Diagnosis diagnosis = diagnose(loaded->data);
+    const Diagnosis diagnosis = diagnose(loaded.data);
     const auto found = diagnosis.aliases.find(options_.separate);
     if (found == diagnosis.aliases.end() || found->second.empty()) {
       std::string classes;
@@ -205,10 +199,10 @@ class Designer {
           " cannot tell from others: " +
           (classes.empty() ? std::string("it has none, its diagnosis is ") + to_string(diagnosis.verdict) : classes));
     }
-    const Separation separation(loaded->data, diagnosis, options_.separate);
-    task_.info = loaded->data.info;
+    const Separation separation(loaded.data, diagnosis, options_.separate);
+    task_.info = loaded.data.info;
     task_.limits.sample_period_s = task_.info.sample_period_s;
-    task_.time_s = *time_s;
+    task_.time_s = time_s;
     const Result<ExtraLegs> legs = find_extra_legs(
         separation, task_, [&](double longest_s) { says("looking for " + format_duration(longest_s)); });
     if (!legs) return legs.error();
@@ -225,9 +219,9 @@ class Designer {
         open += (open.empty() ? "" : ", ") + pair.truth + " from " + pair.other;
     }
     if (least < SelectionLimits{}.bic_margin)
-      return Error{ErrorKind::unit_failed, "no motion of this table in " + format_duration(*time_s) +
+      return Error{ErrorKind::unit_failed, "no motion of this table in " + format_duration(time_s) +
                                                " was found that tells apart: " + open + "; no sequence is written"};
-    if (Status status = write_file_atomically(options_.out, text_of(legs->walk, legs->time_s)); !status) return status;
+    TRY(write_file_atomically(options_.out, text_of(legs->walk, legs->time_s)));
     context_.out << "sequence    " << options_.out << ", " << format_duration(legs->time_s) << std::endl;
     if (legs->apart) return {};
     return Error{ErrorKind::unit_failed, options_.out + ": may not be enough to tell apart: " + open};
@@ -268,10 +262,8 @@ class Designer {
   }
 
   Status prepare(const PlannedUnit& unit) {
-    const Result<Sequence> reference = parse_sequence(std::string(builtin_sequence_text), "fourteen_step.seq");
-    if (!reference) return reference.error();
-    const Result<Sequence> start = options_.start.empty() ? *reference : read_sequence(options_.start);
-    if (!start) return start.error();
+    const Sequence reference = TRY(parse_sequence(std::string(builtin_sequence_text), "fourteen_step.seq"));
+    const Sequence start = TRY(options_.start.empty() ? reference : read_sequence(options_.start));
     task_.limits = plan_limits(unit.station, unit.info.sample_period_s);
     task_.info = unit.info;
     task_.predict.noise = noise_model(options_.site);
@@ -282,13 +274,13 @@ class Designer {
     task_.seed = static_cast<std::uint64_t>(options_.seed);
     task_.tries = options_.tries;
     task_.criterion = options_.criterion == "worst" ? AimAt::worst : AimAt::mean;
-    columns_.push_back(predicted(*reference));
+    columns_.push_back(predicted(reference));
     task_.aim = columns_.front().prediction.sigma;
     for (int k = 0; k < parameter_count; ++k)
       if (const std::optional<double> most = unit.station.limits.sigma_max[static_cast<std::size_t>(k)])
         task_.aim[k] = *most;
     task_.effect_aims = columns_.front().prediction.effects;
-    task_.start = on_table(walk_of(*start), task_.limits);
+    task_.start = on_table(walk_of(start), task_.limits);
     return choose(options_, task_);
   }
 

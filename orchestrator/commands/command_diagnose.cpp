@@ -72,10 +72,9 @@ class Phases {
 Result<std::vector<LoadedRecording>> load(const std::vector<std::string>& paths, Phases& phases) {
   std::vector<LoadedRecording> all;
   for (const std::string& path : paths) {
-    const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path);
-    if (!source) return source.error();
-    if (!(*source)->segments().empty()) phases.begin("reading " + path);
-    Result<LoadedRecording> loaded = load_recording(**source, [&](std::int64_t count) { phases.samples(count); });
+    const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(path));
+    if (!source->segments().empty()) phases.begin("reading " + path);
+    Result<LoadedRecording> loaded = load_recording(*source, [&](std::int64_t count) { phases.samples(count); });
     if (!loaded) return loaded.error();
     all.push_back(std::move(*loaded));
   }
@@ -124,51 +123,45 @@ DataTable diagnosis_table(const std::string& conf) {
 Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context) {
   const double began_s = monotonic_s();
   for (const std::vector<std::string>& sources : {options.recordings, options.holdouts})
-    for (const std::string& source : sources)
-      if (Status status = check_not_source(options.out, source); !status) return status.error();
+    for (const std::string& source : sources) TRY(check_not_source(options.out, source));
   if (!options.residuals.empty())
     if (Status status = check_ending(options.residuals, {".csv", ".npy", ".mat"}); !status) return status.error();
   Phases phases(context, !options.format.empty());
-  const Result<std::vector<LoadedRecording>> fitted = load(options.recordings, phases);
-  if (!fitted) return fitted.error();
-  const Result<std::vector<LoadedRecording>> holdouts = load(options.holdouts, phases);
-  if (!holdouts) return holdouts.error();
-  const RecordingInfo& info = fitted->front().data.info;
-  Result<std::optional<NoiseModel>> noise = noise_given(options, info);
-  if (!noise) return noise.error();
+  const std::vector<LoadedRecording> fitted = TRY(load(options.recordings, phases));
+  const std::vector<LoadedRecording> holdouts = TRY(load(options.holdouts, phases));
+  const RecordingInfo& info = fitted.front().data.info;
+  std::optional<NoiseModel> noise = TRY(noise_given(options, info));
   DiagnosisRequest request;
   request.time_utc = format_utc(wall_utc_s());
-  request.holdouts = each_of(*holdouts);
-  request.noise = *noise;
+  request.holdouts = each_of(holdouts);
+  request.noise = noise;
   request.samples = (options.holdouts.empty() ? options.recordings : options.holdouts).front();
   request.phase = [&phases](const std::string& what) { phases.begin(what); };
-  Result<OutputFolder> folder = OutputFolder::prepare_results(options.out, info.unit_serial);
-  if (!folder) return folder.error();
-  const Result<DiagnosisOutput> output = diagnose_recordings(each_of(*fitted), request);
-  if (!output) return output.error();
-  if (Status status = write_diagnosis(folder->path(), output->files); !status) return status.error();
-  folder->keep();
+  OutputFolder folder = TRY(OutputFolder::prepare_results(options.out, info.unit_serial));
+  const DiagnosisOutput output = TRY(diagnose_recordings(each_of(fitted), request));
+  TRY(write_diagnosis(folder.path(), output.files));
+  folder.keep();
   phases.clear();
   if (!options.residuals.empty()) {
-    const std::vector<NumberColumn> columns = residual_columns(output->diagnosis);
-    if (Status status = write_columns(options.residuals, columns); !status) return status.error();
+    const std::vector<NumberColumn> columns = residual_columns(output.diagnosis);
+    TRY(write_columns(options.residuals, columns));
   }
   if (!options.format.empty()) {
-    const DataTable table = diagnosis_table(output->files.conf);
+    const DataTable table = diagnosis_table(output.files.conf);
     context.out << (options.format == "json" ? table.json_object() : table.csv()) << std::flush;
-    return output->diagnosis.verdict;
+    return output.diagnosis.verdict;
   }
   context.out << '\n';
-  for (const std::string& line : output->table) context.out << line << '\n';
+  for (const std::string& line : output.table) context.out << line << '\n';
   context.out << '\n';
-  if (const std::string& problem = output->files.report.plot_problem; !problem.empty())
+  if (const std::string& problem = output.files.report.plot_problem; !problem.empty())
     context.out << "report without plots: " << problem << '\n';
-  const DiagnosisFiles& files = output->files;
-  if (!files.report.html.empty()) context.out << "report      " << folder->file(report_name) << '\n';
-  context.out << "diagnosis   " << folder->file(diagnosis_name) << '\n';
-  if (files.parameters) context.out << "parameters  " << folder->file(parameters_name) << '\n';
+  const DiagnosisFiles& files = output.files;
+  if (!files.report.html.empty()) context.out << "report      " << folder.file(report_name) << '\n';
+  context.out << "diagnosis   " << folder.file(diagnosis_name) << '\n';
+  if (files.parameters) context.out << "parameters  " << folder.file(parameters_name) << '\n';
   context.out << significant(monotonic_s() - began_s, 2) << " s" << std::endl;
-  return output->diagnosis.verdict;
+  return output.diagnosis.verdict;
 }
 
 }  // namespace
@@ -197,9 +190,8 @@ void add_diagnose_command(CommandLine& line, CommandContext& context) {
   command.option("--accel-bias-instability", options->accel_bias_instability_ug, "ug, with --arw and --vrw")
       .not_negative();
   command.runs(context, [options, &context]() -> Status {
-    const Result<Verdict> verdict = diagnose(*options, context);
-    if (!verdict) return verdict.error();
-    if (*verdict != Verdict::clean) context.exit_code = exit_code(ErrorKind::unit_failed);
+    const Verdict verdict = TRY(diagnose(*options, context));
+    if (verdict != Verdict::clean) context.exit_code = exit_code(ErrorKind::unit_failed);
     return {};
   });
 }

@@ -23,21 +23,20 @@ Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
     if (std::find(options.by.begin(), options.by.begin() + static_cast<std::ptrdiff_t>(k), options.by[k]) !=
         options.by.begin() + static_cast<std::ptrdiff_t>(k))
       return input_error("--by " + options.by[k] + ": is given twice");
-  const Result<FleetSource> source = read_fleet(options.from, options.by);
-  if (!source) return source.error();
+  const FleetSource source = TRY(read_fleet(options.from, options.by));
   FleetOptions wanted;
   wanted.factors = options.by;
   wanted.summary = !options.page.empty();
-  const FleetDiagnosis diagnosis = diagnose_fleet(source->members, wanted);
+  const FleetDiagnosis diagnosis = diagnose_fleet(source.members, wanted);
   if (!options.page.empty()) {
-    const std::string html = fleet_page(diagnosis, *source, options.by);
-    if (Status status = check_replaceable(options.page, "<!DOCTYPE html>"); !status) return status;
-    if (Status status = write_file_atomically(options.page, html); !status) return status;
+    const std::string html = fleet_page(diagnosis, source, options.by);
+    TRY(check_replaceable(options.page, "<!DOCTYPE html>"));
+    TRY(write_file_atomically(options.page, html));
   }
   if (!options.format.empty()) {
-    context.out << table_of(diagnosis, *source).as(options.format);
+    context.out << table_of(diagnosis, source).as(options.format);
   } else {
-    for (const std::string& line : describe(diagnosis, *source, options.by)) context.out << line << '\n';
+    for (const std::string& line : describe(diagnosis, source, options.by)) context.out << line << '\n';
     if (!options.page.empty()) context.out << "page  " << options.page << '\n';
   }
   if (!diagnosis.effects.empty() || !diagnosis.explained())

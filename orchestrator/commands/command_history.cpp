@@ -117,7 +117,7 @@ Status print_parameter(const Calibrations& all, const std::string& key, std::ost
 
 // The first 40 bytes tell the table, and the page, from every other file.
 Status write_named(const std::string& path, const std::string& text) {
-  if (Status status = check_replaceable(path, std::string_view(text).substr(0, 40)); !status) return status;
+  TRY(check_replaceable(path, std::string_view(text).substr(0, 40)));
   return write_file_atomically(path, text);
 }
 
@@ -130,14 +130,14 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
       return input_error(
           options.database + ": all " + std::to_string(others) + " calibrations are of " +
           (options.simulated ? "real units: expected no --simulated" : "dry runs: expected --simulated"));
-    if (Status status = check_one_unit(options, all); !status) return status;
+    TRY(check_one_unit(options, all));
   }
   if (!options.format.empty()) {
     out << calibrations_table(all).as(options.format) << std::flush;
     return {};
   }
   if (!options.csv.empty()) {
-    if (Status status = write_named(options.csv, calibrations_table(all).csv()); !status) return status;
+    TRY(write_named(options.csv, calibrations_table(all).csv()));
     out << all.size() << " calibrations in " << options.csv << '\n';
     return {};
   }
@@ -145,7 +145,7 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
   if (!options.report.empty()) {
     const std::string source =
         options.database + (options.filter.unit.empty() ? ", all units together" : ", unit " + options.filter.unit);
-    if (Status status = write_named(options.report, history_page(all, source)); !status) return status;
+    TRY(write_named(options.report, history_page(all, source)));
     out << "control charts of " << all.size() << " calibrations in " << options.report << '\n';
     return {};
   }
@@ -155,20 +155,19 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
 }
 
 Status show_attempts(const HistoryOptions& options, const ResultsDatabase& database, std::ostream& out) {
-  const Result<std::vector<AttemptRecord>> all = database.attempts(options.filter);
-  if (!all) return all.error();
+  const std::vector<AttemptRecord> all = TRY(database.attempts(options.filter));
   if (!options.format.empty()) {
-    out << attempts_table(*all).as(options.format) << std::flush;
+    out << attempts_table(all).as(options.format) << std::flush;
     return {};
   }
   if (!options.csv.empty()) {
-    if (Status status = write_named(options.csv, attempts_table(*all).csv()); !status) return status;
-    out << all->size() << " attempts in " << options.csv << '\n';
+    TRY(write_named(options.csv, attempts_table(all).csv()));
+    out << all.size() << " attempts in " << options.csv << '\n';
     return {};
   }
   print_line(out, "%5s  %-20s  %-20s  %-16s  %-12s  %-14s  %8s  %s", "id", "unit", "time", "outcome", "station",
              "temperature, C", "residual", "reason");
-  for (const AttemptRecord& a : *all) {
+  for (const AttemptRecord& a : all) {
     const std::string temperature =
         a.temperature_min_c ? number(a.temperature_min_c, "%.1f") + " .. " + number(a.temperature_max_c, "%.1f") : "-";
     print_line(out, "%5lld  %-20s  %-20s  %-16s  %-12s  %-14s  %8s  %s%s", static_cast<long long>(a.id), a.unit.c_str(),
@@ -186,16 +185,14 @@ Status show_history(const HistoryOptions& options, std::ostream& out) {
       (!options.compare.empty() || !options.report.empty() || !options.parameter.empty() || options.control))
     return input_error(
         "--attempts: expected no --compare, --report, --parameter or --control, which are of calibrations");
-  if (Status status = check(options.filter); !status) return status;
-  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(options.database);
-  if (!database) return database.error();
-  if (Status status = database->check_known(options.filter); !status) return status;
-  if (options.attempts) return show_attempts(options, *database, out);
-  Result<Calibrations> all = database->list(options.filter, "");
-  if (!all) return all.error();
+  TRY(check(options.filter));
+  const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
+  TRY(database.check_known(options.filter));
+  if (options.attempts) return show_attempts(options, database, out);
+  Calibrations all = TRY(database.list(options.filter, ""));
   std::string damaged;
   int more = -1;
-  for (const StoredCalibration& c : *all) {
+  for (const StoredCalibration& c : all) {
     if (c.defect.empty()) continue;
     if (damaged.empty()) damaged = c.defect;
     ++more;
@@ -203,8 +200,8 @@ Status show_history(const HistoryOptions& options, std::ostream& out) {
   // A row that is not what its parameter file says is shown in the list, and used for nothing.
   const bool listed = options.csv.empty() && options.format.empty() && options.compare.empty() &&
                       options.report.empty() && options.parameter.empty() && !options.control;
-  if (!listed) std::erase_if(*all, [](const StoredCalibration& c) { return !c.defect.empty(); });
-  if (Status status = print_history(options, std::move(*all), out); !status) return status;
+  if (!listed) std::erase_if(all, [](const StoredCalibration& c) { return !c.defect.empty(); });
+  TRY(print_history(options, std::move(all), out));
   if (damaged.empty()) return {};
   return input_error(damaged + (more > 0 ? " (and " + std::to_string(more) + " more rows)" : ""));
 }
@@ -217,13 +214,11 @@ struct RestoreOptions {
 
 Status restore(const RestoreOptions& options, std::ostream& out) {
   if (options.version > 0) {
-    if (Status status = restore_version(options.store, options.unit, options.version, options.simulated); !status)
-      return status;
+    TRY(restore_version(options.store, options.unit, options.version, options.simulated));
   }
-  const Result<std::vector<StoredVersion>> versions = stored_versions(options.store, options.unit, options.simulated);
-  if (!versions) return versions.error();
+  const std::vector<StoredVersion> versions = TRY(stored_versions(options.store, options.unit, options.simulated));
   Status damaged;
-  for (const StoredVersion& version : *versions) {
+  for (const StoredVersion& version : versions) {
     if (!version.status) {
       print_line(out, "%4d  damaged", version.number);
       if (damaged) damaged = version.status;

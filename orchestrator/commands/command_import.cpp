@@ -24,10 +24,9 @@ struct TextOptions {
 };
 
 Status say(RecordingSource& source, const char* what, const std::string& out, CommandContext& context) {
-  const Result<std::string> hash = source.content_hash();
-  if (!hash) return hash.error();
+  const std::string hash = TRY(source.content_hash());
   if (const std::string damage = describe(source.damage()); !damage.empty()) context.out << damage << '\n';
-  context.out << what << ' ' << out << ": " << source.segments().size() << " segments, content " << *hash << std::endl;
+  context.out << what << ' ' << out << ": " << source.segments().size() << " segments, content " << hash << std::endl;
   return {};
 }
 
@@ -42,19 +41,17 @@ Status import_text(const TextOptions& options, CommandContext& context) {
     return import_mapped_csv({options.map, options.source, options.accel, options.skip_bad_rows}, options.out, context);
   if (options.skip_bad_rows)
     return input_error("--skip-bad-rows: expected --map; a recording in our own text form is whole or is refused");
-  Result<std::unique_ptr<RecordingSource>> source = open_text_recording(options.source);
-  if (!source) return source.error();
-  if (Status status = check_not_source(options.out, options.source); !status) return status;
+  std::unique_ptr<RecordingSource> source = TRY(open_text_recording(options.source));
+  TRY(check_not_source(options.out, options.source));
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {binary_recording_name});
   if (!folder) return folder.error();
-  if (Status status = import_binary(**source, folder->file(binary_recording_name)); !status) return status;
-  return finish(**source, *folder, "imported into", context);
+  TRY(import_binary(*source, folder->file(binary_recording_name)));
+  return finish(*source, *folder, "imported into", context);
 }
 
 Status export_recording(const TextOptions& options, CommandContext& context) {
-  Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(options.source);
-  if (!source) return source.error();
-  if (Status status = check_not_source(options.out, options.source); !status) return status;
+  std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(options.source));
+  TRY(check_not_source(options.out, options.source));
   // A folder has no ending that says "file".
   if (const std::string ending = std::filesystem::path(options.out).extension().string();
       ending == ".csv" || ending == ".tcr" || ending == ".NPY" || ending == ".MAT")
@@ -63,13 +60,13 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
     std::error_code none;
     if (std::filesystem::is_directory(options.out, none))
       return input_error(options.out + ": expected a file name, found a folder");
-    if (Status status = write_recording_columns(**source, options.out); !status) return status;
-    return say(**source, "exported to", options.out, context);
+    TRY(write_recording_columns(*source, options.out));
+    return say(*source, "exported to", options.out, context);
   }
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {"recording.conf", "imu.csv", "segments.csv"});
   if (!folder) return folder.error();
-  if (Status status = export_text(**source, folder->path()); !status) return status;
-  return finish(**source, *folder, "exported to", context);
+  TRY(export_text(*source, folder->path()));
+  return finish(*source, *folder, "exported to", context);
 }
 
 // What both commands take.

@@ -96,15 +96,13 @@ std::string unit_text(const Second& second, const RecordingInfo& info, double se
 
 Status watch(LiveDevices& live, double seconds, std::ostream& out) {
   const StationDevices devices = live.devices();
-  if (Status status = devices.table.connect(); !status) return status;
-  const Result<TableIdentity> table = devices.table.identify();
-  if (!table) return table.error();
-  if (Status status = devices.imu.open(); !status) return status;
-  const Result<ImuIdentity> unit = devices.imu.identify();
-  if (!unit) return unit.error();
+  TRY(devices.table.connect());
+  const TableIdentity table = TRY(devices.table.identify());
+  TRY(devices.imu.open());
+  const ImuIdentity unit = TRY(devices.imu.identify());
   RecordingInfo info;
   devices.imu.describe(info);
-  out << table->description << "; " << unit->description << std::endl;
+  out << table.description << "; " << unit.description << std::endl;
 
   std::vector<ImuSample> buffer(1024);
   std::optional<std::int64_t> last_counter;
@@ -115,10 +113,9 @@ Status watch(LiveDevices& live, double seconds, std::ostream& out) {
     double now_s = line_s;
     // Also what came while a slow table was asked.
     for (bool more = true; (more || now_s - line_s < line_every_s) && StopSignals::requests() == 0;) {
-      const Result<std::size_t> got = devices.imu.read(buffer, look_every_s);
-      if (!got) return got.error();
-      add(std::span(buffer).first(*got), last_counter, second);
-      more = *got == buffer.size();
+      const std::size_t got = TRY(devices.imu.read(buffer, look_every_s));
+      add(std::span(buffer).first(got), last_counter, second);
+      more = got == buffer.size();
       now_s = devices.clock.now_s();
     }
     char time[32];
@@ -137,16 +134,14 @@ Status watch(LiveDevices& live, double seconds, std::ostream& out) {
 }
 
 Status run_monitor(const MonitorOptions& options, CommandContext& context) {
-  const Result<StationConfig> station = read_station_config(options.station);
-  if (!station) return station.error();
-  if (Status status = check_real_devices(*station); !status) return status;
+  const StationConfig station = TRY(read_station_config(options.station));
+  TRY(check_real_devices(station));
   const StopSignals signals;
-  Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, StopSignals::requests(), context.out);
-  if (!live) return live.error();
-  if (station->simulated()) context.tag = simulated_tag;
+  std::unique_ptr<LiveDevices> live = TRY(LiveDevices::make(station, StopSignals::requests(), context.out));
+  if (station.simulated()) context.tag = simulated_tag;
   const LinePrefix marked(context.out, context.tag);
   // A drive that somebody else had switched on, too.
-  return (*live)->leave_table(watch(**live, options.seconds, context.out));
+  return live->leave_table(watch(*live, options.seconds, context.out));
 }
 
 }  // namespace

@@ -21,21 +21,20 @@ struct NavigateOptions {
 };
 
 Status navigate(const NavigateOptions& options, CommandContext& context) {
-  if (Status status = check_not_source(options.out, options.request.recording); !status) return status;
+  TRY(check_not_source(options.out, options.request.recording));
   // An earlier result in the folder is replaced, whole.
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {});
   if (!folder) return folder.error();
-  const Result<NavigationReport> report = navigate_recording(options.request);
-  if (!report) return report.error();
+  const NavigationReport report = TRY(navigate_recording(options.request));
   const std::string conf = folder->file("navigation.conf");
-  std::vector<NamedText> files = {{conf, format_navigation(*report)}};
-  const Result<std::string> drawing = draw_navigation(*report);
+  std::vector<NamedText> files = {{conf, format_navigation(report)}};
+  const Result<std::string> drawing = draw_navigation(report);
   if (drawing) files.push_back({folder->file("navigation.svg"), *drawing});
-  for (const NavigatedFile& file : report->files) {
+  for (const NavigatedFile& file : report.files) {
     const std::string name = file.prefix.empty() ? "track.csv" : "track_against.csv";
-    files.push_back({folder->file(name), format_track(*report, file)});
+    files.push_back({folder->file(name), format_track(report, file)});
   }
-  if (Status status = write_files_atomically(files); !status) return status;
+  TRY(write_files_atomically(files));
   for (const char* name : {"navigation.svg", "track_against.csv"}) {
     const std::string old = folder->file(name);
     const auto is_it = [&](const NamedText& file) { return file.path == old; };
@@ -43,7 +42,7 @@ Status navigate(const NavigateOptions& options, CommandContext& context) {
     if (std::find_if(files.begin(), files.end(), is_it) == files.end()) std::filesystem::remove(old, none);
   }
   folder->keep();
-  print_navigation(*report, context.out);
+  print_navigation(report, context.out);
   if (!drawing) context.out << drawing.error().message << '\n';
   context.out << "navigation  " << conf << std::endl;
   return {};

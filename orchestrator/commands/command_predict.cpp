@@ -40,19 +40,17 @@ std::string column_name(const std::vector<NamedPrediction>& columns, const std::
 }  // namespace
 
 Status run_predict(const PredictRequest& request, std::ostream& out) {
-  if (Status status = check_request(request); !status) return status;
+  TRY(check_request(request));
   DriftPlan drift_plan;
   drift_plan.align_s = request.align_s;
   if (!request.navigate.empty()) {
-    const Result<double> time_s = parse_time_s("--navigate", request.navigate);
-    if (!time_s) return time_s.error();
-    drift_plan.free_s = *time_s;
+    const double time_s = TRY(parse_time_s("--navigate", request.navigate));
+    drift_plan.free_s = time_s;
   }
-  const Result<PlannedUnit> unit = planned_unit(request.site);
-  if (!unit) return unit.error();
+  const PlannedUnit unit = TRY(planned_unit(request.site));
   PredictOptions options;
   options.noise = noise_model(request.site);
-  options.unit = unit->parameters;
+  options.unit = unit.parameters;
   options.effects = request.effects;
   if (request.temperature_rise_c != 0.0)
     options.temperature = TemperatureProfile{.rise_c = request.temperature_rise_c, .tau_s = request.temperature_tau_s};
@@ -60,18 +58,17 @@ Status run_predict(const PredictRequest& request, std::ostream& out) {
   std::vector<NamedPrediction> columns;
   std::vector<std::string> refused;  // why the station would not run it, beside each column
   for (const std::string& file : request.sequences) {
-    const Result<Sequence> sequence = read_sequence(file);
-    if (!sequence) return sequence.error();
-    const Plan plan = make_plan(*sequence, plan_limits(unit->station, unit->info.sample_period_s));
-    NamedPrediction column{column_name(columns, sequence->name),
-                           predict(unit->info, planned_motion(*sequence, plan), options), plan.station_s};
+    const Sequence sequence = TRY(read_sequence(file));
+    const Plan plan = make_plan(sequence, plan_limits(unit.station, unit.info.sample_period_s));
+    NamedPrediction column{column_name(columns, sequence.name),
+                           predict(unit.info, planned_motion(sequence, plan), options), plan.station_s};
     if (!column.prediction.valid)
       return Error{ErrorKind::internal, file + ": no prediction: " + column.prediction.message};
     columns.push_back(std::move(column));
     refused.push_back(plan.ok() ? "" : plan.violations.front());
   }
 
-  print_premises(request.site, unit->info, out);
+  print_premises(request.site, unit.info, out);
   for (std::size_t c = 0; c < columns.size(); ++c) {
     char line[200];
     std::snprintf(line, sizeof line, "Sequence  %s: %.0f s, of which %.0f s at rest\n", columns[c].name.c_str(),
@@ -80,15 +77,15 @@ Status run_predict(const PredictRequest& request, std::ostream& out) {
     if (!refused[c].empty()) out << "  the station cannot run it: " << refused[c] << "\n";
   }
   out << "\n";
-  print_sigmas(columns, unit->info, out);
+  print_sigmas(columns, unit.info, out);
   out << "\n";
   print_undetermined(columns, out);
   if (!request.navigate.empty()) {
-    if (Status status = check_navigation_latitude(unit->info.latitude_deg); !status)
+    if (Status status = check_navigation_latitude(unit.info.latitude_deg); !status)
       return input_error("--navigate: " + status.error().message);
     std::vector<std::pair<std::string, ExpectedDrift>> drifts;
     for (const NamedPrediction& column : columns)
-      drifts.emplace_back(column.name, predicted_drift(unit->info, column.prediction, options, drift_plan));
+      drifts.emplace_back(column.name, predicted_drift(unit.info, column.prediction, options, drift_plan));
     out << "\n";
     print_predicted_drift(drifts, drift_plan, out);
   }

@@ -43,33 +43,30 @@ struct OldRecording {
 };
 
 Status add_recordings(const std::string& run, std::vector<OldRecording>& found) {
-  const Result<JournalContents> journal = read_journal(run + "/" + journal_name);
-  if (!journal) return journal.error();
-  const std::vector<std::string> units = journal->units();
+  const JournalContents journal = TRY(read_journal(run + "/" + journal_name));
+  const std::vector<std::string> units = journal.units();
   for (const std::string& unit : units) {
     const std::string folder = units.size() > 1 ? run + "/" + name_of_unit(unit) : run;
     const std::string path = folder + "/" + binary_recording_name;
-    const JournalFields* const verdict = journal->verdict_of(unit);
-    if (!verdict || !journal->seal_utc_s || !path_exists(path)) continue;
+    const JournalFields* const verdict = journal.verdict_of(unit);
+    if (!verdict || !journal.seal_utc_s || !path_exists(path)) continue;
     const std::pair<std::string, std::string> hold("result", to_string(UnitVerdict::hold));
     found.push_back({.unit = unit,
                      .run = run,
                      .path = path,
-                     .tag = std::string(tag_of(*journal)),
-                     .sealed_utc_s = *journal->seal_utc_s,
-                     .simulated = journal->begin_value("simulated") == "true",
+                     .tag = std::string(tag_of(journal)),
+                     .sealed_utc_s = *journal.seal_utc_s,
+                     .simulated = journal.begin_value("simulated") == "true",
                      .held = std::find(verdict->begin(), verdict->end(), hold) != verdict->end()});
   }
   return {};
 }
 
 Status remove(const OldRecording& recording) {
-  const Result<LockFile> held = hold_folder(recording.run);
-  if (!held) return held.error();
-  Result<RunLog> log = RunLog::append(recording.run + "/" + log_name, recording.tag);
-  if (!log) return log.error();
-  log->line(format_utc(wall_utc_s()) + "  " + recording.path + removed_by_prune);
-  if (!log->status()) return log->status();
+  const LockFile held = TRY(hold_folder(recording.run));
+  RunLog log = TRY(RunLog::append(recording.run + "/" + log_name, recording.tag));
+  log.line(format_utc(wall_utc_s()) + "  " + recording.path + removed_by_prune);
+  if (!log.status()) return log.status();
   std::error_code error;
   fs::remove(recording.path, error);
   return error ? Status(storage_error(recording.path, "cannot be removed", error.value())) : Status();

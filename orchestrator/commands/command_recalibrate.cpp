@@ -86,23 +86,21 @@ Status recalibrate_archive(const RecalibrateOptions& options, CommandContext& co
   request.threads = options.threads > 0 ? options.threads
                     : on_slurm          ? 1
                                         : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  const Result<std::vector<ArchiveEntry>> archive = read_archive(options.archive);
-  if (!archive) return archive.error();
+  const std::vector<ArchiveEntry> archive = TRY(read_archive(options.archive));
   Result<RecalibrationCounts> counts = RecalibrationCounts{};
   {
     CountPrinter printer(context);
     const auto show = [&](const RecalibrationCounts& c) { printer.show(c); };
-    counts = on_slurm ? recalibrate_on_slurm(*archive, request, {.chunks = options.chunks}, show)
-                      : recalibrate(*archive, request, show);
+    counts = on_slurm ? recalibrate_on_slurm(archive, request, {.chunks = options.chunks}, show)
+                      : recalibrate(archive, request, show);
   }
   if (!counts) return counts.error();
   context.out << counts->done << " done, " << counts->there << " were there, " << counts->failed
               << " cannot be calibrated, " << counts->unreadable << " cannot be read: " << options.store << '/'
               << request.version << std::endl;
   if (options.against.empty()) return {};
-  const Result<VersionChanges> changes = compare_versions(options.store, options.against, request.version);
-  if (!changes) return changes.error();
-  for (const std::string& line : describe(*changes)) context.out << line << '\n';
+  const VersionChanges changes = TRY(compare_versions(options.store, options.against, request.version));
+  for (const std::string& line : describe(changes)) context.out << line << '\n';
   return {};
 }
 

@@ -82,10 +82,9 @@ void add_run_command(CommandLine& line, CommandContext& context) {
   add_record_options(command, request);
   command.runs(context, [options, &context]() -> Status {
     if (!options->request.continues.empty()) {
-      const Result<RunRequest> further = continuing(options->request);
-      if (!further) return further.error();
+      const RunRequest further = TRY(continuing(options->request));
       const std::string& out = options->folder;
-      return begin_run(*further, out.empty() ? further->continues + "/continued" : out, context).status;
+      return begin_run(further, out.empty() ? further.continues + "/continued" : out, context).status;
     }
     if (options->request.units.empty()) return input_error("--unit is required: the serial number of the unit");
     if (options->folder.empty()) return input_error("--out is required: the folder for the results");
@@ -120,16 +119,14 @@ void add_journal_command(CommandLine& line, CommandContext& context) {
   command.prints(context, [options, &context]() -> Status {
     const std::string path = options->folder + "/" + journal_name;
     if (!options->format.empty()) {
-      const Result<DataTable> table = journal_as_table(path);
-      if (!table) return table.error();
-      context.out << table->as(options->format) << std::flush;
+      const DataTable table = TRY(journal_as_table(path));
+      context.out << table.as(options->format) << std::flush;
       return {};
     }
-    const Result<std::string> text = journal_as_text(path);
-    if (!text) return text.error();
+    const std::string text = TRY(journal_as_text(path));
     const Result<JournalContents> contents = read_journal(path);
     const LinePrefix marked(context.out, std::string(contents ? tag_of(*contents) : ""));
-    context.out << *text << std::flush;
+    context.out << text << std::flush;
     return {};
   });
 }

@@ -67,10 +67,9 @@ void warn_of_units(const RecordingInfo& info, const Segments& segments,
 }
 
 Status segment_recording(const SegmentOptions& options, CommandContext& context) {
-  Result<std::unique_ptr<RecordingSource>> opened = RecordingSource::open(options.source);
-  if (!opened) return opened.error();
-  RecordingSource& source = **opened;
-  if (Status status = check_not_source(options.out, options.source); !status) return status;
+  std::unique_ptr<RecordingSource> opened = TRY(RecordingSource::open(options.source));
+  RecordingSource& source = *opened;
+  TRY(check_not_source(options.out, options.source));
   Result<OutputFolder> folder = OutputFolder::prepare(options.out, {binary_recording_name});
   if (!folder) return folder.error();
   SegmentationOptions segmentation;
@@ -90,8 +89,7 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
                                           : found.reason));
   }
   print_segmentation(found, source.info(), found.segments.front().start_sample, context.out);
-  if (Status status = import_binary(source, found.segments, folder->file(binary_recording_name)); !status)
-    return status;
+  TRY(import_binary(source, found.segments, folder->file(binary_recording_name)));
   folder->keep();
   warn_of_units(
       source.info(), found.segments,
@@ -110,27 +108,25 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
 }  // namespace
 
 Status import_mapped_csv(const MappedImport& from, const std::string& out, CommandContext& context) {
-  Result<CsvMap> map = read_csv_map(from.map);
-  if (!map) return map.error();
-  map->format.skip_bad_rows = from.skip_bad_rows;
-  const Result<CsvImport> content = import_csv(*map, from.file, from.accel);
-  if (!content) return content.error();
+  CsvMap map = TRY(read_csv_map(from.map));
+  map.format.skip_bad_rows = from.skip_bad_rows;
+  const CsvImport content = TRY(import_csv(map, from.file, from.accel));
   Result<OutputFolder> folder = OutputFolder::prepare(out, {binary_recording_name});
   if (!folder) return folder.error();
-  if (Status status = write_recording(*content, folder->file(binary_recording_name)); !status) return status;
+  TRY(write_recording(content, folder->file(binary_recording_name)));
   folder->keep();
-  context.out << "imported into " << folder->path() << ": " << content->samples.size() << " samples of "
-              << content->rows << " rows"
-              << formatted(", mean period %.6g ms, jitter %.3g ms rms, ", 1e3 * content->info.sample_period_s,
-                           1e3 * content->jitter_s)
-              << content->saturated << " saturated rows, " << content->gaps << " gaps" << std::endl;
-  if (content->clipped > 0)
-    context.out << content->clipped << " samples clipped: a gyro repeats its extreme value" << std::endl;
-  if (content->bad_rows > 0)
-    context.out << content->bad_rows << " bad rows skipped, the first: " << content->first_bad << std::endl;
-  if (const Segmentation found = find_rests(content->info, content->samples); !found.segments.empty())
+  context.out << "imported into " << folder->path() << ": " << content.samples.size() << " samples of " << content.rows
+              << " rows"
+              << formatted(", mean period %.6g ms, jitter %.3g ms rms, ", 1e3 * content.info.sample_period_s,
+                           1e3 * content.jitter_s)
+              << content.saturated << " saturated rows, " << content.gaps << " gaps" << std::endl;
+  if (content.clipped > 0)
+    context.out << content.clipped << " samples clipped: a gyro repeats its extreme value" << std::endl;
+  if (content.bad_rows > 0)
+    context.out << content.bad_rows << " bad rows skipped, the first: " << content.first_bad << std::endl;
+  if (const Segmentation found = find_rests(content.info, content.samples); !found.segments.empty())
     warn_of_units(
-        content->info, found.segments, [&](SegmentedFeed& feed) { feed.add(content->samples); }, context.out);
+        content.info, found.segments, [&](SegmentedFeed& feed) { feed.add(content.samples); }, context.out);
   return {};
 }
 

@@ -17,14 +17,12 @@ struct ServeOptions {
 };
 
 Status serve(const ServeOptions& options, CommandContext& context) {
-  const Result<ServiceConfig> config = read_service_config(options.file);
-  if (!config) return config.error();
-  const Result<std::unique_ptr<ServicePage>> page = ServicePage::open(options.listen, *config, wall_utc_s);
-  if (!page) return page.error();
+  const ServiceConfig config = TRY(read_service_config(options.file));
+  const std::unique_ptr<ServicePage> page = TRY(ServicePage::open(options.listen, config, wall_utc_s));
   const StopSignals signals;
-  context.out << "stations  " << (*page)->url() << std::endl;
-  if (!(*page)->loopback())
-    context.out << "warning: whoever reaches " << (*page)->url()
+  context.out << "stations  " << page->url() << std::endl;
+  if (!page->loopback())
+    context.out << "warning: whoever reaches " << page->url()
                 << " can read the page: it has no access control and is not encrypted" << std::endl;
   while (!StopSignals::any()) std::this_thread::sleep_for(std::chrono::milliseconds(100));
   return {};

@@ -21,9 +21,8 @@ struct ShiftOptions {
 
 // An earlier report in the folder is replaced, and nothing else.
 Status write_shift(const ShiftOptions& options, const ShiftReport& report, std::ostream& out) {
-  if (Status status = make_folder(options.out); !status) return status;
-  const Result<LockFile> held = hold_folder(options.out);
-  if (!held) return held.error();
+  TRY(make_folder(options.out));
+  const LockFile held = TRY(hold_folder(options.out));
   const std::string page = shift_page(report);
   const std::vector<NamedText> files = {{options.out + "/shift.html", page},
                                         {options.out + "/shift.csv", shift_csv(report)},
@@ -31,26 +30,24 @@ Status write_shift(const ShiftOptions& options, const ShiftReport& report, std::
                                         {options.out + "/attempts.csv", attempts_table(report.attempts).csv()}};
   constexpr std::size_t alike = 30;
   for (const NamedText& file : files) {
-    if (Status s = check_replaceable(file.path, std::string_view(file.content).substr(0, alike)); !s) return s;
+    TRY(check_replaceable(file.path, std::string_view(file.content).substr(0, alike)));
   }
   const std::string pdf = options.out + "/shift.pdf";
   if (options.pdf) {
-    if (Status s = check_replaceable(pdf, "%PDF-"); !s) return s;
+    TRY(check_replaceable(pdf, "%PDF-"));
     if (const Result<std::string> warning = write_pdf(page, pdf); !warning) return warning.error();
   }
-  if (Status s = write_files_atomically(files); !s) return s;
+  TRY(write_files_atomically(files));
   out << "\nreport   " << files.front().path << (options.pdf ? "\npdf      " + pdf : "") << '\n';
   return {};
 }
 
 Status run_shift(const ShiftOptions& options, std::ostream& out) {
   if (options.pdf && options.out.empty()) return input_error("--pdf: expected --out DIR, where it is to go");
-  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(options.database);
-  if (!database) return database.error();
-  const Result<ShiftReport> report = shift_report(*database, options.database, options.filter, options.simulated);
-  if (!report) return report.error();
-  print_shift(*report, out);
-  return options.out.empty() ? Status{} : write_shift(options, *report, out);
+  const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
+  const ShiftReport report = TRY(shift_report(database, options.database, options.filter, options.simulated));
+  print_shift(report, out);
+  return options.out.empty() ? Status{} : write_shift(options, report, out);
 }
 
 }  // namespace

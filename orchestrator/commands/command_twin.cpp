@@ -18,24 +18,21 @@ struct TwinCommandOptions {
 };
 
 Status run_twin(const TwinCommandOptions& options, CommandContext& context) {
-  const Result<StationConfig> station = read_station_config(options.station);
-  if (!station) return station.error();
-  const Result<RigConfig> rig = rig_of(*station, options.rig);
-  if (!rig) return rig.error();
+  const StationConfig station = TRY(read_station_config(options.station));
+  const RigConfig rig = TRY(rig_of(station, options.rig));
   TwinSettings settings = options.settings;
-  if (settings.speed_up == 0.0) settings.speed_up = station->clock_speed_up;
+  if (settings.speed_up == 0.0) settings.speed_up = station.clock_speed_up;
   const StopSignals signals;
-  Result<std::unique_ptr<RigTwin>> twin = RigTwin::open(*station, *rig, settings);
-  if (!twin) return twin.error();
-  context.out << "[twin] ready: table " << (station->table.map ? "modbus" : "serial") << " at "
-              << (*twin)->table_address() << (station->imu_places() > 1 ? ", units " : ", unit ")
-              << station->imu->frame.name << " on " << (*twin)->imu_devices() << ", "
-              << format_number(settings.speed_up) << " times real time, rig seed " << rig->seed << std::endl;
-  const Status status = (*twin)->run(
+  std::unique_ptr<RigTwin> twin = TRY(RigTwin::open(station, rig, settings));
+  context.out << "[twin] ready: table " << (station.table.map ? "modbus" : "serial") << " at " << twin->table_address()
+              << (station.imu_places() > 1 ? ", units " : ", unit ") << station.imu->frame.name << " on "
+              << twin->imu_devices() << ", " << format_number(settings.speed_up) << " times real time, rig seed "
+              << rig.seed << std::endl;
+  const Status status = twin->run(
       StopSignals::requests(), [&context](const std::string& what) { context.out << "[twin] " << what << std::endl; });
-  context.out << "[twin] ends at " << format_number((*twin)->rig_time_s()) << " s of rig time";
-  if ((*twin)->batches_dropped() > 0) {
-    context.out << "; " << (*twin)->batches_dropped() << " batches of samples were not read in time";
+  context.out << "[twin] ends at " << format_number(twin->rig_time_s()) << " s of rig time";
+  if (twin->batches_dropped() > 0) {
+    context.out << "; " << twin->batches_dropped() << " batches of samples were not read in time";
   }
   context.out << std::endl;
   return status;

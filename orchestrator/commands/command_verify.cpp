@@ -51,17 +51,16 @@ Status check_together(const VerifyOptions& o) {
 }
 
 Status verify_by_references(const VerifyOptions& options, CommandContext& context) {
-  const Result<ReferenceReport> report = verify_references(options.references);
-  if (!report) return report.error();
+  const ReferenceReport report = TRY(verify_references(options.references));
   if (!options.folder.empty()) {
     Result<OutputFolder> folder = OutputFolder::prepare(options.folder, {});
     if (!folder) return folder.error();
     const std::string file = folder->file("references.conf");
-    if (Status status = write_file_atomically(file, format_references(*report)); !status) return status;
+    TRY(write_file_atomically(file, format_references(report)));
     folder->keep();
   }
-  print_references(*report, context.out);
-  return verification_status(options.references, report->pass ? UnitVerdict::pass : UnitVerdict::fail);
+  print_references(report, context.out);
+  return verification_status(options.references, report.pass ? UnitVerdict::pass : UnitVerdict::fail);
 }
 
 // Records the north seeking as a run that calibrates nothing. What cannot be used is refused before anything moves.
@@ -77,19 +76,17 @@ Status measure(const VerifyOptions& options, CommandContext& context) {
 Status judge_again(const VerifyOptions& options, CommandContext& context) {
   VerdictLimits limits;
   if (!options.run.station.empty()) {
-    const Result<StationConfig> station = read_station_config(options.run.station);
-    if (!station) return station.error();
-    limits = station->limits;
+    const StationConfig station = TRY(read_station_config(options.run.station));
+    limits = station.limits;
   }
-  Result<ParameterFile> parameters = read_parameter_file(options.parameters);
-  if (!parameters) return parameters.error();
+  ParameterFile parameters = TRY(read_parameter_file(options.parameters));
   Result<OutputFolder> folder = OutputFolder::prepare(options.folder, {});
   if (!folder) return folder.error();
   const Result<VerificationReport> report =
-      verify_recording({options.recording, options.parameters, std::move(*parameters), limits, options.first_step});
+      verify_recording({options.recording, options.parameters, std::move(parameters), limits, options.first_step});
   if (!report) return report.error();
   const std::string file = folder->file(verification_name);
-  if (Status status = write_file_atomically(file, format_verification(*report)); !status) return status;
+  TRY(write_file_atomically(file, format_verification(*report)));
   folder->keep();
   const LinePrefix marked(context.out,
                           report->info.simulated && context.tag.empty() ? std::string(simulated_tag) : context.tag);
@@ -99,7 +96,7 @@ Status judge_again(const VerifyOptions& options, CommandContext& context) {
 }
 
 Status verify(const VerifyOptions& options, CommandContext& context) {
-  if (Status status = check_together(options); !status) return status;
+  TRY(check_together(options));
   if (!options.references.empty()) return verify_by_references(options, context);
   return options.recording.empty() ? measure(options, context) : judge_again(options, context);
 }

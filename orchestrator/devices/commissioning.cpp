@@ -50,8 +50,8 @@ class Trial {
         speed_(station.axis, station.clock_speed_up) {}
 
   Status home() {
-    if (Status status = devices_.table.enable(); !status) return status;
-    if (Status status = devices_.table.home(); !status) return status;
+    TRY(devices_.table.enable());
+    TRY(devices_.table.home());
     return wait_until(homing_deadline_s, "the axes did not find their zero", [](const TableStatus& axes) {
       return all_of(axes, [](const AxisStatus& a) { return a.homed && !a.moving; });
     });
@@ -61,38 +61,36 @@ class Trial {
     std::array<double, 3> sum{};  // of the gyros, less their mean before it
   };
   Result<Turn> turn(Axis axis) {
-    if (Status status = rest(); !status) return status.error();
+    TRY(rest());
     restart();
-    if (Status status = rest(); !status) return status.error();
+    TRY(rest());
     const std::array<double, 3> at_rest = sum_;
     const auto rest_samples = static_cast<double>(samples_);
     if (samples_ == 0) return device_error("no samples from the unit");
     restart();
-    const Result<double> from_deg = position(axis);
-    if (!from_deg) return from_deg.error();
+    const double from_deg = TRY(position(axis));
     // So slowly that one that turns ten times too fast reaches its rate, and is not stopped before it is known how fast that is.
     finds_factor_ = true;
     const Status there = move(axis, settings_.move_deg, settings_.rate_degps / 2.0);
     finds_factor_ = false;
     if (!there) return there.error();
     if (lost_) return device_error(std::string("samples of the unit were lost while ") + to_string(axis) + " turned");
-    const Result<double> to_deg = position(axis);
-    if (!to_deg) return to_deg.error();
-    Turn turned{*to_deg - *from_deg, sum_};
+    const double to_deg = TRY(position(axis));
+    Turn turned{to_deg - from_deg, sum_};
     for (std::size_t i = 0; i < 3; ++i) turned.sum[i] -= at_rest[i] / rest_samples * static_cast<double>(samples_);
-    if (Status status = move(axis, 0.0, settings_.rate_degps); !status) return status.error();
+    TRY(move(axis, 0.0, settings_.rate_degps));
     return turned;
   }
   // The accelerometers' mean of a sample at rest, with one axis turned to an angle (none: where it stands). The axis then goes back.
   Result<Eigen::Vector3d> force_at(std::optional<Axis> axis, double to_deg) {
     const double rate_degps = axis ? std::min(settings_.pose_rate_degps, limits_of(*axis).max_rate_degps) : 0.0;
-    if (Status status = axis ? move(*axis, to_deg, rate_degps) : rest(); !status) return status.error();
+    TRY(axis ? move(*axis, to_deg, rate_degps) : rest());
     restart();
-    if (Status status = rest(); !status) return status.error();
+    TRY(rest());
     if (samples_ == 0) return device_error("no samples from the unit");
     const Eigen::Vector3d mean = accel_ / static_cast<double>(samples_);
     if (axis) {
-      if (Status status = move(*axis, 0.0, rate_degps); !status) return status.error();
+      TRY(move(*axis, 0.0, rate_degps));
     }
     return mean;
   }
@@ -112,9 +110,8 @@ class Trial {
   Result<TableStatus> read_table() {
     TableStatus axes;
     for (const Axis axis : all_axes) {
-      Result<AxisStatus> status = devices_.table.status(axis);
-      if (!status) return status.error();
-      axes[static_cast<std::size_t>(axis)] = std::move(*status);
+      AxisStatus status = TRY(devices_.table.status(axis));
+      axes[static_cast<std::size_t>(axis)] = std::move(status);
     }
     return axes;
   }
@@ -122,9 +119,8 @@ class Trial {
     const double end_s = devices_.clock.now_s() + seconds;
     while (devices_.clock.now_s() < end_s) {
       if (stop_requests_.load() > 0) return Error{ErrorKind::aborted, "stopped by the operator"};
-      const Result<std::size_t> got = devices_.imu.read(buffer_, std::min(seconds, station_.motion.poll_moving_s));
-      if (!got) return got.error();
-      for (const ImuSample& sample : std::span(buffer_).first(*got)) {
+      const std::size_t got = TRY(devices_.imu.read(buffer_, std::min(seconds, station_.motion.poll_moving_s)));
+      for (const ImuSample& sample : std::span(buffer_).first(got)) {
         felt_.add(sample);
         lost_ = lost_ || (last_counter_ && sample.counter != *last_counter_ + 1);
         last_counter_ = sample.counter;
@@ -139,9 +135,8 @@ class Trial {
   }
   // Reads the unit for rest_s with no axis sent anywhere, and sees that none turns.
   Status rest() {
-    const Result<TableStatus> now = read_table();
-    if (!now) return now.error();
-    hold(*now, std::nullopt);
+    const TableStatus now = TRY(read_table());
+    hold(now, std::nullopt);
     const double end_s = devices_.clock.now_s() + settings_.rest_s;
     return wait_until(2.0 * settings_.rest_s, "the rest does not end",
                       [&](const TableStatus&) { return devices_.clock.now_s() >= end_s; });
@@ -157,28 +152,27 @@ class Trial {
     const double deadline_s = devices_.clock.now_s() + seconds;
     for (;;) {
       const double asked_s = devices_.clock.now_s();
-      const Result<TableStatus> axes = read_table();
-      if (!axes) return axes.error();
-      if (const auto said = too_fast(*axes, asked_s)) {
+      const TableStatus axes = TRY(read_table());
+      if (const auto said = too_fast(axes, asked_s)) {
         return sent_ ? scale_error(sent_->axis, *said, std::nullopt) : device_error(*said);
       }
       for (const Axis axis : all_axes) {
         // Until they are held the drives come on and find their zero.
-        const std::string trouble = trouble_of(axis, (*axes)[static_cast<std::size_t>(axis)], held_deg_.has_value());
+        const std::string trouble = trouble_of(axis, axes[static_cast<std::size_t>(axis)], held_deg_.has_value());
         if (!trouble.empty()) return device_error(trouble);
       }
       if (held_deg_) {
         const double tolerance_deg = station_.motion.position_tolerance_deg;
-        if (const auto stray = stray_axis(*axes, *held_deg_, sent_, tolerance_deg, tolerance_deg)) {
+        if (const auto stray = stray_axis(axes, *held_deg_, sent_, tolerance_deg, tolerance_deg)) {
           return device_error(*stray);
         }
       }
       if (!held_deg_) {
-        if (const auto lost = homing_.add(*axes)) return device_error(*lost);
+        if (const auto lost = homing_.add(axes)) return device_error(*lost);
       }
-      if (over(*axes)) return {};
+      if (over(axes)) return {};
       if (devices_.clock.now_s() > deadline_s) return device_error(late);
-      if (Status status = read_for(station_.motion.poll_moving_s); !status) return status;
+      TRY(read_for(station_.motion.poll_moving_s));
     }
   }
   std::optional<std::string> too_fast(const TableStatus& axes, double asked_s) {
@@ -230,23 +224,22 @@ class Trial {
   }
   // There, and a rest.
   Status move(Axis axis, double to_deg, double rate_degps) {
-    const Result<TableStatus> before = read_table();
-    if (!before) return before.error();
-    const double from_deg = (*before)[static_cast<std::size_t>(axis)].position_deg;
+    const TableStatus before = TRY(read_table());
+    const double from_deg = before[static_cast<std::size_t>(axis)].position_deg;
     const double acceleration_degps2 =
         std::min(std::max(settings_.acceleration_degps2, (finds_factor_ ? 20.0 : 2.0) * rate_degps),
                  limits_of(axis).max_acceleration_degps2);
     const Move sent{axis, to_deg, rate_degps, acceleration_degps2};
-    hold(*before, sent);
+    hold(before, sent);
     felt_.begin_turn(SpeedWatch::factor * acceleration_degps2);
     const double began_s = devices_.clock.now_s();
-    speed_.restart(*before, began_s, began_s);
+    speed_.restart(before, began_s, began_s);
     if (Status status = devices_.table.move_absolute(axis, to_deg, rate_degps, acceleration_degps2); !status) {
       return status;
     }
     const double seconds = std::abs(to_deg - from_deg) / rate_degps + 2.0 * rate_degps / acceleration_degps2 +
                            station_.motion.deadline_margin_s;
-    RateCheck rate((*before)[static_cast<std::size_t>(axis)]);
+    RateCheck rate(before[static_cast<std::size_t>(axis)]);
     const Status arrived =
         wait_until(seconds, std::string(to_string(axis)) + " did not arrive in time", [&](const TableStatus& axes) {
           const AxisStatus& a = axes[static_cast<std::size_t>(axis)];
@@ -256,7 +249,7 @@ class Trial {
         });
     const double took_s = devices_.clock.now_s() - began_s;
     if (arrived) {  // what the unit felt on the way may still be on its way
-      if (Status status = rest(); !status) return status;
+      TRY(rest());
     }
     const bool late = !arrived && took_s > seconds;
     const Result<double> at_deg = arrived || late ? position(axis) : Result<double>(arrived.error());
@@ -321,15 +314,14 @@ namespace {
 
 Status try_turns(Trial& trial, const CommissioningSettings& settings, IncrementKind kind, std::ostream& out) {
   for (const Axis axis : all_axes) {
-    const Result<Trial::Turn> turned = trial.turn(axis);
-    if (!turned) return turned.error();
-    if (Status status = judge_turn(axis, turned->turned_deg, turned->sum, kind, settings); !status) return status;
-    const double size = std::hypot(turned->sum[0], turned->sum[1], turned->sum[2]);
+    const Trial::Turn turned = TRY(trial.turn(axis));
+    TRY(judge_turn(axis, turned.turned_deg, turned.sum, kind, settings));
+    const double size = std::hypot(turned.sum[0], turned.sum[1], turned.sum[2]);
     const bool pulses = kind == IncrementKind::pulses;
     char text[160];
     std::snprintf(text, sizeof text, "%-7s %+g deg: felt about %s%s, %.6g %s", to_string(axis), settings.move_deg,
                   felt(axis).sign > 0 ? "+" : "-", body_axis[felt(axis).axis],
-                  pulses ? std::abs(turned->turned_deg) * 3600.0 / size : size / rad_per_deg,
+                  pulses ? std::abs(turned.turned_deg) * 3600.0 / size : size / rad_per_deg,
                   pulses ? "arcsec a pulse" : "deg");
     out << text << std::endl;
   }
@@ -356,9 +348,8 @@ Status try_poses(Trial& trial, const RecordingInfo& info, double gravity_mps2, c
       out << name << " may turn to " << to_deg << " deg only: gravity was not compared there" << std::endl;
       continue;
     }
-    const Result<Eigen::Vector3d> mean = trial.force_at(axis, to_deg);
-    if (!mean) return mean.error();
-    const Eigen::Vector3d force = *mean * weight_mps / info.sample_period_s;
+    const Eigen::Vector3d mean = TRY(trial.force_at(axis, to_deg));
+    const Eigen::Vector3d force = mean * weight_mps / info.sample_period_s;
     if (Status status = judge_force(force, angles_deg, gravity_mps2, limits); !status)
       return input_error(status.error().message);
     char text[160];

@@ -16,8 +16,8 @@ void DryRunDevices::wait(double seconds) {
 }
 
 Status DryRunDevices::put_back(std::span<const JournalCommand> commands, double until_s) {
-  if (Status status = table.connect(); !status) return status;
-  if (Status status = table.enable(); !status) return status;
+  TRY(table.connect());
+  TRY(table.enable());
   for (const JournalCommand& command : commands) {
     group.pass_until(command.time_s);
     const Status given = command.move ? table.move_absolute(command.move->axis, command.move->target_deg,

@@ -85,7 +85,7 @@ void FirstStepCheck::end_stretch() {
 }
 
 Status FirstStepCheck::end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) {
-  if (Status status = sink_.end_segment(kind, end_sample, angles_deg); !status) return status;
+  TRY(sink_.end_segment(kind, end_sample, angles_deg));
   if (!found_) return {};
   found_ = judge_life(angles_deg);
   if (found_ && active_) found_ = judge_segment(kind, end_sample, angles_deg);
@@ -117,10 +117,10 @@ Status FirstStepCheck::judge_segment(SegmentKind kind, std::int64_t end_sample, 
   const bool large =
       turn && std::abs(turn->second) >= limits_.least_turn_of_units_deg && way_ <= limits_.detour * sum.norm();
   const double ratio = large ? scale * sum.norm() / (std::abs(turn->second) * rad_per_deg) : 1.0;
-  if (Status status = judge_units(ratio); !status) return status;
+  TRY(judge_units(ratio));
   const bool moved = turn && scale * way_ > 0.5 * std::abs(turn->second) * rad_per_deg;
   if (moved && way_ > limits_.detour * sum.norm()) return {};
-  if (Status status = judge_felt(scale * sum / rad_per_deg, *before_deg_, angles_deg, limits_); !status) return status;
+  TRY(judge_felt(scale * sum / rad_per_deg, *before_deg_, angles_deg, limits_));
   return judge_pulses(ratio);
 }
 
@@ -153,12 +153,12 @@ Status FirstStepCheck::judge_rest(const SensorModel& model, const AxisTriple& an
   }
   rest_gyro_ = gyro_ / samples;
   const Eigen::Vector3d force = model.accel_scale * accel_ / (samples * info_.sample_period_s);
-  if (Status status = judge_force(force, angles_deg, info_.gravity_mps2, limits_); !status) return status;
+  TRY(judge_force(force, angles_deg, info_.gravity_mps2, limits_));
   const Eigen::Vector3d rate = model.gyro_scale * *rest_gyro_ / info_.sample_period_s;
   // Of the earth's rate alone no more is said of units than what a bias can hardly imitate.
   const double times = rate.norm() / earth_rate_radps;
   if (times > limits_.least_times) {
-    if (Status status = judge_units(times); !status) return status;
+    TRY(judge_units(times));
   }
   if (stretches_ < least_stretches) return {};
   const Eigen::Vector3d variance = stretch_squares_ / stretches_ - rest_gyro_->cwiseAbs2();

@@ -44,9 +44,8 @@ Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& stat
                                                        const std::atomic<int>& stop_requests, std::ostream& out,
                                                        std::size_t units) {
   assert(station.imu);
-  Result<StationLock> lock = StationLock::acquire(station);
-  if (!lock) return lock.error();
-  std::unique_ptr<LiveDevices> live(new LiveDevices(station, units, std::move(*lock)));
+  StationLock lock = TRY(StationLock::acquire(station));
+  std::unique_ptr<LiveDevices> live(new LiveDevices(station, units, std::move(lock)));
   const GravityWatch& watched = live->watched_;
   Result<std::unique_ptr<TableDevice>> table =
       make_table(station, {live->clock_, &stop_requests, STDIN_FILENO, &out, [&watched] { return watched.mean(); }});

@@ -79,13 +79,13 @@ Status RigTwin::open_table(const StationConfig& station, const std::string& give
   std::string address;
   if (station.table.map) {
     drives_ = std::make_unique<ModbusTwin>(*station.table.map, group_.table(), group_);
-    if (Status status = drives_->power_on(); !status) return status;
+    TRY(drives_->power_on());
     server_ = std::make_unique<ModbusServer>(*drives_);
     tcp = station.table.map->link.tcp;
     address = station.table.map->link.address;
   } else {
     dialect_ = std::make_unique<DialectTwin>(*station.table.dialect, group_.table());
-    if (Status status = dialect_->power_on(); !status) return status;
+    TRY(dialect_->power_on());
     server_ = std::make_unique<DialectServer>(*dialect_);
     tcp = station.table.dialect->link.tcp;
     address = station.table.dialect->link.address;
@@ -107,19 +107,18 @@ Result<std::unique_ptr<RigTwin>> RigTwin::open(const StationConfig& station, con
   }
   if (!station.imu) return input_error("station '" + station.name + "': a twin needs imu.driver = serial");
   std::unique_ptr<RigTwin> twin(new RigTwin(as_the_table(rig, station), station.imu_places()));
-  if (Status status = twin->open_table(station, settings.table); !status) return status.error();
+  TRY(twin->open_table(station, settings.table));
   for (std::size_t unit = 0; unit < station.imu_places(); ++unit) {
-    if (Status status = twin->open_line(station, unit, settings.speed_up); !status) return status.error();
+    TRY(twin->open_line(station, unit, settings.speed_up));
   }
   return twin;
 }
 
 Status RigTwin::open_line(const StationConfig& station, std::size_t unit, double speed_up) {
   const std::string& device = station.imu_settings(unit).device;
-  Result<std::unique_ptr<UnitEnd>> line = open_unit_end(device);
-  if (!line) return line.error();
+  std::unique_ptr<UnitEnd> line = TRY(open_unit_end(device));
   auto unit_line = std::make_unique<UnitLine>();
-  unit_line->line = std::move(*line);
+  unit_line->line = std::move(line);
   unit_line->guarded =
       std::make_unique<GuardedImu>(group_.imu(unit), server_->mutex, station.imu->frame, group_.rig(unit).config());
   unit_line->streamer = std::make_unique<FrameStreamer>(*unit_line->guarded, station.imu->frame, *unit_line->line,

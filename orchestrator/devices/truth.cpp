@@ -25,13 +25,12 @@ std::string format_truth(const Rig& rig, std::optional<double> reference_c) {
 }
 
 Result<ParameterVector> read_truth(const std::string& path) {
-  Result<KeyValueFile> file = KeyValueFile::read(path);
-  if (!file) return file.error();
+  KeyValueFile file = TRY(KeyValueFile::read(path));
   ParameterVector truth;
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
-    truth[static_cast<Eigen::Index>(i)] = file->number(parameter_keys[i]);
+    truth[static_cast<Eigen::Index>(i)] = file.number(parameter_keys[i]);
   }
-  if (Status status = file->status(); !status) return status.error();
+  TRY(file.status());
   return truth;
 }
 

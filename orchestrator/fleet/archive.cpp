@@ -40,9 +40,8 @@ Result<std::vector<ArchiveEntry>> below(const std::string& folder) {
 }
 
 Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
-  const Result<std::string> text = read_whole_file(path);
-  if (!text) return text.error();
-  std::string_view remaining = *text;
+  const std::string text = TRY(read_whole_file(path));
+  std::string_view remaining = text;
   std::vector<std::string> header;
   for (const std::string_view column : split(next_line(remaining), ',')) header.emplace_back(column);
   if (header.empty() || header.front() != "recording")
@@ -74,10 +73,9 @@ Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
 
 // The folder of a run that a row names holds its recording; what is gone is found unreadable when its turn comes.
 Result<std::vector<ArchiveEntry>> in_rows(const std::string& name) {
-  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(name);
-  if (!database) return database.error();
+  const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(name));
   std::vector<ArchiveEntry> entries;
-  const Status status = database->each_calibration(false, [&](const KeptCalibration& row) {
+  const Status status = database.each_calibration(false, [&](const KeptCalibration& row) {
     if (!row.folder.empty()) entries.push_back({row.folder, {}});
   });
   return status ? Result<std::vector<ArchiveEntry>>(entries) : Result<std::vector<ArchiveEntry>>(status.error());

@@ -52,7 +52,7 @@ Result<FleetSource> read_fleet(const std::string& from, const std::vector<std::s
     const auto [place, is_new] = by_recording.try_emplace(file.recording_hash, std::move(one));
     if (!is_new && place->second.time_utc < one.time_utc) place->second = std::move(one);
   };
-  if (Status status = each_kept_file(from, statistics_name, take); !status) return status.error();
+  TRY(each_kept_file(from, statistics_name, take));
   if (by_recording.empty())
     return input_error(
         from + ": expected " + std::string(statistics_name) + " of runs or of `turncal recalibrate` in it, found " +

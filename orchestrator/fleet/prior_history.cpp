@@ -79,7 +79,7 @@ Result<std::vector<EarlierCalibration>> read_history(const PriorSource& source, 
     const auto [place, is_new] = by_recording.try_emplace(file->recording_hash, one);
     if (!is_new && place->second.time_utc < one.time_utc) place->second = one;
   };
-  if (Status status = each_kept_file(source.from, parameters_name, take); !status) return status.error();
+  TRY(each_kept_file(source.from, parameters_name, take));
   std::vector<EarlierCalibration> history;
   for (auto& [hash, one] : by_recording) history.push_back(std::move(one.earlier));
   return history;
@@ -88,22 +88,20 @@ Result<std::vector<EarlierCalibration>> read_history(const PriorSource& source, 
 Status add_prior(const PriorSource& source, const LoadedRecording& recording, const CalibrationRequest& request,
                  CalibrationOutput& output) {
   const std::string& unit = recording.data.info.unit_serial;
-  const Result<std::vector<EarlierCalibration>> history =
-      read_history(source, recording.hash, recording.data.info.simulated);
-  if (!history) return history.error();
-  const std::optional<FleetPrior> prior = fleet_prior(*history, unit);
+  const std::vector<EarlierCalibration> history =
+      TRY(read_history(source, recording.hash, recording.data.info.simulated));
+  const std::optional<FleetPrior> prior = fleet_prior(history, unit);
   if (!prior)
     return input_error(source.from + ": expected trusted calibrations of " +
                        std::to_string(fleet_limits.least_prior_units) + " other units" +
                        (source.part.empty() ? "" : " of part " + source.part) + ", found " +
-                       std::to_string(history->size()) + " calibrations");
+                       std::to_string(history.size()) + " calibrations");
   if (!output.fit) return input_error(recording.path + ": a prior: expected a recording with table angles");
   if (!output.fit->undetermined.empty()) {  // its own fit has ended anywhere along what it leaves open
     CalibrationRequest beside = request;
     beside.known = from_vector(prior->mean);
-    Result<CalibrationOutput> again = calibrate_recording(recording, beside);
-    if (!again) return again.error();
-    output = std::move(*again);
+    CalibrationOutput again = TRY(calibrate_recording(recording, beside));
+    output = std::move(again);
   }
   const std::optional<NoiseOfClass> noise = use_noise(*prior, recording, output);
   const PriorEffect effect = use_prior(*prior, *output.fit);

@@ -47,27 +47,24 @@ Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedR
   CalibrationRequest wanted;
   wanted.time_utc = request.time_utc;
   wanted.test_fit = !request.diagnose;
-  Result<CalibrationOutput> output = calibrate_recording(recording, wanted);
-  if (!output) return output.error();
+  CalibrationOutput output = TRY(calibrate_recording(recording, wanted));
   std::vector<NamedText> files;
-  add_record(entry, output->file);
-  add_measured_utc(recording.data.info, output->file);
+  add_record(entry, output.file);
+  add_measured_utc(recording.data.info, output.file);
   if (request.diagnose) {
     DiagnosisRequest diagnosis;
     diagnosis.time_utc = request.time_utc;
-    diagnosis.base = output->fit ? &*output->fit : nullptr;
-    const Result<DiagnosisOutput> found = diagnose_recording(recording, diagnosis);
-    if (!found) return found.error();
-    files.push_back({diagnosis_name, found->files.conf});
-    for (auto& [key, value] : output->file.further)
-      if (key == "quality.trusted" && !found->diagnosis.trusted) value = "false";
+    diagnosis.base = output.fit ? &*output.fit : nullptr;
+    const DiagnosisOutput found = TRY(diagnose_recording(recording, diagnosis));
+    files.push_back({diagnosis_name, found.files.conf});
+    for (auto& [key, value] : output.file.further)
+      if (key == "quality.trusted" && !found.diagnosis.trusted) value = "false";
   }
-  const Result<std::string> parameters = format_parameter_file(output->file);
-  if (!parameters) return parameters.error();
-  files.push_back({parameters_name, *parameters});
-  if (output->fit) {
+  const std::string parameters = TRY(format_parameter_file(output.file));
+  files.push_back({parameters_name, parameters});
+  if (output.fit) {
     const Result<std::vector<std::byte>> bytes =
-        format_statistics({output->file, unit_statistics(recording.data, *output->fit)});
+        format_statistics({output.file, unit_statistics(recording.data, *output.fit)});
     if (!bytes) return bytes.error();
     files.push_back({statistics_name, std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size())});
   }
@@ -194,7 +191,7 @@ Result<RecalibrationCounts> recalibrate(const std::vector<ArchiveEntry>& archive
     table.text(works[k].hash);
     table.text(works[k].reason);
   }
-  if (Status status = write_file_atomically(outcome_file(request), table.csv()); !status) return status.error();
+  TRY(write_file_atomically(outcome_file(request), table.csv()));
   return counts;
 }
 

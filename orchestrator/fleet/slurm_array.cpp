@@ -58,8 +58,7 @@ Status submit(Job& job, const std::vector<int>& chunks) {
                                         "append",
                                         job.folder + "/task.sh"};
   arguments.insert(arguments.end(), job.command.begin(), job.command.end());
-  const Result<std::string> id = ask_slurm("sbatch", std::move(arguments));
-  if (!id) return id.error();
+  const std::string id = TRY(ask_slurm("sbatch", std::move(arguments)));
   for (const int k : chunks) ++job.attempts[static_cast<std::size_t>(k)];
   return {};
 }
@@ -108,13 +107,12 @@ std::string last_line(const std::string& path) {
 
 Result<Job> prepare(const std::vector<ArchiveEntry>& archive, const RecalibrationRequest& request, std::size_t chunks) {
   const std::string store = fs::absolute(request.store).lexically_normal().string();
-  const Result<std::string> list = format_archive(archive);
-  if (!list) return list.error();
-  if (Status status = make_folder(store + "/.jobs"); !status) return status.error();
+  const std::string list = TRY(format_archive(archive));
+  TRY(make_folder(store + "/.jobs"));
   std::string folder = store + "/.jobs/XXXXXX";
   if (!::mkdtemp(folder.data())) return device_error(folder + ": cannot make");
   Job job{folder, "turncal-" + folder.substr(folder.size() - 6), {}, std::vector<int>(chunks, 0)};
-  if (Status status = write_files_atomically({{folder + "/archive.csv", *list}, {folder + "/task.sh", task_script}});
+  if (Status status = write_files_atomically({{folder + "/archive.csv", list}, {folder + "/task.sh", task_script}});
       !status)
     return status.error();
   std::error_code error;
@@ -144,14 +142,13 @@ Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>
   const std::size_t wanted = options.chunks > 0 ? static_cast<std::size_t>(options.chunks)
                                                 : std::min(archive.size() / recordings_of_a_chunk + 1, most_chunks);
   const std::size_t chunks = std::min(wanted, archive.size());
-  Result<Job> job = prepare(archive, request, chunks);
-  if (!job) return job.error();
+  Job job = TRY(prepare(archive, request, chunks));
   std::vector<int> open;
   for (std::size_t k = 0; k < chunks; ++k) open.push_back(static_cast<int>(k));
-  if (Status status = submit(*job, open); !status) {
+  if (Status status = submit(job, open); !status) {
     std::error_code error;
-    fs::remove_all(job->folder, error);
-    fs::remove(fs::path(job->folder).parent_path(), error);  // where they are empty
+    fs::remove_all(job.folder, error);
+    fs::remove(fs::path(job.folder).parent_path(), error);  // where they are empty
     fs::remove(request.store, error);
     return status.error();
   }
@@ -160,10 +157,10 @@ Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>
   std::vector<int> gone, failed;
   for (int polls = 1; !open.empty(); ++polls) {
     std::this_thread::sleep_for(std::chrono::seconds(std::clamp(polls / 10, 1, 15)));
-    const Result<Queue> queue = queue_of(*job);  // before the files: what has left the queue has written its file
+    const Result<Queue> queue = queue_of(job);  // before the files: what has left the queue has written its file
     std::vector<int> still, missing;
     for (const int k : open) {
-      const Result<std::string> text = read_whole_file(file_of(*job, static_cast<std::size_t>(k), ".csv"));
+      const Result<std::string> text = read_whole_file(file_of(job, static_cast<std::size_t>(k), ".csv"));
       if (text)
         count_outcomes(*text, counts);
       else if (still.push_back(k); queue && !queue->state.contains(k))
@@ -175,29 +172,29 @@ Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>
     std::set_intersection(missing.begin(), missing.end(), gone.begin(), gone.end(), std::back_inserter(again));
     gone = missing;
     std::erase_if(again, [&](int k) {
-      if (job->attempts[static_cast<std::size_t>(k)] < options.most_attempts) return false;
+      if (job.attempts[static_cast<std::size_t>(k)] < options.most_attempts) return false;
       failed.push_back(k);
       std::erase(open, k);
       return true;
     });
     if (!again.empty()) {
-      if (Status status = submit(*job, again); !status) return status.error();
+      TRY(submit(job, again));
       gone.clear();
     }
     counts.waiting = queue ? queue->words() : queue.error().message;
     progress(counts);
   }
   counts.waiting.clear();
-  if (Status status = collect(*job, request); !status) return status.error();
+  TRY(collect(job, request));
   if (failed.empty()) {
     std::error_code error;
-    fs::remove_all(job->folder, error);
+    fs::remove_all(job.folder, error);
     return counts;
   }
   const auto first = static_cast<std::size_t>(failed.front());
   return device_error(std::to_string(failed.size()) + " of " + std::to_string(chunks) + " chunks failed " +
-                      std::to_string(options.most_attempts) + " times; " + file_of(*job, first, ".log") + ": " +
-                      last_line(file_of(*job, first, ".log")));
+                      std::to_string(options.most_attempts) + " times; " + file_of(job, first, ".log") + ": " +
+                      last_line(file_of(job, first, ".log")));
 }
 
 }  // namespace turncal

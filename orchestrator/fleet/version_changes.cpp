@@ -44,13 +44,12 @@ Result<VersionChanges> compare_versions(const std::string& store, const std::str
   changes.from = from;
   changes.to = to;
   const std::string old_root = store + "/" + from + "/", new_root = store + "/" + to + "/";
-  const Result<std::set<std::string>> olds = recordings_of(old_root), news = recordings_of(new_root);
-  if (!olds) return olds.error();
-  if (!news) return news.error();
+  const std::set<std::string> olds = TRY(recordings_of(old_root));
+  const std::set<std::string> news = TRY(recordings_of(new_root));
   std::vector<ParameterChange> all(parameter_count);
   std::vector<std::vector<double>> ratios(parameter_count);
-  for (const std::string& name : *olds) {
-    if (!news->contains(name)) {
+  for (const std::string& name : olds) {
+    if (!news.contains(name)) {
       ++changes.only_from;
       continue;
     }
@@ -59,26 +58,25 @@ Result<VersionChanges> compare_versions(const std::string& store, const std::str
     const std::string old_path = old_root + name + "/" + parameters_name,
                       new_path = new_root + name + "/" + parameters_name;
     if (!path_exists(old_path) || !path_exists(new_path)) continue;
-    const Result<ParameterFile> before = read_parameter_file(old_path), after = read_parameter_file(new_path);
-    if (!before) return before.error();
-    if (!after) return after.error();
+    const ParameterFile before = TRY(read_parameter_file(old_path));
+    const ParameterFile after = TRY(read_parameter_file(new_path));
     for (std::size_t k = 0; k < all.size(); ++k) {
-      if (!before->sigma[k] || !after->sigma[k] || !(*after->sigma[k] > 0.0) || !(*before->sigma[k] > 0.0)) continue;
+      if (!before.sigma[k] || !after.sigma[k] || !(*after.sigma[k] > 0.0) || !(*before.sigma[k] > 0.0)) continue;
       const auto at = static_cast<Eigen::Index>(k);
-      const double change = (after->parameters[at] - before->parameters[at]) / *after->sigma[k];
+      const double change = (after.parameters[at] - before.parameters[at]) / *after.sigma[k];
       ParameterChange& c = all[k];
       ++c.recordings;
       c.mean += change;
       c.rms += change * change;
-      ratios[k].push_back(*after->sigma[k] / *before->sigma[k]);
+      ratios[k].push_back(*after.sigma[k] / *before.sigma[k]);
       if (std::abs(change) > std::abs(c.largest)) {
         c.largest = change;
-        c.largest_unit = after->unit_serial;
+        c.largest_unit = after.unit_serial;
         c.largest_recording = name;
       }
     }
   }
-  for (const std::string& name : *news) changes.only_to += !olds->contains(name);
+  for (const std::string& name : news) changes.only_to += !olds.contains(name);
   for (std::size_t k = 0; k < all.size(); ++k) {
     ParameterChange& c = all[k];
     if (c.recordings == 0) continue;

@@ -34,13 +34,12 @@ void note_data(const LoadedRecording& recording, std::vector<std::string>& notes
 }
 
 Status closed_form(const CompressedRecording& recording, CalibrationOutput& output) {
-  const Result<ClosedFormResult> result = closed_form_calibrate(recording, start_parameters(recording.info));
-  if (!result) return result.error();
-  if (!result->converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result->message};
-  output.file.parameters = to_vector(result->parameters);
+  const ClosedFormResult result = TRY(closed_form_calibrate(recording, start_parameters(recording.info)));
+  if (!result.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + result.message};
+  output.file.parameters = to_vector(result.parameters);
   output.file.model = "base";
   char text[120];
-  std::snprintf(text, sizeof text, "closed form: settled after %d passes over %lld samples", result->passes,
+  std::snprintf(text, sizeof text, "closed form: settled after %d passes over %lld samples", result.passes,
                 static_cast<long long>(recording.samples));
   output.notes.push_back(text);
   return {};
@@ -190,7 +189,7 @@ Result<CalibrationOutput> calibrate_recording(const LoadedRecording& loaded, con
     output.max_temperature_c = std::max(output.max_temperature_c.value_or(temperature_c), temperature_c);
   }
   note_data(loaded, output.notes);
-  if (Status status = check_data(loaded); !status) return status.error();
+  TRY(check_data(loaded));
   const bool closed = request.method == "closed-form";
   const bool by_hand = loaded.by_hand;
   if (closed && by_hand)

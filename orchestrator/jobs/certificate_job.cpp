@@ -32,21 +32,19 @@ Status add_verification(const std::string& folder, const ParameterFile& file, Ce
     if (in_verdict == nullptr || in_verdict->find(not_judged_words) != std::string::npos) return {};
     return input_error(path + ": is not there, though the verdict of " + parameters_name + " has a verification");
   }
-  Result<VerificationReport> report = read_verification(path);
-  if (!report) return report.error();
+  VerificationReport report = TRY(read_verification(path));
   const auto other = [&](const std::string& what) {
     return input_error(path + ": is of another " + what + " than " + parameters_name +
                        ": expected the verification of this result (turncal verify --recording judges it again)");
   };
-  const Result<std::string> calibration = calibration_hash(file);
-  if (!calibration) return calibration.error();
-  if (report->info.unit_serial != file.unit_serial) return other("unit");
-  if (report->recording_hash != file.recording_hash) return other("recording");
-  if (report->calibration_hash != *calibration) return other("calibration");
+  const std::string calibration = TRY(calibration_hash(file));
+  if (report.info.unit_serial != file.unit_serial) return other("unit");
+  if (report.recording_hash != file.recording_hash) return other("recording");
+  if (report.calibration_hash != calibration) return other("calibration");
   if (in_verdict != nullptr &&
-      *in_verdict != std::string(to_string(report->verdict)) + ": " + verification_words(*report))
+      *in_verdict != std::string(to_string(report.verdict)) + ": " + verification_words(report))
     return other("judgement");
-  certificate.verification = std::move(*report);
+  certificate.verification = std::move(report);
   return {};
 }
 
@@ -65,35 +63,32 @@ std::vector<std::string> recordings_of(const ParameterFile& file) {
 
 Result<std::string> make_certificate(const CertificateRequest& request) {
   Certificate certificate;
-  Result<StationConfig> station = read_station_config(request.station);
-  if (!station) return station.error();
-  certificate.parties = station->parties;
+  StationConfig station = TRY(read_station_config(request.station));
+  certificate.parties = station.parties;
   certificate.specimen = request.specimen;
   certificate.issued_utc = format_utc(wall_utc_s());
   std::vector<ParameterFile> runs;
   for (const std::string& folder : request.runs) {
     const std::string path = folder + "/" + parameters_name;
-    const Result<std::string> text = read_whole_file(path);
-    if (!text) return text.error();
-    Result<ParameterFile> file = parse_parameter_file(*text, path);
-    if (!file) return file.error();
-    if (!runs.empty() && file->unit_serial != runs.front().unit_serial)
-      return input_error(path + ": of unit " + file->unit_serial + ", expected " + runs.front().unit_serial +
+    const std::string text = TRY(read_whole_file(path));
+    ParameterFile file = TRY(parse_parameter_file(text, path));
+    if (!runs.empty() && file.unit_serial != runs.front().unit_serial)
+      return input_error(path + ": of unit " + file.unit_serial + ", expected " + runs.front().unit_serial +
                          ": a certificate is of one unit");
-    if (!runs.empty() && file->time_utc < runs.back().time_utc)
+    if (!runs.empty() && file.time_utc < runs.back().time_utc)
       return input_error(path +
                          ": older than the run before it, expected them oldest first: the last one is certified");
-    const std::string why = objection(*file);
+    const std::string why = objection(file);
     if (!why.empty() && !request.specimen)
       return Error{ErrorKind::unit_failed, path + ": no certificate: " + why + " (--specimen makes a specimen)"};
     std::vector<std::string>& hashes = certificate.recording_hashes;
-    for (std::string& hash : recordings_of(*file)) {
+    for (std::string& hash : recordings_of(file)) {
       if (std::find(hashes.begin(), hashes.end(), hash) != hashes.end())
         return input_error(path + ": recording " + hash + " is given twice: expected runs of different recordings");
       hashes.push_back(std::move(hash));
     }
-    certificate.parameters_hash = hash_of_text(*text);
-    runs.push_back(std::move(*file));
+    certificate.parameters_hash = hash_of_text(text);
+    runs.push_back(std::move(file));
   }
   certificate.file = runs.back();
   if (const std::vector<std::string> keys = missing_keys(certificate.file, certificate.parties);
@@ -109,8 +104,7 @@ Result<std::string> make_certificate(const CertificateRequest& request) {
   certificate.conformity = std::move(*conformity);
   for (const EffectValue& effect : certificate.file.effects)
     certificate.effect_budget.push_back(budget_of(runs, effect));
-  if (Status status = add_verification(request.runs.back(), certificate.file, certificate); !status)
-    return status.error();
+  TRY(add_verification(request.runs.back(), certificate.file, certificate));
   return certificate_page(certificate);
 }
 

@@ -26,9 +26,8 @@ Result<RunRequest> continuing(const RunRequest& asked) {
   const std::string journal = asked.continues + "/" + journal_name;
   if (!path_exists(journal))
     return input_error(asked.continues + ": holds no " + journal_name + ": expected the folder of a run");
-  const Result<JournalContents> contents = read_journal(journal);
-  if (!contents) return contents.error();
-  RunRequest request = request_of(*contents);
+  const JournalContents contents = TRY(read_journal(journal));
+  RunRequest request = request_of(contents);
   if (request.units.size() != 1)
     return input_error(asked.continues + ": is a run of " + std::to_string(request.units.size()) +
                        " units: expected a run of one");
@@ -54,18 +53,15 @@ Result<RunRequest> continuing(const RunRequest& asked) {
 }
 
 Result<std::vector<LoadedRecording>> recordings_up_to(const std::string& folder) {
-  const Result<JournalContents> contents = read_journal(folder + "/" + journal_name);
-  if (!contents) return contents.error();
+  const JournalContents contents = TRY(read_journal(folder + "/" + journal_name));
   std::vector<LoadedRecording> recordings;
-  if (const std::string& before = contents->begin_value("continues"); !before.empty()) {
-    Result<std::vector<LoadedRecording>> earlier = recordings_up_to(before);
-    if (!earlier) return earlier.error();
-    recordings = std::move(*earlier);
+  if (const std::string& before = contents.begin_value("continues"); !before.empty()) {
+    std::vector<LoadedRecording> earlier = TRY(recordings_up_to(before));
+    recordings = std::move(earlier);
   }
-  Result<LoadedRecording> loaded = load_recording(folder + "/" + binary_recording_name);
-  if (!loaded) return loaded.error();
-  if (Status status = check_sealed(*loaded, *contents, 0); !status) return status.error();
-  recordings.push_back(std::move(*loaded));
+  LoadedRecording loaded = TRY(load_recording(folder + "/" + binary_recording_name));
+  TRY(check_sealed(loaded, contents, 0));
+  recordings.push_back(std::move(loaded));
   return recordings;
 }
 

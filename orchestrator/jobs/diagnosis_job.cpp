@@ -23,7 +23,7 @@ using Recordings = std::vector<const LoadedRecording*>;
 Status check_together(const Recordings& fitted, const Recordings& holdouts) {
   Recordings all = fitted;
   all.insert(all.end(), holdouts.begin(), holdouts.end());
-  if (Status status = check_same_unit(all); !status) return status;
+  TRY(check_same_unit(all));
   const LoadedRecording& first = *fitted.front();
   const bool several = fitted.size() > 1 || holdouts.size() > 1;
   if (several && first.by_hand)
@@ -35,12 +35,11 @@ Status check_together(const Recordings& fitted, const Recordings& holdouts) {
       return input_error(one->path + ": " + key + " = " + format_number(is) + ": expected " + format_number(expected) +
                          ", as in " + first.path);
     };
-    if (Status s = same("sample_period_s", &RecordingInfo::sample_period_s); !s) return s;
-    if (Status s = same("latitude_deg", &RecordingInfo::latitude_deg); !s) return s;
-    if (Status s = same("gravity_mps2", &RecordingInfo::gravity_mps2); !s) return s;
+    TRY(same("sample_period_s", &RecordingInfo::sample_period_s));
+    TRY(same("latitude_deg", &RecordingInfo::latitude_deg));
+    TRY(same("gravity_mps2", &RecordingInfo::gravity_mps2));
   }
-  for (const LoadedRecording* one : all)
-    if (Status status = check_data(*one); !status) return status;
+  for (const LoadedRecording* one : all) TRY(check_data(*one));
   return {};
 }
 
@@ -136,7 +135,7 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
 }  // namespace
 
 Result<DiagnosisOutput> diagnose_recordings(const Recordings& recordings, const DiagnosisRequest& request) {
-  if (Status status = check_together(recordings, request.holdouts); !status) return status.error();
+  TRY(check_together(recordings, request.holdouts));
   const LoadedRecording& first = *recordings.front();
   std::vector<const CompressedRecording*> parts;
   for (const LoadedRecording* recording : recordings) parts.push_back(&recording->data);

@@ -55,21 +55,19 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
   if (file.effects.empty()) return terms;
   const bool by_hand = without_table_angles(source.segments());
   Eigen::VectorXd values;
-  const Result<std::vector<EffectColumn>> columns = columns_of(file, file_name, source.info(), !by_hand, values);
-  if (!columns) return columns.error();
+  const std::vector<EffectColumn> columns = TRY(columns_of(file, file_name, source.info(), !by_hand, values));
   const auto nowhere = [&] {
     return input_error(source.path() + ": has no segments, expected some to evaluate effects over");
   };
   EffectModel model =
-      make_effect_model(*columns, {source.info().latitude_deg}, file.reference_temperature_c.value_or(0.0));
+      make_effect_model(columns, {source.info().latitude_deg}, file.reference_temperature_c.value_or(0.0));
   model.values = values;
   if (source.segments().empty()) {
-    if (Status status = terms.of_motion_alone(source, file, model); !status) return status.error();
+    TRY(terms.of_motion_alone(source, file, model));
     return terms;
   }
-  const Result<LoadedRecording> loaded = load_recording(source);
-  if (!loaded) return loaded.error();
-  const CompressedRecording& recording = loaded->data;
+  const LoadedRecording loaded = TRY(load_recording(source));
+  const CompressedRecording& recording = loaded.data;
   if (recording.blocks.empty()) return nowhere();
 
   FilterSetup setup;

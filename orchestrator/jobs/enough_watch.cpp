@@ -103,8 +103,7 @@ Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item
       for (const Segment& take : known.set_aside)
         if (units_[i].run.unit() == known.unit) aside.emplace_back(&recordings_[i], take);
   const auto write = [&journal = journal_, aside, fields = note(units, next_item, enough, again)]() -> Status {
-    for (const auto& [recording, take] : aside)
-      if (Status status = recording->set_aside(take); !status) return status;
+    for (const auto& [recording, take] : aside) TRY(recording->set_aside(take));
     return fields.empty() ? Status{} : journal.append(JournalType::estimate, fields);
   };
   decided_ = Decided{enough ? end_item_ : again ? next_item - 1 : next_item, PendingWrite(storage_, write)};

@@ -99,9 +99,8 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
 
 Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress,
                                        const std::optional<CompressionOptions>& blocks, int before_step) {
-  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(path);
-  if (!source) return source.error();
-  return load_recording(**source, progress, blocks, before_step);
+  const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(path));
+  return load_recording(*source, progress, blocks, before_step);
 }
 
 Status check_data(const LoadedRecording& loaded) {

@@ -51,19 +51,17 @@ Status check_site(const PlannedSite& site) {
 }
 
 Result<PlannedUnit> planned_unit(const PlannedSite& site) {
-  const Result<StationConfig> station =
-      site.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(site.station);
-  if (!station) return station.error();
-  Result<RigConfig> rig = rig_of(*station);
-  if (!rig) return rig.error();
+  const StationConfig station =
+      TRY(site.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(site.station));
+  RigConfig rig = TRY(rig_of(station));
   PlannedUnit unit;
-  unit.station = *station;
-  unit.info = planned_info(*station, &*rig);
+  unit.station = station;
+  unit.info = planned_info(station, &rig);
   if (site.latitude_deg) unit.info.latitude_deg = *site.latitude_deg;
   if (site.gravity_mps2) unit.info.gravity_mps2 = *site.gravity_mps2;
   unit.info.simulated = true;
   unit.parameters = typical_unit(unit.info);
-  unit.parameters.n = Eigen::Matrix3d::Identity() * rig->gyro_pulse_arcsec;
+  unit.parameters.n = Eigen::Matrix3d::Identity() * rig.gyro_pulse_arcsec;
   return unit;
 }
 

@@ -154,10 +154,9 @@ Result<RunDevices> make_devices(const PreparedRun& run, CommandContext& context)
     run_devices.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
     return run_devices;
   }
-  Result<std::unique_ptr<LiveDevices>> live =
-      LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size());
-  if (!live) return live.error();
-  run_devices.live = std::move(*live);
+  std::unique_ptr<LiveDevices> live =
+      TRY(LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size()));
+  run_devices.live = std::move(live);
   run_devices.prompts = run_devices.live->prompts();
   return run_devices;
 }
@@ -192,9 +191,8 @@ RunEnd attempt(const Attempt& a, RunDevices& run_devices, CommandContext& contex
                              context.out_is_terminal && !a.run.request.verbose);
   std::unique_ptr<StatusPage> page;
   if (!a.run.request.listen.empty()) {
-    Result<std::unique_ptr<StatusPage>> opened = StatusPage::open(a.run.request.listen, live);
-    if (!opened) return opened.error();
-    page = std::move(*opened);
+    std::unique_ptr<StatusPage> opened = TRY(StatusPage::open(a.run.request.listen, live));
+    page = std::move(opened);
     context.out << "status page " << page->url() << std::endl;
     if (const std::string warning = page->warning(); !warning.empty()) context.err << warning << std::endl;
   }

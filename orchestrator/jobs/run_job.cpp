@@ -48,15 +48,13 @@ RecordingInfo verified_info(const PreparedRun& run) {
 
 // What could not be calibrated at the end is said before anything moves.
 Status check_sequence(const PreparedRun& run, const Plan& plan, const std::string& otherwise) {
-  if (Status status = check_plan(plan); !status) return status;
+  TRY(check_plan(plan));
   if (run.request.verify) {
     if (run.verified) {
-      if (Status status = check_applicable(*run.verified, run.request.verified, verified_info(run)); !status)
-        return status;
+      TRY(check_applicable(*run.verified, run.request.verified, verified_info(run)));
     }
     const Segments planned = planned_segments(plan);
-    if (Status s = check_north_seeking(planned, run.verify_from, run.sample_period_s(), run.sequence.file); !s)
-      return s;
+    TRY(check_north_seeking(planned, run.verify_from, run.sample_period_s(), run.sequence.file));
   }
   if (run.request.capture_only || run.request.partial || !run.request.continues.empty()) return {};
   Sequence calibrating = run.sequence;
@@ -104,14 +102,13 @@ std::string attempt_outcome(const UnitRun& unit) {
 Status note_attempt(const UnitRun& unit, const std::string& outcome, const Status& why, double utc_s) {
   const std::string records = records_file(unit.run.station);
   if (records.empty()) return {};
-  Result<ResultsDatabase> database = ResultsDatabase::open(records);
-  if (!database) return database.error();
+  ResultsDatabase database = TRY(ResultsDatabase::open(records));
   AttemptRecord attempt = attempt_record(unit.run, unit.folder, unit.counts, unit.results);
   attempt.outcome = outcome;
   attempt.time_utc = format_utc(utc_s);
   if (attempt.began_utc.empty()) attempt.began_utc = attempt.time_utc;
   if (!why) attempt.reason = why.error().message;
-  return stored(database->note(attempt));
+  return stored(database.note(attempt));
 }
 
 // To a server; what cannot be sent is said in the log and does not hold up a run.
@@ -144,8 +141,7 @@ Error refused(const PreparedRun& run, const Error& why) {
 Status note_outcomes(const std::vector<UnitRun>& units) {
   for (const UnitRun& unit : units) {
     if (unit.counts.ended_utc_s <= 0.0 || (unit.results.output && !outcome_of(unit).empty())) continue;
-    if (Status status = note_attempt(unit, attempt_outcome(unit), unit.status, unit.counts.ended_utc_s); !status)
-      return status;
+    TRY(note_attempt(unit, attempt_outcome(unit), unit.status, unit.counts.ended_utc_s));
   }
   return {};
 }
@@ -183,8 +179,8 @@ RunEnd finish_sealed(std::vector<UnitRun>& units, const std::string& folder, con
   const StopSignals signals(FirstInterrupt::pauses);  // as in a run that has recorded all: it finishes
   const double began_s = monotonic_s();
   for (UnitRun& unit : units) unit.counts.ended_utc_s = contents.seal_utc_s.value_or(0.0);
-  if (Status status = verify_recordings(units, contents); !status) return status;
-  if (Status status = calibrate_units(units, *contents.seal_utc_s, journal); !status) return status;
+  TRY(verify_recordings(units, contents));
+  TRY(calibrate_units(units, *contents.seal_utc_s, journal));
   conclude_units(units, monotonic_s() - began_s, folder + "/" + log_name, context.out);
   RunEnd end(status_of(units));
   end.to_the_end = true;
@@ -221,7 +217,7 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
   named.request = request_of(contents);
   std::vector<UnitRun> units = units_of(named, folder);
   mark_dropped(contents, true, units);
-  if (Status status = check_what_is_over(units, folder, contents); !status) return status;
+  TRY(check_what_is_over(units, folder, contents));
   for (UnitRun& unit : units) {
     if (unit.dropped) continue;
     const JournalFields& verdict = *contents.verdict_of(unit.run.unit());
@@ -276,28 +272,26 @@ Status check_sequence(const PreparedRun& run) { return check_sequence(run, plan_
 
 RunEnd begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
   if (request.dry_run) context.tag = dry_run_tag;
-  Result<PreparedRun> prepared = prepare(request);
-  if (!prepared) return prepared.error();
-  context.tag = tag_of(*prepared);
+  PreparedRun prepared = TRY(prepare(request));
+  context.tag = tag_of(prepared);
   const LinePrefix marked(context.out, context.tag);
-  const double period_s = prepared->sample_period_s();
-  const Plan plan = plan_of(*prepared, period_s);
+  const double period_s = prepared.sample_period_s();
+  const Plan plan = plan_of(prepared, period_s);
   if (Status status =
-          check_sequence(*prepared, plan, ", --partial to estimate what can be of the others, or --capture-only");
+          check_sequence(prepared, plan, ", --partial to estimate what can be of the others, or --capture-only");
       !status)
-    return refused(*prepared, status.error());
-  Result<RunDevices> devices = make_devices(*prepared, context);
-  if (!devices) return refused(*prepared, devices.error());
+    return refused(prepared, status.error());
+  Result<RunDevices> devices = make_devices(prepared, context);
+  if (!devices) return refused(prepared, devices.error());
   const double utc_s = devices->devices().clock.utc_s();
-  if (Status status = look_ahead(*prepared, plan, folder_path, utc_s); !status)
-    return refused(*prepared, status.error());
+  if (Status status = look_ahead(prepared, plan, folder_path, utc_s); !status) return refused(prepared, status.error());
 
   Result<OutputFolder> folder = OutputFolder::prepare(
       folder_path,
       {binary_recording_name, partial_recording_name, parameters_name, truth_name, log_name, journal_name});
-  if (!folder) return refused(*prepared, folder.error());
-  prepared->began_utc = format_utc(utc_s);
-  std::vector<UnitRun> units = units_of(*prepared, folder->path());
+  if (!folder) return refused(prepared, folder.error());
+  prepared.began_utc = format_utc(utc_s);
+  std::vector<UnitRun> units = units_of(prepared, folder->path());
   std::vector<OutputFolder> unit_folders;
   for (std::size_t i = 0; units.size() > 1 && i < units.size(); ++i) {
     Result<OutputFolder> own = OutputFolder::prepare(
@@ -305,18 +299,16 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
     if (!own) return own.error();
     unit_folders.push_back(std::move(*own));
   }
-  JournalFields begin = begin_fields(*prepared);
-  if (!prepared->request.manual) begin.emplace_back("planned_s", format_number(plan.station_s));
-  Result<JournalFile> journal = JournalFile::create(folder->file(journal_name), begin);
-  if (!journal) return journal.error();
-  Result<RunLog> log = RunLog::create(folder->file(log_name), std::string(tag_of(*prepared)));
-  if (!log) return log.error();
-  log->line(first_line(*prepared));
-  if (Status status = note_running(units, utc_s); !status) return status;
-  send_on(units, &*log);
+  JournalFields begin = begin_fields(prepared);
+  if (!prepared.request.manual) begin.emplace_back("planned_s", format_number(plan.station_s));
+  JournalFile journal = TRY(JournalFile::create(folder->file(journal_name), begin));
+  RunLog log = TRY(RunLog::create(folder->file(log_name), std::string(tag_of(prepared))));
+  log.line(first_line(prepared));
+  TRY(note_running(units, utc_s));
+  send_on(units, &log);
 
   RunEnd end =
-      attempt({*prepared, plan, period_s, units, folder->path(), *journal, *log, std::nullopt, 1}, *devices, context);
+      attempt({prepared, plan, period_s, units, folder->path(), journal, log, std::nullopt, 1}, *devices, context);
   const bool interrupted =
       !end.status && end.status.error().kind == ErrorKind::interrupted;  // there is something to go on with
   for (std::size_t i = 0; i < units.size(); ++i) {
@@ -324,7 +316,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
     folder->keep();
     if (!unit_folders.empty()) unit_folders[i].keep();
   }
-  return conclude(std::move(end), units, &*log);
+  return conclude(std::move(end), units, &log);
 }
 
 RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
@@ -332,49 +324,42 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   if (!path_exists(path)) return input_error(folder + ": holds no " + journal_name + ": expected the folder of a run");
   Result<JournalFile> journal = JournalFile::reopen(path);  // its lock: nobody else goes on with this run
   if (!journal) return journal.error();
-  const Result<LockFile> held = hold_folder(folder);
-  if (!held) return held.error();
-  const Result<JournalContents> contents = read_journal(path);
-  if (!contents) return contents.error();
-  context.tag = tag_of(*contents);
+  const LockFile held = TRY(hold_folder(folder));
+  const JournalContents contents = TRY(read_journal(path));
+  context.tag = tag_of(contents);
   const LinePrefix marked(context.out, context.tag);
-  const Result<RunRequest> request = request_again(*contents, now);
-  if (!request) return request.error();
-  if (is_over(*contents)) return say_over(*contents, folder, context.out);
-  Result<PreparedRun> prepared = prepare(*request);
-  if (!prepared) return prepared.error();
-  context.tag = tag_of(*prepared);
-  if (Status status = check_unchanged(*prepared, *contents); !status) return status;
+  const RunRequest request = TRY(request_again(contents, now));
+  if (is_over(contents)) return say_over(contents, folder, context.out);
+  PreparedRun prepared = TRY(prepare(request));
+  context.tag = tag_of(prepared);
+  TRY(check_unchanged(prepared, contents));
 
-  std::vector<UnitRun> units = units_of(*prepared, folder);
-  mark_dropped(*contents, true, units);
-  const Result<bool> sealed = sealed_recordings(units);
-  if (!sealed) return sealed.error();
-  if (*sealed) return conclude(finish_sealed(units, folder, *contents, *journal, context), units, nullptr);
+  std::vector<UnitRun> units = units_of(prepared, folder);
+  mark_dropped(contents, true, units);
+  const bool sealed = TRY(sealed_recordings(units));
+  if (sealed) return conclude(finish_sealed(units, folder, contents, *journal, context), units, nullptr);
 
-  mark_dropped(*contents, false, units);
-  const double period_s = prepared->sample_period_s();
-  const Plan plan = plan_of(*prepared, period_s);
-  if (Status status = check_plan(plan); !status) return status;
-  Result<RunDevices> devices = make_devices(*prepared, context);
-  if (!devices) return devices.error();
+  mark_dropped(contents, false, units);
+  const double period_s = prepared.sample_period_s();
+  const Plan plan = plan_of(prepared, period_s);
+  TRY(check_plan(plan));
+  RunDevices devices = TRY(make_devices(prepared, context));
   std::optional<ResumePoint> resume;
   std::string what = "no dwell was complete: starts again from the beginning";
-  if (contents->last_dwell) {
-    if (contents->last_dwell->item >= plan.items.size())
+  if (contents.last_dwell) {
+    if (contents.last_dwell->item >= plan.items.size())
       return input_error(path + ": names an item that the plan does not have");
-    if (contents->last_dwell->units.size() != units.size())
+    if (contents.last_dwell->units.size() != units.size())
       return input_error(path + ": a dwell is not of all units of the run");
-    resume = ResumePoint{*contents->last_dwell, devices->rig != nullptr};
+    resume = ResumePoint{*contents.last_dwell, devices.rig != nullptr};
     for (const UnitRun& unit : units) resume->dropped.push_back(unit.dropped);
-    if (devices->rig) {
-      if (Status status = devices->rig->put_back(contents->commands, contents->last_dwell->time_s); !status)
-        return status;
+    if (devices.rig) {
+      TRY(devices.rig->put_back(contents.commands, contents.last_dwell->time_s));
     }
-    if (devices->rehearsal) {
-      if (Status status = devices->rehearsal->pass_until(contents->last_dwell->time_s); !status) return status;
+    if (devices.rehearsal) {
+      TRY(devices.rehearsal->pass_until(contents.last_dwell->time_s));
     }
-    what = "goes on after item " + std::to_string(contents->last_dwell->item + 1) + " of " +
+    what = "goes on after item " + std::to_string(contents.last_dwell->item + 1) + " of " +
            std::to_string(plan.items.size());
   } else {
     std::error_code ignored;
@@ -383,25 +368,24 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
       std::filesystem::remove(unit.folder + "/" + partial_recording_name, ignored);
     }
   }
-  const double utc_s = devices->devices().clock.utc_s();
-  if (Status status = look_ahead(*prepared, plan, folder, utc_s); !status) return status;
-  if (contents->last_dwell && utc_s < contents->last_dwell->utc_s - ClockWatch::step_s) {
+  const double utc_s = devices.devices().clock.utc_s();
+  TRY(look_ahead(prepared, plan, folder, utc_s));
+  if (contents.last_dwell && utc_s < contents.last_dwell->utc_s - ClockWatch::step_s) {
     what +=
-        "; the clock was set back: it stands before the end of that item, " + format_utc(contents->last_dwell->utc_s);
+        "; the clock was set back: it stands before the end of that item, " + format_utc(contents.last_dwell->utc_s);
   }
   const JournalFields resumed = {
-      {"software_version", software_version()}, {"what", what}, {"overdue_reason", prepared->request.overdue_reason}};
-  if (Status status = journal->append(JournalType::resume, resumed); !status) return status;
-  Result<RunLog> log = RunLog::append(folder + "/" + log_name, std::string(tag_of(*prepared)));
-  if (!log) return log.error();
-  log->line("resumed by turncal " + std::string(software_version()) + ": " + what);
-  if (prepared->began_utc.empty())  // a journal of an older turncal
+      {"software_version", software_version()}, {"what", what}, {"overdue_reason", prepared.request.overdue_reason}};
+  TRY(journal->append(JournalType::resume, resumed));
+  RunLog log = TRY(RunLog::append(folder + "/" + log_name, std::string(tag_of(prepared))));
+  log.line("resumed by turncal " + std::string(software_version()) + ": " + what);
+  if (prepared.began_utc.empty())  // a journal of an older turncal
     for (UnitRun& unit : units) unit.run.began_utc = format_utc(utc_s);
-  for (UnitRun& unit : units) unit.counts.sessions = contents->sessions + 1;
-  if (Status status = note_running(units, utc_s); !status) return status;
-  send_on(units, &*log);
-  const Attempt again{*prepared, plan, period_s, units, folder, *journal, *log, resume, contents->sessions + 1};
-  return conclude(attempt(again, *devices, context), units, &*log);
+  for (UnitRun& unit : units) unit.counts.sessions = contents.sessions + 1;
+  TRY(note_running(units, utc_s));
+  send_on(units, &log);
+  const Attempt again{prepared, plan, period_s, units, folder, *journal, log, resume, contents.sessions + 1};
+  return conclude(attempt(again, devices, context), units, &log);
 }
 
 }  // namespace turncal

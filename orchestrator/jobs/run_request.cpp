@@ -43,7 +43,7 @@ Result<StationConfig> station_from(const std::string& path, const std::string& t
 
 Status check_words(const RunRequest& request) {
   for (const std::string& unit : request.units) {
-    if (Status status = check_serial(unit, "--unit"); !status) return status;
+    TRY(check_serial(unit, "--unit"));
     if (std::count(request.units.begin(), request.units.end(), unit) > 1) {
       return input_error("--unit " + turncal::quoted(unit) + ": given twice, expected each unit once");
     }
@@ -92,19 +92,16 @@ Status prepare_verification(PreparedRun& run) {
       wanted.verify || (run.station.verify_run && !wanted.capture_only && !wanted.partial && wanted.continues.empty());
   if (!wanted.verify) return {};
   if (wanted.verified.empty()) {
-    const Result<int> from = append_north_seeking(run.station, run.sequence);
-    if (!from) return from.error();
-    run.verify_from = *from;
+    const int from = TRY(append_north_seeking(run.station, run.sequence));
+    run.verify_from = from;
     return {};
   }
-  if (Status status = check_seeks_north(run.station); !status) return status;
+  TRY(check_seeks_north(run.station));
   const std::string given = wanted.verified;
-  const Result<std::string> text = text_of(wanted.verified, "");
-  if (!text) return text.error();
-  Result<ParameterFile> file = read_parameter_file(given);
-  if (!file) return file.error();
-  run.verified = std::move(*file);
-  run.verified_hash = hash_of_text(*text);
+  const std::string text = TRY(text_of(wanted.verified, ""));
+  ParameterFile file = TRY(read_parameter_file(given));
+  run.verified = std::move(file);
+  run.verified_hash = hash_of_text(text);
   run.verify_from = run.sequence.steps.front().number;
   return {};
 }
@@ -139,24 +136,22 @@ Result<double> next_beginning(const StationConfig& station, const RigConfig& rig
 // The same unit, later and switched on again: what it was, with other noise.
 Status turn_on_again(PreparedRun& run) {
   if (run.request.continues.empty()) return {};
-  const Result<JournalContents> before = read_journal(run.request.continues + "/" + journal_name);
-  if (!before) return before.error();
-  if (before->begin_value("rig_hash") != run.rig_hash)
+  const JournalContents before = TRY(read_journal(run.request.continues + "/" + journal_name));
+  if (before.begin_value("rig_hash") != run.rig_hash)
     return input_error((run.request.rig.empty() ? "the built-in rig" : run.request.rig) +
                        ": is not the rig of the run in " + run.request.continues);
   run.rig.unit_seed = run.rig.unit_seed.value_or(run.rig.seed);
   run.rig.noise_seed = run.rig.noise_seed.value_or(run.rig.seed);
   constexpr std::uint64_t another = 1000003;
-  for (JournalContents one = *before;;) {
+  for (JournalContents one = before;;) {
     *run.rig.noise_seed += another;
     const std::string further = one.begin_value("continues");
     if (further.empty()) break;
-    Result<JournalContents> next = read_journal(further + "/" + journal_name);
-    if (!next) return next.error();
-    one = std::move(*next);
+    JournalContents next = TRY(read_journal(further + "/" + journal_name));
+    one = std::move(next);
   }
   constexpr double between_s = 600.0;
-  if (before->seal_utc_s) run.rig.start_utc_s = std::floor(*before->seal_utc_s + between_s);
+  if (before.seal_utc_s) run.rig.start_utc_s = std::floor(*before.seal_utc_s + between_s);
   return {};
 }
 
@@ -167,9 +162,8 @@ Status turn_on_of_lot(PreparedRun& run) {
     return input_error(run.request.rig + ": lot.seed: expected one unit at a time, found " +
                        std::to_string(run.request.units.size()));
   const std::optional<double> began_s = parse_utc(run.began_utc);
-  const Result<double> start_s = began_s ? Result<double>(*began_s) : next_beginning(run.station, run.rig);
-  if (!start_s) return start_s.error();
-  run.rig.start_utc_s = *start_s;
+  const double start_s = TRY(began_s ? Result<double>(*began_s) : next_beginning(run.station, run.rig));
+  run.rig.start_utc_s = start_s;
   run.rig = rig_of_lot(run.rig, run.unit());
   return {};
 }
@@ -178,17 +172,15 @@ Status prepare_rig(PreparedRun& run) {
   RunRequest& wanted = run.request;
   const std::string rig_given = wanted.rig.empty() ? run.station.rig_file : wanted.rig;
   wanted.rig = rig_given;
-  const Result<std::string> rig_text = text_of(wanted.rig, of_this_version("built-in rig"));
-  if (!rig_text) return rig_text.error();
-  Result<RigConfig> rig = rig_of(run.station, rig_given);
-  if (!rig) return rig.error();
-  run.rig = std::move(*rig);
-  run.rig_hash = hash_of_text(*rig_text);
+  const std::string rig_text = TRY(text_of(wanted.rig, of_this_version("built-in rig")));
+  RigConfig rig = TRY(rig_of(run.station, rig_given));
+  run.rig = std::move(rig);
+  run.rig_hash = hash_of_text(rig_text);
   if (wanted.station.empty()) {  // the built-in station stands where the rig does
     run.station.latitude_deg = run.rig.site.latitude_deg;
     run.station.gravity_mps2 = run.rig.site.gravity_mps2;
   }
-  if (Status status = turn_on_again(run); !status) return status;
+  TRY(turn_on_again(run));
   return turn_on_of_lot(run);
 }
 
@@ -229,11 +221,10 @@ Status check_real_devices(const StationConfig& station) {
 }
 
 Result<int> append_north_seeking(const StationConfig& station, Sequence& sequence) {
-  if (Status status = check_seeks_north(station); !status) return status.error();
-  const Result<Sequence> seeking = parse_sequence(std::string(builtin_verify_text), builtin_verify_name);
-  if (!seeking) return seeking.error();
+  TRY(check_seeks_north(station));
+  const Sequence seeking = TRY(parse_sequence(std::string(builtin_verify_text), builtin_verify_name));
   const std::size_t steps = sequence.steps.size();
-  append_steps(*seeking, sequence);
+  append_steps(seeking, sequence);
   return sequence.steps[steps].number;
 }
 
@@ -245,22 +236,20 @@ Result<PreparedRun> prepare(const RunRequest& request) {
   run.request = request;
   run.began_utc = request.began_utc;
   RunRequest& wanted = run.request;
-  if (Status status = check_words(wanted); !status) return status.error();
+  TRY(check_words(wanted));
 
-  const Result<std::string> station_text = text_of(wanted.station, of_this_version("built-in station"));
-  if (!station_text) return station_text.error();
-  Result<StationConfig> station = station_from(wanted.station, *station_text, request.station);
-  if (!station) return station.error();
-  run.station = std::move(*station);
+  const std::string station_text = TRY(text_of(wanted.station, of_this_version("built-in station")));
+  StationConfig station = TRY(station_from(wanted.station, station_text, request.station));
+  run.station = std::move(station);
   if (wanted.manual) turn_by_hand(run.station);
   if (wanted.rehearsal() && wanted.units.size() > 1) {
     return input_error("--manual --dry-run with " + std::to_string(wanted.units.size()) +
                        " units: expected one, a rehearsal has one rig");
   }
-  run.station_hash = hash_of_text(*station_text);
+  run.station_hash = hash_of_text(station_text);
 
   if (wanted.dry_run) {
-    if (Status status = prepare_rig(run); !status) return status.error();
+    TRY(prepare_rig(run));
   } else if (Status status = check_live(run); !status) {
     return status.error();
   }
@@ -271,17 +260,15 @@ Result<PreparedRun> prepare(const RunRequest& request) {
         (wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)"));
   }
 
-  const Result<std::string> sequence_text = wanted.sequence == builtin_verify_name
-                                                ? Result<std::string>(std::string(builtin_verify_text))
-                                                : text_of(wanted.sequence, std::string(builtin_sequence_text));
-  if (!sequence_text) return sequence_text.error();
-  Result<Sequence> sequence =
-      parse_sequence(*sequence_text, wanted.sequence.empty() ? builtin_sequence_name : request.sequence);
-  if (!sequence) return sequence.error();
-  run.sequence = std::move(*sequence);
-  run.sequence_hash = hash_of_text(*sequence_text);
-  if (Status status = prepare_verification(run); !status) return status.error();
-  if (Status status = check_until_sigma(run); !status) return status.error();
+  const std::string sequence_text =
+      TRY(wanted.sequence == builtin_verify_name ? Result<std::string>(std::string(builtin_verify_text))
+                                                 : text_of(wanted.sequence, std::string(builtin_sequence_text)));
+  Sequence sequence =
+      TRY(parse_sequence(sequence_text, wanted.sequence.empty() ? builtin_sequence_name : request.sequence));
+  run.sequence = std::move(sequence);
+  run.sequence_hash = hash_of_text(sequence_text);
+  TRY(prepare_verification(run));
+  TRY(check_until_sigma(run));
   return run;
 }
 

@@ -130,7 +130,7 @@ Status verify_unit(const PreparedRun& run, const std::string& folder, const Load
 Status write_diagnosis_of(const std::string& folder, RunResults& results) {
   if (!results.diagnosis) return {};
   const std::string own = folder + "/" + diagnosis_folder;
-  if (Status status = make_folder(own); !status) return status;
+  TRY(make_folder(own));
   DiagnosisFiles& files = results.diagnosis->files;
   if (!results.verdict.verification.empty()) say_verification(results.verdict.verification, files.report.html);
   return write_diagnosis(own, files);
@@ -182,9 +182,8 @@ Status keep_results(const PreparedRun& run, const std::string& folder, const std
                     const RunResults& results) {
   const ParameterFile& file = results.output->file;
   const std::string path = folder + "/" + parameters_name;
-  const Result<std::string> text = format_parameter_file(file);
-  if (!text) return text.error();
-  if (Status status = write_file_atomically(path, *text); !status) return status;
+  const std::string text = TRY(format_parameter_file(file));
+  TRY(write_file_atomically(path, text));
   SqlBytes statistics;
   if (const std::optional<UnitStatistics> found = statistics_of(recordings, *results.output)) {  // for the fleet
     Result<SqlBytes> bytes = format_statistics({file, *found});
@@ -195,19 +194,18 @@ Status keep_results(const PreparedRun& run, const std::string& folder, const std
         !status)
       return status;
   }
-  const JournalFields hash = marked({{"parameters_hash", hash_of_text(*text)}}, mark);
-  if (Status status = journal.append(JournalType::results, hash); !status) return status;
+  const JournalFields hash = marked({{"parameters_hash", hash_of_text(text)}}, mark);
+  TRY(journal.append(JournalType::results, hash));
   if (const std::string records = records_file(run.station); !records.empty()) {
-    Result<ResultsDatabase> database = ResultsDatabase::open(records);
-    if (!database) return database.error();
+    ResultsDatabase database = TRY(ResultsDatabase::open(records));
     AttemptRecord attempt = attempt_record(run, folder, counts, results);
     attempt.time_utc = file.time_utc;
     attempt.outcome = to_string(results.verdict.verdict);
     attempt.reason = results.verdict.reason;
-    if (Status status = database->add(file, results.verdict, attempt, statistics); !status) return status;
+    TRY(database.add(file, results.verdict, attempt, statistics));
   }
   if (!run.station.store.empty() && !run.request.partial && is_accepted(results.verdict.verdict)) {
-    if (Status status = put_in_use(run.station.store, file); !status) return status;
+    TRY(put_in_use(run.station.store, file));
   }
   return {};
 }
@@ -252,7 +250,7 @@ Status write_results(const PreparedRun& run, const std::string& folder, const Lo
       calibrated = Error{output.error().kind == ErrorKind::input ? ErrorKind::unit_failed : output.error().kind,
                          output.error().message};
   }
-  if (Status status = write_truth(run, folder, results); !status) return status;
+  TRY(write_truth(run, folder, results));
   if (!calibrated) {  // all of it is recorded: nothing that is done again would help
     const Status kept = journal.append(
         JournalType::verdict,
@@ -261,14 +259,14 @@ Status write_results(const PreparedRun& run, const std::string& folder, const Lo
   }
   if (results.output) {
     choose_file(run, counts, diagnose_unit(run, folder, recordings, results), results);
-    if (Status status = verify_unit(run, folder, recording, results); !status) return status;
+    TRY(verify_unit(run, folder, recording, results));
     if (Status status = write_diagnosis_of(folder, results); !status) return stored(status);
     add_verdict(results.verdict, results.output->file);
     if (Status status = keep_results(run, folder, recordings, counts, journal, mark, results); !status)
       return stored(status);
   }
   if (!results.output) {
-    if (Status status = verify_unit(run, folder, recording, results); !status) return status;
+    TRY(verify_unit(run, folder, recording, results));
   }
   const VerdictReport& verdict = results.verdict;
   return journal.append(JournalType::verdict, marked({{"result", std::string(to_string(verdict.verdict))},

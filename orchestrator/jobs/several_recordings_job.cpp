@@ -47,14 +47,13 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
     all.push_back(&recording);
     switched_on.push_back({recording.hash, recording.data.info.started_utc_s});
   }
-  if (Status status = check_same_unit(all); !status) return status.error();
+  TRY(check_same_unit(all));
   CalibrationOutput output;
-  Result<std::vector<CalibrationOutput>> each = calibrate_each(recordings, request);
-  if (!each) return each.error();
+  std::vector<CalibrationOutput> each = TRY(calibrate_each(recordings, request));
   std::vector<JointResult> estimates;
   bool judged = true;
   for (std::size_t k = 0; k < recordings.size(); ++k) {
-    CalibrationOutput& one = (*each)[k];
+    CalibrationOutput& one = each[k];
     output.notes.push_back(recordings[k].path + ":");
     for (const std::string& note : one.notes) output.notes.push_back("  " + note);
     judged = judged && one.fit->whiteness.level > 0.0;
@@ -65,7 +64,7 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   const std::string open = undetermined_parameters(several.unit);
   if (!open.empty() && !request.partial)
     return not_determined("these recordings do not determine " + open + ": expected the steps that do");
-  ParameterFile file = std::move(each->front().file);
+  ParameterFile file = std::move(each.front().file);
   file.further.clear();
   file.sigma = {};
   describe_estimate(several.unit, recordings.front().data, false, file);

@@ -23,7 +23,7 @@ Result<bool> sealed_recording(const UnitRun& unit) {
   if (!path_exists(partial_of(unit))) return false;
   const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(partial_of(unit));
   if (!source || !(*source)->damage().complete) return false;
-  if (Status status = rename_durably(partial_of(unit), recording_of(unit)); !status) return status.error();
+  TRY(rename_durably(partial_of(unit), recording_of(unit)));
   return true;
 }
 
@@ -34,16 +34,14 @@ Error damaged(const LoadedRecording& loaded) {
 
 // Every recording was synced whole before the first was finished: what is missing is the end mark.
 Status seal_like(const UnitRun& unit, const UnitRun& sealed) {
-  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(recording_of(sealed));
-  if (!source) return source.error();
-  Result<RecordingWriter> writer = RecordingWriter::reopen(partial_of(unit), RecordingWriter::OpenSegment::drop);
-  if (!writer) return writer.error();
-  if (writer->segments().size() != (*source)->segments().size()) {
-    return input_error(partial_of(unit) + ": holds " + std::to_string(writer->segments().size()) +
-                       " segments, expected " + std::to_string((*source)->segments().size()) + " as in " +
+  const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(recording_of(sealed)));
+  RecordingWriter writer = TRY(RecordingWriter::reopen(partial_of(unit), RecordingWriter::OpenSegment::drop));
+  if (writer.segments().size() != source->segments().size()) {
+    return input_error(partial_of(unit) + ": holds " + std::to_string(writer.segments().size()) +
+                       " segments, expected " + std::to_string(source->segments().size()) + " as in " +
                        recording_of(sealed));
   }
-  if (Status status = writer->finish(); !status) return status;
+  TRY(writer.finish());
   return rename_durably(partial_of(unit), recording_of(unit));
 }
 
@@ -53,9 +51,8 @@ Status check_parameters(const UnitRun& unit, const JournalContents& contents) {
   const std::string expected = results != nullptr ? value_of(*results, "parameters_hash") : "";
   if (expected.empty()) return {};
   const std::string path = unit.folder + "/" + parameters_name;
-  const Result<std::string> text = read_whole_file(path);
-  if (!text) return text.error();
-  const std::string found = hash_of_text(*text);
+  const std::string text = TRY(read_whole_file(path));
+  const std::string found = hash_of_text(text);
   if (found == expected) return {};
   return device_error(path + ": is not the file that this run made: expected hash " + expected + ", found " + found);
 }
@@ -141,16 +138,15 @@ Result<bool> sealed_recordings(const std::vector<UnitRun>& units) {
   std::vector<const UnitRun*> open;
   for (const UnitRun& unit : units) {
     if (unit.dropped) continue;
-    const Result<bool> is_sealed = sealed_recording(unit);
-    if (!is_sealed) return is_sealed.error();
-    if (*is_sealed)
+    const bool is_sealed = TRY(sealed_recording(unit));
+    if (is_sealed)
       sealed = &unit;
     else
       open.push_back(&unit);
   }
   if (!sealed) return false;
   for (const UnitRun* unit : open) {
-    if (Status status = seal_like(*unit, *sealed); !status) return status.error();
+    TRY(seal_like(*unit, *sealed));
   }
   return true;
 }
@@ -175,16 +171,15 @@ Status check_what_is_over(const std::vector<UnitRun>& units, const std::string& 
                           const JournalContents& contents) {
   for (std::size_t i = 0; i < units.size(); ++i) {
     if (units[i].dropped) continue;
-    if (Status status = check_parameters(units[i], contents); !status) return status;
+    TRY(check_parameters(units[i], contents));
     if (path_exists(partial_of(units[i]))) {
       return input_error(partial_of(units[i]) + ": expected no recording that goes on beside " + journal_name +
                          " of a run that is complete: one of them is of another run");
     }
     const std::string path = recording_of(units[i]);
     if (path_exists(path)) {
-      const Result<LoadedRecording> loaded = load_recording(path);
-      if (!loaded) return loaded.error();
-      if (Status status = check_sealed(*loaded, contents, i); !status) return status;
+      const LoadedRecording loaded = TRY(load_recording(path));
+      TRY(check_sealed(loaded, contents, i));
       continue;
     }
     const Result<std::string> log = read_whole_file(folder + "/" + log_name);
@@ -210,7 +205,7 @@ Status verify_recordings(std::vector<UnitRun>& units, const JournalContents& con
       return input_error(unit.folder + ": the recording is of unit " + info.unit_serial + " and " +
                          (info.simulated ? "simulated" : "real") + ", the journal is of another");
     }
-    if (Status status = check_sealed(*loaded, contents, i); !status) return status;
+    TRY(check_sealed(*loaded, contents, i));
     unit.counts.repeated_dwells = contents.last_dwell->repeated_dwells;
     unit.counts.lost_samples = contents.last_dwell->units[i].lost_samples;
     unit.counts.sessions = contents.sessions + 1;

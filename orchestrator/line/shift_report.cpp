@@ -71,23 +71,22 @@ std::vector<StationFigures> figures_of_stations(const std::vector<AttemptRecord>
 
 Result<ShiftReport> shift_report(const ResultsDatabase& database, const std::string& name, const RecordFilter& filter,
                                  bool simulated) {
-  if (Status status = check(filter); !status) return status.error();
-  if (Status status = database.check_known(filter); !status) return status.error();
+  TRY(check(filter));
+  TRY(database.check_known(filter));
   Result<std::vector<AttemptRecord>> all = database.attempts({}), chosen = database.attempts(filter);
   if (!all) return all.error();
   if (!chosen) return chosen.error();
-  Result<std::vector<StoredCalibration>> calibrations = database.list(filter, "");
-  if (!calibrations) return calibrations.error();
+  std::vector<StoredCalibration> calibrations = TRY(database.list(filter, ""));
   ShiftReport report;
   report.source = words_of(name, filter);
   report.simulated = simulated;
   const auto of_the_other_kind = [simulated](const auto& row) { return row.simulated != simulated; };
   std::erase_if(*all, of_the_other_kind);
   report.of_the_other_kind = std::erase_if(*chosen, of_the_other_kind);
-  std::erase_if(*calibrations, of_the_other_kind);
-  report.damaged = std::erase_if(*calibrations, [](const StoredCalibration& c) { return !c.defect.empty(); });
+  std::erase_if(calibrations, of_the_other_kind);
+  report.damaged = std::erase_if(calibrations, [](const StoredCalibration& c) { return !c.defect.empty(); });
   report.attempts = std::move(*chosen);
-  report.calibrations = std::move(*calibrations);
+  report.calibrations = std::move(calibrations);
   report.yield = line_yield(*all, ids_of(report.attempts));
   report.stations = figures_of_stations(*all, report.attempts);
   report.charts.push_back(charted("residual", report.attempts, [](const AttemptRecord& a) { return a.residual; }));

@@ -64,7 +64,7 @@ Status check(const RecordFilter& filter) {
                                        "interrupted", "failed",  outcome_running};
   for (int v = 0; v <= static_cast<int>(UnitVerdict::fail); ++v)
     verdicts.emplace_back(to_string(static_cast<UnitVerdict>(v)));
-  if (Status status = expect_one_of("verdict", filter.verdict, verdicts); !status) return status;
+  TRY(expect_one_of("verdict", filter.verdict, verdicts));
   if (!filter.to.empty() && filter.from.substr(0, filter.to.size()) > filter.to)
     return input_error("--from " + quoted(filter.from) + ": is after --to " + quoted(filter.to));
   return {};

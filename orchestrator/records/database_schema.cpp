@@ -97,18 +97,17 @@ Status make_tables(SqlConnection& database) {
 Status from_version_1(SqlConnection& database) {
   for (const std::string column : {"model", "diagnosis", "reason", "verification"}) {
     if (database.run("SELECT " + column + " FROM calibration LIMIT 0")) continue;
-    if (Status s = database.run("ALTER TABLE calibration ADD COLUMN " + column + " TEXT"); !s) return s;
+    TRY(database.run("ALTER TABLE calibration ADD COLUMN " + column + " TEXT"));
   }
-  if (Status s = database.run(attempts_of_version_2); !s) return s;
+  TRY(database.run(attempts_of_version_2));
   return database.run(attempts_of_version_1);
 }
 
 }  // namespace
 
 Result<int> version_of(SqlConnection& database) {
-  const Result<bool> versioned = database.has_table("schema_version");
-  if (!versioned) return versioned.error();
-  if (!*versioned) {
+  const bool versioned = TRY(database.has_table("schema_version"));
+  if (!versioned) {
     const Result<bool> any = database.has_table("calibration");
     return any ? Result<int>(*any ? 1 : 0) : Result<int>(any.error());
   }
@@ -121,17 +120,16 @@ Result<int> version_of(SqlConnection& database) {
 }
 
 Status migrate(SqlConnection& database) {
-  if (Status status = database.hold_schema(); !status) return status;
-  const Result<int> version = version_of(database);
-  if (!version) return version.error();
-  if (*version >= database_version) return {};
-  if (*version == 0) return make_tables(database);
-  if (*version == 3) return database.run(from_version_3);
-  if (*version == 1) {
-    if (Status status = from_version_1(database); !status) return status;
+  TRY(database.hold_schema());
+  const int version = TRY(version_of(database));
+  if (version >= database_version) return {};
+  if (version == 0) return make_tables(database);
+  if (version == 3) return database.run(from_version_3);
+  if (version == 1) {
+    TRY(from_version_1(database));
   }
-  if (Status status = database.run(set_aside); !status) return status;
-  if (Status status = make_tables(database); !status) return status;
+  TRY(database.run(set_aside));
+  TRY(make_tables(database));
   return database.run(taken_over);
 }
 

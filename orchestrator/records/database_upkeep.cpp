@@ -90,51 +90,47 @@ Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) 
   CopiedRows copied;
   std::map<std::int64_t, std::int64_t> number_there;
   for (std::int64_t last = 0; last < *last_calibration;) {
-    const Result<Page> page = page_of(from, calibration_columns, "calibration", last, *last_calibration);
-    if (!page) return page.error();
-    if (page->ids.empty()) break;
-    auto values = values_of_page(from, *page);
+    const Page page = TRY(page_of(from, calibration_columns, "calibration", last, *last_calibration));
+    if (page.ids.empty()) break;
+    auto values = values_of_page(from, page);
     if (!values) return values.error();
-    auto statistics = statistics_of_page(from, *page);
+    auto statistics = statistics_of_page(from, page);
     if (!statistics) return statistics.error();
     CopiedRows now;
     Status status = in_transaction(to, [&]() -> Status {
-      for (std::size_t i = 0; i < page->ids.size(); ++i) {
-        const Result<AddedRow> added =
-            add_calibration_row(to, page->rows[i], (*values)[page->ids[i]], (*statistics)[page->ids[i]]);
-        if (!added) return added.error();
-        number_there[page->ids[i]] = added->id;
-        now.calibrations += added->is_new;
+      for (std::size_t i = 0; i < page.ids.size(); ++i) {
+        const AddedRow added =
+            TRY(add_calibration_row(to, page.rows[i], (*values)[page.ids[i]], (*statistics)[page.ids[i]]));
+        number_there[page.ids[i]] = added.id;
+        now.calibrations += added.is_new;
       }
       return {};
     });
     if (!status) return status.error();
     copied.calibrations += now.calibrations;
-    last = page->ids.back();
+    last = page.ids.back();
   }
   for (std::int64_t last = 0; last < *last_attempt;) {
-    Result<Page> page = page_of(from, std::string("key, ") + attempt_columns, "attempt_note", last, *last_attempt);
-    if (!page) return page.error();
-    if (page->ids.empty()) break;
-    last = page->ids.back();
+    Page page = TRY(page_of(from, std::string("key, ") + attempt_columns, "attempt_note", last, *last_attempt));
+    if (page.ids.empty()) break;
+    last = page.ids.back();
     // A row that has taken the number of one that is gone may name a calibration that was not looked at: another time.
-    std::erase_if(page->rows, [&](const SqlRow& row) {
+    std::erase_if(page.rows, [&](const SqlRow& row) {
       return as_number(row.back()) && !number_there.contains(as_integer(row.back()));
     });
     CopiedRows now;
     Status status = in_transaction(to, [&]() -> Status {
-      for (const SqlRow& row : page->rows) {
+      for (const SqlRow& row : page.rows) {
         SqlRow there(row.begin() + 1, row.end());
         if (as_number(there.back())) there.back() = number_there[as_integer(there.back())];
-        const Result<bool> is_new = add_attempt_row(to, as_text(row.front()), there);
-        if (!is_new) return is_new.error();
-        now.attempts += *is_new;
+        const bool is_new = TRY(add_attempt_row(to, as_text(row.front()), there));
+        now.attempts += is_new;
       }
       return {};
     });
     if (status && moves)
       status = in_transaction(from, [&]() -> Status {
-        for (const SqlRow& row : page->rows)
+        for (const SqlRow& row : page.rows)
           if (Status s = from.run("DELETE FROM attempt_note WHERE key = $1", {row.front()}); !s) return s;
         return {};
       });
@@ -170,7 +166,7 @@ Status ResultsDatabase::check_pages() const {
 
 Status ResultsDatabase::check() const {
   if (connection_->sqlite()) {  // a server sees to that itself
-    if (Status status = check_pages(); !status) return status;
+    TRY(check_pages());
   }
   const Result<std::vector<StoredCalibration>> calibrations = list({}, "");
   if (!calibrations) return calibrations.error();
@@ -181,29 +177,27 @@ Status ResultsDatabase::check() const {
 }
 
 Result<ResultsDatabase> ResultsDatabase::in_memory(const std::string& name) {
-  Result<std::shared_ptr<SqlConnection>> connection = connect_to_memory(name);
-  if (!connection) return connection.error();
-  return ResultsDatabase(std::move(*connection));
+  std::shared_ptr<SqlConnection> connection = TRY(connect_to_memory(name));
+  return ResultsDatabase(std::move(connection));
 }
 
 Result<std::string> ResultsDatabase::image() const {
   const std::string& name = connection_->name();
   if (!connection_->sqlite()) {  // the rows of a server, as a file
-    Result<ResultsDatabase> copy = in_memory(name);
-    if (!copy) return copy.error();
-    if (Status status = copy->bring_up_to_date(true); !status) return status.error();
+    ResultsDatabase copy = TRY(in_memory(name));
+    TRY(copy.bring_up_to_date(true));
     const Status copied = in_transaction(*connection_, [&]() -> Status {  // of one moment
-      const Result<CopiedRows> rows = copy_to(*copy);
+      const Result<CopiedRows> rows = copy_to(copy);
       return rows ? Status{} : rows.error();
     });
-    return copied ? copy->image() : Result<std::string>(copied.error());
+    return copied ? copy.image() : Result<std::string>(copied.error());
   }
   sqlite3_int64 size = 0;
   // As one that is read: what is being written is waited for, as with any other statement.
   if (Status s = connection_->run("BEGIN; SELECT count(*) FROM sqlite_master"); !s) return s.error();
   const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
       sqlite3_serialize(connection_->sqlite(), "main", &size, 0), sqlite3_free);
-  if (Status status = connection_->run("COMMIT"); !status) return status.error();
+  TRY(connection_->run("COMMIT"));
   if (size == 0) return std::string();  // a file of no bytes is an empty database
   if (!bytes)
     return device_error(name + ": results database: there is no memory for its " + std::to_string(size) + " bytes");

@@ -66,12 +66,10 @@ JournalCommand read_move(KeyValueFile& file) {
 
 // Bytes at the end that are no record.
 Result<std::uint64_t> scan_file(const std::string& path, const std::function<Status(const Record&)>& take) {
-  Result<PosixFile> file = PosixFile::open_to_read(path);
-  if (!file) return file.error();
-  const Result<std::uint64_t> size = file->size();
-  if (!size) return size.error();
-  RecordScanner scanner(*file, *size, journal_magic);
-  if (Status status = scan_journal(*file, scanner, take); !status) return status.error();
+  PosixFile file = TRY(PosixFile::open_to_read(path));
+  const std::uint64_t size = TRY(file.size());
+  RecordScanner scanner(file, size, journal_magic);
+  TRY(scan_journal(file, scanner, take));
   return scanner.tail_bytes();
 }
 
@@ -109,30 +107,28 @@ Result<JournalContents> read_journal(const std::string& path) {
   JournalContents contents;
   std::size_t commands_kept = 0;
   const auto take = [&](const Record& record) -> Status {
-    Result<KeyValueFile> fields =
-        KeyValueFile::parse(text_of(record), path + ": record " + std::to_string(record.number));
-    if (!fields) return fields.error();
+    KeyValueFile fields = TRY(KeyValueFile::parse(text_of(record), path + ": record " + std::to_string(record.number)));
     const auto type = static_cast<JournalType>(record.type);
     if ((record.number == 0) != (type == JournalType::begin))
       return input_error(path + ": expected `begin` first, and once");
     switch (type) {
-      case JournalType::begin: contents.begin = fields_of(*fields); break;
-      case JournalType::home: contents.commands.push_back({fields->number("time_s"), std::nullopt}); break;
-      case JournalType::move: contents.commands.push_back(read_move(*fields)); break;
+      case JournalType::begin: contents.begin = fields_of(fields); break;
+      case JournalType::home: contents.commands.push_back({fields.number("time_s"), std::nullopt}); break;
+      case JournalType::move: contents.commands.push_back(read_move(fields)); break;
       case JournalType::dwell:
-        contents.last_dwell = read_dwell(*fields);
+        contents.last_dwell = read_dwell(fields);
         commands_kept = contents.commands.size();
         for (JournalContents::DroppedUnit& dropped : contents.dropped) dropped.after_last_dwell = false;
         break;
       case JournalType::seal:
-        contents.seal_utc_s = fields->number("utc_s");
+        contents.seal_utc_s = fields.number("utc_s");
         contents.hashes.assign(contents.units().size(), "");
         contents.clocks.assign(contents.units().size(), std::nullopt);
         for (std::size_t unit = 0; unit < contents.hashes.size(); ++unit) {
-          contents.hashes[unit] = fields->text_or(unit_prefix(unit) + "recording_hash", "");
-          if (!fields->has(unit_prefix(unit) + "clock_ppm")) continue;
-          contents.clocks[unit] = {fields->number(unit_prefix(unit) + "clock_ppm"),
-                                   fields->number(unit_prefix(unit) + "clock_uncertainty_ppm")};
+          contents.hashes[unit] = fields.text_or(unit_prefix(unit) + "recording_hash", "");
+          if (!fields.has(unit_prefix(unit) + "clock_ppm")) continue;
+          contents.clocks[unit] = {fields.number(unit_prefix(unit) + "clock_ppm"),
+                                   fields.number(unit_prefix(unit) + "clock_uncertainty_ppm")};
         }
         break;
       case JournalType::resume:  // what was commanded after the last completed dwell is taken back
@@ -140,22 +136,22 @@ Result<JournalContents> read_journal(const std::string& path) {
         std::erase_if(contents.dropped, [](const auto& dropped) { return dropped.after_last_dwell; });
         ++contents.sessions;
         contents.pause_asked = false;
-        if (fields->has("overdue_reason")) {  // given now: the table's calibration ran out meanwhile
+        if (fields.has("overdue_reason")) {  // given now: the table's calibration ran out meanwhile
           std::erase_if(contents.begin, [](const auto& field) { return field.first == "overdue_reason"; });
-          contents.begin.emplace_back("overdue_reason", unescaped_value(fields->text("overdue_reason")));
+          contents.begin.emplace_back("overdue_reason", unescaped_value(fields.text("overdue_reason")));
         }
         break;
-      case JournalType::verdict: contents.verdicts.push_back(fields_of(*fields)); break;
-      case JournalType::dropout: contents.dropped.push_back(read_dropout(*fields)); break;
-      case JournalType::estimate: contents.estimate = fields_of(*fields); break;  // found again from the samples
+      case JournalType::verdict: contents.verdicts.push_back(fields_of(fields)); break;
+      case JournalType::dropout: contents.dropped.push_back(read_dropout(fields)); break;
+      case JournalType::estimate: contents.estimate = fields_of(fields); break;  // found again from the samples
       case JournalType::transition:
-        contents.transition = fields_of(*fields);
+        contents.transition = fields_of(fields);
         contents.pause_asked |= value_of(contents.transition, "event") == to_string(RunEvent::pause_wanted);
         break;
-      case JournalType::results: contents.results.push_back(fields_of(*fields)); break;
+      case JournalType::results: contents.results.push_back(fields_of(fields)); break;
       case JournalType::clock: break;
     }
-    return fields->status();
+    return fields.status();
   };
   if (const Result<std::uint64_t> torn = scan_file(path, take); !torn) return torn.error();
   contents.commands.resize(commands_kept);
@@ -193,8 +189,7 @@ Result<DataTable> journal_as_table(const std::string& path) {
     }
     return {};
   };
-  const Result<std::uint64_t> torn = scan_file(path, take);
-  if (!torn) return torn.error();
+  TRY(scan_file(path, take));
   return table;
 }
 

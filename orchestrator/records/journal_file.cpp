@@ -24,9 +24,8 @@ void append_record(std::vector<std::byte>& out, JournalType type, std::uint32_t 
 Result<JournalFile> JournalFile::create(const std::string& path, const JournalFields& begin) {
   if (path_exists(path)) return input_error(path + ": there already is a journal");
   const std::string temporary = temporary_name(path);
-  Result<PosixFile> file = PosixFile::create_new(temporary);
-  if (!file) return file.error();
-  JournalFile journal(std::move(*file), 0);
+  PosixFile file = TRY(PosixFile::create_new(temporary));
+  JournalFile journal(std::move(file), 0);
   Status status = journal.file_.lock_exclusive();
   if (status) status = journal.append(JournalType::begin, begin);
   if (status) status = rename_durably(temporary, path);
@@ -39,21 +38,19 @@ Result<JournalFile> JournalFile::create(const std::string& path, const JournalFi
 }
 
 Result<JournalFile> JournalFile::reopen(const std::string& path) {
-  Result<PosixFile> file = PosixFile::open_to_change(path);
-  if (!file) return file.error();
-  if (Status status = file->lock_exclusive(); !status) return status.error();
-  const Result<std::uint64_t> size = file->size();
-  if (!size) return size.error();
-  RecordScanner scanner(*file, *size, journal_magic);
-  if (Status status = scan_journal(*file, scanner, [](const Record&) { return Status{}; }); !status)
+  PosixFile file = TRY(PosixFile::open_to_change(path));
+  TRY(file.lock_exclusive());
+  const std::uint64_t size = TRY(file.size());
+  RecordScanner scanner(file, size, journal_magic);
+  if (Status status = scan_journal(file, scanner, [](const Record&) { return Status{}; }); !status)
     return status.error();
-  if (scanner.good_end() < *size) {
-    if (Status status = file->truncate(scanner.good_end()); !status) return status.error();
-    if (Status status = file->sync(); !status) return status.error();
+  if (scanner.good_end() < size) {
+    TRY(file.truncate(scanner.good_end()));
+    TRY(file.sync());
   }
-  if (Status status = file->seek(scanner.good_end()); !status) return status.error();
+  TRY(file.seek(scanner.good_end()));
   const std::uint32_t next_number = scanner.next_number();
-  return JournalFile(std::move(*file), next_number);
+  return JournalFile(std::move(file), next_number);
 }
 
 Status JournalFile::append(JournalType type, const JournalFields& fields) {

@@ -56,10 +56,9 @@ std::string unit_prefix(std::size_t unit) { return unit == 0 ? "" : "unit." + st
 Status scan_journal(const PosixFile& file, RecordScanner& scanner, const std::function<Status(const Record&)>& take) {
   Record record;
   for (;;) {
-    const Result<bool> more = scanner.next(record);
-    if (!more) return more.error();
-    if (!*more) break;
-    if (Status status = take(record); !status) return status;
+    const bool more = TRY(scanner.next(record));
+    if (!more) break;
+    TRY(take(record));
   }
   if (scanner.records_dropped() > 0) {
     return input_error(file.path() + ": " + std::to_string(scanner.records_dropped()) +

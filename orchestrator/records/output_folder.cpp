@@ -31,7 +31,7 @@ Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<
   OutputFolder folder(path, std::move(names));
   // Whoever fails meanwhile takes the folder away that we found: then it is made once more.
   for (int race = 0;; ++race) {
-    if (Status status = folder.make_missing(); !status) return status.error();
+    TRY(folder.make_missing());
     Result<LockFile> lock = hold_folder(path);
     if (!lock && race < most_races && !path_exists(path)) continue;
     if (!lock) {
@@ -59,12 +59,10 @@ Result<OutputFolder> OutputFolder::prepare_results(const std::string& path, cons
       return input_error("--out " + path + ": holds a run (" + name + "): expected another folder");
   const std::string file = folder->file(parameters_name);
   if (!path_exists(file)) return folder;
-  const Result<std::string> text = read_whole_file(file);
-  if (!text) return text.error();
-  const Result<ParameterFile> earlier = parse_parameter_file(*text, file);
-  if (!earlier) return earlier.error();
-  if (earlier->unit_serial == unit) return folder;
-  return input_error(file + ": is of unit '" + earlier->unit_serial + "', not of '" + unit +
+  const std::string text = TRY(read_whole_file(file));
+  const ParameterFile earlier = TRY(parse_parameter_file(text, file));
+  if (earlier.unit_serial == unit) return folder;
+  return input_error(file + ": is of unit '" + earlier.unit_serial + "', not of '" + unit +
                      "': expected another folder");
 }
 
@@ -80,7 +78,7 @@ Status OutputFolder::make_missing() {
     if (error) return storage_error(p.string(), "cannot make this folder", error.value());
     if (created) created_.push_back(p.string());
     // A folder that a power loss takes away would take all that is in it.
-    if (Status status = sync_folder(folder_of(p.string())); !status) return status;
+    TRY(sync_folder(folder_of(p.string())));
   }
   return {};
 }

@@ -62,40 +62,34 @@ Error no_version(const std::string& what, const std::string& store, const std::s
 }  // namespace
 
 Status put_in_use(const std::string& store, const ParameterFile& file) {
-  const Result<std::string> text = format_parameter_file(file);
-  if (!text) return text.error();
+  const std::string text = TRY(format_parameter_file(file));
   const std::string folder = unit_folder(store, file.unit_serial, file.simulated);
-  if (Status status = make_folder(folder + "/versions"); !status) return status;
-  const Result<LockFile> lock = LockFile::acquire(folder + "/.lock", LockFile::change_s);
-  if (!lock) return lock.error();
+  TRY(make_folder(folder + "/versions"));
+  const LockFile lock = TRY(LockFile::acquire(folder + "/.lock", LockFile::change_s));
   for (const std::string& changed : {folder, folder_of(folder), store}) {
-    if (Status status = sync_folder(changed); !status) return status;
+    TRY(sync_folder(changed));
   }
   const std::vector<int> numbers = version_numbers(folder);
   const int newest = numbers.empty() ? 0 : numbers.back();
-  const Result<std::string> old = newest > 0 ? read_whole_file(version_path(folder, newest)) : Result<std::string>("");
-  if (!old) return old.error();
-  if (*old != *text) {
-    if (Status status = write_file_atomically(version_path(folder, newest + 1), *text); !status) return status;
+  const std::string old = TRY(newest > 0 ? read_whole_file(version_path(folder, newest)) : Result<std::string>(""));
+  if (old != text) {
+    TRY(write_file_atomically(version_path(folder, newest + 1), text));
   }
-  return write_file_atomically(folder + "/" + in_use_name, *text);
+  return write_file_atomically(folder + "/" + in_use_name, text);
 }
 
 Status restore_version(const std::string& store, const std::string& unit, int version, bool simulated) {
   const std::string folder = unit_folder(store, unit, simulated);
   const std::string path = version_path(folder, version);
   if (!path_exists(path)) return no_version(path, store, unit, simulated);
-  const Result<LockFile> lock = LockFile::acquire(folder + "/.lock", LockFile::change_s);
-  if (!lock) return lock.error();
-  const Result<ParameterFile> file = read_parameter_file(path);
-  if (!file) return file.error();
-  if (file->unit_serial != unit || file->simulated != simulated) {
-    return input_error(path + ": is of unit '" + file->unit_serial + "'" + (file->simulated ? " and simulated" : "") +
+  const LockFile lock = TRY(LockFile::acquire(folder + "/.lock", LockFile::change_s));
+  const ParameterFile file = TRY(read_parameter_file(path));
+  if (file.unit_serial != unit || file.simulated != simulated) {
+    return input_error(path + ": is of unit '" + file.unit_serial + "'" + (file.simulated ? " and simulated" : "") +
                        ": expected unit '" + unit + "'");
   }
-  const Result<std::string> text = read_whole_file(path);
-  if (!text) return text.error();
-  return write_file_atomically(folder + "/" + in_use_name, *text);
+  const std::string text = TRY(read_whole_file(path));
+  return write_file_atomically(folder + "/" + in_use_name, text);
 }
 
 Result<std::vector<StoredVersion>> stored_versions(const std::string& store, const std::string& unit, bool simulated) {

@@ -128,7 +128,7 @@ class PostgresConnection : public SqlConnection {
     PQsetSingleRowMode(handle_);  // the memory of one row
     Status status;
     while (true) {
-      if (Status came = answer(sql); !came) return came;
+      TRY(answer(sql));
       const std::unique_ptr<PGresult, void (*)(PGresult*)> result(PQgetResult(handle_), PQclear);
       if (!result) return status;
       const ExecStatusType code = PQresultStatus(result.get());
@@ -197,9 +197,9 @@ class PostgresConnection : public SqlConnection {
 
 Result<std::shared_ptr<SqlConnection>> connect_to_server(const std::string& name, bool writes,
                                                          const SqlPatience& patience) {
-  if (Status status = check_database_name(name); !status) return status.error();
+  TRY(check_database_name(name));
   const auto connection = std::make_shared<PostgresConnection>(name, patience);
-  if (Status status = connection->open(); !status) return status.error();
+  TRY(connection->open());
   if (!writes) {
     const char* const sees_one_moment =
         "SET SESSION CHARACTERISTICS AS TRANSACTION READ ONLY, ISOLATION LEVEL REPEATABLE READ";

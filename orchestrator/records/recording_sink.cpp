@@ -6,9 +6,8 @@
 namespace turncal {
 
 Status RecordingSink::start(const RecordingInfo& info) {
-  Result<RecordingWriter> writer = RecordingWriter::create(folder_ + "/" + partial_recording_name, info);
-  if (!writer) return writer.error();
-  writer_.emplace(std::move(*writer));
+  RecordingWriter writer = TRY(RecordingWriter::create(folder_ + "/" + partial_recording_name, info));
+  writer_.emplace(std::move(writer));
   return {};
 }
 
@@ -25,29 +24,27 @@ bool same(const RecordingInfo& a, const RecordingInfo& b) {
 
 Status RecordingSink::resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) {
   const std::string path = folder_ + "/" + partial_recording_name;
-  Result<RecordingWriter> writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop, end_sample);
-  if (!writer) return writer.error();
-  if (writer->segments().empty() || writer->segments().back().end_sample != end_sample) {
+  RecordingWriter writer = TRY(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop, end_sample));
+  if (writer.segments().empty() || writer.segments().back().end_sample != end_sample) {
     return input_error(path + ": holds no segment that ends at sample " + std::to_string(end_sample) +
                        ", where the journal says the last dwell was complete");
   }
-  const Result<std::unique_ptr<RecordingSource>> kept = RecordingSource::open(path);
-  if (!kept) return kept.error();
-  if ((*kept)->damage().lost_data()) {
-    return device_error(path + ": the recording is damaged: " + describe((*kept)->damage()) +
+  const std::unique_ptr<RecordingSource> kept = TRY(RecordingSource::open(path));
+  if (kept->damage().lost_data()) {
+    return device_error(path + ": the recording is damaged: " + describe(kept->damage()) +
                         ": expected all of what was synced");
   }
-  if (!same(writer->info(), info)) {
-    const bool kind = writer->info().simulated != info.simulated;
+  if (!same(writer.info(), info)) {
+    const bool kind = writer.info().simulated != info.simulated;
     return input_error(path +
                        (kind ? std::string(": simulated and real data cannot be one recording")
                              : ": was made with another unit, site or kind of samples than this station has now"));
   }
-  if (written && writer->hash() != *written) {
+  if (written && writer.hash() != *written) {
     return input_error(path + ": is not what this run had recorded by sample " + std::to_string(end_sample) +
                        ": expected the recording that the journal speaks of");
   }
-  writer_.emplace(std::move(*writer));
+  writer_.emplace(std::move(writer));
   return {};
 }
 
@@ -57,12 +54,12 @@ std::optional<std::uint32_t> RecordingSink::written() const {
 }
 
 Status RecordingSink::sync() {
-  if (Status status = writer_->sync(); !status) return status;
+  TRY(writer_->sync());
   return writer_->check_kept();
 }
 
 Status RecordingSink::finish() {
-  if (Status status = writer_->finish(); !status) return status;
+  TRY(writer_->finish());
   writer_.reset();
   return rename_durably(folder_ + "/" + partial_recording_name, path());
 }

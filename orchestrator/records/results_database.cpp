@@ -65,21 +65,19 @@ std::string defect_of(const StoredCalibration& row, const std::string& text, con
 }  // namespace
 
 Status ResultsDatabase::check_version() const {
-  const Result<int> version = version_of(*connection_);
-  if (!version) return version.error();
-  if (*version <= database_version) return {};
-  return input_error(connection_->name() + ": results database: its schema has version " + std::to_string(*version) +
+  const int version = TRY(version_of(*connection_));
+  if (version <= database_version) return {};
+  return input_error(connection_->name() + ": results database: its schema has version " + std::to_string(version) +
                      ", expected at most " + std::to_string(database_version) + ": a newer turncal made it");
 }
 
 // An older one becomes the newest, whole or not at all; of stations that do so at once the second finds it done.
 Status ResultsDatabase::bring_up_to_date(bool keep) const {
-  if (Status status = check_version(); !status) return status;
-  const Result<int> version = version_of(*connection_);
-  if (!version) return version.error();
-  if (keep && *version == database_version) return {};
+  TRY(check_version());
+  const int version = TRY(version_of(*connection_));
+  if (keep && version == database_version) return {};
   if (keep) return in_transaction(*connection_, [this] { return migrate(*connection_); });
-  if (Status status = connection_->begin(); !status) return status;
+  TRY(connection_->begin());
   const Status status = migrate(*connection_);
   const Status undone = connection_->run("ROLLBACK");
   return status ? undone : status;
@@ -88,14 +86,13 @@ Status ResultsDatabase::bring_up_to_date(bool keep) const {
 Result<ResultsDatabase> ResultsDatabase::open(const std::string& name, const SqlPatience& patience) {
   const bool server = names_a_server(name);
   if (!server) {
-    if (Status status = make_folder(folder_of(name)); !status) return status.error();
+    TRY(make_folder(folder_of(name)));
   }
-  Result<std::shared_ptr<SqlConnection>> connection =
-      server ? connect_to_server(name, true, patience)
-             : connect_to_file(name, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, patience);
-  if (!connection) return connection.error();
-  ResultsDatabase database(std::move(*connection));
-  if (Status status = database.bring_up_to_date(true); !status) return status.error();
+  std::shared_ptr<SqlConnection> connection =
+      TRY(server ? connect_to_server(name, true, patience)
+                 : connect_to_file(name, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, patience));
+  ResultsDatabase database(std::move(connection));
+  TRY(database.bring_up_to_date(true));
   if (!server) {
     if (Status s = database.connection_->run("PRAGMA synchronous = EXTRA; PRAGMA foreign_keys = ON"); !s)
       return s.error();
@@ -106,7 +103,7 @@ Result<ResultsDatabase> ResultsDatabase::open(const std::string& name, const Sql
 Status ResultsDatabase::check_writable(const std::string& path) {
   // The folder too when the file is there: its journal is made beside it.
   if (Status status = check_folder_writable(folder_of(path)); !status || !path_exists(path)) return status;
-  if (Status status = check_regular_file(path); !status) return status;
+  TRY(check_regular_file(path));
   Result<std::shared_ptr<SqlConnection>> connection = connect_to_file(path, SQLITE_OPEN_READWRITE, {.wait_s = 2.0});
   if (!connection) return connection.error();
   return ResultsDatabase(std::move(*connection)).bring_up_to_date(false);
@@ -116,34 +113,30 @@ Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, c
   const bool server = names_a_server(name);
   if (!server && !path_exists(name)) return input_error(name + ": there is no such results database");
   if (Status status = server ? Status{} : check_regular_file(name); !status) return status.error();
-  Result<std::shared_ptr<SqlConnection>> connection =
-      server ? connect_to_server(name, false, patience) : connect_to_file(name, SQLITE_OPEN_READONLY, patience);
-  if (!connection) return connection.error();
-  ResultsDatabase database(std::move(*connection));
-  if (Status status = database.check_version(); !status) return status.error();
-  const Result<int> version = version_of(*database.connection_);
-  if (!version) return version.error();
-  database.stored_version_ = *version;
-  if (*version == database_version) return database;
+  std::shared_ptr<SqlConnection> connection =
+      TRY(server ? connect_to_server(name, false, patience) : connect_to_file(name, SQLITE_OPEN_READONLY, patience));
+  ResultsDatabase database(std::move(connection));
+  TRY(database.check_version());
+  const int version = TRY(version_of(*database.connection_));
+  database.stored_version_ = version;
+  if (version == database_version) return database;
   if (server)
     return input_error(name + ": results database: " +
-                       (*version == 0
+                       (version == 0
                             ? "holds no tables: expected one that a station or `turncal database roles` has written to"
                             : "its schema is older: `turncal database roles`, by its owner, brings it up to date"));
   // Reading changes nothing: an older one is brought up to date in memory.
-  const Result<std::string> image = database.image();
-  if (!image) return image.error();
-  Result<ResultsDatabase> copy = of_image(*image, name);
+  const std::string image = TRY(database.image());
+  Result<ResultsDatabase> copy = of_image(image, name);
   if (!copy) return copy;
   copy->stored_version_ = database.stored_version_;
-  if (Status status = copy->bring_up_to_date(true); !status) return status.error();
+  TRY(copy->bring_up_to_date(true));
   return copy;
 }
 
 Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verdict, AttemptRecord attempt,
                             const SqlBytes& statistics) {
-  const Result<std::string> text = format_parameter_file(file);
-  if (!text) return text.error();
+  const std::string text = TRY(format_parameter_file(file));
   SqlRow row = {file.unit_serial,
                 file.time_utc,
                 file.method,
@@ -154,12 +147,12 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
                 verdict.rule,
                 std::int64_t{attempt.sessions},
                 attempt.folder,
-                *text,
+                text,
                 file.model,
                 verdict.diagnosis,
                 verdict.reason,
                 verdict.verification,
-                hash_of_text(*text)};
+                hash_of_text(text)};
   for (const char* column : record_columns) row.emplace_back(record_value(file, column));
   std::vector<SqlRow> values;
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
@@ -173,9 +166,8 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
                       is_judged ? std::string(to_string(judged->verdict)) : ""});
   }
   return in_transaction(*connection_, [&]() -> Status {
-    const Result<AddedRow> added = add_calibration_row(*connection_, row, values, statistics);
-    if (!added) return added.error();
-    attempt.calibration = added->id;
+    const AddedRow added = TRY(add_calibration_row(*connection_, row, values, statistics));
+    attempt.calibration = added.id;
     return note(attempt);
   });
 }

@@ -31,7 +31,7 @@ Error SqlConnection::failure(ErrorKind kind, const std::string& sql, const std::
 }
 
 Status in_transaction(SqlConnection& connection, const std::function<Status()>& job) {
-  if (Status status = connection.begin(); !status) return status;
+  TRY(connection.begin());
   Status status = job();
   if (status) status = connection.run("COMMIT");
   if (!status) {

@@ -42,17 +42,15 @@ Result<std::vector<AttemptRecord>> recorded_attempts(const StationConfig& statio
                                                      std::string& trouble) {
   std::vector<AttemptRecord> all;
   const auto take = [&](const std::string& name) -> Status {
-    const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(name, short_patience);
-    if (!database) return database.error();
-    const Result<std::vector<AttemptRecord>> some = database->attempts(filter);
-    if (!some) return some.error();
-    all.insert(all.end(), some->begin(), some->end());
+    const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(name, short_patience));
+    const std::vector<AttemptRecord> some = TRY(database.attempts(filter));
+    all.insert(all.end(), some.begin(), some.end());
     return {};
   };
   trouble.clear();
   const std::string file = records_file(station);
   if (!file.empty() && path_exists(file)) {
-    if (Status status = take(file); !status) return status.error();
+    TRY(take(file));
   }
   if (!names_a_server(station.database)) return all;
   // What waits here is newer than what the server has of this station, and says that the server was away a moment ago.

@@ -38,15 +38,14 @@ bool holds(const std::vector<std::string>& list, const std::string& unit) {
 }  // namespace
 
 Result<std::vector<std::string>> read_queue(const std::string& path) {
-  const Result<std::string> text = read_whole_file(path);
-  if (!text) return text.error();
+  const std::string text = TRY(read_whole_file(path));
   std::vector<std::string> units;
-  std::string_view remaining = *text;
+  std::string_view remaining = text;
   for (int line = 1; !remaining.empty(); ++line) {
     const std::string unit = serial_in(next_line(remaining));
     if (unit.empty()) continue;
     const std::string where = path + ":" + std::to_string(line) + ": ";
-    if (Status status = check_serial(unit, path + ":" + std::to_string(line) + ":"); !status) return status.error();
+    TRY(check_serial(unit, path + ":" + std::to_string(line) + ":"));
     if (unit.find(" = ") != std::string::npos)
       return input_error(where + turncal::quoted(unit) +
                          ": expected a serial number, found the key and value of another file");
@@ -60,9 +59,8 @@ Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path) {
   std::vector<UnitOutcome> outcomes;
   const std::string state = state_path(path);
   if (!path_exists(state)) return outcomes;
-  const Result<std::string> text = read_whole_file(state);
-  if (!text) return text.error();
-  std::string_view remaining = *text;
+  const std::string text = TRY(read_whole_file(state));
+  std::string_view remaining = text;
   for (int number = 1; !remaining.empty(); ++number) {
     std::string line(next_line(remaining)), reason;
     if (const std::size_t mark = line.find(" # "); mark != std::string::npos) {
@@ -100,21 +98,17 @@ Result<LockFile> hold_queue(const std::string& path) { return LockFile::acquire(
 std::string mounting_file(const std::string& path) { return path + ".mounting"; }
 
 Status record_outcome(const std::string& path, const UnitOutcome& outcome) {
-  const Result<LockFile> lock = LockFile::acquire(path + ".lock", LockFile::change_s);
-  if (!lock) return lock.error();
-  Result<std::vector<UnitOutcome>> outcomes = read_outcomes(path);
-  if (!outcomes) return outcomes.error();
-  std::erase_if(*outcomes, [&](const UnitOutcome& o) { return o.unit == outcome.unit; });
-  outcomes->push_back(outcome);
-  std::replace(outcomes->back().reason.begin(), outcomes->back().reason.end(), '\n', ' ');
-  return write_outcomes(path, *outcomes);
+  const LockFile lock = TRY(LockFile::acquire(path + ".lock", LockFile::change_s));
+  std::vector<UnitOutcome> outcomes = TRY(read_outcomes(path));
+  std::erase_if(outcomes, [&](const UnitOutcome& o) { return o.unit == outcome.unit; });
+  outcomes.push_back(outcome);
+  std::replace(outcomes.back().reason.begin(), outcomes.back().reason.end(), '\n', ' ');
+  return write_outcomes(path, outcomes);
 }
 
 Status change_queue(const std::string& path, const QueueChange& change) {
-  const Result<LockFile> lock = LockFile::acquire(path + ".lock", LockFile::change_s);
-  if (!lock) return lock.error();
-  const Result<std::string> old = path_exists(path) ? read_whole_file(path) : Result<std::string>("");
-  if (!old) return old.error();
+  const LockFile lock = TRY(LockFile::acquire(path + ".lock", LockFile::change_s));
+  const std::string old = TRY(path_exists(path) ? read_whole_file(path) : Result<std::string>(""));
   const Result<std::vector<std::string>> units =
       path_exists(path) ? read_queue(path) : Result<std::vector<std::string>>(std::vector<std::string>{});
   if (!units) return units.error();
@@ -122,7 +116,7 @@ Status change_queue(const std::string& path, const QueueChange& change) {
     if (!holds(*units, unit)) return input_error(path + ": holds no unit '" + unit + "'");
   }
   std::string text;
-  std::string_view remaining = *old;
+  std::string_view remaining = old;
   while (!remaining.empty()) {
     const std::string_view line = next_line(remaining);
     const std::string unit = serial_in(line);
@@ -133,21 +127,20 @@ Status change_queue(const std::string& path, const QueueChange& change) {
     const bool twice = holds({change.add.begin(), change.add.begin() + static_cast<std::ptrdiff_t>(i)}, unit);
     if (twice || (holds(*units, unit) && !holds(change.remove, unit)))
       return input_error(path + ": holds unit '" + unit + "' already");
-    if (Status status = check_serial(unit, "--add"); !status) return status;
+    TRY(check_serial(unit, "--add"));
     text += unit + "\n";
   }
   if (!change.again.empty()) {
-    Result<std::vector<UnitOutcome>> outcomes = read_outcomes(path);
-    if (!outcomes) return outcomes.error();
+    std::vector<UnitOutcome> outcomes = TRY(read_outcomes(path));
     for (const std::string& unit : change.again) {
-      if (!find_outcome(*outcomes, unit)) return input_error(path + ": unit '" + unit + "' has no outcome yet");
-      for (UnitOutcome& outcome : *outcomes) {
+      if (!find_outcome(outcomes, unit)) return input_error(path + ": unit '" + unit + "' has no outcome yet");
+      for (UnitOutcome& outcome : outcomes) {
         if (outcome.unit == unit) outcome.outcome = again_outcome;
       }
     }
-    if (Status status = write_outcomes(path, *outcomes); !status) return status;
+    TRY(write_outcomes(path, outcomes));
   }
-  if (text == *old) return {};
+  if (text == old) return {};
   return write_file_atomically(path, text);
 }
 

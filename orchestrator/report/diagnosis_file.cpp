@@ -283,9 +283,8 @@ DiagnosisFiles diagnosis_files(const Diagnosis& diagnosis, const DiagnosisContex
 }
 
 Status write_diagnosis(const std::string& folder, const DiagnosisFiles& files) {
-  const Result<std::string> parameters =
-      files.parameters ? format_parameter_file(*files.parameters) : Result<std::string>(std::string());
-  if (!parameters) return parameters.error();
+  const std::string parameters =
+      TRY(files.parameters ? format_parameter_file(*files.parameters) : Result<std::string>(std::string()));
   // What this diagnosis does not have must not stay from an earlier one.
   const auto write = [&folder](const char* name, const std::string& text) -> Status {
     const std::string file = folder + "/" + name;
@@ -294,9 +293,9 @@ Status write_diagnosis(const std::string& folder, const DiagnosisFiles& files) {
     std::filesystem::remove(file, error);
     return error ? Status(device_error(file + ": cannot remove: " + error.message())) : Status();
   };
-  if (Status s = write(report_name, files.report.html); !s) return s;
-  if (Status s = write(diagnosis_name, files.conf); !s) return s;
-  return write(parameters_name, *parameters);
+  TRY(write(report_name, files.report.html));
+  TRY(write(diagnosis_name, files.conf));
+  return write(parameters_name, parameters);
 }
 
 }  // namespace turncal

@@ -163,9 +163,8 @@ Result<std::string> draw_navigation(const NavigationReport& report, const Gnuplo
   figure.panel_width = 480;  // so that a telephone shows it in letters that can be read
   figure.panel_height = 220;
   figure.panels = {north, east, distance};
-  Result<std::vector<std::string>> drawn = run_gnuplot(draw(figure).script, 1, options);
-  if (!drawn) return drawn.error();
-  return "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" + drawn->front() + "\n";
+  std::vector<std::string> drawn = TRY(run_gnuplot(draw(figure).script, 1, options));
+  return "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" + drawn.front() + "\n";
 }
 
 // A turn with a tenth of g is off the straight line between two rows by 3 m.

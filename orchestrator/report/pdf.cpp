@@ -62,7 +62,7 @@ Result<std::string> write_pdf(const std::string& html, const std::string& path) 
                                                html);
   if (!pdf) return device_error(path + ": " + pdf.error().message);
   if (!pdf->output.starts_with("%PDF-")) return device_error(path + ": weasyprint made no PDF");
-  if (Status status = write_file_atomically(path, pdf->output); !status) return status.error();
+  TRY(write_file_atomically(path, pdf->output));
   return without_font(html);
 }
 

@@ -123,13 +123,10 @@ std::string format_verification(const VerificationReport& report) {
 }
 
 Result<VerificationReport> read_verification(const std::string& path) {
-  const Result<std::string> text = read_whole_file(path);
-  if (!text) return text.error();
-  const Result<std::string_view> above = without_checksum(*text, path);
-  if (!above) return above.error();
-  Result<KeyValueFile> parsed = KeyValueFile::parse(*above, path);
-  if (!parsed) return parsed.error();
-  KeyValueFile& conf = *parsed;
+  const std::string text = TRY(read_whole_file(path));
+  const std::string_view above = TRY(without_checksum(text, path));
+  KeyValueFile parsed = TRY(KeyValueFile::parse(above, path));
+  KeyValueFile& conf = parsed;
   VerificationReport report;
   conf.integer("format", 1, 1);
   report.info.unit_serial = conf.text("unit_serial");
@@ -190,7 +187,7 @@ Result<VerificationReport> read_verification(const std::string& path) {
     if (!word) conf.reject(key, "a verdict");
     *verdict = word.value_or(UnitVerdict::fail);
   }
-  if (Status status = conf.check_all_used(); !status) return status.error();
+  TRY(conf.check_all_used());
   return report;
 }
 

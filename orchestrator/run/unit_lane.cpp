@@ -49,12 +49,11 @@ UnitLane::Write UnitLane::stored(Write write) const {
 }
 
 Result<std::string> UnitLane::connect(const StationConfig& station, bool table_simulated, const Clock& clock) {
-  if (Status status = unit_.imu.open(); !status) return status.error();
+  TRY(unit_.imu.open());
   open_ = true;
-  const Result<ImuIdentity> imu = unit_.imu.identify();
-  if (!imu) return imu.error();
-  if (!imu->unit_serial.empty() && imu->unit_serial != unit_.serial) {
-    return input_error("the unit on the table says it is '" + imu->unit_serial + "', but this run is for '" +
+  const ImuIdentity imu = TRY(unit_.imu.identify());
+  if (!imu.unit_serial.empty() && imu.unit_serial != unit_.serial) {
+    return input_error("the unit on the table says it is '" + imu.unit_serial + "', but this run is for '" +
                        unit_.serial + "'");
   }
   unit_.imu.describe(info_);
@@ -67,7 +66,7 @@ Result<std::string> UnitLane::connect(const StationConfig& station, bool table_s
   spikes_.emplace(info_);
   felt_.emplace(info_);
   last_sample_s_ = clock.now_s();
-  return imu->description;
+  return imu.description;
 }
 
 UnitLane::Write UnitLane::begin_recording(bool resumed) const {

@@ -32,10 +32,9 @@ Result<std::map<std::string, std::string>> read_operators(const std::string& pat
   struct stat facts {};
   if (::stat(path.c_str(), &facts) == 0 && (facts.st_mode & (S_IROTH | S_IWOTH | S_IWGRP)) != 0)
     return input_error(path + ": others can read or change it: expected mode 0600 or 0640");
-  const Result<std::string> text = read_whole_file(path, most_bytes);
-  if (!text) return text.error();
+  const std::string text = TRY(read_whole_file(path, most_bytes));
   std::map<std::string, std::string> hashes;
-  std::string_view remaining = *text;
+  std::string_view remaining = text;
   for (int number = 1; !remaining.empty(); ++number) {
     const std::string_view line = trimmed(next_line(remaining));
     if (line.empty() || line.front() == '#') continue;

@@ -16,9 +16,8 @@ constexpr double looked_back_s = 86400.0;
 constexpr SqlPatience patience{.wait_s = 2.0, .all_s = 5.0};
 
 Result<std::vector<AttemptRecord>> newest_attempts(const std::string& database, double now_utc_s) {
-  const Result<ResultsDatabase> open = ResultsDatabase::open_to_read(database, patience);
-  if (!open) return open.error();
-  return open->attempts({.from = format_utc(now_utc_s - looked_back_s)});
+  const ResultsDatabase open = TRY(ResultsDatabase::open_to_read(database, patience));
+  return open.attempts({.from = format_utc(now_utc_s - looked_back_s)});
 }
 
 }  // namespace

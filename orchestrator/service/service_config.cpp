@@ -9,27 +9,26 @@
 namespace turncal {
 
 Result<ServiceConfig> read_service_config(const std::string& path) {
-  Result<KeyValueFile> file = KeyValueFile::read(path);
-  if (!file) return file.error();
+  KeyValueFile file = TRY(KeyValueFile::read(path));
   const auto beside = [&path](const std::string& name) {
     return name.empty() || name.front() == '/' ? name : folder_of(path) + "/" + name;
   };
   ServiceConfig config;
-  for (int number = 1; number == 1 || file->has("station." + std::to_string(number)); ++number) {
+  for (int number = 1; number == 1 || file.has("station." + std::to_string(number)); ++number) {
     const std::string key = "station." + std::to_string(number);
-    ServedStation station{.name = file->text(key),
-                          .queue = beside(file->text(key + ".queue")),
-                          .runs = beside(file->text(key + ".runs")),
-                          .mounted = beside(file->text_or(key + ".mounted", ""))};
+    ServedStation station{.name = file.text(key),
+                          .queue = beside(file.text(key + ".queue")),
+                          .runs = beside(file.text(key + ".runs")),
+                          .mounted = beside(file.text_or(key + ".mounted", ""))};
     const auto same = [&station](const ServedStation& other) { return other.name == station.name; };
-    if (std::any_of(config.stations.begin(), config.stations.end(), same)) file->reject(key, "a name of its own");
+    if (std::any_of(config.stations.begin(), config.stations.end(), same)) file.reject(key, "a name of its own");
     config.stations.push_back(std::move(station));
   }
-  config.password_file = beside(file->text_or("serve.password_file", ""));
-  config.database = file->text_or("serve.database", "");
+  config.password_file = beside(file.text_or("serve.password_file", ""));
+  config.database = file.text_or("serve.database", "");
   if (!names_a_server(config.database)) config.database = beside(config.database);
-  if (Status status = file->check_all_used(); !status) return status.error();
-  if (Status status = check_database_name(config.database); !status) return status.error();
+  TRY(file.check_all_used());
+  TRY(check_database_name(config.database));
   return config;
 }
 

@@ -146,8 +146,7 @@ bool ServicePage::loopback() const { return state_->server->loopback(); }
 Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& address, const ServiceConfig& config,
                                                        std::function<double()> now_utc_s) {
   const bool acts = !config.password_file.empty();
-  if (acts)
-    if (Status status = check_operators(config.password_file); !status) return status.error();
+  if (acts) TRY(check_operators(config.password_file));
   std::unique_ptr<ServicePage> page(new ServicePage);
   State& state = *page->state_;
   state.config = config;

@@ -61,7 +61,7 @@ Status check(const ServedStation& station, const StationAction& wanted, const St
     return running(view) ? Status() : Status(input_error("station '" + station.name + "': no run is going on"));
   if (!is("add") && !is("remove") && !is("again") && !is("mounted"))
     return input_error("action " + quoted(wanted.action) + ": expected add, remove, again, mounted, pause or stop");
-  if (Status status = check_serial(wanted.unit, "unit"); !status) return status;
+  TRY(check_serial(wanted.unit, "unit"));
   if (!is("mounted")) return {};
   if (station.mounted.empty())
     return input_error("station '" + station.name + "': the page has no station.N.mounted, and cannot tell the batch");
@@ -76,8 +76,8 @@ Status check(const ServedStation& station, const StationAction& wanted, const St
 Result<std::string> act(const ServedStation& station, const StationAction& wanted, const std::string& operator_name,
                         double now_utc_s) {
   const StationView view = look_at(station, now_utc_s);
-  if (Status status = check(station, wanted, view); !status) return status.error();
-  if (Status status = write_down(station, wanted, operator_name, now_utc_s); !status) return status.error();
+  TRY(check(station, wanted, view));
+  TRY(write_down(station, wanted, operator_name, now_utc_s));
   Status done;
   std::string said;
   if (wanted.action == "pause" || wanted.action == "stop") {
@@ -97,7 +97,7 @@ Result<std::string> act(const ServedStation& station, const StationAction& wante
   // What was written down was not done.
   StationAction failed = wanted;
   failed.action = "not done: " + wanted.action;
-  if (Status status = write_down(station, failed, operator_name, now_utc_s); !status) return status.error();
+  TRY(write_down(station, failed, operator_name, now_utc_s));
   return done.error();
 }
 

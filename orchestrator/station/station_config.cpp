@@ -65,9 +65,8 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
     table.driver = TableDriver::modbus;
     const std::string path = file.text("table.map");
     if (path.empty()) return {};
-    Result<RegisterMap> map = read_register_map(beside(file, path));
-    if (!map) return map.error();
-    table.map = std::move(*map);
+    RegisterMap map = TRY(read_register_map(beside(file, path)));
+    table.map = std::move(map);
     if (!address.empty()) table.map->link.address = address;
     check_address(file, "table.map", table.map->link.address, table.map->link.tcp);
     table.map->simulated = table.simulated;
@@ -76,9 +75,8 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   table.driver = TableDriver::serial;
   const std::string path = file.text("table.dialect");
   if (path.empty()) return {};
-  Result<Dialect> dialect = read_dialect(beside(file, path));
-  if (!dialect) return dialect.error();
-  table.dialect = std::move(*dialect);
+  Dialect dialect = TRY(read_dialect(beside(file, path)));
+  table.dialect = std::move(dialect);
   if (!address.empty()) table.dialect->link.address = address;
   check_address(file, "table.dialect", table.dialect->link.address, table.dialect->link.tcp);
   table.dialect->simulated = table.simulated;
@@ -256,10 +254,9 @@ Result<StationConfig> station_from(KeyValueFile& file) {
     return status.error();
   }
   if (file.one_of("imu.driver", {"rig", "serial"}) == "serial") {
-    Result<SerialImuConfig> imu = read_serial_imu_config(file);
-    if (!imu) return imu.error();
+    SerialImuConfig imu = TRY(read_serial_imu_config(file));
     station.imu_driver = ImuDriver::serial;
-    station.imu = std::move(*imu);
+    station.imu = std::move(imu);
     read_further_places(file, station);
   }
   keys.number("clock.speed_up", station.clock_speed_up, between(0.01, 1000.0));

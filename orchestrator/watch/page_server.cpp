@@ -311,14 +311,13 @@ bool PageServer::loopback() const { return state_->loopback; }
 
 Result<std::unique_ptr<PageServer>> PageServer::open(const std::string& address, Pages pages, PageLimits limits,
                                                      Posts posts) {
-  const Result<PageAddress> at = parse_page_address(address);
-  if (!at) return at.error();
+  const PageAddress at = TRY(parse_page_address(address));
   std::unique_ptr<PageServer> server(new PageServer);
   State& state = *server->state_;
   state.pages = std::move(pages);
   state.posts = std::move(posts);
   state.limits = limits;
-  if (Status status = state.listen(address, *at); !status) return status.error();
+  TRY(state.listen(address, at));
   // Signals belong to the thread that moves the table: they cut its waits short.
   sigset_t all, before;
   sigfillset(&all);

@@ -44,20 +44,17 @@ std::string format_dropout(const Dropout& dropout) {
 }
 
 Result<RunLog> RunLog::create(const std::string& path, std::string tag) {
-  Result<PosixFile> file = PosixFile::create_new(path);
-  if (!file) return file.error();
-  return RunLog(std::move(*file), std::move(tag));
+  PosixFile file = TRY(PosixFile::create_new(path));
+  return RunLog(std::move(file), std::move(tag));
 }
 
 Result<RunLog> RunLog::append(const std::string& path, std::string tag) {
   if (!path_exists(path)) return create(path, std::move(tag));
-  Result<PosixFile> file = PosixFile::open_to_change(path);
-  if (!file) return file.error();
-  const Result<std::uint64_t> size = file->size();
-  if (!size) return size.error();
-  if (Status status = file->seek(*size); !status) return status.error();
-  RunLog log(std::move(*file), std::move(tag));
-  if (*size > 0) log.status_ = log.file_.write_all(std::string_view("\n"));  // the last line may be torn
+  PosixFile file = TRY(PosixFile::open_to_change(path));
+  const std::uint64_t size = TRY(file.size());
+  TRY(file.seek(size));
+  RunLog log(std::move(file), std::move(tag));
+  if (size > 0) log.status_ = log.file_.write_all(std::string_view("\n"));  // the last line may be torn
   return log;
 }
 

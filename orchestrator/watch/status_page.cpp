@@ -72,9 +72,8 @@ Result<std::unique_ptr<StatusPage>> StatusPage::open(const std::string& address,
     ++state.polls;
     return text;
   };
-  Result<std::unique_ptr<PageServer>> server = PageServer::open(address, pages);
-  if (!server) return server.error();
-  state.server = std::move(*server);
+  std::unique_ptr<PageServer> server = TRY(PageServer::open(address, pages));
+  state.server = std::move(server);
   return page;
 }
 

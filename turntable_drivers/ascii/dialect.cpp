@@ -244,9 +244,9 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
   }
   if (file.has("error.texts")) dialect.errors = file.list("error.texts");
   read_status(file, dialect.status);
-  if (Status status = file.check_all_used(); !status) return status.error();
+  TRY(file.check_all_used());
   check_dialect(file, dialect);
-  if (Status status = file.status(); !status) return status.error();
+  TRY(file.status());
   if (const auto clash = sentence_clash(dialect)) return file.error_at(clash->key, clash->expected);
   return dialect;
 }
@@ -270,15 +270,13 @@ bool DialectStatus::reports(DriveBit bit) const {
 }
 
 Result<Dialect> read_dialect(const std::string& path) {
-  Result<KeyValueFile> file = KeyValueFile::read(path);
-  if (!file) return file.error();
-  return dialect_from(*file);
+  KeyValueFile file = TRY(KeyValueFile::read(path));
+  return dialect_from(file);
 }
 
 Result<Dialect> parse_dialect(const std::string& text, const std::string& file_name) {
-  Result<KeyValueFile> file = KeyValueFile::parse(text, file_name);
-  if (!file) return file.error();
-  return dialect_from(*file);
+  KeyValueFile file = TRY(KeyValueFile::parse(text, file_name));
+  return dialect_from(file);
 }
 
 std::string caution_of(const Dialect& dialect) {

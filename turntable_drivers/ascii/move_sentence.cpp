@@ -86,7 +86,7 @@ Status check_sentences(const Dialect& dialect, Axis axis, const Moves& moves) {
 }
 
 Status check_move(const Dialect& dialect, Axis axis, const Moves& moves, double tolerance_deg) {
-  if (Status status = check_sentences(dialect, axis, moves); !status) return status;
+  TRY(check_sentences(dialect, axis, moves));
   const double scale = dialect.of(axis).units_per_degree;
   for (const Exchange& exchange : dialect.of(DialectOperation::move).exchanges) {
     for (const std::string& name : exchange.send.names()) {

@@ -23,24 +23,21 @@ Result<SerialTurntable::Reading> SerialTurntable::read_once(Axis axis) {
   Reading reading;
   bool status_read = false;
   for (const Exchange& exchange : dialect_.of(DialectOperation::status).exchanges) {
-    const Result<Values> values = talk(exchange, axis, moves_);
-    if (!values) return values.error();
+    const Values values = TRY(talk(exchange, axis, moves_));
     const auto answered = [&](const std::string& name) {
-      return values->count(name) != 0 || values->count(name + suffix) != 0;
+      return values.count(name) != 0 || values.count(name + suffix) != 0;
     };
     if (answered("position")) {
-      const Result<double> value = number(axis, *values, "position");
-      if (!value) return value.error();
-      position_deg = scale.sign * *value / scale.units_per_degree + scale.zero_deg;
+      const double value = TRY(number(axis, values, "position"));
+      position_deg = scale.sign * value / scale.units_per_degree + scale.zero_deg;
     }
     if (answered("rate")) {
-      const Result<double> value = number(axis, *values, "rate");
-      if (!value) return value.error();
-      reading.rate_degps = scale.sign * *value / scale.measured_rate_scale;
+      const double value = TRY(number(axis, values, "rate"));
+      reading.rate_degps = scale.sign * value / scale.measured_rate_scale;
     }
     if (answered("status")) {
-      const auto place = values->find("status");
-      reading.flags = flags_of(dialect_.status, place != values->end() ? place->second : values->at("status" + suffix));
+      const auto place = values.find("status");
+      reading.flags = flags_of(dialect_.status, place != values.end() ? place->second : values.at("status" + suffix));
       status_read = true;
     }
   }
@@ -73,17 +70,16 @@ Result<SerialTurntable::Reading> SerialTurntable::read(Axis axis, bool believed_
 }
 
 Result<AxisStatus> SerialTurntable::status(Axis axis) {
-  if (Status status = connected(); !status) return status.error();
-  const Result<Reading> reading = read(axis, true);
-  if (!reading) return reading.error();
+  TRY(connected());
+  const Reading reading = TRY(read(axis, true));
   AxisMemory& memory = memory_[index(axis)];
   const double now_s = clock_.now_s();
-  memory.note(reading->position_deg, now_s);
-  const DialectFlags& flags = reading->flags;
+  memory.note(reading.position_deg, now_s);
+  const DialectFlags& flags = reading.flags;
   AxisStatus report;
-  report.position_deg = reading->position_deg;
-  report.rate_degps = reading->rate_degps.value_or(memory.rate_degps);
-  report.rate_told = reading->rate_degps.has_value();
+  report.position_deg = reading.position_deg;
+  report.rate_degps = reading.rate_degps.value_or(memory.rate_degps);
+  report.rate_told = reading.rate_degps.has_value();
   report.in_position = flags[DriveBit::in_position].value_or(false);
   report.moving =
       flags[DriveBit::moving].value_or(!(std::abs(report.rate_degps) <= dialect_.moving_rate_degps)) || !flags.known;
@@ -106,17 +102,16 @@ Result<AxisStatus> SerialTurntable::status(Axis axis) {
   report.raw = flags.raw;
   report.time_s = now_s;
   if (!flags.known) report.text = "unknown status";
-  if (Status status = go_on(axis, report); !status) return status.error();
+  TRY(go_on(axis, report));
   return report;
 }
 
 Status SerialTurntable::commission(const AxisTriple& known_deg, double tolerance_deg) {
-  if (Status status = connected(); !status) return status;
+  TRY(connected());
   for (const Axis axis : all_axes) {
-    const Result<Reading> reading = read(axis, false);
-    if (!reading) return reading.error();
+    const Reading reading = TRY(read(axis, false));
     const DialectAxis& scale = dialect_.of(axis);
-    double read_deg = reading->position_deg;
+    double read_deg = reading.position_deg;
     if (scale.modulo_deg > 0.0) read_deg = unwrapped_deg(read_deg, known_deg[axis], scale.modulo_deg);
     if (std::abs(read_deg - known_deg[axis]) <= tolerance_deg) {
       if (std::abs(2.0 * (known_deg[axis] - scale.zero_deg)) <= 2.0 * tolerance_deg) {
@@ -126,8 +121,8 @@ Status SerialTurntable::commission(const AxisTriple& known_deg, double tolerance
       }
       continue;
     }
-    const double other_deg = 2.0 * scale.zero_deg - reading->position_deg;
-    return input_error(axis_error(axis, "reads " + degrees(reading->position_deg) + ", stands at " +
+    const double other_deg = 2.0 * scale.zero_deg - reading.position_deg;
+    return input_error(axis_error(axis, "reads " + degrees(reading.position_deg) + ", stands at " +
                                             degrees(known_deg[axis]) +
                                             (std::abs(other_deg - known_deg[axis]) <= tolerance_deg
                                                  ? ": expected sign = " + std::to_string(-scale.sign)

@@ -53,7 +53,7 @@ Status SerialTurntable::carry_out(DialectOperation operation, Axis axis, const M
 
 Status SerialTurntable::carry_out_for_all(DialectOperation operation) {
   for (const Axis axis : all_axes) {
-    if (Status status = carry_out(operation, axis, moves_); !status) return status;
+    TRY(carry_out(operation, axis, moves_));
     if (!dialect_.of(operation).each_axis) break;
   }
   return {};
@@ -67,7 +67,7 @@ Status SerialTurntable::connect() {
   enable_called_ = false;
   memory_ = {};
   way_ = {};
-  if (Status status = line_.open(); !status) return status;
+  TRY(line_.open());
   Status status = carry_out_for_all(DialectOperation::prepare);
   for (const Axis axis : all_axes) {
     if (!status) break;
@@ -87,35 +87,34 @@ Status SerialTurntable::connect() {
 }
 
 Result<TableIdentity> SerialTurntable::identify() {
-  if (Status status = connected(); !status) return status.error();
+  TRY(connected());
   std::string description = dialect_.name + " at " + dialect_.link.address;
   for (const Exchange& exchange : dialect_.of(DialectOperation::identify).exchanges) {
-    const Result<std::string> answer =
-        line_.exchange(filled(dialect_, exchange.send, Axis::heading, moves_), lines_of(exchange));
-    if (!answer) return answer.error();
-    description += ", " + visible(*answer);
+    const std::string answer =
+        TRY(line_.exchange(filled(dialect_, exchange.send, Axis::heading, moves_), lines_of(exchange)));
+    description += ", " + visible(answer);
   }
   return TableIdentity{description + (dialect_.verified_on_hardware ? "" : ", dialect not verified on hardware"),
                        dialect_.simulated};
 }
 
 Status SerialTurntable::enable() {
-  if (Status status = connected(); !status) return status;
-  if (Status status = commissioned(); !status) return status;
+  TRY(connected());
+  TRY(commissioned());
   for (const Axis axis : all_axes) {
-    if (Status status = may_enable(axis); !status) return status;
+    TRY(may_enable(axis));
   }
   commanded_off_ = false;
   commanded_on_ = true;
   for (AxisMemory& memory : memory_) memory.drive_on.reset();
-  if (Status status = carry_out_for_all(DialectOperation::enable); !status) return status;
+  TRY(carry_out_for_all(DialectOperation::enable));
   enable_called_ = true;
   return {};
 }
 
 Status SerialTurntable::home() {
-  if (Status status = connected(); !status) return status;
-  if (Status status = commissioned(); !status) return status;
+  TRY(connected());
+  TRY(commissioned());
   for (const Axis axis : all_axes)
     if (const Result<AxisStatus> now = ready(axis); !now) return now.error();
   way_ = {};
@@ -130,9 +129,8 @@ Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rat
   // A table that takes all three angles at once must not go on with a motion that was stopped.
   if (targets_void_) {
     for (const Axis other : all_axes) {
-      const Result<AxisStatus> there = other == axis ? now : status(other);
-      if (!there) return there.error();
-      moves_[index(other)].position_deg = there->position_deg;
+      const AxisStatus there = TRY(other == axis ? now : status(other));
+      moves_[index(other)].position_deg = there.position_deg;
     }
     targets_void_ = false;
   }
@@ -152,7 +150,7 @@ Status SerialTurntable::send_leg(Axis axis, double from_deg) {
   MoveNumbers leg = *way;
   if (legs > 1.0) leg.position_deg = from_deg + left_deg / legs;
   leg.distance_deg = leg.position_deg - from_deg;
-  if (Status status = send_move(axis, leg); !status) return status;
+  TRY(send_move(axis, leg));
   if (legs > 1.0) way_[index(axis)] = way;
   return {};
 }
@@ -195,7 +193,7 @@ Status SerialTurntable::halt(bool off) {
   stop_.handled();
   if (!line_.is_open()) {
     enable_called_ = false;
-    if (Status status = line_.open(); !status) return status;
+    TRY(line_.open());
     lost_ = false;
   }
   // Sentence by sentence, each to every axis: what follows the first of one axis must not keep it from the next.
@@ -223,7 +221,7 @@ Status SerialTurntable::halt(bool off) {
 }
 
 Status SerialTurntable::clear_fault() {
-  if (Status status = connected(); !status) return status;
+  TRY(connected());
   return carry_out_for_all(DialectOperation::clear_fault);
 }
 

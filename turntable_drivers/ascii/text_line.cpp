@@ -50,15 +50,13 @@ Status TextLine::open() {
   stale_ = false;
   if (!link_.tcp) {
     if (link_.address.empty()) return input_error("link.address: expected a serial device");
-    Result<SerialPort> port = SerialPort::open(link_.serial);
-    if (!port) return port.error();
-    port_ = std::move(*port);
+    SerialPort port = TRY(SerialPort::open(link_.serial));
+    port_ = std::move(port);
     descriptor_ = port_.descriptor();
     return {};
   }
-  const Result<int> socket = connect_tcp(link_.address, link_.reply_timeout_s, stop_.giving_up());
-  if (!socket) return socket.error();
-  descriptor_ = *socket;
+  const int socket = TRY(connect_tcp(link_.address, link_.reply_timeout_s, stop_.giving_up()));
+  descriptor_ = socket;
   return {};
 }
 
@@ -95,7 +93,7 @@ Status TextLine::drain() {
     if (limit.passed()) return hang_up("the line does not fall silent");
     stop_.look_away();
     bool any = false;
-    if (Status status = receive_some(slice_s, any); !status) return status;
+    TRY(receive_some(slice_s, any));
     if (any) quiet_since_s = monotonic_s();
     buffer_.clear();
   }
@@ -141,7 +139,7 @@ Result<std::string> TextLine::read_until(const std::string& end, const Deadline&
     }
     if (!at_once) stop_.look_away();
     bool any = false;
-    if (Status status = receive_some(std::min(slice_s, deadline.left_s()), any); !status) return status.error();
+    TRY(receive_some(std::min(slice_s, deadline.left_s()), any));
   }
 }
 
@@ -170,9 +168,8 @@ Result<std::string> TextLine::bodies_of(const std::string& frames, int lines) {
   for (bool more = !remaining.empty() || lines > 0; more;) {
     const std::size_t end = remaining.find(link_.terminator_in);
     more = end != std::string::npos;
-    const Result<std::string> body = body_of(remaining.substr(0, end));
-    if (!body) return body.error();
-    bodies += (count++ > 0 ? "\n" : "") + *body;
+    const std::string body = TRY(body_of(remaining.substr(0, end)));
+    bodies += (count++ > 0 ? "\n" : "") + body;
     if (more) remaining.erase(0, end + link_.terminator_in.size());
   }
   if (count == lines || (lines == 0 && count == 1)) return bodies;  // what was not asked for is for the caller to judge
@@ -184,40 +181,37 @@ Result<std::string> TextLine::exchange(const std::string& body, int lines) {
   if (!is_open()) return failure("not open");
   if (stop_.pending()) return given_up();
   bool any = false;
-  if (Status status = receive_some(0.0, any); !status) return status.error();
+  TRY(receive_some(0.0, any));
   if (stale_) {
-    if (Status status = drain(); !status) return status.error();
+    TRY(drain());
   }
   buffer_.clear();
   if (!stop_.pause(last_sent_s_ + link_.gap_s - monotonic_s())) return given_up();
-  if (Status status = write(body); !status) return status.error();
+  TRY(write(body));
   const Deadline deadline(link_.reply_timeout_s);  // for all that comes
   if (link_.echo) {
-    const Result<std::string> echo = read_until(link_.echo_terminator, deadline, false);
-    if (!echo) return echo.error();
-    if (!echo->ends_with(frame_of(link_, body))) {
+    const std::string echo = TRY(read_until(link_.echo_terminator, deadline, false));
+    if (!echo.ends_with(frame_of(link_, body))) {
       stale_ = true;
-      return failure("echo '" + visible(*echo) + "': expected '" + visible(frame_of(link_, body)) + "'");
+      return failure("echo '" + visible(echo) + "': expected '" + visible(frame_of(link_, body)) + "'");
     }
   }
   Result<std::string> result = std::string();
   std::string said;
   if (!link_.prompt.empty()) {
-    const Result<std::string> frames = read_until(link_.prompt, deadline, false);
-    if (!frames) return frames.error();
-    said = *frames;
-    result = bodies_of(*frames, lines);
+    const std::string frames = TRY(read_until(link_.prompt, deadline, false));
+    said = frames;
+    result = bodies_of(frames, lines);
   } else {
     for (int i = 0; i < lines && result; ++i) {
-      const Result<std::string> frame = read_until(link_.terminator_in, deadline, false);
-      if (!frame) return frame.error();
-      said += *frame;
-      const Result<std::string> line = body_of(*frame);
+      const std::string frame = TRY(read_until(link_.terminator_in, deadline, false));
+      said += frame;
+      const Result<std::string> line = body_of(frame);
       result = line ? Result<std::string>(*result + (i > 0 ? "\n" : "") + *line) : line;
     }
     if (lines == 0) return result;
   }
-  if (Status status = receive_some(0.0, any); !status) return status.error();
+  TRY(receive_some(0.0, any));
   if (result && !buffer_.empty()) {
     stale_ = true;
     return failure("answer '" + visible(said) + "': more after it: '" + visible(buffer_) + "'");
@@ -229,7 +223,7 @@ Result<std::string> TextLine::exchange(const std::string& body, int lines) {
 Status TextLine::send_at_once(const std::string& body, const std::optional<SentenceTemplate>& expect,
                               double timeout_s) {
   if (!is_open()) return failure("not open");
-  if (Status status = write(body); !status) return status;
+  TRY(write(body));
   if (!expect) {
     stale_ = true;  // the answer to what was interrupted may still come
     return {};
@@ -239,9 +233,8 @@ Status TextLine::send_at_once(const std::string& body, const std::optional<Sente
   Error last = failure("no answer");
   stale_ = true;
   do {
-    Result<std::string> frame = read_until(end, deadline, true);
-    if (!frame) return frame.error();
-    const Result<std::string> text = body_of(*frame);
+    std::string frame = TRY(read_until(end, deadline, true));
+    const Result<std::string> text = body_of(frame);
     if (text && expect->match(*text)) return {};
     last = text ? failure("answer '" + visible(*text) + "': expected '" + visible(expect->text()) + "'") : text.error();
   } while (!deadline.passed());

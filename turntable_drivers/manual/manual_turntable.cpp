@@ -78,18 +78,18 @@ Status ManualTurntable::connect() {
 }
 
 Result<TableIdentity> ManualTurntable::identify() {
-  if (Status status = usable(); !status) return status.error();
+  TRY(usable());
   return TableIdentity{"table turned by hand", rehearsed_.has_value()};
 }
 
 Status ManualTurntable::enable() {
-  if (Status status = usable(); !status) return status;
+  TRY(usable());
   enabled_ = true;
   return {};
 }
 
 Status ManualTurntable::home() {
-  if (Status status = usable(); !status) return status;
+  TRY(usable());
   if (end_) return *end_;
   if (!enabled_) return device_error("manual table: home: not enabled");
   if (!queue_.empty()) return device_error("manual table: home: a move is under way");
@@ -103,7 +103,7 @@ Status ManualTurntable::home() {
 }
 
 Status ManualTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
-  if (Status status = usable(); !status) return status;
+  TRY(usable());
   if (end_) return *end_;
   const auto refused = [&](const std::string& what) {
     return device_error(std::string("manual table: ") + to_string(axis) + ": " + what);
@@ -150,7 +150,7 @@ Status ManualTurntable::abort_all() {
 Status ManualTurntable::clear_fault() { return usable(); }
 
 Result<AxisStatus> ManualTurntable::status(Axis axis) {
-  if (Status status = usable(); !status) return status.error();
+  TRY(usable());
   const Hand& hand = hands_[index(axis)];
   AxisStatus report;
   report.position_deg = hand.position_deg;

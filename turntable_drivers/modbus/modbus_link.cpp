@@ -85,14 +85,13 @@ Status ModbusLink::open() {
   const std::string& address = settings_.address;
   const auto failure = [&](const std::string& why) { return device_error(address + ": " + why); };
   if (settings_.tcp) {
-    const Result<int> socket = connect_tcp(address, settings_.response_timeout_s, stop_.giving_up());
-    if (!socket) return socket.error();
+    const int socket = TRY(connect_tcp(address, settings_.response_timeout_s, stop_.giving_up()));
     // A context for a device that is never opened: the socket takes its place.
     context_ = settings_.rtu_frames ? modbus_new_rtu("/dev/null", 9600, 'N', 8, 1) : modbus_new_tcp(nullptr, 0);
     if (context_ != nullptr) {
-      modbus_set_socket(context_, *socket);
+      modbus_set_socket(context_, socket);
     } else {
-      ::close(*socket);
+      ::close(socket);
     }
   } else {
     if (address.empty()) return input_error("link.address: expected a serial device");

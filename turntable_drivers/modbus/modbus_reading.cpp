@@ -32,8 +32,7 @@ Result<std::vector<std::uint16_t>> ModbusTurntable::read_block(Axis axis) {
     block.insert(block.end(), registers.begin(), registers.begin() + count);
     return {};
   };
-  if (Status status = append(map_.status_address, map_.status_count, map_.status_of_table); !status)
-    return status.error();
+  TRY(append(map_.status_address, map_.status_count, map_.status_of_table));
   if (Status status = append(map_.status2_address, map_.status2_count, map_.status2_of_table); !status) {
     return status.error();
   }
@@ -128,35 +127,33 @@ Status ModbusTurntable::beat() {
 }
 
 Result<AxisStatus> ModbusTurntable::status(Axis axis) {
-  if (Status status = connected(); !status) return status.error();
+  TRY(connected());
   // A heartbeat that was not acknowledged is due again; the reading says whether the drive is there.
   const Status heartbeat = beat();
   double seen_deg = 0.0;
   for (int i = 0; i <= map_.link.read_retries; ++i) {
-    const Result<std::vector<std::uint16_t>> block = read_block(axis);
-    if (!block) return block.error();
-    if (const std::optional<double> position_deg = believed_position(axis, *block)) {
+    const std::vector<std::uint16_t> block = TRY(read_block(axis));
+    if (const std::optional<double> position_deg = believed_position(axis, block)) {
       if (!heartbeat && heartbeat.error().kind == ErrorKind::input) return heartbeat.error();
-      return status_from(axis, *block, *position_deg, clock_.now_s());
+      return status_from(axis, block, *position_deg, clock_.now_s());
     }
-    seen_deg = angle_of(map_.of(axis), raw_counts(axis, *block, map_.layout));
+    seen_deg = angle_of(map_.of(axis), raw_counts(axis, block, map_.layout));
   }
   return not_believed(axis, seen_deg);
 }
 
 Status ModbusTurntable::commission(const AxisTriple& known_deg, double tolerance_deg) {
   if (!connected_) {
-    if (Status status = open_drives(false); !status) return status;
+    TRY(open_drives(false));
   }
   for (const Axis axis : all_axes) {
-    const Result<std::vector<std::uint16_t>> block = read_block(axis);
-    if (!block) return block.error();
+    const std::vector<std::uint16_t> block = TRY(read_block(axis));
     const MapAxis& scale = map_.of(axis);
     // How far the reading is from the known angle if words, bytes and sign were like this.
     const auto fits = [&](WordLayout layout, int sign) {
       MapAxis other = scale;
       other.sign = sign;
-      double angle_deg = angle_of(other, raw_counts(axis, *block, layout));
+      double angle_deg = angle_of(other, raw_counts(axis, block, layout));
       if (scale.modulo_deg > 0.0 && std::isfinite(angle_deg)) {
         angle_deg = unwrapped_deg(angle_deg, known_deg[axis], scale.modulo_deg);
       }
@@ -178,7 +175,7 @@ Status ModbusTurntable::commission(const AxisTriple& known_deg, double tolerance
       }
     }
     if (!fits(map_.layout, scale.sign)) {
-      return input_error(axis_error(axis, "reads " + degrees(angle_of(scale, raw_counts(axis, *block, map_.layout))) +
+      return input_error(axis_error(axis, "reads " + degrees(angle_of(scale, raw_counts(axis, block, map_.layout))) +
                                               ", stands at " + degrees(known_deg[axis]) +
                                               (others.empty() ? ": expected other counts_per_degree or zero_deg"
                                                               : ": expected " + others))

@@ -18,7 +18,7 @@ ModbusTurntable::ModbusTurntable(RegisterMap map, const Clock& clock, const std:
     : DescribedTurntable(map, clock, stop_requests), map_(std::move(map)), link_(map_.link, stop_) {}
 
 Status ModbusTurntable::connect() {
-  if (Status status = open_drives(true); !status) return status;
+  TRY(open_drives(true));
   connected_ = was_connected_ = true;
   return {};
 }
@@ -27,7 +27,7 @@ Status ModbusTurntable::open_drives(bool judge_positions) {
   connected_ = false;
   enable_called_ = false;
   memory_ = {};
-  if (Status status = link_.open(); !status) return status;
+  TRY(link_.open());
   for (const Axis axis : all_axes) {
     Status prepared;
     if (is_due(DriveOperation::setup, axis)) prepared = write_list(axis, DriveOperation::setup, {});
@@ -54,7 +54,7 @@ Status ModbusTurntable::open_drives(bool judge_positions) {
 }
 
 Result<TableIdentity> ModbusTurntable::identify() {
-  if (Status status = connected(); !status) return status.error();
+  TRY(connected());
   return TableIdentity{
       map_.name + " at " + map_.link.address + (map_.verified_on_hardware ? "" : ", map not verified on hardware"),
       map_.simulated};
@@ -87,9 +87,9 @@ Status ModbusTurntable::write_list(Axis axis, DriveOperation operation, const Mo
 }
 
 Status ModbusTurntable::enable() {
-  if (Status status = commissioned(); !status) return status;
+  TRY(commissioned());
   for (const Axis axis : all_axes) {
-    if (Status status = may_enable(axis); !status) return status;
+    TRY(may_enable(axis));
     if (map_.once(DriveOperation::enable) && axis != Axis::roll) continue;  // all three were looked at
     commanded_off_ = false;
     memory_[index(axis)].drive_on.reset();
@@ -115,8 +115,7 @@ Status ModbusTurntable::home() {
 }
 
 Status ModbusTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
-  const Result<AxisStatus> now = ready_to_move(axis, position_deg, rate_degps, acceleration_degps2);
-  if (!now) return now.error();
+  const AxisStatus now = TRY(ready_to_move(axis, position_deg, rate_degps, acceleration_degps2));
   memory_[index(axis)].arrived_seen = false;
   Moves moves = moves_;
   for (const Axis other : all_axes) {
@@ -125,11 +124,10 @@ Status ModbusTurntable::move_absolute(Axis axis, double position_deg, double rat
     kept.distance_deg = 0.0;
     if (!targets_void_) continue;
     // A table that takes all three angles at once must not go on with a motion that was stopped.
-    const Result<AxisStatus> there = status(other);
-    if (!there) return there.error();
-    kept = {there->position_deg, 0.0, rate_degps, acceleration_degps2};
+    const AxisStatus there = TRY(status(other));
+    kept = {there.position_deg, 0.0, rate_degps, acceleration_degps2};
   }
-  moves[index(axis)] = {position_deg, position_deg - now->position_deg, rate_degps, acceleration_degps2};
+  moves[index(axis)] = {position_deg, position_deg - now.position_deg, rate_degps, acceleration_degps2};
   const Status written = write_list(axis, DriveOperation::move, moves);
   if (written) {
     moves_ = moves;
@@ -144,7 +142,7 @@ Status ModbusTurntable::halt(bool off) {
   stop_.handled();
   if (!link_.is_open()) {
     enable_called_ = false;  // whoever comes back finds it not ready
-    if (Status status = link_.open(); !status) return status;
+    TRY(link_.open());
   }
   targets_void_ = true;
   const bool one = !map_.once(off ? DriveOperation::abort : DriveOperation::stop);
@@ -196,8 +194,7 @@ Status ModbusTurntable::halt(bool off) {
 
 Status ModbusTurntable::clear_fault() {
   for (const Axis axis : all_axes) {
-    const Result<AxisStatus> now = status(axis);
-    if (!now) return now.error();
+    const AxisStatus now = TRY(status(axis));
     if (!is_due(DriveOperation::clear_fault, axis)) continue;
     if (Status status = write_list(axis, DriveOperation::clear_fault, {}); !status) return status;
   }

@@ -279,12 +279,12 @@ Result<RegisterMap> map_from(KeyValueFile& file) {
       file.text("bit.homed.address");  // the defect: it is missing
   }
   // A misspelt key first: it would show up as another that is missing.
-  if (Status status = file.check_all_used(); !status) return status.error();
+  TRY(file.check_all_used());
   check_map(file, map);
-  if (Status status = file.status(); !status) return status.error();
+  TRY(file.status());
   if (const std::optional<WriteClash> clash = write_clash(map)) {
     file.reject(clash->key, clash->expected);
-    if (Status status = file.check_all_used(); !status) return status.error();
+    TRY(file.check_all_used());
   }
   return map;
 }
@@ -305,15 +305,13 @@ const char* to_string(DriveOperation operation) {
 }
 
 Result<RegisterMap> read_register_map(const std::string& path) {
-  Result<KeyValueFile> file = KeyValueFile::read(path);
-  if (!file) return file.error();
-  return map_from(*file);
+  KeyValueFile file = TRY(KeyValueFile::read(path));
+  return map_from(file);
 }
 
 Result<RegisterMap> parse_register_map(const std::string& text, const std::string& file_name) {
-  Result<KeyValueFile> file = KeyValueFile::parse(text, file_name);
-  if (!file) return file.error();
-  return map_from(*file);
+  KeyValueFile file = TRY(KeyValueFile::parse(text, file_name));
+  return map_from(file);
 }
 
 std::string caution_of(const RegisterMap& map) {

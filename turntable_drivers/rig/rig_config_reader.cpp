@@ -276,21 +276,21 @@ Status check_fault(const RigFault& fault, std::size_t number) {
   if (fault.axis < 0 || fault.axis > 2) return bad(prefix + "axis", fault.axis, "0, 1 or 2");
   if (fault.sample < 0) return bad(prefix + "sample", static_cast<double>(fault.sample), "a whole number >= 0");
   if (fault.count < 1) return bad(prefix + "count", static_cast<double>(fault.count), "a whole number >= 1");
-  if (Status status = not_negative_value(prefix + "time_s", fault.time_s); !status) return status;
-  if (Status status = not_negative_value(prefix + "duration_s", fault.duration_s); !status) return status;
+  TRY(not_negative_value(prefix + "time_s", fault.time_s));
+  TRY(not_negative_value(prefix + "duration_s", fault.duration_s));
   if (fault.kind == RigFaultKind::imu_silent && !(fault.duration_s > 0.0)) {
     return bad(prefix + "duration_s", fault.duration_s, "a number > 0 for imu_silent");
   }
   if (!std::isfinite(fault.size)) return bad(prefix + "size", fault.size, "a finite number");
-  if (Status status = positive_value(prefix + "rate_factor", fault.rate_factor); !status) return status;
-  if (Status status = positive_value(prefix + "acceleration_factor", fault.acceleration_factor); !status) return status;
+  TRY(positive_value(prefix + "rate_factor", fault.rate_factor));
+  TRY(positive_value(prefix + "acceleration_factor", fault.acceleration_factor));
   return positive_value(prefix + "rate_degps", fault.rate_degps);
 }
 
 Result<RigConfig> config_from(KeyValueFile& file, RigConfig config) {
   KeyTable keys(file, any_size);
   read(keys, config);
-  if (Status status = file.check_all_used(); !status) return status.error();
+  TRY(file.check_all_used());
   if (Status status = check(config); !status) return input_error(file.file_name() + ": " + status.error().message);
   return config;
 }
@@ -310,21 +310,19 @@ Status check(const RigConfig& config) {
     }
   }
   for (std::size_t i = 0; i < config.faults.size(); ++i) {
-    if (Status status = check_fault(config.faults[i], i + 1); !status) return status;
+    TRY(check_fault(config.faults[i], i + 1));
   }
   return check_truth(config);
 }
 
 Result<RigConfig> read_rig_config(const std::string& path, const RigConfig& base) {
-  Result<KeyValueFile> file = KeyValueFile::read(path);
-  if (!file) return file.error();
-  return config_from(*file, base);
+  KeyValueFile file = TRY(KeyValueFile::read(path));
+  return config_from(file, base);
 }
 
 Result<RigConfig> parse_rig_config(const std::string& text, const std::string& file_name) {
-  Result<KeyValueFile> file = KeyValueFile::parse(text, file_name);
-  if (!file) return file.error();
-  return config_from(*file, {});
+  KeyValueFile file = TRY(KeyValueFile::parse(text, file_name));
+  return config_from(file, {});
 }
 
 }  // namespace turncal

@@ -46,7 +46,7 @@ void RigTable::update() {
 }
 
 Status RigTable::ready(Axis axis) {
-  if (Status status = reachable(); !status) return status;
+  TRY(reachable());
   if (rig_.emergency_stop()) return table_error("emergency stop is latched: expected it released and cleared");
   if (rig_.axis(axis).fault) return axis_error(axis, "drive fault is latched: expected it cleared");
   if (!enabled_[index(axis)]) return axis_error(axis, "not enabled");
@@ -63,12 +63,12 @@ Status RigTable::connect() {
 }
 
 Result<TableIdentity> RigTable::identify() {
-  if (Status status = reachable(); !status) return status.error();
+  TRY(reachable());
   return TableIdentity{"simulated three-axis table, seed " + std::to_string(rig_.config().seed), true};
 }
 
 Status RigTable::enable() {
-  if (Status status = reachable(); !status) return status;
+  TRY(reachable());
   if (rig_.emergency_stop()) return table_error("enable: emergency stop is latched: expected it released and cleared");
   for (Axis axis : all_axes) {
     if (rig_.axis(axis).fault) return axis_error(axis, "enable: drive fault is latched: expected it cleared");
@@ -79,7 +79,7 @@ Status RigTable::enable() {
 
 Status RigTable::home() {
   for (Axis axis : all_axes) {
-    if (Status status = ready(axis); !status) return status;
+    TRY(ready(axis));
     if (rig_.axis(axis).moving) return axis_error(axis, "home: a motion is under way");
   }
   const RigTableBehaviour& table = rig_.config().table;
@@ -94,7 +94,7 @@ Status RigTable::home() {
 }
 
 Status RigTable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
-  if (Status status = ready(axis); !status) return status;
+  TRY(ready(axis));
   const std::size_t i = index(axis);
   const RigTableBehaviour& table = rig_.config().table;
   if (homing_[i]) return axis_error(axis, "homing is under way");
@@ -117,14 +117,14 @@ Status RigTable::move_absolute(Axis axis, double position_deg, double rate_degps
 }
 
 Status RigTable::stop_all() {
-  if (Status status = reachable(); !status) return status;
+  TRY(reachable());
   rig_.stop();
   homing_ = {};
   return {};
 }
 
 Status RigTable::abort_all() {
-  if (Status status = reachable(); !status) return status;
+  TRY(reachable());
   rig_.abort();
   homing_ = {};
   enabled_ = {};
@@ -132,7 +132,7 @@ Status RigTable::abort_all() {
 }
 
 Status RigTable::clear_fault() {
-  if (Status status = reachable(); !status) return status;
+  TRY(reachable());
   if (!rig_.clear_faults()) return table_error("clear fault: the emergency stop button has not been released");
   return {};
 }
@@ -159,7 +159,7 @@ bool RigTable::in_position(Axis axis, const Rig::AxisState& state) const {
 }
 
 Result<AxisStatus> RigTable::status(Axis axis) {
-  if (Status status = reachable(); !status) return status.error();
+  TRY(reachable());
   const std::size_t i = index(axis);
   const RigTableBehaviour& table = rig_.config().table;
   const Rig::AxisState state = rig_.axis(axis);

@@ -40,10 +40,9 @@ Status DescribedTurntable::commissioned() const {
 }
 
 Status DescribedTurntable::may_enable(Axis axis) {
-  const Result<AxisStatus> now = status(axis);
-  if (!now) return now.error();
-  if (now->emergency_stop) return axis_error(axis, "enable: emergency stop is pressed");
-  if (now->fault) return axis_error(axis, "enable: drive fault: expected it cleared");
+  const AxisStatus now = TRY(status(axis));
+  if (now.emergency_stop) return axis_error(axis, "enable: emergency stop is pressed");
+  if (now.fault) return axis_error(axis, "enable: drive fault: expected it cleared");
   return {};
 }
 
@@ -56,7 +55,7 @@ Result<AxisStatus> DescribedTurntable::ready(Axis axis) {
 
 Result<AxisStatus> DescribedTurntable::ready_to_move(Axis axis, double position_deg, double rate_degps,
                                                      double acceleration_degps2) {
-  if (Status status = commissioned(); !status) return status.error();
+  TRY(commissioned());
   if (const auto refusal = refusal_of_move(position_deg, rate_degps, acceleration_degps2, table_.plausible_deg,
                                            table_.plausible_rate_degps))
     return axis_error(axis, *refusal);

@@ -61,8 +61,7 @@ Status LimitedTurntable::move_absolute(Axis axis, double position_deg, double ra
     return refused(axis, "acceleration", acceleration_degps2, "deg/s^2", limit.max_acceleration_degps2);
   }
   // Where it stands now belongs to the travel.
-  const Result<AxisStatus> now = status(axis);
-  if (!now) return now.error();
+  const AxisStatus now = TRY(status(axis));
   const std::optional<Travel>& known = travel_[static_cast<std::size_t>(axis)];
   if (known && limit.wrap_deg > 0.0) {
     const double wound_deg = std::max(known->max_deg, position_deg) - std::min(known->min_deg, position_deg);
@@ -72,7 +71,7 @@ Status LimitedTurntable::move_absolute(Axis axis, double position_deg, double ra
                      limit.wrap_deg);
     }
   }
-  if (Status status = table_.move_absolute(axis, position_deg, rate_degps, acceleration_degps2); !status) return status;
+  TRY(table_.move_absolute(axis, position_deg, rate_degps, acceleration_degps2));
   return {};
 }
 

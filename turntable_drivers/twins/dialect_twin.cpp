@@ -18,7 +18,7 @@ constexpr std::array<DialectOperation, dialect_operation_count> search_order = {
 }  // namespace
 
 Status DialectTwin::power_on() {
-  if (Status status = table_.connect(); !status) return status;
+  TRY(table_.connect());
   return dialect_.of(DialectOperation::enable).exchanges.empty() ? table_.enable() : Status();
 }
 
@@ -132,21 +132,19 @@ Status DialectTwin::move(Axis axis, const Values& values) {
     const std::optional<double> position = number("position"), distance = number("distance");
     if (!position && (!distance || *distance == 0.0)) continue;
     // A sentence for all three axes leaves those alone that are there, or on their way.
-    const Result<AxisStatus> now = table_.status(which);
-    if (!now) return now.error();
+    const AxisStatus now = TRY(table_.status(which));
     double target_deg = position ? scale.sign * *position / scale.units_per_degree + scale.zero_deg
-                                 : now->position_deg + scale.sign * *distance / scale.units_per_degree;
-    if (position && scale.shorter_way) target_deg = unwrapped_deg(target_deg, now->position_deg, scale.modulo_deg);
+                                 : now.position_deg + scale.sign * *distance / scale.units_per_degree;
+    if (position && scale.shorter_way) target_deg = unwrapped_deg(target_deg, now.position_deg, scale.modulo_deg);
     const bool for_all_axes = position && values.count("position") == 0;
-    const double from_deg = target_deg_[index(which)].value_or(now->position_deg);
-    if (for_all_axes && (std::abs(from_deg - target_deg) < 1e-3 || std::abs(now->position_deg - target_deg) < 1e-3))
+    const double from_deg = target_deg_[index(which)].value_or(now.position_deg);
+    if (for_all_axes && (std::abs(from_deg - target_deg) < 1e-3 || std::abs(now.position_deg - target_deg) < 1e-3))
       continue;
     target_deg_[index(which)] = target_deg;
     const double rate_degps = number("rate").value_or(10.0 * scale.rate_scale) / scale.rate_scale;
     const double acceleration_degps2 =
         number("acceleration").value_or(20.0 * scale.acceleration_scale) / scale.acceleration_scale;
-    if (Status status = table_.move_absolute(which, target_deg, rate_degps, acceleration_degps2); !status)
-      return status;
+    TRY(table_.move_absolute(which, target_deg, rate_degps, acceleration_degps2));
   }
   return {};
 }

@@ -50,9 +50,8 @@ Status LineServer::listen_tcp(int port, bool every_address) {
 }
 
 Status LineServer::open_pty(const std::string& link_path) {
-  Result<Pty> pty = Pty::create(link_path);
-  if (!pty) return pty.error();
-  pty_ = std::move(*pty);
+  Pty pty = TRY(Pty::create(link_path));
+  pty_ = std::move(pty);
   clients_.assign(1, Client{pty_.descriptor(), {}});
   return {};
 }

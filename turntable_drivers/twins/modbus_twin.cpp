@@ -57,7 +57,7 @@ ModbusTwin::ModbusTwin(RegisterMap map, Turntable& table, const Clock& clock)
     : map_(std::move(map)), table_(table), clock_(clock) {}
 
 Status ModbusTwin::power_on() {
-  if (Status status = table_.connect(); !status) return status;
+  TRY(table_.connect());
   return map_.list(DriveOperation::enable).empty() ? table_.enable() : Status();
 }
 
@@ -273,7 +273,7 @@ Status ModbusTwin::carry_out(Axis axis, DriveOperation operation, const Operands
   }
   if (!map_.once(operation)) return move(axis, addressed, operands);
   for (const Axis which : all_axes) {
-    if (Status status = move(which, static_cast<int>(which), operands); !status) return status;
+    TRY(move(which, static_cast<int>(which), operands));
   }
   return {};
 }
@@ -295,18 +295,17 @@ Status ModbusTwin::move(Axis axis, int operand_axis, const Operands& operands) {
     acceleration_degps2 =
         map_.acceleration_is_ramp_time ? scale.acceleration_scale / value : value / scale.acceleration_scale;
   }
-  const Result<AxisStatus> now = table_.status(axis);
-  if (!now) return now.error();
+  const AxisStatus now = TRY(table_.status(axis));
   double target_deg = angle_of(scale, number(Kind::position, 0.0));
   if (has(Kind::distance)) {
     const double distance = number(Kind::distance, 0.0);
     if (operand_axis != addressed && distance == 0.0) return {};
-    target_deg = now->position_deg + distance / scale.signed_counts_per_degree();
+    target_deg = now.position_deg + distance / scale.signed_counts_per_degree();
   } else if (operand_axis != addressed) {
     // Told of all three, those stay alone that are there, or on their way.
-    const double from_deg = target_deg_[index(axis)].value_or(now->position_deg);
+    const double from_deg = target_deg_[index(axis)].value_or(now.position_deg);
     const double step_deg = 2.0 / std::abs(scale.counts_per_degree);
-    if (std::abs(from_deg - target_deg) < step_deg || std::abs(now->position_deg - target_deg) < step_deg) return {};
+    if (std::abs(from_deg - target_deg) < step_deg || std::abs(now.position_deg - target_deg) < step_deg) return {};
     target_deg_[index(axis)] = target_deg;
   }
   return table_.move_absolute(axis, target_deg, rate_degps, acceleration_degps2);

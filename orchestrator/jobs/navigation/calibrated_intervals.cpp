@@ -88,19 +88,17 @@ bool can_be(const MotionInterval& interval) {
 
 Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source) {
   const RecordingInfo& info = source.info();
-  if (Status status = check_applicable(file, path, info); !status) return status.error();
-  Result<EffectTerms> effects = EffectTerms::of(file, path, source);
-  if (!effects) return effects.error();
+  TRY(check_applicable(file, path, info));
+  EffectTerms effects = TRY(EffectTerms::of(file, path, source));
   const int samples = std::max(1, static_cast<int>(std::lround(motion_interval_s / info.sample_period_s)));
   const SensorModel model = sensor_model(from_vector(file.parameters), info);
-  return CalibratedIntervals{path, std::move(file), model, std::move(*effects),
+  return CalibratedIntervals{path, std::move(file), model, std::move(effects),
                              IncrementIntegrator(info.sample_period_s, samples)};
 }
 
 Result<CalibratedIntervals> calibrated_intervals(const std::string& path, RecordingSource& source) {
-  Result<ParameterFile> file = read_parameter_file(path);
-  if (!file) return file.error();
-  return calibrated_intervals(std::move(*file), path, source);
+  ParameterFile file = TRY(read_parameter_file(path));
+  return calibrated_intervals(std::move(file), path, source);
 }
 
 Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Stretch& stretch,
@@ -203,11 +201,10 @@ CalibratedSource::CalibratedSource(RecordingSource& source, const SensorModel& m
 
 Result<std::unique_ptr<CalibratedSource>> CalibratedSource::of(const ParameterFile& file, const std::string& path,
                                                                RecordingSource& source) {
-  if (Status status = check_applicable(file, path, source.info()); !status) return status.error();
-  Result<EffectTerms> effects = EffectTerms::of(file, path, source);
-  if (!effects) return effects.error();
+  TRY(check_applicable(file, path, source.info()));
+  EffectTerms effects = TRY(EffectTerms::of(file, path, source));
   const SensorModel model = sensor_model(from_vector(file.parameters), source.info());
-  return std::unique_ptr<CalibratedSource>(new CalibratedSource(source, model, std::move(*effects)));
+  return std::unique_ptr<CalibratedSource>(new CalibratedSource(source, model, std::move(effects)));
 }
 
 Status CalibratedSource::stream(const Sink& sink) {

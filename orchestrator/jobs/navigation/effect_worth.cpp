@@ -77,28 +77,25 @@ Result<NavigationWorth> worth_of_effects(const Diagnosis& diagnosis, const Diagn
     models.push_back(
         file_of(model_without(diagnosis.extended, diagnosis.fitted_covariance, effect), diagnosis.extended, after));
 
-  Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(recording);
-  if (!source) return source.error();
+  std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(recording));
   std::vector<CalibratedIntervals> files;
   for (ParameterFile& model : models) {
-    Result<CalibratedIntervals> file = calibrated_intervals(std::move(model), recording, **source);
-    if (!file) return file.error();
-    files.push_back(std::move(*file));
+    CalibratedIntervals file = TRY(calibrated_intervals(std::move(model), recording, *source));
+    files.push_back(std::move(file));
   }
   NavigationRequest request;
   request.recording = recording;
   request.to_s = to_s;
-  const Result<NavigationReport> report = navigate_recording(request, **source, std::move(files));
-  if (!report) return report.error();
-  const NavigatedFile& with_all = report->files[0];
+  const NavigationReport report = TRY(navigate_recording(request, *source, std::move(files)));
+  const NavigatedFile& with_all = report.files[0];
   NavigationWorth worth;
   worth.branches = with_all.branches.size();
   worth.free_s = with_all.branches.front().navigation.free_s;
-  worth.before = report->files[1].drift.rms_nm_per_h;
+  worth.before = report.files[1].drift.rms_nm_per_h;
   worth.after = with_all.drift.rms_nm_per_h;
   worth.noise = with_all.expected ? with_all.expected->rms_nm_per_h : 0.0;
   for (std::size_t k = 0; k < diagnosis.effect_names.size(); ++k)
-    worth.effects.emplace_back(diagnosis.effect_names[k], rate_between(with_all, report->files[k + 2]));
+    worth.effects.emplace_back(diagnosis.effect_names[k], rate_between(with_all, report.files[k + 2]));
   return worth;
 }
 

@@ -69,15 +69,13 @@ std::string seconds(double s) { return std::to_string(std::llround(s)) + " s"; }
 Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const RecordingInfo& info, double align_s,
                                     const std::vector<Branch>& branches, double from_s, const std::string& prefix,
                                     const ReferenceTrack* reference) {
-  const Result<NoiseModel> noise = stored_noise(calibrated.file, calibrated.path);
-  if (!noise) return noise.error();
-  const Result<StoredCovariance> covariance = stored_covariance(calibrated.file, calibrated.path);
-  if (!covariance) return covariance.error();
+  const NoiseModel noise = TRY(stored_noise(calibrated.file, calibrated.path));
+  const StoredCovariance covariance = TRY(stored_covariance(calibrated.file, calibrated.path));
   FreeNavigationSetup setup;
   setup.site = {info.latitude_deg * rad_per_deg, info.gravity_mps2};
-  setup.noise = *noise;
+  setup.noise = noise;
   setup.counts = counts_model(from_vector(calibrated.file.parameters), info);
-  setup.parameter_covariance = covariance->covariance;
+  setup.parameter_covariance = covariance.covariance;
   setup.align_s = align_s;
   setup.reference = reference;
 
@@ -85,10 +83,10 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
   result.prefix = prefix;
   result.path = calibrated.path;
   result.model = calibrated.file.model;
-  result.covariance_source = covariance->source;
+  result.covariance_source = covariance.source;
   result.trusted = is_trusted(calibrated.file);
   result.noise_assumed = !has_noise(calibrated.file);
-  result.felt = felt_site(calibrated.integrator.intervals(), *noise, covariance->covariance);
+  result.felt = felt_site(calibrated.integrator.intervals(), noise, covariance.covariance);
   const std::vector<MotionInterval>& intervals = calibrated.integrator.intervals();
   std::vector<double> rates;
   double squares = 0.0;
@@ -119,24 +117,20 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
 }  // namespace
 
 Result<NavigationReport> navigate_recording(const NavigationRequest& request) {
-  Result<std::unique_ptr<RecordingSource>> opened = RecordingSource::open(request.recording);
-  if (!opened) return opened.error();
+  std::unique_ptr<RecordingSource> opened = TRY(RecordingSource::open(request.recording));
   std::vector<CalibratedIntervals> files;
   if (request.parameters.empty()) {
-    Result<ParameterFile> identity = as_it_is((*opened)->info());
+    Result<ParameterFile> identity = as_it_is(opened->info());
     if (!identity) return Error{identity.error().kind, request.recording + ": " + identity.error().message};
-    Result<CalibratedIntervals> file =
-        calibrated_intervals(std::move(*identity), "none, increments as they are", **opened);
-    if (!file) return file.error();
-    files.push_back(std::move(*file));
+    CalibratedIntervals file = TRY(calibrated_intervals(std::move(*identity), "none, increments as they are", *opened));
+    files.push_back(std::move(file));
   }
   for (const std::string& path : {request.parameters, request.against}) {
     if (path.empty()) continue;
-    Result<CalibratedIntervals> file = calibrated_intervals(path, **opened);
-    if (!file) return file.error();
-    files.push_back(std::move(*file));
+    CalibratedIntervals file = TRY(calibrated_intervals(path, *opened));
+    files.push_back(std::move(file));
   }
-  return navigate_recording(request, **opened, std::move(files));
+  return navigate_recording(request, *opened, std::move(files));
 }
 
 Result<NavigationReport> navigate_recording(const NavigationRequest& request, RecordingSource& source,
@@ -149,17 +143,15 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
                        ": expected one a second and more");
   std::optional<ReferenceTrack> reference;
   if (!request.reference.empty()) {
-    Result<ReferenceTrack> read = read_reference(request.reference);
-    if (!read) return read.error();
-    reference = std::move(*read);
-    if (Status status = check_reference(*reference, request.reference, info); !status) return status.error();
+    ReferenceTrack read = TRY(read_reference(request.reference));
+    reference = std::move(read);
+    TRY(check_reference(*reference, request.reference, info));
   }
   const Stretch stretch = reference ? Stretch{std::max(request.from_s, reference->begins_s()),
                                               std::min(request.to_s.value_or(reference->ends_s()), reference->ends_s())}
                                     : Stretch{request.from_s, request.to_s};
   const ReferenceTrack* const beside = reference ? &*reference : nullptr;
-  const Result<IntegratedSamples> integrated = integrate_recording(source, stretch, files, beside);
-  if (!integrated) return integrated.error();
+  const IntegratedSamples integrated = TRY(integrate_recording(source, stretch, files, beside));
   const std::vector<MotionInterval>& intervals = files.front().integrator.intervals();
   const double interval = info.sample_period_s * std::max(1.0, std::round(motion_interval_s / info.sample_period_s));
   const double available_s = static_cast<double>(intervals.size()) * interval;
@@ -176,19 +168,18 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
   report.info = info;
   report.align_s = request.align_s;
   if (source.damage().lost_data()) report.damage = describe(source.damage());
-  report.faults = integrated->faults;
+  report.faults = integrated.faults;
   report.branches_asked = request.branches;
   report.without_segments = source.segments().empty();
-  const Result<std::string> hash = source.content_hash();
-  if (!hash) return hash.error();
-  report.recording_hash = *hash;
-  for (const SampleGap& gap : integrated->gaps) {
+  const std::string hash = TRY(source.content_hash());
+  report.recording_hash = hash;
+  for (const SampleGap& gap : integrated.gaps) {
     report.filled_samples += gap.samples;
     report.filled_in_motion += gap.in_motion;
   }
   const auto samples_each = static_cast<std::int64_t>(files.front().integrator.samples_per_interval());
   const auto counter_of = [&](std::size_t index) {
-    return integrated->first_sample + samples_each * static_cast<std::int64_t>(index);
+    return integrated.first_sample + samples_each * static_cast<std::int64_t>(index);
   };
   std::vector<Branch> branches;
   const auto window = static_cast<std::size_t>(std::max(1L, std::lround(request.align_s / interval)));
@@ -196,7 +187,7 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
   const AlignmentNeeds needs{window, reference ? window : std::min(window, least)};
   for (const std::size_t start : starts_of(intervals, length, request.branches, needs)) {
     Branch branch{start, length};
-    if (const SampleGap* gap = long_gap_in(integrated->gaps, counter_of(start), counter_of(start + length))) {
+    if (const SampleGap* gap = long_gap_in(integrated.gaps, counter_of(start), counter_of(start + length))) {
       const std::int64_t before = std::max(std::int64_t{0}, gap->first - counter_of(start)) / samples_each;
       branch.length = static_cast<std::size_t>(before);
       const bool kept = static_cast<double>(before) * interval >= request.align_s + 0.5 * wanted_s;
@@ -226,9 +217,8 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
 }
 
 Result<ReferenceTrack> read_reference(const std::string& path) {
-  const Result<std::string> content = read_whole_file(path);
-  if (!content) return content.error();
-  const Result<NumberTable> table = read_number_table(*content, path,
+  const std::string content = TRY(read_whole_file(path));
+  const Result<NumberTable> table = read_number_table(content, path,
                                                       {{"time_s"},
                                                        {"latitude_deg"},
                                                        {"longitude_deg"},

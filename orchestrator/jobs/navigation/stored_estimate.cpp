@@ -36,21 +36,17 @@ Result<NoiseModel> stored_noise(const ParameterFile& file, const std::string& fi
   noise.accel_pulse_mps = counts ? file.accel_pulse_mps : 0.0;
   for (int k = 0; k < 3; ++k) {
     const std::string axis(1, "xyz"[k]);
-    if (Status status = take(file, file_name, "noise.angle_random_walk." + axis + "_deg_per_rt_h", radprs_per_degprh,
-                             noise.angle_random_walk[k]);
-        !status)
-      return status.error();
-    if (Status status = take(file, file_name, "noise.velocity_random_walk." + axis + "_ug_per_rt_hz", mpsprs_per_ugprHz,
-                             noise.velocity_random_walk[k]);
-        !status)
-      return status.error();
+    TRY(take(file, file_name, "noise.angle_random_walk." + axis + "_deg_per_rt_h", radprs_per_degprh,
+             noise.angle_random_walk[k]));
+    TRY(take(file, file_name, "noise.velocity_random_walk." + axis + "_ug_per_rt_hz", mpsprs_per_ugprHz,
+             noise.velocity_random_walk[k]));
   }
   for (const auto& [key, unit, value] :
        {std::tuple{"noise.gyro_bias_instability_degph", radps_per_degph, &noise.gyro_bias_instability_radps},
         std::tuple{"noise.accel_bias_instability_ug", mpsprs_per_ugprHz, &noise.accel_bias_instability_mps2},
         std::tuple{"noise.gyro_pulse_arcsec", rad_per_arcsec, &noise.gyro_pulse_rad},
         std::tuple{"noise.bias_correlation_s", 1.0, &noise.bias_correlation_s}})
-    if (Status status = take(file, file_name, key, unit, *value); !status) return status.error();
+    TRY(take(file, file_name, key, unit, *value));
   if (noise.bias_correlation_s <= 0.0) return bad_value(file_name, "noise.bias_correlation_s", "0", "a number above 0");
   return noise;
 }

@@ -31,15 +31,14 @@ std::array<double, 3> angle_sigmas_deg(const DriftMatrix& covariance, const Eige
 Result<NorthReading> reading_of(std::span<const MotionInterval> dwell, double table_deg,
                                 const DriftCovariance::Site& site, const NoiseModel& noise, const CountsModel& counts,
                                 const ParameterCovariance& parameters) {
-  Result<Alignment> alignment = align(dwell, site, DriftCovariance(site, noise, counts));
-  if (!alignment) return alignment.error();
-  const Eigen::Quaterniond& q = alignment->state.q_nb;
+  Alignment alignment = TRY(align(dwell, site, DriftCovariance(site, noise, counts)));
+  const Eigen::Quaterniond& q = alignment.state.q_nb;
   const AttitudeAngles angles = angles_of(q);
   NorthReading reading;
   reading.table_deg = table_deg;
   reading.angle_deg = {angles.heading_rad / rad_per_deg, angles.roll_rad / rad_per_deg, angles.pitch_rad / rad_per_deg};
-  reading.noise_sigma_deg = angle_sigmas_deg(alignment->drift.noise_covariance(), q, noise.gyro_pulse_rad);
-  reading.total_sigma_deg = angle_sigmas_deg(alignment->drift.covariance(parameters), q, noise.gyro_pulse_rad);
+  reading.noise_sigma_deg = angle_sigmas_deg(alignment.drift.noise_covariance(), q, noise.gyro_pulse_rad);
+  reading.total_sigma_deg = angle_sigmas_deg(alignment.drift.covariance(parameters), q, noise.gyro_pulse_rad);
   return reading;
 }
 
@@ -124,25 +123,19 @@ Status check_north_seeking(const Segments& segments, int first_step, double samp
 }
 
 Result<VerificationReport> verify_recording(const VerificationRequest& request) {
-  Result<std::unique_ptr<RecordingSource>> opened = RecordingSource::open(request.recording);
-  if (!opened) return opened.error();
-  RecordingSource& source = **opened;
+  std::unique_ptr<RecordingSource> opened = TRY(RecordingSource::open(request.recording));
+  RecordingSource& source = *opened;
   const RecordingInfo info = source.info();
   const Segments& segments = source.segments();
-  if (Status status = check_north_seeking(segments, request.first_step, info.sample_period_s, request.recording);
-      !status)
-    return status.error();
+  TRY(check_north_seeking(segments, request.first_step, info.sample_period_s, request.recording));
   std::vector<CalibratedIntervals> files;
-  Result<CalibratedIntervals> calibrated = calibrated_intervals(request.file, request.parameters, source);
-  if (!calibrated) return calibrated.error();
-  files.push_back(std::move(*calibrated));
+  CalibratedIntervals calibrated = TRY(calibrated_intervals(request.file, request.parameters, source));
+  files.push_back(std::move(calibrated));
   const Result<IntegratedSamples> integrated = integrate_recording(source, {}, files);
   if (!integrated) return integrated.error();
   const std::vector<MotionInterval>& intervals = files.front().integrator.intervals();
-  const Result<NoiseModel> noise = stored_noise(request.file, request.parameters);
-  if (!noise) return noise.error();
-  const Result<StoredCovariance> covariance = stored_covariance(request.file, request.parameters);
-  if (!covariance) return covariance.error();
+  const NoiseModel noise = TRY(stored_noise(request.file, request.parameters));
+  const StoredCovariance covariance = TRY(stored_covariance(request.file, request.parameters));
   const CountsModel counts = counts_model(from_vector(request.file.parameters), info);
   const DriftCovariance::Site site{info.latitude_deg * rad_per_deg, info.gravity_mps2};
 
@@ -180,7 +173,7 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
     shortest_s = std::min(shortest_s, static_cast<double>(dwell.size()) * dwell.front().duration_s);
     rests.insert(rests.end(), dwell.begin(), dwell.end());
     const Result<NorthReading> reading =
-        reading_of(dwell, segment.heading_deg, site, *noise, counts, covariance->covariance);
+        reading_of(dwell, segment.heading_deg, site, noise, counts, covariance.covariance);
     if (!reading) return Error{reading.error().kind, where + reading.error().message};
     (reads ? readings : searches).push_back(*reading);
     if (reads) ++positions.back().second;
@@ -195,30 +188,27 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
                      " without lost samples; " + (report.left_out.empty() ? "" : report.left_out.front())};
 
   report.info = info;
-  const Result<std::string> hash = source.content_hash();
-  if (!hash) return hash.error();
-  report.recording_hash = *hash;
+  const std::string hash = TRY(source.content_hash());
+  report.recording_hash = hash;
   report.parameters = request.parameters;
-  const Result<std::string> of_calibration = calibration_hash(request.file);
-  if (!of_calibration) return of_calibration.error();
-  report.calibration_hash = *of_calibration;
+  const std::string of_calibration = TRY(calibration_hash(request.file));
+  report.calibration_hash = of_calibration;
   report.trusted = is_trusted(request.file);
   report.align_s = shortest_s;
   report.found = seek_north(searches, readings);
-  report.felt = felt_site(rests, *noise, covariance->covariance);
-  judge_north(request.limits, *noise, report);
+  report.felt = felt_site(rests, noise, covariance.covariance);
+  judge_north(request.limits, noise, report);
   return report;
 }
 
 Result<ReferenceReport> verify_references(const std::string& csv) {
-  const Result<std::string> content = read_whole_file(csv);
-  if (!content) return content.error();
-  if (!content->empty() && !is_npy(*content) && !is_mat(*content) && content->back() != '\n')
+  const std::string content = TRY(read_whole_file(csv));
+  if (!content.empty() && !is_npy(content) && !is_mat(content) && content.back() != '\n')
     return input_error(csv + ": the last line has no end: expected a file that is whole");
   std::vector<WantedColumn> wanted;
   for (const char* prefix : {"", "reference_"})
     for (const char* angle : north_angle_names) wanted.push_back({std::string(prefix) + angle + "_deg"});
-  const Result<NumberTable> table = read_number_table(*content, csv, wanted, TableFormat{.whole_rows = true});
+  const Result<NumberTable> table = read_number_table(content, csv, wanted, TableFormat{.whole_rows = true});
   if (!table) return table.error();
   if (table->rows() < 2)
     return input_error(csv + ": " + std::to_string(table->rows()) +
