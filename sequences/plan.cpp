@@ -179,7 +179,7 @@ class Planner {
   void check_wrap(const PlannedItem& move) {
     const double allowed_deg = limits_[move.axis].wrap_deg;
     const double wound_deg = plan_.travel_max_deg[move.axis] - plan_.travel_min_deg[move.axis];
-    bool& warned = wrap_warned_[static_cast<std::size_t>(move.axis)];
+    bool& warned = wrap_warned_[index(move.axis)];
     if (allowed_deg > 0.0 && wound_deg > allowed_deg && !warned) {
       warned = true;
       violations_.add(move.line, move.step,

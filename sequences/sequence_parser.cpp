@@ -173,9 +173,9 @@ class Parser {
     for (std::size_t i = 0; i < all_axes.size(); ++i) {
       const Token name = next();
       const std::optional<Axis> axis = as_axis(name);
-      if (!axis || given[static_cast<std::size_t>(*axis)])
+      if (!axis || given[index(*axis)])
         return wrong(name, "H, P and R, each once and with its angle, as in 'initial H 0 P 0 R 0'");
-      given[static_cast<std::size_t>(*axis)] = true;
+      given[index(*axis)] = true;
       const Token angle = next();
       const std::optional<double> value = as_number(angle);
       if (!value || std::abs(*value) > largest_angle_deg) return wrong(angle, "an angle from -3600 to 3600 deg");

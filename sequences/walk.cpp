@@ -17,8 +17,8 @@ std::string number(double value) {
 }
 
 std::string turn(const Leg& leg, double usual_rate_degps) {
-  std::string text = std::string("  rotate ") + letters[static_cast<std::size_t>(leg.axis)] +
-                     (leg.turn_deg > 0.0 ? " +" : " ") + number(leg.turn_deg);
+  std::string text =
+      std::string("  rotate ") + letters[index(leg.axis)] + (leg.turn_deg > 0.0 ? " +" : " ") + number(leg.turn_deg);
   if (leg.rate_degps != usual_rate_degps) text += " rate " + number(leg.rate_degps);
   return text + "\n";
 }
@@ -36,7 +36,7 @@ std::string sequence_text(const Walk& walk, const WalkHeader& header) {
     text += "\nstep " + std::to_string(first / legs_a_step + 1) + " \"legs " + std::to_string(first + 1) + " to " +
             std::to_string(end) + "\"\n  initial";
     for (const Axis axis : {Axis::heading, Axis::pitch, Axis::roll})
-      text += std::string(" ") + letters[static_cast<std::size_t>(axis)] + " " + number(at[axis]);
+      text += std::string(" ") + letters[index(axis)] + " " + number(at[axis]);
     text += "\n";
     if (first == 0) text += "  align " + std::to_string(walk.first_rest_samples) + "\n";
     for (std::size_t k = first; k < end; ++k) {

@@ -104,7 +104,7 @@ inline RecordingInfo rig_recording_info(Rig& rig) {
 }
 
 inline RigRecording record_on_rig(const Sequence& sequence, RigConfig config, const RigRecorderOptions& options = {}) {
-  for (const Axis axis : all_axes) config.table.power_on_deg[static_cast<std::size_t>(axis)] = sequence.start_deg[axis];
+  for (const Axis axis : all_axes) config.table.power_on_deg[index(axis)] = sequence.start_deg[axis];
   Rig rig(config);
   const RecordingInfo info = rig_recording_info(rig);
 

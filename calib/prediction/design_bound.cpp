@@ -49,7 +49,7 @@ class Candidates {
         at[Axis::roll] = roll;
         add_rest(at);
         for (const Axis axis : all_axes) {
-          if (task.poses_deg[static_cast<std::size_t>(axis)].size() < 2) continue;
+          if (task.poses_deg[index(axis)].size() < 2) continue;
           for (const double turn : task.turns_deg)
             for (const double rate : task.rates_degps) {
               add_turn(at, axis, turn, rate, half_s, half_s);

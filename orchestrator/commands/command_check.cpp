@@ -48,7 +48,7 @@ void print_item(const PlannedItem& item, std::ostream& out) {
 void print_totals(const StationConfig& station, const Plan& plan, std::ostream& out) {
   out << "\nTravel, deg   planned            soft limits        cable wound / allowed   turned in all\n";
   for (const Axis axis : all_axes) {
-    const AxisLimits& limit = station.axis[static_cast<std::size_t>(axis)];
+    const AxisLimits& limit = station.axis[index(axis)];
     const std::string allowed = limit.wrap_deg > 0.0 ? formatted("%.6g", limit.wrap_deg) : "no limit";
     out << formatted("  %-8s %7.6g to %-7.6g %7.6g to %-7.6g %9.6g / %-9s %12.6g\n", to_string(axis),
                      plan.travel_min_deg[axis], plan.travel_max_deg[axis], limit.soft_min_deg, limit.soft_max_deg,

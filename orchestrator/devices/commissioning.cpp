@@ -94,7 +94,7 @@ class Trial {
     }
     return mean;
   }
-  const AxisLimits& limits_of(Axis axis) const { return station_.axis[static_cast<std::size_t>(axis)]; }
+  const AxisLimits& limits_of(Axis axis) const { return station_.axis[index(axis)]; }
 
  private:
   template <class Condition>
@@ -111,7 +111,7 @@ class Trial {
     TableStatus axes;
     for (const Axis axis : all_axes) {
       AxisStatus status = TRY(devices_.table.status(axis));
-      axes[static_cast<std::size_t>(axis)] = std::move(status);
+      axes[index(axis)] = std::move(status);
     }
     return axes;
   }
@@ -144,7 +144,7 @@ class Trial {
   // From here on every axis stays where it was read, but for the one that is sent.
   void hold(const TableStatus& axes, const std::optional<Move>& sent) {
     AxisTriple at_deg;
-    for (const Axis axis : all_axes) at_deg[axis] = axes[static_cast<std::size_t>(axis)].position_deg;
+    for (const Axis axis : all_axes) at_deg[axis] = axes[index(axis)].position_deg;
     held_deg_ = at_deg;
     sent_ = sent;
   }
@@ -158,7 +158,7 @@ class Trial {
       }
       for (const Axis axis : all_axes) {
         // Until they are held the drives come on and find their zero.
-        const std::string trouble = trouble_of(axis, axes[static_cast<std::size_t>(axis)], held_deg_.has_value());
+        const std::string trouble = trouble_of(axis, axes[index(axis)], held_deg_.has_value());
         if (!trouble.empty()) return device_error(trouble);
       }
       if (held_deg_) {
@@ -225,7 +225,7 @@ class Trial {
   // There, and a rest.
   Status move(Axis axis, double to_deg, double rate_degps) {
     const TableStatus before = TRY(read_table());
-    const double from_deg = before[static_cast<std::size_t>(axis)].position_deg;
+    const double from_deg = before[index(axis)].position_deg;
     const double acceleration_degps2 =
         std::min(std::max(settings_.acceleration_degps2, (finds_factor_ ? 20.0 : 2.0) * rate_degps),
                  limits_of(axis).max_acceleration_degps2);
@@ -239,10 +239,10 @@ class Trial {
     }
     const double seconds = std::abs(to_deg - from_deg) / rate_degps + 2.0 * rate_degps / acceleration_degps2 +
                            station_.motion.deadline_margin_s;
-    RateCheck rate(before[static_cast<std::size_t>(axis)]);
+    RateCheck rate(before[index(axis)]);
     const Status arrived =
         wait_until(seconds, std::string(to_string(axis)) + " did not arrive in time", [&](const TableStatus& axes) {
-          const AxisStatus& a = axes[static_cast<std::size_t>(axis)];
+          const AxisStatus& a = axes[index(axis)];
           rate.add(a);
           return !a.moving && a.in_position &&
                  std::abs(a.position_deg - to_deg) <= station_.motion.position_tolerance_deg;

@@ -83,7 +83,7 @@ std::string LiveDevices::sag_since(const std::optional<TableStatus>& left) {
   std::string text;
   if (table_->manual() || !table_->table().can_switch_off()) return text;
   for (const Axis axis : all_axes) {
-    const Result<AxisStatus> then = left ? (*left)[static_cast<std::size_t>(axis)] : table_->table().status(axis);
+    const Result<AxisStatus> then = left ? (*left)[index(axis)] : table_->table().status(axis);
     if (!then) return text;
     while (clock_.now_s() - then->time_s < least_s)
       wait_a_little((least_s - (clock_.now_s() - then->time_s)) / speed_up_);

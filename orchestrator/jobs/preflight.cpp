@@ -86,9 +86,8 @@ Status check_moves(const StationConfig& station, const Plan& plan) {
     if (item.kind != SequenceItem::Kind::move) continue;
     Moves moves;
     for (const Axis axis : all_axes)
-      moves[static_cast<std::size_t>(axis)] = {item.commanded_deg[axis], 0.0, item.rate_degps,
-                                               item.acceleration_degps2};
-    moves[static_cast<std::size_t>(item.axis)].distance_deg = item.to_deg - item.from_deg;
+      moves[index(axis)] = {item.commanded_deg[axis], 0.0, item.rate_degps, item.acceleration_degps2};
+    moves[index(item.axis)].distance_deg = item.to_deg - item.from_deg;
     const Status fits = map ? check_move(*map, item.axis, moves)
                             : check_move(*dialect, item.axis, moves, station.motion.position_tolerance_deg);
     if (!fits)

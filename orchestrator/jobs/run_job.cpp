@@ -379,8 +379,6 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   TRY(journal->append(JournalType::resume, resumed));
   RunLog log = TRY(RunLog::append(folder + "/" + log_name, std::string(tag_of(prepared))));
   log.line("resumed by turncal " + std::string(software_version()) + ": " + what);
-  if (prepared.began_utc.empty())  // a journal of an older turncal
-    for (UnitRun& unit : units) unit.run.began_utc = format_utc(utc_s);
   for (UnitRun& unit : units) unit.counts.sessions = contents.sessions + 1;
   TRY(note_running(units, utc_s));
   send_on(units, &log);

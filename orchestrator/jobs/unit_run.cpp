@@ -45,7 +45,7 @@ Status seal_like(const UnitRun& unit, const UnitRun& sealed) {
   return rename_durably(partial_of(unit), recording_of(unit));
 }
 
-// Nothing when no parameters came of it, or the journal of an older turncal kept no hash.
+// Nothing when no parameters came of it.
 Status check_parameters(const UnitRun& unit, const JournalContents& contents) {
   const JournalFields* const results = contents.results_of(unit.run.unit());
   const std::string expected = results != nullptr ? value_of(*results, "parameters_hash") : "";

@@ -185,7 +185,7 @@ Result<std::string> ResultsDatabase::image() const {
   const std::string& name = connection_->name();
   if (!connection_->sqlite()) {  // the rows of a server, as a file
     ResultsDatabase copy = TRY(in_memory(name));
-    TRY(copy.bring_up_to_date(true));
+    TRY(copy.make_tables(true));
     const Status copied = in_transaction(*connection_, [&]() -> Status {  // of one moment
       const Result<CopiedRows> rows = copy_to(copy);
       return rows ? Status{} : rows.error();

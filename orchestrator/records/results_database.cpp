@@ -66,19 +66,19 @@ std::string defect_of(const StoredCalibration& row, const std::string& text, con
 
 Status ResultsDatabase::check_version() const {
   const int version = TRY(version_of(*connection_));
-  if (version <= database_version) return {};
+  if (version == 0 || version == database_version) return {};
   return input_error(connection_->name() + ": results database: its schema has version " + std::to_string(version) +
-                     ", expected at most " + std::to_string(database_version) + ": a newer turncal made it");
+                     ", expected " + std::to_string(database_version) + ": another turncal made it");
 }
 
-// An older one becomes the newest, whole or not at all; of stations that do so at once the second finds it done.
-Status ResultsDatabase::bring_up_to_date(bool keep) const {
+// An empty one gets its tables, whole or not at all; of stations that do so at once the second finds it done.
+Status ResultsDatabase::make_tables(bool keep) const {
   TRY(check_version());
   const int version = TRY(version_of(*connection_));
   if (keep && version == database_version) return {};
-  if (keep) return in_transaction(*connection_, [this] { return migrate(*connection_); });
+  if (keep) return in_transaction(*connection_, [this] { return turncal::make_tables(*connection_); });
   TRY(connection_->begin());
-  const Status status = migrate(*connection_);
+  const Status status = turncal::make_tables(*connection_);
   const Status undone = connection_->run("ROLLBACK");
   return status ? undone : status;
 }
@@ -92,7 +92,7 @@ Result<ResultsDatabase> ResultsDatabase::open(const std::string& name, const Sql
       TRY(server ? connect_to_server(name, true, patience)
                  : connect_to_file(name, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, patience));
   ResultsDatabase database(std::move(connection));
-  TRY(database.bring_up_to_date(true));
+  TRY(database.make_tables(true));
   if (!server) {
     if (Status s = database.connection_->run("PRAGMA synchronous = EXTRA; PRAGMA foreign_keys = ON"); !s)
       return s.error();
@@ -106,7 +106,7 @@ Status ResultsDatabase::check_writable(const std::string& path) {
   TRY(check_regular_file(path));
   Result<std::shared_ptr<SqlConnection>> connection = connect_to_file(path, SQLITE_OPEN_READWRITE, {.wait_s = 2.0});
   if (!connection) return connection.error();
-  return ResultsDatabase(std::move(*connection)).bring_up_to_date(false);
+  return ResultsDatabase(std::move(*connection)).make_tables(false);
 }
 
 Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, const SqlPatience& patience) {
@@ -121,16 +121,15 @@ Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, c
   database.stored_version_ = version;
   if (version == database_version) return database;
   if (server)
-    return input_error(name + ": results database: " +
-                       (version == 0
-                            ? "holds no tables: expected one that a station or `turncal database roles` has written to"
-                            : "its schema is older: `turncal database roles`, by its owner, brings it up to date"));
-  // Reading changes nothing: an older one is brought up to date in memory.
+    return input_error(name +
+                       ": results database: holds no tables: expected one that a station or `turncal database "
+                       "roles` has written to");
+  // Reading changes nothing: an empty one gets its tables in memory.
   const std::string image = TRY(database.image());
   Result<ResultsDatabase> copy = of_image(image, name);
   if (!copy) return copy;
   copy->stored_version_ = database.stored_version_;
-  TRY(copy->bring_up_to_date(true));
+  TRY(copy->make_tables(true));
   return copy;
 }
 

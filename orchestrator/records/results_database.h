@@ -4,7 +4,7 @@
 // Rows are added and never changed. An attempt has a row from its beginning, and another when something becomes of it: the newest counts. A calibration is one row of
 // `calibration` and 24 of `value`, in one transaction that is on disk when add() returns, with the whole parameter file; of one recording, too, the newest counts. What is there already is
 // not added again.
-// A database of an older schema is brought up to date when it is written, and read as if it were; a newer one is refused.
+// An empty database gets its tables when it is written; one of another schema is refused.
 #pragma once
 
 #include <functional>
@@ -88,7 +88,7 @@ class ResultsDatabase {
   explicit ResultsDatabase(std::shared_ptr<SqlConnection> connection) : connection_(std::move(connection)) {}
   static Result<ResultsDatabase> in_memory(const std::string& name);
   Status check_version() const;
-  Status bring_up_to_date(bool keep) const;
+  Status make_tables(bool keep) const;
   Status check_pages() const;
   std::shared_ptr<SqlConnection> connection_;
   int stored_version_ = 0;

@@ -44,7 +44,7 @@ bool ArrivalMonitor::holds(const TableStatus& status) const {
     if (axis.moving || !(std::abs(axis.rate_degps) <= config_.settle_rate_degps)) return false;
   }
   if (!move_) return true;
-  const AxisStatus& axis = status[static_cast<std::size_t>(move_->axis)];
+  const AxisStatus& axis = status[index(move_->axis)];
   const bool armed = motion_seen_ || polls_ >= guard_polls;
   return armed && axis.in_position && std::abs(axis.position_deg - move_->target_deg) <= config_.position_tolerance_deg;
 }
@@ -52,7 +52,7 @@ bool ArrivalMonitor::holds(const TableStatus& status) const {
 std::optional<RunEvent> ArrivalMonitor::update(const TableStatus& status, double now_s) {
   ++polls_;
   if (move_) {
-    const AxisStatus& axis = status[static_cast<std::size_t>(move_->axis)];
+    const AxisStatus& axis = status[index(move_->axis)];
     if (axis.moving || std::abs(axis.rate_degps) > config_.settle_rate_degps ||
         std::abs(axis.position_deg - from_deg_) > config_.position_tolerance_deg) {
       motion_seen_ = true;
@@ -77,7 +77,7 @@ std::optional<RunEvent> ArrivalMonitor::update(const TableStatus& status, double
     last_progress_s_ = now_s;
     return RunEvent::unsettled;
   }
-  const double distance_deg = std::abs(status[static_cast<std::size_t>(move_->axis)].position_deg - move_->target_deg);
+  const double distance_deg = std::abs(status[index(move_->axis)].position_deg - move_->target_deg);
   if (distance_deg < best_distance_deg_ - progress_deg) {
     best_distance_deg_ = distance_deg;
     last_progress_s_ = now_s;

@@ -21,7 +21,7 @@ std::optional<std::string> stray_axis(const TableStatus& axes, const AxisTriple&
                                       double position_tolerance_deg) {
   const double beyond_deg = least_runaway_deg(position_tolerance_deg);
   for (const Axis axis : all_axes) {
-    const double at_deg = axes[static_cast<std::size_t>(axis)].position_deg;
+    const double at_deg = axes[index(axis)].position_deg;
     char text[160];
     if (move && move->axis == axis) {
       const double low = std::min(held_deg[axis], move->target_deg), high = std::max(held_deg[axis], move->target_deg);
@@ -111,7 +111,7 @@ std::optional<double> FeltRate::now_degps() const {
 }
 
 double SpeedWatch::allowed_degps(Axis axis, const std::optional<Move>& sent, bool searches) const {
-  const double most_degps = limits_[static_cast<std::size_t>(axis)].max_rate_degps;
+  const double most_degps = limits_[index(axis)].max_rate_degps;
   if (searches || !sent || sent->axis != axis) return most_degps;
   return std::min(factor * sent->rate_degps, std::max(most_degps, sent->rate_degps));
 }
@@ -119,7 +119,7 @@ double SpeedWatch::allowed_degps(Axis axis, const std::optional<Move>& sent, boo
 std::string SpeedWatch::too_fast(Axis axis, double degps, const char* by, const std::optional<Move>& sent) const {
   char text[240];
   const bool told = sent && sent->axis == axis;
-  const double most_degps = limits_[static_cast<std::size_t>(axis)].max_rate_degps;
+  const double most_degps = limits_[index(axis)].max_rate_degps;
   if (told) {
     std::snprintf(text, sizeof text, "%s turns at %.4g deg/s, %.3g times the %.4g deg/s that were sent (%s)",
                   to_string(axis), degps, degps / sent->rate_degps, sent->rate_degps, by);
@@ -141,8 +141,8 @@ std::optional<std::string> SpeedWatch::add(const TableStatus& axes, double asked
   Reading now{{}, asked_s, answered_s};
   std::optional<std::string> said;
   for (const Axis axis : all_axes) {
-    const AxisStatus& read = axes[static_cast<std::size_t>(axis)];
-    Beyond& beyond = beyond_[static_cast<std::size_t>(axis)];
+    const AxisStatus& read = axes[index(axis)];
+    Beyond& beyond = beyond_[index(axis)];
     now.at_deg[axis] = read.position_deg;
     const double allowed = allowed_degps(axis, sent, searches);
     const double rate_degps = std::abs(read.rate_degps);
@@ -192,7 +192,7 @@ std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate
                   "the unit feels %.4g deg/s, %.3g times the %.4g deg/s that %s was sent at, where the table reads "
                   "%.4g deg/s: the scale of the table's angles or rates, or that of the unit's frame",
                   *rate_degps, *rate_degps / sent->rate_degps, sent->rate_degps, to_string(sent->axis),
-                  axes[static_cast<std::size_t>(sent->axis)].rate_degps);
+                  axes[index(sent->axis)].rate_degps);
     return text;
   }
   return std::nullopt;
@@ -218,7 +218,7 @@ std::optional<std::string> HomingWatch::add(const TableStatus& axes) {
   double passed_s = 0.0;
   bool any_turns = false;
   for (const Axis axis : all_axes) {
-    const auto i = static_cast<std::size_t>(axis);
+    const auto i = index(axis);
     const double seconds = axes[i].time_s - (*before)[i].time_s;
     const double moved_deg = std::abs(axes[i].position_deg - (*before)[i].position_deg);
     const bool set_anew = moved_deg > 2.0 * limits_[i].max_rate_degps * seconds;
@@ -235,7 +235,7 @@ std::optional<std::string> HomingWatch::add(const TableStatus& axes) {
   }
   idle_s_ = any_turns ? 0.0 : idle_s_ + passed_s;
   for (const Axis axis : all_axes) {
-    const AxisStatus& now = axes[static_cast<std::size_t>(axis)];
+    const AxisStatus& now = axes[index(axis)];
     if (idle_s_ < homing_begins_s || now.homed) continue;
     std::snprintf(text, sizeof text,
                   "%s does not look for its zero: it stands at %.4f deg, and nothing has turned for %.0f s",

@@ -18,7 +18,7 @@ constexpr double return_acceleration_degps2 = 20.0;
 }  // namespace
 
 void StationRun::hold() {
-  for (Axis axis : all_axes) held_deg_[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
+  for (Axis axis : all_axes) held_deg_[axis] = status_[index(axis)].position_deg;
 }
 
 StationRun::MaybeEvent StationRun::select_next() {
@@ -28,13 +28,13 @@ StationRun::MaybeEvent StationRun::select_next() {
   const std::vector<PlannedItem>& items = job_.plan.items;
   const bool item_left = item_ < items.size() && items[item_].step_index == step_;
   if (const std::optional<Axis> axis = displaced_axis()) {
-    const AxisLimits& limits = job_.station.axis[static_cast<std::size_t>(*axis)];
+    const AxisLimits& limits = job_.station.axis[index(*axis)];
     pending_move_ = Move{*axis, commanded_deg_[*axis], std::min(return_rate_degps, limits.max_rate_degps),
                          std::min(return_acceleration_degps2, limits.max_acceleration_degps2)};
     item_running_ = false;
     char text[120];
     std::snprintf(text, sizeof text, "%s stands at %.4f deg, should be at %.4f deg: moved there", to_string(*axis),
-                  status_[static_cast<std::size_t>(*axis)].position_deg, commanded_deg_[*axis]);
+                  status_[index(*axis)].position_deg, commanded_deg_[*axis]);
     detail_ = text;
     return RunEvent::move_next;
   }
@@ -84,7 +84,7 @@ StationRun::MaybeEvent StationRun::issue_move() {
   for (UnitLane& lane : lanes_) lane.motion_lost = false;
   hold();
   begin_segment(SegmentKind::rotate);
-  const double from_deg = status_[static_cast<std::size_t>(move.axis)].position_deg;
+  const double from_deg = status_[index(move.axis)].position_deg;
   if (hooks_.journal) {
     const double now_s = devices_.clock.now_s();
     if (const MaybeEvent event = keep([journal = hooks_.journal, move, now_s] { return journal->move(move, now_s); }))
@@ -107,7 +107,7 @@ StationRun::MaybeEvent StationRun::issue_move() {
 StationRun::MaybeEvent StationRun::close_move() {
   if (const MaybeEvent event = end_segment(SegmentKind::rotate)) return event;
   if (const std::optional<Move>& move = arrival_.move()) {
-    const double at_deg = status_[static_cast<std::size_t>(move->axis)].position_deg;
+    const double at_deg = status_[index(move->axis)].position_deg;
     std::vector<const FeltRate*> felt;
     for (UnitLane& lane : lanes_) {
       if (!lane.alive()) continue;
@@ -147,7 +147,7 @@ StationRun::MaybeEvent StationRun::begin_dwell() {
   const PlannedItem& item = job_.plan.items[item_];
   recording_ = true;
   begin_segment(item.dwell_kind);
-  for (Axis axis : all_axes) dwell_start_deg_[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
+  for (Axis axis : all_axes) dwell_start_deg_[axis] = status_[index(axis)].position_deg;
   double dwell_s = 0.0;
   for (UnitLane& lane : lanes_) {
     if (!lane.alive()) continue;

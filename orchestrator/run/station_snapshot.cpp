@@ -18,7 +18,7 @@ std::string StationRun::place() const {
   if ((state_ == RunState::moving || state_ == RunState::settling) && arrival_.move()) {
     const Move& move = *arrival_.move();
     std::snprintf(angles, sizeof angles, ", %s at %.4f deg, target %.4f deg", to_string(move.axis),
-                  status_[static_cast<std::size_t>(move.axis)].position_deg, move.target_deg);
+                  status_[index(move.axis)].position_deg, move.target_deg);
   } else {
     std::snprintf(angles, sizeof angles, " at heading %.4f pitch %.4f roll %.4f deg", status_[0].position_deg,
                   status_[1].position_deg, status_[2].position_deg);
@@ -39,8 +39,8 @@ RunSnapshot StationRun::snapshot() const {
   s.table = unread_ ? state_unread(devices_.table)
                     : state_of(status_, state_ == RunState::stopping || state_ == RunState::parking);
   for (Axis axis : all_axes) {
-    s.position_deg[axis] = status_[static_cast<std::size_t>(axis)].position_deg;
-    s.rate_degps[axis] = status_[static_cast<std::size_t>(axis)].rate_degps;
+    s.position_deg[axis] = status_[index(axis)].position_deg;
+    s.rate_degps[axis] = status_[index(axis)].rate_degps;
   }
   if ((state_ == RunState::moving || state_ == RunState::settling) && arrival_.move()) {
     s.axis = arrival_.move()->axis;

@@ -96,7 +96,7 @@ StationRun::MaybeEvent StationRun::send_home() {
 
 bool StationRun::stands_as_left() const {
   for (Axis axis : all_axes) {
-    const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
+    const AxisStatus& status = status_[index(axis)];
     if (!status.homed || status.moving || out_of_tolerance(axis, commanded_deg_[axis])) return false;
   }
   return true;

@@ -97,7 +97,7 @@ StationRun::MaybeEvent StationRun::read_table() {
     bool answered = false;
     for (int i = 0; i < status_tries && !answered; ++i) {
       if (Result<AxisStatus> status = devices_.table.status(axis)) {
-        status_[static_cast<std::size_t>(axis)] = std::move(*status);
+        status_[index(axis)] = std::move(*status);
         answered = true;
       } else {
         error = status.error();
@@ -118,7 +118,7 @@ StationRun::MaybeEvent StationRun::read_table() {
   if (!live_states.contains(state_)) return std::nullopt;
   const bool in_use = state_ != RunState::homing && state_ != RunState::parking;
   for (Axis axis : all_axes) {
-    const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
+    const AxisStatus& status = status_[index(axis)];
     const std::string trouble = trouble_of(axis, status, in_use);
     if (trouble.empty()) continue;
     return raise(status.emergency_stop ? RunEvent::e_stop : RunEvent::table_fault, ErrorKind::device, trouble);
@@ -135,7 +135,7 @@ bool StationRun::table_stands() const {
 StationRun::MaybeEvent StationRun::judge_homing(double now_s) {
   if (!home_sent_ && table_stands()) return send_home();
   for (Axis axis : all_axes) {
-    const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
+    const AxisStatus& status = status_[index(axis)];
     // home() found it on.
     if (home_sent_ && !status.enabled)
       return raise(RunEvent::table_fault, ErrorKind::device, trouble_of(axis, status, true));
@@ -163,7 +163,7 @@ StationRun::MaybeEvent StationRun::judge_dwell() {
     }
   }
   for (Axis axis : all_axes) {
-    const AxisStatus& status = status_[static_cast<std::size_t>(axis)];
+    const AxisStatus& status = status_[index(axis)];
     char text[120];
     if (out_of_tolerance(axis, dwell_start_deg_[axis]) || out_of_tolerance(axis, commanded_deg_[axis])) {
       std::snprintf(text, sizeof text, "the table moved: %s from %.4f to %.4f deg", to_string(axis),
@@ -215,8 +215,7 @@ std::optional<Axis> StationRun::displaced_axis() const {
 }
 
 bool StationRun::out_of_tolerance(Axis axis, double from_deg) const {
-  return !(std::abs(status_[static_cast<std::size_t>(axis)].position_deg - from_deg) <=
-           job_.station.motion.position_tolerance_deg);
+  return !(std::abs(status_[index(axis)].position_deg - from_deg) <= job_.station.motion.position_tolerance_deg);
 }
 
 }  // namespace turncal

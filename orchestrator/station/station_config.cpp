@@ -85,7 +85,7 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
 
 void read_axes(KeyTable& keys, std::array<AxisLimits, 3>& axes) {
   for (const Axis axis : all_axes) {
-    AxisLimits& limit = axes[static_cast<std::size_t>(axis)];
+    AxisLimits& limit = axes[index(axis)];
     const std::string prefix = "axis." + std::string(to_string(axis)) + ".";
     keys.number(prefix + "soft_min_deg", limit.soft_min_deg, angle);
     keys.number(prefix + "soft_max_deg", limit.soft_max_deg, angle);
@@ -135,7 +135,7 @@ void reject_contradictions(KeyValueFile& file, const StationConfig& station) {
     }
   };
   for (const Axis axis : all_axes) {
-    const AxisLimits& limit = station.axis[static_cast<std::size_t>(axis)];
+    const AxisLimits& limit = station.axis[index(axis)];
     const std::string prefix = "axis." + std::string(to_string(axis)) + ".";
     require(limit.soft_min_deg < limit.soft_max_deg, prefix + "soft_min_deg", limit.soft_min_deg, "below",
             prefix + "soft_max_deg", limit.soft_max_deg);
@@ -163,7 +163,7 @@ void reject_table_contradictions(KeyValueFile& file, const StationConfig& statio
                                       : table.dialect ? table.dialect->plausible_rate_degps
                                                       : std::numeric_limits<double>::infinity();
   for (const Axis axis : all_axes) {
-    const AxisLimits& limit = station.axis[static_cast<std::size_t>(axis)];
+    const AxisLimits& limit = station.axis[index(axis)];
     if (limit.max_rate_degps <= plausible_rate_degps) continue;
     const std::string key = "axis." + std::string(to_string(axis)) + ".max_rate_degps";
     if (file.has(key)) {

@@ -48,7 +48,7 @@ class DrawnTable : public Turntable {
     return {};
   }
   Status move_absolute(Axis axis, double position_deg, double rate_degps, double) override {
-    AxisMotion& motion = motion_[static_cast<std::size_t>(axis)];
+    AxisMotion& motion = motion_[index(axis)];
     const double from_deg = at(motion);
     motion = {from_deg, position_deg, clock_.now_s(), std::copysign(rate_degps, position_deg - from_deg)};
     return {};
@@ -69,7 +69,7 @@ class DrawnTable : public Turntable {
   }
   Status clear_fault() override { return {}; }
   Result<AxisStatus> status(Axis axis) override {
-    const AxisMotion& motion = motion_[static_cast<std::size_t>(axis)];
+    const AxisMotion& motion = motion_[index(axis)];
     AxisStatus now;
     if (turn_by_itself.exchange(false)) run_away();
     now.position_deg = at(motion);

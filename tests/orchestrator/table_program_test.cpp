@@ -121,7 +121,7 @@ TEST_F(TableProgram, AnAxisThatSagsWithItsDriveOffIsSaid) {
     for (const Axis axis : all_axes) {
       Result<AxisStatus> status = table.status(axis);
       EXPECT_TRUE(status.ok());
-      if (status) axes[static_cast<std::size_t>(axis)] = std::move(*status);
+      if (status) axes[index(axis)] = std::move(*status);
     }
     return axes;
   };

@@ -77,7 +77,7 @@ TEST(DialectForms, RatesAndPositionsHaveTheirScales) {
     const char* const expected[] = {"MV1+004000.0000+0000200.0000+0000500.0000",
                                     "MV2-000400.0000+0001200.0000+0000050.0000",
                                     "MV3+000400.0000+0000020.0000+0000005.0000"};
-    EXPECT_EQ(move, expected[static_cast<std::size_t>(axis)]);
+    EXPECT_EQ(move, expected[index(axis)]);
     const auto pass = [&](double seconds) {  // with a look now and then: a circle tells half a turn at most
       for (double t = 0.0; t < seconds; t += 0.5) {
         s.station.pass(0.5);

@@ -43,7 +43,7 @@ Status check_move(const RegisterMap& map, Axis axis, const Moves& moves) {
       return input_error("write.move: " + words.error().message);
   }
   const MapAxis& scale = map.of(axis);
-  const MoveNumbers& numbers = moves[static_cast<std::size_t>(axis)];
+  const MoveNumbers& numbers = moves[index(axis)];
   const auto reads = [&](const RegisterField& field, double value) {
     return encode_words(value, field.type, map.layout).has_value();
   };

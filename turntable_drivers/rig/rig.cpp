@@ -29,7 +29,7 @@ const RigConfig& Rig::config() const { return state_->config; }
 void Rig::command_move(Axis axis, double target_deg, double rate_degps, double acceleration_degps2) {
   RigState& s = *state_;
   s.apply_events();
-  const std::size_t i = static_cast<std::size_t>(axis);
+  const std::size_t i = index(axis);
   RigState::Command& command = s.commands[i];
   command.target_deg = target_deg;
   command.started_s = s.time_s();
@@ -61,7 +61,7 @@ void Rig::abort() {
 Rig::AxisState Rig::axis(Axis axis) const {
   RigState& s = *state_;
   s.apply_events();
-  const std::size_t i = static_cast<std::size_t>(axis);
+  const std::size_t i = index(axis);
   const AxisPoint point = s.axes[i].reading(s.k, 0.0);
   const RigState::Command& command = s.commands[i];
   AxisState state;

@@ -76,7 +76,7 @@ void read_table_errors(KeyTable& keys, RigTableErrors& errors) {
     keys.number(std::string("table_error.mounting_") + body[i] + "_arcmin", errors.mounting_arcmin[i]);
   }
   for (Axis axis : all_axes) {
-    const std::size_t i = static_cast<std::size_t>(axis);
+    const std::size_t i = index(axis);
     const std::string prefix = std::string("table_error.") + to_string(axis) + ".";
     keys.number(prefix + "encoder_offset_arcsec", errors.encoder[i].offset_arcsec);
     keys.number(prefix + "encoder_scale_ppm", errors.encoder[i].scale_ppm);
@@ -90,7 +90,7 @@ void read_table_errors(KeyTable& keys, RigTableErrors& errors) {
 
 void read_table(KeyTable& keys, RigTableBehaviour& table) {
   for (Axis axis : all_axes) {
-    const std::size_t i = static_cast<std::size_t>(axis);
+    const std::size_t i = index(axis);
     const std::string prefix = std::string("table.") + to_string(axis) + ".";
     keys.number(prefix + "power_on_deg", table.power_on_deg[i]);
     keys.number(prefix + "limit_min_deg", table.limit_min_deg[i]);
@@ -303,7 +303,7 @@ Status check(const RigConfig& config) {
   read(keys, copy);
   if (!keys.status()) return keys.status();
   for (Axis axis : all_axes) {
-    const std::size_t i = static_cast<std::size_t>(axis);
+    const std::size_t i = index(axis);
     if (!(config.table.limit_min_deg[i] < config.table.limit_max_deg[i])) {
       return bad(std::string("table.") + to_string(axis) + ".limit_min_deg", config.table.limit_min_deg[i],
                  "a number below limit_max_deg = " + format_number(config.table.limit_max_deg[i]));

@@ -95,7 +95,7 @@ std::vector<std::pair<std::string, double>> TableErrorsInForce::named() const {
                                                       {"mounting_y_arcmin", mounting_arcmin[1]},
                                                       {"mounting_z_arcmin", mounting_arcmin[2]}};
   for (Axis axis : all_axes) {
-    const Encoder& e = encoder[static_cast<std::size_t>(axis)];
+    const Encoder& e = encoder[index(axis)];
     const std::string name = std::string("encoder_") + to_string(axis);
     list.emplace_back(name + "_offset_arcsec", e.offset_arcsec);
     list.emplace_back(name + "_scale_ppm", e.scale_ppm);

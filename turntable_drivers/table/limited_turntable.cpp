@@ -40,7 +40,7 @@ Status LimitedTurntable::home() {
 
 Result<AxisStatus> LimitedTurntable::status(Axis axis) {
   Result<AxisStatus> now = table_.status(axis);
-  std::optional<Travel>& travel = travel_[static_cast<std::size_t>(axis)];
+  std::optional<Travel>& travel = travel_[index(axis)];
   if (now && now->homed) {
     if (!travel) travel = Travel{now->position_deg, now->position_deg};
     travel->min_deg = std::min(travel->min_deg, now->position_deg);
@@ -50,7 +50,7 @@ Result<AxisStatus> LimitedTurntable::status(Axis axis) {
 }
 
 Status LimitedTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
-  const MotionLimits& limit = limits_[static_cast<std::size_t>(axis)];
+  const MotionLimits& limit = limits_[index(axis)];
   if (!(position_deg >= limit.soft_min_deg && position_deg <= limit.soft_max_deg)) {
     return input_error(std::string("motion limits: ") + to_string(axis) + ": move to " + format_number(position_deg) +
                        " deg: expected " + format_number(limit.soft_min_deg) + " to " +
@@ -62,7 +62,7 @@ Status LimitedTurntable::move_absolute(Axis axis, double position_deg, double ra
   }
   // Where it stands now belongs to the travel.
   const AxisStatus now = TRY(status(axis));
-  const std::optional<Travel>& known = travel_[static_cast<std::size_t>(axis)];
+  const std::optional<Travel>& known = travel_[index(axis)];
   if (known && limit.wrap_deg > 0.0) {
     const double wound_deg = std::max(known->max_deg, position_deg) - std::min(known->min_deg, position_deg);
     const double before_deg = known->max_deg - known->min_deg;

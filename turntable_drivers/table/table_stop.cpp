@@ -122,7 +122,7 @@ Status leave_off(Turntable& table, const StopTime& time) {
         if (!given_up && !unread) unread = now.error();
         break;
       }
-      axes[static_cast<std::size_t>(axis)] = std::move(*now);
+      axes[index(axis)] = std::move(*now);
     }
     const double now_s = time.now_s();
     if (readable) unread.reset();

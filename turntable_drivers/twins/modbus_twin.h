@@ -42,7 +42,7 @@ class ModbusTwin {
   };
   Answer handle(const ModbusRequest& request);
   void tick();  // the watchdog
-  bool watchdog_tripped(Axis axis) const { return tripped_[static_cast<std::size_t>(axis)]; }
+  bool watchdog_tripped(Axis axis) const { return tripped_[index(axis)]; }
   const RegisterMap& map() const { return map_; }
 
  private:

@@ -66,7 +66,7 @@ struct ManualFactory {
     desk.clock.time_s += seconds;
     const auto wanted = desk.manual.wanted();
     if (!wanted) return;
-    double& hand = hand_deg[static_cast<std::size_t>(wanted->axis)];
+    double& hand = hand_deg[index(wanted->axis)];
     const double way_deg = wanted->target_deg - hand;
     hand += std::clamp(way_deg, -20.0 * seconds, 20.0 * seconds);
     if (std::abs(wanted->target_deg - hand) < 1e-9) desk.type(std::to_string(wanted->target_deg));

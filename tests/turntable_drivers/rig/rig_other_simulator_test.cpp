@@ -84,7 +84,7 @@ TEST(RigAgainstAnotherSimulator, SameUnitSameMotionSamePulses) {
   std::vector<ImuSample> samples;
   for (const Row& segment : segments) {
     for (Axis axis : all_axes) {
-      const std::size_t i = static_cast<std::size_t>(axis);
+      const std::size_t i = index(axis);
       if (segment.angles_deg[i] != angles_deg[i]) rig.command_move(axis, segment.angles_deg[i], 10.0, 10.0);
     }
     angles_deg = segment.angles_deg;
