@@ -244,6 +244,19 @@ std::optional<WriteClash> clash_of(const RegisterMap& map, Axis of_starting, Axi
   return std::nullopt;
 }
 
+// A heartbeat that counts writes any number, and goes on after a stop: it would take the stop back.
+std::optional<WriteClash> beats_over_a_stop(const RegisterMap& map, Axis axis) {
+  if (!map.heartbeat_address || !map.heartbeat_values.empty()) return std::nullopt;
+  const Written beat = harmless_of(map, axis).back().sent.front();
+  for (const DriveOperation operation : {DriveOperation::stop, DriveOperation::abort})
+    for (const Written& written : sent_by(map, operation, axis))
+      if (overlaps(written, beat))
+        return WriteClash{"heartbeat.address", "a register of its own, not " + said(written.place) + ", where write." +
+                                                   to_string(operation) +
+                                                   " writes: the count would take it back; or heartbeat.values"};
+  return std::nullopt;
+}
+
 // A stop that goes to a register of another axis alone is not this one's.
 std::optional<WriteClash> stops_another(const RegisterMap& map, Axis axis, Axis other) {
   for (const DriveOperation operation : {DriveOperation::stop, DriveOperation::abort}) {
@@ -303,6 +316,7 @@ std::optional<WriteClash> write_clash(const RegisterMap& map) {
         if (auto clash = same_axis(map, std::min(one, other), std::max(one, other))) return clash;
         if (auto clash = stops_another(map, one, other)) return clash;
       }
+      if (auto clash = beats_over_a_stop(map, one)) return clash;
       if (auto clash = clash_of(map, one, other)) return clash;
       if (auto clash = target_clash_of(map, one, other)) return clash;
     }

@@ -1,4 +1,4 @@
-// Writes that would do more than they are called: a `setup`, `heartbeat`, `stop`, `abort` or `clear_fault` that writes what enables a drive,
+// Writes that would do more than they are called, and a heartbeat that takes a stop back: a `setup`, `heartbeat`, `stop`, `abort` or `clear_fault` that writes what enables a drive,
 // homes or moves it, and axes that cannot be told apart. A pure function of the map.
 //
 // What starts something is the register that its list writes last: for `enable` the value that it ends with (those before are steps of

@@ -125,6 +125,9 @@ TEST(RegisterMap, WritesThatWouldMoveUnderAnotherNameAreRefused) {
   EXPECT_NE(error_of(abort, abort + ", 0x216 u16 1").find("'write.abort'"), std::string::npos);
   EXPECT_NE(error_of(clear, clear + ", 0x200 u16 1").find("'write.clear_fault'"), std::string::npos);
   EXPECT_NE(error_of(beat, "heartbeat.address = 0x201").find("which is write.home"), std::string::npos);
+  for (const std::string of_stop : {"0x202", "0x203"})
+    EXPECT_NE(error_of(beat, "heartbeat.address = " + of_stop).find("the count would take it back"), std::string::npos)
+        << of_stop;
   EXPECT_NE(error_of(beat, "heartbeat.address = 0x200\nheartbeat.values = 7, 1").find("'heartbeat.values'"),
             std::string::npos);
   // Half of a number of 32 bits is a register as well, whichever half the drive takes for the high one.
