@@ -29,7 +29,9 @@ std::optional<LineAddress> parse_line(const std::string& device) {
   LineAddress address;
   address.asks = device.starts_with("udp_to:");
   if (!device.starts_with("tcp:") && !device.starts_with("udp:") && !address.asks) {
-    return device.starts_with('/') ? std::optional(address) : std::nullopt;
+    const std::size_t colon = device.find(':');
+    const bool another_kind = colon != std::string::npos && device.find('/') > colon;
+    return another_kind || device.empty() ? std::nullopt : std::optional(address);
   }
   address.kind = device[0] == 't' ? LineKind::tcp : LineKind::udp;
   const std::string remaining = device.substr(device.find(':') + 1);

@@ -26,7 +26,7 @@ struct LineAddress {
   int port = 0;
   bool asks = false;  // udp_to
 };
-// A path from / on is a serial line. Empty: a kind that is not known, or no port.
+// Empty: a kind that is not known, or no port.
 std::optional<LineAddress> parse_line(const std::string& device);
 
 class ByteLine {

@@ -204,7 +204,7 @@ class Mounting : public Batch {
     write("live.station",
           "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
               fs::relative(map, folder_).string() +
-              "\ntable.address = 127.0.0.1:1\nimu.driver = serial\nimu.device = /none\nimu.frame = laser_gyro\n" +
+              "\ntable.address = 127.0.0.1:1\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\n" +
               hooks);
     const int keep = ::dup(0), given = ::open(input.c_str(), O_RDONLY | O_NOCTTY);
     ::dup2(given, 0);
