@@ -4,6 +4,7 @@
 
 #include "orchestrator/devices/table_device.h"
 #include "turntable_drivers/manual/manual_turntable.h"
+#include "turntable_drivers/twins/rehearsed_table.h"
 
 namespace turncal {
 

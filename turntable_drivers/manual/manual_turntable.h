@@ -29,7 +29,6 @@
 // does wrong can be rehearsed: `turn AXIS ANGLE` turns any axis and answers nothing, `say ANGLE` answers and turns nothing.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <deque>
 #include <functional>
@@ -41,7 +40,6 @@
 #include "calib/types/axis.h"
 #include "imu_io/base/clock.h"
 #include "turntable_drivers/manual/operator_texts.h"
-#include "turntable_drivers/rig/rig.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
@@ -199,17 +197,5 @@ class ManualTurntable : public Turntable {
   bool stopped_ = false;      // and nothing was asked for since
   std::optional<Error> end_;  // nothing more can be asked for
 };
-
-// The rig as the table that a rehearsal by hand turns.
-// The rig must outlive the table.
-inline RehearsedTable rehearsed_table(Rig& rig) {
-  return {[&rig](Axis axis, double angle_deg, double rate_degps, double acceleration_degps2) {
-            rig.command_move(axis, angle_deg, rate_degps, acceleration_degps2);
-          },
-          [&rig] {
-            return std::any_of(all_axes.begin(), all_axes.end(), [&rig](Axis axis) { return rig.axis(axis).moving; });
-          },
-          [&rig] { rig.stop(); }};
-}
 
 }  // namespace turncal

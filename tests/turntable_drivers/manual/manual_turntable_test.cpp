@@ -12,6 +12,7 @@
 
 #include "imu_io/base/text_pieces.h"
 #include "tests/turntable_drivers/table_contract.h"
+#include "turntable_drivers/twins/rehearsed_table.h"
 
 namespace turncal {
 namespace {
