@@ -140,6 +140,7 @@ class LinearMotion {
 // Products of three columns, a row a parameter, with a 3x3 matrix: what moves the columns of all parameters together.
 //
 // All three results of a row are made while its three values are at hand; a general product goes over the rows three times.
+
 // to (+)= from * by, n rows; columns are `stride` apart and do not overlap.
 template <bool add>
 inline void column_product(const double* __restrict from, Eigen::Index from_stride, const Eigen::Matrix3d& by,

@@ -1,7 +1,7 @@
 // The catalogue of effects beyond the 24 parameters. One entry an effect; adding another is adding an entry in
 // accel_effects.cpp, gyro_effects.cpp or effects.cpp.
 //
-// An entry says what one unit of each component adds to the calibrated reading (see effects.h), in the units of
+// An entry says what one unit of each component adds to the calibrated reading, in the units of
 // docs/effect-components.md. Names follow IEEE 1293 (accelerometer model), 647 (ring laser gyros) and 952.
 // Effects with a time constant that is not known beforehand appear once a value of tau from a short list ("variants": the
 // score decides between them, and they count as one effect). What the station can never see is listed in unobservable_quantities().
@@ -23,7 +23,8 @@ namespace turncal {
 // Effects beyond the 24 parameters, as the filter sees them: what one unit of each component adds to the calibrated reading.
 //
 // A component c with value p adds p * rate_b (rad/s) to the gyros and p * force_b (m/s^2) to the accelerometers; the model
-// takes it off again: corrected = calibrated - p * regressor. Which effects exist is the catalogue's affair (effects.h).
+// takes it off again: corrected = calibrated - p * regressor.
+
 // What a regressor may look at: the motion over one block for the present parameters, SI units.
 struct BlockState {
   Eigen::Vector3d f_b;      // specific force in the middle of the block, m/s^2

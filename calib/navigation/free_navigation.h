@@ -60,7 +60,7 @@ struct FreeNavigation {
   double heading_sigma_rad = 0.0;                             // of where x points (angle_sigmas)
   double free_s = 0.0;
   std::vector<TrackPoint> track;  // at the start, then each second, and at the end
-  double nm_per_h = 0.0;          // radial error rate (free_navigation.h), over the track
+  double nm_per_h = 0.0;          // radial error rate, over the track
   double velocity_rms_mps = 0.0;  // of the horizontal velocity error's size, over the track
   // Expected at the end: covariance of north and east, m^2.
   Eigen::Matrix2d end_covariance_m2 = Eigen::Matrix2d::Zero();

@@ -20,7 +20,7 @@
 //
 // Data faults are noticed here, on raw samples, and listed as events; what is done about them is up to the estimator. A sample that
 // cannot be true (implausible.h) is left out of the sums as if it had not come: no estimator could bear it. A few samples lost inside a
-// segment are filled in between those beside them, with the variance of that (compression.h). A temperature that cannot be counts as not measured.
+// segment are filled in between those beside them, with the variance of that. A temperature that cannot be counts as not measured.
 // Not modelled: nothing is; this is bookkeeping.
 #pragma once
 

@@ -15,7 +15,7 @@
 // one whose mean rate stands out from the others (by slow_turn_sigmas robust deviations and more than the sample noise) is
 // taken out.
 //
-// What was found verifies itself. Each rest is cut to the longest stretch that stands still (segmentation.h), which takes the slow start
+// What was found verifies itself. Each rest is cut to the longest stretch that stands still, which takes the slow start
 // of a turn off its ends. And the quiet level must be noise: the variance of a window about its mean is set against half the mean
 // square of the differences of neighbouring samples, 1 for white noise and (2 n / 2 pi)^2 / 2 and the like for a smooth motion that
 // turns back within n samples. Where that ratio is above smooth_motion in the gyros' quiet windows, the unit swings: no rest.

@@ -39,6 +39,7 @@ class Crc {
 
 // CRC-32C (Castagnoli, polynomial 0x1EDC6F41 reflected, as in iSCSI, RFC 3720): crc32c("123456789") = 0xE3069283.
 // Uses the processor's instruction where there is one; the result is the same without.
+
 // Goes on from the CRC of what came before; 0 to begin.
 std::uint32_t crc32c(std::span<const std::byte> data, std::uint32_t before = 0);
 std::uint32_t crc32c(std::string_view text, std::uint32_t before = 0);
@@ -47,6 +48,7 @@ std::uint32_t crc32c_portable(std::span<const std::byte> data, std::uint32_t bef
 
 // Text files that tell whether they are whole: the last line is `checksum = ` and the CRC-32C, as 8 hex digits, of all bytes above it. It
 // tells damage and careless editing, not forgery.
+
 // `text` ends its last line.
 std::string with_checksum(std::string text);
 // What stands above the checksum. An error when there is none, when it is wrong, or when it is not the last line.

@@ -8,7 +8,7 @@
 
 namespace turncal {
 
-// How a number lies in a frame: plain data. frame_field.h reads and writes it.
+// How a number lies in a frame: plain data.
 enum class NumberType { unsigned_integer, signed_integer, sign_magnitude, floating };
 
 struct FieldForm {

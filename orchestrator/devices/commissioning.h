@@ -11,7 +11,7 @@
 // sign and scale. Coarse for the accelerometers, whose pulse weight and biases a calibration finds; the gyros' 0.5 % is what an encoder of
 // some arc minutes and a turn of 5 degrees allow.
 //
-// While an axis turns it must say so, and its rate must be what its position says (commissioning.h).
+// While an axis turns it must say so, and its rate must be what its position says.
 //
 // Every wait has a deadline and ends at the operator's stop, and at the first poll in which an axis turns that nothing sent
 // (orchestrator/run/motion_watch.h). The caller sees that the table is left at rest, whatever happens.

@@ -20,6 +20,7 @@ namespace turncal {
 void print_results(const ParameterFile& file, const std::optional<ParameterVector>& truth, std::ostream& out);
 
 // What `turncal predict --navigate` prints: the free navigation that each sequence would allow, side by side.
+
 // REQUIRES at least one column; each has at least one point.
 void print_predicted_drift(const std::vector<std::pair<std::string, ExpectedDrift>>& columns, const DriftPlan& plan,
                            std::ostream& out);

@@ -203,13 +203,14 @@ void DwellMonitor::judge_dead() {
     const double share = n / others;
     // Pulses of a running sum are off by their ends alone, numbers that are rounded by each of them.
     const double rounding = pulses_[i / 3] ? (1.0 + share * share) / 6.0 : n * count_[i] * n * count_[i] / 12.0;
-    if (!(off > sigmas * std::sqrt(variance * n * (1.0 + share) + rounding))) continue;
+    const double sigma = std::sqrt(variance * n * (1.0 + share) + rounding);
+    if (!(off > sigmas * sigma)) continue;
     char text[200];
     std::snprintf(
         text, sizeof text,
         "%s gave one and the same number in samples %lld to %lld (%.1f s): expected %.4g +- %.2g in all, not %.4g",
-        channel_names[i], static_cast<long long>(same.first), static_cast<long long>(end - 1), same_s, mean * n,
-        std::sqrt(variance * n), same.value * n);
+        channel_names[i], static_cast<long long>(same.first), static_cast<long long>(end - 1), same_s, mean * n, sigma,
+        same.value * n);
     defect_ = Defect{ErrorKind::device, text};
     return;
   }

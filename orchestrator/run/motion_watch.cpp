@@ -172,10 +172,9 @@ std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate
   std::optional<double> rate_degps;  // the least of the units
   for (const FeltRate* unit : felt) {
     // In a search its scale is not known yet: the largest one counts.
-    const double least_of_it = unit->confirmed() ? 1.0 : searches ? 1.0 / FeltRate::largest_scale : 0.0;
-    const std::optional<double> felt_degps = least_of_it > 0.0 ? unit->now_degps() : std::nullopt;
-    const std::optional<double> now = felt_degps ? std::optional(*felt_degps * least_of_it) : std::nullopt;
+    std::optional<double> now = unit->confirmed() || searches ? unit->now_degps() : std::nullopt;
     if (!now) continue;
+    if (!unit->confirmed()) *now /= FeltRate::largest_scale;
     rate_degps = std::min(rate_degps.value_or(*now), *now);
   }
   if (!rate_degps) return std::nullopt;

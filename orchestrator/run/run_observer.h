@@ -84,6 +84,7 @@ class RunObserver {
 // unit that drops out when it does, the end of the recording before it is sealed.
 //
 // An error from any of these stops the run like a disk that is full. On disk: journal_file.h.
+
 // Where the recording of one unit stood.
 struct RecordingPoint {
   std::int64_t next_sample = 0;    // of the recording: where the segment ended
@@ -91,7 +92,7 @@ struct RecordingPoint {
   std::int64_t last_counter = 0;   // the unit's own, of the last recorded sample
   std::uint64_t lost_samples = 0;
   std::uint64_t duplicate_samples = 0;
-  std::optional<std::uint32_t> written{};  // hash of the recording up to there (run_observer.h)
+  std::optional<std::uint32_t> written{};  // hash of the recording up to there
   bool operator==(const RecordingPoint&) const = default;
 };
 

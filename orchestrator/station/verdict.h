@@ -108,7 +108,7 @@ std::vector<std::string> describe(const VerdictReport& report);
 // A parameter is known well enough when its standard deviation is not above the least of
 //   stop.sigma.<key>        of the station file
 //   limit.<key>.sigma_max   the same
-//   m / (2 guard_factor)    m: distance of the value from the nearer of limit.<key>.min, .max; there the guard band ends (verdict.h)
+//   m / (2 guard_factor)    m: distance of the value from the nearer of limit.<key>.min, .max; there the guard band ends
 // Units of the parameter file. Parameters that none of them names are free to be anything.
 using StopSigmas = std::array<std::optional<double>, parameter_count>;
 

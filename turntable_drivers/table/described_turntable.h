@@ -3,7 +3,7 @@
 //
 // - Nothing is switched on or moves before the description is commissioned, enable() was called since connect(), and the drive's own
 //   state says enabled, homed, at rest, without fault, in remote.
-// - A position is believed by described_turntable.h's rule.
+// - A position is believed by the rule of AxisMemory.
 // - A drive that was told to go off, or last read off, is sent abort in place of stop: a stop must not switch it on.
 // One thread.
 #pragma once

@@ -1,5 +1,5 @@
 // ModbusTwin: three simulated drives behind the registers that a RegisterMap describes. What a drive would do with a request, without
-// any line: modbus_twin.h puts it on one.
+// any line: ModbusServer puts it on one.
 //
 // The axes are those of any Turntable (the rig's mock), so the twin has its manners and its lies. Status registers are made from its
 // status at each reading; a list of writes of the map, seen in full and in order, is carried out when its last register is

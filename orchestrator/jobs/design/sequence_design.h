@@ -76,7 +76,7 @@ std::optional<double> design_bound(const DesignTask& task);
 // `turncal design --separate`: the shortest walk that tells the effects of an alias class apart (calib/prediction/separation.h).
 //
 //   cost(walk) = sum over the ordered pairs of max(0, ln(separating_gain / gain expected))
-// is searched for (sequence_design.h) in the longest time allowed; then in less and less of it, from what was found, until it is not reached.
+// is searched for in the longest time allowed; then in less and less of it, from what was found, until it is not reached.
 struct ExtraLegs {
   Walk walk;
   double time_s = 0.0;

@@ -19,7 +19,7 @@ struct NavigationRequest {
   std::string recording;
   std::string parameters;  // empty: the recording holds calibrated increments, as `turncal apply` writes them
   std::string against;     // empty: none
-  std::string reference;   // where it truly was (navigation_job.h); empty: where it stands
+  std::string reference;   // where it truly was; empty: where it stands
   double align_s = 300.0;
   double from_s = 0.0;              // of the recording, from its first sample
   std::optional<double> to_s;       // default: its end

@@ -9,6 +9,14 @@
 namespace turncal {
 namespace {
 
+// 200 Hz.
+RecordingInfo unit_in_rad() {
+  RecordingInfo info;
+  info.sample_period_s = 0.005;
+  info.gyro_increment = IncrementKind::physical;
+  return info;
+}
+
 constexpr std::array<AxisLimits, 3> limits = {AxisLimits{}, AxisLimits{-10.0, 10.0}, AxisLimits{}};
 
 TableStatus at(double time_s, double heading_deg, double pitch_deg, double pitch_rate_degps = 0.0) {
@@ -114,10 +122,7 @@ struct DrawnMove {
   std::optional<std::pair<double, std::string>> watch(std::mt19937_64& random) const {
     const auto draw = [&](double to) { return std::uniform_real_distribution(0.0, to)(random); };
     std::normal_distribution<double> normal;
-    RecordingInfo info;
-    info.sample_period_s = 0.005;
-    info.gyro_increment = IncrementKind::physical;
-    unit.emplace(info);
+    unit.emplace(unit_in_rad());
     std::int64_t samples = 0;
     const auto feel_until = [&](double t) {
       for (; felt && 0.005 * static_cast<double>(samples) - 4.0 < t; ++samples) {
@@ -245,10 +250,7 @@ TEST(SpeedWatch, SaysWhatIsSpedUpTooQuickly) {
 // A unit that loses samples while the axis is sped up, and does not say so, is no table that jumps.
 TEST(SpeedWatch, LostSamplesOfAUnitAreNoJumpOfTheTable) {
   for (const bool lost : {true, false}) {
-    RecordingInfo info;
-    info.sample_period_s = 0.005;
-    info.gyro_increment = IncrementKind::physical;
-    FeltRate unit(info);
+    FeltRate unit(unit_in_rad());
     std::int64_t counter = 0;
     const auto feel = [&](double degps, int samples) {
       for (int i = 0; i < samples; ++i) {
@@ -294,10 +296,7 @@ TEST(SpeedWatch, AnAxisThatLooksForItsZeroKeepsToItsLargestRate) {
 
 // One unit that goes mad is its own trouble: the least of those on the table counts.
 TEST(SpeedWatch, OfSeveralUnitsTheLeastCounts) {
-  RecordingInfo info;
-  info.sample_period_s = 0.005;
-  info.gyro_increment = IncrementKind::physical;
-  FeltRate mad(info), sane(info);
+  FeltRate mad(unit_in_rad()), sane(unit_in_rad());
   for (FeltRate* unit : {&mad, &sane}) {  // two turns of 10 deg have told their scale
     for (std::int64_t i = -400; i < 0; ++i) {
       if (i % 200 == 0) unit->begin_turn(1e9);
@@ -324,12 +323,9 @@ TEST(SpeedWatch, OfSeveralUnitsTheLeastCounts) {
 
 // A unit whose scale is not known yet may weigh its pulses 1.7 times too high: beyond that a search is too fast.
 TEST(SpeedWatch, ASearchIsFeltBeforeTheUnitsScaleIsKnown) {
-  RecordingInfo info;
-  info.sample_period_s = 0.005;
-  info.gyro_increment = IncrementKind::physical;
   const SpeedWatch speed(usual, 1.0);
   for (const double times : {1.5, 2.0}) {
-    FeltRate felt(info);
+    FeltRate felt(unit_in_rad());
     for (std::int64_t i = 0; i < 100; ++i) {
       ImuSample sample;
       sample.counter = i;
@@ -343,10 +339,7 @@ TEST(SpeedWatch, ASearchIsFeltBeforeTheUnitsScaleIsKnown) {
 
 // One sample of 5 mrad in a resting unit, and one in a turn.
 TEST(FeltRate, AGlitchIsNotFelt) {
-  RecordingInfo info;
-  info.sample_period_s = 0.005;
-  info.gyro_increment = IncrementKind::physical;
-  FeltRate felt(info);
+  FeltRate felt(unit_in_rad());
   for (std::int64_t i = 0; i < 1000; ++i) {
     ImuSample sample;
     sample.counter = i;
@@ -417,10 +410,7 @@ TEST(SpeedWatch, AnAxisThatNothingSentKeepsToItsLargestRate) {
 
 // A sample that the unit flags is not felt.
 TEST(FeltRate, AFlaggedSampleIsNotFelt) {
-  RecordingInfo info;
-  info.sample_period_s = 0.005;
-  info.gyro_increment = IncrementKind::physical;
-  FeltRate felt(info);
+  FeltRate felt(unit_in_rad());
   for (std::int64_t i = 0; i < 1000; ++i) {
     ImuSample sample;
     sample.counter = i;
