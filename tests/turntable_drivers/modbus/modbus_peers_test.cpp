@@ -1,5 +1,5 @@
 // Peers that nobody here wrote: our driver runs a sequence on a table that python3-pymodbus serves, over TCP and, through socat, over
-// RTU; mbpoll reads the registers of our twin. scripts/install-deps installs them.
+// RTU; mbpoll reads the registers of our twin. scripts/install-deps --tests installs them.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <signal.h>
@@ -187,7 +187,7 @@ const std::string script = std::string(TURNCAL_SOURCE_DIR) + "/tests/turntable_d
 TEST(ModbusPeers, PymodbusServesATableOverTcp) {
   const int port = free_port();
   Program server({"/usr/bin/python3", script, "tcp", std::to_string(port)});
-  ASSERT_TRUE(wait_for_port(server, port, 20.0)) << "python3-pymodbus: scripts/install-deps installs it";
+  ASSERT_TRUE(wait_for_port(server, port, 20.0)) << "python3-pymodbus: scripts/install-deps --tests installs it";
   RegisterMap map = map_of(plain_map_text("tcp"));
   map.link.address = "127.0.0.1:" + std::to_string(port);
   run_a_sequence_on(map);
@@ -199,9 +199,9 @@ TEST(ModbusPeers, SocatCarriesRtuToPymodbus) {
   const int port = free_port();
   const std::string device = temporary("socat");
   Program server({"/usr/bin/python3", script, "rtu", std::to_string(port)});
-  ASSERT_TRUE(wait_for_port(server, port, 20.0)) << "python3-pymodbus: scripts/install-deps installs it";
+  ASSERT_TRUE(wait_for_port(server, port, 20.0)) << "python3-pymodbus: scripts/install-deps --tests installs it";
   const Program socat({"socat", "PTY,link=" + device + ",raw,echo=0", "TCP:127.0.0.1:" + std::to_string(port)});
-  ASSERT_TRUE(wait_for_file(device, 10.0)) << "socat: scripts/install-deps installs it";
+  ASSERT_TRUE(wait_for_file(device, 10.0)) << "socat: scripts/install-deps --tests installs it";
   RegisterMap map = map_of(plain_map_text("rtu"));
   map.link.address = device;
   run_a_sequence_on(map);
