@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/implausible.h"
@@ -12,12 +13,6 @@
 namespace turncal {
 
 namespace {
-
-std::string line(const char* format, const char* name, double value, const char* unit, double limit, double second) {
-  char text[200];
-  std::snprintf(text, sizeof text, format, name, value, unit, limit, unit, second);
-  return text;
-}
 
 struct Scatter {
   void add(double value) {
@@ -38,7 +33,7 @@ struct Scatter {
 }  // namespace
 
 DwellMonitor::DwellMonitor(const DwellConfig& config, const RecordingInfo& info)
-    : config_(config), period_s_(info.sample_period_s), frozen_(info.sample_period_s) {
+    : config_(config), period_s_(info.sample_period_s) {
   window_samples_ = std::max<std::int64_t>(1, std::llround(config.stillness_window_s / info.sample_period_s));
   const double window_s = static_cast<double>(window_samples_) * info.sample_period_s;
   const Parameters start = start_parameters(info);
@@ -60,7 +55,6 @@ void DwellMonitor::start(std::int64_t first_counter, std::int64_t samples) {
   defect_.reset();
   window_sum_ = {};
   in_window_ = windows_ = 0;
-  frozen_.start();
   origin_ = sum_ = square_ = lowest_ = highest_ = {};
   of_ = {};
   part_sum_ = {};
@@ -84,12 +78,6 @@ const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const Imu
       break;
     }
     ++next_counter_;
-    std::string frozen = frozen_.add(sample);
-    if (frozen.empty() && complete()) frozen = frozen_.finish();
-    if (!frozen.empty()) {
-      defect_ = Defect{ErrorKind::device, std::move(frozen)};
-      break;
-    }
     for (std::size_t i = 0; i < channels; ++i) {
       const double value = channel_of(sample, i);
       window_sum_[i] += value;
@@ -133,9 +121,7 @@ void DwellMonitor::close_window() {
   window_sum_ = {};
   in_window_ = 0;
   ++windows_;
-  if (frozen_.suspects()) return;
-  judge_dead();
-  if (defect_) return;
+  if (judge_dead() || defect_) return;
   const double count = static_cast<double>(windows_);
   for (std::size_t i = 0; i < channels; ++i) {
     const bool gyro = i < 3;
@@ -153,29 +139,33 @@ void DwellMonitor::close_window() {
       }
     }
     if (!(peak <= max_peak)) {
-      defect_ = Defect{ErrorKind::device, line("not still: %s mean jumps by %.4g %s (limit %.4g %s) within %.0f s",
-                                               channel_names[i], peak, unit, max_peak, at_s)};
+      defect_ = Defect{ErrorKind::device,
+                       fmt::format("not still: {} mean jumps by {:.4g} {} (limit {:.4g} {}) within {:.0f} s",
+                                   channel_names[i], peak, unit, max_peak, unit, at_s)};
       return;
     }
     if (!(deviation <= max_deviation)) {
-      defect_ = Defect{ErrorKind::device, line("not still: %s means scatter by %.4g %s (limit %.4g %s) within %.0f s",
-                                               channel_names[i], deviation, unit, max_deviation, at_s)};
+      defect_ = Defect{ErrorKind::device,
+                       fmt::format("not still: {} means scatter by {:.4g} {} (limit {:.4g} {}) within {:.0f} s",
+                                   channel_names[i], deviation, unit, max_deviation, unit, at_s)};
       return;
     }
   }
 }
 
-void DwellMonitor::judge_dead() {
+bool DwellMonitor::judge_dead() {
   constexpr double sigmas = 8.0, shortest_s = 0.9, longest_s = 30.0;
   constexpr std::size_t fewest = 10, tenths = 10;
   const double part = static_cast<double>(part_samples_);
+  const std::optional<Stretch> together = frozen_together();
+  bool more_will_tell = false;
+  double squares = 0.0, most = sigmas;
   for (std::size_t i = 0; i < channels; ++i) {
     const Stretch& same = of_[i].longest;
     const double same_s = static_cast<double>(same.samples) * period_s_;
     if (same_s < shortest_s) continue;
-    // Its end is waited for, so that the dwell is not begun again into it.
     const std::int64_t end = same.first + same.samples;
-    if (end == next_counter_ && same_s < longest_s && !complete()) continue;
+    const bool goes_on = end == next_counter_ && same_s < longest_s && !complete();
     const auto first_touched = static_cast<std::size_t>((same.first - first_counter_) / part_samples_);
     const auto last_touched = static_cast<std::size_t>((end - 1 - first_counter_) / part_samples_);
     Scatter by_parts, by_windows;
@@ -194,7 +184,10 @@ void DwellMonitor::judge_dead() {
       window = 0.0;
       in_window = 0;
     }
-    if (by_parts.count < fewest) continue;
+    if (by_parts.count < fewest) {
+      more_will_tell = more_will_tell || (together && end != next_counter_);
+      continue;
+    }
     const double variance = by_windows.count >= fewest  // of a sample
                                 ? by_windows.variance() / (part * static_cast<double>(tenths))
                                 : by_parts.variance() / part;
@@ -204,16 +197,34 @@ void DwellMonitor::judge_dead() {
     // Pulses of a running sum are off by their ends alone, numbers that are rounded by each of them.
     const double rounding = pulses_[i / 3] ? (1.0 + share * share) / 6.0 : n * count_[i] * n * count_[i] / 12.0;
     const double sigma = std::sqrt(variance * n * (1.0 + share) + rounding);
-    if (!(off > sigmas * sigma)) continue;
-    char text[200];
-    std::snprintf(
-        text, sizeof text,
-        "%s gave one and the same number in samples %lld to %lld (%.1f s): expected %.4g +- %.2g in all, not %.4g",
-        channel_names[i], static_cast<long long>(same.first), static_cast<long long>(end - 1), same_s, mean * n, sigma,
-        same.value * n);
-    defect_ = Defect{ErrorKind::device, text};
-    return;
+    if (off > 0.0) squares += off * off / (sigma * sigma);
+    const bool is_off = off > most * sigma;
+    const bool all_off = together && squares > sigmas * sigmas;
+    if (!is_off && !all_off) continue;
+    more_will_tell = more_will_tell || goes_on;
+    if (goes_on) continue;
+    if (is_off) most = off / sigma;
+    defect_ = Defect{
+        ErrorKind::device,
+        together ? fmt::format("all six channels gave the same in {} samples, {} to {} ({:.3f} s)", together->samples,
+                               together->first, together->first + together->samples - 1,
+                               static_cast<double>(together->samples) * period_s_)
+                 : fmt::format("{} gave one and the same number in samples {} to {} ({:.1f} s): expected {:.4g} +- "
+                               "{:.2g} in all, not {:.4g}",
+                               channel_names[i], same.first, end - 1, same_s, mean * n, sigma, same.value * n)};
   }
+  return more_will_tell && !defect_ && !complete();
+}
+
+std::optional<DwellMonitor::Stretch> DwellMonitor::frozen_together() const {
+  std::int64_t first = first_counter_, end = next_counter_, shortest = samples_;
+  for (const Channel& c : of_) {
+    first = std::max(first, c.longest.first);
+    end = std::min(end, c.longest.first + c.longest.samples);
+    shortest = std::min(shortest, c.longest.samples);
+  }
+  // A neighbour may happen to be the same, and a slow gyro be used to it.
+  return 10 * (end - first) > 9 * shortest ? std::optional(Stretch{0.0, first, end - first}) : std::nullopt;
 }
 
 // Of the window that is further from the mean of the others: how far it is without its outlier.

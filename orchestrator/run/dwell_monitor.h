@@ -6,12 +6,13 @@
 // configured limits (a single sample says nothing: one pulse of a laser gyro in 5 ms is already 0.05 deg/s). Judged at
 // the end of every window, so that a knock in a long dwell does not cost the rest of it.
 //
-// Nor may all six channels stand still together (frozen_watch.h), nor one alone give one and the same number v in n samples, 0.9 s
-// or longer, where the N others of the dwell have the mean u:
+// Nor may a channel give one and the same number v in n samples, 0.9 s or longer, where the N others of the dwell have the mean u:
 //   |v - u| n > 8 sqrt(sigma^2 n (1 + n / N) + r^2)
 // sigma: the noise of a sample, by the scatter of the sums of windows, or, where there are not ten, of their tenths. r: what rounding may do:
 // pulses of a running sum are off by the two ends, r^2 = (1 + (n / N)^2) / 6; numbers by each, r = n q / sqrt(12), q the least step seen. A
-// channel that feels nothing may so read zero for as long as it likes.
+// channel that feels nothing may so read zero for as long as it likes. A stretch is judged when it has ended, so that the dwell is not begun
+// again into it, or after 30 s; meanwhile nothing is said of stillness. Where the stretches of all six are one (a converter hangs, or a frame is
+// sent again), the sum of their squares in sigmas is judged.
 //
 // One sample alone may have spoilt a window: when the unit was still without it, the reason names it as a glitch.
 //
@@ -28,7 +29,6 @@
 
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
-#include "orchestrator/run/frozen_watch.h"
 #include "orchestrator/station/station_config.h"
 
 namespace turncal {
@@ -52,7 +52,7 @@ class DwellMonitor {
  private:
   static constexpr int channels = 6;  // gyro x y z, accelerometer x y z
   void close_window();
-  void judge_dead();  // a channel that stood still
+  bool judge_dead();  // channels that stood still; true: one may have, and more samples will tell
   std::string glitch_text(std::size_t channel, double limit) const;
 
   // The sample of a window that stands out most, and where the window's mean would be without it.
@@ -85,12 +85,12 @@ class DwellMonitor {
   struct Channel {
     Stretch now, longest;
   };
+  std::optional<Stretch> frozen_together() const;  // the longest stretches of all six, where they are one
   std::array<Channel, channels> of_{};
   std::vector<std::array<double, channels>> parts_;  // sums of the tenths of windows of the dwell
   std::array<double, channels> part_sum_{};
   std::int64_t part_samples_ = 20, in_part_ = 0;
   double period_s_ = 0.0;
-  FrozenWatch frozen_;
 };
 
 }  // namespace turncal
