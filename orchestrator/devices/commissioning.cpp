@@ -70,10 +70,7 @@ class Trial {
     restart();
     const double from_deg = TRY(position(axis));
     // So slowly that one that turns ten times too fast reaches its rate, and is not stopped before it is known how fast that is.
-    finds_factor_ = true;
-    const Status there = move(axis, settings_.move_deg, settings_.rate_degps / 2.0);
-    finds_factor_ = false;
-    if (!there) return there.error();
+    TRY(move(axis, settings_.move_deg, settings_.rate_degps / 2.0, JudgedBy::max_rate));
     if (lost_) return device_error(std::string("samples of the unit were lost while ") + to_string(axis) + " turned");
     const double to_deg = TRY(position(axis));
     Turn turned{to_deg - from_deg, sum_};
@@ -97,6 +94,7 @@ class Trial {
   const AxisLimits& limits_of(Axis axis) const { return station_.axis[index(axis)]; }
 
  private:
+  enum class JudgedBy { its_rate, max_rate };  // how fast an axis may turn
   template <class Condition>
   static bool all_of(const TableStatus& axes, Condition condition) {
     return std::all_of(axes.begin(), axes.end(), condition);
@@ -136,17 +134,18 @@ class Trial {
   // Reads the unit for rest_s with no axis sent anywhere, and sees that none turns.
   Status rest() {
     const TableStatus now = TRY(read_table());
-    hold(now, std::nullopt);
+    hold(now, std::nullopt, JudgedBy::its_rate);
     const double end_s = devices_.clock.now_s() + settings_.rest_s;
     return wait_until(2.0 * settings_.rest_s, "the rest does not end",
                       [&](const TableStatus&) { return devices_.clock.now_s() >= end_s; });
   }
   // From here on every axis stays where it was read, but for the one that is sent.
-  void hold(const TableStatus& axes, const std::optional<Move>& sent) {
+  void hold(const TableStatus& axes, const std::optional<Move>& sent, JudgedBy by) {
     AxisTriple at_deg;
     for (const Axis axis : all_axes) at_deg[axis] = axes[index(axis)].position_deg;
     held_deg_ = at_deg;
     sent_ = sent;
+    judged_by_ = by;
   }
   Status wait_until(double seconds, const std::string& late, const std::function<bool(const TableStatus&)>& over) {
     const double deadline_s = devices_.clock.now_s() + seconds;
@@ -176,7 +175,7 @@ class Trial {
     }
   }
   std::optional<std::string> too_fast(const TableStatus& axes, double asked_s) {
-    const std::optional<Move> sent = finds_factor_ ? std::nullopt : sent_;  // none: max_rate_degps alone
+    const std::optional<Move> sent = judged_by_ == JudgedBy::max_rate ? std::nullopt : sent_;
     const auto said = speed_.add(axes, asked_s, devices_.clock.now_s(), sent, !held_deg_);
     return said ? said : speed_.add_felt({&felt_}, axes, sent, !held_deg_);
   }
@@ -223,14 +222,14 @@ class Trial {
     return status ? Result<double>(status->position_deg) : Result<double>(status.error());
   }
   // There, and a rest.
-  Status move(Axis axis, double to_deg, double rate_degps) {
+  Status move(Axis axis, double to_deg, double rate_degps, JudgedBy by = JudgedBy::its_rate) {
     const TableStatus before = TRY(read_table());
     const double from_deg = before[index(axis)].position_deg;
     const double acceleration_degps2 =
-        std::min(std::max(settings_.acceleration_degps2, (finds_factor_ ? 20.0 : 2.0) * rate_degps),
+        std::min(std::max(settings_.acceleration_degps2, (by == JudgedBy::max_rate ? 20.0 : 2.0) * rate_degps),
                  limits_of(axis).max_acceleration_degps2);
     const Move sent{axis, to_deg, rate_degps, acceleration_degps2};
-    hold(before, sent);
+    hold(before, sent, by);
     felt_.begin_turn(SpeedWatch::factor * acceleration_degps2);
     const double began_s = devices_.clock.now_s();
     speed_.restart(before, began_s, began_s);
@@ -274,7 +273,7 @@ class Trial {
   FeltRate felt_;
   SpeedWatch speed_;
   std::optional<Move> sent_;
-  bool finds_factor_ = false;
+  JudgedBy judged_by_ = JudgedBy::its_rate;
 };
 
 double to_rad(IncrementKind kind, const CommissioningSettings& settings) {
