@@ -42,9 +42,7 @@ class Violations {
     for (const Cause& cause : causes_) {
       std::string text = cause.file + ":" + std::to_string(cause.line) + ": step " + std::to_string(cause.step) + ": ";
       text += cause.what;
-      if (cause.further > 0) {
-        text += " (and " + std::to_string(cause.further) + " more)";
-      }
+      if (cause.further > 0) text += " (and " + std::to_string(cause.further) + " more)";
       lines.push_back(std::move(text));
     }
     return lines;
@@ -73,19 +71,14 @@ class Planner {
     violations_.in(sequence_.file);
     if (!sequence_.steps.empty()) {
       const Step& first = sequence_.steps.front();
-      for (const Axis axis : all_axes) {
-        check_position(first.line, first.number, axis, commanded_deg_[axis]);
-      }
+      for (const Axis axis : all_axes) check_position(first.line, first.number, axis, commanded_deg_[axis]);
     }
     for (std::size_t s = 0; s < sequence_.steps.size(); ++s) {
       violations_.in(sequence_.steps[s].file.empty() ? sequence_.file : sequence_.steps[s].file);
-      for (std::size_t i = 0; i < sequence_.steps[s].items.size(); ++i) {
-        add_item(s, i);
-      }
+      for (std::size_t i = 0; i < sequence_.steps[s].items.size(); ++i) add_item(s, i);
     }
-    for (const Axis axis : all_axes) {
+    for (const Axis axis : all_axes)
       plan_.wrap_used_deg[axis] = plan_.travel_max_deg[axis] - plan_.travel_min_deg[axis];
-    }
     plan_.station_s = seconds(plan_.samples);
     plan_.moving_s = seconds(moving_samples_);
     plan_.violations = violations_.lines();
@@ -105,11 +98,10 @@ class Planner {
     planned.step = step.number;
     planned.line = item.line;
     planned.start_sample = plan_.samples;
-    if (item.kind == SequenceItem::Kind::move) {
+    if (item.kind == SequenceItem::Kind::move)
       plan_move(item, planned);
-    } else {
+    else
       plan_dwell(item, planned);
-    }
     planned.commanded_deg = commanded_deg_;
     planned.start_s = seconds(planned.start_sample);
     planned.duration_s = seconds(planned.samples);
@@ -202,9 +194,7 @@ class Planner {
 double move_duration_s(double angle_deg, double rate_degps, double acceleration_degps2) {
   assert(rate_degps > 0.0 && acceleration_degps2 > 0.0);
   const double angle = std::abs(angle_deg);
-  if (angle < rate_degps * rate_degps / acceleration_degps2) {
-    return 2.0 * std::sqrt(angle / acceleration_degps2);
-  }
+  if (angle < rate_degps * rate_degps / acceleration_degps2) return 2.0 * std::sqrt(angle / acceleration_degps2);
   return angle / rate_degps + rate_degps / acceleration_degps2;
 }
 

@@ -32,9 +32,8 @@ bool is_name(std::string_view text) {
 }
 
 bool is_free_parameter(std::string_view key) {
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i)
     if (parameter_keys[i] == key) return parameter_is_free[i];
-  }
   return false;
 }
 
@@ -43,21 +42,17 @@ class Parser {
   Parser(std::string_view text, std::string_view file) : text_(text), file_(file) {}
 
   Result<Sequence> run() {
-    if (text_.empty()) {
+    if (text_.empty())
       return problem_at({file_, 1, 1}, "found an empty file, expected 'format = 1' and the steps of a sequence");
-    }
     std::string_view remaining = text_;
-    if (remaining.starts_with("\xEF\xBB\xBF")) {
+    if (remaining.starts_with("\xEF\xBB\xBF"))
       remaining.remove_prefix(3);  // the byte order mark that some editors write
-    }
     while (!remaining.empty()) {
       ++line_;
       const std::size_t newline = remaining.find('\n');
       std::string_view line = remaining.substr(0, newline);
       remaining = newline == std::string_view::npos ? std::string_view() : remaining.substr(newline + 1);
-      if (line.ends_with('\r')) {
-        line.remove_suffix(1);
-      }
+      if (line.ends_with('\r')) line.remove_suffix(1);
       TRY(parse_line(line));
     }
     TRY(close_file());
@@ -79,9 +74,7 @@ class Parser {
     std::vector<Token> tokens = TRY(tokenize(line, file_, line_));
     tokens_ = std::move(tokens);
     next_ = 0;
-    if (peek().kind == Token::Kind::end) {
-      return {};
-    }
+    if (peek().kind == Token::Kind::end) return {};
     const Token word = next();
     if (is_word(word, "step")) return parse_step(word);
     if (sequence_.steps.empty()) return parse_header(word);
@@ -141,9 +134,7 @@ class Parser {
     Step step;
     step.number = static_cast<int>(*value);
     step.line = line_;
-    if (peek().kind == Token::Kind::title) {
-      step.title = next().text;
-    }
+    if (peek().kind == Token::Kind::title) step.title = next().text;
     has_initial_ = false;
     sequence_.steps.push_back(std::move(step));
     return expect_end("a title in quotes or the end of the line");

@@ -15,12 +15,9 @@ bool ends_word(char c) { return is_blank(c) || c == '=' || c == '#' || c == '"';
 
 std::optional<double> as_number(const Token& token) {
   std::string_view text = token.text;
-  if (token.kind != Token::Kind::word || text.starts_with("+-")) {
-    return std::nullopt;
-  }
-  if (text.starts_with('+')) {
+  if (token.kind != Token::Kind::word || text.starts_with("+-")) return std::nullopt;
+  if (text.starts_with('+'))
     text.remove_prefix(1);  // a turn is written with its sign, which parse_number does not take
-  }
   return parse_number(text);
 }
 
@@ -40,16 +37,10 @@ bool is_word(const Token& token, std::string_view word) {
 }
 
 std::string shown(const Token& token) {
-  if (token.kind == Token::Kind::end) {
-    return "the end of the line";
-  }
+  if (token.kind == Token::Kind::end) return "the end of the line";
   std::string text;
-  for (const char c : token.text.substr(0, longest_shown)) {
-    text += (c >= ' ' && c <= '~') ? c : '?';
-  }
-  if (token.text.size() > longest_shown) {
-    text += "...";
-  }
+  for (const char c : token.text.substr(0, longest_shown)) text += (c >= ' ' && c <= '~') ? c : '?';
+  if (token.text.size() > longest_shown) text += "...";
   return token.kind == Token::Kind::title ? "the title \"" + text + "\"" : "'" + text + "'";
 }
 
@@ -86,9 +77,7 @@ Result<std::vector<Token>> tokenize(std::string_view line, std::string_view file
       at = close + 1;
     } else {
       std::size_t end = at;
-      while (end < line.size() && !ends_word(line[end])) {
-        ++end;
-      }
+      while (end < line.size() && !ends_word(line[end])) ++end;
       tokens.push_back({Token::Kind::word, line.substr(at, end - at), column});
       at = end;
     }

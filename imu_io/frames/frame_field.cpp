@@ -16,11 +16,10 @@ int used_bits(const FieldForm& form) {
 
 bool FieldCodec::put_number(std::byte* frame, double value) const {
   if (form_.type == NumberType::floating) {
-    if (form_.bytes == 4) {
+    if (form_.bytes == 4)
       put_bits(frame, std::bit_cast<std::uint32_t>(static_cast<float>(value)));
-    } else {
+    else
       put_bits(frame, std::bit_cast<std::uint64_t>(value));
-    }
     return true;
   }
   const double whole = std::nearbyint(value);

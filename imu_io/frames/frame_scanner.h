@@ -47,23 +47,13 @@ class FrameScanner {
 
  private:
   enum class Verdict { good, other, bad, more };
-  struct Variant {
-    std::uint64_t id;
-    std::size_t length;
-  };
   Verdict judge(std::span<const std::byte> remaining, std::size_t& length, std::size_t& variant) const;
   bool sync_at(std::span<const std::byte> remaining) const;
   bool check_good(std::span<const std::byte> frame) const;
 
-  std::vector<std::byte> sync_, mask_, tail_;
-  std::vector<Variant> variants_;
-  bool has_id_ = false, has_length_ = false;
-  FieldCodec id_, length_;
-  std::int64_t length_scale_ = 1, length_add_ = 0;
-  FrameCheck check_;
-  FieldCodec check_field_;
+  FrameDescription frame_;
+  FieldCodec id_, length_, check_field_;
   Crc crc_;
-  bool weak_;
   Unstuffer unstuffer_;
   std::size_t lead_;  // bytes between end_ and space(): what was held back comes first
 

@@ -1,5 +1,6 @@
 #include "imu_io/recordings/matrix_writer.h"
 
+#include <fmt/format.h>
 #include <matio.h>
 #include <unistd.h>
 
@@ -21,17 +22,12 @@ constexpr std::string_view npy_magic = "\x93NUMPY";
 constexpr const char* mat_header = "MATLAB 5.0 MAT-file, written by turncal";
 
 std::string npy_header(std::size_t rows, std::size_t fields) {
-  std::string text = "{'descr': '<f8', 'fortran_order': False, 'shape': (" + std::to_string(rows) + ", " +
-                     std::to_string(fields) + "), }";
+  std::string text = fmt::format("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, {}), }}", rows, fields);
   constexpr std::size_t prefix = 10, block = 64;  // the data begin on a multiple of it
   text.resize((prefix + text.size() + 1 + block - 1) / block * block - prefix - 1, ' ');
   text += '\n';
-  std::string header(npy_magic);
-  header += '\x01';
-  header += '\0';
-  header += static_cast<char>(text.size() & 0xff);
-  header += static_cast<char>(text.size() >> 8);
-  return header + text;
+  const char version_and_size[] = {1, 0, static_cast<char>(text.size() & 0xff), static_cast<char>(text.size() >> 8)};
+  return std::string(npy_magic).append(version_and_size, sizeof version_and_size) + text;
 }
 
 // `row_text`: appends a row to a text.
@@ -144,9 +140,9 @@ Status write_columns(const std::string& path, const std::vector<NumberColumn>& f
       for (const NumberColumn& column : fields) append_double(column.values[row], text);
     });
   }
-  std::string head;
-  for (const NumberColumn& column : fields) head += (head.empty() ? "" : ",") + column.name;
-  head += '\n';
+  std::vector<std::string_view> names;
+  for (const NumberColumn& column : fields) names.emplace_back(column.name);
+  const std::string head = fmt::format("{}\n", fmt::join(names, ","));
   TRY(check_replaceable(path, head));
   NumberBuffer buffer;
   return write_rows(path, head, rows, [&](std::size_t row, std::string& text) {
@@ -159,12 +155,9 @@ Status write_columns(const std::string& path, const std::vector<NumberColumn>& f
 }
 
 Status check_ending(std::string_view path, std::initializer_list<std::string_view> endings) {
-  std::string known;
-  for (const std::string_view ending : endings) {
-    if (path.ends_with(ending)) return {};
-    known += (known.empty() ? "" : ", ") + std::string(ending);
-  }
-  return input_error(std::string(path) + ": expected a name that ends in one of " + known);
+  if (std::any_of(endings.begin(), endings.end(), [&](std::string_view ending) { return path.ends_with(ending); }))
+    return {};
+  return input_error(fmt::format("{}: expected a name that ends in one of {}", path, fmt::join(endings, ", ")));
 }
 
 Status write_recording_columns(RecordingSource& source, const std::string& path) {
@@ -172,12 +165,11 @@ Status write_recording_columns(RecordingSource& source, const std::string& path)
   TRY(check_replaceable(path, as_mat ? std::string_view(mat_header) : npy_magic));
   std::size_t rows = 0;
   bool flagged = false;
-  Status status = visit_samples(source, [&](const ImuSample& sample, std::size_t) {
+  TRY(visit_samples(source, [&](const ImuSample& sample, std::size_t) {
     ++rows;
     flagged = flagged || sample.flags != 0;
     return Status{};
-  });
-  if (!status) return status;
+  }));
   if (rows == 0) return input_error(source.path() + ": not one sample: expected some to write");
   std::vector<SampleColumn> columns(std::begin(sample_columns), std::begin(sample_columns) + temperature_column);
   if (source.info().has_temperature) columns.push_back(sample_columns[temperature_column]);
@@ -190,25 +182,24 @@ Status write_recording_columns(RecordingSource& source, const std::string& path)
     values.reserve(rows);
     return write_mat(path, names, [&](std::size_t k) -> Result<std::span<const double>> {
       values.clear();
-      const Status read = visit_samples(source, [&](const ImuSample& sample, std::size_t segment) {
+      TRY(visit_samples(source, [&](const ImuSample& sample, std::size_t segment) {
         values.push_back(columns[k].value(sample, segment));
         return Status{};
-      });
-      if (!read) return read.error();
+      }));
       return std::span<const double>(values);
     });
   }
   AtomicFile file = TRY(AtomicFile::create(path));
   std::string text = npy_header(rows, columns.size());
-  status = visit_samples(source, [&](const ImuSample& sample, std::size_t segment) {
+  TRY(visit_samples(source, [&](const ImuSample& sample, std::size_t segment) {
     for (const SampleColumn& column : columns) append_double(column.value(sample, segment), text);
     if (text.size() < 1 << 16) return Status{};
     const Status written = file.write(text);
     text.clear();
     return written;
-  });
-  if (status) status = file.write(text);
-  return status ? file.commit() : status;
+  }));
+  TRY(file.write(text));
+  return file.commit();
 }
 
 }  // namespace turncal

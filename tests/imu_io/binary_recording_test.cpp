@@ -228,9 +228,8 @@ TEST(SharedRecording, ImportAndExportGiveTheSameBytes) {
   auto binary = RecordingSource::open(folder.path());
   ASSERT_OK(binary);
   ASSERT_OK(export_text(**binary, folder / "out"));
-  for (const char* name : {"/imu.csv", "/segments.csv", "/recording.conf"}) {
+  for (const char* name : {"/imu.csv", "/segments.csv", "/recording.conf"})
     EXPECT_TRUE(read_file(folder / "out" + name) == read_file(clean + name)) << name;
-  }
   EXPECT_EQ(*(*text)->content_hash(), *(*binary)->content_hash());
 }
 

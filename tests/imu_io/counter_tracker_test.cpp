@@ -16,9 +16,8 @@ struct CounterTrackerTest : testing::Test {
   PlacedCounter take(double raw) { return take(raw, {time_s, time_s}); }
   PlacedCounter take(double raw, const Arrival& arrival) {
     const PlacedCounter placed = tracker.place(raw, arrival);
-    if (placed.outcome != CounterOutcome::stray && placed.outcome != CounterOutcome::duplicate) {
+    if (placed.outcome != CounterOutcome::stray && placed.outcome != CounterOutcome::duplicate)
       tracker.accept(placed, raw, arrival);
-    }
     return placed;
   }
 };
@@ -111,9 +110,8 @@ TEST(CounterTracker, AWideCounterNeedsNoTime) {
   EXPECT_EQ(placed.outcome, CounterOutcome::next);
   EXPECT_EQ(placed.counter, 4294967296);
   // The clock stepped, or the reader slept: the counter is the time.
-  for (const double step : {-3600.0, 3600.0}) {
+  for (const double step : {-3600.0, 3600.0})
     EXPECT_EQ(tracker.place(0.0, {0.01 + step, 0.01 + step}).outcome, CounterOutcome::next) << step;
-  }
   // One flipped bit of the counter.
   EXPECT_EQ(tracker.place(65536.0, {0.01, 0.01}).outcome, CounterOutcome::stray);
   // A unit that was switched off and on while the link was down: it goes on by the time that has passed, with a gap.

@@ -190,9 +190,8 @@ TEST(FrameDecoder, GivesBackWhatWasEncodedForAnyLayout) {
     }
     const int bits = type == "i16" ? 15 : type == "i24" ? 23 : 31;
     std::vector<ImuSample> sent = pulse_samples(60, static_cast<unsigned>(layout));
-    for (ImuSample& sample : sent) {
+    for (ImuSample& sample : sent)
       for (double& g : sample.gyro) g = std::trunc(g / std::ldexp(1.0, 32 - bits));  // half the width, either sign
-    }
     Line line(frame);
     line.feed_frames(frame, sent);
     // A weak check waits for the next sync; a cumulative field needs a first frame to begin from.

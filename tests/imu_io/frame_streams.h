@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_decoder.h"
 #include "imu_io/frames/frame_encoder.h"
 #include "temporary_folder.h"

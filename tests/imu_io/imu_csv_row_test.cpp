@@ -28,9 +28,8 @@ TEST(ImuCsvRow, FastAndSlowParserAgree) {
     const ImuCsvParser parser = parsers(gyro, temperature);
     std::string row = "12,0,-3,450,2147483647,96,-1";
     if (temperature) row += ",24.125";
-    for (unsigned change = random() % 4; change > 0; --change) {
+    for (unsigned change = random() % 4; change > 0; --change)
       row[random() % row.size()] = alphabet[random() % alphabet.size()];
-    }
     std::string padded = row + "\n" + std::string(64, '7');
     const char* at = padded.data();
     ImuSample fast;
@@ -64,9 +63,7 @@ TEST(ImuCsvRow, TemperaturesComeBackBitForBit) {
     row.append(64, '7');
     const char* at = row.data();
     ImuSample fast;
-    if (parser.parse_plain(at, fast)) {
-      ASSERT_TRUE(same(fast, sample)) << row;
-    }
+    if (parser.parse_plain(at, fast)) ASSERT_TRUE(same(fast, sample)) << row;
   }
 }
 

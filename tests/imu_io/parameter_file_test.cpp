@@ -24,9 +24,8 @@ ParameterFile make_file() {
   file.method = "joint";
   file.software_version = "0.1.0";
   file.time_utc = "2026-01-31T12:00:00Z";
-  for (int i = 0; i < parameter_count; ++i) {
+  for (int i = 0; i < parameter_count; ++i)
     if (parameter_is_free[static_cast<std::size_t>(i)]) file.sigma[static_cast<std::size_t>(i)] = 1e-7 * (i + 1);
-  }
   file.reference_temperature_c = 27.25;
   file.effects = {{"accel_size_effect", "x_rx", 12.5, 0.25}, {"gyro_warm_up", "tau_s", 600.0, {}}};
   file.add_further("noise.gyro_arw_deg_per_sqrt_h.x", 0.002);
@@ -140,9 +139,8 @@ TEST(ParameterFile, ReadingAndWritingAgainGivesTheSameBytes) {
     const auto read = parse_parameter_file(text, "p.conf");
     ASSERT_OK(read);
     ASSERT_EQ(formatted(*read), text);
-    for (int i = 0; i < parameter_count; ++i) {
+    for (int i = 0; i < parameter_count; ++i)
       ASSERT_EQ(std::bit_cast<std::uint64_t>(read->parameters[i]), std::bit_cast<std::uint64_t>(file.parameters[i]));
-    }
   }
 }
 
@@ -159,9 +157,8 @@ TEST(ParameterFile, EveryFlippedBitIsRefused) {
 
 TEST(ParameterFile, CutAtEveryByteIsRefused) {
   const std::string text = formatted(make_file());
-  for (std::size_t length = 0; length < text.size(); ++length) {
+  for (std::size_t length = 0; length < text.size(); ++length)
     ASSERT_FALSE(parse_parameter_file(text.substr(0, length), "p.conf").ok()) << length;
-  }
 }
 
 TEST(ParameterFile, Refusals) {

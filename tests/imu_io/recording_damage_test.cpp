@@ -60,9 +60,8 @@ struct DamageTest : testing::Test {
     auto file = PosixFile::open_to_read(path);
     RecordScanner scanner(*file, content.size(), recording_magic);
     Record record;
-    for (auto more = scanner.next(record); more && *more; more = scanner.next(record)) {
+    for (auto more = scanner.next(record); more && *more; more = scanner.next(record))
       result.push_back({record.type, record.number, {record.payload.begin(), record.payload.end()}});
-    }
     EXPECT_EQ(result.size(), 17U);
     return result;
   }
@@ -89,9 +88,7 @@ struct DamageTest : testing::Test {
   // Contiguous, inside the samples, and no dwell that was not one, nor one with other angles.
   void expect_honest(const Segments& read, std::int64_t first, std::int64_t last) const {
     for (std::size_t i = 0; i < read.size(); ++i) {
-      if (i > 0) {
-        ASSERT_EQ(read[i].start_sample, read[i - 1].end_sample);
-      }
+      if (i > 0) ASSERT_EQ(read[i].start_sample, read[i - 1].end_sample);
       ASSERT_LT(read[i].start_sample, read[i].end_sample);
       ASSERT_GE(read[i].start_sample, first);
       ASSERT_LE(read[i].end_sample, last + 1);

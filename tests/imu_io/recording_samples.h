@@ -56,9 +56,8 @@ inline std::vector<ImuSample> make_samples(const RecordingInfo& info, std::size_
 
 inline bool same(const ImuSample& a, const ImuSample& b) {
   const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
-  for (std::size_t axis = 0; axis < 3; ++axis) {
+  for (std::size_t axis = 0; axis < 3; ++axis)
     if (bits(a.gyro[axis]) != bits(b.gyro[axis]) || bits(a.accel[axis]) != bits(b.accel[axis])) return false;
-  }
   const bool same_temperature = std::isnan(a.temperature_c) ? std::isnan(b.temperature_c)
                                                             : std::bit_cast<std::uint32_t>(a.temperature_c) ==
                                                                   std::bit_cast<std::uint32_t>(b.temperature_c);

@@ -34,13 +34,11 @@ Sequence shipped(const std::string& name) {
 // "roll 90>" for a move to 90 deg, "align 200", "dwell 200".
 std::string text_of(const Step& step) {
   std::string text;
-  for (const SequenceItem& item : step.items) {
-    if (item.kind == SequenceItem::Kind::move) {
+  for (const SequenceItem& item : step.items)
+    if (item.kind == SequenceItem::Kind::move)
       text += std::string(to_string(item.move.axis)) + " " + std::to_string(std::lround(item.move.target_deg)) + "> ";
-    } else {
+    else
       text += (item.dwell.kind == SegmentKind::align ? "align " : "dwell ") + std::to_string(item.dwell.samples) + " ";
-    }
-  }
   return text;
 }
 
@@ -128,9 +126,7 @@ TEST(Parser, TurnsThatAddUpToNothingEndWhereTheyBegan) {
 TEST(Parser, TakesTheOddLineEndings) {
   const std::string text = header + first_step;
   std::string crlf;
-  for (const char c : text) {
-    crlf += c == '\n' ? "\r\n" : std::string(1, c);
-  }
+  for (const char c : text) crlf += c == '\n' ? "\r\n" : std::string(1, c);
   EXPECT_EQ(text_of(parsed("\xEF\xBB\xBF" + crlf).steps[0]), "align 200 dwell 200 ");
   EXPECT_EQ(text_of(parsed(text.substr(0, text.size() - 1)).steps[0]), "align 200 dwell 200 ");  // no last newline
   EXPECT_EQ(parsed("format=1\nname=a\nrate_degps=10\nacceleration_degps2=20\n" + first_step).name, "a");
@@ -157,9 +153,7 @@ TEST(FourteenStep, IsTheTableOfTheMethod) {
   }
   EXPECT_EQ(sequence.steps[3].initial_deg, (AxisTriple{{-90.0, 0.0, -90.0}}));
   std::set<std::string> determined;
-  for (const Step& step : sequence.steps) {
-    determined.insert(step.determines.begin(), step.determines.end());
-  }
+  for (const Step& step : sequence.steps) determined.insert(step.determines.begin(), step.determines.end());
   EXPECT_EQ(determined.size(), 21U);  // all that are free, each somewhere
 }
 
@@ -177,9 +171,7 @@ void expect_fourteen_steps(const Sequence& sequence, bool same_dwells) {
       EXPECT_EQ(a.items[i].move.axis, b.items[i].move.axis);
       EXPECT_EQ(a.items[i].move.target_deg, b.items[i].move.target_deg);
       EXPECT_EQ(a.items[i].dwell.kind, b.items[i].dwell.kind);
-      if (same_dwells) {
-        EXPECT_EQ(a.items[i].dwell.samples, b.items[i].dwell.samples);
-      }
+      if (same_dwells) EXPECT_EQ(a.items[i].dwell.samples, b.items[i].dwell.samples);
     }
   }
 }

@@ -38,9 +38,8 @@ TEST(Crc32c, InstructionAndTablesAgreeAtEveryLengthAndOffset) {
 
 TEST(Crc32c, GoesOnFromWhatCameBefore) {
   const std::string_view text = "a turntable turns";
-  for (std::size_t cut = 0; cut <= text.size(); ++cut) {
+  for (std::size_t cut = 0; cut <= text.size(); ++cut)
     EXPECT_EQ(crc32c(text.substr(cut), crc32c(text.substr(0, cut))), crc32c(text));
-  }
 }
 
 }  // namespace
