@@ -1,11 +1,10 @@
 // Finds frames in a byte stream: sync, id, length, check and tail must all be right. After a frame that is not, the search goes
 // on at its second byte, never after the whole of it: a frame that begins inside a damaged one is not lost.
 //
-// With a check of 8 bits or none a frame counts only when the next one's sync comes right after it. That costs the time of a
-// few bytes and takes away what the check cannot see of dropped and inserted bytes. (What it cannot see of changed bytes, 0.4 %
-// of the frames with two of them, remains.)
-// Other frames of the same sync (an id of no variant) are passed over whole when the length field and the check tell how far they
-// reach. No allocation after construction.
+// With a check of 8 bits or none a frame counts only when the next one's sync comes right after it. That costs the time
+// of a few bytes and takes away what the check cannot see of dropped and inserted bytes. (What it cannot see of changed
+// bytes, 0.4 % of the frames with two of them, remains.) Other frames of the same sync (an id of no variant) are passed
+// over whole when the length field and the check tell how far they reach. No allocation after construction.
 #pragma once
 
 #include <cstddef>

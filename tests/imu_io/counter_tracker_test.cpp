@@ -22,34 +22,6 @@ struct CounterTrackerTest : testing::Test {
   }
 };
 
-TEST_F(CounterTrackerTest, FollowsWraps) {
-  for (int i = 1; i < 1000; ++i) {
-    time_s += period;
-    const PlacedCounter placed = take((4 * i) % 256);
-    ASSERT_EQ(placed.outcome, CounterOutcome::next);
-    ASSERT_EQ(placed.counter, i);
-  }
-}
-
-TEST_F(CounterTrackerTest, CountsAGap) {
-  time_s += 5 * period;
-  const PlacedCounter placed = take(20.0);
-  EXPECT_EQ(placed.outcome, CounterOutcome::gap);
-  EXPECT_EQ(placed.ahead, 5);
-}
-
-TEST_F(CounterTrackerTest, ADuplicateIsOne) {
-  time_s += 0.0001;
-  EXPECT_EQ(take(0.0).outcome, CounterOutcome::duplicate);
-}
-
-TEST_F(CounterTrackerTest, BackwardsIsAJumpThatTimeDoesNotAllow) {
-  time_s += period;
-  EXPECT_EQ(take(4.0).outcome, CounterOutcome::next);
-  time_s += period;
-  EXPECT_EQ(take(252.0).outcome, CounterOutcome::stray);  // 62 samples ahead in 2 ms
-}
-
 TEST_F(CounterTrackerTest, TimeTellsTheWrapsOfALongGap) {
   // 1000 samples: 15 wraps and 40.
   for (const double late : {-0.016, 0.0, 0.016}) {

@@ -68,5 +68,7 @@ inline std::string read_file(const std::string& path) {
   do {                                                               \
     const auto& checked_ = (expression);                             \
     EXPECT_FALSE(checked_.ok()) << "expected the error: " << (text); \
-    if (!checked_.ok()) EXPECT_EQ(checked_.error().message, (text)); \
+    if (!checked_.ok()) {                                            \
+      EXPECT_EQ(checked_.error().message, (text));                   \
+    }                                                                \
   } while (false)

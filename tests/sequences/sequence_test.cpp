@@ -11,7 +11,6 @@
 
 #include "calib/model/parameters.h"
 #include "sequences/plan.h"
-#include "sequences/token.h"
 
 namespace turncal {
 namespace {
@@ -42,29 +41,10 @@ std::string text_of(const Step& step) {
   return text;
 }
 
-TEST(Tokens, KnowColumnsTitlesEqualsAndComments) {
-  const Result<std::vector<Token>> tokens = tokenize("  rate=5 \t\"a # b\"word # rest", "f", 1);
-  ASSERT_TRUE(tokens.ok());
-  ASSERT_EQ(tokens->size(), 6U);
-  const std::vector<Token>& t = *tokens;
-  EXPECT_EQ(t[0].text, "rate");
-  EXPECT_EQ(t[0].column, 3);
-  EXPECT_EQ(t[1].kind, Token::Kind::equals);
-  EXPECT_EQ(t[1].column, 7);
-  EXPECT_EQ(t[2].text, "5");
-  EXPECT_EQ(t[3].kind, Token::Kind::title);
-  EXPECT_EQ(t[3].text, "a # b");
-  EXPECT_EQ(t[3].column, 11);
-  EXPECT_EQ(t[4].text, "word");
-  EXPECT_EQ(t[4].column, 18);
-  EXPECT_EQ(t[5].kind, Token::Kind::end);
-  EXPECT_EQ(t[5].column, 23);
-}
-
 TEST(Parser, FillsEveryFieldOfTheSequence) {
   const std::string text =
       "# comment\r\n" + header +
-      "step 3 \"a title\"  # comment\n\tdetermines n11 A03\n  initial P -20 R 1.5 heading 30\n  align 12000\n"
+      "step 3\"a # title\"# comment\n\tdetermines n11 A03\n  initial P -20 R 1.5 heading 30\n  align 12000\n"
       "  rotate R +360 acceleration 40 rate 5\n\n  dwell 20000\n  rotate heading -0.25\n";
   const Sequence sequence = parsed(text);
   EXPECT_EQ(sequence.name, "test");
@@ -76,7 +56,7 @@ TEST(Parser, FillsEveryFieldOfTheSequence) {
   ASSERT_EQ(sequence.steps.size(), 1U);
   const Step& step = sequence.steps[0];
   EXPECT_EQ(step.number, 3);
-  EXPECT_EQ(step.title, "a title");
+  EXPECT_EQ(step.title, "a # title");
   EXPECT_EQ(step.line, 6);
   EXPECT_EQ(step.determines, (std::vector<std::string>{"n11", "A03"}));
   EXPECT_EQ(step.initial_deg, sequence.start_deg);
@@ -171,7 +151,9 @@ void expect_fourteen_steps(const Sequence& sequence, bool same_dwells) {
       EXPECT_EQ(a.items[i].move.axis, b.items[i].move.axis);
       EXPECT_EQ(a.items[i].move.target_deg, b.items[i].move.target_deg);
       EXPECT_EQ(a.items[i].dwell.kind, b.items[i].dwell.kind);
-      if (same_dwells) EXPECT_EQ(a.items[i].dwell.samples, b.items[i].dwell.samples);
+      if (same_dwells) {
+        EXPECT_EQ(a.items[i].dwell.samples, b.items[i].dwell.samples);
+      }
     }
   }
 }
