@@ -1,5 +1,7 @@
 #include "sequences/plan.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -39,14 +41,9 @@ class Violations {
 
   std::vector<std::string> lines() const {
     std::vector<std::string> lines;
-    for (const Cause& cause : causes_) {
-      std::string text = cause.file + ":" + std::to_string(cause.line) + ": step " + std::to_string(cause.step) + ": ";
-      text += cause.what;
-      if (cause.further > 0) {
-        text += " (and " + std::to_string(cause.further) + " more)";
-      }
-      lines.push_back(std::move(text));
-    }
+    for (const Cause& cause : causes_)
+      lines.push_back(fmt::format("{}:{}: step {}: {}{}", cause.file, cause.line, cause.step, cause.what,
+                                  cause.further > 0 ? fmt::format(" (and {} more)", cause.further) : ""));
     return lines;
   }
 
@@ -73,19 +70,14 @@ class Planner {
     violations_.in(sequence_.file);
     if (!sequence_.steps.empty()) {
       const Step& first = sequence_.steps.front();
-      for (const Axis axis : all_axes) {
-        check_position(first.line, first.number, axis, commanded_deg_[axis]);
-      }
+      for (const Axis axis : all_axes) check_position(first.line, first.number, axis, commanded_deg_[axis]);
     }
     for (std::size_t s = 0; s < sequence_.steps.size(); ++s) {
       violations_.in(sequence_.steps[s].file.empty() ? sequence_.file : sequence_.steps[s].file);
-      for (std::size_t i = 0; i < sequence_.steps[s].items.size(); ++i) {
-        add_item(s, i);
-      }
+      for (std::size_t i = 0; i < sequence_.steps[s].items.size(); ++i) add_item(s, i);
     }
-    for (const Axis axis : all_axes) {
+    for (const Axis axis : all_axes)
       plan_.wrap_used_deg[axis] = plan_.travel_max_deg[axis] - plan_.travel_min_deg[axis];
-    }
     plan_.station_s = seconds(plan_.samples);
     plan_.moving_s = seconds(moving_samples_);
     plan_.violations = violations_.lines();
@@ -105,11 +97,10 @@ class Planner {
     planned.step = step.number;
     planned.line = item.line;
     planned.start_sample = plan_.samples;
-    if (item.kind == SequenceItem::Kind::move) {
+    if (item.kind == SequenceItem::Kind::move)
       plan_move(item, planned);
-    } else {
+    else
       plan_dwell(item, planned);
-    }
     planned.commanded_deg = commanded_deg_;
     planned.start_s = seconds(planned.start_sample);
     planned.duration_s = seconds(planned.samples);
@@ -145,47 +136,41 @@ class Planner {
     planned.dwell_kind = item.dwell.kind;
     planned.samples = item.dwell.samples;
     ++(item.dwell.kind == SegmentKind::align ? plan_.align_dwells : plan_.still_dwells);
-    if (seconds(item.dwell.samples) < shortest_dwell_s - sample_slack) {
+    if (seconds(item.dwell.samples) < shortest_dwell_s - sample_slack)
       violations_.add(planned.line, planned.step,
-                      "a dwell of " + std::to_string(item.dwell.samples) + " samples takes " +
-                          text_of(seconds(item.dwell.samples)) + " s, the shortest that counts is 1 s");
-    }
+                      fmt::format("a dwell of {} samples takes {} s, the shortest that counts is 1 s",
+                                  item.dwell.samples, text_of(seconds(item.dwell.samples))));
   }
 
   void check_position(int line, int step, Axis axis, double position_deg) {
     const AxisLimits& limit = limits_[axis];
-    if (position_deg < limit.soft_min_deg || position_deg > limit.soft_max_deg) {
+    if (position_deg < limit.soft_min_deg || position_deg > limit.soft_max_deg)
       violations_.add(line, step,
-                      std::string(to_string(axis)) + " goes to " + text_of(position_deg) + " deg, soft travel is " +
-                          text_of(limit.soft_min_deg) + " to " + text_of(limit.soft_max_deg) + " deg");
-    }
+                      fmt::format("{} goes to {} deg, soft travel is {} to {} deg", to_string(axis),
+                                  text_of(position_deg), text_of(limit.soft_min_deg), text_of(limit.soft_max_deg)));
   }
 
   void check_dynamics(const PlannedItem& move) {
     const AxisLimits& limit = limits_[move.axis];
-    const std::string axis = to_string(move.axis);
-    if (move.rate_degps > limit.max_rate_degps) {
-      violations_.add(move.line, move.step,
-                      axis + " turns at " + text_of(move.rate_degps) + " deg/s, the most allowed is " +
-                          text_of(limit.max_rate_degps) + " deg/s");
-    }
-    if (move.acceleration_degps2 > limit.max_acceleration_degps2) {
-      violations_.add(move.line, move.step,
-                      axis + " accelerates with " + text_of(move.acceleration_degps2) +
-                          " deg/s^2, the most allowed is " + text_of(limit.max_acceleration_degps2) + " deg/s^2");
-    }
+    const auto check = [&](const char* how, double value, double most, const char* unit) {
+      if (value > most)
+        violations_.add(move.line, move.step,
+                        fmt::format("{} {} {} {}, the most allowed is {} {}", to_string(move.axis), how, text_of(value),
+                                    unit, text_of(most), unit));
+    };
+    check("turns at", move.rate_degps, limit.max_rate_degps, "deg/s");
+    check("accelerates with", move.acceleration_degps2, limit.max_acceleration_degps2, "deg/s^2");
   }
 
   void check_wrap(const PlannedItem& move) {
     const double allowed_deg = limits_[move.axis].wrap_deg;
     const double wound_deg = plan_.travel_max_deg[move.axis] - plan_.travel_min_deg[move.axis];
     bool& warned = wrap_warned_[index(move.axis)];
-    if (allowed_deg > 0.0 && wound_deg > allowed_deg && !warned) {
-      warned = true;
-      violations_.add(move.line, move.step,
-                      std::string(to_string(move.axis)) + " has wound its cable by " + text_of(wound_deg) +
-                          " deg, the most allowed is " + text_of(allowed_deg) + " deg");
-    }
+    if (allowed_deg <= 0.0 || wound_deg <= allowed_deg || warned) return;
+    warned = true;
+    violations_.add(move.line, move.step,
+                    fmt::format("{} has wound its cable by {} deg, the most allowed is {} deg", to_string(move.axis),
+                                text_of(wound_deg), text_of(allowed_deg)));
   }
 
   const Sequence& sequence_;
@@ -202,9 +187,7 @@ class Planner {
 double move_duration_s(double angle_deg, double rate_degps, double acceleration_degps2) {
   assert(rate_degps > 0.0 && acceleration_degps2 > 0.0);
   const double angle = std::abs(angle_deg);
-  if (angle < rate_degps * rate_degps / acceleration_degps2) {
-    return 2.0 * std::sqrt(angle / acceleration_degps2);
-  }
+  if (angle < rate_degps * rate_degps / acceleration_degps2) return 2.0 * std::sqrt(angle / acceleration_degps2);
   return angle / rate_degps + rate_degps / acceleration_degps2;
 }
 
@@ -216,17 +199,10 @@ Plan make_plan(const Sequence& sequence, const PlanLimits& limits) {
 Segments planned_segments(const Plan& plan) {
   Segments segments;
   segments.reserve(plan.items.size());
-  for (const PlannedItem& item : plan.items) {
-    Segment segment;
-    segment.step = item.step;
-    segment.kind = item.kind == SequenceItem::Kind::move ? SegmentKind::rotate : item.dwell_kind;
-    segment.start_sample = item.start_sample;
-    segment.end_sample = item.start_sample + item.samples;
-    segment.heading_deg = item.commanded_deg[Axis::heading];
-    segment.pitch_deg = item.commanded_deg[Axis::pitch];
-    segment.roll_deg = item.commanded_deg[Axis::roll];
-    segments.push_back(segment);
-  }
+  for (const PlannedItem& item : plan.items)
+    segments.push_back({item.step, item.kind == SequenceItem::Kind::move ? SegmentKind::rotate : item.dwell_kind,
+                        item.start_sample, item.start_sample + item.samples, item.commanded_deg[Axis::heading],
+                        item.commanded_deg[Axis::pitch], item.commanded_deg[Axis::roll]});
   return segments;
 }
 

@@ -1,8 +1,9 @@
 #include "sequences/walk.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 namespace turncal {
 namespace {
@@ -10,17 +11,9 @@ namespace {
 constexpr std::size_t legs_a_step = 8;
 constexpr std::array<const char*, 3> letters{"H", "P", "R"};
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.9g", value);
-  return text;
-}
-
 std::string turn(const Leg& leg, double usual_rate_degps) {
-  std::string text =
-      std::string("  rotate ") + letters[index(leg.axis)] + (leg.turn_deg > 0.0 ? " +" : " ") + number(leg.turn_deg);
-  if (leg.rate_degps != usual_rate_degps) text += " rate " + number(leg.rate_degps);
-  return text + "\n";
+  return fmt::format("  rotate {} {}{:.9g}{}\n", letters[index(leg.axis)], leg.turn_deg > 0.0 ? "+" : "", leg.turn_deg,
+                     leg.rate_degps != usual_rate_degps ? fmt::format(" rate {:.9g}", leg.rate_degps) : "");
 }
 
 }  // namespace
@@ -28,21 +21,19 @@ std::string turn(const Leg& leg, double usual_rate_degps) {
 std::string sequence_text(const Walk& walk, const WalkHeader& header) {
   std::string text;
   for (const std::string& comment : header.comments) text += "# " + comment + "\n";
-  text += "format = 1\nname = " + header.name + "\nrate_degps = " + number(header.rate_degps) +
-          "\nacceleration_degps2 = " + number(header.acceleration_degps2) + "\n";
+  text += fmt::format("format = 1\nname = {}\nrate_degps = {:.9g}\nacceleration_degps2 = {:.9g}\n", header.name,
+                      header.rate_degps, header.acceleration_degps2);
   AxisTriple at = walk.start_deg;
   for (std::size_t first = 0; first == 0 || first < walk.legs.size(); first += legs_a_step) {
     const std::size_t end = std::min(first + legs_a_step, walk.legs.size());
-    text += "\nstep " + std::to_string(first / legs_a_step + 1) + " \"legs " + std::to_string(first + 1) + " to " +
-            std::to_string(end) + "\"\n  initial";
-    for (const Axis axis : {Axis::heading, Axis::pitch, Axis::roll})
-      text += std::string(" ") + letters[index(axis)] + " " + number(at[axis]);
+    text += fmt::format("\nstep {} \"legs {} to {}\"\n  initial", first / legs_a_step + 1, first + 1, end);
+    for (const Axis axis : all_axes) text += fmt::format(" {} {:.9g}", letters[index(axis)], at[axis]);
     text += "\n";
-    if (first == 0) text += "  align " + std::to_string(walk.first_rest_samples) + "\n";
+    if (first == 0) text += fmt::format("  align {}\n", walk.first_rest_samples);
     for (std::size_t k = first; k < end; ++k) {
       const Leg& leg = walk.legs[k];
       text += turn(leg, header.rate_degps);
-      if (leg.rest_samples > 0) text += "  dwell " + std::to_string(leg.rest_samples) + "\n";
+      if (leg.rest_samples > 0) text += fmt::format("  dwell {}\n", leg.rest_samples);
       at[leg.axis] += leg.turn_deg;
     }
   }

@@ -1,5 +1,6 @@
 #include "imu_io/base/atomic_file.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -15,21 +16,23 @@ constexpr std::size_t buffer_bytes = std::size_t{1} << 20;
 
 std::string temporary_name(const std::string& path) {
   static std::atomic<unsigned> counter{0};
-  const std::size_t slash = path.find_last_of('/');
-  const std::string folder = slash == std::string::npos ? "" : path.substr(0, slash + 1);
-  const std::string name = slash == std::string::npos ? path : path.substr(slash + 1);
+  const std::size_t name = path.find_last_of('/') + 1;  // 0 without one
   std::string candidate;
   // A process with our number may have died and left its temporary: take the next name.
   do {
-    candidate = folder + "." + name + "." + std::to_string(::getpid()) + "." + std::to_string(counter++) + ".tmp";
+    candidate = fmt::format("{}.{}.{}.{}.tmp", path.substr(0, name), path.substr(name), ::getpid(), counter++);
   } while (::access(candidate.c_str(), F_OK) == 0);
   return candidate;
 }
 
+Error named(Error error, const std::string& temporary, const std::string& path) {
+  const std::size_t place = error.message.find(temporary);
+  if (place != std::string::npos) error.message.replace(place, temporary.size(), path);
+  return error;
+}
+
 Status rename_durably(const std::string& from, const std::string& to) {
-  if (std::rename(from.c_str(), to.c_str()) != 0) {
-    return storage_error(to, "cannot rename " + from + " to it", errno);
-  }
+  if (std::rename(from.c_str(), to.c_str()) != 0) return storage_error(to, "cannot rename " + from + " to it", errno);
   return sync_folder(folder_of(to));
 }
 
@@ -48,12 +51,7 @@ Result<AtomicFile> AtomicFile::create(const std::string& path) {
   TRY(check_regular_file(path));
   const std::string temporary = temporary_name(path);
   auto file = PosixFile::create_new(temporary);
-  if (!file) {
-    // The user knows the file by its own name.
-    Error error = file.error();
-    if (error.message.starts_with(temporary)) error.message.replace(0, temporary.size(), path);
-    return error;
-  }
+  if (!file) return named(file.error(), temporary, path);
   return AtomicFile(std::move(*file), path);
 }
 
@@ -90,19 +88,17 @@ Status AtomicFile::commit() {
   TRY(settle());
   const std::string temporary = file_.path();
   TRY(file_.close());
-  if (std::rename(temporary.c_str(), path_.c_str()) != 0) {
+  if (std::rename(temporary.c_str(), path_.c_str()) != 0)
     return storage_error(path_, "cannot rename the temporary file to it", errno);
-  }
   // From here on the new file is visible: nothing is left to remove.
   const std::string folder = folder_of(std::exchange(path_, {}));
   return sync_folder(folder);
 }
 
 Status write_file_atomically(const std::string& path, std::string_view content) {
-  auto file = AtomicFile::create(path);
-  if (!file) return file.error();
-  TRY(file->write(content));
-  return file->commit();
+  AtomicFile file = TRY(AtomicFile::create(path));
+  TRY(file.write(content));
+  return file.commit();
 }
 
 Status write_files_atomically(const std::vector<NamedText>& files) {

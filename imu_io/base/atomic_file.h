@@ -50,6 +50,8 @@ Status check_replaceable(const std::string& path, std::string_view beginning);
 
 // A free temporary name for `path` in the same folder.
 std::string temporary_name(const std::string& path);
+// An error that names the file as its user does, and not by its temporary name.
+Error named(Error error, const std::string& temporary, const std::string& path);
 // Renames and syncs the folder.
 Status rename_durably(const std::string& from, const std::string& to);
 

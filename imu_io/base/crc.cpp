@@ -1,8 +1,9 @@
 #include "imu_io/base/crc.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
-#include <cstdio>
 #include <cstring>
 
 #if defined(__x86_64__)
@@ -15,9 +16,8 @@ namespace {
 
 std::uint32_t reflected(std::uint32_t value, int width) {
   std::uint32_t result = 0;
-  for (int bit = 0; bit < width; ++bit) {
+  for (int bit = 0; bit < width; ++bit)
     if ((value >> bit & 1U) != 0) result |= 1U << (width - 1 - bit);
-  }
   return result;
 }
 
@@ -65,11 +65,7 @@ namespace {
 
 constexpr std::string_view checksum_key = "checksum = ";
 
-std::string checksum_line(std::string_view text) {
-  char hex[9];
-  std::snprintf(hex, sizeof hex, "%08x", static_cast<unsigned>(crc32c(text)));
-  return std::string(checksum_key) + hex + "\n";
-}
+std::string checksum_line(std::string_view text) { return fmt::format("{}{:08x}\n", checksum_key, crc32c(text)); }
 
 }  // namespace
 
@@ -80,18 +76,15 @@ std::string with_checksum(std::string text) {
 
 Result<std::string_view> without_checksum(std::string_view text, const std::string& file_name) {
   const std::size_t place = text.rfind("\n" + std::string(checksum_key));
-  if (place == std::string_view::npos) {
+  if (place == std::string_view::npos)
     return input_error(file_name + ": no checksum: expected 'checksum = ' and 8 hex digits in the last line");
-  }
   const std::string_view above = text.substr(0, place + 1);
   const std::string_view last = text.substr(place + 1);
   const std::string_view after = last.substr(std::min(last.size(), checksum_key.size() + 8));
-  if (after != "\n" && after.find_first_not_of("\r\n") != std::string_view::npos) {
+  if (after != "\n" && after.find_first_not_of("\r\n") != std::string_view::npos)
     return input_error(file_name + ": text after the checksum: expected it to be the last line");
-  }
-  if (last != checksum_line(above)) {
+  if (last != checksum_line(above))
     return input_error(file_name + ": wrong checksum: the file was damaged or edited after it was written");
-  }
   return above;
 }
 

@@ -1,5 +1,7 @@
 #include "imu_io/base/key_table.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -34,7 +36,7 @@ void KeyTable::text(const std::string& key, std::string& value) {
 std::int64_t KeyTable::whole_of(const std::string& key, std::int64_t value, std::int64_t min, std::int64_t max) {
   if (file_) return file_->integer_or(key, value, min, max);
   if (value < min || value > max)
-    refuse(key, std::to_string(value), "a whole number between " + std::to_string(min) + " and " + std::to_string(max));
+    refuse(key, std::to_string(value), fmt::format("a whole number between {} and {}", min, max));
   return value;
 }
 

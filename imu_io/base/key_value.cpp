@@ -1,5 +1,7 @@
 #include "imu_io/base/key_value.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -24,28 +26,27 @@ bool is_key(std::string_view key) {
 }
 
 std::vector<std::string_view> split_at_commas(std::string_view text) {
-  if (text.empty()) return {};
-  return split(text, ',');
+  return text.empty() ? std::vector<std::string_view>{} : split(text, ',');
 }
 
 std::string joined(std::initializer_list<std::string_view> choices) {
   std::string result;
-  std::size_t i = 0;
-  for (const std::string_view choice : choices) {
-    if (i > 0) result += i + 1 == choices.size() ? " or " : ", ";
+  for (const std::string_view& choice : choices) {
+    if (&choice != choices.begin()) result += &choice + 1 == choices.end() ? " or " : ", ";
     result += choice;
-    ++i;
   }
   return result;
 }
 
 std::string describe_integer(std::int64_t min, std::int64_t max) {
   using Limits = std::numeric_limits<std::int64_t>;
-  if (min == Limits::min() && max == Limits::max()) return "a whole number";
-  if (max == Limits::max()) return "a whole number >= " + std::to_string(min);
-  if (min == Limits::min()) return "a whole number <= " + std::to_string(max);
-  return "a whole number between " + std::to_string(min) + " and " + std::to_string(max);
+  const bool below = min != Limits::min(), above = max != Limits::max();
+  if (below && above) return fmt::format("a whole number between {} and {}", min, max);
+  if (below) return fmt::format("a whole number >= {}", min);
+  return above ? fmt::format("a whole number <= {}", max) : "a whole number";
 }
+
+constexpr double no_number = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
@@ -64,9 +65,8 @@ std::string describe(NumberRange range) {
 }
 
 Result<KeyValueFile> KeyValueFile::read(const std::string& path) {
-  const auto text = read_whole_file(path, max_file_bytes);
-  if (!text) return text.error();
-  return parse(*text, path);
+  const std::string text = TRY(read_whole_file(path, max_file_bytes));
+  return parse(text, path);
 }
 
 Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file_name) {
@@ -74,17 +74,15 @@ Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file
   file.file_name_ = std::move(file_name);
   int line_number = 0;
   const auto defect = [&](const std::string& what) {
-    return input_error(file.file_name_ + ":" + std::to_string(line_number) + ": " + what);
+    return input_error(fmt::format("{}:{}: {}", file.file_name_, line_number, what));
   };
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);  // byte order mark of some editors
   while (!text.empty()) {
     ++line_number;
     std::string_view line = next_line(text);
-    for (const char c : line) {
-      if ((static_cast<unsigned char>(c) < 0x20 && c != '\t') || c == 0x7F) {
+    for (const char c : line)
+      if ((static_cast<unsigned char>(c) < 0x20 && c != '\t') || c == 0x7F)
         return defect("a control character: expected a text file");
-      }
-    }
     const std::size_t mark = line.find('#');
     const std::string_view comment = mark == std::string_view::npos ? "" : trimmed(line.substr(mark + 1));
     line = trimmed(line.substr(0, mark));
@@ -97,14 +95,12 @@ Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file
     const std::size_t equals = line.find('=');
     if (equals == std::string_view::npos) return defect(quoted(line) + ": expected key = value");
     const std::string key(trimmed(line.substr(0, equals)));
-    if (!is_key(key)) {
+    if (!is_key(key))
       return defect("key " + quoted(key) + ": expected letters, digits, '_' and '-', parts joined by '.'");
-    }
     const auto [place, is_new] = file.index_.emplace(key, file.entries_.size());
-    if (!is_new) {
-      return defect("key " + quoted(key) + " again: it is already in line " +
-                    std::to_string(file.entries_[place->second].line));
-    }
+    if (!is_new)
+      return defect(
+          fmt::format("key {} again: it is already in line {}", quoted(key), file.entries_[place->second].line));
     file.entries_.push_back({key, std::string(trimmed(line.substr(equals + 1))), line_number, std::string(comment)});
   }
   if (file.entries_.empty()) return input_error(file.file_name_ + ": empty file: expected key = value lines");
@@ -130,8 +126,7 @@ KeyValueFile::Entry* KeyValueFile::require(std::string_view key, std::string_vie
   Entry* entry = use(key);
   if (entry == nullptr) {
     if (!first_defect_) missing_ = key;
-    remember(
-        input_error(file_name_ + ": key '" + std::string(key) + "' is missing: expected " + std::string(expected)));
+    remember(error_at(key, expected));
   }
   return entry;
 }
@@ -142,9 +137,8 @@ void KeyValueFile::remember(Error error) {
 
 std::vector<std::string> KeyValueFile::keys_with_prefix(std::string_view prefix) const {
   std::vector<std::string> keys;
-  for (const Entry& entry : entries_) {
+  for (const Entry& entry : entries_)
     if (entry.key.starts_with(prefix)) keys.push_back(entry.key);
-  }
   return keys;
 }
 
@@ -160,19 +154,15 @@ std::string KeyValueFile::comment_of(std::string_view key) const {
 
 Error KeyValueFile::error_at(std::string_view key, std::string_view expected) const {
   const Entry* entry = find(key);
-  if (entry == nullptr) {
-    return input_error(file_name_ + ": key '" + std::string(key) + "' is missing: expected " + std::string(expected));
-  }
-  return input_error(file_name_ + ":" + std::to_string(entry->line) + ": key '" + entry->key +
-                     "' = " + quoted(entry->value) + ": expected " + std::string(expected));
+  if (entry == nullptr)
+    return input_error(fmt::format("{}: key '{}' is missing: expected {}", file_name_, key, expected));
+  return input_error(fmt::format("{}:{}: key '{}' = {}: expected {}", file_name_, entry->line, entry->key,
+                                 quoted(entry->value), expected));
 }
 
 void KeyValueFile::reject(std::string_view key, std::string_view expected) { remember(error_at(key, expected)); }
 
-Status KeyValueFile::status() const {
-  if (first_defect_) return *first_defect_;
-  return {};
-}
+Status KeyValueFile::status() const { return first_defect_ ? Status(*first_defect_) : Status(); }
 
 Status KeyValueFile::check_all_used() const {
   if (first_defect_ && missing_.empty()) return *first_defect_;
@@ -180,8 +170,7 @@ Status KeyValueFile::check_all_used() const {
     if (entry.used) continue;
     const std::string meant = did_you_mean(entry.key, first_defect_ ? std::vector<std::string>{missing_} : not_there_);
     if (first_defect_ && meant.empty()) continue;
-    return input_error(file_name_ + ":" + std::to_string(entry.line) + ": key " + quoted(entry.key) + " is unknown" +
-                       meant);
+    return input_error(fmt::format("{}:{}: key {} is unknown{}", file_name_, entry.line, quoted(entry.key), meant));
   }
   return status();
 }
@@ -192,7 +181,7 @@ double KeyValueFile::number_of(const Entry& entry, NumberRange range) {
   const auto value = parse_number(entry.value);
   if (value && range.contains(*value)) return *value;
   reject(entry.key, describe(range));
-  return std::numeric_limits<double>::quiet_NaN();
+  return no_number;
 }
 
 std::int64_t KeyValueFile::integer_of(const Entry& entry, std::int64_t min, std::int64_t max) {
@@ -221,13 +210,13 @@ std::vector<double> KeyValueFile::numbers_of(const Entry& entry, std::size_t cou
   for (const std::string_view part : parts) {
     const auto value = parse_number(part);
     good = good && value && range.contains(*value);
-    values.push_back(value.value_or(std::numeric_limits<double>::quiet_NaN()));
+    values.push_back(value.value_or(no_number));
   }
   if (good) return values;
   const std::string how_many = count == 0 ? "numbers" : std::to_string(count) + " numbers";
   reject(entry.key, how_many + " separated by commas, each " + describe(range));
   // As many as were wanted, so that the caller may index before it checks.
-  return std::vector<double>(count, std::numeric_limits<double>::quiet_NaN());
+  return std::vector<double>(count, no_number);
 }
 
 std::vector<std::string> KeyValueFile::list_of(const Entry& entry) {
@@ -253,7 +242,7 @@ std::string KeyValueFile::text(std::string_view key) {
 
 double KeyValueFile::number(std::string_view key, NumberRange range) {
   const Entry* entry = require(key, describe(range));
-  return entry != nullptr ? number_of(*entry, range) : std::numeric_limits<double>::quiet_NaN();
+  return entry != nullptr ? number_of(*entry, range) : no_number;
 }
 
 std::int64_t KeyValueFile::integer(std::string_view key, std::int64_t min, std::int64_t max) {
@@ -269,7 +258,7 @@ std::string KeyValueFile::one_of(std::string_view key, std::initializer_list<std
 std::vector<double> KeyValueFile::numbers(std::string_view key, std::size_t count, NumberRange range) {
   const Entry* entry = require(key, "numbers separated by commas");
   if (entry != nullptr) return numbers_of(*entry, count, range);
-  return std::vector<double>(count, std::numeric_limits<double>::quiet_NaN());
+  return std::vector<double>(count, no_number);
 }
 
 std::vector<std::string> KeyValueFile::list(std::string_view key) {
@@ -291,8 +280,7 @@ double KeyValueFile::number_or(std::string_view key, double otherwise, NumberRan
 
 std::optional<double> KeyValueFile::number_if(std::string_view key, NumberRange range) {
   const Entry* entry = use(key);
-  if (entry == nullptr) return {};
-  return number_of(*entry, range);
+  return entry != nullptr ? std::optional(number_of(*entry, range)) : std::nullopt;
 }
 
 std::int64_t KeyValueFile::integer_or(std::string_view key, std::int64_t otherwise, std::int64_t min,

@@ -1,17 +1,22 @@
 #include "imu_io/base/posix_file.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 #include <system_error>
 #include <utility>
+#include <vector>
+
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 namespace {
@@ -59,23 +64,20 @@ auto repeat_interrupted(Call call) {
   return result;
 }
 
-// " (4711)", from the system's list of locks: "1: FLOCK  ADVISORY  WRITE 4711 fe:00:5350908 0 EOF". Empty when it is not told (a
-// holder on another machine or in another container).
-std::string holder_of_lock(int fd) {
-  struct stat facts {};
-  if (::fstat(fd, &facts) != 0) return "";
-  const std::string inode = ":" + std::to_string(facts.st_ino);
-  std::ifstream locks("/proc/locks");
-  for (std::string line; std::getline(locks, line);) {
-    std::istringstream words(line);
-    std::string number, kind, advisory, mode, pid, file;
-    words >> number >> kind >> advisory >> mode >> pid >> file;
-    if (kind == "FLOCK" && file.ends_with(inode) && pid != "0") return " (" + pid + ")";
-  }
-  return "";
-}
-
 }  // namespace
+
+std::optional<pid_t> flock_holder(const struct stat& file, bool any_device) {
+  const std::string inode = fmt::format(":{}", file.st_ino);
+  const std::string place = fmt::format("{:02x}:{:02x}{}", major(file.st_dev), minor(file.st_dev), inode);
+  std::ifstream locks("/proc/locks");
+  for (std::string line; std::getline(locks, line);) {  // "1: FLOCK  ADVISORY  WRITE 4711 fe:00:11012251 0 EOF"
+    const std::vector<std::string_view> words = split_words(line);
+    if (words.size() < 6 || words[1] != "FLOCK" || !(any_device ? words[5].ends_with(inode) : words[5] == place))
+      continue;
+    if (const auto holder = parse_integer<pid_t>(words[4]); holder && *holder > 0) return holder;
+  }
+  return {};
+}
 
 Error storage_error(const std::string& path, std::string_view what, int number) {
   return {kind_of_change(number), path + ": " + std::string(what) + ": " + std::strerror(number)};
@@ -163,9 +165,8 @@ Status PosixFile::seek(std::uint64_t offset) {
 }
 
 Status PosixFile::truncate(std::uint64_t size) {
-  if (repeat_interrupted([&] { return ::ftruncate(fd_, static_cast<off_t>(size)); }) != 0) {
+  if (repeat_interrupted([&] { return ::ftruncate(fd_, static_cast<off_t>(size)); }) != 0)
     return failure("cannot truncate");
-  }
   return {};
 }
 
@@ -176,7 +177,11 @@ Status PosixFile::sync() {
 
 Status PosixFile::lock_exclusive() {
   if (repeat_interrupted([&] { return ::flock(fd_, LOCK_EX | LOCK_NB); }) == 0) return {};
-  if (errno == EWOULDBLOCK) return device_error(path_ + ": in use by another process" + holder_of_lock(fd_));
+  if (errno == EWOULDBLOCK) {
+    struct stat facts {};
+    const auto holder = ::fstat(fd_, &facts) == 0 ? flock_holder(facts, true) : std::nullopt;
+    return device_error(path_ + ": in use by another process" + (holder ? fmt::format(" ({})", *holder) : ""));
+  }
   return failure("cannot lock");
 }
 
@@ -192,8 +197,8 @@ Status PosixFile::check_length() const {
   if (::fstat(fd_, &facts) != 0) return failure("cannot look at");
   const auto size = static_cast<std::uint64_t>(facts.st_size);
   if (!S_ISREG(facts.st_mode) || size == end_) return {};
-  return device_error(path_ + ": somebody else has changed it: it is " + std::to_string(size) + " bytes long where " +
-                      std::to_string(end_) + " were written");
+  return device_error(
+      fmt::format("{}: somebody else has changed it: it is {} bytes long where {} were written", path_, size, end_));
 }
 
 Status PosixFile::check_kept() const {
@@ -209,17 +214,11 @@ Status PosixFile::close() {
 }
 
 Result<std::string> read_whole_file(const std::string& path, std::size_t max_bytes) {
-  auto file = PosixFile::open_to_read(path);
-  if (!file) return file.error();
-  const auto size = file->size();
-  if (!size) return size.error();
-  if (*size > max_bytes) {
-    return input_error(path + ": " + std::to_string(*size) + " bytes: expected at most " + std::to_string(max_bytes));
-  }
-  std::string text(static_cast<std::size_t>(*size), '\0');
-  const auto got = file->read_at(0, std::as_writable_bytes(std::span(text.data(), text.size())));
-  if (!got) return got.error();
-  text.resize(*got);
+  const PosixFile file = TRY(PosixFile::open_to_read(path));
+  const std::uint64_t size = TRY(file.size());
+  if (size > max_bytes) return input_error(fmt::format("{}: {} bytes: expected at most {}", path, size, max_bytes));
+  std::string text(static_cast<std::size_t>(size), '\0');
+  text.resize(TRY(file.read_at(0, std::as_writable_bytes(std::span(text.data(), text.size())))));
   return text;
 }
 

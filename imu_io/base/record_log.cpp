@@ -44,11 +44,10 @@ Result<std::span<const std::byte>> RecordScanner::window(std::uint64_t offset, s
   if (!inside) {
     const std::uint64_t size = std::min(std::max(wanted, block_bytes), end_ - offset);
     if (buffer_.size() < size) buffer_.resize(static_cast<std::size_t>(size));
-    const auto got = file_.read_at(offset, std::span(buffer_.data(), static_cast<std::size_t>(size)));
-    if (!got) return got.error();
-    if (*got < size) end_ = offset + *got;  // the file was cut while we read it
+    const std::size_t got = TRY(file_.read_at(offset, std::span(buffer_.data(), static_cast<std::size_t>(size))));
+    if (got < size) end_ = offset + got;  // the file was cut while we read it
     buffer_offset_ = offset;
-    buffer_filled_ = *got;
+    buffer_filled_ = got;
   }
   return std::span<const std::byte>(buffer_.data(), buffer_filled_)
       .subspan(static_cast<std::size_t>(offset - buffer_offset_));
@@ -59,23 +58,21 @@ Result<std::uint64_t> RecordScanner::find_magic(std::uint64_t offset) {
   std::byte pattern[4];
   std::memcpy(pattern, &magic_, 4);
   while (offset + 4 <= end_) {
-    const auto bytes = window(offset, 4);
-    if (!bytes) return bytes.error();
-    const auto found = std::search(bytes->begin(), bytes->end(), std::begin(pattern), std::end(pattern));
-    if (found != bytes->end()) return offset + static_cast<std::uint64_t>(found - bytes->begin());
-    if (bytes->size() < 4) break;
-    offset += bytes->size() - 3;  // the magic may straddle two blocks
+    const std::span<const std::byte> bytes = TRY(window(offset, 4));
+    const auto found = std::search(bytes.begin(), bytes.end(), std::begin(pattern), std::end(pattern));
+    if (found != bytes.end()) return offset + static_cast<std::uint64_t>(found - bytes.begin());
+    if (bytes.size() < 4) break;
+    offset += bytes.size() - 3;  // the magic may straddle two blocks
   }
   return end_;
 }
 
 Result<bool> RecordScanner::next(Record& record) {
   while (position_ + record_overhead_bytes <= end_) {
-    auto bytes = window(position_, record_overhead_bytes);
-    if (!bytes) return bytes.error();
-    if (bytes->size() < record_overhead_bytes) break;
-    const std::byte* header = bytes->data();
-    const std::uint32_t header_crc = crc32c(bytes->first(checked_header_bytes));
+    std::span<const std::byte> bytes = TRY(window(position_, record_overhead_bytes));
+    if (bytes.size() < record_overhead_bytes) break;
+    const std::byte* header = bytes.data();
+    const std::uint32_t header_crc = crc32c(bytes.first(checked_header_bytes));
     const auto number = load_bytes<std::uint32_t>(header + 8);
     const auto length = load_bytes<std::uint32_t>(header + 12);
     const bool good_header = load_bytes<std::uint32_t>(header) == magic_ &&
@@ -83,17 +80,14 @@ Result<bool> RecordScanner::next(Record& record) {
                              length <= max_record_payload_bytes && number >= next_number_ &&
                              length <= end_ - position_ - record_overhead_bytes;
     if (!good_header) {
-      const auto found = find_magic(position_ + 1);
-      if (!found) return found.error();
-      position_ = *found;
+      position_ = TRY(find_magic(position_ + 1));
       continue;
     }
     const auto type = load_bytes<std::uint32_t>(header + 4);
     const std::uint64_t total = record_overhead_bytes + length;
-    bytes = window(position_, total);
-    if (!bytes) return bytes.error();
-    if (bytes->size() < total) break;
-    const auto payload = bytes->subspan(record_header_bytes, length);
+    bytes = TRY(window(position_, total));
+    if (bytes.size() < total) break;
+    const auto payload = bytes.subspan(record_header_bytes, length);
     const std::uint32_t crc = crc32c(payload, header_crc);
     const std::uint64_t start = position_;
     position_ += total;  // the header vouches for the length also when the payload is damaged

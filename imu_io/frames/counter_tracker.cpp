@@ -39,11 +39,10 @@ PlacedCounter CounterTracker::place(double raw, const Arrival& arrival) const {
     if (longer * period_s_ <= most_s + slack && longer < most_samples) n = longer;
   }
   const bool believable = on_grid && (n <= 1.0 || n * period_s_ <= most_s + slack);
-  if (rejoining_ && (!believable || n < 1.0 || n * period_s_ < least_s - slack)) {
+  if (rejoining_ && (!believable || n < 1.0 || n * period_s_ < least_s - slack))
     n = std::clamp(std::round(0.5 * (least_s + most_s) / period_s_), 2.0, most_samples);
-  } else if (!believable) {
+  else if (!believable)
     return {};
-  }
   const auto ahead = static_cast<std::int64_t>(n);
   const CounterOutcome outcome = ahead == 0   ? CounterOutcome::duplicate
                                  : ahead == 1 ? CounterOutcome::next

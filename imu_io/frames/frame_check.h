@@ -20,8 +20,6 @@
 
 namespace turncal {
 
-class FrameKeys;
-
 enum class CheckKind { none, sum, exclusive_or, crc, fletcher };
 enum class Complement { none, ones, twos };
 
@@ -42,9 +40,6 @@ struct FrameCheck {
   // 8 bits let 0.4 % of damaged frames pass: more has to agree before a frame is believed.
   bool weak() const { return kind == CheckKind::none || bytes() == 1; }
 };
-
-// The keys check, check.* and crc.*. A defect is remembered in the file.
-FrameCheck read_frame_check(FrameKeys& keys);
 
 // Where the check stands in a frame of this length; at the frame's length or beyond when it has no room.
 std::size_t check_offset(const FrameCheck& check, std::size_t frame_length);

@@ -88,7 +88,7 @@ class FrameDecoder {
   void believe(const PlacedCounter& placed, double raw, const FrameValues& values, const std::byte* frame,
                ImuSample& sample);
   void emit(const ImuSample& sample);
-  // After a silence (frame_silence.cpp).
+  // After a silence.
   bool is_unsure(const PlacedCounter& placed) const;
   void begin_hold(const PlacedCounter& placed, double raw);
   void judge_hold();

@@ -1,167 +1,262 @@
+// Reading a frame description, and refusing what no unit's frames can be.
 #include "imu_io/frames/frame_description.h"
+
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <bit>
+#include <charconv>
 #include <cmath>
-#include <numbers>
-#include <span>
+#include <iterator>
 
-#include "imu_io/base/key_value.h"
-#include "imu_io/frames/frame_keys.h"
-#include "imu_io/frames/frame_layout.h"
-#include "imu_io/lines/serial_port.h"
+#include "calib/model/parameters.h"
+#include "calib/types/axis.h"
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
 
 namespace turncal {
 namespace {
 
-constexpr double degree = std::numbers::pi / 180.0;
-constexpr double standard_gravity = 9.80665;
+constexpr std::uint64_t all_bits = ~std::uint64_t{0};
 
-struct Unit {
-  std::string_view name;
-  double si;
-  bool is_rate;
+// ---- keys ----
+
+// The keys of one variant: `<variant>.<key>` where the file has it, else `<key>`, which then holds for all variants. As with KeyValueFile,
+// a defect is remembered there and something harmless is returned.
+class FrameKeys {
+ public:
+  FrameKeys(KeyValueFile& file, std::string variant) : file_(file), variant_(std::move(variant)) {}
+  KeyValueFile& file() { return file_; }
+  std::string name(const std::string& key) const {  // as it stands in the file
+    return !variant_.empty() && file_.has(variant_ + "." + key) ? variant_ + "." + key : key;
+  }
+  bool has(const std::string& key) const { return file_.has(name(key)); }
+  void reject(const std::string& key, std::string_view expected) { file_.reject(name(key), expected); }
+  template <class Value>
+  void chosen(const std::string& key, Value& value, std::initializer_list<std::string_view> names) {
+    KeyTable(file_).chosen(name(key), value, names);
+  }
+  double number_or(const std::string& key, double otherwise, NumberRange range = any_number) {
+    return file_.number_or(name(key), otherwise, range);
+  }
+
+  // Decimal, or hexadecimal with 0x in front. Without `otherwise` the key is required.
+  std::uint64_t bits(const std::string& key, std::optional<std::uint64_t> otherwise);
+  std::vector<std::byte> bytes(const std::string& key);                   // "EB 90"
+  std::array<double, 3> three(const std::string& key, double otherwise);  // one number stands for three
+  // prefix.type, .order, .word_order, .mask
+  FieldForm form(const std::string& prefix, std::string_view default_type);
+  // prefix.offset with its form: one offset or as many as are wanted (0: any number); the others follow the only one given.
+  std::vector<FrameField> fields(const std::string& prefix, std::string_view default_type, std::size_t wanted) {
+    return places(prefix + ".offset", form(prefix, default_type), wanted);
+  }
+  // The offsets that stand at `key`, of numbers of this form.
+  std::vector<FrameField> places(const std::string& key, const FieldForm& shape, std::size_t wanted);
+  FrameField field(const std::string& prefix, std::string_view default_type) {
+    return fields(prefix, default_type, 1)[0];
+  }
+
+ private:
+  KeyValueFile& file_;
+  std::string variant_;
 };
-constexpr Unit gyro_units[] = {{"rad", 1.0, false},  {"deg", degree, false},  {"arcsec", degree / 3600.0, false},
-                               {"rad/s", 1.0, true}, {"deg/s", degree, true}, {"deg/h", degree / 3600.0, true}};
-constexpr Unit accel_units[] = {{"m/s", 1.0, false},
-                                {"ft/s", 0.3048, false},
-                                {"m/s^2", 1.0, true},
-                                {"g", standard_gravity, true},
-                                {"mg", 1e-3 * standard_gravity, true}};
+
+// The whole text as one number.
+template <class Number>
+bool read_digits(std::string_view text, int base, Number& value) {
+  const auto result = std::from_chars(text.data(), text.data() + text.size(), value, base);
+  return result.ec == std::errc{} && result.ptr == text.data() + text.size();
+}
+
+std::uint64_t FrameKeys::bits(const std::string& key, std::optional<std::uint64_t> otherwise) {
+  const std::string at = name(key);
+  if (otherwise && !file_.has(at)) return *otherwise;
+  const std::string text = file_.text(at);
+  const bool hex = text.starts_with("0x") || text.starts_with("0X");
+  std::uint64_t value = 0;
+  if (!read_digits(std::string_view(text).substr(hex ? 2 : 0), hex ? 16 : 10, value))
+    file_.reject(at, "a whole number, 0x before hexadecimal, at most 64 bits");
+  return value;
+}
+
+std::vector<std::byte> FrameKeys::bytes(const std::string& key) {
+  std::vector<std::byte> result;
+  const std::string text = file_.text_or(name(key), "");
+  for (const std::string_view part : split_words(text)) {
+    unsigned value = 0;
+    if (!read_digits(part, 16, value) || part.size() != 2 || result.size() >= 16) {
+      reject(key, "at most 16 bytes of two hexadecimal digits, with blanks between");
+      return {};
+    }
+    result.push_back(static_cast<std::byte>(value));
+  }
+  return result;
+}
+
+FieldForm FrameKeys::form(const std::string& prefix, std::string_view default_type) {
+  FieldForm form;
+  std::string type = file_.one_of_or(name(prefix + ".type"), default_type,
+                                     {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32", "f64",
+                                      "sm8", "sm16", "sm24", "sm32"});
+  if (type.empty()) type = default_type;  // refused already
+  form.type = static_cast<NumberType>(std::string_view("uisf").find(type[0]));
+  form.bytes = parse_integer<int>(std::string_view(type).substr(type[0] == 's' ? 2 : 1)).value_or(8) / 8;
+  chosen(has(prefix + ".order") ? prefix + ".order" : "order", form.big_endian, {"little", "big"});
+  chosen(has(prefix + ".word_order") ? prefix + ".word_order" : "word_order", form.swap_words, {"same", "swapped"});
+  form.swap_words = form.swap_words && form.bytes >= 4;
+  form.mask = bits(prefix + ".mask", all_bits);
+  const bool floating = form.type == NumberType::floating;
+  const std::uint64_t room = all_bits >> (64 - 8 * form.bytes);
+  const std::uint64_t left = form.mask & room;
+  const std::uint64_t run = left == 0 ? 0 : left >> std::countr_zero(left);
+  const char* const expected = floating && left != room ? "no mask on a floating field"
+                               : left == 0              ? "a mask that leaves something of the field"
+                               : (run & (run + 1)) != 0 ? "a mask of neighbouring bits"
+                                                        : nullptr;
+  if (expected == nullptr) return form;
+  reject(prefix + ".mask", expected);
+  form.mask = all_bits;
+  return form;
+}
+
+std::vector<FrameField> FrameKeys::places(const std::string& key, const FieldForm& shape, std::size_t wanted) {
+  const std::string at = name(key);
+  const std::vector<double> offsets = file_.numbers(at, 0, between(0.0, static_cast<double>(longest_frame - 1)));
+  std::vector<FrameField> result;
+  const auto whole = [](double x) { return x >= 0.0 && x == std::floor(x); };
+  if (!std::all_of(offsets.begin(), offsets.end(), whole) || offsets.empty() || offsets.size() > 16 ||
+      (wanted != 0 && offsets.size() != 1 && offsets.size() != wanted)) {
+    file_.reject(at, wanted > 1 ? fmt::format("1 or {} whole byte offsets", wanted) : "a whole byte offset");
+    result.resize(std::max<std::size_t>(wanted, 1), FrameField{0, shape});
+    return result;
+  }
+  for (const double offset : offsets) result.push_back({static_cast<std::size_t>(offset), shape});
+  while (result.size() < wanted)
+    result.push_back({result.back().offset + static_cast<std::size_t>(shape.bytes), shape});
+  return result;
+}
+
+std::array<double, 3> FrameKeys::three(const std::string& key, double otherwise) {
+  const std::vector<double> given = file_.numbers_or(name(key), {otherwise});
+  if (given.size() == 1) return {given[0], given[0], given[0]};
+  if (given.size() == 3) return {given[0], given[1], given[2]};
+  reject(key, "one or three numbers");
+  return {otherwise, otherwise, otherwise};
+}
+
+// ---- the parts of a description ----
 
 void read_axes(FrameKeys& keys, const std::string& key, FrameTriad& triad) {
   const std::vector<std::string> axes = keys.file().list_or(keys.name(key), {"+x", "+y", "+z"});
-  bool good = axes.size() == 3;
-  std::array<bool, 3> seen{};
-  for (std::size_t k = 0; good && k < 3; ++k) {
-    const std::string& axis = axes[k];
-    good = axis.size() == 2 && (axis[0] == '+' || axis[0] == '-') && axis[1] >= 'x' && axis[1] <= 'z';
-    if (!good) break;
-    const int from = axis[1] - 'x';
-    good = !seen[static_cast<std::size_t>(from)];
-    seen[static_cast<std::size_t>(from)] = true;
-    triad.from[k] = from;
-    triad.sign[k] = axis[0] == '-' ? -1.0 : 1.0;
-  }
-  if (!good) keys.file().reject(keys.name(key), "three axes such as '+x, -z, +y', each letter once");
+  const auto order = axis_order(fmt::format("{}", fmt::join(axes, ",")));
+  if (order && std::all_of(axes.begin(), axes.end(), [](const std::string& axis) { return axis.size() == 2; }))
+    triad.axes = *order;
+  else
+    keys.reject(key, "three axes such as '+x, -z, +y', each letter once");
 }
 
-FrameTriad read_triad(FrameKeys& keys, const std::string& prefix, std::span<const Unit> units) {
+std::array<FrameField, 3> first_three(const std::vector<FrameField>& fields) {
+  return {fields[0], fields[1], fields[2]};
+}
+
+FrameTriad read_triad(FrameKeys& keys, const std::string& prefix, const std::vector<std::string_view>& units) {
   FrameTriad triad;
-  const std::vector<FrameField> elements = keys.fields(prefix, "i32", 3);
-  std::copy_n(elements.begin(), 3, triad.element.begin());
-  if (keys.has(prefix + ".down")) {
-    const std::vector<FrameField> down = keys.places(prefix + ".down", elements[0].form, 3);
-    triad.down.emplace();
-    std::copy_n(down.begin(), 3, triad.down->begin());
-  }
+  triad.element = first_three(keys.fields(prefix, "i32", 3));
+  const FieldForm& form = triad.element[0].form;
+  if (keys.has(prefix + ".down")) triad.down = first_three(keys.places(prefix + ".down", form, 3));
   read_axes(keys, prefix + ".axes", triad);
-  KeyValueFile& file = keys.file();
-  const std::string unit_key = keys.name(prefix + ".unit");
-  const std::string unit = file.text(unit_key);
-  const auto known = std::find_if(units.begin(), units.end(), [&](const Unit& u) { return u.name == unit; });
-  triad.pulses = unit == "pulses";
-  if (!triad.pulses && known == units.end()) {
-    std::string expected = "pulses";
-    for (const Unit& u : units) expected += ", " + std::string(u.name);
-    file.reject(unit_key, "one of " + expected);
-  }
+  const InertialUnit* const unit = read_unit(keys.file(), keys.name(prefix + ".unit"), units);
+  triad.pulses = keys.file().text_or(keys.name(prefix + ".unit"), "") == "pulses";
   if (triad.pulses) {
-    for (const char* key : {".scale", ".zero"}) {
+    for (const char* key : {".scale", ".zero"})
       if (keys.has(prefix + key))
-        file.reject(keys.name(prefix + key), "no such key with unit = pulses: they are counted as they come");
-    }
+        keys.reject(prefix + key, "no such key with unit = pulses: they are counted as they come");
   } else {
     triad.zero = keys.three(prefix + ".zero", 0.0);
     triad.scale = keys.three(prefix + ".scale", 1.0);
     for (double& scale : triad.scale) {
-      if (!(std::abs(scale) > 0.0)) file.reject(keys.name(prefix + ".scale"), "numbers other than 0");
-      if (known != units.end()) scale *= known->si;
+      if (!(std::abs(scale) > 0.0)) keys.reject(prefix + ".scale", "numbers other than 0");
+      if (unit != nullptr) scale *= unit->si;
     }
-    if (known != units.end() && known->is_rate) triad.kind = FieldKind::rate;
+    if (unit != nullptr && unit->is_rate) triad.kind = FieldKind::rate;
   }
-  const NumberType type = triad.element[0].form.type;
-  const bool integer = type != NumberType::floating;
-  const bool wraps = integer && type != NumberType::sign_magnitude;
-  if (triad.down && !wraps) file.reject(keys.name(prefix + ".down"), "no such key unless the field is a counter");
-  if (file.one_of_or(keys.name(prefix + ".kind"), "each", {"each", "cumulative"}) == "cumulative") {
-    if (!wraps || triad.kind == FieldKind::rate) {
-      file.reject(keys.name(prefix + ".kind"), "'each' unless the field is a whole number of increments");
-    }
+  const bool wraps = form.type == NumberType::unsigned_integer || form.type == NumberType::signed_integer;
+  if (triad.down && !wraps) keys.reject(prefix + ".down", "no such key unless the field is a counter");
+  bool cumulative = false;
+  keys.chosen(prefix + ".kind", cumulative, {"each", "cumulative"});
+  if (cumulative) {
+    if (!wraps || triad.kind == FieldKind::rate)
+      keys.reject(prefix + ".kind", "'each' unless the field is a whole number of increments");
     triad.kind = FieldKind::cumulative;
     triad.modulus = keys.bits(prefix + ".modulus", 0);
-    const int bits = used_bits(triad.element[0].form);
-    if (triad.modulus == 1 || (bits < 64 && triad.modulus > (std::uint64_t{1} << bits))) {
-      file.reject(keys.name(prefix + ".modulus"), "2 to 2^" + std::to_string(bits));
-    }
+    const int bits = used_bits(form);
+    if (triad.modulus == 1 || (bits < 64 && triad.modulus > (std::uint64_t{1} << bits)))
+      keys.reject(prefix + ".modulus", "2 to 2^" + std::to_string(bits));
   }
-  const std::vector<double> range = file.numbers_or(keys.name(prefix + ".range"), {-1e300, 1e300}, 2);
+  const std::vector<double> range = keys.file().numbers_or(keys.name(prefix + ".range"), {-1e300, 1e300}, 2);
   triad.low = range[0];
   triad.high = range[1];
-  if (!(triad.low < triad.high)) file.reject(keys.name(prefix + ".range"), "lowest, highest");
+  if (!(triad.low < triad.high)) keys.reject(prefix + ".range", "lowest, highest");
   return triad;
 }
 
 FrameCounter read_counter(FrameKeys& keys) {
   FrameCounter counter;
-  KeyValueFile& file = keys.file();
   counter.field = keys.field("counter", "u32");
-  counter.step = file.number_or(keys.name("counter.step"), 1.0, between(1e-9, 1e12));
-  counter.modulus = file.number_or(keys.name("counter.modulus"), 0.0, not_negative);
-  const bool integer = counter.field.form.type != NumberType::floating;
-  const double all = integer ? std::ldexp(1.0, used_bits(counter.field.form)) : 0x1p53;
-  if (counter.field.form.type == NumberType::signed_integer || counter.field.form.type == NumberType::sign_magnitude) {
-    file.reject(keys.name("counter.type"), "an unsigned or floating type");
-  }
-  if (integer && used_bits(counter.field.form) > 53) {
-    file.reject(keys.name("counter.type"), "a counter of at most 53 bits: a mask can leave the upper ones out");
-  }
+  counter.step = keys.number_or("counter.step", 1.0, between(1e-9, 1e12));
+  counter.modulus = keys.number_or("counter.modulus", 0.0, not_negative);
+  const FieldForm& form = counter.field.form;
+  const bool integer = form.type != NumberType::floating;
+  const double all = integer ? std::ldexp(1.0, used_bits(form)) : 0x1p53;
+  if (form.type == NumberType::signed_integer || form.type == NumberType::sign_magnitude)
+    keys.reject("counter.type", "an unsigned or floating type");
+  if (integer && used_bits(form) > 53)
+    keys.reject("counter.type", "a counter of at most 53 bits: a mask can leave the upper ones out");
   if (counter.modulus == 0.0) counter.modulus = integer ? all : 0x1p53 * counter.step;
-  if (integer && (counter.modulus > all || counter.modulus != std::floor(counter.modulus) ||
-                  counter.step != std::floor(counter.step))) {
-    file.reject(keys.name("counter.offset"), "a whole step and a whole modulus that fits the field");
-  }
+  const auto whole = [](double x) { return x == std::floor(x); };
+  if (integer && (counter.modulus > all || !whole(counter.modulus) || !whole(counter.step)))
+    keys.reject("counter.offset", "a whole step and a whole modulus that fits the field");
   const double wrap = counter.modulus / counter.step;
-  if (!(wrap >= 4.0) || std::abs(wrap - std::nearbyint(wrap)) > 1e-6 * std::max(1.0, 1e-6 * wrap)) {
-    file.reject(keys.name(keys.has("counter.step") ? "counter.step" : "counter.offset"),
+  if (!(wrap >= 4.0) || std::abs(wrap - std::nearbyint(wrap)) > 1e-6 * std::max(1.0, 1e-6 * wrap))
+    keys.reject(keys.has("counter.step") ? "counter.step" : "counter.offset",
                 "a step that divides the modulus into 4 samples or more");
-  }
   return counter;
 }
 
+FrameScalar read_temperature(FrameKeys& keys, bool multiplexed) {
+  FrameScalar scalar;
+  scalar.places = keys.fields("temperature", "i16", 0);
+  scalar.zero = keys.number_or("temperature.zero", 0.0);
+  scalar.scale = keys.number_or("temperature.scale", 1.0, between(-100.0, 100.0));
+  if (scalar.scale == 0.0) keys.reject("temperature.scale", "a number other than 0");
+  if (!keys.has("temperature.when")) return scalar;
+  scalar.when = keys.bits("temperature.when", std::nullopt);
+  if (!multiplexed) keys.reject("temperature.when", "a key mux.offset beside it");
+  return scalar;
+}
+
 FrameVariant read_variant(FrameKeys& keys, const std::string& name, const FrameDescription& frame) {
-  KeyValueFile& file = keys.file();
   FrameVariant variant;
   variant.name = name;
   variant.length = static_cast<std::size_t>(
-      std::max<std::int64_t>(file.integer(keys.name("length"), 2, static_cast<std::int64_t>(longest_frame)), 0));
+      std::max<std::int64_t>(keys.file().integer(keys.name("length"), 2, static_cast<std::int64_t>(longest_frame)), 0));
   if (frame.id) variant.id = keys.bits("id.value", std::nullopt);
-  const std::string carries = file.one_of_or(keys.name("carries"), "both", {"both", "gyro", "accel"});
-  variant.has_gyro = carries != "accel";
-  variant.has_accel = carries != "gyro";
-  if (variant.has_gyro) variant.gyro = read_triad(keys, "gyro", gyro_units);
-  if (variant.has_accel) variant.accel = read_triad(keys, "accel", accel_units);
+  int carries = 0;
+  keys.chosen("carries", carries, {"both", "gyro", "accel"});
+  variant.has_gyro = carries != 2;
+  variant.has_accel = carries != 1;
+  if (variant.has_gyro)
+    variant.gyro = read_triad(keys, "gyro", {"pulses", "rad", "deg", "arcsec", "rad/s", "deg/s", "deg/h"});
+  if (variant.has_accel) variant.accel = read_triad(keys, "accel", {"pulses", "m/s", "ft/s", "m/s^2", "g", "mg"});
   if (keys.has("mux.offset")) variant.multiplexer = keys.field("mux", "u8");
-  if (keys.has("temperature.offset")) {
-    FrameScalar scalar;
-    scalar.places = keys.fields("temperature", "i16", 0);
-    scalar.zero = file.number_or(keys.name("temperature.zero"), 0.0);
-    scalar.scale = file.number_or(keys.name("temperature.scale"), 1.0, between(-100.0, 100.0));
-    if (scalar.scale == 0.0) file.reject(keys.name("temperature.scale"), "a number other than 0");
-    if (keys.has("temperature.when")) {
-      scalar.when = keys.bits("temperature.when", std::nullopt);
-      if (!variant.multiplexer) file.reject(keys.name("temperature.when"), "a key mux.offset beside it");
-    }
-    variant.temperature = scalar;
-  }
+  if (keys.has("temperature.offset")) variant.temperature = read_temperature(keys, variant.multiplexer.has_value());
   if (keys.has("counter.offset")) variant.counter = read_counter(keys);
   for (const std::string prefix : {"status", "status2", "status3"}) {
     if (!keys.has(prefix + ".offset")) continue;
     FrameStatus status;
     // Not the field's own mask: a status mask may have holes.
-    status.mask = keys.bits(prefix + ".bits", ~std::uint64_t{0});
+    status.mask = keys.bits(prefix + ".bits", all_bits);
     status.good = keys.bits(prefix + ".good", 0);
     for (const FrameField& field : keys.fields(prefix, "u8", 0)) {
       status.field = field;
@@ -173,30 +268,302 @@ FrameVariant read_variant(FrameKeys& keys, const std::string& name, const FrameD
 
 ByteStuffing read_stuffing(FrameKeys& keys, const FrameDescription& frame) {
   ByteStuffing stuffing;
-  KeyValueFile& file = keys.file();
-  const std::string kind = file.one_of_or("stuffing", "none", {"none", "escape", "slip", "repeat", "cobs"});
-  stuffing.kind = kind == "escape"   ? StuffingKind::escape
-                  : kind == "slip"   ? StuffingKind::slip
-                  : kind == "repeat" ? StuffingKind::repeat
-                  : kind == "cobs"   ? StuffingKind::cobs
-                                     : StuffingKind::none;
-  const auto one_byte = [&](const std::string& key, std::byte otherwise) {
+  keys.chosen("stuffing", stuffing.kind, {"none", "escape", "slip", "repeat", "cobs"});
+  const auto read_byte = [&](const std::string& key, std::byte& byte) {
     const std::vector<std::byte> given = keys.bytes(key);
-    if (file.has(key) && given.size() != 1) file.reject(key, "one byte of two hexadecimal digits");
-    return given.size() == 1 ? given[0] : otherwise;
+    if (given.size() == 1)
+      byte = given[0];
+    else if (keys.has(key))
+      keys.reject(key, "one byte of two hexadecimal digits");
   };
-  if (kind == "escape" || kind == "repeat") {
-    stuffing.byte = one_byte("stuffing.byte", stuffing.byte);
-    if (kind == "escape") stuffing.flip = one_byte("stuffing.xor", stuffing.flip);
-  }
+  const bool escape = stuffing.kind == StuffingKind::escape, repeat = stuffing.kind == StuffingKind::repeat;
+  if (escape || repeat) read_byte("stuffing.byte", stuffing.byte);
+  if (escape) read_byte("stuffing.xor", stuffing.flip);
   const auto begins = [&](const std::vector<std::byte>& mark) { return mark.empty() || mark[0] == stuffing.byte; };
-  if (kind == "repeat" && !frame.sync.empty() && !(begins(frame.sync) && begins(frame.tail))) {
-    file.reject("stuffing", "a sync, and a tail if there is one, that begin with stuffing.byte");
-  }
-  if (kind == "cobs" && !(frame.sync == std::vector{std::byte{0}} && frame.tail.empty())) {
-    file.reject("stuffing", "sync = 00 and no tail: a frame begins behind the 00 that ended the one before");
-  }
+  if (repeat && !frame.sync.empty() && !(begins(frame.sync) && begins(frame.tail)))
+    keys.reject("stuffing", "a sync, and a tail if there is one, that begin with stuffing.byte");
+  if (stuffing.kind == StuffingKind::cobs && !(frame.sync == std::vector{std::byte{0}} && frame.tail.empty()))
+    keys.reject("stuffing", "sync = 00 and no tail: a frame begins behind the 00 that ended the one before");
   return stuffing;
+}
+
+void read_crc(FrameKeys& keys, CrcParameters& crc) {
+  KeyValueFile& file = keys.file();
+  int width = static_cast<int>(file.integer("crc.width", 8, 32));
+  if (width % 8 != 0) file.reject("crc.width", "8, 16, 24 or 32");
+  width = std::clamp(width / 8 * 8, 8, 32);
+  const std::uint64_t most = (std::uint64_t{1} << width) - 1;
+  const auto read_bits = [&](const char* key, std::optional<std::uint64_t> otherwise) {
+    const std::uint64_t value = keys.bits(key, otherwise);
+    if (value > most) file.reject(key, fmt::format("at most {} bits", width));
+    return static_cast<std::uint32_t>(value & most);
+  };
+  crc.width = width;
+  crc.polynomial = read_bits("crc.polynomial", std::nullopt);
+  if (crc.polynomial % 2 == 0) file.reject("crc.polynomial", "an odd number: the term 1 is in every polynomial");
+  crc.initial = read_bits("crc.initial", 0);
+  crc.final_xor = read_bits("crc.final_xor", 0);
+  crc.reflect_input = file.boolean_or("crc.reflect_input", false);
+  crc.reflect_output = file.boolean_or("crc.reflect_output", false);
+}
+
+struct NamedCheck {
+  std::string_view name;
+  CheckKind kind;
+  int bytes;
+  bool of_words, may_be_of_words;
+};
+constexpr NamedCheck named_checks[] = {{"sum8", CheckKind::sum, 1, false, false},
+                                       {"sum16", CheckKind::sum, 2, false, true},
+                                       {"sum32", CheckKind::sum, 4, false, true},
+                                       {"xor8", CheckKind::exclusive_or, 1, false, false},
+                                       {"xor16", CheckKind::exclusive_or, 2, true, false},
+                                       {"crc", CheckKind::crc, 0, false, false},
+                                       {"fletcher16", CheckKind::fletcher, 2, false, false},
+                                       {"fletcher32", CheckKind::fletcher, 4, true, false}};
+
+FrameCheck read_check(FrameKeys& keys) {
+  FrameCheck check;
+  KeyValueFile& file = keys.file();
+  const std::string name =
+      file.one_of("check", {"none", "sum8", "sum16", "sum32", "xor8", "xor16", "crc", "fletcher16", "fletcher32"});
+  const auto named = std::find_if(std::begin(named_checks), std::end(named_checks),
+                                  [&](const NamedCheck& known) { return known.name == name; });
+  if (named == std::end(named_checks)) return check;
+  check.kind = named->kind;
+  check.of_words = named->of_words;
+  if (check.kind == CheckKind::crc) read_crc(keys, check.crc);
+  check.field.form.bytes = check.kind == CheckKind::crc ? check.crc.width / 8 : named->bytes;
+  keys.chosen(keys.has("check.order") ? "check.order" : "order", check.field.form.big_endian, {"little", "big"});
+  if (check.kind == CheckKind::fletcher) {
+    const std::int64_t most = check.of_words ? 65536 : 256;
+    const std::int64_t modulus = file.integer_or("check.modulus", most - 1, most - 1, most);
+    check.modulus = static_cast<std::uint32_t>(std::clamp(modulus, most - 1, most));
+  } else if (check.kind != CheckKind::crc) {
+    if (named->may_be_of_words) keys.chosen("check.of", check.of_words, {"bytes", "words"});
+    if (check.kind == CheckKind::sum) keys.chosen("check.carry", check.end_around, {"dropped", "end_around"});
+    keys.chosen("check.complement", check.complement, {"none", "ones", "twos"});
+  }
+  check.words_big_endian = check.field.form.big_endian;
+  if (check.of_words) keys.chosen("check.word_order", check.words_big_endian, {"little", "big"});
+  constexpr auto far = static_cast<std::int64_t>(longest_frame);
+  const std::int64_t offset = file.integer("check.offset", -far, far);
+  check.from_end = offset < 0;
+  check.field.offset = static_cast<std::size_t>(std::abs(offset));
+  check.start = static_cast<std::size_t>(file.integer_or("check.start", 0, 0, far));
+  check.gap = static_cast<std::size_t>(file.integer_or("check.gap", 0, 0, far));
+  check.pad = static_cast<std::size_t>(file.integer_or("check.pad", 1, 1, 64));
+  return check;
+}
+
+// ---- what a description must be beyond what each of its keys is checked for ----
+
+// A number in the frames of a variant, and the key that says where it stands.
+struct NumberPlace {
+  std::string key;
+  FrameField field;
+  std::uint64_t used = all_bits;  // of its bits
+};
+
+// Those that make a sample, and those beside them.
+struct NumberPlaces {
+  std::vector<NumberPlace> data, beside;
+};
+
+NumberPlaces places_in(const FrameDescription& frame, const FrameVariant& variant) {
+  NumberPlaces places;
+  const auto add_triad = [&](const FrameTriad& triad, const std::string& name) {
+    for (const FrameField& field : triad.element) places.data.push_back({name + ".offset", field});
+    if (triad.down)
+      for (const FrameField& field : *triad.down) places.data.push_back({name + ".down", field});
+  };
+  if (variant.has_gyro) add_triad(variant.gyro, "gyro");
+  if (variant.has_accel) add_triad(variant.accel, "accel");
+  if (variant.temperature)
+    for (const FrameField& field : variant.temperature->places) places.data.push_back({"temperature.offset", field});
+  if (variant.counter) places.data.push_back({"counter.offset", variant.counter->field});
+  if (frame.length) places.beside.push_back({"length.offset", *frame.length});
+  if (frame.id) places.beside.push_back({"id.offset", *frame.id});
+  for (const FrameStatus& status : variant.status)
+    places.beside.push_back({"status.offset", status.field, status.mask});
+  if (variant.multiplexer) places.beside.push_back({"mux.offset", *variant.multiplexer});
+  return places;
+}
+
+// Everything inside its frame, and nothing contradicting.
+void check_places(FrameKeys& keys, const FrameDescription& frame, const FrameVariant& variant) {
+  KeyValueFile& file = keys.file();
+  const NumberPlaces places = places_in(frame, variant);
+  for (const auto* const some : {&places.data, &places.beside})
+    for (const NumberPlace& place : *some)
+      if (place.field.offset + static_cast<std::size_t>(place.field.form.bytes) > variant.length)
+        keys.reject(place.key, fmt::format("a place inside the frame of {} bytes", variant.length));
+  if (frame.sync.size() + frame.tail.size() > variant.length) file.reject("length", "room for sync and tail");
+  const FrameCheck& check = frame.check;
+  if (check.kind != CheckKind::none) {
+    const std::size_t place = check_offset(check, variant.length);
+    if (place + static_cast<std::size_t>(check.bytes()) + frame.tail.size() > variant.length ||
+        check.start + check.gap >= place)
+      file.reject("check.offset", "a place inside the frame, after what the check covers and before the tail");
+    else if (check.of_words && check.pad % 2 != 0 && (place - check.gap - check.start) % 2 != 0)
+      file.reject("check.offset", "a whole number of 16-bit words covered, or check.pad = 2");
+  }
+  const FrameVariant& first = frame.variants.front();
+  if (!frame.split && (variant.gyro.pulses != first.gyro.pulses || variant.accel.pulses != first.accel.pulses))
+    file.reject("variants", "variants of the same increments: pulses or not");
+  if (variant.counter.has_value() != first.counter.has_value()) file.reject("variants", "all with a counter or none");
+  if (variant.counter &&
+      (variant.counter->modulus != first.counter->modulus || variant.counter->step != first.counter->step))
+    file.reject("variants", "variants that count alike");
+  for (const FrameVariant& other : frame.variants)
+    if (&other != &variant && other.id == variant.id) file.reject("variants", "a different id for each variant");
+}
+
+// The bits of a frame that something takes.
+struct Taken {
+  std::string key;
+  std::vector<std::byte> bits;
+};
+
+bool overlap(const Taken& one, const Taken& other) {
+  for (std::size_t i = 0; i < one.bits.size(); ++i)
+    if ((one.bits[i] & other.bits[i]) != std::byte{0}) return true;
+  return false;
+}
+
+// REQUIRES: every place is inside the frame.
+void check_overlaps(FrameKeys& keys, const FrameDescription& frame, const FrameVariant& variant) {
+  const std::size_t length = variant.length;
+  const auto taken_by_bytes = [&](const char* key, std::size_t offset, const std::vector<std::byte>& mask) {
+    Taken taken{key, std::vector<std::byte>(length)};
+    std::copy(mask.begin(), mask.end(), taken.bits.begin() + static_cast<std::ptrdiff_t>(offset));
+    return taken;
+  };
+  const auto whole = [](std::size_t bytes) { return std::vector<std::byte>(bytes, std::byte{0xFF}); };
+  const auto taken_by = [&](const NumberPlace& place) {
+    Taken taken{place.key, std::vector<std::byte>(length)};
+    FieldCodec(place.field).put_bits(taken.bits.data(), place.used);
+    return taken;
+  };
+  const NumberPlaces places = places_in(frame, variant);
+  std::vector<Taken> data, beside = {taken_by_bytes("sync", 0, frame.sync_mask)};
+  for (const NumberPlace& place : places.data) data.push_back(taken_by(place));
+  if (!frame.tail.empty())
+    beside.push_back(taken_by_bytes("tail", length - frame.tail.size(), whole(frame.tail.size())));
+  for (const NumberPlace& place : places.beside) beside.push_back(taken_by(place));
+
+  const auto check_apart = [&](const Taken& one, const Taken& other) {
+    if (overlap(one, other)) keys.reject(one.key, "a place of its own, not that of " + keys.name(other.key));
+  };
+  for (std::size_t i = 0; i < data.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) check_apart(data[i], data[j]);
+    // A multiplexer may be the low bits of the counter.
+    for (const Taken& other : beside)
+      if (!(data[i].key == "counter.offset" && other.key == "mux.offset")) check_apart(data[i], other);
+  }
+  // An id may be a part of what a frame begins with.
+  for (std::size_t i = 1; i < beside.size(); ++i)
+    if (beside[i].key != "id.offset") check_apart(beside[i], beside[0]);
+  if (frame.check.kind == CheckKind::none) return;
+  const Taken check = taken_by_bytes("check.offset", check_offset(frame.check, length),
+                                     whole(static_cast<std::size_t>(frame.check.bytes())));
+  for (const std::vector<Taken>* const all : {&data, &beside})
+    for (const Taken& other : *all) check_apart(check, other);
+}
+
+// Numbers that their fields can show.
+void check_values(FrameKeys& keys, const FrameDescription& frame, const FrameVariant& variant) {
+  const auto largest = [](const FrameField& field) { return FieldCodec(field).largest_bits(); };
+  const auto check_fits = [&](const char* key, std::uint64_t value, const FrameField& field) {
+    if (value > largest(field)) keys.reject(key, fmt::format("at most {}, which its field can hold", largest(field)));
+  };
+  if (frame.id) check_fits("id.value", variant.id, *frame.id);
+  if (variant.temperature && variant.temperature->when && variant.multiplexer)
+    check_fits("temperature.when", *variant.temperature->when, *variant.multiplexer);
+  for (const FrameStatus& status : variant.status) {
+    const std::uint64_t judged = status.mask & largest(status.field);
+    if (judged == 0) keys.reject("status.bits", "at least one bit of the field");
+    if ((status.good & ~judged) != 0) keys.reject("status.good", "a number of status.bits alone");
+  }
+  if (!frame.length) return;
+  const std::int64_t said = static_cast<std::int64_t>(variant.length) - frame.length_add;
+  if (said < 0 || said % frame.length_scale != 0 ||
+      static_cast<std::uint64_t>(said / frame.length_scale) > largest(*frame.length))
+    keys.reject("length", "a length that the field at length.offset can say: field x length.scale + length.add");
+}
+
+constexpr int least_bits = 4;  // of a number that shows a motion
+
+// The largest raw number; floating ones have none.
+std::optional<double> full_scale(const FrameTriad& triad, std::size_t k) {
+  const FrameField& field = triad.element[k];
+  const int bits = used_bits(field.form);
+  double low = 0.0, high = std::ldexp(1.0, bits) - 1.0;
+  if (field.form.type == NumberType::floating) return {};
+  if (field.form.type != NumberType::unsigned_integer) low = -(high = std::ldexp(1.0, bits - 1));
+  if (triad.kind == FieldKind::cumulative || triad.down) {
+    const double turn = triad.modulus != 0 ? static_cast<double>(triad.modulus) : std::ldexp(1.0, bits);
+    low = -(high = 0.5 * turn);
+  }
+  return std::max(std::abs(low - triad.zero[k]), std::abs(high - triad.zero[k]));
+}
+
+// A unit shows what it is turned and what it weighs: its field ends beyond the one, and a count is less than the other.
+struct Sensible {
+  double reaches, count;
+  const char *said_reaches, *said_count;
+};
+constexpr Sensible gyro_rate = {rad_per_deg, 1000.0 * pi / 180.0, "1 deg/s", "1000 deg/s"};
+constexpr Sensible accel_force = {9.0, 1000.0, "gravity", "1000 m/s^2"};
+
+void check_scale(KeyValueFile& file, const std::string& key, const FrameTriad& triad, double weight, double period_s,
+                 const Sensible& sensible) {
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::optional<double> most = full_scale(triad, k);
+    const double count = std::abs(triad.scale[k]) * weight / (triad.kind == FieldKind::rate ? 1.0 : period_s);
+    if (!most) continue;
+    if (count > sensible.count)
+      file.reject(key, fmt::format("a scale with which a count is less than {}", sensible.said_count));
+    if (*most * count < sensible.reaches)
+      file.reject(key, fmt::format("a scale with which the field reaches {}", sensible.said_reaches));
+  }
+}
+
+// Remembers in the file what no unit's frames can be.
+void check_variant(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
+  FrameKeys keys(file, variant.name);
+  check_places(keys, frame, variant);
+  if (!file.status()) return;
+  check_overlaps(keys, frame, variant);
+  check_values(keys, frame, variant);
+  const auto check_bits = [&](const FrameTriad& triad, const char* key) {
+    if (used_bits(triad.element[0].form) < least_bits)
+      keys.reject(key, fmt::format("a mask that leaves {} bits or more", least_bits));
+  };
+  if (variant.has_gyro) check_bits(variant.gyro, "gyro.mask");
+  if (variant.has_accel) check_bits(variant.accel, "accel.mask");
+  const auto scale_key = [&](const std::string& name) {
+    return keys.name(name + (keys.has(name + ".scale") ? ".scale" : ".unit"));
+  };
+  if (variant.has_gyro && !variant.gyro.pulses)
+    check_scale(file, scale_key("gyro"), variant.gyro, 1.0, frame.sample_period_s, gyro_rate);
+  if (!variant.has_accel) return;
+  const bool pulses = variant.accel.pulses;
+  check_scale(file, pulses ? "accel.pulse_mps" : scale_key("accel"), variant.accel,
+              pulses ? frame.accel_pulse_mps : 1.0, frame.sample_period_s, accel_force);
+}
+
+// ---- the whole ----
+
+void read_request(FrameKeys& keys, FrameDescription& frame) {
+  KeyValueFile& file = keys.file();
+  frame.request = keys.bytes("request");
+  if (frame.request.empty()) file.reject("request", "at least one byte");
+  frame.request_period_s = file.number_or("request.period_s", 0.5 * frame.sample_period_s, sample_period_range);
+  if (frame.request_period_s > 0.9 * frame.sample_period_s)
+    file.reject("request.period_s", "at most 0.9 sample_period_s: unit and station have a clock each");
+  if (!frame.variants.front().counter)
+    file.reject("request", "a counter beside it: only it tells a new sample from one sent twice");
 }
 
 Result<FrameDescription> frame_from(KeyValueFile& file) {
@@ -223,7 +590,7 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
   }
   frame.sample_period_s = file.number("sample_period_s", sample_period_range);
   frame.stuffing = read_stuffing(keys, frame);
-  frame.check = read_frame_check(keys);
+  frame.check = read_check(keys);
   KeyTable table(file);
   read_serial_keys(table, "line", frame.line);
   if (frame.line.data_bits != 8) file.reject("line.data_bits", "8: a frame is of whole bytes");
@@ -233,39 +600,25 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
     if (frame.variants.size() > 16) file.reject("variants", "at most 16");
     if (!file.status()) break;
   }
-  if (frame.variants.empty()) {  // refused already, as an empty list
-    return file.error_at("variants", "names separated by commas");
-  }
-  frame.split = std::any_of(frame.variants.begin(), frame.variants.end(),
-                            [](const FrameVariant& v) { return !(v.has_gyro && v.has_accel); });
+  const std::vector<FrameVariant>& all = frame.variants;
+  if (all.empty()) return file.error_at("variants", "names separated by commas");  // refused already, as an empty list
+  frame.split = std::any_of(all.begin(), all.end(), [](const FrameVariant& v) { return !(v.has_gyro && v.has_accel); });
   if (frame.split) {
-    const auto& all = frame.variants;
-    const bool pair = all.size() == 2 && !all[0].has_accel && !all[1].has_gyro;
-    if (!pair) {
+    if (!(all.size() == 2 && !all[0].has_accel && !all[1].has_gyro)) {
       file.reject("variants", "two: the first carries = gyro, the second carries = accel");
       return file.status().error();
     }
     if (!all[0].counter) file.reject("variants", "a counter in both: it tells which two frames are one sample");
   }
-  if (!frame.accel().pulses && file.has("accel.pulse_mps")) {
+  if (frame.accel().pulses)
+    frame.accel_pulse_mps = file.number("accel.pulse_mps", positive);
+  else if (file.has("accel.pulse_mps"))
     file.reject("accel.pulse_mps", "no such key unless accel.unit = pulses");
-  }
-  if (frame.accel().pulses) frame.accel_pulse_mps = file.number("accel.pulse_mps", positive);
-  if (file.has("request")) {
-    frame.request = keys.bytes("request");
-    if (frame.request.empty()) file.reject("request", "at least one byte");
-    frame.request_period_s = file.number_or("request.period_s", 0.5 * frame.sample_period_s, sample_period_range);
-    if (frame.request_period_s > 0.9 * frame.sample_period_s) {
-      file.reject("request.period_s", "at most 0.9 sample_period_s: unit and station have a clock each");
-    }
-    if (!frame.variants.front().counter) {
-      file.reject("request", "a counter beside it: only it tells a new sample from one sent twice");
-    }
-  }
-  if (frame.variants.size() > 1 && !frame.id) file.reject("variants", "a key id.offset beside it");
+  if (file.has("request")) read_request(keys, frame);
+  if (all.size() > 1 && !frame.id) file.reject("variants", "a key id.offset beside it");
   TRY(file.check_all_used());
-  for (const FrameVariant& variant : frame.variants) {
-    check_layout(file, frame, variant);
+  for (const FrameVariant& variant : all) {
+    check_variant(file, frame, variant);
     frame.longest = std::max(frame.longest, variant.length);
   }
   if (frame.length) frame.longest = longest_frame;
@@ -288,15 +641,13 @@ void FrameDescription::describe(RecordingInfo& info) const {
 }
 
 Result<FrameDescription> read_frame_description(const std::string& path) {
-  auto file = KeyValueFile::read(path);
-  if (!file) return file.error();
-  return frame_from(*file);
+  KeyValueFile file = TRY(KeyValueFile::read(path));
+  return frame_from(file);
 }
 
 Result<FrameDescription> parse_frame_description(std::string_view text, const std::string& file_name) {
-  auto file = KeyValueFile::parse(text, file_name);
-  if (!file) return file.error();
-  return frame_from(*file);
+  KeyValueFile file = TRY(KeyValueFile::parse(text, file_name));
+  return frame_from(file);
 }
 
 }  // namespace turncal

@@ -20,6 +20,7 @@
 #include <string_view>
 #include <vector>
 
+#include "calib/types/axis.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
 #include "imu_io/base/key_table.h"
@@ -37,8 +38,7 @@ enum class FieldKind { increment, rate, cumulative };
 struct FrameTriad {
   std::array<FrameField, 3> element;              // in the frame's own order
   std::optional<std::array<FrameField, 3>> down;  // counts the other way: raw = element - down
-  std::array<int, 3> from{0, 1, 2};               // body axis k is element from[k]
-  std::array<double, 3> sign{1.0, 1.0, 1.0};
+  AxisOrder axes;                                 // body axis k is element from[k]
   FieldKind kind = FieldKind::increment;
   bool pulses = true;                          // whole numbers; scale is then 1
   std::array<double, 3> zero{};                // raw
@@ -112,5 +112,15 @@ struct FrameDescription {
 
 Result<FrameDescription> read_frame_description(const std::string& path);
 Result<FrameDescription> parse_frame_description(std::string_view text, const std::string& file_name);
+
+// The frame descriptions of imu_io/frames, compiled into the program, so that it runs wherever it is copied to.
+
+// "laser_gyro", "stim300", ...: the files' names without ".frame", in alphabetical order.
+std::vector<std::string_view> builtin_frame_names();
+// Empty when there is none of that name.
+std::string_view builtin_frame_text(std::string_view name);
+
+// A built-in name, or the path of a file where it has a '/' or ends in ".frame".
+Result<FrameDescription> find_frame(const std::string& name_or_path);
 
 }  // namespace turncal

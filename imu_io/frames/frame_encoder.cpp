@@ -1,5 +1,7 @@
 #include "imu_io/frames/frame_encoder.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 #include <cassert>
@@ -19,7 +21,10 @@ double modulo(double value, double modulus) {
 
 }  // namespace
 
-FrameEncoder::FrameEncoder(const FrameDescription& frame) : frame_(frame), crc_(frame.check.crc), plain_(length()) {}
+FrameEncoder::FrameEncoder(const FrameDescription& frame) : frame_(frame), crc_(frame.check.crc), plain_(length()) {
+  for (std::size_t k = 0; k < (frame.split ? 2U : 1U); ++k)
+    elements_.push_back(frame_elements(frame.variants[k], frame.sample_period_s));
+}
 
 std::size_t FrameEncoder::length() const {
   return frame_.variants[0].length + (frame_.split ? frame_.variants[1].length : 0);
@@ -27,72 +32,58 @@ std::size_t FrameEncoder::length() const {
 
 Status FrameEncoder::encode(const ImuSample& sample, std::span<std::byte> out) {
   assert(out.size() >= length());
-  const FrameVariant& first = frame_.variants[0];
-  if (Status status = encode_variant(first, sample, out.first(first.length)); !status || !frame_.split) return status;
-  return encode_variant(frame_.variants[1], sample, out.subspan(first.length, frame_.variants[1].length));
+  for (std::size_t k = 0; k < elements_.size(); ++k) {
+    const std::size_t length = frame_.variants[k].length;
+    TRY(encode_variant(k, sample, out.first(length)));
+    out = out.subspan(length);
+  }
+  return {};
 }
 
 Status FrameEncoder::append(const ImuSample& sample, std::vector<std::byte>& out) {
   TRY(encode(sample, plain_));
   std::span<const std::byte> remaining = plain_;
-  for (std::size_t i = 0; i < (frame_.split ? 2U : 1U); ++i) {
-    append_stuffed(frame_.stuffing, remaining.first(frame_.variants[i].length), frame_.sync.size(), frame_.tail.size(),
-                   out);
-    remaining = remaining.subspan(frame_.variants[i].length);
+  for (std::size_t k = 0; k < elements_.size(); ++k) {
+    const std::size_t length = frame_.variants[k].length;
+    append_stuffed(frame_.stuffing, remaining.first(length), frame_.sync.size(), frame_.tail.size(), out);
+    remaining = remaining.subspan(length);
   }
   return {};
 }
 
-Status FrameEncoder::put_triad(const FrameTriad& triad, const std::array<double, 3>& value, std::size_t first,
-                               const char* name, std::byte* out) {
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const auto element = static_cast<std::size_t>(triad.from[axis]);
-    const FieldCodec field(triad.element[element]);
-    std::optional<FieldCodec> down;
-    if (triad.down) down.emplace((*triad.down)[element]);
-    const double period = triad.kind == FieldKind::rate ? frame_.sample_period_s : 1.0;
-    const double factor = triad.sign[axis] * triad.scale[element] * period;
-    double& left = left_[first + element];
-    const double exact = value[axis] / factor + triad.zero[element] + left;
-    bool fits = std::isfinite(exact);
-    if (fits && triad.kind == FieldKind::cumulative) {
-      const double whole = std::nearbyint(exact);
-      left = exact - whole;
-      std::uint64_t& total = total_[first + element];
-      const std::uint64_t modulus = triad.modulus != 0  ? triad.modulus
-                                    : field.bits() < 64 ? std::uint64_t{1} << field.bits()
-                                                        : 0;
-      fits = std::abs(whole) < (modulus != 0 ? 0.5 * static_cast<double>(modulus) : 0x1p62);
-      if (fits) {
-        const auto step = static_cast<std::int64_t>(whole);
-        std::uint64_t& turned = down && step < 0 ? total_[6 + first + element] : total;
-        const std::int64_t by = down ? std::abs(step) : step;
-        turned += static_cast<std::uint64_t>(by);
-        if (modulus != 0 && turned >= modulus) turned = by >= 0 ? turned - modulus : turned + modulus;
-        field.put_bits(out, total);
-        if (down) down->put_bits(out, total_[6 + first + element]);
-      }
-    } else if (fits && down) {
-      const double whole = std::nearbyint(exact);
-      fits = field.put_number(out, std::max(whole, 0.0)) && down->put_number(out, std::max(-whole, 0.0));
-      left = triad.pulses ? 0.0 : exact - whole;
-    } else if (fits) {
-      fits = field.put_number(out, exact);
-      if (fits) left = field.type() == NumberType::floating || triad.pulses ? 0.0 : exact - std::nearbyint(exact);
-    }
-    if (!fits) {
-      return input_error(frame_.name + ": " + name + " " + "xyz"[axis] + " of " + format_number(value[axis]) +
-                         " does not fit the frame's field");
-    }
+// False: it does not fit the field.
+bool FrameEncoder::put(std::size_t variant, std::size_t i, double value, std::byte* out) {
+  const FrameElement& element = elements_[variant][i];
+  const FieldCodec& field = element.field;
+  const std::optional<FieldCodec>& down = element.down;
+  const double exact = value / element.factor + element.zero + left_[i];
+  if (!std::isfinite(exact)) return false;
+  const double whole = std::nearbyint(exact);
+  if (element.cumulative) {
+    left_[i] = exact - whole;
+    const std::uint64_t modulus = element.modulus;
+    if (!(std::abs(whole) < (modulus != 0 ? 0.5 * static_cast<double>(modulus) : 0x1p62))) return false;
+    const auto step = static_cast<std::int64_t>(whole);
+    std::uint64_t& turned = total_[down && step < 0 ? 6 + i : i];
+    const std::int64_t by = down ? std::abs(step) : step;
+    turned += static_cast<std::uint64_t>(by);
+    if (modulus != 0 && turned >= modulus) turned = by >= 0 ? turned - modulus : turned + modulus;
+    field.put_bits(out, total_[i]);
+    if (down) down->put_bits(out, total_[6 + i]);
+    return true;
   }
-  return {};
+  const bool fits = down ? field.put_number(out, std::max(whole, 0.0)) && down->put_number(out, std::max(-whole, 0.0))
+                         : field.put_number(out, exact);
+  const bool exactly = element.pulses || (!down && field.type() == NumberType::floating);
+  if (fits || down) left_[i] = exactly ? 0.0 : exact - whole;
+  return fits;
 }
 
-Status FrameEncoder::encode_variant(const FrameVariant& variant, const ImuSample& sample, std::span<std::byte> out) {
+Status FrameEncoder::encode_variant(std::size_t which, const ImuSample& sample, std::span<std::byte> out) {
+  const FrameVariant& variant = frame_.variants[which];
   std::fill(out.begin(), out.end(), std::byte{0});
-  if (variant.multiplexer && variant.temperature && variant.temperature->when) {
+  if (variant.multiplexer && variant.temperature && variant.temperature->when)
     FieldCodec(*variant.multiplexer).put_bits(out.data(), *variant.temperature->when);
-  }
   for (const FrameStatus& status : variant.status) {
     const bool invalid = (sample.flags & sample_flag_invalid) != 0;
     const FieldCodec field(status.field);
@@ -100,19 +91,20 @@ Status FrameEncoder::encode_variant(const FrameVariant& variant, const ImuSample
     const std::uint64_t lowest = judged & (~judged + 1);
     field.put_bits(out.data(), field.bits_of(out.data()) | (invalid ? status.good ^ lowest : status.good));
   }
-  Status put;
-  if (variant.has_gyro) put = put_triad(variant.gyro, sample.gyro, 0, "gyro", out.data());
-  if (put && variant.has_accel) put = put_triad(variant.accel, sample.accel, 3, "accelerometer", out.data());
-  if (!put) return put;
+  const auto refuse = [&](const std::string& what, auto value) {
+    return input_error(
+        fmt::format("{}: {} of {} does not fit the frame's field", frame_.name, what, format_number(value)));
+  };
+  for (std::size_t i = variant.has_gyro ? 0 : 3; i < (variant.has_accel ? 6U : 3U); ++i) {
+    const double value = i < 3 ? sample.gyro[i] : sample.accel[i - 3];
+    if (!put(which, i, value, out.data()))
+      return refuse(fmt::format("{} {}", i < 3 ? "gyro" : "accelerometer", "xyz"[i % 3]), value);
+  }
   if (variant.temperature && std::isfinite(sample.temperature_c)) {
     const FrameScalar& scalar = *variant.temperature;
     const double raw = static_cast<double>(sample.temperature_c) / scalar.scale + scalar.zero;
-    for (const FrameField& place : scalar.places) {
-      if (!FieldCodec(place).put_number(out.data(), raw)) {
-        return input_error(frame_.name + ": temperature of " + format_number(sample.temperature_c) +
-                           " does not fit the frame's field");
-      }
-    }
+    for (const FrameField& place : scalar.places)
+      if (!FieldCodec(place).put_number(out.data(), raw)) return refuse("temperature", sample.temperature_c);
   }
   if (variant.counter) {
     const FrameCounter& counter = *variant.counter;

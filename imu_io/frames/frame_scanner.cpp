@@ -12,24 +12,14 @@ constexpr std::size_t buffer_size = 8192;  // several of the longest frames
 }  // namespace
 
 FrameScanner::FrameScanner(const FrameDescription& frame)
-    : sync_(frame.sync),
-      mask_(frame.sync_mask),
-      tail_(frame.tail),
-      has_id_(frame.id.has_value()),
-      has_length_(frame.length.has_value()),
-      length_scale_(frame.length_scale),
-      length_add_(frame.length_add),
-      check_(frame.check),
+    : frame_(frame),
+      id_(frame.id.value_or(FrameField{})),
+      length_(frame.length.value_or(FrameField{})),
       check_field_(frame.check.field),
       crc_(frame.check.crc),
-      weak_(frame.check.weak()),
       unstuffer_(frame.stuffing),
       lead_(frame.stuffing.kind == StuffingKind::none ? 0 : 1),
-      buffer_(buffer_size) {
-  if (has_id_) id_ = FieldCodec(*frame.id);
-  if (has_length_) length_ = FieldCodec(*frame.length);
-  for (const FrameVariant& variant : frame.variants) variants_.push_back({variant.id, variant.length});
-}
+      buffer_(buffer_size) {}
 
 std::span<std::byte> FrameScanner::space() {
   if (buffer_.size() - end_ < longest_frame && begin_ > 0) {
@@ -55,65 +45,63 @@ void FrameScanner::restart() {
 
 // As far as bytes are there; an unfinished sync is not a wrong one.
 bool FrameScanner::sync_at(std::span<const std::byte> remaining) const {
-  const std::size_t n = std::min(sync_.size(), remaining.size());
-  for (std::size_t i = 0; i < n; ++i) {
-    if (((remaining[i] ^ sync_[i]) & mask_[i]) != std::byte{0}) return false;
-  }
+  const std::size_t n = std::min(frame_.sync.size(), remaining.size());
+  for (std::size_t i = 0; i < n; ++i)
+    if (((remaining[i] ^ frame_.sync[i]) & frame_.sync_mask[i]) != std::byte{0}) return false;
   return true;
 }
 
 bool FrameScanner::check_good(std::span<const std::byte> frame) const {
-  if (check_.kind == CheckKind::none) return true;
-  const std::size_t place = check_offset(check_, frame.size());
-  return check_field_.bits_at(frame.data() + place) == frame_check_value(check_, crc_, frame);
+  const FrameCheck& check = frame_.check;
+  if (check.kind == CheckKind::none) return true;
+  const std::size_t place = check_offset(check, frame.size());
+  return check_field_.bits_at(frame.data() + place) == frame_check_value(check, crc_, frame);
 }
 
 FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> remaining, std::size_t& length,
                                           std::size_t& variant) const {
   if (!sync_at(remaining)) return Verdict::bad;
+  const FrameCheck& check = frame_.check;
   // How long is it? Without an id there is one variant.
-  const Variant* known = has_id_ ? nullptr : variants_.data();
-  if (has_id_) {
+  const FrameVariant* known = frame_.id ? nullptr : frame_.variants.data();
+  if (frame_.id) {
     if (remaining.size() < id_.offset() + id_.bytes()) return Verdict::more;
     const std::uint64_t id = id_.bits_of(remaining.data());
-    for (const Variant& candidate : variants_) {
+    for (const FrameVariant& candidate : frame_.variants)
       if (candidate.id == id) known = &candidate;
-    }
-    if (known == nullptr && !has_length_) return Verdict::bad;
+    if (known == nullptr && !frame_.length) return Verdict::bad;
   }
-  if (has_length_) {
+  if (frame_.length) {
     if (remaining.size() < length_.offset() + length_.bytes()) return Verdict::more;
     const std::uint64_t raw = length_.bits_of(remaining.data());
     if (raw > longest_frame) return Verdict::bad;
-    const std::int64_t says = static_cast<std::int64_t>(raw) * length_scale_ + length_add_;
+    const std::int64_t says = static_cast<std::int64_t>(raw) * frame_.length_scale + frame_.length_add;
     if (says < 1 || says > static_cast<std::int64_t>(longest_frame)) return Verdict::bad;
     length = static_cast<std::size_t>(says);
     if (known != nullptr && known->length != length) return Verdict::bad;
     if (known == nullptr) {
       // Only a check at the end can be found in a frame of unknown layout, and only a strong one is believed alone.
-      const bool can_tell = check_.from_end && !weak_;
-      if (!can_tell || length < sync_.size() + tail_.size() || check_.field.offset > length ||
-          check_offset(check_, length) <= check_.start + check_.gap) {
+      const bool can_tell = check.from_end && !check.weak();
+      if (!can_tell || length < frame_.sync.size() + frame_.tail.size() || check.field.offset > length ||
+          check_offset(check, length) <= check.start + check.gap)
         return Verdict::bad;
-      }
     }
   } else {
     length = known->length;
   }
   if (remaining.size() < length) return Verdict::more;
   const auto frame = remaining.first(length);
-  if (!tail_.empty() &&
-      !std::equal(tail_.begin(), tail_.end(), frame.end() - static_cast<std::ptrdiff_t>(tail_.size()))) {
+  if (!frame_.tail.empty() && !std::equal(frame_.tail.begin(), frame_.tail.end(),
+                                          frame.end() - static_cast<std::ptrdiff_t>(frame_.tail.size())))
     return Verdict::bad;
-  }
   if (!check_good(frame)) return Verdict::bad;
   if (known == nullptr) return Verdict::other;
-  if (weak_) {
+  if (check.weak()) {
     const auto after = remaining.subspan(length);
     if (!sync_at(after)) return Verdict::bad;
-    if (after.size() < sync_.size()) return Verdict::more;
+    if (after.size() < frame_.sync.size()) return Verdict::more;
   }
-  variant = static_cast<std::size_t>(known - variants_.data());
+  variant = static_cast<std::size_t>(known - frame_.variants.data());
   return Verdict::good;
 }
 

@@ -1,11 +1,10 @@
 // Finds frames in a byte stream: sync, id, length, check and tail must all be right. After a frame that is not, the search goes
 // on at its second byte, never after the whole of it: a frame that begins inside a damaged one is not lost.
 //
-// With a check of 8 bits or none a frame counts only when the next one's sync comes right after it. That costs the time of a
-// few bytes and takes away what the check cannot see of dropped and inserted bytes. (What it cannot see of changed bytes, 0.4 %
-// of the frames with two of them, remains.)
-// Other frames of the same sync (an id of no variant) are passed over whole when the length field and the check tell how far they
-// reach. No allocation after construction.
+// With a check of 8 bits or none a frame counts only when the next one's sync comes right after it. That costs the time
+// of a few bytes and takes away what the check cannot see of dropped and inserted bytes. (What it cannot see of changed
+// bytes, 0.4 % of the frames with two of them, remains.) Other frames of the same sync (an id of no variant) are passed
+// over whole when the length field and the check tell how far they reach. No allocation after construction.
 #pragma once
 
 #include <cstddef>
@@ -47,23 +46,13 @@ class FrameScanner {
 
  private:
   enum class Verdict { good, other, bad, more };
-  struct Variant {
-    std::uint64_t id;
-    std::size_t length;
-  };
   Verdict judge(std::span<const std::byte> remaining, std::size_t& length, std::size_t& variant) const;
   bool sync_at(std::span<const std::byte> remaining) const;
   bool check_good(std::span<const std::byte> frame) const;
 
-  std::vector<std::byte> sync_, mask_, tail_;
-  std::vector<Variant> variants_;
-  bool has_id_ = false, has_length_ = false;
-  FieldCodec id_, length_;
-  std::int64_t length_scale_ = 1, length_add_ = 0;
-  FrameCheck check_;
-  FieldCodec check_field_;
+  FrameDescription frame_;
+  FieldCodec id_, length_, check_field_;
   Crc crc_;
-  bool weak_;
   Unstuffer unstuffer_;
   std::size_t lead_;  // bytes between end_ and space(): what was held back comes first
 

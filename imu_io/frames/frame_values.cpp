@@ -19,28 +19,30 @@ double cumulative_step(std::uint64_t now, std::uint64_t before, std::uint64_t mo
 
 }  // namespace
 
-FrameValues::FrameValues(const FrameDescription& frame, const FrameVariant& from) {
-  length_ = from.length;
+std::array<FrameElement, 6> frame_elements(const FrameVariant& variant, double sample_period_s) {
+  std::array<FrameElement, 6> elements;
   for (std::size_t i = 0; i < 6; ++i) {
-    const FrameTriad& triad = i < 3 ? from.gyro : from.accel;
-    const std::size_t axis = i % 3;
-    const auto place = static_cast<std::size_t>(triad.from[axis]);
-    Element& element = element_[i];
+    const FrameTriad& triad = i < 3 ? variant.gyro : variant.accel;
+    const auto place = static_cast<std::size_t>(triad.axes.from[i % 3]);
+    FrameElement& element = elements[i];
     element.field = FieldCodec(triad.element[place]);
-    element.has_down = triad.down.has_value();
     if (triad.down) element.down = FieldCodec((*triad.down)[place]);
     element.zero = triad.zero[place];
     element.factor =
-        triad.sign[axis] * triad.scale[place] * (triad.kind == FieldKind::rate ? frame.sample_period_s : 1.0);
+        triad.axes.sign[i % 3] * triad.scale[place] * (triad.kind == FieldKind::rate ? sample_period_s : 1.0);
     element.low = triad.low;
     element.high = triad.high;
     element.cumulative = triad.kind == FieldKind::cumulative;
     element.modulus = triad.modulus;
-    if (element.cumulative && element.modulus == 0 && element.field.bits() < 64) {
+    if (element.cumulative && element.modulus == 0 && element.field.bits() < 64)
       element.modulus = std::uint64_t{1} << element.field.bits();
-    }
     element.pulses = triad.pulses;
   }
+  return elements;
+}
+
+FrameValues::FrameValues(const FrameDescription& frame, const FrameVariant& from)
+    : length_(from.length), element_(frame_elements(from, frame.sample_period_s)) {
   if (from.temperature) {
     for (const FrameField& field : from.temperature->places) temperature_.emplace_back(field);
     temperature_zero_ = from.temperature->zero;
@@ -51,9 +53,7 @@ FrameValues::FrameValues(const FrameDescription& frame, const FrameVariant& from
   if (from.multiplexer) multiplexer_ = FieldCodec(*from.multiplexer);
   has_counter_ = from.counter.has_value();
   if (from.counter) counter_ = FieldCodec(from.counter->field);
-  for (const FrameStatus& status : from.status) {
-    status_.push_back({FieldCodec(status.field), status.mask, status.good});
-  }
+  for (const FrameStatus& status : from.status) status_.push_back({FieldCodec(status.field), status.mask, status.good});
 }
 
 FrameValues FrameValues::joined(const FrameValues& gyro, const FrameValues& accel) {
@@ -63,7 +63,7 @@ FrameValues FrameValues::joined(const FrameValues& gyro, const FrameValues& acce
   for (std::size_t i = 3; i < 6; ++i) {
     both.element_[i] = accel.element_[i];
     both.element_[i].field = accel.element_[i].field.shifted(by);
-    both.element_[i].down = accel.element_[i].down.shifted(by);
+    if (accel.element_[i].down) both.element_[i].down = accel.element_[i].down->shifted(by);
   }
   for (const Status& status : accel.status_)
     both.status_.push_back({status.field.shifted(by), status.mask, status.good});
@@ -80,14 +80,14 @@ FrameValues FrameValues::joined(const FrameValues& gyro, const FrameValues& acce
 
 bool FrameValues::read(const std::byte* frame, const CumulativeBase& base, ImuSample& sample) const {
   for (std::size_t i = 0; i < 6; ++i) {
-    const Element& element = element_[i];
+    const FrameElement& element = element_[i];
     double& value = i < 3 ? sample.gyro[i] : sample.accel[i - 3];
     if (element.cumulative) {
       const std::uint64_t now = element.field.bits_of(frame);
       if (element.modulus != 0 && now >= element.modulus) return false;
       double steps = cumulative_step(now, base.field[i], element.modulus);
-      if (element.has_down) {
-        const std::uint64_t down = element.down.bits_of(frame);
+      if (element.down) {
+        const std::uint64_t down = element.down->bits_of(frame);
         if (element.modulus != 0 && down >= element.modulus) return false;
         steps -= cumulative_step(down, base.field[6 + i], element.modulus);
       }
@@ -97,7 +97,7 @@ bool FrameValues::read(const std::byte* frame, const CumulativeBase& base, ImuSa
       continue;  // across a gap it may be anything
     } else {
       double raw = element.field.number(frame);
-      if (element.has_down) raw -= element.down.number(frame);
+      if (element.down) raw -= element.down->number(frame);
       if (raw < element.low || raw > element.high) sample.flags |= sample_flag_invalid;
       value = element.factor * (raw - element.zero);
     }
@@ -105,14 +105,13 @@ bool FrameValues::read(const std::byte* frame, const CumulativeBase& base, ImuSa
     if (!std::isfinite(value)) return false;  // of floats
     if (element.pulses && (std::abs(value) > largest_pulses || value != std::nearbyint(value))) return false;
   }
-  for (const Status& status : status_) {
+  for (const Status& status : status_)
     if ((status.field.bits_of(frame) & status.mask) != status.good) sample.flags |= sample_flag_invalid;
-  }
   return true;
 }
 
 bool FrameValues::any_cumulative() const {
-  return std::any_of(element_.begin(), element_.end(), [](const Element& element) { return element.cumulative; });
+  return std::any_of(element_.begin(), element_.end(), [](const FrameElement& element) { return element.cumulative; });
 }
 
 bool FrameValues::fits(const ImuSample& sample) const {
@@ -126,7 +125,7 @@ bool FrameValues::fits(const ImuSample& sample) const {
 void FrameValues::keep(const std::byte* frame, CumulativeBase& base) const {
   for (std::size_t i = 0; i < 6; ++i) {
     base.field[i] = element_[i].field.bits_of(frame);
-    if (element_[i].has_down) base.field[6 + i] = element_[i].down.bits_of(frame);
+    if (element_[i].down) base.field[6 + i] = element_[i].down->bits_of(frame);
   }
   base.known = true;
 }

@@ -22,6 +22,20 @@ struct CumulativeBase {
   bool known = false;
 };
 
+// Where the number of a body axis is, and what one of it is.
+struct FrameElement {
+  FieldCodec field;
+  std::optional<FieldCodec> down;
+  double zero = 0.0;
+  double factor = 1.0;  // to an increment of the body axis, sign included
+  double low = 0.0, high = 0.0;
+  std::uint64_t modulus = 0;  // cumulative; 0: 2^64
+  bool cumulative = false;
+  bool pulses = false;
+};
+// gyro x y z, accel x y z, body axes
+std::array<FrameElement, 6> frame_elements(const FrameVariant& variant, double sample_period_s);
+
 class FrameValues {
  public:
   FrameValues(const FrameDescription& frame, const FrameVariant& from);
@@ -42,22 +56,12 @@ class FrameValues {
   std::optional<float> temperature_c(const std::byte* frame) const;
 
  private:
-  struct Element {
-    FieldCodec field, down;
-    bool has_down = false;
-    double zero = 0.0;
-    double factor = 1.0;  // to an increment of the body axis, sign included
-    double low = 0.0, high = 0.0;
-    std::uint64_t modulus = 0;  // cumulative; 0: 2^64
-    bool cumulative = false;
-    bool pulses = false;
-  };
   struct Status {
     FieldCodec field;
     std::uint64_t mask, good;
   };
   std::size_t length_ = 0;
-  std::array<Element, 6> element_;  // gyro x y z, accel x y z, body axes
+  std::array<FrameElement, 6> element_;  // gyro x y z, accel x y z, body axes
   std::vector<FieldCodec> temperature_;
   double temperature_zero_ = 0.0, temperature_scale_ = 1.0;
   bool multiplexed_ = false;

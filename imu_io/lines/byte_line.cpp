@@ -1,7 +1,7 @@
 #include "imu_io/lines/byte_line.h"
 
 #include <arpa/inet.h>
-#include <netdb.h>
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <memory>
 #include <utility>
 
 #include "imu_io/base/clock.h"
@@ -89,14 +88,10 @@ Result<ByteLine> ByteLine::open(const SerialSettings& settings) {
   ByteLine line;
   line.device_ = settings.device;
   line.kind_ = address->kind;
-  if (address->kind == LineKind::serial) {
-    SerialPort port = TRY(SerialPort::open(settings));
-    line.port_ = std::move(port);
-  } else if (address->kind == LineKind::tcp) {
-    const int socket = TRY(connect_tcp(settings.device.substr(4), connect_timeout_s));
-    line.socket_ = socket;
-  } else if (Status status = address->asks ? line.connect(*address) : line.listen(*address); !status) {
-    return status.error();
+  switch (address->kind) {
+    case LineKind::serial: line.port_ = TRY(SerialPort::open(settings)); break;
+    case LineKind::tcp: line.socket_ = TRY(connect_tcp(settings.device.substr(4), connect_timeout_s)); break;
+    case LineKind::udp: TRY(address->asks ? line.connect(*address) : line.listen(*address)); break;
   }
   line.asks_ = address->asks;
   return line;
@@ -104,13 +99,7 @@ Result<ByteLine> ByteLine::open(const SerialSettings& settings) {
 
 // The kernel then lets nobody else's datagrams through.
 Status ByteLine::connect(const LineAddress& address) {
-  addrinfo wanted{}, *found = nullptr;
-  wanted.ai_family = AF_INET;
-  wanted.ai_socktype = SOCK_DGRAM;
-  if (const int error = ::getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &wanted, &found);
-      error != 0)
-    return device_error(device_ + ": cannot open: " + ::gai_strerror(error));
-  const std::unique_ptr<addrinfo, void (*)(addrinfo*)> freed(found, ::freeaddrinfo);
+  const Addresses found = TRY(look_up(device_, address.host, std::to_string(address.port), AF_INET, SOCK_DGRAM));
   socket_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (socket_ < 0 || ::connect(socket_, found->ai_addr, found->ai_addrlen) != 0) return failure("cannot open", errno);
   ::setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
@@ -181,21 +170,12 @@ Status ByteLine::write_all(std::span<const std::byte> data, double timeout_s) {
     const ssize_t n = ::send(socket_, data.data(), data.size(), MSG_NOSIGNAL);
     return n >= 0 || errno == ECONNREFUSED || errno == EAGAIN ? Status{} : Status(failure("cannot write", errno));
   }
-  const Deadline deadline(timeout_s);
-  while (!data.empty()) {
-    const ssize_t n = ::send(socket_, data.data(), data.size(), MSG_NOSIGNAL);
-    if (n > 0) {
-      data = data.subspan(static_cast<std::size_t>(n));
-    } else if (n < 0 && errno != EAGAIN && errno != EINTR) {
-      return failure("cannot write", errno);
-    } else if (deadline.passed()) {
-      return device_error(device_ + ": " + std::to_string(data.size()) + " bytes could not be sent in time");
-    } else {
-      pollfd which{socket_, POLLOUT, 0};
-      ::poll(&which, 1, deadline.left_ms());
-    }
-  }
-  return {};
+  const int number = write_until(Deadline(timeout_s), socket_, data, [&](std::span<const std::byte> left) {
+    return ::send(socket_, left.data(), left.size(), MSG_NOSIGNAL);
+  });
+  if (number == not_in_time)
+    return device_error(fmt::format("{}: {} bytes could not be sent in time", device_, data.size()));
+  return number == 0 ? Status{} : failure("cannot write", number);
 }
 
 }  // namespace turncal

@@ -13,21 +13,13 @@
 #include <utility>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/lines/tcp_connection.h"
 
 namespace turncal {
 namespace {
 
 Error failure(const std::string& what) {
   return device_error("pseudo-terminal: " + what + ": " + std::strerror(errno));
-}
-
-// Waits for events or a hang-up; the events that came, 0 after timeout_s.
-short wait_for(int fd, short events, const Deadline& deadline) {
-  for (;;) {
-    pollfd which{fd, events, 0};
-    if (::poll(&which, 1, deadline.left_ms()) > 0) return which.revents;
-    if (deadline.passed()) return 0;
-  }
 }
 
 }  // namespace
@@ -57,9 +49,8 @@ Result<Pty> Pty::create(const std::string& link_path) {
   pty.fd_ = ::open("/dev/ptmx", O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK);
   if (pty.fd_ < 0) return failure("cannot open");
   std::array<char, 128> name{};
-  if (::grantpt(pty.fd_) != 0 || ::unlockpt(pty.fd_) != 0 || ::ptsname_r(pty.fd_, name.data(), name.size()) != 0) {
+  if (::grantpt(pty.fd_) != 0 || ::unlockpt(pty.fd_) != 0 || ::ptsname_r(pty.fd_, name.data(), name.size()) != 0)
     return failure("cannot set up");
-  }
   // Raw from the start, and opened once and closed: only then does the master tell that nobody is there.
   const int slave = ::open(name.data(), O_RDWR | O_NOCTTY | O_CLOEXEC);
   if (slave < 0) return failure("cannot open " + std::string(name.data()));
@@ -86,18 +77,12 @@ bool Pty::has_peer() const {
 }
 
 Status Pty::write_all(std::span<const std::byte> data, double timeout_s) {
-  const Deadline deadline(timeout_s);
-  while (!data.empty() && has_peer()) {
-    const ssize_t n = ::write(fd_, data.data(), data.size());
-    if (n > 0) {
-      data = data.subspan(static_cast<std::size_t>(n));
-    } else if (n < 0 && errno != EAGAIN && errno != EINTR) {
-      return failure("cannot write");
-    } else if (wait_for(fd_, POLLOUT, deadline) == 0) {
-      return device_error("pseudo-terminal: the peer does not read");
-    }
-  }
-  return {};
+  // What nobody listens to is gone.
+  const int number = write_until(Deadline(timeout_s), fd_, data, [&](std::span<const std::byte> left) {
+    return has_peer() ? ::write(fd_, left.data(), left.size()) : static_cast<ssize_t>(left.size());
+  });
+  if (number == not_in_time) return device_error("pseudo-terminal: the peer does not read");
+  return number == 0 ? Status{} : failure("cannot write");
 }
 
 Status Pty::write_all(std::string_view text, double timeout_s) {
@@ -115,7 +100,8 @@ Result<std::size_t> Pty::read(std::span<std::byte> out, double timeout_s) {
       const timespec pause{0, 2'000'000};
       if (timeout_s > 0.0) ::nanosleep(&pause, nullptr);
     } else {
-      wait_for(fd_, POLLIN, deadline);
+      pollfd which{fd_, POLLIN, 0};
+      ::poll(&which, 1, deadline.left_ms());
     }
     if (deadline.passed()) return std::size_t{0};
   }

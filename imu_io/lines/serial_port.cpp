@@ -1,5 +1,6 @@
 #include "imu_io/lines/serial_port.h"
 
+#include <fmt/format.h>
 #include <grp.h>
 #include <sys/stat.h>
 
@@ -19,14 +20,18 @@
 #include <cstring>
 #include <utility>
 
-#include "imu_io/base/clock.h"
+#include "imu_io/lines/tcp_connection.h"
 
 namespace turncal {
+namespace {
+
+bool is_unplugged(int number) { return number == EIO || number == ENXIO || number == ENODEV; }
+
+}  // namespace
 
 std::string describe(const SerialSettings& settings) {
   const char parity = settings.parity == SerialParity::none ? 'N' : settings.parity == SerialParity::even ? 'E' : 'O';
-  return settings.device + " " + std::to_string(settings.baud) + " " + std::to_string(settings.data_bits) + parity +
-         std::to_string(settings.stop_bits);
+  return fmt::format("{} {} {}{}{}", settings.device, settings.baud, settings.data_bits, parity, settings.stop_bits);
 }
 
 SerialPort::SerialPort(SerialPort&& other) noexcept
@@ -99,27 +104,10 @@ Status SerialPort::configure(const SerialSettings& settings) {
   struct termios2 got {};
   if (::ioctl(fd_, TCGETS2, &got) != 0) return failure("cannot read the line settings", errno);
   const double wanted = settings.baud;
-  for (const double rate : {static_cast<double>(got.c_ispeed), static_cast<double>(got.c_ospeed)}) {
-    if (std::abs(rate - wanted) > 0.03 * wanted) {
-      return device_error(device_ + ": asked for " + std::to_string(settings.baud) + " baud, the port runs at " +
-                          std::to_string(static_cast<std::uint64_t>(rate)));
-    }
-  }
+  for (const std::uint32_t rate : {got.c_ispeed, got.c_ospeed})
+    if (std::abs(rate - wanted) > 0.03 * wanted)
+      return device_error(fmt::format("{}: asked for {} baud, the port runs at {}", device_, settings.baud, rate));
   return {};
-}
-
-Result<bool> SerialPort::wait(short events, double timeout_s) const {
-  const Deadline deadline(timeout_s);
-  for (;;) {
-    pollfd which{fd_, events, 0};
-    const int n = ::poll(&which, 1, deadline.left_ms());
-    if (n > 0) {
-      if ((which.revents & POLLNVAL) != 0) return device_error(device_ + ": not open");
-      return true;
-    }
-    if (n < 0 && errno != EINTR) return failure("cannot wait", errno);
-    if (deadline.passed()) return false;
-  }
 }
 
 Result<std::size_t> SerialPort::read(std::span<std::byte> out, double timeout_s) {
@@ -127,13 +115,15 @@ Result<std::size_t> SerialPort::read(std::span<std::byte> out, double timeout_s)
   if (out.empty()) return std::size_t{0};
   const Deadline deadline(timeout_s);
   for (;;) {
-    const auto ready = wait(POLLIN, deadline.left_s());
-    if (!ready) return ready.error();
-    if (!*ready) return std::size_t{0};
+    pollfd which{fd_, POLLIN, 0};
+    const int ready = ::poll(&which, 1, deadline.left_ms());
+    if (ready < 0 && errno != EINTR) return failure("cannot wait", errno);
+    if (ready <= 0 && deadline.passed()) return std::size_t{0};
+    if (ready <= 0) continue;
+    if ((which.revents & POLLNVAL) != 0) return device_error(device_ + ": not open");
     const ssize_t n = ::read(fd_, out.data(), out.size());
     if (n > 0) return static_cast<std::size_t>(n);
-    if (n == 0) return device_error(device_ + ": unplugged");
-    if (errno == EIO || errno == ENXIO || errno == ENODEV) return device_error(device_ + ": unplugged");
+    if (n == 0 || is_unplugged(errno)) return device_error(device_ + ": unplugged");
     if (errno != EINTR && errno != EAGAIN) return failure("cannot read", errno);
     if (deadline.passed()) return std::size_t{0};
   }
@@ -141,22 +131,13 @@ Result<std::size_t> SerialPort::read(std::span<std::byte> out, double timeout_s)
 
 Status SerialPort::write_all(std::span<const std::byte> data, double timeout_s) {
   if (fd_ < 0) return device_error(device_ + ": write while closed");
-  const Deadline deadline(timeout_s);
-  while (!data.empty()) {
-    const ssize_t n = ::write(fd_, data.data(), data.size());
-    if (n > 0) {
-      data = data.subspan(static_cast<std::size_t>(n));
-      continue;
-    }
-    if (n < 0 && (errno == EIO || errno == ENXIO || errno == ENODEV)) return device_error(device_ + ": unplugged");
-    if (n < 0 && errno != EINTR && errno != EAGAIN) return failure("cannot write", errno);
-    const auto ready = wait(POLLOUT, deadline.left_s());
-    if (!ready) return ready.error();
-    if (!*ready || deadline.passed()) {
-      return device_error(device_ + ": " + std::to_string(data.size()) + " bytes could not be sent in time");
-    }
-  }
-  return {};
+  const int number = write_until(Deadline(timeout_s), fd_, data, [&](std::span<const std::byte> left) {
+    return ::write(fd_, left.data(), left.size());
+  });
+  if (is_unplugged(number)) return device_error(device_ + ": unplugged");
+  if (number == not_in_time)
+    return device_error(fmt::format("{}: {} bytes could not be sent in time", device_, data.size()));
+  return number == 0 ? Status{} : failure("cannot write", number);
 }
 
 Status SerialPort::write_all(std::string_view text, double timeout_s) {
@@ -187,10 +168,9 @@ std::string access_advice(const std::string& device, int number) {
 }
 
 void read_serial_keys(KeyTable& keys, const std::string& prefix, SerialSettings& settings, bool serial) {
-  for (const char* const name : {".baud", ".data_bits", ".parity", ".stop_bits"}) {
+  for (const char* const name : {".baud", ".data_bits", ".parity", ".stop_bits"})
     if (!serial && keys.file()->has(prefix + name))
       keys.file()->reject(prefix + name, "no such key unless the device is a serial line");
-  }
   keys.whole(prefix + ".baud", settings.baud, 50u, 20'000'000u);
   keys.whole(prefix + ".data_bits", settings.data_bits, 7, 8);
   keys.chosen(prefix + ".parity", settings.parity, {"none", "even", "odd"});

@@ -68,8 +68,6 @@ class SerialPort {
  private:
   Error failure(std::string_view what, int number) const;
   Status configure(const SerialSettings& settings);
-  // Whether `events` or trouble came within timeout_s.
-  Result<bool> wait(short events, double timeout_s) const;
 
   int fd_ = -1;
   std::string device_;

@@ -1,17 +1,12 @@
 #include "imu_io/lines/tcp_connection.h"
 
-#include <netdb.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
-#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cstring>
-
-#include "imu_io/base/clock.h"
 
 namespace turncal {
 namespace {
@@ -35,29 +30,33 @@ int connected(int descriptor, const addrinfo& to, const Deadline& deadline, cons
 
 }  // namespace
 
+Result<Addresses> look_up(const std::string& device, const std::string& host, const std::string& port, int family,
+                          int socket_type) {
+  addrinfo wanted{}, *found = nullptr;
+  wanted.ai_family = family;
+  wanted.ai_socktype = socket_type;
+  const int error = ::getaddrinfo(host.c_str(), port.c_str(), &wanted, &found);
+  if (error != 0) return device_error(device + ": cannot open: " + ::gai_strerror(error));
+  return Addresses(found, ::freeaddrinfo);
+}
+
 Result<int> connect_tcp(const std::string& address, double timeout_s, const std::function<bool()>& given_up) {
   const std::size_t colon = address.rfind(':');
-  if (colon == std::string::npos || colon == 0 || colon + 1 == address.size()) {
+  if (colon == std::string::npos || colon == 0 || colon + 1 == address.size())
     return input_error("link.address = '" + address + "': expected host:port");
-  }
-  const auto failure = [&](const std::string& why) { return device_error(address + ": cannot open: " + why); };
-  addrinfo hints{}, *found = nullptr;
-  hints.ai_socktype = SOCK_STREAM;
-  const int looked_up =
-      ::getaddrinfo(address.substr(0, colon).c_str(), address.substr(colon + 1).c_str(), &hints, &found);
-  if (looked_up != 0) return failure(::gai_strerror(looked_up));
+  const Addresses found =
+      TRY(look_up(address, address.substr(0, colon), address.substr(colon + 1), AF_UNSPEC, SOCK_STREAM));
   const Deadline deadline(timeout_s);
   int descriptor = -1, result = EADDRNOTAVAIL;
-  for (const addrinfo* to = found; to != nullptr && descriptor < 0 && result != ECANCELED; to = to->ai_next) {
+  for (const addrinfo* to = found.get(); to != nullptr && descriptor < 0 && result != ECANCELED; to = to->ai_next) {
     descriptor = ::socket(to->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     result = descriptor < 0 ? errno : connected(descriptor, *to, deadline, given_up);
     if (result == 0 || descriptor < 0) continue;
     ::close(descriptor);
     descriptor = -1;
   }
-  ::freeaddrinfo(found);
   if (result == ECANCELED) return Error{ErrorKind::aborted, address + ": given up for a stop"};
-  if (descriptor < 0) return failure(std::strerror(result));
+  if (descriptor < 0) return device_error(address + ": cannot open: " + std::strerror(result));
   const int on = 1;
   ::setsockopt(descriptor, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
   return descriptor;

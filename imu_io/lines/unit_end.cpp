@@ -1,7 +1,7 @@
 #include "imu_io/lines/unit_end.h"
 
 #include <arpa/inet.h>
-#include <netdb.h>
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -14,6 +14,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/lines/byte_line.h"
 #include "imu_io/lines/pty.h"
+#include "imu_io/lines/tcp_connection.h"
 
 namespace turncal {
 namespace {
@@ -26,23 +27,17 @@ class NetworkEnd : public UnitEnd {
   ~NetworkEnd() override { unplug(); }
 
   Status open() {
-    addrinfo wanted{}, *found = nullptr;
-    wanted.ai_family = AF_INET;
-    wanted.ai_socktype = is_tcp() ? SOCK_STREAM : SOCK_DGRAM;
+    const int type = is_tcp() ? SOCK_STREAM : SOCK_DGRAM;
     const std::string host = address_.host.empty() ? "127.0.0.1" : address_.host;
-    if (const int error = ::getaddrinfo(host.c_str(), std::to_string(address_.port).c_str(), &wanted, &found);
-        error != 0)
-      return device_error(device_ + ": cannot open: " + ::gai_strerror(error));
-    const std::unique_ptr<addrinfo, void (*)(addrinfo*)> freed(found, ::freeaddrinfo);
-    socket_ = ::socket(AF_INET, wanted.ai_socktype | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    const Addresses found = TRY(look_up(device_, host, std::to_string(address_.port), AF_INET, type));
+    socket_ = ::socket(AF_INET, type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     const int yes = 1;
     const bool sends = !is_tcp() && !address_.asks;
     if (socket_ < 0 || ::setsockopt(socket_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
         (sends ? ::connect(socket_, found->ai_addr, found->ai_addrlen)
                : ::bind(socket_, found->ai_addr, found->ai_addrlen)) != 0 ||
-        (is_tcp() && ::listen(socket_, 1) != 0)) {
+        (is_tcp() && ::listen(socket_, 1) != 0))
       return device_error(device_ + ": cannot open: " + std::strerror(errno));
-    }
     return {};
   }
 
@@ -78,20 +73,13 @@ class NetworkEnd : public UnitEnd {
                                    to != nullptr ? sizeof *asker_ : 0));
       return {};
     }
-    const Deadline deadline(timeout_s);
-    while (station_ >= 0 && !data.empty()) {
-      const ssize_t n = ::send(station_, data.data(), data.size(), MSG_NOSIGNAL);
-      if (n > 0) {
-        data = data.subspan(static_cast<std::size_t>(n));
-      } else if (n < 0 && errno != EAGAIN && errno != EINTR) {
-        ::close(std::exchange(station_, -1));
-      } else if (deadline.passed()) {
-        return device_error(device_ + ": " + std::to_string(data.size()) + " bytes were not read in time");
-      } else {
-        pollfd room{station_, POLLOUT, 0};
-        ::poll(&room, 1, deadline.left_ms());
-      }
-    }
+    if (station_ < 0) return {};
+    const int number = write_until(Deadline(timeout_s), station_, data, [&](std::span<const std::byte> left) {
+      return ::send(station_, left.data(), left.size(), MSG_NOSIGNAL);
+    });
+    if (number == not_in_time)
+      return device_error(fmt::format("{}: {} bytes were not read in time", device_, data.size()));
+    if (number != 0) ::close(std::exchange(station_, -1));
     return {};
   }
 
@@ -126,10 +114,8 @@ class NetworkEnd : public UnitEnd {
 
 Result<std::unique_ptr<UnitEnd>> open_unit_end(const std::string& device) {
   const std::optional<LineAddress> address = parse_line(device);
-  if (!address || address->kind == LineKind::serial) {
-    Pty pty = TRY(Pty::create(device));
-    return std::unique_ptr<UnitEnd>(std::make_unique<Pty>(std::move(pty)));
-  }
+  if (!address || address->kind == LineKind::serial)
+    return std::unique_ptr<UnitEnd>(std::make_unique<Pty>(TRY(Pty::create(device))));
   auto end = std::make_unique<NetworkEnd>(device, *address);
   TRY(end->open());
   return std::unique_ptr<UnitEnd>(std::move(end));

@@ -1,9 +1,11 @@
 #include "imu_io/recordings/binary_layout.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <limits>
-#include <string>
+
+#include <fmt/format.h>
 
 #include "imu_io/base/bytes.h"
 #include "imu_io/recordings/recording_check.h"
@@ -16,51 +18,43 @@ constexpr std::size_t flag_bytes = 8;
 
 std::size_t increment_bytes(IncrementKind kind) { return kind == IncrementKind::pulses ? 4 : 8; }
 
-void append_triple(std::vector<std::byte>& out, const std::array<double, 3>& value, IncrementKind kind) {
-  for (const double x : value) {
-    if (kind == IncrementKind::pulses) {
-      append_bytes(out, static_cast<std::int32_t>(x));
-    } else {
-      append_bytes(out, x);
+// Pulses stand in 32 bits, physical increments in doubles.
+void append_triples(std::vector<std::byte>& out, std::span<const ImuSample> samples, IncrementKind kind,
+                    std::array<double, 3> ImuSample::*field) {
+  const bool pulses = kind == IncrementKind::pulses;
+  for (const ImuSample& sample : samples)
+    for (const double x : sample.*field)
+      pulses ? append_bytes(out, static_cast<std::int32_t>(x)) : append_bytes(out, x);
+}
+
+template <class Number>
+void load_triples(const std::byte* from, std::array<double, 3> ImuSample::*field, std::vector<ImuSample>& out) {
+  for (ImuSample& sample : out)
+    for (double& x : sample.*field) {
+      x = load_bytes<Number>(from);
+      from += sizeof(Number);
     }
-  }
 }
 
 void decode_triples(const std::byte* from, IncrementKind kind, std::array<double, 3> ImuSample::*field,
                     std::vector<ImuSample>& out) {
-  if (kind == IncrementKind::pulses) {
-    for (ImuSample& sample : out) {
-      for (double& x : sample.*field) {
-        x = load_bytes<std::int32_t>(from);
-        from += 4;
-      }
-    }
-  } else {
-    for (ImuSample& sample : out) {
-      for (double& x : sample.*field) {
-        x = load_bytes<double>(from);
-        from += 8;
-      }
-    }
-  }
+  kind == IncrementKind::pulses ? load_triples<std::int32_t>(from, field, out) : load_triples<double>(from, field, out);
 }
-
-bool is_kind(std::uint8_t value) { return value <= 1; }
 
 }  // namespace
 
+void append_info_fields(std::vector<std::byte>& out, const RecordingInfo& info) {
+  for (const double number : {info.sample_period_s, info.latitude_deg, info.gravity_mps2, info.accel_pulse_mps})
+    append_bytes(out, number);
+  for (const bool flag : {info.gyro_increment == IncrementKind::physical,
+                          info.accel_increment == IncrementKind::physical, info.has_temperature, info.simulated})
+    append_bytes(out, static_cast<std::uint8_t>(flag ? 1 : 0));
+  append_text(out, info.unit_serial);
+}
+
 void append_info(std::vector<std::byte>& out, const RecordingInfo& info) {
   append_bytes(out, recording_version);
-  append_bytes(out, info.sample_period_s);
-  append_bytes(out, info.latitude_deg);
-  append_bytes(out, info.gravity_mps2);
-  append_bytes(out, info.accel_pulse_mps);
-  append_bytes(out, static_cast<std::uint8_t>(info.gyro_increment == IncrementKind::pulses ? 0 : 1));
-  append_bytes(out, static_cast<std::uint8_t>(info.accel_increment == IncrementKind::pulses ? 0 : 1));
-  append_bytes(out, static_cast<std::uint8_t>(info.has_temperature ? 1 : 0));
-  append_bytes(out, static_cast<std::uint8_t>(info.simulated ? 1 : 0));
-  append_bytes(out, static_cast<std::uint32_t>(info.unit_serial.size()));
-  append_bytes(out, std::string_view(info.unit_serial));
+  append_info_fields(out, info);
   if (info.started_utc_s) append_bytes(out, *info.started_utc_s);
 }
 
@@ -68,29 +62,21 @@ Result<RecordingInfo> parse_info(std::span<const std::byte> payload) {
   ByteReader reader(payload);
   const auto version = reader.get<std::uint32_t>();
   if (!reader.good()) return input_error("its first record is too short");
-  if (version != recording_version) {
-    return input_error("recording format " + std::to_string(version) + ": expected " +
-                       std::to_string(recording_version));
-  }
+  if (version != recording_version)
+    return input_error(fmt::format("recording format {}: expected {}", version, recording_version));
   RecordingInfo info;
-  info.sample_period_s = reader.get<double>();
-  info.latitude_deg = reader.get<double>();
-  info.gravity_mps2 = reader.get<double>();
-  info.accel_pulse_mps = reader.get<double>();
-  const auto gyro = reader.get<std::uint8_t>();
-  const auto accel = reader.get<std::uint8_t>();
-  const auto temperature = reader.get<std::uint8_t>();
-  const auto simulated = reader.get<std::uint8_t>();
-  const auto serial = reader.get_bytes(reader.get<std::uint32_t>());
+  for (double* number : {&info.sample_period_s, &info.latitude_deg, &info.gravity_mps2, &info.accel_pulse_mps})
+    *number = reader.get<double>();
+  std::array<std::uint8_t, 4> flags{};
+  for (std::uint8_t& flag : flags) flag = reader.get<std::uint8_t>();
+  info.unit_serial = reader.get_text();
   if (reader.good() && !reader.at_end()) info.started_utc_s = reader.get<std::int64_t>();
-  if (!reader.at_end() || !is_kind(gyro) || !is_kind(accel) || temperature > 1 || simulated > 1) {
+  if (!reader.at_end() || std::any_of(flags.begin(), flags.end(), [](std::uint8_t flag) { return flag > 1; }))
     return input_error("its first record makes no sense");
-  }
-  info.gyro_increment = gyro == 0 ? IncrementKind::pulses : IncrementKind::physical;
-  info.accel_increment = accel == 0 ? IncrementKind::pulses : IncrementKind::physical;
-  info.has_temperature = temperature == 1;
-  info.simulated = simulated == 1;
-  info.unit_serial.assign(reinterpret_cast<const char*>(serial.data()), serial.size());
+  info.gyro_increment = static_cast<IncrementKind>(flags[0]);
+  info.accel_increment = static_cast<IncrementKind>(flags[1]);
+  info.has_temperature = flags[2] == 1;
+  info.simulated = flags[3] == 1;
   TRY(check_info(info, "its first record"));
   return info;
 }
@@ -98,11 +84,8 @@ Result<RecordingInfo> parse_info(std::span<const std::byte> payload) {
 void append_segment(std::vector<std::byte>& out, const Segment& segment) {
   append_bytes(out, static_cast<std::int32_t>(segment.step));
   append_bytes(out, static_cast<std::uint32_t>(segment.kind));
-  append_bytes(out, segment.start_sample);
-  append_bytes(out, segment.end_sample);
-  append_bytes(out, segment.heading_deg);
-  append_bytes(out, segment.pitch_deg);
-  append_bytes(out, segment.roll_deg);
+  for (const std::int64_t counter : {segment.start_sample, segment.end_sample}) append_bytes(out, counter);
+  for (const double angle : {segment.heading_deg, segment.pitch_deg, segment.roll_deg}) append_bytes(out, angle);
 }
 
 std::optional<Segment> parse_segment(std::span<const std::byte> payload) {
@@ -110,36 +93,29 @@ std::optional<Segment> parse_segment(std::span<const std::byte> payload) {
   Segment segment;
   segment.step = reader.get<std::int32_t>();
   const auto kind = reader.get<std::uint32_t>();
-  segment.start_sample = reader.get<std::int64_t>();
-  segment.end_sample = reader.get<std::int64_t>();
-  segment.heading_deg = reader.get<double>();
-  segment.pitch_deg = reader.get<double>();
-  segment.roll_deg = reader.get<double>();
-  const bool finite =
-      std::isfinite(segment.heading_deg) && std::isfinite(segment.pitch_deg) && std::isfinite(segment.roll_deg);
-  if (!reader.at_end() || kind > static_cast<std::uint32_t>(SegmentKind::rotate) || !finite) return {};
+  for (std::int64_t* counter : {&segment.start_sample, &segment.end_sample}) *counter = reader.get<std::int64_t>();
+  for (double* angle : {&segment.heading_deg, &segment.pitch_deg, &segment.roll_deg}) *angle = reader.get<double>();
+  if (!reader.at_end() || kind > static_cast<std::uint32_t>(SegmentKind::rotate) || !has_finite_angles(segment))
+    return {};
   segment.kind = static_cast<SegmentKind>(kind);
   return segment;
 }
 
 const char* check_sample(const ImuSample& sample, const RecordingInfo& info) {
-  const auto whole = [](double x) {
-    return x >= std::numeric_limits<std::int32_t>::min() && x <= std::numeric_limits<std::int32_t>::max() &&
-           x == static_cast<std::int32_t>(x);
+  constexpr std::int32_t least = std::numeric_limits<std::int32_t>::min(),
+                         most = std::numeric_limits<std::int32_t>::max();
+  const auto whole = [](double x) { return x >= least && x <= most && x == static_cast<std::int32_t>(x); };
+  const auto good = [&](const std::array<double, 3>& v, IncrementKind kind) {
+    if (kind == IncrementKind::pulses) return whole(v[0]) && whole(v[1]) && whole(v[2]);
+    return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]);
   };
-  if (sample.counter < -max_counter || sample.counter > max_counter) return "counter out of range";
-  for (const double x : sample.gyro) {
-    if (info.gyro_increment == IncrementKind::pulses ? !whole(x) : !std::isfinite(x)) {
-      return info.gyro_increment == IncrementKind::pulses ? "gyro: expected whole pulses that fit into 32 bits"
-                                                          : "gyro: expected finite numbers";
-    }
-  }
-  for (const double x : sample.accel) {
-    if (info.accel_increment == IncrementKind::pulses ? !whole(x) : !std::isfinite(x)) {
-      return info.accel_increment == IncrementKind::pulses ? "accel: expected whole pulses that fit into 32 bits"
-                                                           : "accel: expected finite numbers";
-    }
-  }
+  if (!is_counter(sample.counter)) return "counter out of range";
+  if (!good(sample.gyro, info.gyro_increment))
+    return info.gyro_increment == IncrementKind::pulses ? "gyro: expected whole pulses that fit into 32 bits"
+                                                        : "gyro: expected finite numbers";
+  if (!good(sample.accel, info.accel_increment))
+    return info.accel_increment == IncrementKind::pulses ? "accel: expected whole pulses that fit into 32 bits"
+                                                         : "accel: expected finite numbers";
   if (std::isinf(sample.temperature_c)) return "temperature_c: expected a finite number";
   return nullptr;
 }
@@ -166,8 +142,8 @@ void append_samples(std::vector<std::byte>& out, std::span<const ImuSample> samp
     append_bytes(out, static_cast<std::uint32_t>(i));
     append_bytes(out, samples[i].flags);
   }
-  for (const ImuSample& sample : samples) append_triple(out, sample.gyro, info.gyro_increment);
-  for (const ImuSample& sample : samples) append_triple(out, sample.accel, info.accel_increment);
+  append_triples(out, samples, info.gyro_increment, &ImuSample::gyro);
+  append_triples(out, samples, info.accel_increment, &ImuSample::accel);
   if (!info.has_temperature) return;
   for (const ImuSample& sample : samples) append_bytes(out, sample.temperature_c);
 }
@@ -187,7 +163,7 @@ std::optional<SampleChunk> parse_samples(std::span<const std::byte> payload, con
   if (!reader.at_end() || chunk.count == 0) return {};
 
   // Walk the gaps: indices and counters must increase, and nothing may overflow on the way.
-  if (chunk.first_counter < -max_counter || chunk.first_counter > max_counter) return {};
+  if (!is_counter(chunk.first_counter)) return {};
   std::uint32_t index = 0;
   std::int64_t counter = chunk.first_counter;
   for (std::size_t i = 0; i < gaps; ++i) {
@@ -199,9 +175,8 @@ std::optional<SampleChunk> parse_samples(std::span<const std::byte> payload, con
     counter = next_counter;
   }
   chunk.last_counter = counter + (chunk.count - 1 - index);
-  for (std::size_t i = 0; i < flagged; ++i) {
+  for (std::size_t i = 0; i < flagged; ++i)
     if (load_bytes<std::uint32_t>(chunk.flags.data() + i * flag_bytes) >= chunk.count) return {};
-  }
   return chunk;
 }
 
@@ -242,8 +217,205 @@ void append_end(std::vector<std::byte>& out, std::uint64_t samples) { append_byt
 std::optional<std::uint64_t> parse_end(std::span<const std::byte> payload) {
   ByteReader reader(payload);
   const auto samples = reader.get<std::uint64_t>();
-  if (!reader.at_end()) return {};
-  return samples;
+  return reader.at_end() ? std::optional(samples) : std::nullopt;
+}
+
+// ---- the scan ----
+
+namespace {
+
+// Builds the contiguous list of segments out of begin and end records, some of which may have been lost. A segment
+// whose end was lost is not known to have been good (its dwell may have been repeated): it counts as rotate.
+class SegmentCollector {
+ public:
+  explicit SegmentCollector(RecordingScan& scan) : scan_(scan) {}
+
+  bool begin(const Segment& segment) {
+    if (!may_start_at(segment.start_sample)) return false;
+    close_open_at(segment.start_sample);
+    scan_.open_segment = segment;
+    return true;
+  }
+
+  bool end(const Segment& segment) {
+    if (segment.end_sample <= segment.start_sample || !may_start_at(segment.start_sample)) return false;
+    if (scan_.open_segment && scan_.open_segment->start_sample == segment.start_sample) scan_.open_segment.reset();
+    close_open_at(segment.start_sample);
+    scan_.segments.push_back(segment);
+    return true;
+  }
+
+ private:
+  bool may_start_at(std::int64_t start) const {
+    return scan_.segments.empty() || start >= scan_.segments.back().end_sample;
+  }
+
+  void close_open_at(std::int64_t end) {
+    if (scan_.open_segment && end > scan_.open_segment->start_sample) {
+      fill_up_to(scan_.open_segment->start_sample);
+      scan_.segments.push_back(*scan_.open_segment);
+      scan_.segments.back().kind = SegmentKind::rotate;
+      scan_.segments.back().end_sample = end;
+    }
+    scan_.open_segment.reset();
+    fill_up_to(end);
+  }
+
+  // Where begin and end of a segment were both lost.
+  void fill_up_to(std::int64_t start) {
+    if (scan_.segments.empty() || scan_.segments.back().end_sample == start) return;
+    Segment lost = scan_.segments.back();
+    lost.kind = SegmentKind::rotate;
+    lost.start_sample = lost.end_sample;
+    lost.end_sample = start;
+    scan_.segments.push_back(lost);
+  }
+
+  RecordingScan& scan_;
+};
+
+}  // namespace
+
+Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::int64_t> last_end_sample) {
+  const std::uint64_t size = TRY(file.size());
+  if (size == 0) return input_error(file.path() + ": empty file: expected a recording");
+
+  RecordingScan scan;
+  SegmentCollector segments(scan);
+  RecordScanner scanner(file, size, recording_magic);
+  bool has_info = false;
+  std::optional<std::uint64_t> declared_samples;
+  for (Record record; TRY(scanner.next(record));) {
+    const auto type = static_cast<RecordType>(record.type);
+    bool good = has_info || type == RecordType::info;
+    if (type == RecordType::info) {
+      const auto info = parse_info(record.payload);
+      if (!info) return input_error(file.path() + ": " + info.error().message);
+      if (!has_info) scan.info = *info;  // the second one is a spare
+      has_info = true;
+      scan.closed_end = scanner.good_end();
+    } else if (good && type == RecordType::segment_begin) {
+      const auto segment = parse_segment(record.payload);
+      good = segment && segments.begin(*segment);
+    } else if (good && type == RecordType::segment_end) {
+      const auto segment = parse_segment(record.payload);
+      good = segment && segments.end(*segment);
+      if (good && (!last_end_sample || segment->end_sample <= *last_end_sample)) scan.closed_end = scanner.good_end();
+    } else if (good && type == RecordType::set_aside) {
+      const auto segment = parse_segment(record.payload);
+      good = segment.has_value();
+      if (good) scan.set_aside.push_back(*segment);
+    } else if (good && type == RecordType::samples) {
+      const auto chunk = parse_samples(record.payload, scan.info);
+      good = chunk && (scan.sample_count == 0 || chunk->first_counter > scan.last_counter);
+      if (good) {
+        if (scan.sample_count == 0) scan.first_counter = chunk->first_counter;
+        scan.last_counter = chunk->last_counter;
+        scan.sample_count += chunk->count;
+      }
+    } else if (good && type == RecordType::end) {
+      declared_samples = parse_end(record.payload);
+      good = declared_samples.has_value();
+    } else {
+      good = false;
+    }
+    if (!good) scanner.drop_last();
+    if (declared_samples) break;  // nothing belongs after the end mark
+  }
+  if (!has_info)
+    return input_error(file.path() + ": not a recording of this program, or its first records are destroyed");
+  scan.good_end = scanner.good_end();
+  scan.next_number = scanner.next_number();
+  scan.damage.records_dropped = scanner.records_dropped();
+  scan.damage.bytes_dropped = scanner.bytes_dropped();
+  scan.damage.torn_tail_bytes = scanner.tail_bytes();
+  scan.damage.complete = declared_samples.has_value();
+  if (declared_samples && *declared_samples > scan.sample_count)
+    scan.damage.samples_dropped = *declared_samples - scan.sample_count;
+  return scan;
+}
+
+// ---- the reader ----
+
+namespace {
+
+// Damage can take away samples at both ends: segments are cut to what is left.
+Segments inside_samples(const Segments& segments, std::int64_t first_counter, std::int64_t last_counter) {
+  Segments result;
+  for (Segment segment : segments) {
+    segment.start_sample = std::max(segment.start_sample, first_counter);
+    segment.end_sample = std::min(segment.end_sample, last_counter + 1);
+    if (segment.start_sample < segment.end_sample) result.push_back(segment);
+  }
+  return result;
+}
+
+// Whole pulses are finite anyhow. Zero times a number is finite exactly when the number is.
+bool all_finite(const std::vector<ImuSample>& samples, const RecordingInfo& info) {
+  double sum = 0.0;
+  const auto add = [&](const std::array<double, 3>& v) { sum += 0.0 * v[0] + 0.0 * v[1] + 0.0 * v[2]; };
+  for (const ImuSample& sample : samples) {
+    if (info.gyro_increment == IncrementKind::physical) add(sample.gyro);
+    if (info.accel_increment == IncrementKind::physical) add(sample.accel);
+    if (std::isinf(sample.temperature_c)) return false;
+  }
+  return std::isfinite(sum);
+}
+
+class BinaryRecording final : public RecordingSource {
+ public:
+  BinaryRecording(PosixFile file, const RecordingScan& scan)
+      : RecordingSource(file.path()), file_(std::move(file)), end_(scan.good_end), sample_count_(scan.sample_count) {
+    info_ = scan.info;
+    damage_ = scan.damage;
+    Segments segments = scan.segments;
+    if (scan.open_segment) {
+      segments.push_back(*scan.open_segment);
+      segments.back().kind = SegmentKind::rotate;  // nobody said that it was good
+      segments.back().end_sample = scan.last_counter + 1;
+    }
+    segments_ = inside_samples(segments, scan.first_counter, scan.last_counter);
+    for (const Segment& segment : scan.set_aside) set_aside(segment);
+  }
+
+ private:
+  Status stream(const Sink& sink) override {
+    RecordScanner scanner(file_, end_, recording_magic);
+    std::vector<ImuSample> samples;
+    std::uint64_t count = 0;
+    std::int64_t last_counter = 0;
+    for (Record record; TRY(scanner.next(record));) {
+      if (record.type != static_cast<std::uint32_t>(RecordType::samples)) continue;
+      const auto chunk = parse_samples(record.payload, info_);
+      if (!chunk || (count > 0 && chunk->first_counter <= last_counter)) continue;  // counted when it was opened
+      last_counter = chunk->last_counter;
+      count += chunk->count;
+      decode_samples(*chunk, info_, samples);
+      if (!all_finite(samples, info_)) {
+        return input_error(fmt::format("{}: samples {} to {}: expected finite numbers", path_, chunk->first_counter,
+                                       chunk->last_counter));
+      }
+      TRY(sink(samples));
+    }
+    if (count != sample_count_) {
+      return input_error(fmt::format("{}: {} samples where there were {}: the file was changed while it was read",
+                                     path_, count, sample_count_));
+    }
+    return {};
+  }
+
+  PosixFile file_;
+  std::uint64_t end_;
+  std::uint64_t sample_count_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<RecordingSource>> open_binary_recording(const std::string& path) {
+  PosixFile file = TRY(PosixFile::open_to_read(path));
+  const RecordingScan scan = TRY(scan_recording(file));
+  if (scan.sample_count == 0) return input_error(path + ": no samples in it");
+  return std::unique_ptr<RecordingSource>(std::make_unique<BinaryRecording>(std::move(file), scan));
 }
 
 }  // namespace turncal

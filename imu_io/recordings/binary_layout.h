@@ -1,11 +1,13 @@
-// The payloads of a binary recording's records, and what a scan over a whole file finds. Internal to imu_io; the
-// grammar is in docs/recording-format.md.
+// The binary form of a recording: the payloads of its records, the scan that reader and writer begin with, and the reader. Internal to
+// imu_io (RecordingSource::open() opens recordings); the grammar is in docs/recording-format.md.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "calib/types/recording_types.h"
@@ -29,6 +31,8 @@ enum class RecordType : std::uint32_t {
   set_aside = 6
 };
 
+// Period, site, unit and increments: what the content hash covers too.
+void append_info_fields(std::vector<std::byte>& out, const RecordingInfo& info);
 void append_info(std::vector<std::byte>& out, const RecordingInfo& info);
 Result<RecordingInfo> parse_info(std::span<const std::byte> payload);
 
@@ -72,5 +76,7 @@ struct RecordingScan {
   RecordingDamage damage;
 };
 Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::int64_t> last_end_sample = {});
+
+Result<std::unique_ptr<RecordingSource>> open_binary_recording(const std::string& path);
 
 }  // namespace turncal

@@ -4,9 +4,14 @@
 #include <cmath>
 #include <limits>
 
+#include <fmt/format.h>
+
+#include "calib/model/parameters.h"
 #include "calib/statistics/clipping.h"
 #include "calib/statistics/distributions.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/key_table.h"
+#include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
@@ -14,6 +19,75 @@
 
 namespace turncal {
 namespace {
+
+// ---- the map ----
+
+std::array<double, 3> one_or_three(KeyValueFile& file, const std::string& key, double otherwise) {
+  const std::vector<double> values = file.numbers_or(key, {otherwise}, 0);
+  if (values.size() == 1) return {values[0], values[0], values[0]};
+  if (values.size() == 3) return {values[0], values[1], values[2]};
+  file.reject(key, "one number or three");
+  return {};
+}
+
+CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vector<std::string_view>& units) {
+  CsvTriad triad;
+  const std::vector<std::string> columns = file.list(name + ".columns");
+  if (columns.size() == 3)
+    std::copy(columns.begin(), columns.end(), triad.columns.begin());
+  else
+    file.reject(name + ".columns", "three columns, by name or number");
+  const InertialUnit* const unit = read_unit(file, name + ".unit", units);
+  triad.scale = one_or_three(file, name + ".scale", 1.0);
+  triad.offset = one_or_three(file, name + ".offset", 0.0);
+  if (unit != nullptr) {
+    triad.is_rate = unit->is_rate;
+    for (double& scale : triad.scale) scale *= unit->si;
+  }
+  const std::string axes_key = name + ".axes";
+  if (const auto axes = axis_order(file.text_or(axes_key, "x, y, z")))
+    triad.axes = *axes;
+  else
+    file.reject(axes_key, "x, y and z once each, with sign, as in +x, -z, +y");
+  const std::vector<double> range = file.numbers_or(name + ".range", {triad.range_low, triad.range_high}, 2);
+  triad.range_low = range[0];
+  triad.range_high = range[1];
+  if (!(range[0] < range[1])) file.reject(name + ".range", "the lower number before the higher");
+  return triad;
+}
+
+Result<CsvMap> read_map(KeyValueFile& file) {
+  CsvMap map;
+  map.gyro = read_triad(file, "gyro", {"rad/s", "deg/s", "deg/h", "rad", "deg", "arcsec"});
+  map.accel = read_triad(file, "accel", {"m/s^2", "g", "mg", "m/s"});
+  const std::string delimiter = file.one_of_or("csv.delimiter", "comma", {"comma", "semicolon", "tab", "space"});
+  map.format.delimiter = delimiter == "semicolon" ? ';' : delimiter == "tab" ? '\t' : delimiter == "space" ? ' ' : ',';
+  map.format.header_lines = static_cast<int>(file.integer_or("csv.header_lines", 1, 0, 1000));
+  map.time_column = file.text_or("time.column", "");
+  map.accel_time_column = file.text_or("accel.time.column", map.time_column);
+  const std::string unit = file.one_of_or("time.unit", "s", {"s", "ms", "us", "ns"});
+  map.time_unit_s = unit == "ms" ? 1e-3 : unit == "us" ? 1e-6 : unit == "ns" ? 1e-9 : 1.0;
+  map.measured_intervals = file.one_of_or("time.increments", "intervals", {"intervals", "period"}) == "intervals";
+  map.gap = file.number_or("time.gap", 1.5, at_least(1.1));
+  if (map.time_column.empty())
+    map.rate_hz = file.number("rate_hz", between(0.1, 1e5));
+  else if (file.has("rate_hz"))
+    file.reject("rate_hz", "no rate beside time.column: the rate comes from the times");
+  if (map.time_column.empty())
+    for (const char* key : {"time.unit", "time.increments", "time.gap"})
+      if (file.has(key)) file.reject(key, "time.column too");
+  map.temperature_column = file.text_or("temperature.column", "");
+  map.temperature_scale = file.number_or("temperature.scale", 1.0);
+  map.temperature_offset = file.number_or("temperature.offset", 0.0);
+  map.gravity_mps2 = file.number("gravity_mps2", recorded_gravity_mps2);
+  map.latitude_deg = file.number_or("latitude_deg", 0.0, site_latitude_deg);
+  map.unit_serial = file.text("unit_serial");
+  map.started_utc_s = started_utc(file);
+  TRY(file.check_all_used());
+  return map;
+}
+
+// ---- the table ----
 
 // What a row has, as in the file.
 struct Row {
@@ -24,6 +98,11 @@ struct Row {
   std::int64_t position = 0;
   std::int64_t line = 0;
 };
+
+Error time_goes_back(const std::string& file, std::int64_t line, const std::string& column, double time) {
+  return input_error(fmt::format("{}:{}: column {} = '{}': expected a time after that of the row before", file, line,
+                                 quoted(column), format_number(time)));
+}
 
 class Importer {
  public:
@@ -98,9 +177,7 @@ Status Importer::order_rows() {
       rows_[kept++] = row;
       continue;
     }
-    const Error error =
-        input_error(file_name_ + ":" + std::to_string(row.line) + ": column " + quoted(map_.time_column) + " = '" +
-                    format_number(row.time / map_.time_unit_s) + "': expected a time after that of the row before");
+    const Error error = time_goes_back(file_name_, row.line, map_.time_column, row.time / map_.time_unit_s);
     if (!map_.format.skip_bad_rows) return error;
     if (result_.bad_rows++ == 0) result_.first_bad = error.message;
   }
@@ -126,13 +203,11 @@ Status Importer::read_accel(std::string_view text, const std::string& file_name)
     return {};
   }
   if (!timed())
-    return input_error(file_name + ": " + std::to_string(n) + " rows: expected " + std::to_string(rows_.size()) +
-                       ", as in " + file_name_ + ", or time.column");
+    return input_error(
+        fmt::format("{}: {} rows: expected {}, as in {}, or time.column", file_name, n, rows_.size(), file_name_));
   for (std::size_t k = 1; k < n; ++k)
     if (!(time(k) > time(k - 1)))
-      return input_error(file_name + ":" + std::to_string(table.line[k]) + ": column " +
-                         quoted(map_.accel_time_column) + " = '" + format_number(table.columns[3][k]) +
-                         "': expected a time after that of the row before");
+      return time_goes_back(file_name, table.line[k], map_.accel_time_column, table.columns[3][k]);
   // The integral at the gyros' stamps; a number says the mean over the interval that it ends.
   const bool rate = map_.accel.is_rate;
   std::vector<Row> kept;
@@ -187,9 +262,7 @@ void Importer::make_intervals() {
   for (std::size_t k = 1; k < rows_.size(); ++k) intervals.push_back(rows_[k].time - rows_[k - 1].time);
   std::vector<double> rearranged = intervals;
   median_s_ = median(rearranged);
-  double sum = 0.0;
-  double squares = 0.0;
-  double count = 0.0;
+  double sum = 0.0, squares = 0.0, count = 0.0;
   std::vector<std::size_t> gaps;
   for (std::size_t k = 0; k < intervals.size(); ++k) {
     const double interval = intervals[k];
@@ -279,8 +352,7 @@ Result<CsvImport> Importer::finish() {
   info.gravity_mps2 = map_.gravity_mps2;
   info.unit_serial = map_.unit_serial;
   info.started_utc_s = map_.started_utc_s;
-  info.gyro_increment = IncrementKind::physical;
-  info.accel_increment = IncrementKind::physical;
+  info.gyro_increment = info.accel_increment = IncrementKind::physical;
   info.has_temperature =
       std::any_of(rows_.begin(), rows_.end(), [](const Row& r) { return !std::isnan(r.temperature); });
   make_samples();
@@ -292,6 +364,16 @@ Result<CsvImport> Importer::finish() {
 }
 
 }  // namespace
+
+Result<CsvMap> read_csv_map(const std::string& path) {
+  KeyValueFile file = TRY(KeyValueFile::read(path));
+  return read_map(file);
+}
+
+Result<CsvMap> parse_csv_map(std::string_view text, const std::string& file_name) {
+  KeyValueFile file = TRY(KeyValueFile::parse(text, file_name));
+  return read_map(file);
+}
 
 Result<CsvImport> parse_csv(const CsvMap& map, std::string_view text, const std::string& file_name) {
   Importer importer(map);

@@ -1,4 +1,4 @@
-// Reads any table of an IMU (CSV, .npy, .mat: number_table.h) into a recording, by a map that says what its columns are (csv_map.h).
+// Reads any table of an IMU (CSV, .npy, .mat: number_table.h) into a recording, by a map that says what its columns are.
 //
 // The accelerometers may come in a file of their own. Where its stamps are those of the gyros its rows are taken as they are; else its
 // integral is interpolated at the gyros' stamps, so that no velocity is lost or made. Rows outside the time that both have are left out.
@@ -14,16 +14,51 @@
 // The whole file is held in memory. Errors: one line with file, line, column, value and what was expected.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "calib/types/axis.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
-#include "imu_io/recordings/csv_map.h"
+#include "imu_io/recordings/number_table.h"
 
 namespace turncal {
+
+// The map: what the columns of a table are. Every key: docs/csv-maps.md.
+struct CsvTriad {
+  std::array<std::string, 3> columns;
+  std::array<double, 3> scale{1.0, 1.0, 1.0};  // SI a number
+  std::array<double, 3> offset{};
+  AxisOrder axes;  // body axis k reads column from[k]
+  bool is_rate = true;
+  double range_low = -1e300;
+  double range_high = 1e300;
+};
+
+struct CsvMap {
+  TableFormat format;
+  CsvTriad gyro;
+  CsvTriad accel;
+  std::string time_column;        // empty: rate_hz
+  std::string accel_time_column;  // in a file of their own
+  double time_unit_s = 1.0;
+  bool measured_intervals = true;
+  double gap = 1.5;
+  double rate_hz = 0.0;
+  std::string temperature_column;  // empty: none
+  double temperature_scale = 1.0;
+  double temperature_offset = 0.0;
+  double gravity_mps2 = 0.0;
+  double latitude_deg = 0.0;
+  std::string unit_serial;
+  std::optional<std::int64_t> started_utc_s;  // when its first row was measured
+};
+Result<CsvMap> read_csv_map(const std::string& path);
+Result<CsvMap> parse_csv_map(std::string_view text, const std::string& file_name);
 
 struct CsvImport {
   RecordingInfo info;

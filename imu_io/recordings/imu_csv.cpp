@@ -2,7 +2,12 @@
 
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <span>
+
+#include <fmt/compile.h>
+#include <fmt/format.h>
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
@@ -13,6 +18,9 @@ namespace {
 
 constexpr std::array<std::string_view, 8> columns = {"sample",  "gyro_x",  "gyro_y",  "gyro_z",
                                                      "accel_x", "accel_y", "accel_z", "temperature_c"};
+constexpr std::span<const std::string_view> columns_of(bool has_temperature) {
+  return std::span(columns).first(has_temperature ? columns.size() : columns.size() - 1);
+}
 constexpr std::int64_t min_pulses = std::numeric_limits<std::int32_t>::min();
 constexpr std::int64_t max_pulses = std::numeric_limits<std::int32_t>::max();
 
@@ -83,12 +91,7 @@ inline bool plain_triple(const char*& at, IncrementKind kind, std::array<double,
 }  // namespace
 
 std::string imu_csv_header(bool has_temperature) {
-  std::string header;
-  for (std::size_t i = 0; i < (has_temperature ? columns.size() : columns.size() - 1); ++i) {
-    if (i > 0) header += ',';
-    header += columns[i];
-  }
-  return header;
+  return fmt::format("{}", fmt::join(columns_of(has_temperature), ","));
 }
 
 bool ImuCsvParser::parse_plain(const char*& at, ImuSample& sample) const {
@@ -105,43 +108,47 @@ bool ImuCsvParser::parse_plain(const char*& at, ImuSample& sample) const {
   return true;
 }
 
-Error ImuCsvParser::defect(std::int64_t line, std::size_t column, std::string_view value,
-                           const std::string& expected) const {
-  return input_error(file_name_ + ":" + std::to_string(line) + ": column " + std::string(columns[column]) + " = " +
-                     quoted(value) + ": expected " + expected);
+TableRow::TableRow(std::string_view text, const std::string& file, std::int64_t line,
+                   std::span<const std::string_view> names)
+    : text_(text), file_(file), line_(line), names_(names), cells_(split(text, ',')) {}
+
+std::string TableRow::where() const { return file_ + ":" + std::to_string(line_); }
+
+Status TableRow::check_count() const {
+  if (cells_.size() == names_.size()) return {};
+  return input_error(fmt::format("{}: {} columns: expected {}", where(), cells_.size(), names_.size()));
 }
 
-Status ImuCsvParser::parse(std::string_view row, std::int64_t line, ImuSample& sample) const {
-  const auto fields = split(row, ',');
-  const std::size_t wanted = info_.has_temperature ? columns.size() : columns.size() - 1;
-  if (fields.size() != wanted) {
-    return input_error(file_name_ + ":" + std::to_string(line) + ": " + std::to_string(fields.size()) +
-                       " columns: expected " + std::to_string(wanted));
-  }
-  const auto counter = parse_integer(fields[0]);
-  if (!counter || !is_counter(*counter)) {
-    return defect(line, 0, fields[0], std::string(counter_words) + ", the unit's counter");
-  }
+Error TableRow::defect(std::size_t column, std::string_view expected) const {
+  return input_error(
+      fmt::format("{}: column {} = {}: expected {}", where(), names_[column], quoted(cells_[column]), expected));
+}
+
+Status ImuCsvParser::parse(std::string_view text, std::int64_t line, ImuSample& sample) const {
+  const TableRow row(text, file_name_, line, columns_of(info_.has_temperature));
+  TRY(row.check_count());
+  const auto counter = parse_integer(row[0]);
+  if (!counter || !is_counter(*counter)) return row.defect(0, std::string(counter_words) + ", the unit's counter");
   sample.counter = *counter;
   for (std::size_t i = 1; i <= 6; ++i) {
     const bool is_gyro = i <= 3;
     const IncrementKind kind = is_gyro ? info_.gyro_increment : info_.accel_increment;
-    const auto value = parse_number(fields[i]);
+    const auto value = parse_number(row[i]);
     double& place = is_gyro ? sample.gyro[i - 1] : sample.accel[i - 4];
     if (kind == IncrementKind::physical) {
-      if (!value) return defect(line, i, fields[i], is_gyro ? "a number, rad" : "a number, m/s");
+      if (!value) return row.defect(i, is_gyro ? "a number, rad" : "a number, m/s");
       place = *value;
     } else {
       const bool whole = value && *value == std::floor(*value) && *value >= static_cast<double>(min_pulses) &&
                          *value <= static_cast<double>(max_pulses);
-      if (!whole) return defect(line, i, fields[i], "a whole number of pulses within 32 bits");
+      if (!whole) return row.defect(i, "a whole number of pulses within 32 bits");
       place = *value + 0.0;  // no negative zero among pulses
     }
   }
   sample.temperature_c = std::numeric_limits<float>::quiet_NaN();
-  if (info_.has_temperature && !fields[7].empty()) {
-    const auto value = parse_number<float>(fields[7]);
-    if (!value) return defect(line, 7, fields[7], "a number in degrees Celsius, or nothing when it was not measured");
+  if (info_.has_temperature && !row[7].empty()) {
+    const auto value = parse_number<float>(row[7]);
+    if (!value) return row.defect(7, "a number in degrees Celsius, or nothing when it was not measured");
     sample.temperature_c = *value;
   }
   return {};
@@ -166,14 +173,9 @@ void append_imu_row(std::string& out, const ImuSample& sample, const RecordingIn
       // Three decimals when they say it exactly, which is what sensors give; else the shortest form.
       const double thousandths = std::round(static_cast<double>(t) * 1000.0);
       if (std::abs(thousandths) < 8e6 && static_cast<float>(thousandths / 1000.0) == t) {
-        if (std::signbit(t)) out += '-';
         const auto magnitude = static_cast<std::int64_t>(std::abs(thousandths));
-        out += format_number(magnitude / 1000, buffer);
-        const auto fraction = static_cast<int>(magnitude % 1000);
-        const std::array<char, 4> decimals = {'.', static_cast<char>('0' + fraction / 100),
-                                              static_cast<char>('0' + fraction / 10 % 10),
-                                              static_cast<char>('0' + fraction % 10)};
-        out.append(decimals.data(), decimals.size());
+        fmt::format_to(std::back_inserter(out), FMT_COMPILE("{}{}.{:03}"), std::signbit(t) ? "-" : "", magnitude / 1000,
+                       magnitude % 1000);
       } else {
         out += format_number(t, buffer);
       }

@@ -6,8 +6,10 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
@@ -15,6 +17,24 @@
 namespace turncal {
 
 std::string imu_csv_header(bool has_temperature);
+
+// A row of one of our tables, and the words for what is wrong with it. Views of what it was made of.
+class TableRow {
+ public:
+  TableRow(std::string_view text, const std::string& file, std::int64_t line, std::span<const std::string_view> names);
+  std::string_view operator[](std::size_t column) const { return cells_[column]; }
+  std::string_view text() const { return text_; }
+  std::string where() const;
+  Status check_count() const;  // as many cells as names
+  Error defect(std::size_t column, std::string_view expected) const;
+
+ private:
+  std::string_view text_;
+  const std::string& file_;
+  std::int64_t line_;
+  std::span<const std::string_view> names_;
+  std::vector<std::string_view> cells_;
+};
 
 class ImuCsvParser {
  public:
@@ -28,8 +48,6 @@ class ImuCsvParser {
   Status parse(std::string_view row, std::int64_t line, ImuSample& sample) const;
 
  private:
-  Error defect(std::int64_t line, std::size_t column, std::string_view value, const std::string& expected) const;
-
   std::string file_name_;
   RecordingInfo info_;
 };

@@ -1,5 +1,6 @@
 #include "imu_io/recordings/matrix_writer.h"
 
+#include <fmt/format.h>
 #include <matio.h>
 #include <unistd.h>
 
@@ -21,109 +22,94 @@ constexpr std::string_view npy_magic = "\x93NUMPY";
 constexpr const char* mat_header = "MATLAB 5.0 MAT-file, written by turncal";
 
 std::string npy_header(std::size_t rows, std::size_t fields) {
-  std::string text = "{'descr': '<f8', 'fortran_order': False, 'shape': (" + std::to_string(rows) + ", " +
-                     std::to_string(fields) + "), }";
+  std::string text = fmt::format("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, {}), }}", rows, fields);
   constexpr std::size_t prefix = 10, block = 64;  // the data begin on a multiple of it
   text.resize((prefix + text.size() + 1 + block - 1) / block * block - prefix - 1, ' ');
   text += '\n';
-  std::string header(npy_magic);
-  header += '\x01';
-  header += '\0';
-  header += static_cast<char>(text.size() & 0xff);
-  header += static_cast<char>(text.size() >> 8);
-  return header + text;
+  const char version_and_size[] = {1, 0, static_cast<char>(text.size() & 0xff), static_cast<char>(text.size() >> 8)};
+  return std::string(npy_magic).append(version_and_size, sizeof version_and_size) + text;
 }
 
-// `row_text`: appends a row to a text.
-template <class RowText>
-Status write_rows(const std::string& path, const std::string& head, std::size_t rows, RowText row_text) {
+// A table that is gone through row by row, as often as is wanted.
+using RowSink = std::function<Status(std::span<const double> row)>;
+struct RowTable {
+  std::vector<std::string> names;  // of the columns
+  std::size_t rows = 0;
+  std::function<Status(const RowSink&)> each_row;
+};
+
+// `append_row`: appends a row to a text.
+template <class AppendRow>
+Status write_rows(const std::string& path, std::string head, const RowTable& table, AppendRow append_row) {
   AtomicFile file = TRY(AtomicFile::create(path));
-  std::string text = head;
-  for (std::size_t row = 0; row < rows; ++row) {
-    row_text(row, text);
-    if (text.size() < 1 << 16 && row + 1 < rows) continue;
+  std::string& text = head;
+  const RowSink add = [&](std::span<const double> row) -> Status {
+    append_row(row, text);
+    if (text.size() < 1 << 16) return {};
     TRY(file.write(text));
     text.clear();
-  }
+    return {};
+  };
+  TRY(table.each_row(add));
   TRY(file.write(text));
   return file.commit();
 }
 
-// `column(k)`: the values of the k-th column, which live until the next is asked for.
-using ColumnOf = std::function<Result<std::span<const double>>(std::size_t k)>;
+Status write_npy(const std::string& path, const RowTable& table) {
+  TRY(check_replaceable(path, npy_magic));
+  return write_rows(path, npy_header(table.rows, table.names.size()), table,
+                    [](std::span<const double> row, std::string& text) {
+                      text.append(reinterpret_cast<const char*>(row.data()), row.size_bytes());
+                    });
+}
 
-Status write_mat(const std::string& path, const std::vector<std::string>& names, const ColumnOf& column) {
-  const std::string temporary = temporary_name(path);
-  const auto failed = [&](const Error& error) {
-    ::unlink(temporary.c_str());
-    return error;
-  };
+Status write_csv(const std::string& path, const RowTable& table) {
+  const std::string head = fmt::format("{}\n", fmt::join(table.names, ","));
+  TRY(check_replaceable(path, head));
+  NumberBuffer buffer;
+  return write_rows(path, head, table, [&](std::span<const double> row, std::string& text) {
+    for (const double& value : row) {
+      text += format_number(value, buffer);
+      text += &value == &row.back() ? '\n' : ',';
+    }
+  });
+}
+
+// A pass for each column.
+Status write_mat_variables(const std::string& path, const std::string& temporary, const RowTable& table) {
   const Error cannot_write = device_error(path + ": cannot write");
   std::unique_ptr<mat_t, int (*)(mat_t*)> file(Mat_CreateVer(temporary.c_str(), mat_header, MAT_FT_MAT5), Mat_Close);
-  if (!file) return failed(cannot_write);
-  std::uint64_t bytes = 0;
-  for (std::size_t k = 0; k < names.size(); ++k) {
-    std::string name = names[k];
+  if (!file) return cannot_write;
+  std::vector<double> values;
+  values.reserve(table.rows);
+  for (std::size_t k = 0; k < table.names.size(); ++k) {
+    std::string name = table.names[k];
     std::replace(name.begin(), name.end(), '.', '_');
-    const Result<std::span<const double>> values = column(k);
-    if (!values) return failed(values.error());
-    bytes += values->size_bytes();
-    std::size_t size[2] = {values->size(), 1};
+    values.clear();
+    TRY(table.each_row([&](std::span<const double> row) {
+      values.push_back(row[k]);
+      return Status();
+    }));
+    std::size_t size[2] = {values.size(), 1};
     const std::unique_ptr<matvar_t, void (*)(matvar_t*)> variable(
-        Mat_VarCreate(name.c_str(), MAT_C_DOUBLE, MAT_T_DOUBLE, 2, size, const_cast<double*>(values->data()),
-                      MAT_F_DONT_COPY_DATA),
+        Mat_VarCreate(name.c_str(), MAT_C_DOUBLE, MAT_T_DOUBLE, 2, size, values.data(), MAT_F_DONT_COPY_DATA),
         Mat_VarFree);
-    if (!variable || Mat_VarWrite(file.get(), variable.get(), MAT_COMPRESSION_NONE) != 0) return failed(cannot_write);
+    if (!variable || Mat_VarWrite(file.get(), variable.get(), MAT_COMPRESSION_NONE) != 0) return cannot_write;
   }
   // libmatio does not say whether all of it went to the disk.
   file.reset();
   const Result<PosixFile> written = PosixFile::open_to_read(temporary);
-  if (!written) return failed(cannot_write);
-  const Result<std::uint64_t> size = written->size();
-  if (!size || *size < bytes) return failed(cannot_write);
-  if (Status status = rename_durably(temporary, path); !status) return failed(status.error());
-  return {};
+  const Result<std::uint64_t> size = written ? written->size() : Result<std::uint64_t>(written.error());
+  if (!size || *size < table.rows * table.names.size() * sizeof(double)) return cannot_write;
+  return rename_durably(temporary, path);
 }
 
-void append_double(double value, std::string& text) {
-  text.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
-// The columns of a recording, as values of a sample.
-struct SampleColumn {
-  const char* name;
-  double (*value)(const ImuSample& sample, std::size_t segment);
-};
-template <std::size_t channel>
-double channel_value(const ImuSample& sample, std::size_t /*segment*/) {
-  return channel < 3 ? sample.gyro[channel] : sample.accel[channel - 3];
-}
-constexpr SampleColumn sample_columns[] = {
-    {"sample", [](const ImuSample& s, std::size_t) { return static_cast<double>(s.counter); }},
-    {"segment", [](const ImuSample&, std::size_t segment) { return static_cast<double>(segment); }},
-    {"gyro_x", channel_value<0>},
-    {"gyro_y", channel_value<1>},
-    {"gyro_z", channel_value<2>},
-    {"accel_x", channel_value<3>},
-    {"accel_y", channel_value<4>},
-    {"accel_z", channel_value<5>},
-    {"temperature_c", [](const ImuSample& s, std::size_t) { return static_cast<double>(s.temperature_c); }},
-    {"flags", [](const ImuSample& s, std::size_t) { return static_cast<double>(s.flags); }}};
-constexpr std::size_t temperature_column = 8, flags_column = 9;
-
-// Every sample with the number of its segment.
-template <class Visit>
-Status visit_samples(RecordingSource& source, Visit visit) {
-  const Segments& segments = source.segments();
-  std::size_t segment = 0;
-  return source.read([&](std::span<const ImuSample> samples) -> Status {
-    for (const ImuSample& sample : samples) {
-      while (segment < segments.size() && sample.counter >= segments[segment].end_sample) ++segment;
-      const bool inside = segment < segments.size() && sample.counter >= segments[segment].start_sample;
-      TRY(visit(sample, inside ? segment + 1 : 0));
-    }
-    return {};
-  });
+Status write_mat(const std::string& path, const RowTable& table) {
+  TRY(check_replaceable(path, mat_header));
+  const std::string temporary = temporary_name(path);
+  Status status = write_mat_variables(path, temporary, table);
+  if (!status) ::unlink(temporary.c_str());
+  return status;
 }
 
 }  // namespace
@@ -131,84 +117,61 @@ Status visit_samples(RecordingSource& source, Visit visit) {
 bool names_matrix(std::string_view path) { return path.ends_with(".npy") || path.ends_with(".mat"); }
 
 Status write_columns(const std::string& path, const std::vector<NumberColumn>& fields) {
-  const std::size_t rows = fields.front().values.size();
-  if (path.ends_with(".mat")) {
-    TRY(check_replaceable(path, mat_header));
-    std::vector<std::string> names;
-    for (const NumberColumn& column : fields) names.push_back(column.name);
-    return write_mat(path, names, [&](std::size_t k) { return std::span<const double>(fields[k].values); });
-  }
-  if (path.ends_with(".npy")) {
-    TRY(check_replaceable(path, npy_magic));
-    return write_rows(path, npy_header(rows, fields.size()), rows, [&](std::size_t row, std::string& text) {
-      for (const NumberColumn& column : fields) append_double(column.values[row], text);
-    });
-  }
-  std::string head;
-  for (const NumberColumn& column : fields) head += (head.empty() ? "" : ",") + column.name;
-  head += '\n';
-  TRY(check_replaceable(path, head));
-  NumberBuffer buffer;
-  return write_rows(path, head, rows, [&](std::size_t row, std::string& text) {
-    for (const NumberColumn& column : fields) {
-      if (&column != &fields.front()) text += ',';
-      text += format_number(column.values[row], buffer);
+  RowTable table;
+  table.rows = fields.front().values.size();
+  for (const NumberColumn& column : fields) table.names.push_back(column.name);
+  table.each_row = [&](const RowSink& sink) -> Status {
+    std::vector<double> values(fields.size());
+    for (std::size_t row = 0; row < table.rows; ++row) {
+      for (std::size_t k = 0; k < fields.size(); ++k) values[k] = fields[k].values[row];
+      TRY(sink(values));
     }
-    text += '\n';
-  });
+    return {};
+  };
+  return path.ends_with(".mat")   ? write_mat(path, table)
+         : path.ends_with(".npy") ? write_npy(path, table)
+                                  : write_csv(path, table);
 }
 
 Status check_ending(std::string_view path, std::initializer_list<std::string_view> endings) {
-  std::string known;
-  for (const std::string_view ending : endings) {
-    if (path.ends_with(ending)) return {};
-    known += (known.empty() ? "" : ", ") + std::string(ending);
-  }
-  return input_error(std::string(path) + ": expected a name that ends in one of " + known);
+  if (std::any_of(endings.begin(), endings.end(), [&](std::string_view ending) { return path.ends_with(ending); }))
+    return {};
+  return input_error(fmt::format("{}: expected a name that ends in one of {}", path, fmt::join(endings, ", ")));
 }
 
 Status write_recording_columns(RecordingSource& source, const std::string& path) {
-  const bool as_mat = path.ends_with(".mat");
-  TRY(check_replaceable(path, as_mat ? std::string_view(mat_header) : npy_magic));
-  std::size_t rows = 0;
+  const bool has_temperature = source.info().has_temperature;
   bool flagged = false;
-  Status status = visit_samples(source, [&](const ImuSample& sample, std::size_t) {
-    ++rows;
-    flagged = flagged || sample.flags != 0;
-    return Status{};
-  });
-  if (!status) return status;
-  if (rows == 0) return input_error(source.path() + ": not one sample: expected some to write");
-  std::vector<SampleColumn> columns(std::begin(sample_columns), std::begin(sample_columns) + temperature_column);
-  if (source.info().has_temperature) columns.push_back(sample_columns[temperature_column]);
-  if (flagged) columns.push_back(sample_columns[flags_column]);
-
-  if (as_mat) {
-    std::vector<std::string> names;
-    for (const SampleColumn& column : columns) names.emplace_back(column.name);
-    std::vector<double> values;
-    values.reserve(rows);
-    return write_mat(path, names, [&](std::size_t k) -> Result<std::span<const double>> {
-      values.clear();
-      const Status read = visit_samples(source, [&](const ImuSample& sample, std::size_t segment) {
-        values.push_back(columns[k].value(sample, segment));
-        return Status{};
-      });
-      if (!read) return read.error();
-      return std::span<const double>(values);
+  RowTable table{{"sample", "segment", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"}, 0, {}};
+  TRY(check_replaceable(path, path.ends_with(".mat") ? std::string_view(mat_header) : npy_magic));
+  TRY(source.read([&](std::span<const ImuSample> samples) {
+    table.rows += samples.size();
+    for (const ImuSample& sample : samples) flagged = flagged || sample.flags != 0;
+    return Status();
+  }));
+  if (table.rows == 0) return input_error(source.path() + ": not one sample: expected some to write");
+  if (has_temperature) table.names.emplace_back("temperature_c");
+  if (flagged) table.names.emplace_back("flags");
+  table.each_row = [&](const RowSink& sink) {
+    const Segments& segments = source.segments();
+    std::size_t segment = 0;
+    std::vector<double> row(table.names.size());
+    return source.read([&](std::span<const ImuSample> samples) -> Status {
+      for (const ImuSample& sample : samples) {
+        while (segment < segments.size() && sample.counter >= segments[segment].end_sample) ++segment;
+        const bool inside = segment < segments.size() && sample.counter >= segments[segment].start_sample;
+        row[0] = static_cast<double>(sample.counter);
+        row[1] = inside ? static_cast<double>(segment + 1) : 0.0;
+        std::copy(sample.gyro.begin(), sample.gyro.end(), row.begin() + 2);
+        std::copy(sample.accel.begin(), sample.accel.end(), row.begin() + 5);
+        if (has_temperature) row[8] = static_cast<double>(sample.temperature_c);
+        if (flagged) row.back() = static_cast<double>(sample.flags);
+        TRY(sink(row));
+      }
+      return {};
     });
-  }
-  AtomicFile file = TRY(AtomicFile::create(path));
-  std::string text = npy_header(rows, columns.size());
-  status = visit_samples(source, [&](const ImuSample& sample, std::size_t segment) {
-    for (const SampleColumn& column : columns) append_double(column.value(sample, segment), text);
-    if (text.size() < 1 << 16) return Status{};
-    const Status written = file.write(text);
-    text.clear();
-    return written;
-  });
-  if (status) status = file.write(text);
-  return status ? file.commit() : status;
+  };
+  return path.ends_with(".mat") ? write_mat(path, table) : write_npy(path, table);
 }
 
 }  // namespace turncal

@@ -1,14 +1,22 @@
 #include "imu_io/recordings/number_table.h"
 
+#include <fmt/format.h>
+#include <matio.h>
+
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <memory>
 
+#include "imu_io/base/bytes.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 namespace {
+
+// ---- text ----
 
 class CsvTable {
  public:
@@ -69,9 +77,9 @@ Status CsvTable::find_columns(const std::vector<std::string>& header) {
     } else if (column.may_be_missing) {
       index_.push_back(missing);
     } else {
-      return defect(
-          "no column " + quoted(column.name) + "; the header has " + std::to_string(header.size()) + " names" +
-          (header.empty() ? ": give column numbers, or csv.header_lines" : ", the first is " + quoted(header.front())));
+      return defect(fmt::format(
+          "no column {}; the header has {} names{}", quoted(column.name), header.size(),
+          header.empty() ? ": give column numbers, or csv.header_lines" : ", the first is " + quoted(header.front())));
     }
   }
   return {};
@@ -81,8 +89,7 @@ Result<double> CsvTable::number(std::size_t column) const {
   const WantedColumn& wanted = wanted_[column];
   if (index_[column] >= cells_.size()) {
     if (wanted.may_be_blank) return std::numeric_limits<double>::quiet_NaN();
-    return defect("column " + quoted(wanted.name) + " is missing: the row has " + std::to_string(cells_.size()) +
-                  " columns");
+    return defect(fmt::format("column {} is missing: the row has {} columns", quoted(wanted.name), cells_.size()));
   }
   std::string_view cell = cells_[index_[column]];
   if (wanted.may_be_blank && (cell.empty() || cell == "nan" || cell == "NaN"))
@@ -95,12 +102,10 @@ Result<double> CsvTable::number(std::size_t column) const {
 Status CsvTable::read_row(std::string_view text) {
   split_row(text);
   if (format_.whole_rows && cells_.size() != header_cells_)
-    return defect("the row has " + std::to_string(cells_.size()) + " columns: expected " +
-                  std::to_string(header_cells_));
+    return defect(fmt::format("the row has {} columns: expected {}", cells_.size(), header_cells_));
   for (std::size_t k = 0; k < wanted_.size(); ++k) {
     if (index_[k] == missing) continue;
-    double value = TRY(number(k));
-    row_[k] = value;
+    row_[k] = TRY(number(k));
   }
   return {};
 }
@@ -146,7 +151,160 @@ Result<NumberTable> CsvTable::read() {
   return std::move(table_);
 }
 
+// ---- .npy (numpy.lib.format, versions 1 to 3) and .mat (libmatio) ----
+
+struct ItemType {
+  std::string_view npy;
+  matio_types mat;
+  std::size_t bytes;
+  double (*load)(const std::byte*);
+};
+template <class T>
+constexpr ItemType item_type(std::string_view npy, matio_types mat) {
+  return {npy, mat, sizeof(T), [](const std::byte* from) { return static_cast<double>(load_bytes<T>(from)); }};
+}
+constexpr ItemType item_types[] = {
+    item_type<double>("f8", MAT_T_DOUBLE),      item_type<float>("f4", MAT_T_SINGLE),
+    item_type<std::int8_t>("i1", MAT_T_INT8),   item_type<std::uint8_t>("u1", MAT_T_UINT8),
+    item_type<std::int16_t>("i2", MAT_T_INT16), item_type<std::uint16_t>("u2", MAT_T_UINT16),
+    item_type<std::int32_t>("i4", MAT_T_INT32), item_type<std::uint32_t>("u4", MAT_T_UINT32),
+    item_type<std::int64_t>("i8", MAT_T_INT64), item_type<std::uint64_t>("u8", MAT_T_UINT64)};
+
+// A matrix of numbers that lies in memory in one of two orders.
+struct MatrixView {
+  std::size_t rows = 0;
+  std::size_t columns = 0;
+  bool column_major = false;
+  const std::byte* data = nullptr;
+  const ItemType* type = nullptr;
+  double at(std::size_t row, std::size_t column) const {
+    return type->load(data + (column_major ? column * rows + row : row * columns + column) * type->bytes);
+  }
+  template <class Is>
+  bool set_type(Is is) {
+    type = std::find_if(std::begin(item_types), std::end(item_types), is);
+    return type != std::end(item_types);
+  }
+};
+
+// What stands after 'key': in the header, which is a Python dictionary in text.
+std::string_view value_of(std::string_view header, const std::string& key) {
+  const std::size_t at = header.find("'" + key + "':");
+  return at == std::string_view::npos ? std::string_view() : trimmed(header.substr(at + key.size() + 3));
+}
+
+void number_rows(NumberTable& table, std::size_t rows) {
+  for (std::size_t k = 0; k < rows; ++k) {
+    table.position.push_back(static_cast<std::int64_t>(k));
+    table.line.push_back(static_cast<std::int64_t>(k) + 1);
+  }
+}
+
+Status append_column(const MatrixView& view, std::size_t column, const WantedColumn& wanted,
+                     const std::string& file_name, NumberTable& table) {
+  std::vector<double>& values = table.columns.emplace_back();
+  values.reserve(view.rows);
+  for (std::size_t row = 0; row < view.rows; ++row) {
+    values.push_back(view.at(row, column));
+    if (!std::isfinite(values.back()) && !(wanted.may_be_blank && std::isnan(values.back())))
+      return input_error(fmt::format("{}: row {}: column {} = '{}': expected a finite number", file_name, row + 1,
+                                     quoted(wanted.name), format_number(values.back())));
+  }
+  return {};
+}
+
+Result<NumberTable> read_npy(std::string_view content, const std::string& file_name,
+                             const std::vector<WantedColumn>& wanted) {
+  const auto refuse = [&](const std::string& what) { return input_error(file_name + ": " + what); };
+  if (content.size() < 12) return refuse("the header of the .npy file is cut off");
+  const auto* bytes = reinterpret_cast<const std::byte*>(content.data());
+  const bool long_header = static_cast<int>(content[6]) > 1;
+  const std::size_t length = long_header ? load_bytes<std::uint32_t>(bytes + 8) : load_bytes<std::uint16_t>(bytes + 8);
+  const std::size_t begin = long_header ? 12 : 10;
+  if (length > content.size() - begin) return refuse("the header of the .npy file is cut off");
+  const std::string_view header = content.substr(begin, length);
+  std::string_view type = value_of(header, "descr");
+  MatrixView view;
+  if (type.size() < 5 || (type[1] != '<' && type[1] != '|') || type[4] != '\'' ||
+      !view.set_type([&](const ItemType& t) { return t.npy == type.substr(2, 2); }))
+    return refuse("type " + quoted(type.substr(0, 12)) +
+                  ": expected a .npy array of little-endian numbers, as in '<f8' or '<i2'");
+  view.column_major = value_of(header, "fortran_order").starts_with("True");
+  std::string_view shape = value_of(header, "shape");
+  std::vector<std::size_t> sizes;
+  if (shape.starts_with('(') && shape.find(')') != std::string_view::npos)
+    for (const std::string_view part : split(shape.substr(1, shape.find(')') - 1), ','))
+      if (const auto size = parse_integer<std::int64_t>(part); size && *size > 0)
+        sizes.push_back(static_cast<std::size_t>(*size));
+  if (sizes.empty() || sizes.size() > 2)
+    return refuse("shape " + quoted(shape.substr(0, 24)) + ": expected one or two dimensions, rows first");
+  view.rows = sizes[0];
+  view.columns = sizes.size() == 2 ? sizes[1] : 1;
+  view.data = bytes + begin + length;
+  const std::size_t have = (content.size() - begin - length) / view.type->bytes;
+  if (have / view.columns < view.rows)
+    return refuse(fmt::format("the .npy file is cut off: expected {} rows of {}", view.rows, view.columns));
+  NumberTable table;
+  for (const WantedColumn& column : wanted) {
+    const auto index = parse_integer<std::int64_t>(column.name);
+    if (!index || *index < 1 || static_cast<std::size_t>(*index) > view.columns)
+      return refuse(fmt::format("no column {}: expected a number from 1 to {}, a .npy array has no names",
+                                quoted(column.name), view.columns));
+    TRY(append_column(view, static_cast<std::size_t>(*index - 1), column, file_name, table));
+  }
+  number_rows(table, view.rows);
+  return table;
+}
+
+Result<NumberTable> read_mat(const std::string& file_name, const std::vector<WantedColumn>& wanted) {
+  const std::unique_ptr<mat_t, int (*)(mat_t*)> file(Mat_Open(file_name.c_str(), MAT_ACC_RDONLY), Mat_Close);
+  if (!file) return input_error(file_name + ": libmatio cannot read this .mat file");
+  NumberTable table;
+  std::size_t rows = 0;
+  for (const WantedColumn& column : wanted) {
+    const std::size_t colon = column.name.find(':');
+    const std::string name = column.name.substr(0, colon);
+    const auto index = colon == std::string::npos ? std::optional<std::int64_t>(1)
+                                                  : parse_integer<std::int64_t>(column.name.substr(colon + 1));
+    const std::unique_ptr<matvar_t, void (*)(matvar_t*)> variable(Mat_VarRead(file.get(), name.c_str()), Mat_VarFree);
+    const auto refuse = [&](const std::string& what) {
+      return input_error(file_name + ": column " + quoted(column.name) + ": " + what);
+    };
+    if (!variable && column.may_be_missing) {
+      table.columns.emplace_back();
+      continue;
+    }
+    if (!variable || variable->data == nullptr)
+      return refuse("no variable " + quoted(name) + " of numbers: expected name or name:column");
+    MatrixView view;
+    if (!view.set_type([&](const ItemType& t) { return t.mat == variable->data_type; }))
+      return refuse("is no array of numbers");
+    if (variable->rank != 2 || variable->isComplex != 0) return refuse("expected a real matrix of two dimensions");
+    view.rows = variable->dims[0];
+    view.columns = variable->dims[1];
+    view.column_major = true;
+    view.data = static_cast<const std::byte*>(variable->data);
+    if (view.rows < view.columns) {  // samples lie along the rows
+      std::swap(view.rows, view.columns);
+      view.column_major = false;
+    }
+    if (!index || *index < 1 || static_cast<std::size_t>(*index) > view.columns)
+      return refuse("expected a column from 1 to " + std::to_string(view.columns));
+    if (rows > 0 && view.rows != rows)
+      return refuse(fmt::format("has {} rows: expected {}, as the columns before", view.rows, rows));
+    rows = view.rows;
+    TRY(append_column(view, static_cast<std::size_t>(*index - 1), column, file_name, table));
+  }
+  number_rows(table, rows);
+  return table;
+}
+
 }  // namespace
+
+bool is_npy(std::string_view content) { return content.starts_with("\x93NUMPY"); }
+
+// "MATLAB 5.0 MAT-file", and 7.3 likewise.
+bool is_mat(std::string_view content) { return content.starts_with("MATLAB "); }
 
 Result<NumberTable> read_number_table(std::string_view content, const std::string& file_name,
                                       const std::vector<WantedColumn>& wanted, const TableFormat& format) {

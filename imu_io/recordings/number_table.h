@@ -41,11 +41,8 @@ struct NumberTable {
 Result<NumberTable> read_number_table(std::string_view content, const std::string& file_name,
                                       const std::vector<WantedColumn>& wanted, const TableFormat& format);
 
-// The two binary forms (matrix_files.cpp).
+// By a file's first bytes.
 bool is_npy(std::string_view content);
 bool is_mat(std::string_view content);
-Result<NumberTable> read_npy(std::string_view content, const std::string& file_name,
-                             const std::vector<WantedColumn>& wanted);
-Result<NumberTable> read_mat(const std::string& file_name, const std::vector<WantedColumn>& wanted);
 
 }  // namespace turncal

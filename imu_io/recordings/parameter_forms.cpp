@@ -1,7 +1,8 @@
 #include "imu_io/recordings/parameter_forms.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <cstring>
 
 #include "imu_io/base/bytes.h"
@@ -30,9 +31,7 @@ std::string in_c_quotes(std::string_view text) {
   std::string result = "\"";
   for (const char c : text) {
     const bool plain = c >= ' ' && c < 127 && c != '"' && c != '\\' && c != '?';
-    char octal[5];
-    std::snprintf(octal, sizeof octal, "\\%03o", static_cast<unsigned>(static_cast<unsigned char>(c)));
-    result += plain ? std::string(1, c) : octal;
+    result += plain ? std::string(1, c) : fmt::format("\\{:03o}", static_cast<unsigned char>(c));
   }
   return result + "\"";
 }
@@ -44,28 +43,19 @@ std::string in_yaml_quotes(std::string_view text) {
   return result + "'";
 }
 
-std::string matrix_of(const ParameterFile& file, int first) {
-  std::string text = "{";
-  for (int row = 0; row < 3; ++row) {
-    text += row == 0 ? "{" : ", {";
-    for (int column = 0; column < 3; ++column)
-      text += (column == 0 ? "" : ", ") + literal(file.parameters[first + 3 * row + column]);
-    text += "}";
-  }
-  return text + "}";
+std::string vector_of(const ParameterFile& file, int first) {
+  const auto& p = file.parameters;
+  return fmt::format("{{{}, {}, {}}}", literal(p[first]), literal(p[first + 1]), literal(p[first + 2]));
 }
 
-std::string vector_of(const ParameterFile& file, int first) {
-  std::string text = "{";
-  for (int k = 0; k < 3; ++k) text += (k == 0 ? "" : ", ") + literal(file.parameters[first + k]);
-  return text + "}";
+std::string matrix_of(const ParameterFile& file, int first) {
+  return fmt::format("{{{}, {}, {}}}", vector_of(file, first), vector_of(file, first + 3), vector_of(file, first + 6));
 }
 
 std::string sigmas_of(const ParameterFile& file, std::size_t first, std::size_t count) {
-  std::string text = "{";
-  for (std::size_t k = first; k < first + count; ++k)
-    text += (k == first ? "" : ", ") + literal(file.sigma[k].value_or(-1.0));
-  return text + "}";
+  std::vector<std::string> texts;
+  for (std::size_t k = first; k < first + count; ++k) texts.push_back(literal(file.sigma[k].value_or(-1.0)));
+  return fmt::format("{{{}}}", fmt::join(texts, ", "));
 }
 
 }  // namespace
@@ -122,8 +112,8 @@ Result<ParameterBlock> parse_parameter_block(std::span<const std::byte> bytes, c
   ByteReader reader(checked.subspan(block_magic.size()));
   const auto version = reader.get<std::uint32_t>();
   if (version != block_version)
-    return input_error(file_name + ": parameter block of version " + std::to_string(version) + ", expected " +
-                       std::to_string(block_version));
+    return input_error(
+        fmt::format("{}: parameter block of version {}, expected {}", file_name, version, block_version));
   ParameterBlock block;
   for (bool* flag : {&block.gyro_pulses, &block.accel_pulses, &block.simulated, &block.trusted})
     *flag = reader.get<std::uint8_t>() != 0;
@@ -160,7 +150,7 @@ std::string format_parameter_header(const ParameterFile& file) {
   if (!is_trusted(file)) text += "/* NOT TRUSTED: the model does not fit the data that it was made from. */\n";
   text += "#ifndef TURNCAL_PARAMETERS_H\n#define TURNCAL_PARAMETERS_H\n\n";
   const auto constant = [&text](const std::string& type, const std::string& name, const std::string& value) {
-    text += "static const " + type + " turncal_" + name + " = " + value + ";\n";
+    text += fmt::format("static const {} turncal_{} = {};\n", type, name, value);
   };
   constant("char", "unit_serial[]", in_c_quotes(file.unit_serial));
   constant("char", "time_utc[]", in_c_quotes(file.time_utc));
@@ -192,20 +182,18 @@ std::string format_parameter_yaml(const ParameterFile& file) {
   std::string text = "# Parameters of an inertial measurement unit, as YAML.\n";  // no other file of ours begins so
   if (file.simulated) text += "# Simulated data: a dry run, or a twin.\n";
   const auto line = [&text](const std::string& key, const std::string& value) { text += key + ": " + value + "\n"; };
-  line("unit_serial", in_yaml_quotes(file.unit_serial));
-  line("recording_hash", in_yaml_quotes(file.recording_hash));
-  line("model", in_yaml_quotes(file.model));
-  line("method", in_yaml_quotes(file.method));
-  line("software_version", in_yaml_quotes(file.software_version));
-  line("time_utc", in_yaml_quotes(file.time_utc));
+  const std::pair<const char*, const std::string&> texts[] = {
+      {"unit_serial", file.unit_serial}, {"recording_hash", file.recording_hash},     {"model", file.model},
+      {"method", file.method},           {"software_version", file.software_version}, {"time_utc", file.time_utc}};
+  for (const auto& [key, value] : texts) line(key, in_yaml_quotes(value));
   line("simulated", file.simulated ? "true" : "false");
   line("trusted", is_trusted(file) ? "true" : "false");
   line("latitude_deg", literal(file.latitude_deg));
   line("gravity_mps2", literal(file.gravity_mps2));
   line("sample_period_s", literal(file.sample_period_s));
   line("accel_pulse_mps", literal(file.accel_pulse_mps));
-  line("gyro_increment", file.gyro_increment == IncrementKind::pulses ? "pulses" : "rad");
-  line("accel_increment", file.accel_increment == IncrementKind::pulses ? "pulses" : "mps");
+  line("gyro_increment", gyro_increment_name(file.gyro_increment));
+  line("accel_increment", accel_increment_name(file.accel_increment));
   if (file.reference_temperature_c) line("reference_temperature_c", literal(*file.reference_temperature_c));
   text += "parameters:\n";
   for (std::size_t k = 0; k < static_cast<std::size_t>(parameter_count); ++k)

@@ -1,7 +1,12 @@
 #include "imu_io/recordings/recording_check.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 
+#include <fmt/format.h>
+
+#include "calib/model/parameters.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
@@ -14,10 +19,39 @@ Error defect(const std::string& where, const char* field, const std::string& val
   return input_error(where + ": " + field + " = '" + value + "': expected " + expected);
 }
 
+constexpr InertialUnit inertial_units[] = {{"rad", 1.0, false},
+                                           {"deg", rad_per_deg, false},
+                                           {"arcsec", rad_per_arcsec, false},
+                                           {"rad/s", 1.0, true},
+                                           {"deg/s", rad_per_deg, true},
+                                           {"deg/h", radps_per_degph, true},
+                                           {"m/s", 1.0, false},
+                                           {"ft/s", 0.3048, false},
+                                           {"m/s^2", 1.0, true},
+                                           {"g", standard_gravity_mps2, true},
+                                           {"mg", 1e-3 * standard_gravity_mps2, true}};
+
 // To the end of the year 9999.
 constexpr NumberRange civil_time_s = between(0.0, 253402300799.0);
 
 }  // namespace
+
+void read_increments(KeyValueFile& file, IncrementKind& gyro, IncrementKind& accel) {
+  gyro = file.one_of("gyro_increment", {"pulses", "rad"}) == "pulses" ? IncrementKind::pulses : IncrementKind::physical;
+  accel =
+      file.one_of("accel_increment", {"pulses", "mps"}) == "pulses" ? IncrementKind::pulses : IncrementKind::physical;
+}
+
+const InertialUnit* read_unit(KeyValueFile& file, const std::string& key, const std::vector<std::string_view>& names) {
+  const std::string name = file.text(key);
+  if (std::find(names.begin(), names.end(), name) == names.end()) {
+    file.reject(key, fmt::format("one of {}", fmt::join(names, ", ")));
+    return nullptr;
+  }
+  const auto unit = std::find_if(std::begin(inertial_units), std::end(inertial_units),
+                                 [&](const InertialUnit& u) { return u.name == name; });
+  return unit == std::end(inertial_units) ? nullptr : unit;
+}
 
 std::optional<std::int64_t> started_utc(KeyValueFile& file) {
   const std::string text = file.text_or("started_utc", "");
@@ -48,49 +82,45 @@ Status check_serial(const std::string& serial, const std::string& where) {
 }
 
 Status check_info(const RecordingInfo& info, const std::string& where) {
-  if (!sample_period_range.contains(info.sample_period_s)) {
-    return defect(where, "sample_period_s", format_number(info.sample_period_s), describe(sample_period_range));
-  }
-  if (!site_latitude_deg.contains(info.latitude_deg)) {
-    return defect(where, "latitude_deg", format_number(info.latitude_deg), "a number between -90 and 90");
-  }
-  if (!recorded_gravity_mps2.contains(info.gravity_mps2)) {
-    return defect(where, "gravity_mps2", format_number(info.gravity_mps2), "a number between 9 and 11");
-  }
   const NumberRange pulse =
       info.accel_increment == IncrementKind::pulses ? accel_pulse_range : between(0.0, accel_pulse_range.max);
-  if (!pulse.contains(info.accel_pulse_mps)) {
-    return defect(where, "accel_pulse_mps", format_number(info.accel_pulse_mps), describe(pulse));
-  }
+  const struct {
+    const char* name;
+    double value;
+    NumberRange range;
+  } numbers[] = {{"sample_period_s", info.sample_period_s, sample_period_range},
+                 {"latitude_deg", info.latitude_deg, site_latitude_deg},
+                 {"gravity_mps2", info.gravity_mps2, recorded_gravity_mps2},
+                 {"accel_pulse_mps", info.accel_pulse_mps, pulse}};
+  for (const auto& [name, value, range] : numbers)
+    if (!range.contains(value)) return defect(where, name, format_number(value), describe(range));
   if (info.started_utc_s && !civil_time_s.contains(static_cast<double>(*info.started_utc_s)))
     return defect(where, "started_utc", std::to_string(*info.started_utc_s) + " s", "a time from 1970 to 9999");
   return check_serial(info.unit_serial, where + ": unit_serial");
+}
+
+bool has_finite_angles(const Segment& segment) {
+  return std::isfinite(segment.heading_deg) && std::isfinite(segment.pitch_deg) && std::isfinite(segment.roll_deg);
 }
 
 Status check_segments(const Segments& segments, std::int64_t first_counter, std::int64_t last_counter,
                       const std::function<std::string(std::size_t)>& where) {
   for (std::size_t i = 0; i < segments.size(); ++i) {
     const Segment& segment = segments[i];
-    const std::string start = std::to_string(segment.start_sample);
-    const std::string end = std::to_string(segment.end_sample);
-    if (i > 0 && segment.start_sample != segments[i - 1].end_sample) {
-      return defect(where(i), "start_sample", start,
-                    std::to_string(segments[i - 1].end_sample) + ", where the segment before ends");
-    }
-    if (segment.end_sample <= segment.start_sample) {
-      return defect(where(i), "end_sample", end, "more than start_sample, " + start);
-    }
-    if (segment.start_sample < first_counter) {
-      return defect(where(i), "start_sample", start, "at least the first sample, " + std::to_string(first_counter));
-    }
+    const auto refuse = [&](bool start, const std::string& expected) {
+      return defect(where(i), start ? "start_sample" : "end_sample",
+                    std::to_string(start ? segment.start_sample : segment.end_sample), expected);
+    };
+    if (i > 0 && segment.start_sample != segments[i - 1].end_sample)
+      return refuse(true, fmt::format("{}, where the segment before ends", segments[i - 1].end_sample));
+    if (segment.end_sample <= segment.start_sample)
+      return refuse(false, fmt::format("more than start_sample, {}", segment.start_sample));
+    if (segment.start_sample < first_counter)
+      return refuse(true, fmt::format("at least the first sample, {}", first_counter));
     // Not last_counter + 1, which can overflow.
-    if (segment.end_sample - 1 > last_counter) {
-      return defect(where(i), "end_sample", end,
-                    "at most one more than the last sample, " + std::to_string(last_counter));
-    }
-    if (!std::isfinite(segment.heading_deg) || !std::isfinite(segment.pitch_deg) || !std::isfinite(segment.roll_deg)) {
-      return input_error(where(i) + ": an angle is not finite");
-    }
+    if (segment.end_sample - 1 > last_counter)
+      return refuse(false, fmt::format("at most one more than the last sample, {}", last_counter));
+    if (!has_finite_angles(segment)) return input_error(where(i) + ": an angle is not finite");
   }
   return {};
 }

@@ -7,6 +7,8 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
@@ -23,11 +25,25 @@ inline constexpr std::int64_t max_counter = std::int64_t{1} << 62;
 constexpr bool is_counter(std::int64_t value) { return value >= -max_counter && value <= max_counter; }
 inline constexpr const char* counter_words = "a whole number of at most 2^62 either way";
 
+// The required keys gyro_increment and accel_increment.
+void read_increments(KeyValueFile& file, IncrementKind& gyro, IncrementKind& accel);
+
+// A unit of increments or rates, and what one is in SI.
+struct InertialUnit {
+  std::string_view name;
+  double si;
+  bool is_rate;
+};
+// The unit at a required key; null where none of `names` is there, a defect, and for one of them that is no unit ("pulses").
+const InertialUnit* read_unit(KeyValueFile& file, const std::string& key, const std::vector<std::string_view>& names);
+
 // The key of that name, if it is there: when the first sample came. Another text than a time is rejected.
 std::optional<std::int64_t> started_utc(KeyValueFile& file);
 
 // Period, latitude, gravity, pulse weight, serial. `where` begins every message ("recording.conf").
 Status check_info(const RecordingInfo& info, const std::string& where);
+
+bool has_finite_angles(const Segment& segment);
 
 // Segments contiguous, not empty, angles finite, inside the samples first_counter..last_counter. No segment at all is
 // accepted: a recording may still have to be segmented. where(i) begins the message on segment i ("segments.csv:7").

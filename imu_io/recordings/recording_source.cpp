@@ -8,10 +8,12 @@
 #include <cstring>
 #include <type_traits>
 
+#include <fmt/format.h>
+
 #include "calib/statistics/clipping.h"
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/posix_file.h"
-#include "imu_io/recordings/binary_recording.h"
+#include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
 
@@ -25,10 +27,7 @@ std::string hash_as_hex(XXH128_hash_t hash) {
   XXH128_canonical_t canonical;
   XXH128_canonicalFromHash(&canonical, hash);
   std::string text;
-  for (const unsigned char byte : canonical.digest) {
-    text += "0123456789abcdef"[byte >> 4];
-    text += "0123456789abcdef"[byte & 15];
-  }
+  for (const unsigned char byte : canonical.digest) text += fmt::format("{:02x}", byte);
   return text;
 }
 
@@ -44,25 +43,13 @@ class ContentHasher {
   void add(const RecordingInfo& info, const Segments& segments) {
     std::vector<std::byte> bytes;
     append_bytes(bytes, std::string_view("turncal recording 1\n"));
-    append_bytes(bytes, info.sample_period_s);
-    append_bytes(bytes, info.latitude_deg);
-    append_bytes(bytes, info.gravity_mps2);
-    append_bytes(bytes, info.accel_pulse_mps);
-    append_bytes(bytes, static_cast<std::uint8_t>(info.gyro_increment == IncrementKind::pulses ? 0 : 1));
-    append_bytes(bytes, static_cast<std::uint8_t>(info.accel_increment == IncrementKind::pulses ? 0 : 1));
-    append_bytes(bytes, static_cast<std::uint8_t>(info.has_temperature ? 1 : 0));
-    append_bytes(bytes, static_cast<std::uint8_t>(info.simulated ? 1 : 0));
-    append_bytes(bytes, static_cast<std::uint32_t>(info.unit_serial.size()));
-    append_bytes(bytes, std::string_view(info.unit_serial));
+    append_info_fields(bytes, info);
     append_bytes(bytes, static_cast<std::uint64_t>(segments.size()));
     for (const Segment& segment : segments) {
       append_bytes(bytes, static_cast<std::int64_t>(segment.step));
       append_bytes(bytes, static_cast<std::uint8_t>(segment.kind));
-      append_bytes(bytes, segment.start_sample);
-      append_bytes(bytes, segment.end_sample);
-      append_bytes(bytes, segment.heading_deg);
-      append_bytes(bytes, segment.pitch_deg);
-      append_bytes(bytes, segment.roll_deg);
+      for (const std::int64_t counter : {segment.start_sample, segment.end_sample}) append_bytes(bytes, counter);
+      for (const double angle : {segment.heading_deg, segment.pitch_deg, segment.roll_deg}) append_bytes(bytes, angle);
     }
     add(bytes.data(), bytes.size());
   }
@@ -119,23 +106,18 @@ Status RecordingSource::read(const Sink& sink) {
 }
 
 Result<std::string> RecordingSource::content_hash() {
-  if (hash_.empty()) {
-    if (Status status = read([](std::span<const ImuSample>) { return Status(); }); !status) return status.error();
-  }
+  if (hash_.empty()) TRY(read([](std::span<const ImuSample>) { return Status(); }));
   return hash_;
 }
 
 std::string describe(const RecordingDamage& damage) {
   std::string text;
   const auto say = [&](const std::string& what) { text += (text.empty() ? "" : ", ") + what; };
-  if (damage.records_dropped > 0 || damage.bytes_dropped > 0) {
-    std::string what = std::to_string(damage.records_dropped) + " damaged records dropped (" +
-                       std::to_string(damage.bytes_dropped) + " bytes";
-    if (damage.samples_dropped > 0) what += ", " + std::to_string(damage.samples_dropped) + " samples";
-    say(what + ")");
-  }
+  if (damage.records_dropped > 0 || damage.bytes_dropped > 0)
+    say(fmt::format("{} damaged records dropped ({} bytes{})", damage.records_dropped, damage.bytes_dropped,
+                    damage.samples_dropped > 0 ? fmt::format(", {} samples", damage.samples_dropped) : ""));
   if (!damage.complete) say("no end mark: the capture was interrupted");
-  if (damage.torn_tail_bytes > 0) say("torn tail of " + std::to_string(damage.torn_tail_bytes) + " bytes ignored");
+  if (damage.torn_tail_bytes > 0) say(fmt::format("torn tail of {} bytes ignored", damage.torn_tail_bytes));
   return text;
 }
 

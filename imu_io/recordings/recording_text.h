@@ -30,7 +30,7 @@ Status import_binary(RecordingSource& source, const std::string& path);
 // The same with a segment list of the caller's.
 Status import_binary(RecordingSource& source, const Segments& segments, const std::string& path);
 
-const char* to_string(SegmentKind kind);               // align, static, rotate
+std::string_view to_string(SegmentKind kind);          // align, static, rotate
 const char* gyro_increment_name(IncrementKind kind);   // pulses, rad
 const char* accel_increment_name(IncrementKind kind);  // pulses, mps
 

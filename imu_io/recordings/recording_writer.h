@@ -22,7 +22,11 @@
 #include "calib/types/status.h"
 #include "imu_io/base/posix_file.h"
 
+struct XXH32_state_s;
+
 namespace turncal {
+
+enum class RecordType : std::uint32_t;  // binary_layout.h
 
 // The usual name inside a recording's folder.
 inline constexpr const char* binary_recording_name = "recording.tcr";
@@ -61,20 +65,47 @@ class RecordingWriter {
   // Checks that the segments lie inside the samples, writes the end mark, syncs, closes.
   Status finish();
 
-  Status check_kept() const;  // PosixFile::check_kept
-  const RecordingInfo& info() const;
-  const Segments& segments() const;  // ended ones
-  std::optional<Segment> open_segment() const;
-  std::uint64_t sample_count() const;
-  std::optional<std::int64_t> first_counter() const;
-  std::optional<std::int64_t> last_counter() const;
-  std::uint64_t cut_bytes() const;  // what reopen() cut off
-  std::uint32_t hash() const;       // XXH32 of all bytes of the file, those that reopen() found included
+  Status check_kept() const { return file_.check_kept(); }
+  const RecordingInfo& info() const { return info_; }
+  const Segments& segments() const { return segments_; }  // ended ones
+  std::optional<Segment> open_segment() const { return open_segment_; }
+  std::uint64_t sample_count() const { return sample_count_; }
+  std::optional<std::int64_t> first_counter() const {
+    return sample_count_ > 0 ? std::optional(first_counter_) : std::nullopt;
+  }
+  std::optional<std::int64_t> last_counter() const {
+    return sample_count_ > 0 ? std::optional(last_counter_) : std::nullopt;
+  }
+  std::uint64_t cut_bytes() const { return cut_bytes_; }  // what reopen() cut off
+  std::uint32_t hash() const;  // XXH32 of all bytes of the file, those that reopen() found included
 
  private:
-  struct State;
-  explicit RecordingWriter(std::unique_ptr<State> state);
-  std::unique_ptr<State> state_;
+  struct FreeHash {
+    void operator()(XXH32_state_s* state) const;
+  };
+  RecordingWriter(PosixFile file, const RecordingInfo& info);
+  Error refusal(const std::string& what) const { return input_error(file_.path() + ": " + what); }
+  Status check_usable() const;
+  void hash_bytes(std::span<const std::byte> some);
+  Status hash_file(std::uint64_t end);
+  template <class AppendPayload>
+  Status write_record(RecordType type, AppendPayload append_payload);
+  Status write_segment(RecordType type, const Segment& segment);
+  Status write_pending();
+
+  // Not a CRC: each record ends with its own, after which the CRC of everything depends on nothing but the length.
+  std::unique_ptr<XXH32_state_s, FreeHash> written_;
+  PosixFile file_;
+  RecordingInfo info_;
+  Segments segments_;
+  std::optional<Segment> open_segment_;
+  std::uint64_t sample_count_ = 0;
+  std::int64_t first_counter_ = 0, last_counter_ = 0;
+  std::uint32_t next_number_ = 0;
+  std::uint64_t cut_bytes_ = 0;
+  bool unusable_ = false;  // a write failed, or finish() went through
+  std::vector<ImuSample> pending_;
+  std::vector<std::byte> bytes_;
 };
 
 }  // namespace turncal

@@ -1,6 +1,9 @@
 #include "imu_io/recordings/statistics_file.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -17,31 +20,27 @@ constexpr std::string_view magic = "TCST";
 constexpr std::uint32_t version = 1;
 constexpr Eigen::Index most_columns = 2000;  // of a file that is not damaged: the catalogue has some two hundred
 
+void append_three(std::vector<std::byte>& out, std::uint32_t bits) {
+  for (int k = 0; k < 3; ++k) append_bytes(out, static_cast<std::uint8_t>(bits >> (8 * k)));
+}
+
 // Three bytes, of the four of a float the upper ones: 16 bits of mantissa.
 void append_short(std::vector<std::byte>& out, float value) {
-  std::uint32_t bits = 0;
-  std::memcpy(&bits, &value, sizeof bits);
-  bits = (bits + 0x80) >> 8;
-  for (int k = 0; k < 3; ++k) append_bytes(out, static_cast<std::uint8_t>(bits >> (8 * k)));
+  append_three(out, (std::bit_cast<std::uint32_t>(value) + 0x80) >> 8);
 }
 std::uint32_t get_three(ByteReader& reader) {
   std::uint32_t bits = 0;
   for (int k = 0; k < 3; ++k) bits |= static_cast<std::uint32_t>(reader.get<std::uint8_t>()) << (8 * k);
   return bits;
 }
-float get_short(ByteReader& reader) {
-  const std::uint32_t bits = get_three(reader) << 8;
-  float value = 0.0F;
-  std::memcpy(&value, &bits, sizeof value);
-  return value;
-}
+float get_short(ByteReader& reader) { return std::bit_cast<float>(get_three(reader) << 8); }
 
 // A correlation in three bytes, to 1.2e-7.
 constexpr double correlation_steps = 8388607.0;
 void append_correlation(std::vector<std::byte>& out, double value) {
   const auto bits = static_cast<std::uint32_t>(
       static_cast<std::int32_t>(std::lround(std::clamp(value, -1.0, 1.0) * correlation_steps)));
-  for (int k = 0; k < 3; ++k) append_bytes(out, static_cast<std::uint8_t>(bits >> (8 * k)));
+  append_three(out, bits);
 }
 double get_correlation(ByteReader& reader) {
   const auto bits = static_cast<std::int32_t>(get_three(reader) << 8);
@@ -103,7 +102,7 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
     return input_error(file_name + ": wrong checksum: damaged or cut off");
   ByteReader reader(checked.subspan(magic.size()));
   if (const auto found = reader.get<std::uint32_t>(); found != version)
-    return input_error(file_name + ": version " + std::to_string(found) + ": expected " + std::to_string(version));
+    return input_error(fmt::format("{}: version {}: expected {}", file_name, found, version));
   const ParameterFile file = TRY(parse_parameter_file(reader.get_text(), file_name));
   StatisticsFile s{file, {}};
   UnitStatistics& u = s.statistics;
@@ -120,8 +119,7 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
   for (std::string_view remaining = names; !remaining.empty();) u.columns.emplace_back(next_line(remaining));
   const auto columns = static_cast<Eigen::Index>(u.columns.size());
   if (columns > most_columns)
-    return input_error(file_name + ": " + std::to_string(columns) + " columns: expected at most " +
-                       std::to_string(most_columns));
+    return input_error(fmt::format("{}: {} columns: expected at most {}", file_name, columns, most_columns));
   u.s.resize(columns);
   for (double& value : u.s) value = number();
   Eigen::VectorXd diagonal(columns);

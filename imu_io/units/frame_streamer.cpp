@@ -38,14 +38,12 @@ Status FrameStreamer::start(double now_s) {
   const auto mismatch = [&](const std::string& what) {
     return input_error(frame_.name + ": the frame's " + what + " is not the source's");
   };
-  if (std::abs(from.sample_period_s - to.sample_period_s) > 1e-9 * to.sample_period_s) {
+  if (std::abs(from.sample_period_s - to.sample_period_s) > 1e-9 * to.sample_period_s)
     return mismatch("sample period of " + format_number(to.sample_period_s) + " s");
-  }
   if (from.gyro_increment != to.gyro_increment) return mismatch("gyro increment (pulses or rad)");
   if (from.accel_increment != to.accel_increment) return mismatch("accelerometer increment (pulses or m/s)");
-  if (to.accel_increment == IncrementKind::pulses && from.accel_pulse_mps != to.accel_pulse_mps) {
+  if (to.accel_increment == IncrementKind::pulses && from.accel_pulse_mps != to.accel_pulse_mps)
     return mismatch("pulse weight of " + format_number(to.accel_pulse_mps) + " m/s");
-  }
   start_s_ = now_s;
   steps_ = 0;
   return {};
@@ -53,9 +51,7 @@ Status FrameStreamer::start(double now_s) {
 
 Status FrameStreamer::encode(std::span<const ImuSample> samples) {
   bytes_.clear();
-  for (const ImuSample& sample : samples) {
-    TRY(encoder_.append(sample, bytes_));
-  }
+  for (const ImuSample& sample : samples) TRY(encoder_.append(sample, bytes_));
   return {};
 }
 
@@ -63,11 +59,10 @@ void FrameStreamer::send(std::size_t samples) {
   // A listener that does not read loses what it has no room for. It is waited for once, not at every batch: time goes on.
   const bool sent = line_.write_all(bytes_, listener_reads_ ? patience_s_ : 0.0).ok();
   listener_reads_ = sent;
-  if (sent) {
+  if (sent)
     frames_sent_ += samples;
-  } else {
+  else
     ++batches_dropped_;
-  }
 }
 
 Status FrameStreamer::answer_requests() {
@@ -81,9 +76,8 @@ Status FrameStreamer::answer_requests() {
     asked_.erase(asked_.begin(), at + static_cast<std::ptrdiff_t>(frame_.request.size()));
     if (!bytes_.empty()) send(1);
   }
-  if (asked_.size() > frame_.request.size()) {
+  if (asked_.size() > frame_.request.size())
     asked_.erase(asked_.begin(), asked_.end() - static_cast<std::ptrdiff_t>(frame_.request.size()));
-  }
   return {};
 }
 

@@ -1,14 +1,16 @@
 #include "imu_io/units/serial_imu.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
-#include <sstream>
 #include <utility>
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/key_table.h"
+#include "imu_io/base/posix_file.h"
 
 namespace turncal {
 
@@ -29,6 +31,21 @@ SerialSettings line_of(const FrameDescription& frame, const std::string& device)
   return line;
 }
 
+// Whether the line is fast enough for the frames.
+void check_baud(KeyValueFile& file, const FrameDescription& frame) {
+  const SerialSettings& serial = frame.line;
+  const int bits = 1 + serial.data_bits + (serial.parity == SerialParity::none ? 0 : 1) + serial.stop_bits;
+  std::size_t bytes = frame.split ? 0 : frame.variants.front().length;
+  for (const FrameVariant& variant : frame.variants)
+    bytes = frame.split ? bytes + variant.length : std::min(bytes, variant.length);
+  const double needed = static_cast<double>(bits) * static_cast<double>(bytes) / frame.sample_period_s;
+  if (needed > static_cast<double>(serial.baud))
+    file.reject(
+        file.has("imu.baud") ? "imu.baud" : "imu.frame",
+        fmt::format("a line of at least {} baud, for {} bytes each {} s; it has {}", format_number(std::ceil(needed)),
+                    bytes, format_number(frame.sample_period_s), serial.baud));
+}
+
 }  // namespace
 
 Status judge_clock(const ArrivalFit& fit, double max_ppm) {
@@ -44,9 +61,7 @@ SerialImu::SerialImu(const FrameDescription& frame, const SerialImuSettings& set
 
 Status SerialImu::open() {
   close();
-  auto port = ByteLine::open(line_of(frame_, settings_.device));
-  if (!port) return port.error();
-  port_ = std::move(*port);
+  port_ = TRY(ByteLine::open(line_of(frame_, settings_.device)));
   if (!frame_.request.empty()) requests_.start(port_, frame_.request, frame_.request_period_s / settings_.speedup);
   decoder_.rejoin();
   fit_.restart();
@@ -101,25 +116,24 @@ std::size_t SerialImu::read_decoded(std::span<ImuSample> out) {
 Result<std::size_t> SerialImu::receive(double timeout_s) {
   const double began_s = monotonic_s();
   const auto room = decoder_.space();
-  const auto count = port_.read(room, timeout_s);
-  if (!count) return count.error();
+  const std::size_t count = TRY(port_.read(room, timeout_s));
   const double now_s = monotonic_s();
   count_line_errors(now_s);
-  if (*count == 0) {
+  if (count == 0) {
     backlog_ = backlog_ && now_s - backlog_s_ < moved_up_s;
     if (backlog_) return std::size_t{0};
     empty_s_ = began_s + timeout_s;
     decoder_.idle(empty_s_ * settings_.speedup);
     return std::size_t{0};
   }
-  decoder_.added(*count, {empty_s_ * settings_.speedup, now_s * settings_.speedup});
-  if (*count >= std::min(backlog_bytes, room.size())) {
+  decoder_.added(count, {empty_s_ * settings_.speedup, now_s * settings_.speedup});
+  if (count >= std::min(backlog_bytes, room.size())) {
     backlog_ = true;
     backlog_s_ = now_s;
   } else if (!backlog_) {
     empty_s_ = began_s;
   }
-  return *count;
+  return count;
 }
 
 void SerialImu::count_line_errors(double now_s) {
@@ -133,24 +147,18 @@ void SerialImu::count_line_errors(double now_s) {
 
 std::string SerialImu::summary() const {
   const ImuLinkCounters link = decoder_.counters();
-  std::ostringstream text;
-  text << link.samples << " samples, " << link.lost_samples << " lost, " << link.duplicates << " duplicates, "
-       << decoder_.strays() << " strays, " << decoder_.invalid() << " flagged, " << link.bad_frames << " bad frames, "
-       << link.resyncs << " resyncs; ";
-  if (line_at_open_) {
-    text << "line errors: " << line_errors_.overrun << " overrun, " << line_errors_.framing << " framing, "
-         << line_errors_.parity << " parity";
-  } else {
-    text << "line errors not counted by the port";
-  }
+  std::string text = fmt::format(
+      "{} samples, {} lost, {} duplicates, {} strays, {} flagged, {} bad frames, {} resyncs; ", link.samples,
+      link.lost_samples, link.duplicates, decoder_.strays(), decoder_.invalid(), link.bad_frames, link.resyncs);
+  text += line_at_open_ ? fmt::format("line errors: {} overrun, {} framing, {} parity", line_errors_.overrun,
+                                      line_errors_.framing, line_errors_.parity)
+                        : "line errors not counted by the port";
   const std::optional<ArrivalEstimate> arrival = fit_.estimate();
-  if (!arrival || arrival->skew_uncertainty == 0.0) return text.str();
-  char clock[160];
+  if (!arrival || arrival->skew_uncertainty == 0.0) return text;
   // A unit that is slow takes more of the host's time.
-  std::snprintf(clock, sizeof clock,
-                "; the unit's clock against the host's %+.2f ppm (+- %.2f), largest arrival delay %.1f ms",
-                -1e6 * arrival->skew, 1e6 * arrival->skew_uncertainty, 1e3 * arrival->largest_delay_s);
-  return text.str() + clock;
+  return text +
+         fmt::format("; the unit's clock against the host's {:+.2f} ppm (+- {:.2f}), largest arrival delay {:.1f} ms",
+                     -1e6 * arrival->skew, 1e6 * arrival->skew_uncertainty, 1e3 * arrival->largest_delay_s);
 }
 
 Status SerialImu::judge_arrivals() const {
@@ -158,8 +166,9 @@ Status SerialImu::judge_arrivals() const {
   const auto estimate = fit_.estimate();
   if (!estimate || estimate->span_s < skew_judged_after_s) return {};
   if (std::abs(estimate->skew) > gross_skew) {
-    return device_error("samples come every " + format_number(frame_.sample_period_s * (1.0 + estimate->skew)) +
-                        " s, the frame description says every " + format_number(frame_.sample_period_s) + " s");
+    return device_error(fmt::format("samples come every {} s, the frame description says every {} s",
+                                    format_number(frame_.sample_period_s * (1.0 + estimate->skew)),
+                                    format_number(frame_.sample_period_s)));
   }
   TRY(judge_clock(fit_, settings_.clock_max_ppm));
   const double late_s = fit_.persistent_delay_s();
@@ -211,6 +220,51 @@ void RequestPump::start(ByteLine& line, std::vector<std::byte> request, double p
 void RequestPump::stop() {
   ended_ = true;
   if (thread_.joinable()) thread_.join();
+}
+
+Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
+  SerialImuConfig config;
+  config.settings.device = file.text("imu.device");
+  const std::string& device = config.settings.device;
+  const std::optional<LineAddress> line = parse_line(device);
+  if (!line && !device.empty()) {
+    file.reject(
+        "imu.device",
+        "a serial device such as /dev/serial/by-id/..., tcp:HOST:PORT, udp:PORT, udp:ADDRESS:PORT or udp_to:HOST:PORT");
+  }
+  std::string name = file.text("imu.frame");
+  KeyTable keys(file);
+  keys.text("imu.unit_serial", config.settings.unit_serial);
+  keys.flag("imu.simulated", config.settings.simulated);
+  keys.number("imu.clock_max_ppm", config.settings.clock_max_ppm, between(0.1, 2000.0));
+  keys.number("imu.speedup", config.settings.speedup, between(0.01, 1000.0));
+  if (config.settings.speedup != 1.0 && !config.settings.simulated)
+    file.reject("imu.speedup", "1 unless imu.simulated is true");
+  TRY(file.status());
+  const bool is_file = name.find('/') != std::string::npos || name.ends_with(".frame");
+  if (is_file && !name.starts_with('/')) name = folder_of(file.file_name()) + "/" + name;
+  auto frame = find_frame(name);
+  if (!frame && !is_file) file.reject("imu.frame", "a built-in frame or a file: " + frame.error().message);
+  TRY(file.status());
+  if (!frame) return frame.error();
+  config.frame = std::move(*frame);
+  if (line && line->kind == LineKind::udp) {
+    if (!config.frame.variants.front().counter)
+      file.reject("imu.device", "a frame with a counter: only it tells of datagrams that were lost");
+    if (!config.frame.request.empty() && !line->asks)
+      file.reject("imu.device", "a serial line, tcp: or udp_to:HOST:PORT: the frame has a request to send");
+    if (config.frame.request.empty() && line->asks)
+      file.reject("imu.device", "udp:PORT, or a frame with a request: without one nothing is sent there");
+  }
+  if (line && line->kind != LineKind::serial && file.has("imu.baud"))
+    file.reject("imu.baud", "no such key unless the device is a serial line");
+  keys.whole("imu.baud", config.frame.line.baud, 50u, 20'000'000u);
+  if (file.has("imu.accel_pulse_mps") && config.frame.accel_pulse_mps == 0.0)
+    file.reject("imu.accel_pulse_mps", "no such key: the frame's accelerometers do not send pulses");
+  keys.number("imu.accel_pulse_mps", config.frame.accel_pulse_mps, between(1e-9, 1.0));
+  if (line && line->kind == LineKind::serial) check_baud(file, config.frame);
+  TRY(file.status());
+  return config;
 }
 
 }  // namespace turncal

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "calib/types/status.h"
-#include "imu_io/units/serial_imu_config.h"
+#include "imu_io/units/serial_imu.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/verdict.h"
 #include "sequences/plan.h"
@@ -30,7 +30,7 @@ enum class TableDriver {
 };
 enum class ImuDriver {
   rig,  // the rig's own IMU, coupled to its table: dry runs only
-  serial  // units on serial lines: keys of imu_io/units/serial_imu_config.h; imu.2.device, imu.3.device ... are further places
+  serial  // units on serial lines: keys of imu_io/units/serial_imu.h; imu.2.device, imu.3.device ... are further places
 };
 
 // When a move has arrived, when it is late, and how often the table is asked.

@@ -26,7 +26,7 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_encoder.h"
 #include "imu_io/lines/unit_end.h"
 #include "imu_io/recordings/parameter_file.h"

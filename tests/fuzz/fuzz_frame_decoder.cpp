@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_decoder.h"
 #include "imu_io/frames/frame_encoder.h"
 #include "input.h"

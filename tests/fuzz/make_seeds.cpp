@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "imu_io/base/record_log.h"
-#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_encoder.h"
 #include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/parameter_file.h"

@@ -12,7 +12,7 @@
 #include <thread>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/frames/frame_description.h"
 #include "imu_io/lines/pty.h"
 #include "imu_io/units/frame_streamer.h"
 #include "imu_io/units/serial_imu.h"
@@ -102,9 +102,8 @@ void decode(benchmark::State& state) {
   for (auto _ : state) {
     state.PauseTiming();
     must(unit.read(samples, 1.0));
-    for (std::size_t i = 0; i < samples.size(); ++i) {
+    for (std::size_t i = 0; i < samples.size(); ++i)
       must(encoder.encode(samples[i], std::span(bytes).subspan(i * encoder.length(), encoder.length())));
-    }
     state.ResumeTiming();
     const auto room = decoder.space();
     std::copy(bytes.begin(), bytes.end(), room.begin());

@@ -16,40 +16,11 @@ struct CounterTrackerTest : testing::Test {
   PlacedCounter take(double raw) { return take(raw, {time_s, time_s}); }
   PlacedCounter take(double raw, const Arrival& arrival) {
     const PlacedCounter placed = tracker.place(raw, arrival);
-    if (placed.outcome != CounterOutcome::stray && placed.outcome != CounterOutcome::duplicate) {
+    if (placed.outcome != CounterOutcome::stray && placed.outcome != CounterOutcome::duplicate)
       tracker.accept(placed, raw, arrival);
-    }
     return placed;
   }
 };
-
-TEST_F(CounterTrackerTest, FollowsWraps) {
-  for (int i = 1; i < 1000; ++i) {
-    time_s += period;
-    const PlacedCounter placed = take((4 * i) % 256);
-    ASSERT_EQ(placed.outcome, CounterOutcome::next);
-    ASSERT_EQ(placed.counter, i);
-  }
-}
-
-TEST_F(CounterTrackerTest, CountsAGap) {
-  time_s += 5 * period;
-  const PlacedCounter placed = take(20.0);
-  EXPECT_EQ(placed.outcome, CounterOutcome::gap);
-  EXPECT_EQ(placed.ahead, 5);
-}
-
-TEST_F(CounterTrackerTest, ADuplicateIsOne) {
-  time_s += 0.0001;
-  EXPECT_EQ(take(0.0).outcome, CounterOutcome::duplicate);
-}
-
-TEST_F(CounterTrackerTest, BackwardsIsAJumpThatTimeDoesNotAllow) {
-  time_s += period;
-  EXPECT_EQ(take(4.0).outcome, CounterOutcome::next);
-  time_s += period;
-  EXPECT_EQ(take(252.0).outcome, CounterOutcome::stray);  // 62 samples ahead in 2 ms
-}
 
 TEST_F(CounterTrackerTest, TimeTellsTheWrapsOfALongGap) {
   // 1000 samples: 15 wraps and 40.
@@ -111,9 +82,8 @@ TEST(CounterTracker, AWideCounterNeedsNoTime) {
   EXPECT_EQ(placed.outcome, CounterOutcome::next);
   EXPECT_EQ(placed.counter, 4294967296);
   // The clock stepped, or the reader slept: the counter is the time.
-  for (const double step : {-3600.0, 3600.0}) {
+  for (const double step : {-3600.0, 3600.0})
     EXPECT_EQ(tracker.place(0.0, {0.01 + step, 0.01 + step}).outcome, CounterOutcome::next) << step;
-  }
   // One flipped bit of the counter.
   EXPECT_EQ(tracker.place(65536.0, {0.01, 0.01}).outcome, CounterOutcome::stray);
   // A unit that was switched off and on while the link was down: it goes on by the time that has passed, with a gap.

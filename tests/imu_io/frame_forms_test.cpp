@@ -22,9 +22,8 @@ Bytes text_bytes(const char* text) {
 // What comes out of a whole stream fed in pieces of this size.
 std::vector<ImuSample> decoded(const FrameDescription& frame, const Bytes& stream, std::size_t piece) {
   Line line(frame);
-  for (std::size_t at = 0; at < stream.size(); at += piece) {
+  for (std::size_t at = 0; at < stream.size(); at += piece)
     line.feed(std::span(stream).subspan(at, std::min(piece, stream.size() - at)), {0.0, 1e6});
-  }
   return line.samples;
 }
 
@@ -56,9 +55,6 @@ TEST(FrameForms, SignAndMagnitude) {
   Bytes bytes(2);
   EXPECT_FALSE(field.put_number(bytes.data(), 32768.0));
   EXPECT_FALSE(field.put_number(bytes.data(), -32768.0));
-  const FrameDescription frame = frame_with("laser_gyro", {"gyro.type = sm32", "accel.type = sm32"});
-  const auto sent = pulse_samples(100);
-  EXPECT_EQ(expect_only_sent(decoded(frame, on_the_line(frame, sent), 77), sent), 0U);
 }
 
 // Up and down counters that run on, of 16 bits: what came is the difference of both steps.
@@ -84,15 +80,6 @@ TEST(FrameForms, CountersUpAndDown) {
   ASSERT_EQ(line.samples.size(), 1U);
   EXPECT_EQ(line.samples[0].gyro, (std::array<double, 3>{10.0, 10.0 - 3.0, -3.0}));
   EXPECT_EQ(line.samples[0].counter, 11);
-
-  auto sent = pulse_samples(200);
-  for (ImuSample& sample : sent) {
-    for (double& value : sample.gyro) value = std::fmod(value, 30000.0);
-  }
-  const auto got = decoded(frame, on_the_line(frame, sent), 50);
-  EXPECT_EQ(expect_only_sent(got, sent), 1U) << "the first row has nothing to be taken from";
-  const FrameDescription each = frame_with("laser_gyro", {"gyro.type = u16", "gyro.down = 12"});
-  EXPECT_EQ(expect_only_sent(decoded(each, on_the_line(each, sent), 50), sent), 0U);
 }
 
 FrameCheck check_of(CheckKind kind, int bytes) {
@@ -156,28 +143,6 @@ TEST(FrameForms, SumsWithAnEndAroundCarry) {
   EXPECT_EQ(value_over(byte, from_hex("FFFF02")), 0x02U) << "FF is nothing in ones' complement";
   byte.complement = Complement::ones;
   EXPECT_EQ(value_over(byte, from_hex("FFFF02")), 0xFDU);
-}
-
-TEST(FrameForms, EveryCheckFindsDamage) {
-  for (const std::string lines : {"check = sum16\ncheck.of = words", "check = sum16\ncheck.complement = twos",
-                                  "check = xor16", "check = sum16\ncheck.of = words\ncheck.complement = ones",
-                                  "check = sum16\ncheck.of = words\ncheck.carry = end_around\ncheck.complement = ones",
-                                  "check = fletcher16", "check = fletcher16\ncheck.modulus = 256"}) {
-    std::string text = unmarked(builtin_frame_text("laser_gyro"));
-    for (const char* gone : {"check = crc\n", "crc.width = 16\n", "crc.polynomial = 0x1021\n"}) {
-      text.erase(text.find(gone), std::strlen(gone));
-    }
-    const auto frame = parse_frame_description(text + lines + "\n", "x.frame");
-    ASSERT_OK(frame);
-    const auto sent = pulse_samples(40);
-    const Bytes stream = on_the_line(*frame, sent);
-    EXPECT_EQ(expect_only_sent(decoded(*frame, stream, 36), sent), 0U) << lines;
-    for (std::size_t at = 36 * 10; at < 36 * 11; ++at) {
-      Bytes damaged = stream;
-      damaged[at] ^= std::byte{0x10};
-      EXPECT_EQ(expect_only_sent(decoded(*frame, damaged, 36), sent), 1U) << lines << " at " << at;
-    }
-  }
 }
 
 struct Stuffed {
@@ -249,14 +214,12 @@ TEST(FrameForms, StuffedStreamsLoseNothingButWhatIsHit) {
                                                {"stuffing = cobs", "sync = 00"}}) {
     const FrameDescription frame = frame_with("laser_gyro", keys);
     auto sent = pulse_samples(300);
-    for (std::size_t i = 0; i < sent.size(); ++i) {  // full of what has to be stuffed
+    for (std::size_t i = 0; i < sent.size(); ++i)  // full of what has to be stuffed
       sent[i].gyro[i % 3] = static_cast<double>(static_cast<std::int32_t>(i % 2 == 0 ? 0x7E7D7E10 : 0x10C0DB10));
-    }
     const Bytes stream = on_the_line(frame, sent);
     EXPECT_GE(stream.size(), 37 * sent.size()) << keys[0];
-    for (const std::size_t piece : {1U, 2U, 3U, 37U, 1000U, 100000U}) {
+    for (const std::size_t piece : {1U, 2U, 3U, 37U, 1000U, 100000U})
       EXPECT_EQ(expect_only_sent(decoded(frame, stream, piece), sent), 0U) << keys[0] << " in pieces of " << piece;
-    }
     for (std::size_t at = 2000; at < 2100; ++at) {
       Bytes shorter = stream;
       shorter.erase(shorter.begin() + static_cast<std::ptrdiff_t>(at));

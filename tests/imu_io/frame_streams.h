@@ -9,8 +9,9 @@
 #include <string_view>
 #include <vector>
 
-#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/base/text_pieces.h"
 #include "imu_io/frames/frame_decoder.h"
+#include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_encoder.h"
 #include "temporary_folder.h"
 
@@ -36,18 +37,16 @@ inline FrameDescription frame_named(const std::string& name) {
 inline FrameDescription frame_with(const std::string& name, const std::vector<std::string>& lines) {
   std::string text;
   std::string_view rest = builtin_frame_text(name);
-  const auto key_of = [](std::string_view line) { return std::string(line.substr(0, line.find(' '))); };
+  const auto key_of = [](std::string_view line) { return line.substr(0, line.find(' ')); };
   while (!rest.empty()) {
-    const std::size_t end = rest.find('\n');
-    const std::string_view line = rest.substr(0, end);
-    rest.remove_prefix(end == std::string_view::npos ? rest.size() : end + 1);
+    const std::string_view line = next_line(rest);
     const bool replaced =
         std::any_of(lines.begin(), lines.end(), [&](const std::string& l) { return key_of(l) == key_of(line); });
     if (!replaced) text += std::string(line) + "\n";
   }
   for (const std::string& line : lines) text += line + "\n";
   auto frame = parse_frame_description(text, name);
-  EXPECT_TRUE(frame.ok()) << frame.error().message;
+  EXPECT_TRUE(frame.ok()) << frame.error().message << "\n" << text;
   return frame.value();
 }
 
@@ -100,10 +99,9 @@ class Line {
   // One frame after another, each a period later.
   void feed_frames(const FrameDescription& frame, const std::vector<ImuSample>& sent) {
     FrameEncoder encoder(frame);
-    Bytes bytes(encoder.length());
     for (const ImuSample& sample : sent) {
-      const Status status = encoder.encode(sample, bytes);
-      ASSERT_TRUE(status.ok()) << status.error().message;
+      Bytes bytes;
+      ASSERT_OK(encoder.append(sample, bytes));
       time_s += period_s_;
       feed(bytes);
     }

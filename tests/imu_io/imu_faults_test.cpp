@@ -144,9 +144,8 @@ TEST(ImuFaults, EveryReadSplit) {
     const Bytes clean = encode_all(frame, sent);
     for (const std::size_t piece : {1, 2, 3, 7, 35, 37, 1000}) {
       Line line(frame);
-      for (std::size_t i = 0; i < clean.size(); i += piece) {
+      for (std::size_t i = 0; i < clean.size(); i += piece)
         line.feed(std::span(clean).subspan(i, std::min(piece, clean.size() - i)), {100.0, 102.0});
-      }
       EXPECT_EQ(expect_only_sent(line.samples, sent), frame.check.weak() ? 1U : 0U) << piece;
     }
   }

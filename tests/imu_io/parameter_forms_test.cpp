@@ -17,18 +17,8 @@ namespace turncal {
 namespace {
 
 ParameterFile make_file() {
-  ParameterFile file;
-  describe_recording(test::make_info(), file);
-  file.recording_hash = "c9a8024e345e5f3f127138fb58be5abe";
-  file.model = "extended";
-  file.method = "joint";
-  file.software_version = "0.1.0";
-  file.time_utc = "2026-01-31T12:00:00Z";
-  for (int i = 0; i < parameter_count; ++i) {
-    file.parameters[i] += 1e-7 / (i + 3);
-    if (parameter_is_free[static_cast<std::size_t>(i)]) file.sigma[static_cast<std::size_t>(i)] = 1e-7 * (i + 1);
-  }
-  file.effects = {{"accel_size_effect", "x_rx", 12.5, 0.25}, {"gyro_warm_up", "tau_s", 600.0, {}}};
+  ParameterFile file = test::make_parameter_file();
+  for (int i = 0; i < parameter_count; ++i) file.parameters[i] += 1e-7 / (i + 3);
   file.add_further("quality.trusted", "false");
   return file;
 }

@@ -10,9 +10,8 @@ namespace {
 
 TEST(RecordingCheck, PlainTextIsPrintableUtf8) {
   for (const char* good :
-       {"RLG-0042", "\xC3\xA4\xC3\xB6", "\xE5\x8D\x95\xE5\x85\x83 7", "\xF0\x9F\x9B\xB0", "a=b", "\xC2\xA0x"}) {
+       {"RLG-0042", "\xC3\xA4\xC3\xB6", "\xE5\x8D\x95\xE5\x85\x83 7", "\xF0\x9F\x9B\xB0", "a=b", "\xC2\xA0x"})
     EXPECT_TRUE(is_plain_text(good)) << good;
-  }
   for (const char* bad : {"",
                           " a",
                           "a ",
@@ -47,9 +46,8 @@ TEST(RecordingCheck, PlainTextIsPrintableUtf8) {
                           "\xE2\x80\x8B",
                           "\xEF\xBB\xBFSN1",
                           "SN\xC2\xAD"
-                          "1"}) {  // is not seen
+                          "1"})  // is not seen
     EXPECT_FALSE(is_plain_text(bad)) << quoted(bad);
-  }
 }
 
 TEST(RecordingCheck, WhatIsQuotedCanBePrinted) {

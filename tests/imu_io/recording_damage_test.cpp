@@ -60,9 +60,8 @@ struct DamageTest : testing::Test {
     auto file = PosixFile::open_to_read(path);
     RecordScanner scanner(*file, content.size(), recording_magic);
     Record record;
-    for (auto more = scanner.next(record); more && *more; more = scanner.next(record)) {
+    for (auto more = scanner.next(record); more && *more; more = scanner.next(record))
       result.push_back({record.type, record.number, {record.payload.begin(), record.payload.end()}});
-    }
     EXPECT_EQ(result.size(), 17U);
     return result;
   }
@@ -74,6 +73,20 @@ struct DamageTest : testing::Test {
       end_record(bytes, begun);
     }
     write_file(path, std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+  }
+
+  // What the file is taken for when this stands in it.
+  std::unique_ptr<RecordingSource> opened(const std::string& bytes) const {
+    write_file(path, bytes);
+    return opened();
+  }
+  std::unique_ptr<RecordingSource> opened() const {
+    auto source = RecordingSource::open(path);
+    EXPECT_TRUE(source.ok()) << source.error().message;
+    return std::move(*source);
+  }
+  std::vector<ImuSample> first(std::size_t count) const {
+    return {samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(count)};
   }
 
   // Every sample read is one that was written, in order.
@@ -118,7 +131,7 @@ TEST_F(DamageTest, CutAtEveryByteIsANormalEnd) {
     const auto read = read_all(**source);
     ASSERT_GE(read.size(), most_samples);
     most_samples = read.size();
-    expect_same(read, {samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(read.size())});
+    expect_same(read, first(read.size()));
     expect_honest((*source)->segments(), read.front().counter, read.back().counter);
     const RecordingDamage damage = (*source)->damage();
     ASSERT_FALSE(damage.complete);
@@ -133,7 +146,9 @@ TEST_F(DamageTest, CutAtEveryByteIsANormalEnd) {
     ASSERT_EQ(writer->sample_count(), read.size());
     ASSERT_EQ(writer->cut_bytes(), damage.torn_tail_bytes);
     ASSERT_OK(writer->add(std::span(samples).subspan(read.size())));
-    if (writer->open_segment()) ASSERT_OK(writer->end_segment(SegmentKind::rotate, samples.back().counter + 1, {}));
+    if (writer->open_segment()) {
+      ASSERT_OK(writer->end_segment(SegmentKind::rotate, samples.back().counter + 1, {}));
+    }
     ASSERT_OK(writer->finish());
     auto whole = RecordingSource::open(path);
     ASSERT_OK(whole);
@@ -189,16 +204,14 @@ TEST_F(DamageTest, LostBlockIsCountedByTheNumbersOfTheRecords) {
   // Take out the last two samples records (there is one flag in them), leaving no byte of them.
   const std::size_t two_records = 2 * (record_overhead_bytes + 20 + chunk * 28) + 8;
   const std::size_t at = content.size() - (record_overhead_bytes + 8) - (record_overhead_bytes + 48) - two_records;
-  write_file(path, content.substr(0, at) + content.substr(at + two_records));
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  EXPECT_EQ(read_all(**source).size(), samples.size() - 2 * chunk);
-  EXPECT_EQ((*source)->damage().records_dropped, 2U);
-  EXPECT_EQ((*source)->damage().bytes_dropped, 0U);
-  EXPECT_EQ((*source)->damage().samples_dropped, 2 * chunk);
-  EXPECT_EQ(describe((*source)->damage()), "2 damaged records dropped (0 bytes, 8 samples)");
+  const auto source = opened(content.substr(0, at) + content.substr(at + two_records));
+  EXPECT_EQ(read_all(*source).size(), samples.size() - 2 * chunk);
+  EXPECT_EQ(source->damage().records_dropped, 2U);
+  EXPECT_EQ(source->damage().bytes_dropped, 0U);
+  EXPECT_EQ(source->damage().samples_dropped, 2 * chunk);
+  EXPECT_EQ(describe(source->damage()), "2 damaged records dropped (0 bytes, 8 samples)");
   // The dwell is cut to what is left of it.
-  EXPECT_EQ((*source)->segments().back().end_sample, 24);
+  EXPECT_EQ(source->segments().back().end_sample, 24);
 }
 
 TEST_F(DamageTest, InsertedGarbageCostsNothing) {
@@ -206,24 +219,20 @@ TEST_F(DamageTest, InsertedGarbageCostsNothing) {
   std::string inserted = content.substr(0, at);
   // At a record boundary or inside a record: here inside the spare copy of the first record.
   inserted += std::string(5000, '\x89') + "\x89TCR" + content.substr(at);
-  write_file(path, inserted);
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  expect_same(read_all(**source), samples);
-  EXPECT_LE((*source)->damage().records_dropped, 1U);
-  EXPECT_GT((*source)->damage().bytes_dropped, 5000U);
+  const auto source = opened(inserted);
+  expect_same(read_all(*source), samples);
+  EXPECT_LE(source->damage().records_dropped, 1U);
+  EXPECT_GT(source->damage().bytes_dropped, 5000U);
 }
 
 // After a power loss a file can have its length but not its last blocks.
 TEST_F(DamageTest, TailOfZerosIsATornTail) {
   const std::size_t keep = content.size() - 300;
-  write_file(path, content.substr(0, keep) + std::string(300 + 4096, '\0'));
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  const auto read = read_all(**source);
-  expect_same(read, {samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(read.size())});
-  EXPECT_FALSE((*source)->damage().lost_data());
-  EXPECT_GT((*source)->damage().torn_tail_bytes, 4096U);
+  const auto source = opened(content.substr(0, keep) + std::string(300 + 4096, '\0'));
+  const auto read = read_all(*source);
+  expect_same(read, first(read.size()));
+  EXPECT_FALSE(source->damage().lost_data());
+  EXPECT_GT(source->damage().torn_tail_bytes, 4096U);
 }
 
 TEST_F(DamageTest, ReopeningCutsTheTornTailAtOnce) {
@@ -234,36 +243,25 @@ TEST_F(DamageTest, ReopeningCutsTheTornTailAtOnce) {
   EXPECT_LT(read_file(path).size(), content.size());
 }
 
-// The dwell may have been one that had to be repeated: only its end record could have told.
+// The dwell may have been one that had to be repeated: only its end record could have told. (Records: 2 info, 6 to 9 of the second segment,
+// 10 the begin of the third.)
 TEST_F(DamageTest, SegmentWithoutItsEndIsRotate) {
-  auto told = parts();
-  told.erase(told.begin() + 9);  // the end of the second segment, which was begun as a dwell
-  write_parts(told);
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  expect_same((*source)->segments(), segments);
-  EXPECT_EQ((*source)->damage().records_dropped, 1U);
-}
-
-TEST_F(DamageTest, SegmentWithoutBeginAndEndIsRotate) {
-  auto told = parts();
-  told.erase(told.begin() + 9);
-  told.erase(told.begin() + 6);
-  write_parts(told);
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  // Nobody knows its angles any more: those of the segment before stand in.
-  expect_same((*source)->segments(), {segments[0], make_segment(1, SegmentKind::rotate, 8, 16, 0, 0, 0), segments[2]});
-  expect_same(read_all(**source), samples);
-}
-
-TEST_F(DamageTest, SegmentWithoutItsBeginIsWhole) {
-  auto told = parts();
-  told.erase(told.begin() + 10);
-  write_parts(told);
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  expect_same((*source)->segments(), segments);
+  const Segment unknown =
+      make_segment(1, SegmentKind::rotate, 8, 16, 0, 0, 0);  // the angles of the segment before stand in
+  const struct {
+    std::vector<int> lost;
+    Segments expected;
+  } cases[] = {{{9}, segments}, {{9, 6}, {segments[0], unknown, segments[2]}}, {{10}, segments}};
+  const std::vector<Part> whole = parts();
+  for (const auto& [lost, expected] : cases) {
+    auto told = whole;
+    for (const int place : lost) told.erase(told.begin() + place);
+    write_parts(told);
+    const auto source = opened();
+    expect_same(source->segments(), expected);
+    expect_same(read_all(*source), samples);
+    EXPECT_EQ(source->damage().records_dropped, lost.size());
+  }
 }
 
 TEST_F(DamageTest, RecordAfterTheEndMarkIsNotRead) {
@@ -273,10 +271,9 @@ TEST_F(DamageTest, RecordAfterTheEndMarkIsNotRead) {
   told.push_back({static_cast<std::uint32_t>(RecordType::samples), 200, {}});
   append_samples(told.back().payload, make_samples(info, 5, 5000), info);
   write_parts(told);
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  expect_same(read_all(**source), samples);
-  EXPECT_GT((*source)->damage().torn_tail_bytes, 0U);
+  const auto source = opened();
+  expect_same(read_all(*source), samples);
+  EXPECT_GT(source->damage().torn_tail_bytes, 0U);
 }
 
 TEST_F(DamageTest, BothFirstRecordsDestroyedIsAnError) {
@@ -289,11 +286,9 @@ TEST_F(DamageTest, BothFirstRecordsDestroyedIsAnError) {
 }
 
 TEST_F(DamageTest, TextAfterTheEndMarkIsNotRead) {
-  write_file(path, content + content);
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  expect_same(read_all(**source), samples);
-  EXPECT_EQ((*source)->damage().torn_tail_bytes, content.size());
+  const auto source = opened(content + content);
+  expect_same(read_all(*source), samples);
+  EXPECT_EQ(source->damage().torn_tail_bytes, content.size());
 }
 
 // Records whose checksums are right but whose content is not: a writer gone wrong, or somebody's intent.

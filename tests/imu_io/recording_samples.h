@@ -3,13 +3,17 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
 #include <random>
 #include <string>
+#include <tuple>
+#include <type_traits>
 #include <vector>
 
+#include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "temporary_folder.h"
@@ -54,33 +58,47 @@ inline std::vector<ImuSample> make_samples(const RecordingInfo& info, std::size_
   return samples;
 }
 
+// Of a unit that was calibrated: every kind of key in use.
+inline ParameterFile make_parameter_file() {
+  ParameterFile file;
+  describe_recording(make_info(), file);
+  file.recording_hash = "c9a8024e345e5f3f127138fb58be5abe";
+  file.model = "extended";
+  file.method = "joint";
+  file.software_version = "0.1.0";
+  file.time_utc = "2026-01-31T12:00:00Z";
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i)
+    if (parameter_is_free[i]) file.sigma[i] = 1e-7 * static_cast<double>(i + 1);
+  file.effects = {{"accel_size_effect", "x_rx", 12.5, 0.25}, {"gyro_warm_up", "tau_s", 600.0, {}}};
+  return file;
+}
+
 inline bool same(const ImuSample& a, const ImuSample& b) {
   const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
-  for (std::size_t axis = 0; axis < 3; ++axis) {
+  for (std::size_t axis = 0; axis < 3; ++axis)
     if (bits(a.gyro[axis]) != bits(b.gyro[axis]) || bits(a.accel[axis]) != bits(b.accel[axis])) return false;
-  }
   const bool same_temperature = std::isnan(a.temperature_c) ? std::isnan(b.temperature_c)
                                                             : std::bit_cast<std::uint32_t>(a.temperature_c) ==
                                                                   std::bit_cast<std::uint32_t>(b.temperature_c);
   return a.counter == b.counter && a.flags == b.flags && same_temperature;
 }
 
-inline void expect_same(const std::vector<ImuSample>& a, const std::vector<ImuSample>& b) {
-  ASSERT_EQ(a.size(), b.size());
-  for (std::size_t i = 0; i < a.size(); ++i) ASSERT_TRUE(same(a[i], b[i])) << "sample " << i;
+inline bool same(const Segment& a, const Segment& b) {
+  const auto all = [](const Segment& s) {
+    return std::tie(s.step, s.kind, s.start_sample, s.end_sample, s.heading_deg, s.pitch_deg, s.roll_deg);
+  };
+  return all(a) == all(b);
 }
 
-inline void expect_same(const Segments& a, const Segments& b) {
+template <class Thing>
+bool all_same(const std::vector<Thing>& a, const std::vector<Thing>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const Thing& x, const Thing& y) { return same(x, y); });
+}
+
+template <class Thing>
+void expect_same(const std::vector<Thing>& a, const std::type_identity_t<std::vector<Thing>>& b) {
   ASSERT_EQ(a.size(), b.size());
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    EXPECT_EQ(a[i].step, b[i].step) << i;
-    EXPECT_EQ(a[i].kind, b[i].kind) << i;
-    EXPECT_EQ(a[i].start_sample, b[i].start_sample) << i;
-    EXPECT_EQ(a[i].end_sample, b[i].end_sample) << i;
-    EXPECT_EQ(a[i].heading_deg, b[i].heading_deg) << i;
-    EXPECT_EQ(a[i].pitch_deg, b[i].pitch_deg) << i;
-    EXPECT_EQ(a[i].roll_deg, b[i].roll_deg) << i;
-  }
+  for (std::size_t i = 0; i < a.size(); ++i) ASSERT_TRUE(same(a[i], b[i])) << "number " << i;
 }
 
 inline std::vector<ImuSample> read_all(RecordingSource& source) {

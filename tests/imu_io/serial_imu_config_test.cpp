@@ -1,4 +1,4 @@
-#include "imu_io/units/serial_imu_config.h"
+#include "imu_io/units/serial_imu.h"
 
 #include <gtest/gtest.h>
 
@@ -56,9 +56,8 @@ TEST(SerialImuConfig, OneLineForEachMistake) {
                      "': expected a serial device such as /dev/serial/by-id/..., tcp:HOST:PORT, udp:PORT, "
                      "udp:ADDRESS:PORT or udp_to:HOST:PORT");
   }
-  for (const char* line : {"udp:5000", "udp:127.0.0.1:5000", "tcp:host:1", "tcp:10.0.0.5:4001"}) {
+  for (const char* line : {"udp:5000", "udp:127.0.0.1:5000", "tcp:host:1", "tcp:10.0.0.5:4001"})
     ASSERT_OK(parse("imu.device = " + std::string(line) + "\nimu.frame = laser_gyro\n"));
-  }
   EXPECT_ERROR(
       parse("imu.device = udp:5000\nimu.frame = f64_55aa34\n"),
       "a.station:1: key 'imu.device' = 'udp:5000': expected a frame with a counter: only it tells of datagrams "

@@ -1,6 +1,11 @@
 // The text form: both ways, the same content hash as binary, and one clear line for every defect.
 #include <gtest/gtest.h>
 
+#include <bit>
+#include <cmath>
+#include <random>
+
+#include "imu_io/recordings/imu_csv.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
@@ -31,6 +36,11 @@ constexpr const char* segments_csv =
     "1,align,0,2,-90,0,0\n"
     "1,rotate,2,4,-90,12.5,0\n"
     "2,static,4,6,-90,12.5,360\n";
+
+// What is put in place of what, and the line that comes of it, after the file's name.
+struct Defect {
+  std::string what, with, message;
+};
 
 struct TextTest : testing::Test {
   TemporaryFolder folder;
@@ -121,34 +131,27 @@ TEST_F(TextTest, ExportOfAnImportGivesTheSameBytes) {
 // ---- defects of recording.conf ----
 
 TEST_F(TextTest, ConfDefects) {
-  EXPECT_EQ(conf_defect("format = 1", "format = 2"), conf_path + ":1: key 'format' = '2': expected 1");
-  EXPECT_EQ(conf_defect("0.005", "0"),
-            conf_path + ":2: key 'sample_period_s' = '0': expected a number between 1e-05 and 10");
-  EXPECT_EQ(conf_defect("0.005", "-0.005"),
-            conf_path + ":2: key 'sample_period_s' = '-0.005': expected a number between 1e-05 and 10");
-  EXPECT_EQ(conf_defect("29.53", "129"),
-            conf_path + ":3: key 'latitude_deg' = '129': expected a number between -90 and 90");
-  EXPECT_EQ(conf_defect("9.7914", "0"), conf_path + ":4: key 'gravity_mps2' = '0': expected a number between 9 and 11");
-  EXPECT_EQ(conf_defect("9.7914", "nan"),
-            conf_path + ":4: key 'gravity_mps2' = 'nan': expected a number between 9 and 11");
-  EXPECT_EQ(conf_defect("LG-7", ""), conf_path + ":5: key 'unit_serial' = '': expected a text");
-  EXPECT_EQ(conf_defect("gyro_increment = pulses", "gyro_increment = mps"),
-            conf_path + ":6: key 'gyro_increment' = 'mps': expected pulses or rad");
-  EXPECT_EQ(conf_defect("accel_increment = pulses", "accel_increment = rad"),
-            conf_path + ":7: key 'accel_increment' = 'rad': expected pulses or mps");
-  EXPECT_EQ(conf_defect("accel_pulse_mps = 0.0005", ""),
-            conf_path + ": key 'accel_pulse_mps' is missing: expected a number between 1e-09 and 10");
-  EXPECT_EQ(conf_defect("gravity_mps2 = 9.7914\n", ""),
-            conf_path + ": key 'gravity_mps2' is missing: expected a number between 9 and 11");
-  EXPECT_EQ(conf_defect("accel_pulse_mps", "accel_puls_mps"),
-            conf_path + ":8: key 'accel_puls_mps' is unknown; did you mean 'accel_pulse_mps'?");
-  EXPECT_EQ(conf_defect("format", "colour = red\nformat"), conf_path + ":1: key 'colour' is unknown");
-  EXPECT_EQ(conf_defect("format", "simulated = maybe\nformat"),
-            conf_path + ":1: key 'simulated' = 'maybe': expected true or false");
-  EXPECT_EQ(conf_defect("format", "started_utc = yesterday\nformat"),
-            conf_path + ":1: key 'started_utc' = 'yesterday': expected a time as 2026-01-31T12:00:00Z");
-  EXPECT_EQ(conf_defect("format", "started_utc = 1912-01-31T12:00:00Z\nformat"),
-            conf_path + ": started_utc = '-1827748800 s': expected a time from 1970 to 9999");
+  const Defect cases[] = {
+      {"format = 1", "format = 2", ":1: key 'format' = '2': expected 1"},
+      {"0.005", "0", ":2: key 'sample_period_s' = '0': expected a number between 1e-05 and 10"},
+      {"0.005", "-0.005", ":2: key 'sample_period_s' = '-0.005': expected a number between 1e-05 and 10"},
+      {"29.53", "129", ":3: key 'latitude_deg' = '129': expected a number between -90 and 90"},
+      {"9.7914", "0", ":4: key 'gravity_mps2' = '0': expected a number between 9 and 11"},
+      {"9.7914", "nan", ":4: key 'gravity_mps2' = 'nan': expected a number between 9 and 11"},
+      {"LG-7", "", ":5: key 'unit_serial' = '': expected a text"},
+      {"gyro_increment = pulses", "gyro_increment = mps", ":6: key 'gyro_increment' = 'mps': expected pulses or rad"},
+      {"accel_increment = pulses", "accel_increment = rad",
+       ":7: key 'accel_increment' = 'rad': expected pulses or mps"},
+      {"accel_pulse_mps = 0.0005", "", ": key 'accel_pulse_mps' is missing: expected a number between 1e-09 and 10"},
+      {"gravity_mps2 = 9.7914\n", "", ": key 'gravity_mps2' is missing: expected a number between 9 and 11"},
+      {"accel_pulse_mps", "accel_puls_mps", ":8: key 'accel_puls_mps' is unknown; did you mean 'accel_pulse_mps'?"},
+      {"format", "colour = red\nformat", ":1: key 'colour' is unknown"},
+      {"format", "simulated = maybe\nformat", ":1: key 'simulated' = 'maybe': expected true or false"},
+      {"format", "started_utc = yesterday\nformat",
+       ":1: key 'started_utc' = 'yesterday': expected a time as 2026-01-31T12:00:00Z"},
+      {"format", "started_utc = 1912-01-31T12:00:00Z\nformat",
+       ": started_utc = '-1827748800 s': expected a time from 1970 to 9999"}};
+  for (const auto& [what, with, message] : cases) EXPECT_EQ(conf_defect(what, with), conf_path + message);
   write_file(conf_path, "");
   EXPECT_EQ(defect(), conf_path + ": empty file: expected key = value lines");
 }
@@ -174,30 +177,25 @@ TEST_F(TextTest, CsvHeaderDefects) {
 
 TEST_F(TextTest, CsvValueDefects) {
   const std::string pulses = "expected a whole number of pulses within 32 bits";
-  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,0,1.5,-2,3,96,0,24.001"),
-            csv_path + ":3: column gyro_y = '1.5': " + pulses);
-  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,nan,0,24.001"),
-            csv_path + ":3: column accel_y = 'nan': " + pulses);
-  EXPECT_EQ(csv_defect("2147483647", "2147483648"), csv_path + ":4: column gyro_x = '2147483648': " + pulses);
-  EXPECT_EQ(csv_defect("2147483647", "99999999999999999999999"),
-            csv_path + ":4: column gyro_x = '99999999999999999999999': " + pulses);
-  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,,1,-2,3,96,0,24.001"),
-            csv_path + ":3: column gyro_x = '': " + pulses);
-  EXPECT_EQ(
-      csv_defect("1,0,1,-2,3,96,0,24.001", "x,0,1,-2,3,96,0,24.001"),
-      csv_path + ":3: column sample = 'x': expected a whole number of at most 2^62 either way, the unit's counter");
-  EXPECT_EQ(csv_defect("24.001", "warm"),
-            csv_path +
-                ":3: column temperature_c = 'warm': expected a number in degrees Celsius, or nothing when it was "
-                "not measured");
-  EXPECT_EQ(csv_defect("24.001", "NaN"),
-            csv_path +
-                ":3: column temperature_c = 'NaN': expected a number in degrees Celsius, or nothing when it was "
-                "not measured");
-  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,0"), csv_path + ":3: 7 columns: expected 8");
-  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,0,24.001,9"), csv_path + ":3: 9 columns: expected 8");
-  EXPECT_EQ(csv_defect("1,0,1,-2,3,96,0,24.001", ""), csv_path + ":3: 1 columns: expected 8");
-  EXPECT_EQ(csv_defect("0,0,1,-2,3,96,0,24.000", "0,0,1,-2,3,96,0"), csv_path + ":2: 7 columns: expected 8");
+  const Defect cases[] = {
+      {"1,0,1,-2,3,96,0,24.001", "1,0,1.5,-2,3,96,0,24.001", ":3: column gyro_y = '1.5': " + pulses},
+      {"1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,nan,0,24.001", ":3: column accel_y = 'nan': " + pulses},
+      {"2147483647", "2147483648", ":4: column gyro_x = '2147483648': " + pulses},
+      {"2147483647", "99999999999999999999999", ":4: column gyro_x = '99999999999999999999999': " + pulses},
+      {"1,0,1,-2,3,96,0,24.001", "1,,1,-2,3,96,0,24.001", ":3: column gyro_x = '': " + pulses},
+      {"1,0,1,-2,3,96,0,24.001", "x,0,1,-2,3,96,0,24.001",
+       ":3: column sample = 'x': expected a whole number of at most 2^62 either way, the unit's counter"},
+      {"24.001", "warm",
+       ":3: column temperature_c = 'warm': expected a number in degrees Celsius, or nothing when it was "
+       "not measured"},
+      {"24.001", "NaN",
+       ":3: column temperature_c = 'NaN': expected a number in degrees Celsius, or nothing when it was "
+       "not measured"},
+      {"1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,0", ":3: 7 columns: expected 8"},
+      {"1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,0,24.001,9", ":3: 9 columns: expected 8"},
+      {"1,0,1,-2,3,96,0,24.001", "", ":3: 1 columns: expected 8"},
+      {"0,0,1,-2,3,96,0,24.000", "0,0,1,-2,3,96,0", ":2: 7 columns: expected 8"}};
+  for (const auto& [what, with, message] : cases) EXPECT_EQ(csv_defect(what, with), csv_path + message);
   EXPECT_EQ(csv_defect("5,0,0,0,0,96,0,-24.5004", "5,0,0,0,0,96"), csv_path + ":5: 6 columns: expected 8");
 }
 
@@ -238,36 +236,25 @@ TEST_F(TextTest, LineWithoutEndIsNotReadIntoMemory) {
 // ---- defects of segments.csv ----
 
 TEST_F(TextTest, SegmentDefects) {
-  EXPECT_EQ(segments_defect("start_sample,end_sample", "end_sample,start_sample"),
-            segments_path +
-                ":1: header 'step,kind,end_sample,start_sample,heading_deg,pitch_deg,roll...': expected "
-                "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg");
-  EXPECT_EQ(segments_defect("rotate", "moving"),
-            segments_path + ":3: column kind = 'moving': expected align, static or rotate");
-  EXPECT_EQ(segments_defect("1,align", "x,align"),
-            segments_path + ":2: column step = 'x': expected a whole number >= 0");
-  EXPECT_EQ(segments_defect("1,align", "-1,align"),
-            segments_path + ":2: column step = '-1': expected a whole number >= 0");
-  EXPECT_EQ(segments_defect("0,2,-90", "0.5,2,-90"),
-            segments_path + ":2: column start_sample = '0.5': expected a whole number of at most 2^62 either way");
-  EXPECT_EQ(segments_defect("12.5,0", "nan,0"),
-            segments_path + ":3: column pitch_deg = 'nan': expected a number, degrees");
-  EXPECT_EQ(segments_defect("rotate,2,4", "rotate,1,4"),
-            segments_path + ":3: start_sample = '1': expected 2, where the segment before ends");
-  EXPECT_EQ(segments_defect("rotate,2,4", "rotate,3,4"),
-            segments_path + ":3: start_sample = '3': expected 2, where the segment before ends");
-  EXPECT_EQ(segments_defect("align,0,2", "align,0,0"),
-            segments_path + ":2: end_sample = '0': expected more than start_sample, 0");
-  EXPECT_EQ(segments_defect("align,0,2", "align,-1,2"),
-            segments_path + ":2: start_sample = '-1': expected at least the first sample, 0");
-  EXPECT_EQ(segments_defect("static,4,6", "static,4,7"),
-            segments_path + ":4: end_sample = '7': expected at most one more than the last sample, 5");
-  EXPECT_EQ(segments_defect("static,4,6", "static,4,9223372036854775807"),
-            segments_path +
-                ":4: column end_sample = '9223372036854775807': expected a whole number of at most 2^62 either way");
-  EXPECT_EQ(segments_defect("12.5,360\n", "12.5,360"),
-            segments_path + ":4: the last line is cut off: expected a line end");
-  EXPECT_EQ(segments_defect("1,align,0,2,-90,0,0", "1,align,0,2,-90,0"), segments_path + ":2: 6 columns: expected 7");
+  const Defect cases[] = {
+      {"start_sample,end_sample", "end_sample,start_sample",
+       ":1: header 'step,kind,end_sample,start_sample,heading_deg,pitch_deg,roll...': expected "
+       "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg"},
+      {"rotate", "moving", ":3: column kind = 'moving': expected align, static or rotate"},
+      {"1,align", "x,align", ":2: column step = 'x': expected a whole number >= 0"},
+      {"1,align", "-1,align", ":2: column step = '-1': expected a whole number >= 0"},
+      {"0,2,-90", "0.5,2,-90", ":2: column start_sample = '0.5': expected a whole number of at most 2^62 either way"},
+      {"12.5,0", "nan,0", ":3: column pitch_deg = 'nan': expected a number, degrees"},
+      {"rotate,2,4", "rotate,1,4", ":3: start_sample = '1': expected 2, where the segment before ends"},
+      {"rotate,2,4", "rotate,3,4", ":3: start_sample = '3': expected 2, where the segment before ends"},
+      {"align,0,2", "align,0,0", ":2: end_sample = '0': expected more than start_sample, 0"},
+      {"align,0,2", "align,-1,2", ":2: start_sample = '-1': expected at least the first sample, 0"},
+      {"static,4,6", "static,4,7", ":4: end_sample = '7': expected at most one more than the last sample, 5"},
+      {"static,4,6", "static,4,9223372036854775807",
+       ":4: column end_sample = '9223372036854775807': expected a whole number of at most 2^62 either way"},
+      {"12.5,360\n", "12.5,360", ":4: the last line is cut off: expected a line end"},
+      {"1,align,0,2,-90,0,0", "1,align,0,2,-90,0", ":2: 6 columns: expected 7"}};
+  for (const auto& [what, with, message] : cases) EXPECT_EQ(segments_defect(what, with), segments_path + message);
   write_file(segments_path, "");
   EXPECT_EQ(defect(), segments_path +
                           ": empty file: expected the header step,kind,start_sample,end_sample,heading_deg,"
@@ -363,6 +350,61 @@ TEST_F(TextTest, EveryChangeOfContentChangesTheHash) {
   hashes.push_back(hash());
   std::sort(hashes.begin(), hashes.end());
   EXPECT_EQ(std::adjacent_find(hashes.begin(), hashes.end()), hashes.end());
+}
+
+// The fast row parser against the slow one on text that is nearly a row.
+TEST(ImuCsvRow, FastAndSlowParserAgree) {
+  std::mt19937 random(5);
+  const auto parsers = [](IncrementKind gyro, bool temperature) {
+    return ImuCsvParser("x", make_info(gyro, IncrementKind::pulses, temperature));
+  };
+  const std::string alphabet = "0123456789-+.e, \r,,,000111";
+  int accepted = 0;
+  for (int round = 0; round < 300000; ++round) {
+    const bool temperature = random() % 2 == 0;
+    const auto gyro = random() % 2 == 0 ? IncrementKind::pulses : IncrementKind::physical;
+    const ImuCsvParser parser = parsers(gyro, temperature);
+    std::string row = "12,0,-3,450,2147483647,96,-1";
+    if (temperature) row += ",24.125";
+    for (unsigned change = random() % 4; change > 0; --change)
+      row[random() % row.size()] = alphabet[random() % alphabet.size()];
+    std::string padded = row + "\n" + std::string(64, '7');
+    const char* at = padded.data();
+    ImuSample fast;
+    ImuSample slow;
+    if (!parser.parse_plain(at, fast)) continue;
+    ++accepted;
+    ASSERT_EQ(at, padded.data() + row.size() + 1);
+    if (row.ends_with('\r')) row.pop_back();
+    const Status status = parser.parse(row, 1, slow);
+    ASSERT_TRUE(status.ok()) << row << ": " << status.error().message;
+    ASSERT_TRUE(same(fast, slow)) << row;
+  }
+  EXPECT_GT(accepted, 50000);
+}
+
+TEST(ImuCsvRow, TemperaturesComeBackBitForBit) {
+  const RecordingInfo info = make_info();
+  const ImuCsvParser parser("x", info);
+  std::mt19937 random(6);
+  for (int round = 0; round < 200000; ++round) {
+    ImuSample sample;
+    sample.temperature_c = round % 2 == 0 ? std::bit_cast<float>(static_cast<std::uint32_t>(random()))
+                                          : static_cast<float>(static_cast<int>(random() % 200000) - 50000) / 1000.0F;
+    if (!std::isfinite(sample.temperature_c)) continue;
+    std::string row;
+    append_imu_row(row, sample, info);
+    const std::string_view text(row.data(), row.size() - 1);
+    ImuSample slow;
+    ASSERT_OK(parser.parse(text, 1, slow));
+    ASSERT_TRUE(same(slow, sample)) << row;
+    row.append(64, '7');
+    const char* at = row.data();
+    ImuSample fast;
+    if (parser.parse_plain(at, fast)) {
+      ASSERT_TRUE(same(fast, sample)) << row;
+    }
+  }
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include <functional>
 #include <thread>
 
-#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_encoder.h"
 #include "imu_io/lines/pty.h"
 #include "orchestrator/devices/live_devices.h"

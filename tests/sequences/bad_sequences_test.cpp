@@ -126,13 +126,10 @@ INSTANTIATE_TEST_SUITE_P(Every, BadSequence, testing::ValuesIn(bad_files), test_
 
 TEST(BadSequences, EveryFileOfTheFolderIsInTheTable) {
   std::set<std::string> listed;
-  for (const BadFile& file : bad_files) {
-    listed.insert(file.name);
-  }
+  for (const BadFile& file : bad_files) listed.insert(file.name);
   std::set<std::string> present;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+  for (const auto& entry : std::filesystem::directory_iterator(folder))
     present.insert(entry.path().filename().string());
-  }
   EXPECT_EQ(listed, present);
 }
 

@@ -99,9 +99,7 @@ TEST(Plan, FourteenStepsTakeExactly6342Seconds) {
 // The shared sample was recorded by an independent rig walking the same sequence.
 TEST(Plan, FourteenStepsRecordTheSegmentsOfTheSharedSample) {
   const std::string path = std::string(TURNCAL_SOURCE_DIR) + "/../shared/data/recordings/clean/segments.csv";
-  if (!std::filesystem::exists(path)) {
-    GTEST_SKIP() << "the shared sample recording is not here: " << path;
-  }
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << "the shared sample recording is not here: " << path;
   std::ifstream stream(path);
   std::string line;
   std::getline(stream, line);
@@ -131,9 +129,7 @@ TEST(Plan, WorkedExampleOfTheDocument) {
   const Plan plan = make_plan(*sequence, rig_limits());
   const double starts_s[] = {0.0, 60.0, 97.0, 197.0, 269.75, 279.75, 339.75, 349.75};
   ASSERT_EQ(plan.items.size(), std::size(starts_s));
-  for (std::size_t i = 0; i < plan.items.size(); ++i) {
-    EXPECT_DOUBLE_EQ(plan.items[i].start_s, starts_s[i]) << i;
-  }
+  for (std::size_t i = 0; i < plan.items.size(); ++i) EXPECT_DOUBLE_EQ(plan.items[i].start_s, starts_s[i]) << i;
   EXPECT_EQ(plan.samples, 89950);
   EXPECT_EQ(plan.wrap_used_deg, (AxisTriple{{90.0, 0.0, 360.0}}));
 }

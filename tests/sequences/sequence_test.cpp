@@ -11,7 +11,6 @@
 
 #include "calib/model/parameters.h"
 #include "sequences/plan.h"
-#include "sequences/token.h"
 
 namespace turncal {
 namespace {
@@ -34,39 +33,18 @@ Sequence shipped(const std::string& name) {
 // "roll 90>" for a move to 90 deg, "align 200", "dwell 200".
 std::string text_of(const Step& step) {
   std::string text;
-  for (const SequenceItem& item : step.items) {
-    if (item.kind == SequenceItem::Kind::move) {
+  for (const SequenceItem& item : step.items)
+    if (item.kind == SequenceItem::Kind::move)
       text += std::string(to_string(item.move.axis)) + " " + std::to_string(std::lround(item.move.target_deg)) + "> ";
-    } else {
+    else
       text += (item.dwell.kind == SegmentKind::align ? "align " : "dwell ") + std::to_string(item.dwell.samples) + " ";
-    }
-  }
   return text;
-}
-
-TEST(Tokens, KnowColumnsTitlesEqualsAndComments) {
-  const Result<std::vector<Token>> tokens = tokenize("  rate=5 \t\"a # b\"word # rest", "f", 1);
-  ASSERT_TRUE(tokens.ok());
-  ASSERT_EQ(tokens->size(), 6U);
-  const std::vector<Token>& t = *tokens;
-  EXPECT_EQ(t[0].text, "rate");
-  EXPECT_EQ(t[0].column, 3);
-  EXPECT_EQ(t[1].kind, Token::Kind::equals);
-  EXPECT_EQ(t[1].column, 7);
-  EXPECT_EQ(t[2].text, "5");
-  EXPECT_EQ(t[3].kind, Token::Kind::title);
-  EXPECT_EQ(t[3].text, "a # b");
-  EXPECT_EQ(t[3].column, 11);
-  EXPECT_EQ(t[4].text, "word");
-  EXPECT_EQ(t[4].column, 18);
-  EXPECT_EQ(t[5].kind, Token::Kind::end);
-  EXPECT_EQ(t[5].column, 23);
 }
 
 TEST(Parser, FillsEveryFieldOfTheSequence) {
   const std::string text =
       "# comment\r\n" + header +
-      "step 3 \"a title\"  # comment\n\tdetermines n11 A03\n  initial P -20 R 1.5 heading 30\n  align 12000\n"
+      "step 3\"a # title\"# comment\n\tdetermines n11 A03\n  initial P -20 R 1.5 heading 30\n  align 12000\n"
       "  rotate R +360 acceleration 40 rate 5\n\n  dwell 20000\n  rotate heading -0.25\n";
   const Sequence sequence = parsed(text);
   EXPECT_EQ(sequence.name, "test");
@@ -78,7 +56,7 @@ TEST(Parser, FillsEveryFieldOfTheSequence) {
   ASSERT_EQ(sequence.steps.size(), 1U);
   const Step& step = sequence.steps[0];
   EXPECT_EQ(step.number, 3);
-  EXPECT_EQ(step.title, "a title");
+  EXPECT_EQ(step.title, "a # title");
   EXPECT_EQ(step.line, 6);
   EXPECT_EQ(step.determines, (std::vector<std::string>{"n11", "A03"}));
   EXPECT_EQ(step.initial_deg, sequence.start_deg);
@@ -128,9 +106,7 @@ TEST(Parser, TurnsThatAddUpToNothingEndWhereTheyBegan) {
 TEST(Parser, TakesTheOddLineEndings) {
   const std::string text = header + first_step;
   std::string crlf;
-  for (const char c : text) {
-    crlf += c == '\n' ? "\r\n" : std::string(1, c);
-  }
+  for (const char c : text) crlf += c == '\n' ? "\r\n" : std::string(1, c);
   EXPECT_EQ(text_of(parsed("\xEF\xBB\xBF" + crlf).steps[0]), "align 200 dwell 200 ");
   EXPECT_EQ(text_of(parsed(text.substr(0, text.size() - 1)).steps[0]), "align 200 dwell 200 ");  // no last newline
   EXPECT_EQ(parsed("format=1\nname=a\nrate_degps=10\nacceleration_degps2=20\n" + first_step).name, "a");
@@ -157,9 +133,7 @@ TEST(FourteenStep, IsTheTableOfTheMethod) {
   }
   EXPECT_EQ(sequence.steps[3].initial_deg, (AxisTriple{{-90.0, 0.0, -90.0}}));
   std::set<std::string> determined;
-  for (const Step& step : sequence.steps) {
-    determined.insert(step.determines.begin(), step.determines.end());
-  }
+  for (const Step& step : sequence.steps) determined.insert(step.determines.begin(), step.determines.end());
   EXPECT_EQ(determined.size(), 21U);  // all that are free, each somewhere
 }
 

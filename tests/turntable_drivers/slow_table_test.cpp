@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "imu_io/frames/builtin_frames.h"
+#include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_encoder.h"
 #include "imu_io/lines/pty.h"
 #include "imu_io/units/serial_imu.h"
