@@ -17,8 +17,6 @@
 #include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/records/station_records.h"
 #include "orchestrator/watch/progress.h"
-#include "turntable_drivers/ascii/explain_dialect.h"
-#include "turntable_drivers/modbus/explain_map.h"
 
 namespace turncal {
 

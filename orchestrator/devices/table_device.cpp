@@ -24,8 +24,8 @@ TableDevice::~TableDevice() {
 }
 
 Status TableDevice::commission(const AxisTriple& known_deg, double tolerance_deg) {
-  if (auto* modbus = dynamic_cast<ModbusTurntable*>(driver_.get())) return modbus->commission(known_deg, tolerance_deg);
-  if (auto* serial = dynamic_cast<SerialTurntable*>(driver_.get())) return serial->commission(known_deg, tolerance_deg);
+  if (auto* described = dynamic_cast<DescribedTurntable*>(driver_.get()))
+    return described->commission(known_deg, tolerance_deg);
   return input_error("this table has nothing to commission");
 }
 

@@ -13,8 +13,6 @@
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/records/station_records.h"
-#include "turntable_drivers/ascii/move_sentence.h"
-#include "turntable_drivers/modbus/move_words.h"
 
 namespace turncal {
 
@@ -77,7 +75,7 @@ Status check_moves(const StationConfig& station, const Plan& plan) {
   const std::string& file = map ? map->file : dialect->file;
   for (const Axis axis : all_axes) {
     if (!map) break;
-    const double count_deg = 1.0 / map->of(axis).counts_per_degree;
+    const double count_deg = 1.0 / map->of(axis).units_per_degree;
     if (is_floating(map->of(axis).position.type) || 0.5 * count_deg <= station.motion.position_tolerance_deg) continue;
     return input_error(file + ": axis." + to_string(axis) + ".counts_per_degree: a count is " +
                        format_number(count_deg) + " deg: expected at most twice motion.position_tolerance_deg");

@@ -4,7 +4,6 @@
 
 #include "tests/turntable_drivers/dialect_station.h"
 #include "tests/turntable_drivers/table_contract.h"
-#include "turntable_drivers/ascii/move_sentence.h"
 
 namespace turncal {
 namespace {

@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/dialect_station.h"
-#include "turntable_drivers/ascii/explain_dialect.h"
-#include "turntable_drivers/modbus/explain_map.h"
+#include "turntable_drivers/ascii/dialect.h"
+#include "turntable_drivers/modbus/register_map.h"
 
 namespace turncal {
 namespace {

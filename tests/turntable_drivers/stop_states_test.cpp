@@ -240,7 +240,7 @@ TEST(StopStates, ABlackHoleIsADeviceErrorAtTheDeadline) {
   const BlackHole hole;
   RegisterMap map = map_of(plain_map_text("tcp"));
   map.link.address = hole.address;
-  map.link.response_timeout_s = 0.2;
+  map.link.reply_timeout_s = 0.2;
   const RealClock clock;
   ModbusTurntable driver(map, clock);
   const double began_s = monotonic_s();

@@ -1,14 +1,14 @@
 #include "turntable_drivers/ascii/dialect.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/text_pieces.h"
-#include "imu_io/lines/serial_port.h"
-#include "turntable_drivers/ascii/dialect_check.h"
-#include "turntable_drivers/ascii/sentence_clash.h"
 
 namespace turncal {
 namespace {
@@ -78,7 +78,6 @@ void read_link(KeyValueFile& file, DialectLink& link) {
   KeyTable keys(file);
   link.tcp = file.one_of("link.kind", {"serial", "tcp"}) == "tcp";
   keys.text("link.address", link.address);
-  link.serial.device = link.address;
   if (!link.tcp) link.serial.baud = 9600;
   read_serial_keys(keys, "link", link.serial, !link.tcp);
   link.terminator_out = escaped_text(file, "link.terminator_out", link.terminator_out);
@@ -101,10 +100,7 @@ void read_link(KeyValueFile& file, DialectLink& link) {
     keys.flag("link.crc.reflect_output", link.crc.reflect_output);
   }
   keys.text("link.check_mark", link.check_mark);
-  keys.number("link.reply_timeout_s", link.reply_timeout_s, link_wait_range);
-  keys.number("link.quiet_s", link.quiet_s, link_wait_range);
-  keys.number("link.gap_s", link.gap_s, between(0.0, 0.05));
-  keys.whole("link.read_retries", link.read_retries, 0, 10);
+  read_link_times(keys, link, "link.reply_timeout_s");
 }
 
 bool names_axis(const DialectSteps& steps) {
@@ -116,9 +112,9 @@ bool names_axis(const DialectSteps& steps) {
 }
 
 void read_steps(KeyValueFile& file, Dialect& dialect) {
-  for (int i = 0; i < dialect_operation_count; ++i) {
-    const auto operation = static_cast<DialectOperation>(i);
-    const std::string name = to_string(operation);
+  for (int i = 0; i < table_operation_count; ++i) {
+    const auto operation = static_cast<TableOperation>(i);
+    const std::string name = key_of(operation);
     DialectSteps& steps = dialect.steps[static_cast<std::size_t>(i)];
     steps.each_axis = file.one_of_or(name + ".scope", "axis", {"axis", "table"}) == "axis";
     for (int number = 1; file.has(name + "." + std::to_string(number)); ++number) {
@@ -128,10 +124,10 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
       if (file.has(key + ".expect")) exchange.expect = sentence(file, key + ".expect");
       steps.exchanges.push_back(std::move(exchange));
     }
-    const bool needed = operation == DialectOperation::home || operation == DialectOperation::move ||
-                        operation == DialectOperation::status || operation == DialectOperation::stop ||
-                        operation == DialectOperation::abort;
-    const bool is_stop = operation == DialectOperation::stop || operation == DialectOperation::abort;
+    const bool needed = operation == TableOperation::home || operation == TableOperation::move ||
+                        operation == TableOperation::status || operation == TableOperation::stop ||
+                        operation == TableOperation::abort;
+    const bool is_stop = operation == TableOperation::stop || operation == TableOperation::abort;
     for (std::size_t k = 0; is_stop && k < steps.exchanges.size(); ++k) {
       const auto& expect = steps.exchanges[k].expect;
       if (expect && expect->lines() > 1) {
@@ -139,14 +135,14 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
       }
     }
     if (needed && steps.exchanges.empty()) file.text(name + ".1");  // the defect: it is missing
-    const bool commands_axis = operation == DialectOperation::enable || operation == DialectOperation::home ||
-                               operation == DialectOperation::move || is_stop;
+    const bool commands_axis = operation == TableOperation::enable || operation == TableOperation::home ||
+                               operation == TableOperation::move || is_stop;
     if (commands_axis && steps.each_axis && !steps.exchanges.empty() && !names_axis(steps)) {
       file.reject(name + ".1", "{axis} in a sentence, or " + name + ".scope = table");
     }
   }
   const auto asks_for = [&](const std::string& quantity) {
-    for (const Exchange& exchange : dialect.of(DialectOperation::move).exchanges) {
+    for (const Exchange& exchange : dialect.of(TableOperation::move).exchanges) {
       for (const std::string& name : exchange.send.names()) {
         if (name == quantity || name.starts_with(quantity + ".")) return true;
       }
@@ -214,31 +210,25 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
   read_table_description(file, dialect);
   read_link(file, dialect.link);
   for (const Axis which : all_axes) {
-    DialectAxis& axis = dialect.axis[static_cast<std::size_t>(which)];
-    const std::string prefix = "axis." + std::string(to_string(which)) + ".";
+    DialectAxis& axis = dialect.axis[index(which)];
+    const std::string prefix = fmt::format("axis.{}.", to_string(which));
     axis.name = file.text(prefix + "name");
-    axis.sign = file.one_of_or(prefix + "sign", "1", {"1", "-1"}) == "-1" ? -1 : 1;
-    keys.number(prefix + "zero_deg", axis.zero_deg, between(-360.0, 360.0));
-    keys.number(prefix + "units_per_degree", axis.units_per_degree, scale_range);
-    axis.modulo_deg = circle_deg(file, prefix + "modulo_deg");
+    read_axis_scale(file, which, axis, "units_per_degree", true);
     keys.chosen(prefix + "way", axis.shorter_way, {"told", "shorter"});
     if (axis.shorter_way && axis.modulo_deg == 0.0) file.reject(prefix + "way", "no such key without modulo_deg");
-    axis.rate_scale = file.number_or(prefix + "rate_scale", axis.units_per_degree, scale_range);
-    axis.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", axis.rate_scale, scale_range);
-    axis.acceleration_scale = file.number_or(prefix + "acceleration_scale", axis.units_per_degree, scale_range);
   }
   keys.whole("number.decimals", dialect.decimals, 0, 9);
   keys.flag("number.plus", dialect.plus);
   read_steps(file, dialect);
   // Questions aside, which command nothing.
-  const auto last_command = [&](DialectOperation operation) -> std::pair<std::string, std::size_t> {
+  const auto last_command = [&](TableOperation operation) -> std::pair<std::string, std::size_t> {
     const std::vector<Exchange>& all = dialect.of(operation).exchanges;
     for (std::size_t i = all.size(); i-- > 0;)
       if (all[i].send.text().find('?') == std::string::npos) return {all[i].send.text(), i + 1};
     return {};
   };
-  const auto [abort, number] = last_command(DialectOperation::abort);
-  if (dialect.can_switch_off && number > 0 && abort == last_command(DialectOperation::stop).first) {
+  const auto [abort, number] = last_command(TableOperation::abort);
+  if (dialect.can_switch_off && number > 0 && abort == last_command(TableOperation::stop).first) {
     file.reject("abort." + std::to_string(number),
                 "a sentence that switches the drives off, unlike that of stop; or switch_off = false where none does");
   }
@@ -253,10 +243,13 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
 
 }  // namespace
 
-const char* to_string(DialectOperation operation) {
-  constexpr std::array<const char*, dialect_operation_count> names = {
-      "prepare", "identify", "enable", "home", "move", "status", "stop", "abort", "clear_fault"};
-  return names[static_cast<std::size_t>(operation)];
+std::string key_of(TableOperation operation) {
+  return operation == TableOperation::setup ? "prepare" : to_string(operation);
+}
+
+std::string frame_of(const DialectLink& link, const std::string& body) {
+  const bool checked = link.check != SentenceCheck::none;
+  return link.prefix + body + (checked ? link.check_mark + check_digits(body, link.check, link.crc) : "");
 }
 
 bool DialectStatus::reports(DriveBit bit) const {
@@ -313,39 +306,107 @@ DialectFlags flags_of(const DialectStatus& status, const std::string& word) {
   return result;
 }
 
-std::string word_of(const DialectStatus& status, const std::array<bool, drive_bit_count>& flags) {
-  if (status.by_bits) {
-    std::uint32_t bits = 0;
-    for (std::size_t i = 0; i < flags.size(); ++i) {
-      if (flags[i] != status.active_low[i]) bits |= status.mask[i];
-    }
-    std::array<char, 16> buffer;
-    const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), bits, status.base);
-    return {buffer.data(), result.ptr};
+// ---- sentences of a move ----
+
+Asked asked_by(const std::string& name, Axis addressed) {
+  for (const Axis other : all_axes) {
+    const std::string suffix = std::string(".") + to_string(other);
+    if (name.ends_with(suffix)) return {name.substr(0, name.size() - suffix.size()), other};
   }
-  // The code whose flags agree most; faults count more than all the rest. A device that only knows moving and done says done
-  // after a stop.
-  std::string best;
-  int best_score = -1000000;
-  for (const auto& [code, named] : status.codes) {
-    int score = 0;
-    for (std::size_t i = 0; i < flags.size(); ++i) {
-      const auto bit = static_cast<DriveBit>(i);
-      if (!status.reports(bit)) continue;
-      bool says = false;
-      for (const DriveBit flag : named) says = says || flag == bit;
-      const bool grave = bit == DriveBit::fault || bit == DriveBit::emergency_stop;
-      score += (says == flags[i] ? 1 : -1) * (grave                          ? 100
-                                              : bit == DriveBit::moving      ? 20
-                                              : bit == DriveBit::in_position ? 10
-                                                                             : 1);
-    }
-    if (score > best_score) {
-      best_score = score;
-      best = code;
+  return {name, addressed};
+}
+
+namespace {
+
+std::string fixed(double value, int decimals, bool plus) {
+  const std::string number = plus ? fmt::format("{:+.{}f}", value, decimals) : fmt::format("{:.{}f}", value, decimals);
+  // "-0.0000" confuses some parsers.
+  const bool zero = number.find_first_not_of("-0.") == std::string::npos;
+  return zero && number[0] == '-' ? (plus ? "+" : "") + number.substr(1) : number;
+}
+
+double grain(int decimals) { return std::pow(10.0, -decimals); }
+
+// From 0 to below a turn, as it is written with so many decimals.
+double on_circle(double units, double turn, int decimals) {
+  const double remainder = grain(decimals) * std::round((units - turn * std::floor(units / turn)) / grain(decimals));
+  return remainder >= turn ? 0.0 : remainder;
+}
+
+double units_of(const Dialect& dialect, const Asked& asked, const Moves& moves) {
+  const DialectAxis& scale = dialect.of(asked.axis);
+  const MoveNumbers& move = moves[index(asked.axis)];
+  if (asked.quantity == "position") {
+    const double units = scale.units_of(move.position_deg);
+    return scale.shorter_way ? on_circle(units, scale.units_per_degree * scale.modulo_deg, dialect.decimals) : units;
+  }
+  if (asked.quantity == "distance") return scale.signed_units() * move.distance_deg;
+  if (asked.quantity == "rate") return scale.rate_scale * move.rate_degps;
+  return scale.acceleration_scale * move.acceleration_degps2;
+}
+
+bool is_number(const std::string& quantity) {
+  return quantity == "position" || quantity == "distance" || quantity == "rate" || quantity == "acceleration";
+}
+
+}  // namespace
+
+std::string filled(const Dialect& dialect, const SentenceTemplate& sentence, Axis axis, const Moves& moves) {
+  return sentence.fill([&](const std::string& name) -> std::string {
+    if (name == "axis") return dialect.of(axis).name;
+    const Asked asked = asked_by(name, axis);
+    return is_number(asked.quantity) ? fixed(units_of(dialect, asked, moves), dialect.decimals, dialect.plus) : "";
+  });
+}
+
+Status check_sentences(const Dialect& dialect, Axis axis, const Moves& moves) {
+  for (const Exchange& exchange : dialect.of(TableOperation::move).exchanges) {
+    const std::string body = filled(dialect, exchange.send, axis, moves);
+    const auto cannot = [&](const std::string& expected) {
+      return input_error("the device cannot be told '" + visible(body) + "': expected " + expected);
+    };
+    if (!exchange.send.match(body)) return cannot("numbers that fit '" + exchange.send.text() + "'");
+    for (const std::string& name : exchange.send.names()) {
+      const Asked asked = asked_by(name, axis);
+      if (asked.axis != axis || (asked.quantity != "rate" && asked.quantity != "acceleration")) continue;
+      const double units = units_of(dialect, asked, moves);
+      if (!(std::abs(units) >= 0.5 * grain(dialect.decimals)))
+        return cannot("number.decimals or a scale with which the " + asked.quantity + " " + format_number(units) +
+                      " is not 0");
     }
   }
-  return best;
+  return {};
+}
+
+Status check_move(const Dialect& dialect, Axis axis, const Moves& moves, double tolerance_deg) {
+  TRY(check_sentences(dialect, axis, moves));
+  const double scale = dialect.of(axis).units_per_degree;
+  for (const Exchange& exchange : dialect.of(TableOperation::move).exchanges) {
+    for (const std::string& name : exchange.send.names()) {
+      const Asked asked = asked_by(name, axis);
+      if (asked.axis != axis || (asked.quantity != "position" && asked.quantity != "distance")) continue;
+      const double units = units_of(dialect, asked, moves);
+      const double told = parse_number(fixed(units, dialect.decimals, false)).value_or(0.0);
+      if (!(std::abs(told - units) <= tolerance_deg * scale))
+        return input_error("number.decimals = " + std::to_string(dialect.decimals) + ": tells " + format_number(units) +
+                           " as " + format_number(told) + ": expected an angle told to motion.position_tolerance_deg");
+    }
+  }
+  for (const Exchange& exchange : dialect.of(TableOperation::status).exchanges) {
+    for (const std::string& name : exchange.expect ? exchange.expect->names() : std::vector<std::string>()) {
+      const Asked asked = asked_by(name, axis);
+      const auto width = static_cast<int>(exchange.expect->width_of(name));
+      if (asked.quantity != "position" || asked.axis != axis || width == 0) continue;
+      const DialectAxis& circle = dialect.of(axis);
+      const double units = circle.modulo_deg > 0.0 ? circle.modulo_deg * scale : units_of(dialect, asked, moves);
+      const int whole = static_cast<int>(fixed(units, 0, dialect.plus).size());
+      const int decimals = std::max(0, width - whole - 1);  // at most
+      if (whole > width || !(0.5 * grain(decimals) <= tolerance_deg * scale))
+        return input_error("{" + name + ":" + std::to_string(width) + "} in an answer to status cannot show " +
+                           format_number(units) + " to motion.position_tolerance_deg: expected more columns");
+    }
+  }
+  return {};
 }
 
 }  // namespace turncal

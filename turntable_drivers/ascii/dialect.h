@@ -20,16 +20,12 @@
 
 #include "calib/types/axis.h"
 #include "calib/types/status.h"
-#include "imu_io/lines/serial_port.h"
 #include "turntable_drivers/ascii/sentence.h"
 #include "turntable_drivers/table/table_description.h"
 
 namespace turncal {
 
-struct DialectLink {
-  bool tcp = false;
-  std::string address;
-  SerialSettings serial;  // of a serial line: rate, bits, parity
+struct DialectLink : TableLinkSettings {
   std::string terminator_out = "\r";
   std::string terminator_in = "\n";
   std::string prompt;                  // what the device says when it is ready; an answer ends with it
@@ -37,38 +33,27 @@ struct DialectLink {
   std::string echo_terminator = "\r";  // what the echo ends with
   std::string prefix;                  // before the body of every sentence, both ways
   SentenceCheck check = SentenceCheck::none;
-  CrcParameters crc;             // of crc16
-  std::string check_mark = "*";  // between body and check digits
-  double reply_timeout_s = 1.0;
-  double quiet_s = 0.5;
-  double gap_s = 0.0;  // between a sentence and the next
-  int read_retries = 2;
+  CrcParameters crc;                                                                // of crc16
+  std::string check_mark = "*";                                                     // between body and check digits
+  std::size_t check_size() const { return check == SentenceCheck::crc16 ? 4 : 2; }  // digits
 };
+// Prefix, body and check; without the terminator.
+std::string frame_of(const DialectLink& link, const std::string& body);
 
 struct Exchange {
   SentenceTemplate send;
   std::optional<SentenceTemplate> expect;
 };
-enum class DialectOperation { prepare, identify, enable, home, move, status, stop, abort, clear_fault };
-inline constexpr int dialect_operation_count = 9;
-const char* to_string(DialectOperation operation);
 
 struct DialectSteps {
   bool each_axis = false;  // else once for the table; a move is always of one axis
   std::vector<Exchange> exchanges;
 };
+// What a dialect calls an operation.
+std::string key_of(TableOperation operation);
 
-struct DialectAxis {
+struct DialectAxis : AxisScale {
   std::string name;
-  int sign = 1;
-  double zero_deg = 0.0;
-  double units_per_degree = 1.0;
-  double modulo_deg = 0.0;  // 0: positions are cumulative; 360: the device tells a circle only
-  bool shorter_way =
-      false;  // of a circle: it takes positions of the circle and goes there the shorter way; else distances
-  double rate_scale = 1.0;  // units of a commanded rate for 1 deg/s
-  double measured_rate_scale = 1.0;
-  double acceleration_scale = 1.0;
 };
 
 // Flags of a status: by value, or by bit.
@@ -87,12 +72,12 @@ struct Dialect : TableDescription {
   std::array<DialectAxis, 3> axis;
   int decimals = 4;
   bool plus = false;  // numbers that are not negative have a sign, too
-  std::array<DialectSteps, dialect_operation_count> steps;
+  std::array<DialectSteps, table_operation_count> steps;
   std::vector<std::string> errors;  // an answer that contains one of these is an error of the device
   DialectStatus status;
 
-  const DialectSteps& of(DialectOperation operation) const { return steps[static_cast<std::size_t>(operation)]; }
-  const DialectAxis& of(Axis which) const { return axis[static_cast<std::size_t>(which)]; }
+  const DialectSteps& of(TableOperation operation) const { return steps[static_cast<std::size_t>(operation)]; }
+  const DialectAxis& of(Axis which) const { return axis[index(which)]; }
 };
 
 Result<Dialect> read_dialect(const std::string& path);
@@ -109,7 +94,35 @@ struct DialectFlags {
   std::optional<bool> operator[](DriveBit bit) const { return flag[static_cast<std::size_t>(bit)]; }
 };
 DialectFlags flags_of(const DialectStatus& status, const std::string& word);
-// The other way round, for the twin: the word that says these flags, or comes closest.
-std::string word_of(const DialectStatus& status, const std::array<bool, drive_bit_count>& flags);
+// What a placeholder asks for, and of which axis.
+struct Asked {
+  std::string quantity;
+  Axis axis;
+};
+Asked asked_by(const std::string& name, Axis addressed);
+
+// A sentence as it is sent to this axis.
+std::string filled(const Dialect& dialect, const SentenceTemplate& sentence, Axis axis, const Moves& moves);
+// An error: a number does not fit its column, or a rate or an acceleration rounds to nothing.
+Status check_sentences(const Dialect& dialect, Axis axis, const Moves& moves);
+// The same; and the angle is told, and can be read, to the tolerance.
+Status check_move(const Dialect& dialect, Axis axis, const Moves& moves, double tolerance_deg);
+
+// What the driver sends and reads, sentence by sentence.
+std::vector<TableRow> explain(const Dialect& dialect);
+
+// dialect_check.cpp: remembers in the file what a table could not work with, beyond what each key is checked for: its status, the width of its
+// columns, its own words.
+void check_dialect(KeyValueFile& file, const Dialect& dialect);
+
+// Sentences that would do more than they are called: a `prepare`, `identify`, `status`, `stop`, `abort` or `clear_fault` that sends what
+// enables a drive, homes or moves it, and axes that one move would move together.
+//
+// What starts something is the last sentence of `enable` and `home` that is no question (with a `?`), and of `move` that one and every
+// sentence with {position} or {distance}. A sentence may hold several commands, with semicolons between them; each is compared, with the
+// names of all axes filled in.
+std::optional<Clash> sentence_clash(const Dialect& dialect);
+// A move tells each axis its own place.
+bool moves_all(const Dialect& dialect);
 
 }  // namespace turncal

@@ -1,13 +1,8 @@
-#include "turntable_drivers/ascii/explain_dialect.h"
-
-#include <algorithm>
-#include <array>
-#include <cstdio>
-#include <utility>
+// What a dialect makes of each operation, sentence by sentence.
+#include <fmt/format.h>
 
 #include "imu_io/base/format_number.h"
-#include "turntable_drivers/ascii/move_sentence.h"
-#include "turntable_drivers/ascii/text_line.h"
+#include "turntable_drivers/ascii/dialect.h"
 
 namespace turncal {
 namespace {
@@ -15,22 +10,16 @@ namespace {
 constexpr std::size_t whole = std::string::npos;
 
 std::string quantity_text(const Dialect& dialect, const std::string& name, Axis axis, bool asked) {
-  std::string quantity = name;
-  for (const Axis other : all_axes) {
-    const std::string suffix = std::string(".") + to_string(other);
-    if (!name.ends_with(suffix)) continue;
-    quantity = name.substr(0, name.size() - suffix.size());
-    axis = other;
-  }
-  const DialectAxis& scale = dialect.of(axis);
+  const auto& [quantity, whose] = asked_by(name, axis);
+  const DialectAxis& scale = dialect.of(whose);
   const auto per = [&](double factor, const char* unit) {
     return name + ": " + format_number(factor) + " per " + unit;
   };
   if (quantity == "position")
-    return per(scale.sign * scale.units_per_degree, "deg") + ", 0 at " + format_number(scale.zero_deg) + " deg" +
+    return per(scale.signed_units(), "deg") + ", 0 at " + format_number(scale.zero_deg) + " deg" +
            (scale.modulo_deg > 0.0 ? ", a circle of " + format_number(scale.modulo_deg) + " deg" : "") +
            (scale.shorter_way && asked ? ", gone the shorter way" : "");
-  if (quantity == "distance") return per(scale.sign * scale.units_per_degree, "deg");
+  if (quantity == "distance") return per(scale.signed_units(), "deg");
   if (quantity == "rate") return per(asked ? scale.rate_scale : scale.sign * scale.measured_rate_scale, "deg/s");
   if (quantity == "acceleration") return per(scale.acceleration_scale, "deg/s^2");
   return "";
@@ -59,17 +48,17 @@ std::string answer_of(const Dialect& dialect, const Exchange& exchange) {
   return text + (link.prompt.empty() ? "" : ", then '" + visible(link.prompt) + "'");
 }
 
-void explain_steps(const Dialect& dialect, DialectOperation operation, const std::string& name,
+void explain_steps(const Dialect& dialect, TableOperation operation, const std::string& name,
                    std::vector<TableRow>& rows) {
   const DialectSteps& steps = dialect.of(operation);
-  const bool once = !steps.each_axis && operation != DialectOperation::move;
+  const bool once = !steps.each_axis && operation != TableOperation::move;
   for (const Axis axis : all_axes) {
     if (once && axis != Axis::heading) break;
     Moves moves{};
     moves[index(axis)] = shown_move;
     for (std::size_t i = 0; i < steps.exchanges.size(); ++i) {
       const Exchange& exchange = steps.exchanges[i];
-      const std::string key = std::string(to_string(operation)) + "." + std::to_string(i + 1);
+      const std::string key = fmt::format("{}.{}", key_of(operation), i + 1);
       std::string says = quantities_of(dialect, exchange.send, axis, true);
       if (says.empty() && exchange.expect) says = quantities_of(dialect, *exchange.expect, axis, false);
       rows.push_back(
@@ -87,13 +76,11 @@ void explain_flags(const Dialect& dialect, std::vector<TableRow>& rows) {
     const auto at = static_cast<std::size_t>(i);
     if (status.mask[at] == 0) continue;
     const std::string flag = to_string(static_cast<DriveBit>(i));
-    std::array<char, 16> mask{};
-    std::snprintf(mask.data(), mask.size(), "0x%08X", static_cast<unsigned>(status.mask[at]));
     const bool several = (status.mask[at] & (status.mask[at] - 1)) != 0;
-    rows.push_back(
-        {"status", "each", "  its status word, base " + std::to_string(status.base),
-         flag + ": mask " + mask.data() + (several ? ", one of it" : ",") + (status.active_low[at] ? " clear" : " set"),
-         "", source_of(dialect, "status.bit." + flag)});
+    rows.push_back({"status", "each", fmt::format("  its status word, base {}", status.base),
+                    fmt::format("{}: mask 0x{:08X}{} {}", flag, status.mask[at], several ? ", one of it" : ",",
+                                status.active_low[at] ? "clear" : "set"),
+                    "", source_of(dialect, "status.bit." + flag)});
   }
   for (const auto& [code, flags] : status.codes) {
     std::string names;
@@ -107,18 +94,9 @@ void explain_flags(const Dialect& dialect, std::vector<TableRow>& rows) {
 
 std::vector<TableRow> explain(const Dialect& dialect) {
   std::vector<TableRow> rows;
-  constexpr std::pair<DialectOperation, const char*> in_order[] = {{DialectOperation::prepare, "connect"},
-                                                                   {DialectOperation::identify, "connect"},
-                                                                   {DialectOperation::enable, "enable"},
-                                                                   {DialectOperation::home, "home"},
-                                                                   {DialectOperation::move, "move"},
-                                                                   {DialectOperation::stop, "stop"},
-                                                                   {DialectOperation::abort, "abort"},
-                                                                   {DialectOperation::status, "status"},
-                                                                   {DialectOperation::clear_fault, "fault reset"}};
-  for (const auto& [operation, name] : in_order) {
+  for (const auto& [operation, name] : shown_operations) {
     explain_steps(dialect, operation, name, rows);
-    if (operation == DialectOperation::status) explain_flags(dialect, rows);
+    if (operation == TableOperation::status) explain_flags(dialect, rows);
   }
   return rows;
 }

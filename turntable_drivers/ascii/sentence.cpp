@@ -134,20 +134,4 @@ std::optional<std::string> unescaped(std::string_view text) {
   return result;
 }
 
-std::string visible(std::string_view text, std::size_t most) {
-  std::string result;
-  for (const char c : text.substr(0, most)) {
-    if (c == '\r') {
-      result += "\\r";
-    } else if (c == '\n') {
-      result += "\\n";
-    } else if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) >= 0x7F) {
-      result += '?';
-    } else {
-      result += c;
-    }
-  }
-  return result + (text.size() > most ? "..." : "");
-}
-
 }  // namespace turncal

@@ -47,7 +47,5 @@ std::string check_digits(std::string_view body, SentenceCheck check, const CrcPa
 
 // \r \n \t \\ as characters; empty for anything else after a backslash.
 std::optional<std::string> unescaped(std::string_view text);
-// Control characters made visible, for messages, of which `most` characters are enough.
-std::string visible(std::string_view text, std::size_t most = 80);
 
 }  // namespace turncal

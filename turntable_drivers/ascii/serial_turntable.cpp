@@ -1,228 +1,205 @@
 #include "turntable_drivers/ascii/serial_turntable.h"
 
-#include <algorithm>
-#include <cstdio>
-#include <utility>
+#include <fmt/format.h>
 
-#include "imu_io/base/format_number.h"
+#include <map>
+
 #include "imu_io/base/text_pieces.h"
-#include "turntable_drivers/table/drive_rules.h"
 
 namespace turncal {
 namespace {
 
-constexpr double longest_leg = 0.45;  // of a circle
-constexpr double leg_done_deg = 0.5;  // near enough for the next, which is told as an angle and not as a distance
+using Values = std::map<std::string, std::string>;
 
-int lines_of(const Exchange& exchange) { return exchange.expect ? exchange.expect->lines() : 0; }
+class SentenceCodec : public TableCodec {
+ public:
+  explicit SentenceCodec(const Dialect& dialect) : dialect_(dialect), moves_all_(turncal::moves_all(dialect)) {}
+
+  std::size_t steps(TableOperation operation) const override { return dialect_.of(operation).exchanges.size(); }
+  bool once(TableOperation operation) const override { return !dialect_.of(operation).each_axis; }
+  const AxisScale& scale(Axis axis) const override { return dialect_.of(axis); }
+  bool tells(DriveBit bit) const override { return dialect_.status.reports(bit); }
+  bool moves_all() const override { return moves_all_; }
+  const char* kind() const override { return "dialect"; }
+  const char* expected_scale() const override { return "other units_per_degree or zero_deg"; }
+  const char* expected_angle() const override { return "the other sign fits as well: expected another angle"; }
+
+  Result<TableRequest> encode(TableOperation operation, Axis axis, std::size_t step, const Moves& moves) override;
+  std::optional<std::size_t> reply_end(const TableRequest& request, std::string& heard, bool at_once) const override;
+  Verdict decode(const TableRequest& request, const std::string& reply, std::string& heard,
+                 AxisReading* reading) override;
+  bool acknowledges(const TableRequest& request, const std::string& reply) const override;
+  bool has_unexpected(std::string& heard) const override { return !heard.empty(); }
+  std::string message(const TableRequest& request, const std::string& whose, const std::string& what) const override;
+  std::vector<OtherReading> other_readings(Axis axis, const AxisReading& reading) const override;
+
+ private:
+  Error failure(const std::string& what) const { return device_error(dialect_.link.address + ": " + what); }
+  Verdict garbled(const std::string& what) const;
+  const std::string& end_of_answer() const {
+    return dialect_.link.prompt.empty() ? dialect_.link.terminator_in : dialect_.link.prompt;
+  }
+  Result<std::string> body_of(const std::string& frame) const;
+  Result<std::string> bodies_of(const std::string& frames, int lines) const;  // with \n between them
+  Status take(Axis axis, const Values& values, AxisReading& reading) const;
+
+  const Dialect dialect_;
+  const bool moves_all_;
+};
+
+Verdict SentenceCodec::garbled(const std::string& what) const {
+  Verdict verdict = failure(what);
+  verdict.stale = true;
+  return verdict;
+}
+
+Result<TableRequest> SentenceCodec::encode(TableOperation operation, Axis axis, std::size_t step, const Moves& moves) {
+  if (operation == TableOperation::move) TRY(check_sentences(dialect_, axis, moves));
+  const Exchange& exchange = dialect_.of(operation).exchanges[step];
+  TableRequest request{operation, axis, step};
+  request.body = filled(dialect_, exchange.send, axis, moves);
+  request.bytes = frame_of(dialect_.link, request.body) + dialect_.link.terminator_out;
+  request.answered = exchange.expect.has_value();
+  return request;
+}
+
+std::optional<std::size_t> SentenceCodec::reply_end(const TableRequest& request, std::string& heard,
+                                                    bool at_once) const {
+  const DialectLink& link = dialect_.link;
+  std::size_t end = 0;
+  const auto past = [&](const std::string& mark) {
+    const std::size_t at = heard.find(mark, end);
+    if (at != std::string::npos) end = at + mark.size();
+    return at != std::string::npos;
+  };
+  if (link.echo && !at_once && !past(link.echo_terminator)) return {};
+  const auto& expect = dialect_.of(request.operation).exchanges[request.step].expect;
+  int marks = expect ? expect->lines() : 0;
+  if (at_once || !link.prompt.empty()) marks = 1;
+  for (int i = 0; i < marks; ++i)
+    if (!past(end_of_answer())) return {};
+  return end;
+}
+
+Result<std::string> SentenceCodec::body_of(const std::string& frame) const {
+  const DialectLink& link = dialect_.link;
+  const auto wrong = [&](const std::string& what) {
+    return failure(fmt::format("answer '{}': {}", visible(frame), what));
+  };
+  if (!frame.starts_with(link.prefix)) return wrong("expected it to begin with " + link.prefix);
+  std::string body = frame.substr(link.prefix.size());
+  if (link.check == SentenceCheck::none) return body;
+  const std::size_t tail = link.check_mark.size() + link.check_size();
+  if (body.size() < tail || body.substr(body.size() - tail, link.check_mark.size()) != link.check_mark) {
+    return wrong("no checksum");
+  }
+  const std::string digits = body.substr(body.size() - link.check_size());
+  body.resize(body.size() - tail);
+  const std::string expected = check_digits(body, link.check, link.crc);
+  if (digits != expected) return wrong("checksum " + digits + ", expected " + expected);
+  return body;
+}
+
+Result<std::string> SentenceCodec::bodies_of(const std::string& frames, int lines) const {
+  const std::string& end = dialect_.link.terminator_in;
+  std::string remaining = frames;
+  if (remaining.ends_with(end)) remaining.resize(remaining.size() - end.size());
+  std::string bodies;
+  int count = 0;
+  for (bool more = !remaining.empty() || lines > 0; more;) {
+    const std::size_t at = remaining.find(end);
+    more = at != std::string::npos;
+    bodies += (count++ > 0 ? "\n" : "") + TRY(body_of(remaining.substr(0, at)));
+    if (more) remaining.erase(0, at + end.size());
+  }
+  if (count == lines || (lines == 0 && count == 1)) return bodies;  // what was not asked for is for decode() to judge
+  return failure(fmt::format("answer '{}': expected {}", visible(frames),
+                             lines > 1 ? std::to_string(lines) + " lines" : std::string("one line")));
+}
+
+bool SentenceCodec::acknowledges(const TableRequest& request, const std::string& reply) const {
+  const Result<std::string> body = body_of(reply.substr(0, reply.size() - end_of_answer().size()));
+  return body && dialect_.of(request.operation).exchanges[request.step].expect->match(*body);
+}
+
+Verdict SentenceCodec::decode(const TableRequest& request, const std::string& reply, std::string& heard,
+                              AxisReading* reading) {
+  const DialectLink& link = dialect_.link;
+  const auto& expect = dialect_.of(request.operation).exchanges[request.step].expect;
+  std::string frames = reply;
+  if (link.echo) {
+    const std::string sent = frame_of(link, request.body);
+    const std::size_t end = frames.find(link.echo_terminator);
+    const std::string echo = frames.substr(0, end);
+    if (!echo.ends_with(sent)) return garbled(fmt::format("echo '{}': expected '{}'", visible(echo), visible(sent)));
+    frames.erase(0, end + link.echo_terminator.size());
+  }
+  if (!link.prompt.empty()) frames.resize(frames.size() - link.prompt.size());
+  const Result<std::string> answer = bodies_of(frames, expect ? expect->lines() : 0);
+  if (answer && !heard.empty() && (expect || !link.prompt.empty())) {
+    if (frames.ends_with(link.terminator_in)) frames.resize(frames.size() - link.terminator_in.size());
+    return garbled(fmt::format("answer '{}': more after it: '{}'", visible(frames), visible(heard)));
+  }
+  if (!answer) {
+    Verdict verdict = answer.error();
+    verdict.stale = true;
+    return verdict;
+  }
+  if (request.operation == TableOperation::identify) {
+    reading->text = visible(*answer);
+    return {};
+  }
+  for (const std::string& text : dialect_.errors) {
+    if (answer->find(text) != std::string::npos) return device_error("the device says '" + visible(*answer) + "'");
+  }
+  if (!expect) {
+    return answer->empty() ? Verdict() : device_error("answer '" + visible(*answer) + "': expected none");
+  }
+  const std::optional<Values> values = expect->match(*answer);
+  if (!values)
+    return device_error(fmt::format("answer '{}': expected '{}'", visible(*answer), visible(expect->text())));
+  const auto named = values->find("axis");
+  if (named != values->end() && named->second != dialect_.of(request.axis).name)
+    return device_error("axis '" + named->second + "' answered");
+  if (request.operation == TableOperation::status) TRY(take(request.axis, *values, *reading));
+  return {};
+}
+
+// What an answer says of the axis.
+Status SentenceCodec::take(Axis axis, const Values& values, AxisReading& reading) const {
+  const DialectAxis& scale = dialect_.of(axis);
+  for (const auto& [name, text] : values) {
+    const auto& [quantity, whose] = asked_by(name, axis);
+    if (whose != axis) continue;
+    if (quantity == "status") {
+      const DialectFlags flags = flags_of(dialect_.status, text);
+      reading.flags = flags.flag;
+      reading.known = flags.known;
+      reading.raw = flags.raw;
+    }
+    if (quantity != "position" && quantity != "rate") continue;
+    const std::optional<double> value = device_number(text);
+    if (!value) return device_error(fmt::format("{} '{}': expected a number", quantity, visible(text)));
+    if (quantity == "position") reading.position_deg = scale.angle_of(*value);
+    if (quantity == "rate") reading.rate_degps = scale.sign * *value / scale.measured_rate_scale;
+  }
+  return {};
+}
+
+std::string SentenceCodec::message(const TableRequest& request, const std::string& whose,
+                                   const std::string& what) const {
+  const bool reads = request.operation == TableOperation::status;
+  return fmt::format("{}{}'{}': {}", reads ? "" : key_of(request.operation) + ": ", whose, visible(request.body), what);
+}
+
+std::vector<OtherReading> SentenceCodec::other_readings(Axis axis, const AxisReading& reading) const {
+  const DialectAxis& scale = dialect_.of(axis);
+  return {{2.0 * scale.zero_deg - reading.position_deg, fmt::format("sign = {}", -scale.sign)}};
+}
 
 }  // namespace
 
-SerialTurntable::SerialTurntable(Dialect dialect, const Clock& clock, const std::atomic<int>* stop_requests)
-    : DescribedTurntable(dialect, clock, stop_requests), dialect_(std::move(dialect)), line_(dialect_.link, stop_) {}
-
-// ---- exchanges ----
-
-Result<SerialTurntable::Values> SerialTurntable::talk(const Exchange& exchange, Axis axis, const Moves& moves) {
-  const std::string body = filled(dialect_, exchange.send, axis, moves);
-  const Result<std::string> answer = line_.exchange(body, lines_of(exchange));
-  const auto about = [&](const std::string& what) { return axis_error(axis, "'" + visible(body) + "': " + what); };
-  if (!answer) return Error{answer.error().kind, about(answer.error().message).message};
-  for (const std::string& text : dialect_.errors) {
-    if (answer->find(text) != std::string::npos) return about("the device says '" + visible(*answer) + "'");
-  }
-  if (!exchange.expect) {
-    if (!answer->empty()) return about("answer '" + visible(*answer) + "': expected none");
-    return Values();
-  }
-  const std::optional<Values> values = exchange.expect->match(*answer);
-  if (!values) return about("answer '" + visible(*answer) + "': expected '" + visible(exchange.expect->text()) + "'");
-  const auto named = values->find("axis");
-  if (named != values->end() && named->second != dialect_.of(axis).name)
-    return about("axis '" + named->second + "' answered");
-  return *values;
-}
-
-Status SerialTurntable::carry_out(DialectOperation operation, Axis axis, const Moves& moves) {
-  for (const Exchange& exchange : dialect_.of(operation).exchanges) {
-    const Result<Values> values = talk(exchange, axis, moves);
-    if (!values) return Error{values.error().kind, std::string(to_string(operation)) + ": " + values.error().message};
-  }
-  return {};
-}
-
-Status SerialTurntable::carry_out_for_all(DialectOperation operation) {
-  for (const Axis axis : all_axes) {
-    TRY(carry_out(operation, axis, moves_));
-    if (!dialect_.of(operation).each_axis) break;
-  }
-  return {};
-}
-
-// ---- commands; reading: serial_reading.cpp ----
-
-Status SerialTurntable::connect() {
-  connected_ = false;
-  lost_ = false;
-  enable_called_ = false;
-  memory_ = {};
-  way_ = {};
-  TRY(line_.open());
-  Status status = carry_out_for_all(DialectOperation::prepare);
-  for (const Axis axis : all_axes) {
-    if (!status) break;
-    const Result<Reading> reading = read(axis, true);
-    if (!reading) {
-      status = reading.error();
-    } else {
-      moves_[index(axis)] = {reading->position_deg};
-    }
-  }
-  if (!status) {
-    line_.close();
-    return status;
-  }
-  connected_ = was_connected_ = true;
-  return {};
-}
-
-Result<TableIdentity> SerialTurntable::identify() {
-  TRY(connected());
-  std::string description = dialect_.name + " at " + dialect_.link.address;
-  for (const Exchange& exchange : dialect_.of(DialectOperation::identify).exchanges) {
-    const std::string answer =
-        TRY(line_.exchange(filled(dialect_, exchange.send, Axis::heading, moves_), lines_of(exchange)));
-    description += ", " + visible(answer);
-  }
-  return TableIdentity{description + (dialect_.verified_on_hardware ? "" : ", dialect not verified on hardware"),
-                       dialect_.simulated};
-}
-
-Status SerialTurntable::enable() {
-  TRY(connected());
-  TRY(commissioned());
-  for (const Axis axis : all_axes) {
-    TRY(may_enable(axis));
-  }
-  commanded_off_ = false;
-  commanded_on_ = true;
-  for (AxisMemory& memory : memory_) memory.drive_on.reset();
-  TRY(carry_out_for_all(DialectOperation::enable));
-  enable_called_ = true;
-  return {};
-}
-
-Status SerialTurntable::home() {
-  TRY(connected());
-  TRY(commissioned());
-  for (const Axis axis : all_axes)
-    if (const Result<AxisStatus> now = ready(axis); !now) return now.error();
-  way_ = {};
-  for (AxisMemory& memory : memory_) memory.homing_began(true);
-  targets_void_ = true;
-  return carry_out_for_all(DialectOperation::home);
-}
-
-Status SerialTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
-  const Result<AxisStatus> now = ready_to_move(axis, position_deg, rate_degps, acceleration_degps2);
-  if (!now) return now.error();
-  // A table that takes all three angles at once must not go on with a motion that was stopped.
-  if (targets_void_) {
-    for (const Axis other : all_axes) {
-      const AxisStatus there = TRY(other == axis ? now : status(other));
-      moves_[index(other)].position_deg = there.position_deg;
-    }
-    targets_void_ = false;
-  }
-  way_[index(axis)].reset();
-  if (dialect_.of(axis).shorter_way) {
-    way_[index(axis)] = {position_deg, 0.0, rate_degps, acceleration_degps2};
-    return send_leg(axis, now->position_deg);
-  }
-  return send_move(axis, {position_deg, position_deg - now->position_deg, rate_degps, acceleration_degps2});
-}
-
-Status SerialTurntable::send_leg(Axis axis, double from_deg) {
-  // Taken away while it is sent: what goes wrong looks at the axis, and must not send another.
-  const std::optional<MoveNumbers> way = std::exchange(way_[index(axis)], {});
-  const double left_deg = way->position_deg - from_deg;
-  const double legs = std::ceil(std::abs(left_deg) / (longest_leg * dialect_.of(axis).modulo_deg));
-  MoveNumbers leg = *way;
-  if (legs > 1.0) leg.position_deg = from_deg + left_deg / legs;
-  leg.distance_deg = leg.position_deg - from_deg;
-  TRY(send_move(axis, leg));
-  if (legs > 1.0) way_[index(axis)] = way;
-  return {};
-}
-
-// REQUIRES: the report is the axis's own reading.
-Status SerialTurntable::go_on(Axis axis, AxisStatus& report) {
-  std::optional<MoveNumbers>& way = way_[index(axis)];
-  if (!way) return {};
-  if (refusal_of_state(report) && !report.moving) way.reset();  // a fault, an emergency stop, a drive that is off
-  if (!way) return {};
-  const bool done = report.in_position && !report.moving &&
-                    std::abs(report.position_deg - moves_[index(axis)].position_deg) <= leg_done_deg;
-  report.in_position = false;
-  report.moving = true;
-  return done ? send_leg(axis, report.position_deg) : Status{};
-}
-
-Status SerialTurntable::send_move(Axis axis, const MoveNumbers& move) {
-  Moves moves = moves_;
-  for (MoveNumbers& other : moves) other.distance_deg = 0.0;
-  moves[index(axis)] = move;
-  if (Status status = check_sentences(dialect_, axis, moves); !status) return axis_error(axis, status.error().message);
-  const Status sent = carry_out(DialectOperation::move, axis, moves);
-  if (sent) {
-    moves_ = moves;
-    return {};
-  }
-  if (sent.error().kind == ErrorKind::aborted || !line_.is_open()) return sent;
-  return with_state(sent.error(), status(axis));
-}
-
-Status SerialTurntable::halt(bool off) {
-  if (!was_connected_) return table_error("not connected");
-  way_ = {};
-  const bool one = dialect_.of(off ? DialectOperation::abort : DialectOperation::stop).each_axis &&
-                   dialect_.of(DialectOperation::abort).each_axis;
-  const auto operation_of = [&](Axis axis) {
-    return off || is_off(axis, one) ? DialectOperation::abort : DialectOperation::stop;
-  };
-  stop_.handled();
-  if (!line_.is_open()) {
-    enable_called_ = false;
-    TRY(line_.open());
-    lost_ = false;
-  }
-  // Sentence by sentence, each to every axis: what follows the first of one axis must not keep it from the next.
-  std::array<bool, 3> taken{true, true, true};
-  for (std::size_t i = 0, more = 1; more != 0; ++i) {
-    more = 0;
-    for (const Axis axis : all_axes) {
-      const DialectSteps& steps = dialect_.of(operation_of(axis));
-      if (i >= steps.exchanges.size() || (!steps.each_axis && axis != Axis::heading)) continue;
-      more += i + 1 < steps.exchanges.size() ? 1 : 0;
-      const Exchange& exchange = steps.exchanges[i];
-      if (!line_.send_at_once(filled(dialect_, exchange.send, axis, moves_), exchange.expect, stop_ack_s))
-        taken[index(axis)] = false;
-    }
-  }
-  Status first_failure;
-  for (const Axis axis : all_axes) {
-    if (taken[index(axis)]) continue;
-    if (Status status = carry_out(operation_of(axis), axis, moves_); !status && first_failure.ok())
-      first_failure = status;
-  }
-  targets_void_ = true;
-  if (off && first_failure) commanded_on_ = false;
-  return first_failure;
-}
-
-Status SerialTurntable::clear_fault() {
-  TRY(connected());
-  return carry_out_for_all(DialectOperation::clear_fault);
-}
+SerialTurntable::SerialTurntable(const Dialect& dialect, const Clock& clock, const std::atomic<int>* stop_requests)
+    : DescribedTurntable(dialect, dialect.link, std::make_unique<SentenceCodec>(dialect), clock, stop_requests) {}
 
 }  // namespace turncal

@@ -12,7 +12,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 #include "turntable_drivers/manual/manual_turntable.h"
-#include "turntable_drivers/table/drive_rules.h"
+#include "turntable_drivers/table/table_description.h"
 
 namespace turncal {
 namespace {

@@ -1,32 +1,26 @@
-#include "turntable_drivers/modbus/explain_map.h"
-
-#include <algorithm>
-#include <array>
-#include <cstdio>
-#include <utility>
+// What a register map makes of each operation, request by request.
+#include <fmt/format.h>
 
 #include "imu_io/base/format_number.h"
-#include "turntable_drivers/modbus/move_words.h"
+#include "turntable_drivers/modbus/register_map.h"
 
 namespace turncal {
 namespace {
 
-std::string hexadecimal(unsigned value) {
-  std::array<char, 16> text{};
-  std::snprintf(text.data(), text.size(), "0x%04X", value);
-  return text.data();
-}
+std::string hexadecimal(unsigned value) { return fmt::format("0x{:04X}", value); }
 
-std::string register_text(int address) {
-  return std::to_string(address) + " (" + hexadecimal(static_cast<unsigned>(address)) + ")";
-}
+std::string register_text(int address) { return fmt::format("{} (0x{:04X})", address, address); }
 
 std::string request(int unit, int function, int address, std::size_t count) {
-  return "unit " + std::to_string(unit) + ", function " + std::to_string(function) + ", register " +
-         register_text(address) + (count > 1 ? ", " + std::to_string(count) + " registers" : "");
+  return fmt::format("unit {}, function {}, register {}{}", unit, function, register_text(address),
+                     count > 1 ? fmt::format(", {} registers", count) : "");
 }
 
 std::string per(double scale, const char* unit) { return format_number(scale) + " per " + unit; }
+
+std::string position_text(const MapAxis& scale) {
+  return fmt::format("{}, 0 at {} deg", per(scale.signed_units(), "deg"), format_number(scale.zero_deg));
+}
 
 // What a number of a write is made of; empty: it stands in the file.
 std::string meaning_of(const RegisterMap& map, const WriteOperand& operand, Axis axis) {
@@ -35,27 +29,25 @@ std::string meaning_of(const RegisterMap& map, const WriteOperand& operand, Axis
   switch (operand.kind) {
     case WriteOperand::Kind::constant: return "";
     case WriteOperand::Kind::axis: return ", the axis's code";
-    case WriteOperand::Kind::position:
-      return ", position" + whose + ": " + per(scale.signed_counts_per_degree(), "deg") + ", 0 at " +
-             format_number(scale.zero_deg) + " deg";
-    case WriteOperand::Kind::distance:
-      return ", distance" + whose + ": " + per(scale.signed_counts_per_degree(), "deg");
-    case WriteOperand::Kind::rate: return ", rate" + whose + ": " + per(scale.rate_scale, "deg/s");
+    case WriteOperand::Kind::position: return fmt::format(", position{}: {}", whose, position_text(scale));
+    case WriteOperand::Kind::distance: return fmt::format(", distance{}: {}", whose, per(scale.signed_units(), "deg"));
+    case WriteOperand::Kind::rate: return fmt::format(", rate{}: {}", whose, per(scale.rate_scale, "deg/s"));
     case WriteOperand::Kind::acceleration:
-      return ", acceleration" + whose + ": " +
-             (map.acceleration_is_ramp_time ? format_number(scale.acceleration_scale) + " / (deg/s^2), a ramp time"
-                                            : per(scale.acceleration_scale, "deg/s^2"));
+      return fmt::format(", acceleration{}: {}", whose,
+                         map.acceleration_is_ramp_time
+                             ? format_number(scale.acceleration_scale) + " / (deg/s^2), a ramp time"
+                             : per(scale.acceleration_scale, "deg/s^2"));
   }
   return "";
 }
 
-void explain_writes(const RegisterMap& map, DriveOperation operation, const std::string& name,
+void explain_writes(const RegisterMap& map, TableOperation operation, const std::string& name,
                     std::vector<TableRow>& rows) {
   const std::string source = source_of(map, "write." + std::string(to_string(operation)));
   for (const Axis axis : all_axes) {
-    if (map.once(operation) && operation != DriveOperation::move && axis != Axis::heading) break;
+    if (map.once(operation) && operation != TableOperation::move && axis != Axis::heading) break;
     const std::string whose =
-        map.once(operation) && operation != DriveOperation::move ? "table" : std::string(to_string(axis));
+        map.once(operation) && operation != TableOperation::move ? "table" : std::string(to_string(axis));
     Moves moves{};
     if (map.once(operation)) moves.fill({0.0, 0.0, shown_move.rate_degps, shown_move.acceleration_degps2});
     moves[index(axis)] = shown_move;
@@ -89,14 +81,13 @@ void explain_writes(const RegisterMap& map, DriveOperation operation, const std:
   }
 }
 
-std::string bit_text(const StatusBit& bit, const std::string& flag) {
-  std::string text = flag + ": ";
-  if (bit.codes.empty())
-    return text + "mask " + hexadecimal(bit.mask) + (bit.active_high ? ", set" : ", clear") +
-           (bit.pulse ? ", a pulse" : "");
-  text += "mask " + hexadecimal(bit.mask) + " shifted down is";
-  for (const std::uint16_t code : bit.codes) text += (code == bit.codes.front() ? " " : " or ") + std::to_string(code);
-  return text;
+std::string bit_text(const StatusBit& bit, DriveBit which, bool in_a_pulse) {
+  std::string text = fmt::format("{}: mask {}", to_string(which), hexadecimal(bit.mask));
+  if (bit.codes.empty()) {
+    const bool pulse = in_a_pulse && which == DriveBit::in_position;
+    return text + (bit.active_high ? ", set" : ", clear") + (pulse ? ", a pulse" : "");
+  }
+  return fmt::format("{} shifted down is {}", text, fmt::join(bit.codes, " or "));
 }
 
 void explain_status(const RegisterMap& map, std::vector<TableRow>& rows) {
@@ -107,32 +98,31 @@ void explain_status(const RegisterMap& map, std::vector<TableRow>& rows) {
       const std::string of_axis = source_of(map, own + key);
       return of_axis.empty() ? source_of(map, key) : of_axis;
     };
-    const auto block = [&](const std::string& name, int address, int count, bool of_table) {
-      const auto asked = static_cast<std::size_t>(count) + index(axis);
-      const int first = address + (of_table ? 0 : scale.address_offset);
-      rows.push_back({"status", whose, request(scale.unit, map.status_function, first, asked), "",
-                      std::to_string(2 * asked) + " bytes", source(name + ".address")});
-    };
+    for (const StatusBlock& block : map.blocks()) {
+      const std::size_t asked = static_cast<std::size_t>(block.count) + index(axis);
+      rows.push_back({"status", whose, request(scale.unit, map.status_function, block.read_at(scale), asked), "",
+                      std::to_string(2 * asked) + " bytes",
+                      source(&block == &map.status[0] ? "status.address" : "status2.address")});
+    }
     const auto field = [&](int address, const std::string& says, const std::string& key) {
       rows.push_back(
           {"status", whose, "  its register " + register_text(map.read_at(address, axis)), says, "", source(key)});
     };
-    block("status", map.status_address, map.status_count, map.status_of_table);
-    if (map.status2_count > 0) block("status2", map.status2_address, map.status2_count, map.status2_of_table);
-    field(scale.position.address,
-          std::string(to_string(scale.position.type)) + " position: " + per(scale.signed_counts_per_degree(), "deg") +
-              ", 0 at " + format_number(scale.zero_deg) + " deg" +
-              (scale.modulo_deg > 0.0 ? ", a circle of " + format_number(scale.modulo_deg) + " deg" : ""),
-          "position.address");
+    field(
+        scale.position.address,
+        fmt::format("{} position: {}{}", to_string(scale.position.type), position_text(scale),
+                    scale.modulo_deg > 0.0 ? fmt::format(", a circle of {} deg", format_number(scale.modulo_deg)) : ""),
+        "position.address");
     if (scale.rate)
       field(scale.rate->address,
             std::string(to_string(scale.rate->type)) + " rate: " + per(scale.sign * scale.measured_rate_scale, "deg/s"),
             "rate.address");
     if (scale.alarm) field(scale.alarm->address, std::string(to_string(scale.alarm->type)) + " alarm", "alarm.address");
     for (int i = 0; i < drive_bit_count; ++i) {
-      const std::string flag = to_string(static_cast<DriveBit>(i));
-      if (const auto& bit = scale.bits[static_cast<std::size_t>(i)])
-        field(bit->address, bit_text(*bit, flag), "bit." + flag + (bit->codes.empty() ? ".mask" : ".codes"));
+      const auto which = static_cast<DriveBit>(i);
+      if (const auto& bit = scale.bit(which))
+        field(bit->address, bit_text(*bit, which, scale.arrives_in_a_pulse),
+              fmt::format("bit.{}{}", to_string(which), bit->codes.empty() ? ".mask" : ".codes"));
     }
   }
 }
@@ -141,13 +131,12 @@ void explain_heartbeat(const RegisterMap& map, std::vector<TableRow>& rows) {
   if (!map.heartbeat_address) return;
   for (const Axis axis : all_axes) {
     if (map.heartbeat_of_table && axis != Axis::heading) break;
-    const int address = *map.heartbeat_address + (map.heartbeat_of_table ? 0 : map.of(axis).address_offset);
     std::string says = map.heartbeat_values.empty() ? "u16, another number each time" : "u16, in turn";
     for (const std::uint16_t value : map.heartbeat_values)
       says += " " + std::to_string(value) + " (" + hexadecimal(value) + ")";
     says += ", every " + format_number(map.heartbeat_period_s) + " s";
     rows.push_back({"heartbeat", map.heartbeat_of_table ? "table" : to_string(axis),
-                    request(map.of(axis).unit, map.write_function, address, 1), says, "the same",
+                    request(map.of(axis).unit, map.write_function, map.heartbeat_at(axis), 1), says, "the same",
                     source_of(map, "heartbeat.address")});
   }
 }
@@ -156,12 +145,10 @@ void explain_heartbeat(const RegisterMap& map, std::vector<TableRow>& rows) {
 
 std::vector<TableRow> explain(const RegisterMap& map) {
   std::vector<TableRow> rows;
-  constexpr std::pair<DriveOperation, const char*> before_status[] = {
-      {DriveOperation::setup, "connect"}, {DriveOperation::enable, "enable"}, {DriveOperation::home, "home"},
-      {DriveOperation::move, "move"},     {DriveOperation::stop, "stop"},     {DriveOperation::abort, "abort"}};
-  for (const auto& [operation, name] : before_status) explain_writes(map, operation, name, rows);
-  explain_status(map, rows);
-  explain_writes(map, DriveOperation::clear_fault, "fault reset", rows);
+  for (const auto& [operation, name] : shown_operations) {
+    if (operation == TableOperation::status) explain_status(map, rows);
+    explain_writes(map, operation, name, rows);
+  }
   explain_heartbeat(map, rows);
   return rows;
 }

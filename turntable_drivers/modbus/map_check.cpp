@@ -1,6 +1,10 @@
-#include "turntable_drivers/modbus/map_check.h"
+// What a register map must be able to say, and writes that would do more than they are called.
+#include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
+
+#include "turntable_drivers/modbus/register_map.h"
 
 namespace turncal {
 namespace {
@@ -46,7 +50,7 @@ void check_status(KeyValueFile& file, const RegisterMap& map) {
       return address < axis.position.address + register_count(axis.position.type) &&
              axis.position.address < address + count;
     };
-    if (map.heartbeat_address && map.heartbeat_of_table == map.status_of_table &&
+    if (map.heartbeat_address && map.heartbeat_of_table == map.status[0].of_table &&
         in_position(*map.heartbeat_address, 1))
       file.reject("heartbeat.address", "a register of its own: the position is there");
     if (axis.rate && in_position(axis.rate->address, register_count(axis.rate->type)))
@@ -79,12 +83,13 @@ void check_status(KeyValueFile& file, const RegisterMap& map) {
 // With the axis's offset every address is one of 65536.
 void check_addresses(KeyValueFile& file, const RegisterMap& map) {
   for (const Axis which : all_axes) {
-    int last = std::max(map.status_of_table ? 0 : map.status_address + map.status_count,
-                        map.status2_of_table ? 0 : map.status2_address + map.status2_count) +
-               static_cast<int>(index(which));
+    int last = 0;
+    for (const StatusBlock& block : map.blocks())
+      if (!block.of_table) last = std::max(last, block.address + block.count);
+    last += static_cast<int>(index(which));
     if (map.heartbeat_address && !map.heartbeat_of_table) last = std::max(last, *map.heartbeat_address + 1);
-    for (int i = 0; i < drive_operation_count; ++i) {
-      const auto operation = static_cast<DriveOperation>(i);
+    for (int i = 0; i < table_operation_count; ++i) {
+      const auto operation = static_cast<TableOperation>(i);
       for (const WriteStep& step : map.list(operation))
         if (!step.of_table && !map.once(operation)) last = std::max(last, step.address + step.length());
     }
@@ -95,11 +100,324 @@ void check_addresses(KeyValueFile& file, const RegisterMap& map) {
   }
 }
 
+// ---- writes ----
+
+using Register = std::pair<int, int>;  // unit, address
+constexpr std::uint16_t whole_word = 0xFFFF;
+
+// One register that a list writes, in its order: a number of several registers is as many of these, since that is what the drive gets.
+struct Written {
+  Register place;
+  std::optional<double> value;  // none: what a move asks for
+  std::vector<std::uint16_t> words;
+  int registers = 1;
+  bool target = false;    // where a move goes
+  int number = 0;         // of the list's numbers
+  bool release = false;   // 0 after another value
+  bool is_code = false;   // a number of a command, not bits
+  bool of_table = false;  // at the same place for every axis
+  std::uint16_t word() const { return words.empty() ? 0 : words[0]; }
+};
+
+bool released_by(const std::vector<Written>& before, const Written& now) {
+  return now.value == 0.0 && std::any_of(before.begin(), before.end(), [&](const Written& earlier) {
+           return earlier.place == now.place && earlier.value != 0.0;
+         });
+}
+
+// All that is sent, releases too.
+std::vector<Written> sent_by(const RegisterMap& map, TableOperation operation, Axis axis) {
+  std::vector<Written> all;
+  int number = 0;
+  for (const WriteStep& step : map.list(operation)) {
+    int address = map.address_of(step, operation, axis);
+    for (const WriteOperand& operand : step.operands) {
+      Written now{{map.unit_of(operation, axis), address}, {}, {}};
+      if (operand.kind == WriteOperand::Kind::constant) now.value = operand.constant;
+      if (operand.kind == WriteOperand::Kind::axis) now.value = map.of(operand.of_axis.value_or(axis)).code;
+      now.registers = register_count(operand.type);
+      now.target = operand.kind == WriteOperand::Kind::position || operand.kind == WriteOperand::Kind::distance;
+      now.number = ++number;
+      now.of_table = step.of_table || map.once(operation);
+      const int first = std::exchange(address, address + now.registers);
+      const auto words = now.value ? encode_words(*now.value, operand.type, map.layout) : std::nullopt;
+      if (!words) {
+        all.push_back(std::move(now));
+        continue;
+      }
+      int at = first;
+      for (const std::uint16_t word : words->span()) {
+        const bool is_code =
+            std::count(map.code_registers.begin(), map.code_registers.end(), step.address + at - now.place.second) > 0;
+        Written one{
+            {now.place.first, at++}, static_cast<double>(word), {word}, 1, false, number, false, is_code, now.of_table};
+        one.release = released_by(all, one);
+        all.push_back(std::move(one));
+      }
+    }
+  }
+  return all;
+}
+
+std::vector<Written> written_by(const RegisterMap& map, TableOperation operation, Axis axis) {
+  std::vector<Written> all = sent_by(map, operation, axis);
+  std::erase_if(all, [](const Written& written) { return written.release; });
+  return all;
+}
+
+// What starts an operation, as it stands in its list.
+std::vector<Written> triggers_of(const std::vector<Written>& list, TableOperation operation) {
+  if (list.empty()) return {};
+  std::vector<Written> last;  // the registers of the last number; of several those that are not 0
+  for (const Written& written : list)
+    if (written.number == list.back().number) last.push_back(written);
+  if (last.size() > 1) std::erase_if(last, [](const Written& written) { return written.value == 0.0; });
+  if (last.empty()) last.push_back(list.back());
+  if (operation == TableOperation::enable) return last;
+  std::vector<Written> found;
+  for (const Written& written : list) {
+    const bool there =
+        std::any_of(last.begin(), last.end(), [&](const Written& l) { return l.place == written.place; });
+    if (there && (written.value != 0.0 || last.size() == 1)) found.push_back(written);
+  }
+  return found;
+}
+
+// What a list leaves in a register; null: it does not write there.
+const Written* left_in(const std::vector<Written>& list, const Register& place) {
+  const auto last = std::find_if(list.rbegin(), list.rend(), [&](const Written& w) { return w.place == place; });
+  return last == list.rend() ? nullptr : &*last;
+}
+
+// What starts something, and the bits of its word that do; all of them: only this very number does.
+struct Trigger {
+  Written written;
+  std::uint16_t mask = whole_word;
+};
+
+// Bits of a control word do what they do, whatever stands beside them. Where a drive is on without any, it is on without those by
+// which write.abort switches it off. A brake may hold the drive on: of a move it must not have what goes beyond write.enable.
+std::vector<Trigger> triggers_of(const RegisterMap& map, TableOperation starts, Axis axis, bool of_brake = false) {
+  std::vector<Trigger> found;
+  const std::vector<Written> enable = written_by(map, TableOperation::enable, axis);
+  const std::vector<Written> abort = sent_by(map, TableOperation::abort, axis);
+  for (const Written& written : triggers_of(written_by(map, starts, axis), starts)) {
+    if (!written.value) continue;
+    const Written* const on = left_in(enable, written.place);
+    const Written* const off = starts == TableOperation::enable ? left_in(abort, written.place) : nullptr;
+    std::uint16_t mask = written.word();
+    if (mask == 0 && off != nullptr) mask = off->word();
+    if (of_brake && (starts == TableOperation::enable || (mask & ~(on != nullptr ? on->word() : 0)) == 0)) mask = 0;
+    found.push_back({written, written.is_code || mask == 0 ? whole_word : mask});
+  }
+  return found;
+}
+
+bool does(const Written& written, const Trigger& trigger) {
+  if (written.place != trigger.written.place) return false;
+  if (written.words.empty()) return !written.value;  // any number
+  if (written.release && trigger.mask == whole_word) return false;
+  return (written.word() & trigger.mask) == (trigger.written.word() & trigger.mask);
+}
+
+// Another register that both write with different values before: another command.
+bool differ(const std::vector<Written>& one, const std::vector<Written>& other, const Register& trigger) {
+  for (const Written& a : one) {
+    if (a.place == trigger || !a.value) continue;
+    const auto same_place = [&](const Written& b) { return b.place == a.place; };
+    if (std::none_of(other.begin(), other.end(), same_place)) continue;
+    if (std::none_of(other.begin(), other.end(),
+                     [&](const Written& b) { return same_place(b) && b.words == a.words; })) {
+      return true;
+    }
+  }
+  return false;
+}
+
+bool overlaps(const Written& one, const Written& other) {
+  return one.place.first == other.place.first && one.place.second < other.place.second + other.registers &&
+         other.place.second < one.place.second + one.registers;
+}
+
+// As people and files write a register or a value: 1568 (0x620).
+std::string both(long value) { return fmt::format("{} (0x{:X})", value, value); }
+
+std::string said(const Register& place) { return "register " + both(place.second); }
+
+// Of which axis, and how the file writes it where an offset was added.
+std::string of_axis(const RegisterMap& map, Axis axis, const Written& written) {
+  const int offset = written.of_table ? 0 : map.of(axis).address_offset;
+  return " of axis." + std::string(to_string(axis)) +
+         (offset == 0 ? "" : ", " + both(written.place.second - offset) + " without its address_offset");
+}
+
+constexpr TableOperation harmless[] = {TableOperation::setup, TableOperation::stop, TableOperation::abort,
+                                       TableOperation::clear_fault};
+
+// What is written without anything being meant to start.
+struct Harmless {
+  std::string key;
+  std::vector<Written> sent;
+  bool brakes = false;  // with the drive on
+};
+
+std::vector<Harmless> harmless_of(const RegisterMap& map, Axis axis) {
+  std::vector<Harmless> all;
+  for (const TableOperation operation : harmless) {
+    const bool brakes =
+        operation == TableOperation::stop || (operation == TableOperation::abort && !map.can_switch_off);
+    all.push_back({"write." + std::string(to_string(operation)), sent_by(map, operation, axis), brakes});
+  }
+  if (!map.heartbeat_address) return all;
+  const Register beat{map.of(axis).unit, map.heartbeat_at(axis)};
+  Harmless heartbeat{map.heartbeat_values.empty() ? "heartbeat.address" : "heartbeat.values", {}};
+  for (const std::uint16_t value : map.heartbeat_values)
+    heartbeat.sent.push_back({.place = beat, .value = value, .words = {value}});
+  if (heartbeat.sent.empty()) heartbeat.sent.push_back({.place = beat, .value = {}, .words = {}});
+  all.push_back(std::move(heartbeat));
+  return all;
+}
+
+// A drive that is on may follow its target register without any other command.
+std::optional<Clash> target_clash_of(const RegisterMap& map, Axis of_move, Axis of_harmless) {
+  const std::vector<Written> move = written_by(map, TableOperation::move, of_move);
+  for (const Written& target : move) {
+    if (!target.target) continue;
+    for (const Harmless& other : harmless_of(map, of_harmless)) {
+      for (const Written& written : other.sent) {
+        if (overlaps(written, target) && !differ(move, other.sent, written.place))
+          return Clash{other.key.starts_with("heartbeat") ? "heartbeat.address" : other.key,
+                       "no write to " + said(target.place) + of_axis(map, of_move, target) +
+                           ", where write.move says where to go: a drive that is on would start a motion; write "
+                           "to another register, and leave the place to write.move"};
+      }
+    }
+  }
+  return std::nullopt;
+}
+
+std::optional<Clash> clash_of(const RegisterMap& map, Axis of_starting, Axis of_harmless) {
+  for (const TableOperation starts : starting_operations) {
+    const std::vector<Written> list = written_by(map, starts, of_starting);
+    for (const Harmless& other : harmless_of(map, of_harmless)) {
+      for (const Trigger& trigger : triggers_of(map, starts, of_starting, other.brakes)) {
+        for (const Written& written : other.sent) {
+          if (!does(written, trigger) || differ(list, other.sent, trigger.written.place)) continue;
+          const Written& trigger_value = trigger.written;
+          const bool same = !written.value || written.words == trigger_value.words;
+          const std::string name = std::string("write.") + to_string(starts);
+          const std::string value = both(written.value ? written.word() : trigger_value.word());
+          std::string advice = "another value, without the bits " + both(trigger.mask);
+          if (trigger.mask == whole_word) advice = "another value";
+          if (other.key.starts_with("heartbeat")) advice = "a register of its own, or heartbeat.values without it";
+          return Clash{other.key,
+                       "no write of " + value + " to " + said(trigger_value.place) +
+                           of_axis(map, of_starting, trigger_value) +
+                           (same ? ", which is " + name
+                                 : ", which holds the bits of " + name + ", " + both(trigger_value.word())) +
+                           ": it would " + harm_of(starts) + "; write " + advice +
+                           (trigger.mask == whole_word
+                                ? ""
+                                : ", or, if it takes the numbers of commands and not bits, name it in write.codes")};
+        }
+      }
+    }
+  }
+  return std::nullopt;
+}
+
+// A heartbeat that counts writes any number, and goes on after a stop: it would take the stop back.
+std::optional<Clash> beats_over_a_stop(const RegisterMap& map, Axis axis) {
+  if (!map.heartbeat_address || !map.heartbeat_values.empty()) return std::nullopt;
+  const Written beat = harmless_of(map, axis).back().sent.front();
+  for (const TableOperation operation : {TableOperation::stop, TableOperation::abort})
+    for (const Written& written : sent_by(map, operation, axis))
+      if (overlaps(written, beat))
+        return Clash{"heartbeat.address", "a register of its own, not " + said(written.place) + ", where write." +
+                                              to_string(operation) +
+                                              " writes: the count would take it back; or heartbeat.values"};
+  return std::nullopt;
+}
+
+// A stop that goes to a register of another axis alone is not this one's.
+std::optional<Clash> stops_another(const RegisterMap& map, Axis axis, Axis other) {
+  for (const TableOperation operation : {TableOperation::stop, TableOperation::abort}) {
+    const std::string key = "write." + std::string(to_string(operation));
+    if (map.once(operation) && map.of(axis).unit != map.of(other).unit)
+      return Clash{key + ".scope", "axis, where every axis has a unit of its own"};
+    const auto writes_to = [&](Axis whose, const Written& place) {
+      for (int i = 0; i < table_operation_count; ++i) {
+        const auto list = static_cast<TableOperation>(i);
+        const std::vector<Written> sent = sent_by(map, list, whose);
+        if (std::any_of(sent.begin(), sent.end(), [&](const Written& w) { return !w.of_table && overlaps(w, place); }))
+          return true;
+      }
+      return false;
+    };
+    for (const Written& written : sent_by(map, operation, axis)) {
+      if (writes_to(other, written) && !writes_to(axis, written))
+        return Clash{
+            key, "a write to each axis; " + said(written.place) + " is that of axis." + to_string(other) + " alone"};
+    }
+  }
+  return std::nullopt;
+}
+
+std::optional<Clash> same_axis(const RegisterMap& map, Axis one, Axis other) {
+  const auto read_at = [&](Axis axis) {
+    const RegisterField& position = map.of(axis).position;
+    return Written{.place = {map.of(axis).unit, map.read_at(position.address, axis)},
+                   .value = {},
+                   .words = {},
+                   .registers = register_count(position.type)};
+  };
+  const std::string key = "axis." + std::string(to_string(other)) + ".unit";
+  const std::string apart =
+      "a unit or an address_offset of its own, not those of axis." + std::string(to_string(one)) + ": ";
+  if (overlaps(read_at(one), read_at(other))) return Clash{key, apart + "both read one position"};
+  if (map.once(TableOperation::move)) return std::nullopt;
+  const std::vector<Written> moves = written_by(map, TableOperation::move, one);
+  for (const TableOperation starts : starting_operations) {
+    const std::vector<Written> others = written_by(map, starts, other);
+    for (const Written& a : moves) {
+      for (const Written& b : others) {
+        if (overlaps(a, b) && !(a.value && b.value) && !differ(moves, others, a.place))
+          return Clash{key, apart + "one write.move moves both"};
+      }
+    }
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 void check_map(KeyValueFile& file, const RegisterMap& map) {
   check_addresses(file, map);
   check_status(file, map);
+}
+
+std::optional<Clash> write_clash(const RegisterMap& map) {
+  for (const Axis one : all_axes) {
+    for (const Axis other : all_axes) {
+      if (one != other) {
+        if (auto clash = same_axis(map, std::min(one, other), std::max(one, other))) return clash;
+        if (auto clash = stops_another(map, one, other)) return clash;
+      }
+      if (auto clash = beats_over_a_stop(map, one)) return clash;
+      if (auto clash = clash_of(map, one, other)) return clash;
+      if (auto clash = target_clash_of(map, one, other)) return clash;
+    }
+  }
+  return std::nullopt;
+}
+
+bool stop_holds_enable(const RegisterMap& map) {
+  const std::vector<Written> stop = sent_by(map, TableOperation::stop, Axis::heading);
+  const auto triggers = triggers_of(map, TableOperation::enable, Axis::heading);
+  return std::any_of(triggers.begin(), triggers.end(), [&](const Trigger& trigger) {
+    const Written* const left = left_in(stop, trigger.written.place);
+    return left != nullptr && does(*left, trigger);
+  });
 }
 
 }  // namespace turncal

@@ -1,49 +1,38 @@
 #include "turntable_drivers/modbus/modbus_frame.h"
 
+#include "imu_io/base/crc.h"
+
 namespace turncal {
 namespace {
 
-std::uint16_t word_at(std::span<const std::uint8_t> bytes, std::size_t i) {
-  return static_cast<std::uint16_t>(bytes[i] << 8 | bytes[i + 1]);
+void append_word(std::string& bytes, int word) {
+  bytes += static_cast<char>(word >> 8);
+  bytes += static_cast<char>(word);
 }
 
-void append_big_endian(Frame& frame, int value) {
-  frame.push_back(static_cast<std::uint8_t>(value >> 8));
-  frame.push_back(static_cast<std::uint8_t>(value));
+std::uint16_t modbus_crc(std::string_view bytes) {
+  static const Crc crc({16, 0x8005, 0xFFFF, true, true, 0});
+  return static_cast<std::uint16_t>(crc(std::as_bytes(std::span(bytes))));
 }
 
-// Unit and PDU to what goes over the wire.
-Frame wrapped(const ModbusRequest& request, const Frame& body, bool tcp) {
-  Frame frame;
-  if (tcp) {
-    append_big_endian(frame, request.transaction);
-    append_big_endian(frame, 0);
-    append_big_endian(frame, static_cast<int>(body.size()));
-    frame.insert(frame.end(), body.begin(), body.end());
-  } else {
-    frame = body;
-    const std::uint16_t crc = modbus_crc(body);
-    frame.push_back(static_cast<std::uint8_t>(crc));
-    frame.push_back(static_cast<std::uint8_t>(crc >> 8));
-  }
-  return frame;
+std::string begun(int unit, int function) { return {static_cast<char>(unit), static_cast<char>(function)}; }
+
+Frame reply(const ModbusRequest& request, const std::string& body, bool tcp) {
+  const std::string frame = framed(body, tcp ? std::optional(request.transaction) : std::nullopt);
+  return {frame.begin(), frame.end()};
 }
 
-Frame body_of(const ModbusRequest& request) {
-  return {static_cast<std::uint8_t>(request.unit), static_cast<std::uint8_t>(request.function)};
-}
-
-// Bytes of unit + PDU; 0: more are needed to tell.
-std::size_t body_length(std::span<const std::uint8_t> body) {
+// Bytes of unit + PDU of a request; 0: more are needed to tell.
+std::size_t body_length(std::string_view body) {
   if (body.size() < 2) return 0;
   if (body[1] != 15 && body[1] != 16) return 6;
-  return body.size() < 7 ? 0 : 7 + std::size_t{body[6]};
+  return body.size() < 7 ? 0 : 7 + std::size_t{static_cast<unsigned char>(body[6])};
 }
 
-ModbusRequest parsed(std::span<const std::uint8_t> body) {
+ModbusRequest parsed(std::string_view body) {
   ModbusRequest request;
-  request.unit = body[0];
-  request.function = body[1];
+  request.unit = static_cast<unsigned char>(body[0]);
+  request.function = static_cast<unsigned char>(body[1]);
   if (body.size() < 6) {
     request.well_formed = false;
     return request;
@@ -58,7 +47,8 @@ ModbusRequest parsed(std::span<const std::uint8_t> body) {
   request.well_formed = request.count >= 1 && request.count <= 125 && request.address + request.count <= 65536;
   if (request.function == 16) {
     const auto bytes = static_cast<std::size_t>(2 * request.count);
-    request.well_formed = request.well_formed && body.size() == 7 + bytes && body[6] == bytes;
+    request.well_formed =
+        request.well_formed && body.size() == 7 + bytes && static_cast<unsigned char>(body[6]) == bytes;
     if (request.well_formed) {
       for (std::size_t i = 7; i + 1 < body.size(); i += 2) request.values.push_back(word_at(body, i));
     }
@@ -68,64 +58,85 @@ ModbusRequest parsed(std::span<const std::uint8_t> body) {
 
 }  // namespace
 
-std::uint16_t modbus_crc(std::span<const std::uint8_t> bytes) {
-  unsigned crc = 0xFFFF;
-  for (const std::uint8_t byte : bytes) {
-    crc ^= byte;
-    for (int i = 0; i < 8; ++i) crc = (crc & 1) != 0 ? crc >> 1 ^ 0xA001 : crc >> 1;
-  }
-  return static_cast<std::uint16_t>(crc);
+std::string read_body(int unit, int function, int address, int count) {
+  std::string body = begun(unit, function);
+  append_word(body, address);
+  append_word(body, count);
+  return body;
 }
 
-std::optional<ModbusRequest> next_request(std::vector<std::uint8_t>& bytes, bool tcp) {
+std::string write_body(int unit, int function, int address, std::span<const std::uint16_t> values) {
+  std::string body = begun(unit, function);
+  append_word(body, address);
+  if (function == 16) {
+    append_word(body, static_cast<int>(values.size()));
+    body += static_cast<char>(2 * values.size());
+  }
+  for (const std::uint16_t value : values) append_word(body, value);
+  return body;
+}
+
+std::string framed(std::string_view body, std::optional<std::uint16_t> transaction) {
+  std::string frame;
+  if (transaction) {
+    append_word(frame, *transaction);
+    append_word(frame, 0);
+    append_word(frame, static_cast<int>(body.size()));
+    return frame.append(body);
+  }
+  const std::uint16_t crc = modbus_crc(body);
+  frame = body;
+  frame += static_cast<char>(crc);
+  frame += static_cast<char>(crc >> 8);
+  return frame;
+}
+
+std::optional<ModbusRequest> next_request(Frame& bytes, bool tcp) {
   const auto drop = [&bytes](std::size_t n) {
     bytes.erase(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
   };
+  const std::string all(bytes.begin(), bytes.end());
   if (tcp) {
-    if (bytes.size() < 8) return {};
-    const std::size_t length = word_at(bytes, 4);
-    if (bytes.size() < 6 + length) return {};
+    if (all.size() < tcp_header + 2) return {};
+    const std::size_t length = word_at(all, 4);
+    if (all.size() < tcp_header + length) return {};
     std::optional<ModbusRequest> request;
-    if (length >= 2 && word_at(bytes, 2) == 0) {
-      request = parsed(std::span(bytes).subspan(6, length));
-      request->transaction = word_at(bytes, 0);
+    if (length >= 2 && word_at(all, 2) == 0) {
+      request = parsed(std::string_view(all).substr(tcp_header, length));
+      request->transaction = word_at(all, 0);
     }
-    drop(6 + length);
+    drop(tcp_header + length);
     return request;
   }
-  while (!bytes.empty()) {
-    const std::size_t length = body_length(bytes);
-    if (length == 0 || bytes.size() < length + 2) return {};
-    const std::uint16_t crc = static_cast<std::uint16_t>(bytes[length] | bytes[length + 1] << 8);
-    if (crc == modbus_crc(std::span(bytes).first(length))) {
-      const ModbusRequest request = parsed(std::span(bytes).first(length));
-      drop(length + 2);
-      return request;
-    }
-    drop(1);
+  for (std::string_view left = all; !left.empty(); left.remove_prefix(1), drop(1)) {
+    const std::size_t length = body_length(left);
+    if (length == 0 || left.size() < length + 2) return {};
+    const std::string_view body = left.substr(0, length);
+    if (framed(body, {}) != left.substr(0, length + 2)) continue;
+    drop(length + 2);
+    return parsed(body);
   }
   return {};
 }
 
 Frame read_reply(const ModbusRequest& request, std::span<const std::uint16_t> values, bool tcp) {
-  Frame body = body_of(request);
-  body.push_back(static_cast<std::uint8_t>(2 * values.size()));
-  for (const std::uint16_t value : values) append_big_endian(body, value);
-  return wrapped(request, body, tcp);
+  std::string body = begun(request.unit, request.function);
+  body += static_cast<char>(2 * values.size());
+  for (const std::uint16_t value : values) append_word(body, value);
+  return reply(request, body, tcp);
 }
 
 Frame write_reply(const ModbusRequest& request, bool tcp) {
-  Frame body = body_of(request);
-  append_big_endian(body, request.address);
-  append_big_endian(body, request.function == 6 ? request.values.front() : request.count);
-  return wrapped(request, body, tcp);
+  std::string body = begun(request.unit, request.function);
+  append_word(body, request.address);
+  append_word(body, request.function == 6 ? request.values.front() : request.count);
+  return reply(request, body, tcp);
 }
 
 Frame exception_reply(const ModbusRequest& request, int exception, bool tcp) {
-  Frame body = body_of(request);
-  body[1] = static_cast<std::uint8_t>(body[1] | 0x80);
-  body.push_back(static_cast<std::uint8_t>(exception));
-  return wrapped(request, body, tcp);
+  std::string body = begun(request.unit, request.function | 0x80);
+  body += static_cast<char>(exception);
+  return reply(request, body, tcp);
 }
 
 }  // namespace turncal

@@ -1,204 +1,269 @@
 #include "turntable_drivers/modbus/modbus_turntable.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cmath>
 
 #include "imu_io/base/format_number.h"
-#include "turntable_drivers/table/drive_rules.h"
+#include "turntable_drivers/modbus/modbus_frame.h"
 
 namespace turncal {
 namespace {
 
-// A pulse of the stop itself is not cut short.
-void hold(double seconds) { static_cast<void>(StopSignal().pause(seconds)); }
+constexpr double busy_pause_s = 0.05;          // before a busy drive is asked again
+constexpr std::uint16_t most_repeated = 1000;  // a reply to one of so many transactions may come again
+constexpr std::size_t longest_frame = 260;
+
+const char* exception_text(int exception) {
+  switch (exception) {
+    case 1: return "illegal function";
+    case 2: return "illegal data address";
+    case 3: return "illegal data value";
+    case 4: return "device failure";
+    case 5: return "acknowledged, still at work";
+    case 6: return "busy";
+    case 10: return "gateway path unavailable";
+    case 11: return "device behind the gateway does not answer";
+    default: return "unknown";
+  }
+}
+
+Verdict exception_verdict(int exception) {
+  const std::string text = fmt::format("exception {} ({})", exception, exception_text(exception));
+  Verdict verdict = exception >= 1 && exception <= 3 ? input_error(text + ": expected a map that fits the drive")
+                                                     : device_error(text);
+  verdict.again = exception > 4 && exception != 7 && exception != 8;
+  verdict.pause_s = busy_pause_s;
+  verdict.alive = exception < 10;
+  return verdict;
+}
+
+Verdict garbled(const std::string& what) {
+  Verdict verdict = device_error(what);
+  verdict.stale = true;
+  return verdict;
+}
+
+std::uint16_t transaction_of(const TableRequest& request) { return word_at(request.bytes, 0); }
+
+bool is_read(char function) { return function == 3 || function == 4; }
+
+class RegisterCodec : public TableCodec {
+ public:
+  explicit RegisterCodec(const RegisterMap& map) : map_(map), header_(map.link.header()) {}
+
+  std::size_t steps(TableOperation operation) const override {
+    if (operation == TableOperation::heartbeat) return 1;
+    return operation == TableOperation::status ? map_.blocks().size() : map_.list(operation).size();
+  }
+  bool once(TableOperation operation) const override {
+    return operation == TableOperation::heartbeat ? map_.heartbeat_of_table : map_.once(operation);
+  }
+  double pause_s(TableOperation operation, std::size_t step) const override {
+    return operation == TableOperation::heartbeat ? 0.0 : map_.list(operation)[step].wait_s;
+  }
+  const AxisScale& scale(Axis axis) const override { return map_.of(axis); }
+  bool tells(DriveBit bit) const override { return map_.of(Axis::heading).bit(bit).has_value(); }
+  bool moves_all() const override { return map_.once(TableOperation::move); }
+  bool searches() const override { return !map_.home_by_encoder; }
+  double heartbeat_s() const override { return map_.heartbeat_address ? map_.heartbeat_period_s : 0.0; }
+  const char* kind() const override { return "map"; }
+  const char* implausible() const override { return "a map with the drive's word order and scale"; }
+  const char* expected_scale() const override { return "other counts_per_degree or zero_deg"; }
+  const char* expected_angle() const override {
+    return "other settings fit as well: expected an angle that tells them apart";
+  }
+
+  Result<TableRequest> encode(TableOperation operation, Axis axis, std::size_t step, const Moves& moves) override;
+  std::optional<std::size_t> reply_end(const TableRequest& request, std::string& heard, bool at_once) const override;
+  Verdict decode(const TableRequest& request, const std::string& reply, std::string& heard,
+                 AxisReading* reading) override;
+  bool acknowledges(const TableRequest&, const std::string&) const override { return true; }  // reply_end() has looked
+  bool has_unexpected(std::string& heard) const override;
+  std::string message(const TableRequest& request, const std::string& whose, const std::string& what) const override;
+  std::vector<OtherReading> other_readings(Axis axis, const AxisReading& reading) const override;
+
+ private:
+  bool is_of_earlier(const std::string& frame) const;
+  void take(Axis axis, const StatusBlock& block, const std::vector<std::uint16_t>& registers, AxisReading& reading);
+
+  const RegisterMap map_;
+  const bool header_;
+  std::uint16_t transaction_ = 0;
+  std::array<std::size_t, 3> beats_{};
+  std::array<std::vector<std::uint16_t>, 3> position_words_;  // as last read
+};
+
+Result<TableRequest> RegisterCodec::encode(TableOperation operation, Axis axis, std::size_t step, const Moves& moves) {
+  TableRequest request{operation, axis, step};
+  const MapAxis& place = map_.of(axis);
+  if (operation == TableOperation::status) {
+    const StatusBlock& block = map_.blocks()[step];
+    // Longer by the axis, so that no two requests have the same length; what is beyond is thrown away.
+    request.body =
+        read_body(place.unit, map_.status_function, block.read_at(place), block.count + static_cast<int>(index(axis)));
+  } else if (operation == TableOperation::heartbeat) {
+    // Another value each time, so that a drive can tell it from one that is stuck.
+    const std::size_t beats = beats_[index(axis)];
+    const std::vector<std::uint16_t>& values = map_.heartbeat_values;
+    const std::uint16_t value =
+        values.empty() ? static_cast<std::uint16_t>(1 + beats % 0xFFFF) : values[beats % values.size()];
+    request.body = write_body(place.unit, map_.write_function, map_.heartbeat_at(axis), std::span(&value, 1));
+  } else {
+    const WriteStep& write = map_.list(operation)[step];
+    const std::vector<std::uint16_t> words = TRY(words_of(map_, write, axis, moves));
+    request.body = write_body(map_.unit_of(operation, axis), words.size() > 1 ? 16 : map_.write_function,
+                              map_.address_of(write, operation, axis), words);
+  }
+  request.bytes = framed(request.body, header_ ? std::optional(++transaction_) : std::nullopt);
+  return request;
+}
+
+// REQUIRES: a whole header. Whether it answers a transaction before.
+bool RegisterCodec::is_of_earlier(const std::string& frame) const {
+  const std::size_t size = tcp_header + word_at(frame, 4);
+  return word_at(frame, 2) == 0 && size > tcp_header && size <= longest_frame &&
+         static_cast<std::uint16_t>(transaction_ - word_at(frame, 0)) < most_repeated;
+}
+
+bool RegisterCodec::has_unexpected(std::string& heard) const {
+  while (header_ && heard.size() >= tcp_header && is_of_earlier(heard)) {
+    const std::size_t size = tcp_header + word_at(heard, 4);
+    if (heard.size() < size) return false;  // the rest comes: it is skipped by its number when the next reply is read
+    heard.erase(0, size);
+  }
+  return header_ ? heard.size() >= tcp_header : !heard.empty();
+}
+
+std::optional<std::size_t> RegisterCodec::reply_end(const TableRequest& request, std::string& heard,
+                                                    bool at_once) const {
+  if (at_once) {  // whatever stands before it
+    const std::string expected =
+        framed(request.body.substr(0, 6), header_ ? std::optional(transaction_of(request)) : std::nullopt);
+    const std::size_t at = heard.find(expected);
+    if (at == std::string::npos) return {};
+    heard.erase(0, at);
+    return expected.size();
+  }
+  if (header_) {
+    for (;;) {
+      if (heard.size() < tcp_header) return {};
+      const std::size_t size = tcp_header + word_at(heard, 4);
+      if (word_at(heard, 2) != 0 || size > longest_frame) return heard.size();
+      if (heard.size() < size) return {};
+      if (word_at(heard, 0) == transaction_of(request) || !is_of_earlier(heard)) return size;
+      heard.erase(0, size);
+    }
+  }
+  const char function = request.body[1];
+  if (heard.size() < 3) return {};
+  const std::size_t size = heard[1] == static_cast<char>(function | 0x80) ? 5
+                           : heard[1] != function                         ? heard.size()
+                           : is_read(function)                            ? 5U + static_cast<unsigned char>(heard[2])
+                                                                          : 8;
+  return heard.size() < size ? std::nullopt : std::optional(size);
+}
+
+Verdict RegisterCodec::decode(const TableRequest& request, const std::string& reply, std::string& heard,
+                              AxisReading* reading) {
+  std::string body = reply;
+  if (header_) {
+    if (reply.size() < tcp_header) return garbled("rubbish");
+    if (word_at(reply, 2) != 0) return garbled(fmt::format("protocol {} answered, not Modbus", word_at(reply, 2)));
+    if (word_at(reply, 0) != transaction_of(request)) return garbled("the reply of another transaction");
+    body.erase(0, tcp_header);
+  } else {
+    if (body.size() < 5 || framed(body.substr(0, body.size() - 2), {}) != body) return garbled("Invalid CRC");
+    body.resize(body.size() - 2);
+  }
+  if (body.size() < 3) return garbled("rubbish");
+  const char function = request.body[1];
+  if (body[0] != request.body[0]) return garbled(fmt::format("unit {} answered", static_cast<unsigned char>(body[0])));
+  const bool is_exception = body[1] == static_cast<char>(function | 0x80) && body.size() == 3;
+  if (!is_exception) {
+    if (body[1] != function) return garbled("the reply to another function");
+    const std::size_t bytes = 2U * word_at(request.body, 4);  // of a reading
+    const bool same = is_read(function) ? body.size() == 3 + bytes && static_cast<unsigned char>(body[2]) == bytes
+                                        : body == request.body.substr(0, 6);
+    if (!same) return garbled("the reply to another request");
+  }
+  if (has_unexpected(heard)) return garbled("bytes after the reply");
+  if (is_exception) return exception_verdict(static_cast<unsigned char>(body[2]));
+  if (request.operation == TableOperation::heartbeat) ++beats_[index(request.axis)];
+  if (request.operation != TableOperation::status) return {};
+  std::vector<std::uint16_t> registers;
+  for (std::size_t at = 3; at < body.size(); at += 2) registers.push_back(word_at(body, at));
+  for (const StatusBlock& block : map_.blocks())
+    if (block.read_at(map_.of(request.axis)) == word_at(request.body, 2) &&
+        registers.size() == static_cast<std::size_t>(block.count) + index(request.axis))
+      take(request.axis, block, registers, *reading);
+  return {};
+}
+
+// What the block holds of the axis.
+void RegisterCodec::take(Axis axis, const StatusBlock& block, const std::vector<std::uint16_t>& registers,
+                         AxisReading& reading) {
+  const MapAxis& scale = map_.of(axis);
+  const auto words_from = [&](int address) {
+    return std::span(registers).subspan(static_cast<std::size_t>(address - block.address));
+  };
+  const auto number = [&](const RegisterField& field) {
+    return decode_words(words_from(field.address), field.type, map_.layout);
+  };
+  if (block.holds(scale.position.address)) {
+    reading.position_deg = scale.angle_of(number(scale.position));
+    const auto words = words_from(scale.position.address);
+    position_words_[index(axis)].assign(words.begin(), words.begin() + register_count(scale.position.type));
+  }
+  if (scale.rate && block.holds(scale.rate->address))
+    reading.rate_degps = scale.sign * number(*scale.rate) / scale.measured_rate_scale;
+  for (std::size_t i = 0; i < scale.bits.size(); ++i) {
+    const std::optional<StatusBit>& bit = scale.bits[i];
+    if (!bit || !block.holds(bit->address)) continue;
+    reading.flags[i] = bit->is_set(words_from(bit->address)[0]);
+    reading.raw |= *reading.flags[i] ? 1u << i : 0u;
+  }
+  if (!scale.alarm || !block.holds(scale.alarm->address)) return;
+  const double code = number(*scale.alarm);
+  if (code == 0.0) return;
+  const auto text = map_.alarm_text.find(static_cast<long>(code));
+  reading.text = "alarm " + format_number(code) + (text != map_.alarm_text.end() ? " (" + text->second + ")" : "");
+}
+
+std::string RegisterCodec::message(const TableRequest& request, const std::string& whose,
+                                   const std::string& what) const {
+  const std::string address = map_.link.address + ": ";
+  const bool reads = request.operation == TableOperation::status;
+  return fmt::format("{}{}{}{} unit {} register {}: {}", whose,
+                     reads ? "" : std::string(to_string(request.operation)) + ": ", address,
+                     reads ? "reading" : "writing", static_cast<unsigned char>(request.body[0]),
+                     word_at(request.body, 2), what.starts_with(address) ? what.substr(address.size()) : what);
+}
+
+std::vector<OtherReading> RegisterCodec::other_readings(Axis axis, const AxisReading&) const {
+  std::vector<OtherReading> others;
+  MapAxis scale = map_.of(axis);
+  const int own_sign = scale.sign;
+  for (const bool high_first : {true, false}) {
+    for (const bool swap : {false, true}) {
+      for (const int sign : {1, -1}) {
+        const bool same_order = high_first == map_.layout.high_word_first;
+        if (same_order && swap == map_.layout.swap_bytes && sign == own_sign) continue;
+        if (register_count(scale.position.type) == 1 && !same_order) continue;
+        scale.sign = sign;
+        others.push_back(
+            {scale.angle_of(decode_words(position_words_[index(axis)], scale.position.type, {high_first, swap})),
+             fmt::format("words.order = {}, words.swap_bytes = {}, sign = {}", high_first ? "high_first" : "low_first",
+                         swap, sign)});
+      }
+    }
+  }
+  return others;
+}
 
 }  // namespace
 
-ModbusTurntable::ModbusTurntable(RegisterMap map, const Clock& clock, const std::atomic<int>* stop_requests)
-    : DescribedTurntable(map, clock, stop_requests), map_(std::move(map)), link_(map_.link, stop_) {}
-
-Status ModbusTurntable::connect() {
-  TRY(open_drives(true));
-  connected_ = was_connected_ = true;
-  return {};
-}
-
-Status ModbusTurntable::open_drives(bool judge_positions) {
-  connected_ = false;
-  enable_called_ = false;
-  memory_ = {};
-  TRY(link_.open());
-  for (const Axis axis : all_axes) {
-    Status prepared;
-    if (is_due(DriveOperation::setup, axis)) prepared = write_list(axis, DriveOperation::setup, {});
-    if (!prepared) {
-      link_.close();
-      return prepared;
-    }
-    // Every drive has to answer, with a block that makes sense.
-    Result<std::vector<std::uint16_t>> block = read_block(axis);
-    Status status;
-    if (!block) {
-      status = block.error();
-    } else if (judge_positions && !believed_position(axis, *block)) {
-      status = axis_error(axis, "position " + degrees(angle_of(map_.of(axis), raw_counts(axis, *block, map_.layout))) +
-                                    " is not plausible: expected a map with the drive's word order and scale");
-    }
-    if (!status) {
-      link_.close();
-      return status;
-    }
-  }
-  memory_ = {};
-  return {};
-}
-
-Result<TableIdentity> ModbusTurntable::identify() {
-  TRY(connected());
-  return TableIdentity{
-      map_.name + " at " + map_.link.address + (map_.verified_on_hardware ? "" : ", map not verified on hardware"),
-      map_.simulated};
-}
-
-// ---- writing; reading: modbus_reading.cpp ----
-
-Status ModbusTurntable::write_list(Axis axis, DriveOperation operation, const Moves& moves) {
-  // Everything is encoded before anything is sent.
-  std::vector<std::vector<std::uint16_t>> requests;
-  for (const WriteStep& step : map_.list(operation)) {
-    Result<std::vector<std::uint16_t>> words = words_of(map_, step, axis, moves);
-    if (!words) return axis_error(axis, words.error().message);
-    requests.push_back(std::move(*words));
-  }
-  for (std::size_t i = 0; i < requests.size(); ++i) {
-    const WriteStep& step = map_.list(operation)[i];
-    if (step.operands.empty()) {
-      if (!stop_.pause(step.wait_s)) return Error{ErrorKind::aborted, axis_error(axis, "given up for a stop").message};
-      continue;
-    }
-    if (Status status = link_.write(map_.unit_of(operation, axis), function_for(requests[i].size()),
-                                    map_.address_of(step, operation, axis), requests[i]);
-        !status) {
-      return Error{status.error().kind,
-                   axis_error(axis, std::string(to_string(operation)) + ": " + status.error().message).message};
-    }
-  }
-  return {};
-}
-
-Status ModbusTurntable::enable() {
-  TRY(commissioned());
-  for (const Axis axis : all_axes) {
-    TRY(may_enable(axis));
-    if (map_.once(DriveOperation::enable) && axis != Axis::roll) continue;  // all three were looked at
-    commanded_off_ = false;
-    memory_[index(axis)].drive_on.reset();
-    if (Status status = write_list(axis, DriveOperation::enable, {}); !status) return status;
-  }
-  for (AxisMemory& memory : memory_) memory.drive_on.reset();
-  enable_called_ = true;
-  return {};
-}
-
-Status ModbusTurntable::home() {
-  if (Status status = commissioned(); !status && !map_.home_by_encoder) return status;
-  for (const Axis axis : all_axes)
-    if (const Result<AxisStatus> now = ready(axis); !now) return now.error();
-  for (const Axis axis : all_axes) {
-    AxisMemory& memory = memory_[index(axis)];
-    memory.homing_began(!map_.home_by_encoder);
-    if (map_.home_by_encoder || !is_due(DriveOperation::home, axis)) continue;
-    targets_void_ = true;
-    if (Status status = write_list(axis, DriveOperation::home, {}); !status) return status;
-  }
-  return {};
-}
-
-Status ModbusTurntable::move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) {
-  const AxisStatus now = TRY(ready_to_move(axis, position_deg, rate_degps, acceleration_degps2));
-  memory_[index(axis)].arrived_seen = false;
-  Moves moves = moves_;
-  for (const Axis other : all_axes) {
-    if (!map_.once(DriveOperation::move) || other == axis) continue;
-    MoveNumbers& kept = moves[index(other)];
-    kept.distance_deg = 0.0;
-    if (!targets_void_) continue;
-    // A table that takes all three angles at once must not go on with a motion that was stopped.
-    const AxisStatus there = TRY(status(other));
-    kept = {there.position_deg, 0.0, rate_degps, acceleration_degps2};
-  }
-  moves[index(axis)] = {position_deg, position_deg - now.position_deg, rate_degps, acceleration_degps2};
-  const Status written = write_list(axis, DriveOperation::move, moves);
-  if (written) {
-    moves_ = moves;
-    targets_void_ = false;
-  }
-  if (written || written.error().kind == ErrorKind::aborted || link_.lost()) return written;
-  return with_state(written.error(), status(axis));
-}
-
-Status ModbusTurntable::halt(bool off) {
-  if (!was_connected_) return table_error("not connected");
-  stop_.handled();
-  if (!link_.is_open()) {
-    enable_called_ = false;  // whoever comes back finds it not ready
-    TRY(link_.open());
-  }
-  targets_void_ = true;
-  const bool one = !map_.once(off ? DriveOperation::abort : DriveOperation::stop);
-  const auto operation_of = [&](Axis axis) {
-    return off || is_off(axis, one) ? DriveOperation::abort : DriveOperation::stop;
-  };
-  const auto send = [&](Axis axis, const WriteStep& step, bool at_once) -> Status {
-    const Result<std::vector<std::uint16_t>> words = words_of(map_, step, axis, {});
-    if (!words) return axis_error(axis, words.error().message);
-    const int function = function_for(words->size());
-    const int unit = map_.unit_of(operation_of(axis), axis);
-    const int address = map_.address_of(step, operation_of(axis), axis);
-    const Status status = at_once ? link_.write_at_once(unit, function, address, *words, stop_ack_s)
-                                  : link_.write(unit, function, address, *words);
-    if (status) return {};
-    return Error{status.error().kind,
-                 axis_error(axis, std::string(to_string(operation_of(axis))) + ": " + status.error().message).message};
-  };
-  // Step by step, each to every axis: what follows the first step of one axis must not keep it from the next.
-  std::array<bool, 3> taken{true, true, true};
-  for (std::size_t i = 0, more = 1; more != 0; ++i) {
-    more = 0;
-    double wait_s = 0.0;
-    for (const Axis axis : all_axes) {
-      const WriteList& list = map_.list(operation_of(axis));
-      if (i >= list.size() || !is_due(operation_of(axis), axis)) continue;
-      more += i + 1 < list.size() ? 1 : 0;
-      if (list[i].operands.empty()) {
-        wait_s = std::max(wait_s, list[i].wait_s);
-      } else if (taken[index(axis)]) {
-        taken[index(axis)] = send(axis, list[i], true).ok();
-      }
-    }
-    hold(wait_s);
-  }
-  Status first_failure;
-  for (const Axis axis : all_axes) {
-    if (taken[index(axis)] || !is_due(operation_of(axis), axis)) continue;
-    Status status;
-    for (const WriteStep& step : map_.list(operation_of(axis))) {
-      if (!status) break;
-      status = step.operands.empty() ? Status() : send(axis, step, false);
-      if (step.operands.empty()) hold(step.wait_s);
-    }
-    if (!status && first_failure.ok()) first_failure = status;
-  }
-  return first_failure;
-}
-
-Status ModbusTurntable::clear_fault() {
-  for (const Axis axis : all_axes) {
-    const AxisStatus now = TRY(status(axis));
-    if (!is_due(DriveOperation::clear_fault, axis)) continue;
-    if (Status status = write_list(axis, DriveOperation::clear_fault, {}); !status) return status;
-  }
-  return {};
-}
+ModbusTurntable::ModbusTurntable(const RegisterMap& map, const Clock& clock, const std::atomic<int>* stop_requests)
+    : DescribedTurntable(map, map.link, std::make_unique<RegisterCodec>(map), clock, stop_requests) {}
 
 }  // namespace turncal

@@ -1,28 +1,75 @@
 #include "turntable_drivers/modbus/register_map.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
+#include <charconv>
 #include <cmath>
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/text_pieces.h"
-#include "imu_io/lines/serial_port.h"
-#include "turntable_drivers/modbus/map_check.h"
-#include "turntable_drivers/modbus/write_clash.h"
 
 namespace turncal {
 namespace {
 
+constexpr double longest_pause_s = 1.0;        // a stop cuts it short
 constexpr double longest_stop_pause_s = 0.05;  // all waits of a stop together
 
-long hex_or_decimal(KeyValueFile& file, const std::string& key, long min, long max) {
+// position, rate.pitch, ...
+bool read_quantity(std::string_view text, WriteOperand& operand) {
+  for (const Axis axis : all_axes) {
+    const std::string suffix = std::string(".") + to_string(axis);
+    if (!text.ends_with(suffix)) continue;
+    operand.of_axis = axis;
+    text.remove_suffix(suffix.size());
+    break;
+  }
+  constexpr std::pair<std::string_view, WriteOperand::Kind> names[] = {
+      {"position", WriteOperand::Kind::position},
+      {"distance", WriteOperand::Kind::distance},
+      {"rate", WriteOperand::Kind::rate},
+      {"acceleration", WriteOperand::Kind::acceleration}};
+  for (const auto& [name, kind] : names) {
+    if (text != name) continue;
+    operand.kind = kind;
+    return true;
+  }
+  return false;
+}
+
+// TYPE VALUE
+std::optional<WriteOperand> operand_of(std::string_view text) {
+  const auto words = split_words(text);
+  if (words.size() != 2) return {};
+  const std::optional<WordType> type = word_type_of(words[0]);
+  if (!type) return {};
+  WriteOperand operand;
+  operand.type = *type;
+  if (words[1] == "axis") {
+    operand.kind = WriteOperand::Kind::axis;
+  } else if (read_quantity(words[1], operand)) {
+    return operand;
+  } else if (const auto number = whole_number(words[1])) {
+    operand.constant = static_cast<double>(*number);
+  } else if (const auto real = parse_number(words[1])) {
+    operand.constant = *real;
+  } else {
+    return {};
+  }
+  return operand;
+}
+
+// otherwise: where the key may be missing.
+long hex_or_decimal(KeyValueFile& file, const std::string& key, long min, long max,
+                    std::optional<long> otherwise = {}) {
+  if (otherwise && !file.has(key)) return *otherwise;
   const std::string text = file.text(key);
   const std::optional<long> value = whole_number(text);
   if (value && *value >= min && *value <= max) return *value;
   if (!text.empty()) {
-    file.reject(
-        key, "a whole number between " + std::to_string(min) + " and " + std::to_string(max) + ", decimal or with 0x");
+    file.reject(key, fmt::format("a whole number between {} and {}, decimal or with 0x", min, max));
   }
   return min;
 }
@@ -57,33 +104,23 @@ void read_link(KeyValueFile& file, ModbusLinkSettings& link) {
   const std::string kind = file.one_of("link.kind", {"tcp", "rtu", "rtu_tcp"});
   link.tcp = kind != "rtu";
   link.rtu_frames = kind == "rtu_tcp";
+  link.byte_timeout_s = 0.1;
+  link.serial.parity = SerialParity::even;
   KeyTable keys(file);
   keys.text("link.address", link.address);
   read_serial_keys(keys, "link", link.serial, !link.tcp);
   if (link.serial.data_bits != 8) file.reject("link.data_bits", "8, as RTU has it");
-  keys.number("link.response_timeout_s", link.response_timeout_s, link_wait_range);
+  read_link_times(keys, link, "link.response_timeout_s");
   keys.number("link.byte_timeout_s", link.byte_timeout_s, link_wait_range);
-  keys.number("link.quiet_s", link.quiet_s, link_wait_range);
-  keys.number("link.gap_s", link.gap_s, between(0.0, 0.05));
-  keys.whole("link.read_retries", link.read_retries, 0, 10);
 }
 
 void read_axes(KeyValueFile& file, RegisterMap& map) {
-  KeyTable keys(file);
   for (const Axis which : all_axes) {
-    MapAxis& axis = map.axis[static_cast<std::size_t>(which)];
-    const std::string prefix = "axis." + std::string(to_string(which)) + ".";
+    MapAxis& axis = map.axis[index(which)];
+    const std::string prefix = fmt::format("axis.{}.", to_string(which));
     axis.unit = static_cast<int>(file.integer(prefix + "unit", 1, 247));
-    if (file.has(prefix + "address_offset")) {
-      axis.address_offset = static_cast<int>(hex_or_decimal(file, prefix + "address_offset", 0, 65535));
-    }
-    axis.counts_per_degree = file.number(prefix + "counts_per_degree", scale_range);
-    axis.sign = file.one_of_or(prefix + "sign", "1", {"1", "-1"}) == "-1" ? -1 : 1;
-    keys.number(prefix + "zero_deg", axis.zero_deg, between(-360.0, 360.0));
-    axis.modulo_deg = circle_deg(file, prefix + "modulo_deg");
-    axis.rate_scale = file.number_or(prefix + "rate_scale", axis.counts_per_degree, scale_range);
-    axis.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", axis.rate_scale, scale_range);
-    axis.acceleration_scale = file.number_or(prefix + "acceleration_scale", axis.counts_per_degree, scale_range);
+    axis.address_offset = static_cast<int>(hex_or_decimal(file, prefix + "address_offset", 0, 65535, 0));
+    read_axis_scale(file, which, axis, "counts_per_degree", false);
     axis.code = static_cast<int>(file.integer_or(prefix + "code", static_cast<int>(which) + 1, 0, 65535));
   }
 }
@@ -91,32 +128,36 @@ void read_axes(KeyValueFile& file, RegisterMap& map) {
 void read_status_block(KeyValueFile& file, RegisterMap& map) {
   KeyTable keys(file);
   keys.whole("status.function", map.status_function, 3, 4);
-  map.status_address = static_cast<int>(hex_or_decimal(file, "status.address", 0, 65535));
-  map.status_count = static_cast<int>(file.integer("status.count", 1, longest_block));
+  const auto read_block = [&](StatusBlock& block, const std::string& name) {
+    block.address = static_cast<int>(hex_or_decimal(file, name + ".address", 0, 65535));
+    block.count = static_cast<int>(file.integer(name + ".count", 1, longest_block));
+  };
+  auto& [first, second] = map.status;
+  read_block(first, "status");
   if (file.has("status2.address")) {
-    map.status2_address = static_cast<int>(hex_or_decimal(file, "status2.address", 0, 65535));
-    map.status2_count = static_cast<int>(file.integer("status2.count", 1, longest_block));
-    if (std::abs(map.status2_count - map.status_count) < 3) {
+    read_block(second, "status2");
+    if (std::abs(second.count - first.count) < 3) {
       file.reject("status2.count", "at least 3 more or less than status.count: every request has its own length");
     }
   }
   const auto inside = [&](const std::string& key, int address, int length) {
-    const auto within = [&](int from, int count) { return address >= from && address + length <= from + count; };
-    if (!within(map.status_address, map.status_count) && !within(map.status2_address, map.status2_count)) {
+    const auto within = [&](const StatusBlock& block) {
+      return block.holds(address) && address + length <= block.address + block.count;
+    };
+    if (!within(first) && !within(second)) {
       file.reject(key, "an address inside the status block (status.address, status.count, status2.*)");
     }
   };
-  const auto scope = [&](const std::string& key) { return file.one_of_or(key, "axis", {"axis", "table"}) == "table"; };
-  map.status_of_table = scope("status.scope");
-  if (map.status2_count > 0) map.status2_of_table = scope("status2.scope");
+  keys.chosen("status.scope", first.of_table, {"axis", "table"});
+  if (second.count > 0) keys.chosen("status2.scope", second.of_table, {"axis", "table"});
   for (const std::string& key : file.keys_with_prefix("alarm.text.")) {
     const auto code = whole_number(std::string_view(key).substr(11));
     if (!code) file.reject(key, "a key alarm.text.NUMBER");
     map.alarm_text[code.value_or(0)] = file.text(key);
   }
   for (const Axis which : all_axes) {
-    MapAxis& axis = map.axis[static_cast<std::size_t>(which)];
-    const std::string own = "axis." + std::string(to_string(which)) + ".";
+    MapAxis& axis = map.axis[index(which)];
+    const std::string own = fmt::format("axis.{}.", to_string(which));
     // A key of the axis before one of all axes.
     const auto key = [&](const std::string& name) { return file.has(own + name) ? own + name : name; };
     const auto has = [&](const std::string& name) { return file.has(key(name)); };
@@ -157,8 +198,10 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
         bit.mask = static_cast<std::uint16_t>(hex_or_decimal(file, key(prefix + ".mask"), 1, 65535));
         bit.active_high = file.one_of_or(key(prefix + ".active"), "high", {"high", "low"}) == "high";
       }
-      bit.pulse = file.one_of_or(key(prefix + ".kind"), "level", {"level", "pulse"}) == "pulse";
-      if (bit.pulse && bit_of != DriveBit::in_position) {
+      bool pulse = false;
+      keys.chosen(key(prefix + ".kind"), pulse, {"level", "pulse"});
+      if (bit_of == DriveBit::in_position) axis.arrives_in_a_pulse = pulse;
+      if (pulse && bit_of != DriveBit::in_position) {
         file.reject(key(prefix + ".kind"), "level: only in_position can be a pulse");
       }
       axis.bits[static_cast<std::size_t>(i)] = bit;
@@ -175,23 +218,24 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
       map.code_registers.push_back(static_cast<int>(address.value_or(0)));
     }
   }
-  for (int i = 0; i < drive_operation_count; ++i) {
-    const auto operation = static_cast<DriveOperation>(i);
-    const std::string key = "write." + std::string(to_string(operation));
+  for (int i = 0; i < table_operation_count; ++i) {
+    const auto operation = static_cast<TableOperation>(i);
+    if (operation == TableOperation::identify || operation == TableOperation::status) continue;
+    const std::string key = fmt::format("write.{}", to_string(operation));
     map.writes[static_cast<std::size_t>(i)] = write_list(file, key, map.layout);
     if (!map.list(operation).empty()) {
       map.of_table[static_cast<std::size_t>(i)] = file.one_of_or(key + ".scope", "axis", {"axis", "table"}) == "table";
     }
-    const bool is_stop = operation == DriveOperation::stop || operation == DriveOperation::abort;
+    const bool is_stop = operation == TableOperation::stop || operation == TableOperation::abort;
     double waits_s = 0.0;
     for (const WriteStep& step : map.list(operation)) waits_s += step.wait_s;
     if (is_stop && waits_s > longest_stop_pause_s + 1e-9) {
-      file.reject(key, "waits of at most " + format_number(longest_stop_pause_s) + " s together, not " +
-                           format_number(waits_s) + ": it must be out within 0.1 s");
+      file.reject(key, fmt::format("waits of at most {} s together, not {}: it must be out within 0.1 s",
+                                   format_number(longest_stop_pause_s), format_number(waits_s)));
     }
-    const bool optional = operation == DriveOperation::setup || operation == DriveOperation::clear_fault ||
-                          operation == DriveOperation::enable ||
-                          (operation == DriveOperation::home && map.home_by_encoder);
+    const bool optional = operation == TableOperation::setup || operation == TableOperation::clear_fault ||
+                          operation == TableOperation::enable ||
+                          (operation == TableOperation::home && map.home_by_encoder);
     if (!optional && !file.has(key)) file.text(key);  // the defect: it is missing
     const WriteList& list = map.list(operation);
     if (file.has(key) && std::all_of(list.begin(), list.end(), [](const WriteStep& s) { return s.operands.empty(); })) {
@@ -200,28 +244,28 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
     for (const WriteStep& step : map.list(operation)) {
       for (const WriteOperand& operand : step.operands) {
         const bool of_move = operand.kind != WriteOperand::Kind::constant && operand.kind != WriteOperand::Kind::axis;
-        if (operation != DriveOperation::move && of_move) {
+        if (operation != TableOperation::move && of_move) {
           file.reject(key, "numbers: position, distance, rate and acceleration belong to write.move");
         }
       }
     }
   }
   const auto asks_for = [&](WriteOperand::Kind kind) {
-    for (const WriteStep& step : map.list(DriveOperation::move)) {
+    for (const WriteStep& step : map.list(TableOperation::move)) {
       for (const WriteOperand& operand : step.operands) {
         if (operand.kind == kind) return true;
       }
     }
     return false;
   };
-  if (map.once(DriveOperation::stop) != map.once(DriveOperation::abort)) {
+  if (map.once(TableOperation::stop) != map.once(TableOperation::abort)) {
     file.reject("write.stop.scope", "the same scope as write.abort: an axis that is off is sent that instead");
   }
-  for (const WriteStep& step : map.list(DriveOperation::move)) {
+  for (const WriteStep& step : map.list(TableOperation::move)) {
     for (const WriteOperand& operand : step.operands) {
       if (operand.kind == WriteOperand::Kind::constant) continue;
-      if (operand.kind == WriteOperand::Kind::axis ? map.once(DriveOperation::move)
-                                                   : operand.of_axis.has_value() != map.once(DriveOperation::move)) {
+      if (operand.kind == WriteOperand::Kind::axis ? map.once(TableOperation::move)
+                                                   : operand.of_axis.has_value() != map.once(TableOperation::move)) {
         file.reject("write.move",
                     "position.heading, rate.pitch and the like with write.move.scope = table, else without an axis");
       }
@@ -237,8 +281,8 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
     }
   }
   KeyTable keys(file);
-  if (map.can_switch_off && !map.list(DriveOperation::stop).empty() &&
-      map.list(DriveOperation::stop) == map.list(DriveOperation::abort)) {
+  if (map.can_switch_off && !map.list(TableOperation::stop).empty() &&
+      map.list(TableOperation::stop) == map.list(TableOperation::abort)) {
     file.reject("write.abort",
                 "writes that switch the drive off, unlike write.stop; or switch_off = false where none does");
   }
@@ -282,7 +326,7 @@ Result<RegisterMap> map_from(KeyValueFile& file) {
   TRY(file.check_all_used());
   check_map(file, map);
   TRY(file.status());
-  if (const std::optional<WriteClash> clash = write_clash(map)) {
+  if (const std::optional<Clash> clash = write_clash(map)) {
     file.reject(clash->key, clash->expected);
     TRY(file.check_all_used());
   }
@@ -296,12 +340,6 @@ int StatusBit::shift() const { return std::countr_zero(mask); }
 bool StatusBit::is_set(std::uint16_t word) const {
   if (codes.empty()) return ((word & mask) != 0) == active_high;
   return std::find(codes.begin(), codes.end(), (word & mask) >> shift()) != codes.end();
-}
-
-const char* to_string(DriveOperation operation) {
-  constexpr std::array<const char*, drive_operation_count> names = {"setup", "enable", "home",       "move",
-                                                                    "stop",  "abort",  "clear_fault"};
-  return names[static_cast<std::size_t>(operation)];
 }
 
 Result<RegisterMap> read_register_map(const std::string& path) {
@@ -319,10 +357,98 @@ std::string caution_of(const RegisterMap& map) {
   return stop_holds_enable(map) ? "write.stop holds the bits of write.enable: it switches a drive on that was off" : "";
 }
 
-double counts_of(const MapAxis& axis, double angle_deg) {
-  return axis.signed_counts_per_degree() * (angle_deg - axis.zero_deg);
+int WriteStep::length() const {
+  int count = 0;
+  for (const WriteOperand& operand : operands) count += register_count(operand.type);
+  return count;
 }
 
-double angle_of(const MapAxis& axis, double counts) { return counts / axis.signed_counts_per_degree() + axis.zero_deg; }
+std::optional<long> whole_number(std::string_view text) {
+  int base = 10;
+  if (text.starts_with("0x") || text.starts_with("0X")) {
+    text.remove_prefix(2);
+    base = 16;
+  }
+  long value = 0;
+  const auto result = std::from_chars(text.data(), text.data() + text.size(), value, base);
+  if (text.empty() || result.ec != std::errc{} || result.ptr != text.data() + text.size()) return {};
+  return value;
+}
+
+std::optional<WriteStep> parse_write_step(std::string_view text) {
+  WriteStep step;
+  auto words = split_words(text);
+  if (words.size() == 2 && words[0] == "wait") {
+    const auto seconds = parse_number(words[1]);
+    if (!seconds || !(*seconds > 0.0 && *seconds <= longest_pause_s)) return {};
+    step.wait_s = *seconds;
+    return step;
+  }
+  step.of_table = !words.empty() && words[0] == "table";
+  if (step.of_table) {
+    text = trimmed(text.substr(words[0].size()));
+    words.erase(words.begin());
+  }
+  if (words.empty()) return {};
+  const auto address = whole_number(words[0]);
+  if (!address || *address < 0 || *address > 65535) return {};
+  step.address = static_cast<int>(*address);
+  for (const std::string_view part : split(text.substr(words[0].size()), '+')) {
+    const auto operand = operand_of(part);
+    if (!operand) return {};
+    step.operands.push_back(*operand);
+  }
+  if (step.length() > longest_block || step.address + step.length() > 65536) return {};
+  return step;
+}
+
+Result<std::vector<std::uint16_t>> words_of(const RegisterMap& map, const WriteStep& step, Axis axis,
+                                            const Moves& moves) {
+  std::vector<std::uint16_t> words;
+  for (const WriteOperand& operand : step.operands) {
+    const Axis which = operand.of_axis.value_or(axis);
+    const MapAxis& scale = map.of(which);
+    const MoveNumbers& numbers = moves[index(which)];
+    double value = operand.constant;
+    switch (operand.kind) {
+      case WriteOperand::Kind::constant: break;
+      case WriteOperand::Kind::axis: value = scale.code; break;
+      case WriteOperand::Kind::position: value = scale.units_of(numbers.position_deg); break;
+      case WriteOperand::Kind::distance: value = scale.signed_units() * numbers.distance_deg; break;
+      case WriteOperand::Kind::rate: value = scale.rate_scale * numbers.rate_degps; break;
+      case WriteOperand::Kind::acceleration:
+        value = map.acceleration_is_ramp_time ? scale.acceleration_scale / numbers.acceleration_degps2
+                                              : scale.acceleration_scale * numbers.acceleration_degps2;
+        break;
+    }
+    const std::optional<Words> encoded = encode_words(value, operand.type, map.layout);
+    const bool of_motion = operand.kind == WriteOperand::Kind::rate || operand.kind == WriteOperand::Kind::acceleration;
+    const bool vanishes = of_motion && !is_floating(operand.type) && std::round(value) == 0.0;
+    if (!encoded || vanishes) {
+      return input_error("the drive cannot be told " + format_number(value) + " in register " +
+                         std::to_string(step.address));
+    }
+    words.insert(words.end(), encoded->span().begin(), encoded->span().end());
+  }
+  return words;
+}
+
+Status check_move(const RegisterMap& map, Axis axis, const Moves& moves) {
+  for (const WriteStep& step : map.list(TableOperation::move)) {
+    if (const auto words = words_of(map, step, axis, moves); !words)
+      return input_error("write.move: " + words.error().message);
+  }
+  const MapAxis& scale = map.of(axis);
+  const MoveNumbers& numbers = moves[index(axis)];
+  const auto reads = [&](const RegisterField& field, double value) {
+    return encode_words(value, field.type, map.layout).has_value();
+  };
+  const double counts = scale.units_of(numbers.position_deg), rate = scale.measured_rate_scale * numbers.rate_degps;
+  if (scale.modulo_deg == 0.0 && !reads(scale.position, counts))
+    return input_error("position.type: its register cannot read " + format_number(counts));
+  if (scale.rate && !reads(*scale.rate, rate))
+    return input_error("rate.type: its register cannot read " + format_number(rate));
+  return {};
+}
 
 }  // namespace turncal

@@ -1,11 +1,22 @@
-// What the drivers of tables that a file describes (a register map, a dialect) do alike: when an axis may be enabled, homed or moved,
-// and what they remember from command to command.
+// The driver of every table that a file describes, by a register map (modbus/modbus_turntable.h) or a dialect
+// (ascii/serial_turntable.h): when an axis may be enabled, homed or moved, what is believed of what it says, and how it is stopped.
 //
 // - Nothing is switched on or moves before the description is commissioned, enable() was called since connect(), and the drive's own
 //   state says enabled, homed, at rest, without fault, in remote.
-// - A position is believed by the rule of AxisMemory.
-// - A drive that was told to go off, or last read off, is sent abort in place of stop: a stop must not switch it on.
-// One thread.
+// - A reply that is not the one asked for is an error. Readings are repeated read_retries times, the next failure is a lost link; commands are
+//   never repeated. A position is believed by the rule of AxisMemory; one that is not is read again, and then an error.
+// - stop_all() and abort_all() go out at once, step by step, each to every axis and waiting at most stop_ack_s; axes that did not take one are
+//   asked again. They also go out on a link that counts as lost, or was closed after trouble.
+// - A drive that was told to go off, or last read off, is sent abort in place of stop: a stop must not switch it on. Where a stop is of
+//   the whole table it gives way to abort only when all drives are off.
+// - A table that takes all three angles at once gets, with the move of one axis, the last targets of the others, or where they stand once they
+//   were stopped.
+// - What a device cannot tell: rate comes from two positions; enabled is what was commanded; homed is "arrived after a homing"; faults,
+//   limits, emergency stop and local mode are not seen, which docs/tables.md says to the user.
+// - A circle that is entered the shorter way is gone in legs of less than half of it: status() sends the next one when the last is done, and
+//   says "moving" until then. A stop, a fault, or a drive that is off ends it.
+// - A heartbeat, if there is one, is written with any status reading, when it is due.
+// Not modelled: restarting a drive's own programs, torque limits. One thread.
 #pragma once
 
 #include <algorithm>
@@ -14,13 +25,15 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 
 #include "imu_io/base/clock.h"
 #include "turntable_drivers/table/stop_signal.h"
-#include "turntable_drivers/table/table_description.h"
+#include "turntable_drivers/table/table_codec.h"
+#include "turntable_drivers/table/table_line.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
@@ -91,46 +104,71 @@ struct AxisMemory {
 
 class DescribedTurntable : public Turntable {
  public:
+  // The clock and the count must outlive the table.
+  DescribedTurntable(TableDescription description, const TableLinkSettings& link, std::unique_ptr<TableCodec> codec,
+                     const Clock& clock, const std::atomic<int>* stop_requests);
+
+  Status connect() override;
+  Result<TableIdentity> identify() override;
+  Status enable() override;
+  Status home() override;
+  Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override;
   Status stop_all() override { return halt(false); }
   Status abort_all() override;
+  Status clear_fault() override;
+  Result<AxisStatus> status(Axis axis) override;
   void set_meanwhile(std::function<void()> meanwhile) override { stop_.set_meanwhile(std::move(meanwhile)); }
   bool was_connected() const override { return was_connected_; }
   bool answers() const override { return connected_ && !lost(); }
   bool can_switch_off() const override { return table_.can_switch_off; }
+  bool tells_drives() const override { return codec_->tells(DriveBit::enabled); }
 
- protected:
-  // The clock and the count must outlive the table.
-  DescribedTurntable(TableDescription description, const Clock& clock, const std::atomic<int>* stop_requests)
-      : clock_(clock), stop_(stop_requests), table_(std::move(description)) {}
+  // Reads every axis, which the user has put at known angles, and says which settings fit. Success: those of the description do, and no other
+  // would. Needs no connect(), which believes no position that is not plausible.
+  Status commission(const AxisTriple& known_deg, double tolerance_deg);
 
-  virtual bool lost() const = 0;  // the link, since it was opened
-  virtual std::string lost_reason() const = 0;
-  virtual Status halt(bool off) = 0;  // to every axis at once
-
+ private:
+  bool lost() const { return lost_ || !line_.is_open(); }
   Error table_error(const std::string& what) const;
   Error axis_error(Axis axis, const std::string& what) const;
-  Error not_believed(Axis axis, double position_deg) const;
-  bool believable(Axis axis, double position_deg) const;
+  Error about(const TableRequest& request, const Error& error) const;
   Status connected() const;
   Status commissioned() const;
-  Status may_enable(Axis axis);
   // The axis's reading; or why it must not be homed or moved now.
   Result<AxisStatus> ready(Axis axis);
-  Result<AxisStatus> ready_to_move(Axis axis, double position_deg, double rate_degps, double acceleration_degps2);
-  // Of a stop to one axis, or to the whole table.
-  bool is_off(Axis axis, bool one) const;
+
+  Status open(bool judge_positions);
+  Status carry_out(TableOperation operation, Axis axis, const Moves& moves);
+  Status carry_out(TableOperation operation);  // for all axes, or the table
+  Status halt(bool off);                       // to every axis at once
+  Status beat();                               // to every drive whose heartbeat is due
+  Verdict read_once(Axis axis, AxisReading& reading);
+  // A position of a circle is unwrapped.
+  Result<AxisReading> read(Axis axis, bool believed_only);
+  bool believable(Axis axis, double position_deg) const;
+  AxisStatus report_of(Axis axis, const AxisReading& reading);
+  Status send_move(Axis axis, const MoveNumbers& move);
+  // In legs, of a circle the shorter way.
+  Status send_leg(Axis axis, double from_deg);
+  Status go_on(Axis axis, AxisStatus& report);
 
   const Clock& clock_;
   StopSignal stop_;
+  const TableDescription table_;
+  const TableLinkSettings link_;
+  std::unique_ptr<TableCodec> codec_;
+  TableLine line_;
+  bool lost_ = false;
+  std::string lost_reason_;
   bool connected_ = false;
   bool was_connected_ = false;
   bool enable_called_ = false;
+  bool commanded_on_ = false;   // enable was sent, and no abort was taken since
   bool commanded_off_ = false;  // since enable()
   bool targets_void_ = true;    // after a stop or a homing the axes stand elsewhere
   std::array<AxisMemory, 3> memory_;
-
- private:
-  const TableDescription table_;
+  Moves moves_;                                    // the last of each axis
+  std::array<std::optional<MoveNumbers>, 3> way_;  // what the present leg is a part of
 };
 
 }  // namespace turncal

@@ -1,5 +1,7 @@
 #include "turntable_drivers/table/table_description.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <initializer_list>
@@ -30,10 +32,39 @@ bool decides_motion(std::string_view key) {
          first == "stop" || first == "abort";
 }
 
-double circle_deg(KeyValueFile& file, const std::string& key) {
-  const double circle = file.number_or(key, 0.0, between(0.0, 3600.0));
-  if (circle != 0.0 && !(circle >= 90.0)) file.reject(key, "0, or a circle of 90 to 3600 deg");
-  return circle;
+void read_link_times(KeyTable& keys, TableLinkSettings& link, const std::string& timeout) {
+  keys.number(timeout, link.reply_timeout_s, link_wait_range);
+  keys.number("link.quiet_s", link.quiet_s, link_wait_range);
+  keys.number("link.gap_s", link.gap_s, between(0.0, 0.05));
+  keys.whole("link.read_retries", link.read_retries, 0, 10);
+}
+
+void read_axis_scale(KeyValueFile& file, Axis axis, AxisScale& scale, const std::string& units, bool has_default) {
+  constexpr NumberRange range{1e-6, 1e9};  // beyond it a number is a slip of the pen
+  KeyTable keys(file);
+  const std::string prefix = fmt::format("axis.{}.", to_string(axis));
+  scale.units_per_degree =
+      has_default ? file.number_or(prefix + units, 1.0, range) : file.number(prefix + units, range);
+  scale.sign = file.one_of_or(prefix + "sign", "1", {"1", "-1"}) == "-1" ? -1 : 1;
+  keys.number(prefix + "zero_deg", scale.zero_deg, between(-360.0, 360.0));
+  keys.number(prefix + "modulo_deg", scale.modulo_deg, between(0.0, 3600.0));
+  if (scale.modulo_deg != 0.0 && !(scale.modulo_deg >= 90.0))
+    file.reject(prefix + "modulo_deg", "0, or a circle of 90 to 3600 deg");
+  scale.rate_scale = file.number_or(prefix + "rate_scale", scale.units_per_degree, range);
+  scale.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", scale.rate_scale, range);
+  scale.acceleration_scale = file.number_or(prefix + "acceleration_scale", scale.units_per_degree, range);
+}
+
+const char* to_string(TableOperation operation) {
+  constexpr std::array<const char*, table_operation_count + 1> names = {
+      "setup", "identify", "enable", "home", "move", "status", "stop", "abort", "clear_fault", "heartbeat"};
+  return names[static_cast<std::size_t>(operation)];
+}
+
+const char* harm_of(TableOperation starts) {
+  return starts == TableOperation::enable ? "switch the drive on"
+         : starts == TableOperation::home ? "start a homing"
+                                          : "start a motion";
 }
 
 const char* to_string(DriveBit bit) {
@@ -98,6 +129,15 @@ std::string format_rows(const std::vector<TableRow>& rows) {
     text += line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
   }
   return text;
+}
+
+std::string visible(std::string_view text, std::size_t most) {
+  std::string result;
+  for (const char c : text.substr(0, most)) {
+    const auto code = static_cast<unsigned char>(c);
+    result += c == '\r' ? "\\r" : c == '\n' ? "\\n" : std::string(1, code < 0x20 || code >= 0x7F ? '?' : c);
+  }
+  return result + (text.size() > most ? "..." : "");
 }
 
 }  // namespace turncal

@@ -1,18 +1,69 @@
-// What a register map and a dialect alike say of a table.
+// What a register map and a dialect alike say of a table: its line, how it counts its axes, what its drives can say of themselves.
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "calib/types/axis.h"
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
-#include "turntable_drivers/table/drive_rules.h"
+#include "imu_io/lines/serial_port.h"
 
 namespace turncal {
+
+// What a table is told or asked, in the order in which files list it. A map has nothing to identify; a dialect has no heartbeat, and calls
+// setup `prepare`.
+enum class TableOperation { setup, identify, enable, home, move, status, stop, abort, clear_fault, heartbeat };
+inline constexpr int table_operation_count = 9;  // heartbeat aside, which is no list of steps
+const char* to_string(TableOperation operation);
+// Operations that start something, what that is, and those that must not.
+inline constexpr TableOperation starting_operations[] = {TableOperation::enable, TableOperation::home,
+                                                         TableOperation::move};
+const char* harm_of(TableOperation starts);
+
+struct TableLinkSettings {
+  bool tcp = true;
+  std::string address;  // host:port, or the device (a name of /dev/serial/by-id)
+  SerialSettings serial;
+  double reply_timeout_s = 1.0;
+  double byte_timeout_s = 0.0;  // silence inside a reply; 0: not looked for
+  double quiet_s = 0.5;         // after trouble the line is read empty until it has been quiet for this long
+  double gap_s = 0.0;           // silence before a request, which some devices need
+  int read_retries = 2;         // the third failure in a row is a lost link
+};
+
+// How a device counts an axis: units = sign * units_per_degree * (angle_deg - zero_deg), taken modulo those of modulo_deg if that is not 0.
+struct AxisScale {
+  int sign = 1;
+  double zero_deg = 0.0;  // the angle at which it reads 0
+  double units_per_degree = 1.0;
+  double modulo_deg = 0.0;  // 0: it counts turns; 360: it knows only a circle
+  bool shorter_way =
+      false;  // of a circle: it takes positions of the circle and goes there the shorter way; else distances
+  bool arrives_in_a_pulse = false;  // in_position shows only for a moment: once seen after a command it counts
+  double rate_scale = 1.0;          // units of a commanded rate for 1 deg/s
+  double measured_rate_scale = 1.0;
+  double acceleration_scale = 1.0;
+  double signed_units() const { return sign * units_per_degree; }  // per degree
+  double units_of(double angle_deg) const { return signed_units() * (angle_deg - zero_deg); }
+  double angle_of(double units) const { return units / signed_units() + zero_deg; }
+};
+
+// Which of angle_deg + n turns lies nearest to near_deg: how a cumulative position is kept of a device that knows a circle only.
+inline double unwrapped_deg(double angle_deg, double near_deg, double turn_deg) {
+  return angle_deg + turn_deg * std::round((near_deg - angle_deg) / turn_deg);
+}
+
+// The numbers of a move as the program has them: what a register map or a dialect makes registers or a sentence of.
+struct MoveNumbers {
+  double position_deg = 0.0, distance_deg = 0.0, rate_degps = 1.0, acceleration_degps2 = 1.0;
+};
+using Moves = std::array<MoveNumbers, 3>;  // by Axis
 
 struct TableDescription {
   std::string file;
@@ -30,14 +81,12 @@ struct TableDescription {
 // Whether a line says what moves an axis, stops it, or tells that it is on, has arrived or is at fault.
 bool decides_motion(std::string_view key);
 
-// Beyond these no table is: a number outside is a slip of the pen.
-inline constexpr NumberRange scale_range{1e-6, 1e9};        // counts or units for a degree, a deg/s, a deg/s^2
-inline constexpr NumberRange link_wait_range{0.001, 60.0};  // seconds
-
 void read_table_description(KeyValueFile& file, TableDescription& description);
-
-// A circle of the device's positions; 0: it counts turns.
-double circle_deg(KeyValueFile& file, const std::string& key);
+// The keys of a line that both have; `timeout`: the name of the first.
+void read_link_times(KeyTable& keys, TableLinkSettings& link, const std::string& timeout);
+inline constexpr NumberRange link_wait_range{0.001, 60.0};  // seconds; a number beyond is a slip of the pen
+// The keys of axis.NAME. that both have; `units`: the name of units_per_degree, which may be missing where it has a default.
+void read_axis_scale(KeyValueFile& file, Axis axis, AxisScale& scale, const std::string& units, bool has_default);
 
 // What one axis of a drive can say of itself: the status words of every register map and dialect are read into these. And what it must
 // be able to say: with a status that never says one of these states nothing arrives, or homes, or is believed to be off.
@@ -64,9 +113,14 @@ struct DriveState {
 // searches: its zero has to be looked for, so that there is a time before.
 std::array<DriveState, 4> drive_states(bool searches);
 
-// What a described table is sent and answers, as rows that somebody holds against its manual. explain() of a register map
-// (turntable_drivers/modbus/explain_map.h) and of a dialect (turntable_drivers/ascii/explain_dialect.h) makes them: what the drivers send,
-// in the order in which it is sent.
+// A line of a description that would do more than it is called.
+struct Clash {
+  std::string key;
+  std::string expected;
+};
+
+// What a described table is sent and answers, as rows that somebody holds against its manual. explain() of a register map and of a dialect
+// makes them: what the driver sends, in the order in which it is sent.
 struct TableRow {
   std::string operation;  // connect, enable, home, move, stop, abort, status, fault reset, heartbeat
   std::string axis;       // or table
@@ -79,9 +133,27 @@ struct TableRow {
 // The move that the rows show: an axis from 0 to 90 deg at 10 deg/s and 20 deg/s^2.
 inline constexpr MoveNumbers shown_move{90.0, 90.0, 10.0, 20.0};
 
+// The operations in that order, and what the rows call them.
+struct ShownOperation {
+  TableOperation operation;
+  const char* name;
+};
+inline constexpr ShownOperation shown_operations[] = {{TableOperation::setup, "connect"},
+                                                      {TableOperation::identify, "connect"},
+                                                      {TableOperation::enable, "enable"},
+                                                      {TableOperation::home, "home"},
+                                                      {TableOperation::move, "move"},
+                                                      {TableOperation::stop, "stop"},
+                                                      {TableOperation::abort, "abort"},
+                                                      {TableOperation::status, "status"},
+                                                      {TableOperation::clear_fault, "fault reset"}};
+
 // "line 12 [manual]"; empty: the file has no such line.
 std::string source_of(const TableDescription& table, const std::string& key);
 // In columns, a line each, under one line of headings.
 std::string format_rows(const std::vector<TableRow>& rows);
+
+// Control characters made visible, for messages, of which `most` characters are enough.
+std::string visible(std::string_view text, std::size_t most = 80);
 
 }  // namespace turncal

@@ -3,7 +3,6 @@
 // the same for Modbus. DialectServer puts it on a line (line_server.h says how that is run).
 //
 // A sentence that no template matches, or that the table refuses, is answered with the first of error.texts, or not at all.
-// home, enable, stop and abort of one axis are those of the whole table.
 #pragma once
 
 #include <array>
@@ -12,10 +11,9 @@
 #include <optional>
 #include <string>
 
-#include "imu_io/base/clock.h"
 #include "turntable_drivers/ascii/dialect.h"
-#include "turntable_drivers/table/turntable.h"
 #include "turntable_drivers/twins/line_server.h"
+#include "turntable_drivers/twins/told_table.h"
 
 namespace turncal {
 
@@ -31,18 +29,15 @@ class DialectTwin {
 
  private:
   using Values = std::map<std::string, std::string>;
-  std::optional<std::string> answer_of(DialectOperation operation, std::size_t step, const Values& values);
-  Status carry_out(DialectOperation operation, Axis axis, const Values& values);
+  std::optional<std::string> answer_of(TableOperation operation, std::size_t step, const Values& values);
   Status move(Axis axis, const Values& values);
   std::string value_of(const std::string& name, Axis axis);
   std::optional<std::string> refusal() const;
 
   Dialect dialect_;
-  Turntable& table_;
-  std::array<std::size_t, dialect_operation_count> progress_{};
-  std::array<Values, dialect_operation_count> pending_;
-  std::array<std::optional<double>, 3> target_deg_;
-  std::array<bool, 3> homed_round_{};
+  ToldTable table_;
+  std::array<std::size_t, table_operation_count> progress_{};
+  std::array<Values, table_operation_count> pending_;
 };
 
 class DialectServer : public LineServer {

@@ -7,45 +7,29 @@ namespace turncal {
 
 namespace {
 
-// The code in one register that says these flags, or comes closest: faults count most, then what the station waits for.
-std::uint16_t code_of(const MapAxis& axis, const StatusBit& first, const std::array<bool, drive_bit_count>& state) {
+// The code in one register that says these flags, or comes closest.
+std::uint16_t code_of(const MapAxis& axis, const StatusBit& first, const DriveFlags& state) {
   const auto alike = [&](const std::optional<StatusBit>& bit) {
     return bit && !bit->codes.empty() && bit->address == first.address && bit->mask == first.mask;
   };
-  std::vector<std::uint16_t> candidates;
-  for (std::uint16_t unlisted = 0; candidates.empty(); ++unlisted) {
-    bool listed = false;
-    for (const auto& bit : axis.bits) {
-      listed = listed || (alike(bit) && std::find(bit->codes.begin(), bit->codes.end(), unlisted) != bit->codes.end());
-    }
-    if (!listed) candidates.push_back(unlisted);
-  }
+  const auto says = [](const StatusBit& bit, std::uint16_t code) {
+    return std::find(bit.codes.begin(), bit.codes.end(), code) != bit.codes.end();
+  };
+  std::vector<std::uint16_t> candidates{0};  // the first that no list has
+  while (std::any_of(axis.bits.begin(), axis.bits.end(),
+                     [&](const auto& bit) { return alike(bit) && says(*bit, candidates[0]); }))
+    ++candidates[0];
   for (const auto& bit : axis.bits) {
     if (alike(bit)) candidates.insert(candidates.end(), bit->codes.begin(), bit->codes.end());
   }
-  int best_score = -1000000;
-  std::uint16_t best = 0;
-  for (const std::uint16_t code : candidates) {
-    int score = 0;
-    for (std::size_t i = 0; i < axis.bits.size(); ++i) {
-      if (!alike(axis.bits[i])) continue;
-      const auto which = static_cast<DriveBit>(i);
-      const auto& codes = axis.bits[i]->codes;
-      const bool says = std::find(codes.begin(), codes.end(), code) != codes.end();
-      const bool grave = which == DriveBit::fault || which == DriveBit::emergency_stop;
-      const int weight = grave                            ? 100
-                         : which == DriveBit::moving      ? 20
-                         : which == DriveBit::enabled     ? 15
-                         : which == DriveBit::in_position ? 10
-                                                          : 5;
-      score += says == state[i] ? weight : -weight;
-    }
-    if (score > best_score) {
-      best_score = score;
-      best = code;
-    }
-  }
-  return static_cast<std::uint16_t>(best << first.shift());
+  const auto score_of = [&](std::uint16_t code) {
+    return likeness(state, [&](std::size_t i) {
+      return alike(axis.bits[i]) ? std::optional(says(*axis.bits[i], code)) : std::nullopt;
+    });
+  };
+  const auto best =
+      std::max_element(candidates.begin(), candidates.end(), [&](auto a, auto b) { return score_of(a) < score_of(b); });
+  return static_cast<std::uint16_t>(*best << first.shift());
 }
 
 constexpr int addressed = 3;  // of Operands: the axis that is written to
@@ -56,10 +40,7 @@ constexpr int illegal_function = 1, illegal_address = 2, illegal_value = 3, devi
 ModbusTwin::ModbusTwin(RegisterMap map, Turntable& table, const Clock& clock)
     : map_(std::move(map)), table_(table), clock_(clock) {}
 
-Status ModbusTwin::power_on() {
-  TRY(table_.connect());
-  return map_.list(DriveOperation::enable).empty() ? table_.enable() : Status();
-}
+Status ModbusTwin::power_on() { return table_.power_on(map_.list(TableOperation::enable).empty()); }
 
 void ModbusTwin::tick() {
   for (const Axis axis : all_axes) {
@@ -70,7 +51,7 @@ void ModbusTwin::tick() {
     if (now && !now->enabled) continue;
     tripped_[index(axis)] = true;
     // A watchdog has nobody to tell if this fails.
-    if (Status status = table_.stop_all(); !status) continue;
+    static_cast<void>(table_.carry_out(TableOperation::stop, axis, true).ok());
   }
 }
 
@@ -82,83 +63,59 @@ ModbusTwin::Answer ModbusTwin::handle(const ModbusRequest& request) {
   return {illegal_function, {}};
 }
 
-std::optional<std::vector<std::uint16_t>> ModbusTwin::blocks(Axis axis) {
-  const Result<AxisStatus> now = table_.status(axis);
-  if (!now) return {};
-  std::vector<std::uint16_t> registers(static_cast<std::size_t>(map_.status_count + map_.status2_count));
-  const auto put = [&](const RegisterField& field, double value) {
-    const auto at = map_.place_of(field.address);
-    const std::optional<Words> words = encode_words(value, field.type, map_.layout);
-    if (!words) return;
-    for (std::size_t i = 0; i < words->span().size() && at + i < registers.size(); ++i)
-      registers[at + i] = words->value[i];
-  };
-  const MapAxis& scale = map_.of(axis);
-  double counts = counts_of(scale, now->position_deg);
-  if (scale.modulo_deg > 0.0) {
-    const double circle = scale.modulo_deg * scale.counts_per_degree;
-    counts -= circle * std::floor(counts / circle);
-  }
-  put(scale.position, counts);
-  if (scale.rate) put(*scale.rate, scale.sign * scale.measured_rate_scale * now->rate_degps);
-  const bool fault = now->fault || tripped_[index(axis)];
-  if (scale.alarm)
-    put(*scale.alarm, !fault                    ? 0.0
-                      : map_.alarm_text.empty() ? 1.0
-                                                : static_cast<double>(map_.alarm_text.begin()->first));
-  const std::array<bool, drive_bit_count> state = {now->enabled, now->in_position,    fault,
-                                                   now->moving,  now->homed,          now->limit,
-                                                   now->limit,   now->emergency_stop, now->remote};
-  for (int i = 0; i < drive_bit_count; ++i) {
-    const std::optional<StatusBit>& bit = scale.bits[static_cast<std::size_t>(i)];
-    if (!bit) continue;
-    const auto at = map_.place_of(bit->address);
-    if (at >= registers.size()) continue;
-    if (!bit->codes.empty()) {
-      registers[at] = static_cast<std::uint16_t>((registers[at] & ~bit->mask) | code_of(scale, *bit, state));
-    } else if (at < registers.size() && state[static_cast<std::size_t>(i)] == bit->active_high)
-      registers[at] |= bit->mask;
-  }
-  return registers;
-}
-
-// Where several axes have the same place, each puts what is its own into it.
-std::optional<std::vector<std::uint16_t>> ModbusTwin::shared_blocks(Axis axis, bool of_table) {
-  auto registers = blocks(axis);
-  const MapAxis& own = map_.of(axis);
-  for (const Axis other : all_axes) {
-    const MapAxis& place = map_.of(other);
-    const bool same = place.unit == own.unit && (of_table || place.address_offset == own.address_offset);
-    if (other == axis || !same || !registers) continue;
-    const auto its = blocks(other);
-    if (!its) return {};
-    for (std::size_t i = 0; i < registers->size(); ++i) (*registers)[i] |= (*its)[i];
+// A block as the axis has it; where several axes have the same place, each puts what is its own into it.
+std::optional<std::vector<std::uint16_t>> ModbusTwin::registers_of(const StatusBlock& block, Axis axis) {
+  std::vector<std::uint16_t> registers(static_cast<std::size_t>(block.count));
+  for (const Axis which : all_axes) {
+    const MapAxis& scale = map_.of(which);
+    if (scale.unit != map_.of(axis).unit || block.read_at(scale) != block.read_at(map_.of(axis))) continue;
+    const Result<AxisStatus> now = table_.status(which);
+    if (!now) return {};
+    const auto place = [&](int address) { return static_cast<std::size_t>(address - block.address); };
+    const auto put = [&](const RegisterField& field, double value) {
+      const std::optional<Words> words = encode_words(value, field.type, map_.layout);
+      if (!words || !block.holds(field.address)) return;
+      std::copy(words->span().begin(), words->span().end(), registers.begin() + field.address - block.address);
+    };
+    double counts = scale.units_of(now->position_deg);
+    if (scale.modulo_deg > 0.0) {
+      const double circle = scale.modulo_deg * scale.units_per_degree;
+      counts -= circle * std::floor(counts / circle);
+    }
+    put(scale.position, counts);
+    if (scale.rate) put(*scale.rate, scale.sign * scale.measured_rate_scale * now->rate_degps);
+    DriveFlags state = flags_of(*now);
+    bool& fault = state[static_cast<std::size_t>(DriveBit::fault)];
+    fault = fault || tripped_[index(which)];
+    if (scale.alarm && fault)
+      put(*scale.alarm, map_.alarm_text.empty() ? 1.0 : static_cast<double>(map_.alarm_text.begin()->first));
+    for (std::size_t i = 0; i < scale.bits.size(); ++i) {
+      const std::optional<StatusBit>& bit = scale.bits[i];
+      if (!bit || !block.holds(bit->address)) continue;
+      std::uint16_t& word = registers[place(bit->address)];
+      if (!bit->codes.empty()) {
+        word = static_cast<std::uint16_t>((word & ~bit->mask) | code_of(scale, *bit, state));
+      } else if (state[i] == bit->active_high) {
+        word |= bit->mask;
+      }
+    }
   }
   return registers;
 }
 
 ModbusTwin::Answer ModbusTwin::read(const ModbusRequest& request) {
-  struct Block {
-    int address, count;
-    bool of_table;
-  };
   for (const Axis axis : all_axes) {
     const MapAxis& place = map_.of(axis);
     if (place.unit != request.unit || request.function != map_.status_function) continue;
-    for (const Block& block : {Block{map_.status_address, map_.status_count, map_.status_of_table},
-                               Block{map_.status2_address, map_.status2_count, map_.status2_of_table}}) {
-      const int first = block.address + (block.of_table ? 0 : place.address_offset);
-      const int count = block.count;
+    for (const StatusBlock& block : map_.blocks()) {
+      const int first = block.read_at(place);
       // Two registers more than the map tells: the driver reads blocks of different lengths.
-      if (count == 0 || request.address < first || request.address + request.count > first + count + 2) continue;
-      const auto registers = shared_blocks(axis, block.of_table);
+      if (request.address < first || request.address + request.count > first + block.count + 2) continue;
+      auto registers = registers_of(block, axis);
       if (!registers) return {device_failure, {}};
-      Answer answer;
-      for (int i = 0; i < request.count; ++i) {
-        const int at = request.address - first + i;
-        answer.values.push_back(at < count ? (*registers)[map_.place_of(block.address + at)] : std::uint16_t{0});
-      }
-      return answer;
+      registers->resize(static_cast<std::size_t>(block.count + 2));
+      const auto begin = registers->begin() + request.address - first;
+      return {0, {begin, begin + request.count}};
     }
   }
   Answer answer;
@@ -170,7 +127,7 @@ ModbusTwin::Answer ModbusTwin::read(const ModbusRequest& request) {
   return answer;
 }
 
-bool ModbusTwin::matches(const WriteStep& step, DriveOperation operation, Axis axis, const ModbusRequest& request,
+bool ModbusTwin::matches(const WriteStep& step, TableOperation operation, Axis axis, const ModbusRequest& request,
                          Operands& operands) const {
   if (request.unit != map_.unit_of(operation, axis) || request.address != map_.address_of(step, operation, axis) ||
       request.count != step.length()) {
@@ -194,9 +151,7 @@ bool ModbusTwin::matches(const WriteStep& step, DriveOperation operation, Axis a
 
 // A value that the map does not list, or the same one as before, shows that the other side hangs: it does not count.
 bool ModbusTwin::beats(const ModbusRequest& request, Axis axis) {
-  if (!map_.heartbeat_address || request.count != 1) return false;
-  const int offset = map_.heartbeat_of_table ? 0 : map_.of(axis).address_offset;
-  if (request.address != *map_.heartbeat_address + offset) return false;
+  if (!map_.heartbeat_address || request.count != 1 || request.address != map_.heartbeat_at(axis)) return false;
   const std::uint16_t value = request.values.front();
   const auto& known = map_.heartbeat_values;
   const bool good = known.empty() || (std::find(known.begin(), known.end(), value) != known.end() &&
@@ -214,8 +169,8 @@ ModbusTwin::Answer ModbusTwin::write(const ModbusRequest& request) {
     if ((map_.heartbeat_of_table ? map_.of(Axis::heading).unit : place.unit) == request.unit) {
       known = beats(request, axis) || known;
     }
-    for (int i = 0; i < drive_operation_count; ++i) {
-      const auto operation = static_cast<DriveOperation>(i);
+    for (int i = 0; i < table_operation_count; ++i) {
+      const auto operation = static_cast<TableOperation>(i);
       WriteList list;
       for (const WriteStep& step : map_.list(operation)) {
         if (!step.operands.empty()) list.push_back(step);
@@ -249,66 +204,31 @@ ModbusTwin::Answer ModbusTwin::write(const ModbusRequest& request) {
   return answer;
 }
 
-Status ModbusTwin::carry_out(Axis axis, DriveOperation operation, const Operands& operands) {
-  if (operation != DriveOperation::move && operation != DriveOperation::setup) target_deg_ = {};
-  switch (operation) {
-    case DriveOperation::setup: return {};
-    case DriveOperation::enable: return table_.enable();
-    case DriveOperation::stop: return table_.stop_all();
-    case DriveOperation::abort: return table_.abort_all();
-    case DriveOperation::clear_fault:
-      if (map_.once(operation)) tripped_ = {};
-      tripped_[index(axis)] = false;
-      return table_.clear_fault();
-    case DriveOperation::home: {
-      if (map_.once(operation)) return table_.home();
-      // The first drive of a round starts them all.
-      bool& done = homed_round_[index(axis)];
-      if (done) homed_round_ = {};
-      const bool begins = homed_round_ == std::array<bool, 3>{};
-      done = true;
-      return begins ? table_.home() : Status();
-    }
-    case DriveOperation::move: break;
+Status ModbusTwin::carry_out(Axis axis, TableOperation operation, const Operands& operands) {
+  const bool of_table = map_.once(operation);
+  if (operation == TableOperation::clear_fault) {
+    if (of_table) tripped_ = {};
+    tripped_[index(axis)] = false;
   }
-  if (!map_.once(operation)) return move(axis, addressed, operands);
+  if (operation != TableOperation::move) return table_.carry_out(operation, axis, of_table);
   for (const Axis which : all_axes) {
-    TRY(move(which, static_cast<int>(which), operands));
+    if (!of_table && which != axis) continue;
+    if (tripped_[index(which)]) return device_error("the watchdog has tripped");
+    const MapAxis& scale = map_.of(which);
+    Told told;
+    for (const auto& [operand, value] : operands) {
+      if (operand.second != (of_table ? static_cast<int>(which) : addressed)) continue;
+      using Kind = WriteOperand::Kind;
+      if (operand.first == Kind::position) told.position_deg = scale.angle_of(value);
+      if (operand.first == Kind::distance) told.distance_deg = value / scale.signed_units();
+      if (operand.first == Kind::rate) told.rate_degps = value / scale.rate_scale;
+      if (operand.first == Kind::acceleration)
+        told.acceleration_degps2 =
+            map_.acceleration_is_ramp_time ? scale.acceleration_scale / value : value / scale.acceleration_scale;
+    }
+    TRY(table_.move(which, scale, told, of_table, 2.0 / scale.units_per_degree));
   }
   return {};
-}
-
-Status ModbusTwin::move(Axis axis, int operand_axis, const Operands& operands) {
-  if (tripped_[index(axis)]) return device_error("the watchdog has tripped");
-  using Kind = WriteOperand::Kind;
-  const auto has = [&](Kind kind) { return operands.count({kind, operand_axis}) != 0; };
-  const auto number = [&](Kind kind, double otherwise) {
-    const auto place = operands.find({kind, operand_axis});
-    return place == operands.end() ? otherwise : place->second;
-  };
-  if (!has(Kind::position) && !has(Kind::distance)) return {};
-  const MapAxis& scale = map_.of(axis);
-  const double rate_degps = number(Kind::rate, 0.0) / scale.rate_scale;
-  double acceleration_degps2 = 20.0;  // of a drive that is not told
-  if (has(Kind::acceleration)) {
-    const double value = number(Kind::acceleration, 0.0);
-    acceleration_degps2 =
-        map_.acceleration_is_ramp_time ? scale.acceleration_scale / value : value / scale.acceleration_scale;
-  }
-  const AxisStatus now = TRY(table_.status(axis));
-  double target_deg = angle_of(scale, number(Kind::position, 0.0));
-  if (has(Kind::distance)) {
-    const double distance = number(Kind::distance, 0.0);
-    if (operand_axis != addressed && distance == 0.0) return {};
-    target_deg = now.position_deg + distance / scale.signed_counts_per_degree();
-  } else if (operand_axis != addressed) {
-    // Told of all three, those stay alone that are there, or on their way.
-    const double from_deg = target_deg_[index(axis)].value_or(now.position_deg);
-    const double step_deg = 2.0 / std::abs(scale.counts_per_degree);
-    if (std::abs(from_deg - target_deg) < step_deg || std::abs(now.position_deg - target_deg) < step_deg) return {};
-    target_deg_[index(axis)] = target_deg;
-  }
-  return table_.move_absolute(axis, target_deg, rate_degps, acceleration_degps2);
 }
 
 std::optional<AnswerPlan> ModbusServer::next_answer(std::vector<std::uint8_t>& bytes) {

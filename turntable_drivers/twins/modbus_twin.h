@@ -6,7 +6,6 @@
 // written. A table that refuses makes exception 4, a register that no list names and no block holds exception 2.
 //
 // - Operations are matched by address and constant, operands are taken on the way: the same registers may serve several lists.
-// - home, enable, abort and stop of one drive are those of the whole table, since a Turntable knows no others.
 // - The watchdog is armed by the first heartbeat of a drive: when none came for watchdog_s every axis is stopped, the drive shows
 //   a fault and refuses moves until the fault is cleared. A drive that is off has nothing to stop: it does not trip, and the next
 //   heartbeat arms it again. Call tick() often; time is the clock's.
@@ -25,8 +24,8 @@
 #include "imu_io/base/clock.h"
 #include "turntable_drivers/modbus/modbus_frame.h"
 #include "turntable_drivers/modbus/register_map.h"
-#include "turntable_drivers/table/turntable.h"
 #include "turntable_drivers/twins/line_server.h"
+#include "turntable_drivers/twins/told_table.h"
 
 namespace turncal {
 
@@ -54,26 +53,21 @@ class ModbusTwin {
   };
   Answer read(const ModbusRequest& request);
   Answer write(const ModbusRequest& request);
-  // The status blocks of an axis, one after the other.
-  std::optional<std::vector<std::uint16_t>> blocks(Axis axis);
-  std::optional<std::vector<std::uint16_t>> shared_blocks(Axis axis, bool of_table);
+  std::optional<std::vector<std::uint16_t>> registers_of(const StatusBlock& block, Axis axis);
   // Whether the request is the step; operands go into `operands`.
-  bool matches(const WriteStep& step, DriveOperation operation, Axis axis, const ModbusRequest& request,
+  bool matches(const WriteStep& step, TableOperation operation, Axis axis, const ModbusRequest& request,
                Operands& operands) const;
-  Status carry_out(Axis axis, DriveOperation operation, const Operands& operands);
-  Status move(Axis axis, int operand_axis, const Operands& operands);
+  Status carry_out(Axis axis, TableOperation operation, const Operands& operands);
   bool beats(const ModbusRequest& request, Axis axis);  // whether this is its heartbeat
 
   RegisterMap map_;
-  Turntable& table_;
+  ToldTable table_;
   const Clock& clock_;
   std::map<std::pair<int, int>, std::uint16_t> written_;  // by unit and address
-  std::array<std::array<Progress, drive_operation_count>, 3> progress_;
+  std::array<std::array<Progress, table_operation_count>, 3> progress_;
   std::array<std::optional<double>, 3> heartbeat_s_;
   std::array<std::optional<std::uint16_t>, 3> heartbeat_value_;
-  std::array<std::optional<double>, 3> target_deg_;  // of a table that is told of all three axes at once
   std::array<bool, 3> tripped_{};
-  std::array<bool, 3> homed_round_{};
 };
 
 // ModbusServer: puts a ModbusTwin on a line, Modbus TCP or (on a pseudo-terminal) RTU, for a rehearsal with real links (`turncal twin`)

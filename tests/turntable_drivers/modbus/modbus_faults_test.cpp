@@ -120,12 +120,8 @@ TEST(ModbusFaults, EchoIsNoAnswer) {
   FaultStation s(false);
   s.station.disturb([](const ModbusRequest& request, AnswerPlan& plan) {
     if (request.function != 3) return;
-    Frame echo = {static_cast<std::uint8_t>(request.unit),    3, static_cast<std::uint8_t>(request.address >> 8),
-                  static_cast<std::uint8_t>(request.address), 0, static_cast<std::uint8_t>(request.count)};
-    const std::uint16_t crc = modbus_crc(echo);
-    echo.push_back(static_cast<std::uint8_t>(crc));
-    echo.push_back(static_cast<std::uint8_t>(crc >> 8));
-    plan.pieces.insert(plan.pieces.begin(), {echo, 0.0});
+    const std::string echo = framed(read_body(request.unit, 3, request.address, request.count), {});
+    plan.pieces.insert(plan.pieces.begin(), {{echo.begin(), echo.end()}, 0.0});
   });
   EXPECT_EQ(s.expect_truth(1), 0);
   const Status again = s.driver.connect();
@@ -186,7 +182,7 @@ TEST(ModbusFaults, AnswersOneBehindAreNeverBelieved) {
 // it belongs to.
 TEST(ModbusFaults, LateReplyThenAnotherRegisterOfOneController) {
   RegisterMap map = map_of(circle_map_text("rtu"));
-  map.link.response_timeout_s = 0.15;
+  map.link.reply_timeout_s = 0.15;
   map.link.byte_timeout_s = 0.03;
   FaultStation s(map);
   Frame last;

@@ -113,7 +113,7 @@ TEST(ModbusForms, HeartbeatHasItsDocumentedValues) {
 // Through a serial server a late answer is told by unit, function and length, as on the serial line.
 TEST(ModbusForms, RtuOverTcpBelievesNoLateAnswer) {
   RegisterMap map = map_of(one_block_map_text());
-  map.link.response_timeout_s = 0.1;
+  map.link.reply_timeout_s = 0.1;
   map.link.byte_timeout_s = 0.03;
   map.heartbeat_address.reset();
   FormTable s(map);

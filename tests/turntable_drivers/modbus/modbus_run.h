@@ -53,7 +53,7 @@ struct ModbusRun {
         limited(driver, {}) {}
   static RegisterMap quick_map(const char* kind) {
     RegisterMap map = map_of(plain_map_text(kind));
-    map.link.response_timeout_s = 0.1;
+    map.link.reply_timeout_s = 0.1;
     map.link.byte_timeout_s = 0.03;
     map.link.quiet_s = 0.05;
     return map;

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/twin_station.h"
-#include "turntable_drivers/modbus/move_words.h"
 
 namespace turncal {
 namespace {
@@ -30,12 +29,12 @@ TEST(RegisterMap, EveryKeyArrives) {
   EXPECT_EQ(map.link.serial.parity, SerialParity::even) << "the protocol's default";
   EXPECT_EQ(map.of(Axis::roll).unit, 3);
   EXPECT_EQ(map.of(Axis::pitch).sign, -1);
-  EXPECT_EQ(counts_of(map.of(Axis::roll), 13.5), 10000.0);
-  EXPECT_EQ(angle_of(map.of(Axis::pitch), 25000.0), -2.5);
+  EXPECT_EQ(map.of(Axis::roll).units_of(13.5), 10000.0);
+  EXPECT_EQ(map.of(Axis::pitch).angle_of(25000.0), -2.5);
   EXPECT_EQ(map.alarm_text.at(0x26), "overload");
-  ASSERT_EQ(map.list(DriveOperation::move).size(), 2u);
-  EXPECT_EQ(map.list(DriveOperation::move)[0].length(), 6);
-  EXPECT_EQ(map.list(DriveOperation::move)[0].address, 0x210);
+  ASSERT_EQ(map.list(TableOperation::move).size(), 2u);
+  EXPECT_EQ(map.list(TableOperation::move)[0].length(), 6);
+  EXPECT_EQ(map.list(TableOperation::move)[0].address, 0x210);
   EXPECT_EQ(map.of(Axis::roll).bit(DriveBit::emergency_stop)->active_high, false);
   EXPECT_FALSE(map.of(Axis::heading).bit(DriveBit::limit_negative));
 }
