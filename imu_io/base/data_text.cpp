@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+
+#include <fmt/format.h>
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
@@ -31,9 +32,7 @@ std::string quoted_json(std::string_view text) {
     } else if (c == '"' || c == '\\') {
       result += std::string("\\") + c;
     } else if (static_cast<unsigned char>(c) < 0x20 || c == '<') {  // '<': also safe inside a script of a page
-      char code[8];
-      std::snprintf(code, sizeof code, "\\u%04x", static_cast<unsigned>(c));
-      result += code;
+      result += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
     } else {
       result += text.substr(0, length);
     }
@@ -49,10 +48,12 @@ void JsonObject::raw(std::string_view key, std::string_view json) {
   text_ += json;
 }
 
+std::string json_list(const std::vector<std::string>& jsons) { return fmt::format("[{}]", fmt::join(jsons, ",")); }
+
 void JsonObject::texts(std::string_view key, const std::vector<std::string>& values) {
-  std::string list;
-  for (const std::string& value : values) list += (list.empty() ? "" : ",") + quoted_json(value);
-  raw(key, "[" + list + "]");
+  std::vector<std::string> jsons;
+  for (const std::string& value : values) jsons.push_back(quoted_json(value));
+  list(key, jsons);
 }
 
 void DataTable::text(std::string_view value) {
@@ -80,9 +81,7 @@ void DataTable::word(std::string_view value) {
 }
 
 std::string DataTable::csv() const {
-  std::string text;
-  for (std::size_t k = 0; k < columns_.size(); ++k) text += (k > 0 ? "," : "") + columns_[k];
-  text += "\n";
+  std::string text = fmt::format("{}\n", fmt::join(columns_, ","));
   for (const std::vector<Cell>& row : rows_) {
     for (std::size_t k = 0; k < row.size(); ++k) text += (k > 0 ? "," : "") + row[k].csv;
     text += "\n";
